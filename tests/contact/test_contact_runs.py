@@ -127,18 +127,6 @@ def test_methods_that_know_no_contact_say_so(box):
         fan.simulate(box, x, t_end=0.1, method=fan.Event(integrator="DOP853"))
 
 
-def test_event_driven_contact_knows_no_slipping_winches():
-    puppet = fan.loads("""
-puppet: winched
-floor: -1
-contact: true
-bodies: [{name: bob, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 1}]}]
-strings: [{name: rope, path: [{body: bob}, {world: [0, 0, 1]}], length: 1, max_tension: 20}]
-""")
-    with pytest.raises(fan.StateError, match=r"rope\. method='event' does not know both together"):
-        fan.simulate(puppet, puppet.state({}), t_end=0.1)
-
-
 def test_a_plan_keeps_clear_of_what_a_puppet_with_contact_may_touch():
     """It is the plan of the same puppet without contact."""
     text = puppets.path("arm2d").read_text(encoding="utf-8")

@@ -207,8 +207,6 @@ def _check_contact(model: Model, states: States, method: str) -> None:
             f"{model.name} has contact, which method={method!r} does not know; take "
             "method='event' or 'timestepping', or write contact: false in its file"
         )
-    if method == "event":
-        _check_event_contact(model)
     check_apart(model, states, TOLERANCES.touching if method == "event" else TOLERANCES.stepped_gap)
 
 
@@ -220,17 +218,6 @@ def check_apart(model: Model, states: States, most: float = TOLERANCES.stepped_g
             which = f"states[{i}]" if len(states) > 1 else "the start state"
             listed = "; ".join(f"{name} by {depth:.3g} m" for name, depth in found.items())
             raise StateError(f"in {which} solids overlap: {listed}. Move them apart")
-
-
-def _check_event_contact(model: Model) -> None:
-    """Raises StateError where an event-driven run knows no contact: with winches that slip."""
-    slipping = [s.name for s in model.tree.strings if s.max_tension is not None]
-    if slipping:
-        raise StateError(
-            f"{model.name} has contact, and strings on winches that slip (max_tension): "
-            f"{', '.join(slipping)}. method='event' does not know both together; take "
-            "method='timestepping'"
-        )
 
 
 def _rows_of(model: Model, x: States, p: Array) -> tuple[Array, Array]:

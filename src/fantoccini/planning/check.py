@@ -123,16 +123,13 @@ def jammed(marionette: Marionette, run: Trajectory) -> list[str]:
 def confirmed(plan: PlanPath) -> Check:
     """The simulation that decides whether a plan holds; see :class:`Check`.
 
-    Event-driven; by time-stepping with half the planner's step where something may touch, and for
-    contact together with winches that slip.
+    Event-driven; by time-stepping with half the planner's step where something may touch.
 
     Raises:
         KeyboardInterrupt: Ctrl-C ended the run, so that the result is unknown.
     """
     method: Method | MethodName = "timestepping"
-    marionette, touches = plan.problem.marionette, plan.problem.touches
-    slips = touches.contacts is not None and bool(np.any(np.isfinite(marionette.model.upper)))
-    if not touches.expected and not slips:
+    if not plan.problem.touches.expected:
         method = Event(rtol=_TOLERANCES.integration, atol=_TOLERANCES.integration)
     check = checked(plan, method=method, effort=False)
     if check.run.status is Status.STOPPED:

@@ -291,7 +291,7 @@ struct ClosedRows {
       if (mode[f.rows.row[b]] == SLIPPING)
         hddot -= f.rows.problem.G[a * stride + b] * f.winches.max_tension[f.rows.row[b]];
     const int r = f.rows.row[a];
-    add_row(f, a, hddot, r < S ? f.winches.max_tension[r] : unbounded, guess);
+    add_row(f, a, hddot, f.winches.largest(r), guess);
   }
 
   // The error of row i's tension that the rounding of its hddot causes.

@@ -4,6 +4,9 @@
 //   hdot+ = hdot- - G Lambda, hdot_n+ <= -e hdot_n-, complementary, Lambda in Coulomb's cones
 //   hddot = hddot_0 - G x,    hddot_n <= 0, complementary, x in the cones, where hdot_n = 0; of
 //   points that slide already x_T = mu x_n d                                           (cone.hpp)
+//
+// A string on a slipping winch takes no impulse: while hdot > 0 its winch slips, and its tension is
+// the winch's largest.
 #pragma once
 
 #include "attempts.hpp"
@@ -27,6 +30,8 @@ struct ContactInstantTolerances {
   static constexpr double rounding = 1e-13;
   // Part of its cone by which a force may miss it that has reached it.
   static constexpr double at_cone = 1e-7;
+  // Likewise of its winch's largest tension, relative to the largest force.
+  static constexpr double at_largest = ClosedRowTolerances::tension_at_bound;
 };
 
 template <class Model>
@@ -64,11 +69,22 @@ class ContactInstants {
            f.contacts.hdot[3 * c] > Tolerance::striking_speed * speed_scale(f);
   }
 
+  // Remembers the speeds before an impact, of which there are no impulses yet.
+  void begin_impact(const F& f) {
+    for (int r = 0; r < M; ++r) {
+      impulse[r] = 0.0;
+      speed[r] = f.rate_of(r, f.y + NQ);
+    }
+    for (int c = 0; c < f.contacts.n; ++c) {
+      point_impulse[c] = 0.0;
+      point_speed[c] = f.contacts.hdot[3 * c];
+    }
+  }
+
   // Applies the impulse over the gathered rows and points and adds its work.
   Status strike(F& f) {
     const auto& cone = f.contacts.cone;
     const Held& held = f.contacts;
-    for (int r = 0; r < M; ++r) impulse[r] = speed[r] = 0.0;
     Status status = bounce(f, 1.0);
     if (status == RUNNING && lost < 0.0) {
       double low = 0.0, high = 1.0;
@@ -86,13 +102,11 @@ class ContactInstants {
     for (int a = 0; a < f.rows.n; ++a) {
       const int r = f.rows.row[a];
       impulse[r] = cone.x[a];
-      speed[r] = f.rows.hdot[a];
       f.y[F::WORK] += cone.x[a] * f.rows.hdot_K[a];
     }
     for (int c = 0; c < held.n; ++c) {
       const int i = held.first_of(c);
       point_impulse[c] = cone.x[i];
-      point_speed[c] = held.hdot[3 * c];
       for (int d = 0; d < 3; ++d) f.y[F::WORK] += cone.x[i + d] * held.driven_rate(i + d);
     }
     for (int j = 0; j < N; ++j) {
@@ -103,24 +117,38 @@ class ContactInstants {
   }
 
   // Chooses the modes of the gathered rows, `next` (M,), and of all points at (t, y), which must be
-  // the flow's latest evaluation. Rows in `loose`, and points in `loose_point`, have just lost their
-  // force; points in `strained` have just reached their cone.
+  // the flow's latest evaluation, with winches that grip. Rows in `loose`, and points in `loose_point`,
+  // have just lost their force; rows and points in `strained` and `strained_point` have just reached
+  // their winch's largest or their cone.
   Status choose(
-      F& f, const bool* loose, const bool* loose_point, const bool* strained, Hold* next) {
+      F& f, const bool* loose, const bool* strained, const bool* loose_point,
+      const bool* strained_point, Hold* next) {
     auto& cone = f.contacts.cone;
     Held& held = f.contacts;
     const double scale = f.hddot_scale(), still = ClosedRowTolerances::max_rest_speed * speed_scale(f);
     for (int r = 0; r < M; ++r) next[r] = SLACK;
     Rest rest;
     rest.n_single = rest.n_points = 0;
-    for (int a = 0; a < f.rows.n; ++a)
-      if (fabs(f.rows.hdot[a]) <= still || f.rows.two_sided[a]) rest.single[rest.n_single++] = a;
+    double asked[room(R)];  // hddot with the tensions of the winches that slip
+    for (int i = 0; i < held.size(); ++i) asked[i] = held.hddot_of(i);
+    for (int a = 0; a < f.rows.n; ++a) {
+      const int r = f.rows.row[a];
+      if (fabs(f.rows.hdot[a]) <= still || f.rows.two_sided[a]) {
+        rest.single[rest.n_single++] = a;
+      } else if (f.winches.slips(r) && f.rows.hdot[a] > 0.0) {
+        next[r] = SLIPPING;
+        for (int i = 0; i < held.size(); ++i)
+          asked[i] -= held.influences()[i * held.size() + a] * f.winches.largest(r);
+      }
+    }
     for (int c = 0; c < held.n; ++c)
       if (held.is_found(c) && fabs(held.hdot[3 * c]) <= still) rest.point[rest.n_points++] = c;
     begin(f, rest.single, rest.n_single, rest.point, rest.n_points);
     for (int i = 0; i < rest.n_single; ++i) {
-      cone.b[i] = held.hddot_of(rest.single[i]);
-      cone.x[i] = f.tension[f.rows.row[rest.single[i]]];
+      const int r = f.rows.row[rest.single[i]];
+      cone.b[i] = asked[rest.single[i]];
+      cone.x[i] = f.tension[r];
+      cone.upper[i] = f.winches.largest(r);
     }
     for (int i = 0; i < rest.n_points; ++i) {
       const int c = rest.point[i], to = rest.n_single + 3 * i;
@@ -129,7 +157,7 @@ class ContactInstants {
       double along[3] = {0.0, 0.0, 0.0};
       if (slides_[i]) held.direction(c, along);
       for (int d = 0; d < 3; ++d) {
-        cone.b[to + d] = held.hddot_of(held.first_of(c) + d);
+        cone.b[to + d] = asked[held.first_of(c) + d];
         cone.x[to + d] = held.at[c].mode == PARTED ? 0.0 : held.x[3 * c + d];
         along_[i][d] = along[d];
         if (d > 0) given_[2 * i + d - 1] = dot3(held.frame(c) + 3 * d, along);
@@ -138,9 +166,9 @@ class ContactInstants {
     }
     if (!cone.solve()) return NO_UNIQUE_MOTION;
     bool slips = false;
-    for (int c = 0; c < held.n; ++c) slips = slips || strained[c];
+    for (int c = 0; c < held.n; ++c) slips = slips || strained_point[c];
     if (slips && !slip(f, rest)) return NO_UNIQUE_MOTION;
-    decode(f, rest, loose, loose_point, scale, next);
+    decode(f, rest, loose, strained, loose_point, scale, next);
     return RUNNING;
   }
 
@@ -245,7 +273,8 @@ class ContactInstants {
 
   // The modes that the solution says.
   void decode(
-      F& f, const Rest& rest, const bool* loose, const bool* loose_point, double scale, Hold* next) {
+      F& f, const Rest& rest, const bool* loose, const bool* strained, const bool* loose_point,
+      double scale, Hold* next) {
     const auto& cone = f.contacts.cone;
     Held& held = f.contacts;
     double most = 0.0;
@@ -253,7 +282,9 @@ class ContactInstants {
     const double none = Tolerance::no_force * most, idle = Tolerance::at_rest * scale;
     for (int i = 0; i < rest.n_single; ++i) {
       const int r = f.rows.row[rest.single[i]];
-      if (f.rows.two_sided[rest.single[i]] || cone.x[i] > (loose[r] ? none : 0.0)) next[r] = HELD;
+      const bool most_of_winch = cone.x[i] >= cone.upper[i] - Tolerance::at_largest * most;
+      if (most_of_winch && (strained[r] || cone.s[i] < -idle)) next[r] = SLIPPING;
+      else if (f.rows.two_sided[rest.single[i]] || cone.x[i] > (loose[r] ? none : 0.0)) next[r] = HELD;
       else if (!loose[r] && cone.s[i] <= idle) next[r] = IDLE;
       held.set_reference(r, cone.x[i]);
     }

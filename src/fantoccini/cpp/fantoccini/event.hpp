@@ -57,8 +57,7 @@ struct EventRun : EventInstants<Model> {
     flow.motors.begin(flow.y, flow.q_K, flow.p);
     if (status == RUNNING) status = watch();
     else accuse(closed_rows.blame);
-    for (int r = 0; r < S; ++r)
-      if (flow.row_state[r] == SLIPPING) note(out, SLIP, r, 0.0, flow.slip_rate[r]);
+    tell_slips(out);
     emit(out);
     skip_saved();
     return status;
@@ -70,10 +69,17 @@ struct EventRun : EventInstants<Model> {
     flow.motors.begin(flow.y, flow.q_K, flow.p);
     for (int r = 0; r < M; ++r) closed_rows.blame[r] = 0.0;
     Status status = this->contact_instant(out, Tolerance::touching_at_start, true);
+    tell_slips(out);
     if (status != RUNNING) emit(out);
     if (status == RUNNING) status = watch();
     skip_saved();
     return status;
+  }
+
+  // Tells of the winches that slip.
+  void tell_slips(Record<Model>& out) {
+    for (int r = 0; r < S; ++r)
+      if (flow.row_state[r] == SLIPPING) note(out, SLIP, r, 0.0, flow.slip_rate[r]);
   }
 
   // To be called after the inputs were replaced, at the present time.

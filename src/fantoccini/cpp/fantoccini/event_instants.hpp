@@ -1,13 +1,10 @@
 // The instants of an event-driven run: catches strike, the active set is chosen again, and the events
-// and the state after them are written.
+// and the state after them are written (event_writer.hpp).
 #pragma once
 
 #include "accumulation.hpp"
-#include "closed_rows.hpp"
-#include "contact_instants.hpp"
-#include "event_rate.hpp"
+#include "event_writer.hpp"
 #include "guards.hpp"
-#include "record.hpp"
 
 namespace fan {
 
@@ -37,26 +34,23 @@ struct EventTolerances {
 };
 
 template <class Model>
-struct EventInstants {
-  using F = Flow<Model>;
+struct EventInstants : EventWriter<Model> {
+  using Base = EventWriter<Model>;
+  using F = typename Base::F;
+  using Situation = typename Base::Situation;
   using Tolerance = EventTolerances;
   static constexpr int N = F::N, NQ = F::NQ, S = F::S, M = F::M, NY = F::NY, C = F::C;
+  using Base::flow, Base::closed_rows, Base::instants, Base::event_rate, Base::impact, Base::n_events;
+  using Base::emit;
 
-  F flow;
-  ClosedRows<Model> closed_rows;
-  std::conditional_t<F::touches, ContactInstants<Model>, NoContacts> instants;
   Accumulation accumulation;
-  EventRate<M> event_rate;
-  double impact = 0.0;  // energy lost in catches so far
   double blame[room(M)] = {};  // by row, how much it is to blame for the status, 0 to 1
   Guards<Model> guards{flow};
-  long long n_events = 0;
   double until = unbounded;  // s: the end of the run, beyond which no event lies
 
-  // Writes the present state.
-  void emit(Record<Model>& out) { write(flow.t, flow.y, out); }
-
  protected:
+  using Base::note, Base::followed, Base::tell, Base::tell_touches, Base::tell_modes, Base::write_changes;
+
   // The evaluation, k[0] and accelerations at (t, y).
   void refresh() { flow.evaluate(flow.t, flow.y, flow.k[0]); }
 
@@ -67,35 +61,6 @@ struct EventInstants {
   void accuse(const double* rows) {
     for (int r = 0; r < M; ++r) blame[r] = rows[r];
   }
-
-  void write(double t, const double* y, Record<Model>& out) {
-    double tension[room(M)];
-    double slip[room(S)];  // without the error of up to max_length_error (winch.hpp)
-    bool taut[room(M)];
-    for (int i = 0; i < S; ++i) slip[i] = flow.slip_now[i] > 0.0 ? flow.slip_now[i] : 0.0;
-    if (followed())
-      for (int r = 0; r < M; ++r) tension[r] = flow.contacts.written_tension(r, flow.tension[r]);
-    else closed_rows.tensions(flow, tension);
-    for (int r = 0; r < M; ++r) {
-      // At a release the tension is zero up to rounding, of either sign.
-      const bool both = r < S && Model::wire[r];
-      if (!both && !(tension[r] > 0.0)) tension[r] = 0.0;
-      taut[r] = flow.taut(r);
-    }
-    double friction = 0.0;
-    if constexpr (F::touches) friction = y[F::FRICTION];
-    out.row(
-        t, y, y + NQ, flow.acc, flow.q_K, flow.v_K, flow.acc_K, tension, taut, flow.p, y[F::WORK],
-        y[F::LOSS], impact, y[F::SLIP_LOSS], friction, slip);
-    if constexpr (F::touches) {
-      ContactPush push[room(C)];
-      const int n = followed() ? flow.contacts.pushing(push) : 0;
-      out.touching(push, n, 1.0, n > 0 ? flow.contacts.residual(flow) : 0.0);
-    }
-  }
-
-  // Whether points of contact are followed.
-  bool followed() const { return flow.contacts.active(); }
 
   // Whether solids touch, or points are followed, at (t, y), the flow's latest evaluation.
   bool in_contact(double most = Tolerance::touching) const {
@@ -117,9 +82,7 @@ struct EventInstants {
       // Among redundant rows one that has just lost its tension must not take turns with another.
       s.loose[r] = s.before[r] == SLACK ? !guards.armed[r]
                                         : flow.t - loosened_[r] <= Tolerance::same_instant;
-      s.strained[r] = held && flow.winches.slips(r) &&
-                      flow.tension[r] >= flow.winches.max_tension[r] -
-                                             GuardTolerances::negligible_tension * flow.weight();
+      s.strained[r] = is_strained(r);
       const bool touches = s.before[r] == SLACK && guards.touches(r, FlowTolerances::closed_gap);
       s.caught[r] = touches;
       s.closed[r] = s.before[r] != SLACK || guards.closed(r, FlowTolerances::closed_gap);
@@ -167,16 +130,12 @@ struct EventInstants {
     return settle_active_set(present(), out);
   }
 
-  // The rows at an event: their state before it; which are closed, which have just been caught,
-  // which have just lost their tension (or are not armed), and which have just reached their
-  // winch's largest.
-  struct Situation {
-    Hold before[room(M)];
-    bool closed[room(M)], caught[room(M)], loose[room(M)], strained[room(M)];
-
-    // Whether row r holds after the catches and before the choice of the next active set.
-    bool holds(int r) const { return before[r] != SLACK || caught[r]; }
-  };
+  // Whether string r has just reached its winch's largest tension.
+  bool is_strained(int r) const {
+    return (flow.row_state[r] == HELD || flow.row_state[r] == PINNED) && flow.winches.slips(r) &&
+           flow.tension[r] >= flow.winches.max_tension[r] -
+                                  GuardTolerances::negligible_tension * flow.weight();
+  }
 
   // The rows when no event has happened.
   Situation present() const {
@@ -188,12 +147,6 @@ struct EventInstants {
       s.loose[r] = !flow.taut(r) && !guards.armed[r];
     }
     return s;
-  }
-
-  void note(Record<Model>& out, EventCode kind, int row, double impulse, double speed) {
-    out.event(flow.t, kind, row, impulse, speed);
-    event_rate.note(flow.t, row);
-    ++n_events;
   }
 
   Status fail(Status status) {
@@ -260,31 +213,39 @@ struct EventInstants {
       held.take_closed(flow, flow.y, flow.y + NQ, most);
       if (held.too_many) return TOO_MANY_CONTACTS;
       Situation s = present();
-      bool loose[room(C)], strained[room(C)], struck[room(C)], touched[room(C)], any_struck = false;
+      bool loose[room(C)], strained[room(C)], struck[room(C)], touched[room(C)], strikes[room(M)];
+      bool any_struck = false, any_hit = false;  // by a catch; by one that takes impulses
       for (int r = 0; r < M; ++r) {
         const double none = -flow.tension[r] / flow.weight();
         if (s.before[r] == HELD && none > -GuardTolerances::negligible_tension) loosened_[r] = flow.t;
         if (s.before[r] != SLACK) s.loose[r] = flow.t - loosened_[r] <= Tolerance::same_instant;
+        s.strained[r] = is_strained(r);
         s.caught[r] = s.before[r] == SLACK && guards.touches(r, FlowTolerances::closed_gap);
         s.closed[r] = s.before[r] != SLACK || guards.closed(r, FlowTolerances::closed_gap);
+        strikes[r] = s.closed[r] && !flow.winches.slips(r);
         any_struck = any_struck || s.caught[r];
+        any_hit = any_hit || (s.caught[r] && strikes[r]);
       }
       for (int c = 0; c < held.n; ++c) {
         loose[c] = held.is_loose(flow, c);
         strained[c] = held.is_strained(flow, c);
         touched[c] = held.at[c].mode != PARTED;
       }
-      instants.gather(flow, s.closed);
+      instants.gather(flow, strikes);
       for (int c = 0; c < held.n; ++c) {
         struck[c] = instants.is_struck(flow, c);
         any_struck = any_struck || struck[c];
+        any_hit = any_hit || struck[c];
       }
       if (any_struck) {
         accumulation.watch(flow.t);
         if (starts || !flow.opt.save_steps) emit(out);
-        const Status status = instants.strike(flow);
-        if (status != RUNNING) return status;
-        impact += instants.lost;
+        instants.begin_impact(flow);
+        if (any_hit) {
+          const Status status = instants.strike(flow);
+          if (status != RUNNING) return status;
+          impact += instants.lost;
+        }
         for (int r = 0; r < M; ++r) {
           s.caught[r] = s.caught[r] || (s.before[r] == SLACK && instants.impulse[r] > 0.0);
           s.loose[r] = s.loose[r] && !s.caught[r];
@@ -296,10 +257,11 @@ struct EventInstants {
         }
         tell_touches(struck, out);
         refresh();
-        instants.gather(flow, s.closed);
       }
+      flow.grip();
+      if (any_hit || flow.winches.some_slip) instants.gather(flow, s.closed);
       Hold next[room(M)];
-      const Status chosen = instants.choose(flow, s.loose, loose, strained, next);
+      const Status chosen = instants.choose(flow, s.loose, s.strained, loose, strained, next);
       if (chosen != RUNNING) return chosen;
       set_active_set(next);
       const double energy = flow.total_energy() - given(), stopped = held.fastest_normal();
@@ -309,6 +271,8 @@ struct EventInstants {
       refresh();
       // The corrections of the start are not the run's.
       if (!starts) impact += energy - (flow.total_energy() - given());
+      for (int r = 0; r < M; ++r)
+        if (next[r] == SLIPPING) guards.armed[r] = flow.lack(r) < -GuardTolerances::min_speed;
       share_forces();
       held.accept_overlaps();
       bool changed = any_struck;
@@ -369,79 +333,8 @@ struct EventInstants {
     }
   }
 
-  void tell(Record<Model>& out, double t, EventCode kind, int pair, double impulse, double speed) {
-    out.event(t, kind, M + F::D + flow.contacts.in->meetings[pair], impulse, speed);
-    event_rate.note(flow.t, -1);
-    ++n_events;
-  }
-
-  // Whether point c is the first of its two solids among the points.
-  bool is_first(int c) const {
-    for (int b = 0; b < c; ++b)
-      if (flow.contacts.meet(flow.contacts.at[b].pair, flow.contacts.at[c].pair)) return false;
-    return true;
-  }
-
-  // Tells of the impacts of the points that struck, one event for every two solids.
-  void tell_touches(const bool* struck, Record<Model>& out) {
-    auto& held = flow.contacts;
-    for (int c = 0; c < held.n; ++c) {
-      if (!is_first(c)) continue;
-      double impulse = 0.0, speed = 0.0;
-      bool any_struck = false;
-      for (int b = c; b < held.n; ++b) {
-        if (!held.meet(held.at[b].pair, held.at[c].pair)) continue;
-        impulse += instants.point_impulse[b];
-        if (struck[b] && instants.point_speed[b] > speed) speed = instants.point_speed[b];
-        any_struck = any_struck || struck[b];
-      }
-      if (any_struck) tell(out, flow.t, TOUCH, held.at[c].pair, impulse, speed);
-    }
-  }
-
-  // Tells of solids that came to touch without an impact, have parted, or have come to stick.
-  // Whether there is any change.
-  bool tell_modes(const bool* touched, const bool* struck, Record<Model>& out) {
-    auto& held = flow.contacts;
-    bool changed = false;
-    for (int c = 0; c < held.n; ++c) {
-      if (!is_first(c)) continue;
-      bool before = false, now = false, hit = false, told = false, slides = false;
-      for (int b = c; b < held.n; ++b) {
-        auto& own = held.at[b];
-        if (!held.meet(own.pair, held.at[c].pair)) continue;
-        before = before || touched[b];
-        now = now || own.mode != PARTED;
-        hit = hit || struck[b];
-        told = told || own.told;
-        slides = slides || own.mode == SLIDING;
-        // A point that has come to rest and slides on begins to slide again.
-        if (!own.moving) own.told = false;
-      }
-      const int pair = held.at[c].pair;
-      if (!before && now && !hit) tell(out, flow.t, TOUCH, pair, 0.0, 0.0);
-      if ((before || hit) && !now) tell(out, flow.t, LIFT, pair, 0.0, 0.0);
-      if (now && told && !slides) tell(out, flow.t, STICK, pair, 0.0, 0.0);
-      changed = changed || before != now || hit || told;
-    }
-    return changed;
-  }
-
   // Net work of inputs and winches so far.
   double given() const { return flow.y[F::WORK] - flow.y[F::SLIP_LOSS]; }
-
-  // Writes the events of row r, which went from s.before to its present state. The catch of an
-  // impact is written already.
-  void write_changes(const Situation& s, int r, Record<Model>& out) {
-    const Hold before = s.before[r], next = flow.row_state[r];
-    if (next == SLACK) {
-      if (s.holds(r)) note(out, RELEASE, r, 0.0, 0.0);
-      return;
-    }
-    if (!s.holds(r)) note(out, CATCH, r, 0.0, 0.0);
-    if (next == SLIPPING && before != SLIPPING) note(out, SLIP, r, 0.0, flow.slip_rate[r]);
-    if (next != SLIPPING && before == SLIPPING) note(out, GRIP, r, 0.0, 0.0);
-  }
 
   double loosened_[room(M)];  // s: when each row last lost its tension
 };

@@ -93,8 +93,10 @@ struct Flow {
       friction = contacts.friction;
       for (int a = 0; a < n; ++a) {
         rows.problem.active[a] = false;
-        if (row_state[list[a]] != IDLE) continue;
-        apart[list[a]] = fabs(contacts.after_of_row(a)) / hddot_scale();
+        const int r = list[a];
+        if (winches.slips(r)) slip_power += tension[r] * slip_rate[r];
+        if (row_state[r] == IDLE || row_state[r] == PINNED)
+          apart[r] = fabs(contacts.after_of_row(a)) / hddot_scale();
       }
     } else {
       pull_strings(list, w, &power, &slip_power);
@@ -164,6 +166,19 @@ struct Flow {
   void settle_slip(double at) {
     for (int i = 0; i < S; ++i) slip[i] = winches.resolved(i, slip_now[i], at);
     slip_time = at;
+  }
+
+  // Makes the latest evaluation, which must be that of the present state, one of winches that all
+  // grip: from there the next modes are chosen.
+  void grip() {
+    if (!winches.some_slip) return;
+    settle_slip(t);
+    for (int i = 0; i < S; ++i) {
+      eval.h[i] += slip_now[i];
+      eval.hdot[i] += slip_rate[i];
+      eval.gamma[i] += slip_acc_[i];
+      lengthen(i, winches.wound(i, slip[i], 0.0));
+    }
   }
 
   // When the first winch that winds back begins to brake or stops; `none` if none winds back.
@@ -368,7 +383,7 @@ struct Flow {
     for (int a = 0; a < rows.n; ++a) {
       problem.b[a] = rows.hddot[a];
       problem.lower[a] = 0.0;
-      problem.upper[a] = list[a] < S ? winches.max_tension[list[a]] : unbounded;
+      problem.upper[a] = winches.largest(list[a]);
       problem.active[a] = row_state[list[a]] == HELD;
       problem.high[a] = row_state[list[a]] == PINNED || row_state[list[a]] == SLIPPING;
     }
@@ -395,14 +410,17 @@ struct Flow {
         eval.h[i] = eval.hdot[i] = 0.0;
         continue;
       }
-      const Wound wound = winches.wound(i, slip[i], at - slip_time);
-      slip_now[i] = wound.slip;
-      slip_rate[i] = wound.rate;
-      slip_acc_[i] = wound.acc;
-      eval.h[i] -= wound.slip;
-      eval.hdot[i] -= wound.rate;
-      eval.gamma[i] -= wound.acc;
+      lengthen(i, winches.wound(i, slip[i], at - slip_time));
     }
+  }
+
+  void lengthen(int i, const Wound& wound) {
+    slip_now[i] = wound.slip;
+    slip_rate[i] = wound.rate;
+    slip_acc_[i] = wound.acc;
+    eval.h[i] -= wound.slip;
+    eval.hdot[i] -= wound.rate;
+    eval.gamma[i] -= wound.acc;
   }
 
   // NaN if either is.

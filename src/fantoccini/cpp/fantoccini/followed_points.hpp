@@ -44,7 +44,7 @@ struct HeldContactTolerances {
 template <class Model>
 class FollowedPoints {
  public:
-  static constexpr int C = Model::n_contacts, N = Model::n_vD;
+  static constexpr int C = Model::n_contacts, N = Model::n_vD, M = Model::n_rows;
   static constexpr int NQ = Model::n_qD, NQK = Model::n_qK, NK = Model::n_vK;
   using Tolerance = HeldContactTolerances;
   using Points = ContactPoints<Model, double>;
@@ -200,6 +200,40 @@ class FollowedPoints {
       out[k] = force[0] * frame_[c][k] + force[1] * frame_[c][3 + k] + force[2] * frame_[c][6 + k];
   }
 
+  // Remembers the latest forces as those of an event.
+  template <class F>
+  void keep_forces(const F& f) {
+    for (int c = 0; c < n; ++c) in_world(c, x + 3 * c, at[c].force);
+    for (int r = 0; r < M; ++r) tension_[r] = f.tension[r];
+  }
+
+  void forget_forces() {
+    for (int c = 0; c < n; ++c)
+      for (int k = 0; k < 3; ++k) at[c].force[k] = 0.0;
+    for (int r = 0; r < M; ++r) tension_[r] = 0.0;
+  }
+
+  // Forces of points and rows, as keep_forces leaves them.
+  struct Forces {
+    double point[room(C)][3], row[room(M)];
+  };
+
+  Forces forces() const {
+    Forces out;
+    for (int c = 0; c < n; ++c)
+      for (int k = 0; k < 3; ++k) out.point[c][k] = at[c].force[k];
+    for (int r = 0; r < M; ++r) out.row[r] = tension_[r];
+    return out;
+  }
+
+  void set_forces(const Forces& from) {
+    for (int c = 0; c < n; ++c)
+      for (int k = 0; k < 3; ++k) at[c].force[k] = from.point[c][k];
+    for (int r = 0; r < M; ++r) tension_[r] = from.row[r];
+  }
+
+  void set_reference(int row, double tension) { tension_[row] = tension; }
+
   // gamma: derivatives of hdot along the motion without accelerations of the puppet, where
   // the driven coordinates have theirs. Where a point is lost ahead, as at a corner that it is about
   // to reach, they are taken from behind, or over less; one that is lost here keeps its latest.
@@ -337,6 +371,7 @@ class FollowedPoints {
   }
 
   Points points_, near_;  // of the latest evaluation; at displaced configurations
+  double tension_[room(M)] = {};  // at the last event
   bool found_[room(C)];
   double point_[room(C)][3], frame_[room(C)][9];
   double row_[room(3 * C)][room(N)], rate_K_[room(3 * C)], gamma_[room(3 * C)] = {};

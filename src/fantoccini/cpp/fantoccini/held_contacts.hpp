@@ -27,7 +27,7 @@ class HeldContacts : public FollowedPoints<Model> {
   using Base = FollowedPoints<Model>;
 
  public:
-  static constexpr int C = Base::C, N = Base::N, NQ = Base::NQ, M = Model::n_rows;
+  static constexpr int C = Base::C, N = Base::N, NQ = Base::NQ, M = Base::M;
   static constexpr int R = M + 3 * C;  // rows: strings and limits, then three of every point
   using Tolerance = HeldContactTolerances;
   using Contact = typename Base::Contact;
@@ -77,7 +77,10 @@ class HeldContacts : public FollowedPoints<Model> {
       for (int d = 0; d < 3; ++d)
         reference[n_single_ + 3 * c + d] = dot3(frame_[c] + 3 * d, at[c].force);
     list_unknowns(f, true, true);
-    directed_.solve(G_, n_, hddot_, reference, y_);
+    double known[room(R)], asked[room(R)];
+    let_slip(f, known, asked);
+    directed_.solve(G_, n_, asked, reference, y_);
+    for (int a = 0; a < n_single_; ++a) y_[a] += known[a];
     friction = 0.0;
     for (int a = 0; a < n_single_; ++a) {
       tension[f.rows.row[a]] = y_[a];
@@ -174,38 +177,6 @@ class HeldContacts : public FollowedPoints<Model> {
     return false;
   }
 
-  // Remembers the latest forces as those of an event.
-  template <class F>
-  void keep_forces(const F& f) {
-    for (int c = 0; c < n; ++c) in_world(c, x + 3 * c, at[c].force);
-    for (int r = 0; r < M; ++r) tension_[r] = f.tension[r];
-  }
-
-  void forget_forces() {
-    for (int c = 0; c < n; ++c)
-      for (int k = 0; k < 3; ++k) at[c].force[k] = 0.0;
-    for (int r = 0; r < M; ++r) tension_[r] = 0.0;
-  }
-
-  // Forces of points and rows, as keep_forces leaves them.
-  struct Forces {
-    double point[room(C)][3], row[room(M)];
-  };
-
-  Forces forces() const {
-    Forces out;
-    for (int c = 0; c < n; ++c)
-      for (int k = 0; k < 3; ++k) out.point[c][k] = at[c].force[k];
-    for (int r = 0; r < M; ++r) out.row[r] = tension_[r];
-    return out;
-  }
-
-  void set_forces(const Forces& from) {
-    for (int c = 0; c < n; ++c)
-      for (int k = 0; k < 3; ++k) at[c].force[k] = from.point[c][k];
-    for (int r = 0; r < M; ++r) tension_[r] = from.row[r];
-  }
-
   // Whether point c has just lost its force, or parted, at the latest evaluation.
   template <class F>
   bool is_loose(const F& f, int c) const {
@@ -222,8 +193,6 @@ class HeldContacts : public FollowedPoints<Model> {
     return at[c].mode == STICKING &&
            size - in->friction[at[c].pair] * own[0] >= -Tolerance::negligible_force * f.weight();
   }
-
-  void set_reference(int row, double tension) { tension_[row] = tension; }
 
   // The points that push, as a record writes them.
   template <class Push>
@@ -341,9 +310,12 @@ class HeldContacts : public FollowedPoints<Model> {
       needed = needed || ((at[c].mode == STICKING || at[c].mode == SLIDING) && found_[c] && breaks(f, c));
     for (int a = 0; a < n_single_; ++a) {
       const int r = f.rows.row[a];
-      needed = needed || (f.row_state[r] == HELD && !f.rows.two_sided[a] && y_[a] < 0.0);
+      needed = needed || (f.row_state[r] == HELD && !f.rows.two_sided[a] &&
+                          (y_[a] < 0.0 || y_[a] > f.winches.largest(r)));
     }
     if (!needed) return;
+    double known[room(R)], asked[room(R)];
+    let_slip(f, known, asked);
     int of[room(R)], n_own = 0, n_points = 0;
     bool slides[room(C)];
     double along[2 * room(C)];
@@ -363,10 +335,10 @@ class HeldContacts : public FollowedPoints<Model> {
     cone.along = along;
     for (int i = 0; i < n_own; ++i) {
       for (int j = 0; j < n_own; ++j) cone.G[i * n_own + j] = G_[of[i] * n_ + of[j]];
-      cone.b[i] = hddot_[of[i]];
+      cone.b[i] = asked[of[i]];
       cone.x[i] = y_[of[i]];
       cone.lower[i] = i < cone.n_single && f.rows.two_sided[of[i]] ? -unbounded : 0.0;
-      cone.upper[i] = unbounded;
+      cone.upper[i] = i < cone.n_single ? f.winches.largest(f.rows.row[of[i]]) : unbounded;
     }
     const bool solved = cone.solve();
     cone.slides = nullptr;
@@ -385,6 +357,21 @@ class HeldContacts : public FollowedPoints<Model> {
       if (own >= 0) after_lawful[own] = -cone.s[i];
     }
     redistributed = !ends;
+  }
+
+  // The tensions of the strings whose winches slip, `known`, and hddot with no others, `hddot`.
+  template <class F>
+  void let_slip(const F& f, double* known, double* hddot) const {
+    for (int i = 0; i < n_; ++i) {
+      known[i] = 0.0;
+      hddot[i] = hddot_[i];
+    }
+    for (int a = 0; a < n_single_; ++a) {
+      const int r = f.rows.row[a];
+      if (f.row_state[r] != SLIPPING && f.row_state[r] != PINNED) continue;
+      known[a] = f.winches.largest(r);
+      for (int i = 0; i < n_; ++i) hddot[i] -= G_[i * n_ + a] * known[a];
+    }
   }
 
   // w <- w - W y over all assembled rows.
@@ -430,10 +417,9 @@ class HeldContacts : public FollowedPoints<Model> {
     for (int k = 0; k < 2; ++k) d[k] = size > 0.0 ? d[k] / size : 0.0;
   }
 
-  using Base::found_, Base::point_, Base::frame_, Base::row_, Base::rate_K_, Base::gamma_;
+  using Base::tension_, Base::found_, Base::point_, Base::frame_, Base::row_, Base::rate_K_, Base::gamma_;
 
   double direction_[room(C)][2] = {};  // of friction, in the tangents
-  double tension_[room(M)] = {};  // at the last event
   double lawful_tension_[room(M)];
   int n_single_ = 0, n_ = 0;
   const double* column_[room(R)];

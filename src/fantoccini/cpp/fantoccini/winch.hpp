@@ -58,6 +58,9 @@ struct Winches {
 
   bool slips(int row) const { return row < S && max_tension[row] < unbounded; }
 
+  // N: the largest tension or force of a row.
+  double largest(int row) const { return row < S ? max_tension[row] : unbounded; }
+
   // The rate at which a slip is wound back.
   double winding(int i, double slip) const {
     if (!(slip > 0.0)) return 0.0;
