@@ -27,7 +27,7 @@ from fantoccini.runtime.rollouts import (
     Segments,
 )
 from fantoccini.runtime.solids import SOLID
-from fantoccini.runtime.structures import InputPieces
+from fantoccini.runtime.structures import HeldInput
 
 __all__ = [
     "BOX",
@@ -47,7 +47,7 @@ __all__ = [
     "Functions",
     "Funnel",
     "GoalNumbers",
-    "InputPieces",
+    "HeldInput",
     "Library",
     "Loaded",
     "Piece",
