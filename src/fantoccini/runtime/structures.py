@@ -36,9 +36,8 @@ class Numbers(ctypes.Structure):
 
     def __setattr__(self, name: str, value: Any) -> None:
         kind = self._integers.get(name)
-        if kind is not None:
-            if value.__class__ is not int or not 0 <= value <= _FITS_ALL:
-                value = whole(name, value, kind)
+        if kind is not None and (value.__class__ is not int or not 0 <= value <= _FITS_ALL):
+            value = whole(name, value, kind)
         super().__setattr__(name, value)
 
 
