@@ -15,6 +15,7 @@ from fantoccini.build.compiler import (
 from fantoccini.build.description import describe
 from fantoccini.build.entry import INFO, LIBRARY, Source
 from fantoccini.build.folders import cache_folder
+from fantoccini.build.kept import kept_arrays
 from fantoccini.build.key import fingerprint, runtime_folder
 
 __all__ = [
@@ -30,6 +31,7 @@ __all__ = [
     "describe",
     "find_compiler",
     "fingerprint",
+    "kept_arrays",
     "obtain",
     "runtime_folder",
 ]

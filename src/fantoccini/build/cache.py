@@ -102,7 +102,7 @@ def obtain(
 
 
 def clear() -> int:
-    """Removes every library from the cache folder; returns how many.
+    """Removes every library and all kept arrays from the cache folder; returns how many libraries.
 
     Raises:
         BuildError: the folder is another user's, or something in it cannot be removed.
@@ -114,9 +114,10 @@ def clear() -> int:
     try:
         for folder in [*found, *_leftovers(root)]:
             shutil.rmtree(folder)
-        for file in root.glob(f"{_GROUP}/*.lock"):
-            if _KEY.fullmatch(file.stem):
-                file.unlink()
+        for kind in ("lock", "npz"):
+            for file in root.glob(f"{_GROUP}/*.{kind}"):
+                if _KEY.fullmatch(file.stem):
+                    file.unlink()
         for group in root.glob(_GROUP):
             # A folder with other files in it stays.
             with contextlib.suppress(OSError):

@@ -7,6 +7,7 @@ from functools import cached_property
 
 from fantoccini.arrays import Array
 from fantoccini.contract import SAMPLE
+from fantoccini.motion import State
 from fantoccini.tree import Tree
 
 
@@ -23,10 +24,15 @@ class SampleLayout:
 
     def split(self, samples: Array) -> dict[str, Array]:
         """Parts (T, n) of samples (T, width); single columns come as (T,)."""
-        return {name: samples[:, place] for name, place in self._places.items()}
+        return {name: samples[:, place] for name, place in self.places.items()}
+
+    def state(self, sample: Array) -> State:
+        """The state in a sample (width,)."""
+        return State.of_sample(sample, self.places, self.tree.coordinates)
 
     @cached_property
-    def _places(self) -> dict[str, slice | int]:
+    def places(self) -> dict[str, slice | int]:
+        """Part name -> its columns; the column of a number."""
         places: dict[str, slice | int] = {}
         at = 0
         for part, width in zip(SAMPLE, self.widths.values(), strict=True):

@@ -15,9 +15,7 @@ from fantoccini.marionette.model import Model
 from fantoccini.marionette.redundant import CONTRADICTION_STATUSES, Contradiction, contradiction
 from fantoccini.marionette.vectors import vector
 from fantoccini.motion import Input, State
-from fantoccini.motion.pieces import constant_acceleration
-from fantoccini.motion.polynomial import N_COEF
-from fantoccini.runtime import InputPieces, Piece, Run, RunOptions
+from fantoccini.runtime import HeldInput, Piece, Run, RunOptions
 
 Accelerations = Array | Mapping[str, float]
 Law = Callable[[State], Accelerations]
@@ -53,10 +51,10 @@ class Stepper:
         self.model = model
         self.method = method
         self.state, self._end = x0.replace(coordinates=model.coordinates), x0.t
-        self._options, self._run = options, self._begun(options)
+        self._options, self._run, self._held = options, *self._begun(options)
         piece = self._run.present()
         self.samples, self.events, self.contacts = piece.samples[-1:], *piece[1:]
-        self.tension = model.sample_layout.split(self.samples)["tension"][0]
+        self.tension = self.samples[0, model.sample_layout.places["tension"]]
         self.contradiction: Contradiction | None = None
 
     @classmethod
@@ -68,17 +66,17 @@ class Stepper:
         check_step(model, chosen.name, x0.q_D, x0.q_K, options.dt)
         return cls(model, x0, chosen.name, options)
 
-    def _begun(self, options: RunOptions) -> Run:
-        """A run from the present state at its driven velocities."""
+    def _begun(self, options: RunOptions) -> tuple[Run, HeldInput]:
+        """A run from the present state at its driven velocities, and its inputs."""
         model = self.model
         library = model.compiled.library_of(self.method)
-        coasting = self._piece(options.dt, None, None)
+        coasting = held_input(model, self.state, options.dt, None, None)
         about = options, self.state, model.p, model.winches, coasting
-        return Run(library, self.method, *about)
+        return Run(library, self.method, *about), coasting
 
     def __getstate__(self) -> dict[str, Any]:
         # The library keeps the run, and gives it as bytes.
-        return {name: x for name, x in vars(self).items() if name != "_run"} | {
+        return {name: x for name, x in vars(self).items() if name not in ("_run", "_held")} | {
             "_status": int(self.status),
             "_memory": (self._run.library.key, self._run.checkpoint()),
         }
@@ -87,7 +85,7 @@ class Stepper:
         kept = dict(kept)
         status, (library, memory) = kept.pop("_status"), kept.pop("_memory")
         self.__dict__.update(kept)
-        self._run = self._begun(self._options)
+        self._run, self._held = self._begun(self._options)
         self._run.present()
         if self._run.library.key == library:
             self._run.restore(memory)
@@ -152,7 +150,8 @@ class Stepper:
         if inputs is not None and (acc_K is not None or u_D is not None):
             raise ValueError("inputs carry their own motion and forces: give them or acc_K and u_D")
         if inputs is None:
-            chosen: Input | InputPieces = self._piece(duration, acc_K, u_D)
+            self._hold(duration, acc_K, u_D)
+            chosen: Input | HeldInput = self._held
         else:
             t = self.state.t
             chosen = bind_input(self.model, inputs, self.state.q_K, self.state.v_K, t, end)
@@ -207,13 +206,9 @@ class Stepper:
         self.samples, self.events, self.contacts = Piece.joined(written)
         if not len(self.samples):
             return
-        split = self.model.sample_layout.split(self.samples[-1:])
-        motion = {name: split[name][0] for name in ("q_D", "v_D", "q_K", "v_K", "slip")}
-        self.state = State(
-            float(split["t"][0]), taut=split["taut"][0] > 0, **motion,
-            coordinates=self.model.coordinates,
-        )  # fmt: skip
-        self.tension = split["tension"][0]
+        layout, last = self.model.sample_layout, self.samples[-1]
+        self.state = layout.state(last)
+        self.tension = last[layout.places["tension"]]
 
     def _diagnose(self) -> None:
         """Sets status and contradiction where redundant strings stopped the run."""
@@ -224,10 +219,8 @@ class Stepper:
         if self.contradiction:
             self._run.status = Status.REDUNDANT_STRINGS
 
-    def _piece(
-        self, duration: float, acc_K: Accelerations | None, u_D: Array | None
-    ) -> InputPieces:
-        """Inputs with constant accelerations and forces from the present state."""
+    def _hold(self, duration: float, acc_K: Accelerations | None, u_D: Array | None) -> None:
+        """Makes the held input that of constant accelerations and forces from the present state."""
         table = self.model.coordinates
         if isinstance(acc_K, Mapping):
             named, acc_K = acc_K, np.zeros(table.n_vK)
@@ -235,20 +228,23 @@ class Stepper:
                 if name not in table.v_K:
                     raise UnknownNameError("driven velocity", name, table.v_K)
                 acc_K[table.v_K.index(name)] = value
-        return held_input(self.model, self.state, duration, acc_K, u_D)
+        _fill(self._held, self.model, self.state, duration, acc_K, u_D)
 
 
 def held_input(
     model: Model, x: State, duration: float, acc_K: Array | None, u_D: Array | None
-) -> InputPieces:
+) -> HeldInput:
     """Inputs with constant accelerations (n_vK,) and forces (n_vD,) from a state on."""
+    made = HeldInput(model.coordinates)
+    _fill(made, model, x, duration, acc_K, u_D)
+    return made
+
+
+def _fill(
+    held: HeldInput, model: Model, x: State, duration: float, acc_K: Array | None, u_D: Array | None
+) -> None:
     table = model.coordinates
     acc = vector("acc_K", acc_K, table.n_vK)
+    force = None if u_D is None else vector("u_D", u_D, table.n_vD)
     # A trace longer than the piece, so that its last instant still lies within the input.
-    times = np.array([x.t, x.t + (1.0 + 1e-6) * duration])
-    coef, base = constant_acceleration(table, times, x.q_K, x.v_K, acc[None])
-    force = None
-    if u_D is not None:
-        force = np.zeros((1, table.n_vD, N_COEF))
-        force[0, :, 0] = vector("u_D", u_D, table.n_vD)
-    return InputPieces(times, coef, base, force)
+    held.fill(x.t, x.t + (1.0 + 1e-6) * duration, x.q_K, x.v_K, acc, force)

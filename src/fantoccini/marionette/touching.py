@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,7 @@ from fantoccini.motion import pair_name
 from fantoccini.puppet import Contact, Mesh, Obstacle, Puppet, Shape
 from fantoccini.puppet.contact import FLOOR, Group
 from fantoccini.runtime import Contacts, Library
-from fantoccini.runtime.hulls import Hull, mesh_hull
+from fantoccini.runtime.hulls import Hull, mesh_hulls
 from fantoccini.runtime.solids import empty, half_space, hull_solid, solid, stacked
 from fantoccini.tree import WORLD, Role, Tree
 
@@ -43,7 +43,7 @@ def contacts_of(puppet: Puppet, tree: Tree, library: Library) -> Contacts | None
         library: its compiled model.
 
     Raises:
-        PuppetError: a mesh is open, or far from its convex hull.
+        PuppetError: a mesh is open or flat, or cannot be cut into convex pieces.
     """
     rules = puppet.touching
     if rules is None:
@@ -53,48 +53,60 @@ def contacts_of(puppet: Puppet, tree: Tree, library: Library) -> Contacts | None
     if puppet.floor is not None:
         standing.append(_Part(FLOOR, WORLD, None))
     parts = own + standing
-    pairs = sorted(
-        _pairs(puppet, tree, rules, own, standing),
-        key=lambda pair: (parts[pair[0]].link, parts[pair[1]].link, pair[1], pair[0]),
-    )
-    solids, hulls = _solids(puppet, parts, {i for a, b, _, _ in pairs for i in (a, b)})
+    meet = list(_pairs(puppet, tree, rules, own, standing))
+    solids, hulls, place = _solids(puppet, parts, {i for a, b, _, _ in meet for i in (a, b)})
+    # A dented mesh is several solids: each of them meets what the mesh meets.
+    pairs = [
+        (x, y, k) for k, (a, b, _, _) in enumerate(meet) for x in place[a] for y in place[b]
+    ]
+    links = solids["link"].tolist()
+    pairs.sort(key=lambda pair: (links[pair[0]], links[pair[1]], pair[1], pair[0]))
+    which = [k for _, _, k in pairs]
     table = Contacts(
         solids=solids,
-        pairs=np.array([(a, b) for a, b, _, _ in pairs], dtype=np.int32).reshape(-1, 2),
-        friction=np.array([friction for _, _, friction, _ in pairs]),
-        restitution=np.array([e for _, _, _, e in pairs]),
-        names=tuple((parts[a].name, parts[b].name) for a, b, _, _ in pairs),
+        pairs=np.array([pair[:2] for pair in pairs], dtype=np.int32).reshape(-1, 2),
+        friction=np.array([meet[k][2] for k in which]),
+        restitution=np.array([meet[k][3] for k in which]),
+        names=tuple((parts[meet[k][0]].name, parts[meet[k][1]].name) for k in which),
         hulls=hulls,
     )
     start = tree.coordinates
     p = np.array(list(tree.parameters.values()), dtype=float)
     gaps = library.gaps(table, start.start_D, np.nan_to_num(start.start_K), p)
-    kin = np.array([_kin(tree, parts[a].link, parts[b].link) for a, b, _, _ in pairs], dtype=bool)
-    return table.some(~(kin & (gaps < -OVERLAP)))
+    apart = {
+        k
+        for k, gap in zip(which, gaps, strict=True)
+        if gap < -OVERLAP and _kin(tree, *(parts[i].link for i in meet[k][:2]))
+    }
+    return table.some(np.array([k not in apart for k in which], dtype=bool))
 
 
 def _solids(
     puppet: Puppet, parts: list[_Part], touching: set[int]
-) -> tuple[np.ndarray, tuple[Hull, ...]]:
-    """(n,) ``SOLID`` of parts, and the hulls of the meshes among those that touch something."""
+) -> tuple[np.ndarray, tuple[Hull, ...], list[Sequence[int]]]:
+    """(n,) ``SOLID`` of parts, the hulls of the meshes that touch something, each part's solids."""
     made: list[np.ndarray] = []
     hulls: list[Hull] = []
+    place: list[Sequence[int]] = []
     for i, part in enumerate(parts):
+        first = len(made)
         if part.shape is None:
             made.append(half_space((0.0, 0.0, puppet.floor or 0.0), (0.0, 0.0, 1.0)))
         elif not isinstance(part.shape, Mesh):
             made.append(solid(part.shape, part.link))
         elif i in touching:
-            hulls.append(_hull(puppet, part.shape, part.name))
-            made.append(hull_solid(hulls[-1], len(hulls) - 1, part.link))
+            own = _hulls(puppet, part.shape, part.name)
+            made += [hull_solid(h, len(hulls) + k, part.link) for k, h in enumerate(own)]
+            hulls += own
         else:
             made.append(empty(part.link))
-    return stacked(made), tuple(hulls)
+        place.append(range(first, len(made)))
+    return stacked(made), tuple(hulls), place
 
 
-def _hull(puppet: Puppet, shape: Mesh, name: str) -> Hull:
+def _hulls(puppet: Puppet, shape: Mesh, name: str) -> tuple[Hull, ...]:
     try:
-        return mesh_hull(shape)
+        return mesh_hulls(shape)
     except ValueError as reason:
         file, line = puppet.locate(name)
         mistake = Mistake(file, line, f"shapes of {name}", str(reason))

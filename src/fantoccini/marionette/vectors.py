@@ -25,7 +25,7 @@ def vectors(name: str, values: Array, n: int) -> Array:
         raise StateError(f"{name}: found {values!r}; it takes {n} numbers") from None
     if not made.ndim or made.shape[-1] != n:
         raise StateError(f"{name} has the shape {made.shape}; it must be (..., {n})")
-    if not np.all(np.isfinite(made)):
+    if not np.isfinite(made).all():
         at = tuple(int(i) for i in np.argwhere(~np.isfinite(made))[0])
         raise StateError(f"{name}[{', '.join(map(str, at))}] is {made[at]}; it must be finite")
     return made

@@ -82,6 +82,8 @@ class Holding:
         self._wire: Mask = np.array([s.wire for s in marionette.tree.strings], dtype=bool)
         # A winch of the puppet that slips earlier is meant to.
         self._firm = self._wire | (own >= grip)
+        self._no_wires = not self._wire.any()
+        self._most_slip = np.where(self._firm, TOLERANCES.min_slip, np.inf)
         self._pulls = np.where(self._firm, TOLERANCES.min_pull * grip, np.inf)
         self._grip = grip
         self._n_groups = len(hands.names)
@@ -97,9 +99,12 @@ class Holding:
             wanted: (n_vK,) wanted velocities [m/s or rad/s].
         """
         self.held = self._free
+        slipped = x.slip > self._most_slip
+        if self._no_wires and not slipped.any():
+            return wanted
         n = len(self._pulls)
         pull = np.where(self._wire, np.abs(tension[:n]), tension[:n])
-        pulling, slipped = pull > self._pulls, self._firm & (x.slip > TOLERANCES.min_slip)
+        pulling = pull > self._pulls
         if not (slipped.any() or (self._wire & pulling).any()):
             return wanted
         slip = float(np.max(x.slip[pulling & slipped], initial=0.0))

@@ -26,6 +26,7 @@ STEP = 0.0005
 """Default time step [s]; with twice as much, a limb that whirls at 100 rad/s gains energy."""
 _REPORT_TIME = 1.0
 """Time for which a stopped hand or a weak motor is reported [s]."""
+_NO_POSES = np.zeros((0, 3, 4))
 _ROUNDED_TICKS = 1e-6
 """Part of a tick that a duration may miss by rounding and still complete the tick."""
 
@@ -349,7 +350,7 @@ class Performance:
     def _poses(self, handle: Handle) -> Array:
         """(n_links, 3, 4) of the links; empty where nothing moves the handle's joint."""
         if handle.base is not None:
-            return np.zeros((0, 3, 4))
+            return _NO_POSES
         return self.marionette.poses(self._x.q_D, self._x.q_K)
 
     def _grip_of(self, marionette: Marionette) -> float:

@@ -29,7 +29,7 @@ from fantoccini.runtime.rollouts import (
 )
 from fantoccini.runtime.solids import SOLID
 from fantoccini.runtime.step_derivatives import StepDerivatives
-from fantoccini.runtime.structures import InputPieces
+from fantoccini.runtime.structures import HeldInput
 
 __all__ = [
     "BOX",
@@ -50,7 +50,7 @@ __all__ = [
     "Functions",
     "Funnel",
     "GoalNumbers",
-    "InputPieces",
+    "HeldInput",
     "LaneSteppers",
     "Library",
     "Loaded",

@@ -24,9 +24,11 @@ from fantoccini.runtime import memory
 from fantoccini.runtime.contacts import Contacts
 from fantoccini.runtime.functions import Functions, pointer
 from fantoccini.runtime.options import RunOptions
-from fantoccini.runtime.structures import UNLIMITED, InputPieces, input_arrays, structures
+from fantoccini.runtime.structures import UNLIMITED, HeldInput, input_arrays, structures
 from fantoccini.tree import Tree
 
+_RUNS = (Status.RUNNING, *ARRIVED)
+"""Statuses of runs that can go on."""
 MOST_TOUCHES = 8
 """Contact points that a pair has at most (``max_touches`` in touch_solids.hpp)."""
 
@@ -213,7 +215,7 @@ class Run:
         x0: State,
         p: Array,
         winches: Array,
-        inputs: Input | InputPieces,
+        inputs: Input | HeldInput,
         save_at: Array | None = None,
     ):
         self.library = library
@@ -263,21 +265,15 @@ class Run:
         ``status`` then says how it ended. The pieces of one call stay within the memory bound.
         """
         self._taken_bytes = 0.0
-        runs = self.status in (Status.RUNNING, *ARRIVED)
-        if self._record.n_samples or not runs:
+        if self._record.n_samples or self.status not in _RUNS:
             yield self._taken()
-        while self.status in (Status.RUNNING, *ARRIVED):
+        until, budget = ctypes.c_double(t_end), ctypes.c_longlong(self.steps_per_piece)
+        run, record = self.library.dll.fan_run, ctypes.byref(self._record)
+        while self.status in _RUNS:
             if self._is_full:
                 self.status = Status.TOO_MANY_SAMPLES
                 return
-            self.status = Status(
-                self.library.dll.fan_run(
-                    self._run,
-                    ctypes.c_double(t_end),
-                    ctypes.c_longlong(self.steps_per_piece),
-                    ctypes.byref(self._record),
-                )
-            )
+            self.status = Status(run(self._run, until, budget, record))
             yield self._taken()
             if self.status is not Status.RUNNING:
                 return
@@ -287,7 +283,7 @@ class Run:
         self.library.dll.fan_emit(self._run, ctypes.byref(self._record))
         return self._taken()
 
-    def set_input(self, inputs: Input | InputPieces) -> None:
+    def set_input(self, inputs: Input | HeldInput) -> None:
         """Replaces the inputs, bound, from the present time on."""
         arrays, held = input_arrays(inputs)
         self.library.dll.fan_set_input(self._run, ctypes.byref(arrays))
@@ -342,6 +338,6 @@ class Run:
     @property
     def _is_full(self) -> bool:
         """Whether the pieces since :meth:`advance` began have reached the memory bound."""
-        if not np.isfinite(self._bound):
+        if self._bound == np.inf:
             self._bound = memory.bound(self._taken_bytes, None)
         return self._taken_bytes > self._bound

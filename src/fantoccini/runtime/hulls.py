@@ -13,24 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fantoccini.arrays import Array
-from fantoccini.contract import HULL_VERTICES
 from fantoccini.puppet.shapes import Mesh, load_mesh
 from fantoccini.runtime.functions import pointer
+from fantoccini.runtime.pieces import TOLERANCES, convex_pieces, standing_out
 from fantoccini.runtime.structures import structures
 
-
-@dataclass(frozen=True)
-class HullTolerances:
-    """What counts as flat, and as convex."""
-
-    flat: float = 1e-6
-    """Distance of vertices from the plane of their facet, relative to the longest side, up to which
-    they are on it: STL files have seven digits."""
-    filled: float = 0.1
-    """Volume that the hull adds to the mesh, relative to the mesh's."""
-
-
-TOLERANCES = HullTolerances()
+FILLED = 0.1
+"""Volume that its hull may add to a mesh, relative to the mesh's, before it is cut into pieces."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,17 +70,18 @@ class Hull:
         return type(self), tuple(getattr(self, f.name) for f in fields(self))
 
 
-def mesh_hull(shape: Mesh) -> Hull:
-    """The convex hull of a closed mesh that is nearly convex, in the frame of its body.
+def mesh_hulls(shape: Mesh) -> tuple[Hull, ...]:
+    """The convex polytopes that take a closed mesh's place, in the frame of its body.
 
-    Of more than ``HULL_VERTICES`` vertices those are taken that stand out most; the others stand
-    out by less than 2 % of the longest side, which is about what a ball needs.
+    One where it is nearly convex; otherwise those of its convex pieces. Of more than
+    ``HULL_VERTICES`` vertices those are taken that stand out most; the others stand out by less
+    than 2 % of the longest side, which is about what a ball needs.
 
     Args:
         shape: its file, scale and pose.
 
     Raises:
-        ValueError: the mesh is open, flat or far from convex.
+        ValueError: the mesh is open or flat, or cannot be cut into pieces.
     """
     mesh = load_mesh(shape)
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
@@ -101,14 +91,9 @@ def mesh_hull(shape: Mesh) -> Hull:
     if not float(np.min(mesh.extents)) > TOLERANCES.flat * size:
         raise ValueError(f"{shape.file} is flat; what touches has a volume: give it a thin box")
     points = np.array(mesh.vertices, dtype=float)
-    added = _volume(points) / float(mesh.volume) - 1.0
-    if added > TOLERANCES.filled:
-        raise ValueError(
-            f"{shape.file} is not convex: its convex hull, which takes its place in contact, has "
-            f"{100 * added:.0f} % more volume; allowed: {100 * TOLERANCES.filled:.0f} %. Split it "
-            "into several convex meshes of the same body, or let boxes, capsules, spheres touch"
-        )
-    return hull_of(_corners_of(points, size))
+    if _volume(points) <= (1.0 + FILLED) * float(mesh.volume):
+        return (hull_of(standing_out(points, size)),)
+    return tuple(hull_of(corners) for corners in convex_pieces(mesh, shape.file))
 
 
 def hull_of(points: Array) -> Hull:
@@ -165,40 +150,6 @@ class _Facet:
         normal = np.sum(np.cross(x, np.roll(x, -1, axis=0)), axis=0)
         normal /= np.linalg.norm(normal)
         return cls(normal, float(np.max(x @ normal)), corners)
-
-
-def _corners_of(points: Array, size: float) -> Array:
-    """Vertices of the convex hull, those that stand out most first.
-
-    Vertices on the planes of the others count as none.
-    """
-    from scipy.spatial import ConvexHull
-
-    points = points[ConvexHull(points).vertices]
-    first = _spread(points)
-    hull, chosen = ConvexHull(points[first], incremental=True), list(first)
-    while True:
-        # Facets in one plane are triangles with one equation.
-        planes = np.unique(hull.equations, axis=0)
-        out = np.max(points @ planes[:, :3].T + planes[:, 3], axis=1)
-        farthest = int(np.argmax(out))
-        if out[farthest] <= TOLERANCES.flat * size or len(chosen) == int(HULL_VERTICES):
-            break
-        chosen.append(farthest)
-        hull.add_points(points[[farthest]])
-    hull.close()
-    return np.asarray(points[chosen])
-
-
-def _spread(points: Array) -> list[int]:
-    """Four points that span a tetrahedron as large as a greedy choice finds."""
-    a = int(np.argmin(points[:, 0]))
-    b = int(np.argmax(np.linalg.norm(points - points[a], axis=1)))
-    along = (points[b] - points[a]) / np.linalg.norm(points[b] - points[a])
-    from_a = points - points[a]
-    c = int(np.argmax(np.linalg.norm(from_a - np.outer(from_a @ along, along), axis=1)))
-    d = int(np.argmax(np.abs(from_a @ np.cross(along, from_a[c]))))
-    return [a, b, c, d]
 
 
 def _volume(points: Array) -> float:

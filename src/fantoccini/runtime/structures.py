@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import ctypes
 import re
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, ConfigK, VecD, VecK
 from fantoccini.contract import STRUCTURES, Structure
 from fantoccini.motion import Input
+from fantoccini.motion.polynomial import N_COEF
 from fantoccini.runtime.functions import pointer, whole
+from fantoccini.tree import CoordinateTable
 
 UNLIMITED = 1e300
 """A bound that never binds, for compiled code."""
 
+_FITS_ALL = 2**31 - 1
+"""The largest number that fits every integer of a structure."""
 _INTEGERS = (ctypes.c_int, ctypes.c_longlong)
 _NUMBERS = {"int": ctypes.c_int, "long long": ctypes.c_longlong, "double": ctypes.c_double}
 
@@ -32,7 +36,7 @@ class Numbers(ctypes.Structure):
 
     def __setattr__(self, name: str, value: Any) -> None:
         kind = self._integers.get(name)
-        if kind is not None:
+        if kind is not None and (value.__class__ is not int or not 0 <= value <= _FITS_ALL):
             value = whole(name, value, kind)
         super().__setattr__(name, value)
 
@@ -68,21 +72,56 @@ def dtype_of(structure: Structure) -> np.dtype[np.void]:
     return np.dtype(list(found), align=True)
 
 
-class InputPieces(NamedTuple):
-    """The numbers of an :class:`Input`, which are known to be right.
+class HeldInput:
+    """An input of one piece with constant accelerations and forces.
+
+    It can be filled again and again, as live control does, and its arrays stay where they are:
+    asking an array for its address takes longer than filling it.
 
     Attributes:
-        breaks, coef, base, force: as those of the input.
+        structure: for compiled code; it and its arrays live as long as this object.
+
+    Args:
+        table: of the coordinates.
     """
 
-    breaks: Array
-    coef: Array
-    base: Array
-    force: Array | None = None
+    def __init__(self, table: CoordinateTable):
+        self._places = table.places_K
+        self._breaks, self._base = np.zeros(2), np.zeros((1, table.n_qK))
+        self._coef = np.zeros((1, table.n_vK, N_COEF))
+        self._force = np.zeros((1, table.n_vD, N_COEF))
+        self._u_D = pointer(self._force)
+        self.structure = structures["InputArrays"](
+            n_segments=1, breaks=pointer(self._breaks), coef=pointer(self._coef),
+            base=pointer(self._base),
+        )  # fmt: skip
+
+    def fill(
+        self, t: float, t_end: float, q_K: ConfigK, v_K: VecK, acc_K: VecK, u_D: VecD | None = None
+    ) -> None:
+        """The piece from t to t_end [s] that begins at a configuration with a velocity.
+
+        Args:
+            t, t_end: [s].
+            q_K, v_K: (n_qK,), (n_vK,) at t.
+            acc_K: (n_vK,) of scalars, and of the rotation vectors.
+            u_D: (n_vD,) user forces; none by default.
+        """
+        coef, (q_places, v_places) = self._coef[0], self._places
+        self._breaks[0], self._breaks[1] = t, t_end
+        self._base[0] = q_K
+        coef[v_places, 0] = q_K[q_places]
+        coef[:, 1] = v_K
+        np.multiply(acc_K, 0.5, out=coef[:, 2])
+        if u_D is not None:
+            self._force[0, :, 0] = u_D
+        self.structure.force = None if u_D is None else self._u_D
 
 
-def input_arrays(inputs: Input | InputPieces) -> tuple[ctypes.Structure, list[Array]]:
+def input_arrays(inputs: Input | HeldInput) -> tuple[ctypes.Structure, list[Array]]:
     """The structure, and the arrays that must live as long as it is read."""
+    if isinstance(inputs, HeldInput):
+        return inputs.structure, []
     given = {name: getattr(inputs, name) for name in ("breaks", "coef", "base", "force")}
     held = {n: np.ascontiguousarray(a, dtype=float) for n, a in given.items() if a is not None}
     addresses = {name: pointer(a) for name, a in held.items()}
