@@ -139,7 +139,7 @@ struct TimeStep {
 
   template <class Memory>
   FAN_FN void remember(Memory& memory) {
-    memory.keep(trend, lead, steady, stirred, tension, taut, held);
+    memory.keep(trend, lead, steady, stirred, tension, taut, pulled, held);
     if constexpr (touches) contacts.remember(memory);
   }
 
