@@ -74,6 +74,7 @@ class ContactStep : public ContactProblem<Model, Real> {
     columns_.begin();
     looks_ = 0;
     for (int l = 0; l < width; ++l) {
+      for (int r = 0; r < M; ++r) pulls_[l][r] = false;
       bounces_[l] = false;
       scale_[l] = 1.0;
       solved_with_[l] = 0;
@@ -157,7 +158,7 @@ class ContactStep : public ContactProblem<Model, Real> {
   FAN_FN void settle(
       const Evaluation<Model, Real>& eval, RowSystem<Model, Real>& rows, const Mask* near,
       const Real* guess, const Real* before, double cap, Mask& settled) {
-    this->make_columns(eval, rows);
+    this->make_columns(eval, rows, near, guess);
     Real found[room(M)], s[room(M)], of_lane = Real(0.0), well = Real(0.0);
     for (int l = 0; l < width; ++l) {
       if (chosen_[l] == 0) continue;
@@ -265,6 +266,7 @@ class ContactStep : public ContactProblem<Model, Real> {
  private:
   using Problem::cone_, Problem::groups_, Problem::n_single_, Problem::triple_, Problem::n_triple_;
   using Problem::points_, Problem::columns_, Problem::in_, Problem::near_, Problem::chosen_;
+  using Problem::pulls_;
   using Problem::x_, Problem::s_, Problem::b_, Problem::before_, Problem::rebound_;
   using Problem::parting_, Problem::bounces_, Problem::scale_;
 
