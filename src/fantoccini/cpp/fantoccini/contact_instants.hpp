@@ -235,8 +235,7 @@ class ContactInstants {
   // Whether the normal force of sliding point i, whose rows begin at `to`, would not stop it.
   bool jams(const F& f, int i, int to) const {
     const auto& cone = f.contacts.cone;
-    const int n = cone.n_single + 3 * cone.n_contacts;
-    const double* row = cone.G + to * n + to;
+    const double* row = cone.G + to * (cone.stride + 1);
     const double* d = given_ + 2 * i;
     const double own = row[0] + cone.mu[i] * (row[1] * d[0] + row[2] * d[1]);
     return own <= HeldContactTolerances::least_influence * row[0];
