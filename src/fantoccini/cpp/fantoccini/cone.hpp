@@ -45,6 +45,7 @@ struct ConeProblem : private ConeIsland<capacity> {
   using Island::along, Island::x, Island::s;
   // The largest g |x - P(x - s / g)| of a row (a speed), relative to the largest |b_i|.
   using Island::residual;
+  using Island::find_s;
   int iterations = 0;  // steps of Newton's method
   int rounds = 0;      // rounds of the method of multipliers
 

@@ -62,12 +62,17 @@ struct ConeIsland : ConeLaw {
     return residual <= Tolerance::residual;
   }
 
-  // s, speed and residual of x.
-  FAN_FN void measure() {
+  // s of x.
+  FAN_FN void find_s() {
     int i = 0;
     for (; i + 16 <= stride; i += 16) image<4>(i);
     for (; i + 8 <= stride; i += 8) image<2>(i);
     for (; i < stride; i += 4) image<1>(i);
+  }
+
+  // s, speed and residual of x.
+  FAN_FN void measure() {
+    find_s();
     speed = violation(0.0);
     residual = clip(speed / larger(scale_, negligible), 0.0, unbounded);
   }

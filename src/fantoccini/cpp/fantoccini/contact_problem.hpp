@@ -48,6 +48,20 @@ class ContactProblem {
     }
   }
 
+  // Lets all points take part in lane 0, and the rows that did, after the step is solved.
+  FAN_FN void take_all(const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows) {
+    Mask none[room(M)];
+    Real zero[room(M)];
+    for (int r = 0; r < M; ++r) {
+      none[r] = Real(0.0) > Real(1.0);
+      zero[r] = Real(0.0);
+    }
+    for (int i = 0; i < points_.n[0]; ++i) near_[0][i] = true;
+    make_columns(eval, rows, none, zero);
+    for (int a = 0; a < rows.n; ++a) none[rows.row[a]] = pulls_[0][rows.row[a]];
+    sort(0, rows, none);
+  }
+
   // Solves lane l with the restitutions, scaled down until they add no energy.
   FAN_FN bool bounce(
       int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess,
