@@ -182,19 +182,13 @@ struct ConeIsland : ConeLaw {
   FAN_FN bool newton(double share, int patience, int most) {
     int tries = 0;
     for (int i = 0; i < n; ++i) centre_[i] = x[i];
-    bool is_known = tells_modes();  // whether the next modes are, without s
     for (int k = 0; k < most && share < Tolerance::firmest_raise; ++k) {
-      if (!is_known) {
-        measure();
-        if (is_solution()) {
-          if (tries > 0 && residual > Tolerance::rough) refine();
-          return true;
-        }
+      measure();
+      if (is_solution()) {
+        if (tries > 0 && residual > Tolerance::rough) refine();
+        return true;
       }
-      if (is_known) {
-        for (int i = 0; i < n; ++i) s[i] = 0.0;
-        is_known = false;
-      } else if (tries > 0 && violation(share * top_) < Tolerance::centred * scale_) {
+      if (tries > 0 && violation(share * top_) < Tolerance::centred * scale_) {
         for (int i = 0; i < n; ++i) centre_[i] = x[i];
         share = larger(share * Tolerance::softer, Tolerance::raise);
         tries = 0;
@@ -211,26 +205,6 @@ struct ConeIsland : ConeLaw {
     }
     for (int i = 0; i < n; ++i) x[i] = centre_[i];
     return false;
-  }
-
-  // Whether x is a guess whose modes are beyond doubt: rows within their bounds, points that stick
-  // within their cones, and the rest without a reason to close.
-  FAN_FN bool tells_modes() const {
-    bool all = true, some = false;
-    for (int i = 0; i < n_single; ++i) {
-      const bool within = x[i] > lower[i] && x[i] < upper[i];
-      some = some || within;
-      all = all && (within || (x[i] == 0.0 && lower[i] == 0.0 && b[i] <= 0.0));
-    }
-    for (int c = 0; c < n_contacts; ++c) {
-      const int i = row_of(c);
-      const double most = Tolerance::inside * mu[c] * x[i];
-      const bool sticks = x[i] > 0.0 && x[i] < upper[i] && !is_given(c) &&
-                          x[i + 1] * x[i + 1] + x[i + 2] * x[i + 2] < most * most;
-      some = some || sticks;
-      all = all && (sticks || (x[i] == 0.0 && x[i + 1] == 0.0 && x[i + 2] == 0.0 && b[i] <= 0.0));
-    }
-    return all && some;
   }
 
   // Whether x, put within its bounds, is a solution. Keeps the best x.

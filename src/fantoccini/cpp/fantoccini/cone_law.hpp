@@ -10,8 +10,6 @@ struct ConeTolerances {
   static constexpr double residual = 1e-10;
   // Residual above which a solution is refined: more than rounding leaves.
   static constexpr double rough = 1e-14;
-  // Part of its cone within which a point sticks beyond doubt.
-  static constexpr double inside = 0.99;
   // Raise of G's diagonal, relative to its largest entry: at first, and where the start comes from
   // the method of multipliers.
   static constexpr double raise = 1e-10;
