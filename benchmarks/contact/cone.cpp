@@ -21,9 +21,9 @@ static double take() {
 }
 
 int main() {
-  problem.n_contacts = int(take());
-  const int n = 3 * problem.n_contacts;
+  const int n_contacts = int(take()), n = 3 * n_contacts;
   if (n > CAPACITY) return 1;
+  problem.resize(0, n_contacts);
   for (int c = 0; c < problem.n_contacts; ++c) problem.mu[c] = take();
   for (int i = 0; i < n; ++i) {
     problem.b[i] = take();
@@ -31,7 +31,8 @@ int main() {
     problem.lower[i] = i % 3 ? -1e90 : 0.0;
     problem.upper[i] = 1e90;
   }
-  for (int i = 0; i < n * n; ++i) problem.G[i] = take();
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) problem.G[i * problem.stride + j] = take();
   const std::clock_t start = std::clock();
   const bool solved = problem.solve();
   const double took = double(std::clock() - start) / CLOCKS_PER_SEC;

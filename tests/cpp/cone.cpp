@@ -28,13 +28,13 @@ void take(double* x, int n) {
 int main() {
   const int n_problems = int(take());
   for (int k = 0; k < n_problems; ++k) {
-    problem.n_single = int(take());
-    problem.n_contacts = int(take());
-    const int n = problem.n_single + 3 * problem.n_contacts;
+    const int n_single = int(take()), n_contacts = int(take());
+    const int n = n_single + 3 * n_contacts;
     if (n > kCapacity) return 1;
+    problem.resize(n_single, n_contacts);
     take(problem.mu, problem.n_contacts);
     for (double* part : {problem.lower, problem.upper, problem.b, problem.x}) take(part, n);
-    take(problem.G, n * n);
+    for (int i = 0; i < n; ++i) take(problem.G + i * problem.stride, n);
     const bool solved = problem.solve();
     std::printf("%d %.17g %d %d", solved, problem.residual, problem.iterations, problem.rounds);
     for (const double* part : {problem.x, problem.s})

@@ -34,20 +34,18 @@
 namespace fan {
 
 template <int capacity>
-struct ConeProblem : ConeLaw {
-  static constexpr int N = room(capacity);
+struct ConeProblem : private ConeIsland<capacity> {
+  using Island = ConeIsland<capacity>;
+  using Tolerance = ConeTolerances;
+  static constexpr int N = Island::N;
 
-  int n_single = 0, n_contacts = 0;  // n = n_single + 3 n_contacts rows: singles, then contacts
-  double G[N * N + 1];               // row i, column j at i * n + j; whoever writes may pass its end
-  double b[N];                       // solve() sets b below `negligible` to 0
-  double lower[N], upper[N];  // of a contact only the upper bound of the normal counts
-  double mu[N];               // of contact c
-  const bool* slides = nullptr;   // of contact c, whether its direction is given; null for none
-  const double* along = nullptr;  // d of contact c at 2 c
-  double x[N];                // on entry the guess; of many solutions the result is one near it
-  double s[N];
+  // Call resize() first, then fill the arrays; whoever writes a row of G may pass its end by one.
+  using Island::resize, Island::n_single, Island::n_contacts, Island::n, Island::stride;
+  using Island::G, Island::b, Island::lower, Island::upper, Island::mu, Island::slides;
+  using Island::along, Island::x, Island::s;
   // The largest g |x - P(x - s / g)| of a row (a speed), relative to the largest |b_i|.
-  double residual = unbounded;
+  using Island::residual;
+  using Island::find_s;
   int iterations = 0;  // steps of Newton's method
   int rounds = 0;      // rounds of the method of multipliers
 
@@ -59,55 +57,80 @@ struct ConeProblem : ConeLaw {
   // added to its diagonal. Where forces jam, it has a solution although the law has none. s and
   // residual are then those of the law itself. Call it after solve() has failed.
   FAN_FN bool solve_softly(double share) {
-    for (int i = 0; i < n_; ++i) x[i] = 0.0;
+    for (int i = 0; i < n; ++i) x[i] = 0.0;
     double top = 0.0;
-    for (int i = 0; i < n_; ++i) top = larger(top, G[i * n_ + i]);
+    for (int i = 0; i < n; ++i) top = larger(top, G[i * (stride + 1)]);
     return solve_islands(share * (top > 0.0 ? top : 1.0));
   }
 
  private:
+  using Island::clip, Island::is_finite, Island::larger, Island::speed;
+
   FAN_FN bool solve_islands(double yielding) {
-    n_ = n_single + 3 * n_contacts;
     iterations = rounds = 0;
     residual = unbounded;
-    if (n_ > capacity || !is_valid()) return false;
+    if (n > capacity || !is_valid()) return false;
     double scale = negligible, worst = 0.0;
-    for (int i = 0; i < n_; ++i) {
+    for (int i = 0; i < n; ++i) {
       if (fabs(b[i]) < negligible) b[i] = 0.0;
       scale = larger(scale, fabs(b[i]));
       is_taken_[i] = false;
     }
     bool solved = true;
-    for (int i = 0; i < n_; ++i) {
+    const bool one = is_one_island();
+    if (one) {
+      solved = solve_one(*this, yielding);
+      worst = speed;
+    }
+    for (int i = 0; i < n && !one; ++i) {
       if (is_taken_[i]) continue;
       collect(i);
-      fill(yielding);
-      solved = island_.solve() && solved;
-      if (yielding > 0.0) {
-        for (int k = 0; k < island_.n; ++k) island_.G[k * (island_.stride + 1)] = G[own_[k] * (n_ + 1)];
-        island_.measure();
+      fill();
+      solved = solve_one(part_, yielding) && solved;
+      for (int k = 0; k < part_.n; ++k) {
+        x[own_[k]] = part_.x[k];
+        s[own_[k]] = part_.s[k];
       }
-      for (int k = 0; k < island_.n; ++k) {
-        x[own_[k]] = island_.x[k];
-        s[own_[k]] = island_.s[k];
-      }
-      iterations += island_.iterations;
-      rounds += island_.rounds;
-      worst = larger(worst, island_.speed);
+      worst = larger(worst, part_.speed);
     }
     residual = clip(worst / scale, 0.0, unbounded);
     return solved;
   }
 
+  // Solves an island with more on G's diagonal; s and speed are without that.
+  FAN_FN bool solve_one(Island& one, double yielding) {
+    double held[N];
+    if (yielding > 0.0)
+      for (int i = 0; i < one.n; ++i) {
+        held[i] = one.G[i * (one.stride + 1)];
+        one.G[i * (one.stride + 1)] += yielding;
+      }
+    const bool solved = one.solve();
+    if (yielding > 0.0) {
+      for (int i = 0; i < one.n; ++i) one.G[i * (one.stride + 1)] = held[i];
+      one.measure();
+    }
+    iterations += one.iterations;
+    rounds += one.rounds;
+    return solved;
+  }
+
+  // Whether the first row influences all others, as where one body carries them.
+  FAN_FN bool is_one_island() const {
+    bool all = true;
+    for (int i = 1; i < n; ++i) all = all && G[i] != 0.0;
+    return all;
+  }
+
   // Whether all numbers are finite and the bounds in order. If not, x and s are 0.
   FAN_FN bool is_valid() {
-    const double size = sum_of_squares(G, n_ * n_);  // nan with a number that is nan
+    const double size = sum_of_squares(G, n * stride);  // nan with a number that is nan
     bool valid = size < Tolerance::largest_number * Tolerance::largest_number;
-    for (int i = 0; i < n_; ++i) valid = valid && is_finite(b[i]);
+    for (int i = 0; i < n; ++i) valid = valid && is_finite(b[i]);
     for (int i = 0; i < n_single; ++i) valid = valid && lower[i] <= upper[i];
     for (int c = 0; c < n_contacts; ++c)
       valid = valid && mu[c] >= 0.0 && is_finite(mu[c]) && upper[n_single + 3 * c] >= 0.0;
-    for (int i = 0; i < n_ && !valid; ++i) x[i] = s[i] = 0.0;
+    for (int i = 0; i < n && !valid; ++i) x[i] = s[i] = 0.0;
     return valid;
   }
 
@@ -117,17 +140,16 @@ struct ConeProblem : ConeLaw {
     int i = 0;
     for (; i + 16 <= n; i += 16)
       FAN_UNROLL for (int q = 0; q < 4; ++q) sum[q] += quad(x + i + 4 * q) * quad(x + i + 4 * q);
+    for (; i < n; i += 4) sum[0] += quad(x + i) * quad(x + i);
     const Quad all = (sum[0] + sum[1]) + (sum[2] + sum[3]);
-    double rest = 0.0;
-    for (; i < n; ++i) rest += x[i] * x[i];
-    return (all[0] + all[1]) + (all[2] + all[3]) + rest;
+    return (all[0] + all[1]) + (all[2] + all[3]);
   }
 
   // Lists in own_ the rows of the island of row `first`, in order; rows of one contact go together.
   FAN_FN void collect(int first) {
     int found[N], n_found = 0;
     bool is_own[N];
-    for (int i = 0; i < n_; ++i) is_own[i] = false;
+    for (int i = 0; i < n; ++i) is_own[i] = false;
     const auto add = [&](int i) {
       const bool single = i < n_single;
       const int begin = single ? i : i - (i - n_single) % 3;
@@ -139,14 +161,14 @@ struct ConeProblem : ConeLaw {
     add(first);
     int left = 0;  // rows that are not taken
     int rest[N];
-    for (int j = 0; j < n_; ++j)
+    for (int j = 0; j < n; ++j)
       if (!is_taken_[j]) rest[left++] = j;
     for (int done = 0; done < n_found && left > 0;) {
       double influence[N];  // of all that were found last: 0 where there is none
-      for (int j = 0; j < n_; ++j) influence[j] = 0.0;
+      for (int j = 0; j < n; ++j) influence[j] = 0.0;
       for (; done < n_found; ++done) {
-        const double* row = G + found[done] * n_;
-        for (int j = 0; j < n_; ++j) influence[j] += fabs(row[j]);
+        const double* row = G + found[done] * stride;
+        for (int j = 0; j < n; ++j) influence[j] += fabs(row[j]);
       }
       int kept = 0;
       for (int r = 0; r < left; ++r) {
@@ -158,37 +180,38 @@ struct ConeProblem : ConeLaw {
       left = kept;
     }
     n_own_ = 0;
-    for (int i = 0; i < n_; ++i)
+    for (int i = 0; i < n; ++i)
       if (is_own[i]) own_[n_own_++] = i;
   }
 
-  // Gives the rows of own_ to island_, with more on G's diagonal.
-  FAN_FN void fill(double yielding) {
+  // Gives the rows of own_ to part_.
+  FAN_FN void fill() {
     int singles = 0;
     while (singles < n_own_ && own_[singles] < n_single) ++singles;
-    island_.resize(singles, (n_own_ - singles) / 3);
-    for (int c = 0; c < island_.n_contacts; ++c) {
+    part_.resize(singles, (n_own_ - singles) / 3);
+    part_.slides = slides ? slides_ : nullptr;
+    part_.along = along_;
+    for (int c = 0; c < part_.n_contacts; ++c) {
       const int from = (own_[singles + 3 * c] - n_single) / 3;
-      island_.mu[c] = mu[from];
-      island_.slides[c] = slides && slides[from];
-      if (!island_.slides[c]) continue;
-      island_.along[2 * c] = along[2 * from];
-      island_.along[2 * c + 1] = along[2 * from + 1];
+      part_.mu[c] = mu[from];
+      slides_[c] = slides && slides[from];
+      if (!slides_[c]) continue;
+      along_[2 * c] = along[2 * from];
+      along_[2 * c + 1] = along[2 * from + 1];
     }
     for (int first = 0, end = 0; first < n_own_; first = end) {
       // Columns that follow one another in G, too.
       while (++end < n_own_ && own_[end] == own_[end - 1] + 1) {}
       for (int k = 0; k < n_own_; ++k)
-        copy(G + own_[k] * n_ + own_[first], end - first,
-             island_.G + k * island_.stride + first);
+        copy(G + own_[k] * stride + own_[first], end - first,
+             part_.G + k * part_.stride + first);
     }
     for (int k = 0; k < n_own_; ++k) {
       const int i = own_[k];
-      island_.G[k * (island_.stride + 1)] += yielding;
-      island_.b[k] = b[i];
-      island_.lower[k] = lower[i];
-      island_.upper[k] = upper[i];
-      island_.x[k] = x[i];
+      part_.b[k] = b[i];
+      part_.lower[k] = lower[i];
+      part_.upper[k] = upper[i];
+      part_.x[k] = x[i];
     }
   }
 
@@ -198,10 +221,12 @@ struct ConeProblem : ConeLaw {
     for (; i < n; ++i) to[i] = from[i];
   }
 
-  int n_ = 0, n_own_ = 0;
+  int n_own_ = 0;
   int own_[N];
   bool is_taken_[N];
-  ConeIsland<capacity> island_;
+  bool slides_[N];  // of part_
+  double along_[2 * N];
+  Island part_;  // of several islands, the one that is solved
 };
 
 }  // namespace fan

@@ -4,7 +4,7 @@
 #pragma once
 
 #include "cone_law.hpp"
-#include "dense_lu.hpp"
+#include "dense_ldl.hpp"
 #include "real.hpp"
 
 namespace fan {
@@ -15,10 +15,14 @@ struct ConeIsland : ConeLaw {
 
   int n_single = 0, n_contacts = 0;
   int n = 0, stride = 0;  // rows; the length of a row of G
-  double G[N * N];        // row i, column j at i * stride + j
-  double b[N], lower[N], upper[N], mu[N], x[N], s[N];  // as ConeProblem has them; b filled up, too
-  bool slides[N];                                       // of contact c, likewise
-  double along[2 * N];
+  double G[N * N + 1];    // row i, column j at i * stride + j
+  double b[N];            // b below `negligible` becomes 0; filled up with zeros
+  double lower[N], upper[N];  // of a contact only the upper bound of the normal counts
+  double mu[N];               // of contact c
+  const bool* slides = nullptr;   // of contact c, whether its direction is given; null for none
+  const double* along = nullptr;  // d of contact c at 2 c
+  double x[N];                // on entry the guess; of many solutions the result is one near it
+  double s[N];
   double speed = unbounded;     // the largest g |x - P(x - s / g)| of a row
   double residual = unbounded;  // the same relative to the largest |b_i|
   int iterations = 0, rounds = 0;
@@ -29,9 +33,9 @@ struct ConeIsland : ConeLaw {
     n_contacts = contacts;
     n = singles + 3 * contacts;
     stride = padded(n);
-    for (int i = 0; i < n; ++i)
-      for (int j = n; j < stride; ++j) G[i * stride + j] = 0.0;
-    for (int j = n; j < stride; ++j) b[j] = 0.0;
+    if (stride == n) return;
+    for (int end = stride; end <= n * stride; end += stride) quad(G + end - 4) = Quad{};
+    quad(b + stride - 4) = Quad{};
   }
 
   // Whether the law holds, up to the residual. If not, x is the best that was found within the
@@ -58,12 +62,17 @@ struct ConeIsland : ConeLaw {
     return residual <= Tolerance::residual;
   }
 
-  // s, speed and residual of x.
-  FAN_FN void measure() {
+  // s of x.
+  FAN_FN void find_s() {
     int i = 0;
     for (; i + 16 <= stride; i += 16) image<4>(i);
     for (; i + 8 <= stride; i += 8) image<2>(i);
     for (; i < stride; i += 4) image<1>(i);
+  }
+
+  // s, speed and residual of x.
+  FAN_FN void measure() {
+    find_s();
     speed = violation(0.0);
     residual = clip(speed / larger(scale_, negligible), 0.0, unbounded);
   }
@@ -75,6 +84,8 @@ struct ConeIsland : ConeLaw {
     bool is_normal;
     double direction[3], own;
   };
+
+  FAN_FN bool is_given(int c) const { return slides && slides[c]; }
 
   FAN_FN int row_of(int c) const { return n_single + 3 * c; }
 
@@ -126,7 +137,7 @@ struct ConeIsland : ConeLaw {
 
   // The tangential part of y to where friction of this size puts it; whether that changed it.
   FAN_FN bool slide(int c, double* y, double radius) const {
-    if (!slides[c]) return shorten(y, radius);
+    if (!is_given(c)) return shorten(y, radius);
     const double p = radius * along[2 * c], q = radius * along[2 * c + 1];
     const bool changed = y[1] != p || y[2] != q;
     y[1] = p;
@@ -174,7 +185,7 @@ struct ConeIsland : ConeLaw {
     for (int k = 0; k < most && share < Tolerance::firmest_raise; ++k) {
       measure();
       if (is_solution()) {
-        if (tries > 0) refine();
+        if (tries > 0 && residual > Tolerance::rough) refine();
         return true;
       }
       if (tries > 0 && violation(share * top_) < Tolerance::centred * scale_) {
@@ -225,7 +236,7 @@ struct ConeIsland : ConeLaw {
     if (!(normal > 0.0)) return;
     const bool full = normal >= upper[i];
     if (full) fix(i, upper[i]);
-    if (slides[c]) {
+    if (is_given(c)) {
       const double *d = along + 2 * c, size = mu[c] * base_[i];
       fix(i + 1, size * d[0]);
       fix(i + 2, size * d[1]);
@@ -263,6 +274,44 @@ struct ConeIsland : ConeLaw {
     for (int i = 0; i < n; ++i) right[i] = b[i] + raise * (centre_[i] - base_[i]);
     for (int j = 0; j < n && fixed_; ++j)
       for (int i = 0; i < n && base_[j] != 0.0; ++i) right[i] -= base_[j] * G[j * stride + i];
+    if (n_mixed_ == 0 && factorise_symmetric(raise)) {
+      for (int a = 0; a < m_; ++a) z[a] = right[row_[a]];
+    } else if (!factorise(raise, right, z)) {
+      return false;
+    }
+    substitute(z);
+    for (int i = 0; i < n; ++i) y[i] = base_[i];
+    add_unknowns(z, y);
+    for (int i = 0; i < n; ++i)
+      if (!is_finite(y[i]) && y[i] != base_[i]) return false;
+    for (int i = 0; i < n; ++i) x[i] = y[i];
+    return true;
+  }
+
+  FAN_FN void substitute(double* z) const {
+    if (is_symmetric_) ldl_.substitute(z);
+    else lu_.substitute(z);
+  }
+
+  // The factor of the equations of unknowns none of which is mixed.
+  FAN_FN bool factorise_symmetric(double raise) {
+    ldl_.resize(m_);
+    for (int a = 0; a < m_; ++a) {
+      const double* image = G + row_[a] * stride;
+      double* out = ldl_.A + a * ldl_.stride;
+      const int first = a / 4 * 4;
+      if (m_ == n)
+        for (int d = first; d < stride; d += 4) quad(out + d) = quad(image + d);
+      else
+        for (int d = first; d < ldl_.stride; ++d) out[d] = d < m_ ? image[row_[d]] : 0.0;
+      out[a] += raise;
+    }
+    return is_symmetric_ = ldl_.factorise();
+  }
+
+  // The factor of all equations, and their right side.
+  FAN_FN bool factorise(double raise, const double* right, double* z) {
+    is_symmetric_ = false;
     lu_.resize(m_);
     for (int a = 0, next = 0; a < m_; ++a) {
       if (next < n_mixed_ && mixed_[next].unknown == a) {
@@ -274,14 +323,7 @@ struct ConeIsland : ConeLaw {
       out[a] += raise;
       z[a] = right[row_[a]];
     }
-    if (!lu_.factorise()) return false;
-    lu_.substitute(z);
-    for (int i = 0; i < n; ++i) y[i] = base_[i];
-    add_unknowns(z, y);
-    for (int i = 0; i < n; ++i)
-      if (!is_finite(y[i]) && y[i] != base_[i]) return false;
-    for (int i = 0; i < n; ++i) x[i] = y[i];
-    return true;
+    return lu_.factorise();
   }
 
   // One refinement of a solution with the factor at hand, which removes the raise's part; kept
@@ -298,7 +340,7 @@ struct ConeIsland : ConeLaw {
         z[one.unknown] = -w[1] * (s[row_[one.unknown] + 1] + one.own * own[1]) -
                          w[2] * (s[row_[one.unknown] + 2] + one.own * own[2]);
     }
-    lu_.substitute(z);
+    substitute(z);
     add_unknowns(z, x);
     bound(x);
     measure();
@@ -387,6 +429,8 @@ struct ConeIsland : ConeLaw {
   bool fixed_ = false;  // whether base_ has other numbers than 0
   Mixed mixed_[N];
   int row_[N];  // of every unknown; of a mixed one the first of its contact
+  bool is_symmetric_ = false;  // which factor is that of the last step
+  DenseLdl<capacity> ldl_;
   DenseLu<capacity> lu_;
 };
 

@@ -8,6 +8,8 @@ namespace fan {
 struct ConeTolerances {
   // Largest residual of a solution; see `residual`.
   static constexpr double residual = 1e-10;
+  // Residual above which a solution is refined: more than rounding leaves.
+  static constexpr double rough = 1e-14;
   // Raise of G's diagonal, relative to its largest entry: at first, and where the start comes from
   // the method of multipliers.
   static constexpr double raise = 1e-10;

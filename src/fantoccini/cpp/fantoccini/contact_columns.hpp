@@ -14,7 +14,7 @@ struct ContactColumns {
   static constexpr int C = Model::n_contacts, N = Model::n_vD, M = Model::n_rows;
 
   Triple<Real> W[room(C)][room(N)];
-  Triple<Real> across[room(C)][room(M)];  // products with the gathered rows
+  Triple<Real> across[room(C)][room(M)];  // products with the gathered rows that were crossed
 
   FAN_FN void begin() { made_ = 0; }
 
@@ -23,8 +23,8 @@ struct ContactColumns {
 
   // Makes the columns of the points i < n with some[i], from their rows of A_D and what moves them.
   FAN_FN void make(
-      const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
-      const Triple<Real> (*row)[room(N)], const MovedBy<N>* moved, const bool* some, int n) {
+      const Evaluation<Model, Real>& eval, const Triple<Real> (*row)[room(N)],
+      const MovedBy<N>* moved, const bool* some, int n) {
     for (int i = 0; i < n; ++i) {
       if (i >= made_) has_[i] = false;
       if (some[i] && !has_[i]) {
@@ -35,9 +35,17 @@ struct ContactColumns {
           if (has_[j]) multiply(j, i, moved);
       }
       has_[i] = has_[i] || some[i];
-      if (some[i]) multiply(i, rows, moved[i]);
     }
     made_ = n;
+  }
+
+  // The products of all columns and gathered row a.
+  FAN_FN void cross(const RowSystem<Model, Real>& rows, int a, const MovedBy<N>* moved) {
+    for (int i = 0; i < made_; ++i) {
+      if (!has_[i]) continue;
+      if (rows.is_apart(a, moved[i])) across[i][a].clear();
+      else across[i][a] = moved[i].along(W[i], rows.column[a]);
+    }
   }
 
   // The products of column d of point i and those of point j <= i.
@@ -86,29 +94,6 @@ struct ContactColumns {
     }
     const bool shorter = moved[i].n <= moved[j].n;  // W is 0 beyond
     moved[shorter ? i : j].products(W[i], W[j], G_[i][j]);
-  }
-
-  // Those of point i and the gathered rows, two at a time: each addition waits for the one before.
-  FAN_FN void multiply(int i, const RowSystem<Model, Real>& rows, const MovedBy<N>& moved) {
-    int some[room(M)], n = 0;
-    for (int a = 0; a < rows.n; ++a) {
-      if (!rows.is_apart(a, moved)) some[n++] = a;
-      else across[i][a].clear();
-    }
-    for (int s = 0; s < n; s += 2) {
-      const int a = some[s], b = some[s + 1 < n ? s + 1 : s];
-      const Real *first = rows.column[a], *second = rows.column[b];
-      Triple<Real> x, y;
-      x.clear();
-      y.clear();
-      for (int j = 0; j < moved.n; ++j) {
-        const int k = moved.entry[j];
-        x.add(first[k], W[i][k]);
-        y.add(second[k], W[i][k]);
-      }
-      across[i][a] = x;
-      across[i][b] = y;
-    }
   }
 
   static constexpr int all_links = -1;

@@ -211,10 +211,9 @@ class ContactInstants {
     for (int i = 0; i < n_single; ++i) of[i] = single[i];
     for (int i = 0; i < n_points; ++i)
       for (int d = 0; d < 3; ++d) of[n_single + 3 * i + d] = held.first_of(point[i]) + d;
-    cone.n_single = n_single;
-    cone.n_contacts = n_points;
+    cone.resize(n_single, n_points);
     for (int i = 0; i < n; ++i) {
-      for (int j = 0; j < n; ++j) cone.G[i * n + j] = G[of[i] * all + of[j]];
+      for (int j = 0; j < n; ++j) cone.G[i * cone.stride + j] = G[of[i] * all + of[j]];
       const bool both = i < n_single && f.rows.two_sided[single[i]];
       cone.lower[i] = both ? -unbounded : 0.0;
       cone.upper[i] = unbounded;
@@ -264,8 +263,7 @@ class ContactInstants {
   // Whether the normal force of sliding point i, whose rows begin at `to`, would not stop it.
   bool jams(const F& f, int i, int to) const {
     const auto& cone = f.contacts.cone;
-    const int n = cone.n_single + 3 * cone.n_contacts;
-    const double* row = cone.G + to * n + to;
+    const double* row = cone.G + to * (cone.stride + 1);
     const double* d = given_ + 2 * i;
     const double own = row[0] + cone.mu[i] * (row[1] * d[0] + row[2] * d[1]);
     return own <= HeldContactTolerances::least_influence * row[0];

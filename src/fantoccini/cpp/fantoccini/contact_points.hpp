@@ -9,6 +9,7 @@
 #pragma once
 
 #include <new>
+#include <type_traits>
 
 #include "moved_by.hpp"
 #include "near_pairs.hpp"
@@ -32,12 +33,17 @@ template <class Model, class Real>
 class ContactPoints : public PlacedLinks<Model, Real> {
   using Links = PlacedLinks<Model, Real>;
   using Ball = typename Links::Ball;
+  using Twist = typename Links::Twist;
 
  public:
   static constexpr int C = Model::n_contacts, N = Links::N, NK = Links::NK;
   static constexpr int width = Links::width;
   using Tolerance = ContactPointTolerances;
   using Mask = typename Traits<Real>::Mask;
+
+  struct RealTwist {
+    Real linear[3], angular[3];
+  };
 
   struct Point {
     int pair, feature;       // of ContactArrays; which of the pair's points
@@ -126,10 +132,10 @@ class ContactPoints : public PlacedLinks<Model, Real> {
     for (int side = 0; side < 2; ++side) {
       const int link = in.solids[in.pairs[2 * at.pair + side]].link;
       if (link < 0) continue;
-      const double* t = twist_ + 6 * link;
+      const Twist& t = twist_[link];
       double by_turning[3];
-      cross(t + 3, at.at, by_turning);
-      for (int c = 0; c < 3; ++c) u[c] += (side ? -1.0 : 1.0) * (t[c] + by_turning[c]);
+      cross(t.angular, at.at, by_turning);
+      for (int c = 0; c < 3; ++c) u[c] += (side ? -1.0 : 1.0) * (t.linear[c] + by_turning[c]);
     }
   }
 
@@ -141,8 +147,8 @@ class ContactPoints : public PlacedLinks<Model, Real> {
       const Solid& solid = in.solids[in.pairs[2 * pair + side]];
       if (solid.kind != HALF_SPACE) least = fmin(least, smallest_size(solid));
       if (solid.link < 0) continue;
-      const double* t = twist_ + 6 * solid.link;
-      rate += sqrt(dot3(t + 3, t + 3));
+      const double* turning = twist_[solid.link].angular;
+      rate += sqrt(dot3(turning, turning));
     }
     return rate + speed / least;
   }
@@ -195,23 +201,31 @@ class ContactPoints : public PlacedLinks<Model, Real> {
   // the other one of a pair may, and its own part of what they travel.
   FAN_FN Mask outruns(const Real* dv_D, double dt) const {
     const double fixed = 0.5 * Tolerance::margin / dt;
-    Real twist[room(6 * L)];
+    std::conditional_t<width == 1, Twist, RealTwist> twist[room(L)];
+    if constexpr (width == 1)
+      Links::template add_twists<true>(
+          Model::moved_D_begin, Model::moved_D_entry, links_.screw_D, dv_D, twist);
     Mask out = Real(0.0) > Real(1.0);
     for (int i = 0; i < L; ++i) {
-      const int up = Model::link_parent[i];
-      Real* own = twist + 6 * i;
-      for (int c = 0; c < 6; ++c) own[c] = up < 0 ? Real(0.0) : twist[6 * up + c];
-      const int* begin = Model::moved_D_begin;
-      const int carried = up < 0 ? 0 : begin[up + 1] - begin[up];
-      for (int j = begin[i] + carried; j < begin[i + 1]; ++j) {
-        const int k = Model::moved_D_entry[j];
-        for (int c = 0; c < 6; ++c) own[c] += links_.screw_D[6 * k + c] * dv_D[k];
+      if constexpr (width > 1) {
+        const int up = Model::link_parent[i];
+        if (up >= 0) twist[i] = twist[up];
+        else for (int c = 0; c < 3; ++c) twist[i].linear[c] = twist[i].angular[c] = Real(0.0);
+        const int* begin = Model::moved_D_begin;
+        const int carried = up < 0 ? 0 : begin[up + 1] - begin[up];
+        for (int j = begin[i] + carried; j < begin[i + 1]; ++j) {
+          const int k = Model::moved_D_entry[j];
+          for (int c = 0; c < 3; ++c) {
+            twist[i].linear[c] += links_.screw_D[6 * k + c] * dv_D[k];
+            twist[i].angular[c] += links_.screw_D[6 * k + 3 + c] * dv_D[k];
+          }
+        }
       }
       if (reach_[i] == 0.0) continue;
-      const Real *w = own + 3, *r = links_.poses + 12 * i + 9;
+      const Real *u = twist[i].linear, *w = twist[i].angular, *r = links_.poses + 12 * i + 9;
       const Real v[3] = {
-          own[0] + w[1] * r[2] - w[2] * r[1], own[1] + w[2] * r[0] - w[0] * r[2],
-          own[2] + w[0] * r[1] - w[1] * r[0]};
+          u[0] + w[1] * r[2] - w[2] * r[1], u[1] + w[2] * r[0] - w[0] * r[2],
+          u[2] + w[0] * r[1] - w[1] * r[0]};
       const Real spare = fixed + (Tolerance::travel - 1.0) * speed_at_start_[i];
       // (a + b)^2 <= 2 (a^2 + b^2)
       const Real square = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) +
@@ -362,10 +376,10 @@ class ContactPoints : public PlacedLinks<Model, Real> {
     for (int side = 0; side < 2; ++side) {
       const int link = in.solids[in.pairs[2 * k + side]].link;
       if (link < 0) continue;
-      const double* t = twist_ + 6 * link;
+      const Twist& t = twist_[link];
       double v[3];
-      cross(t + 3, touch.point, v);
-      for (int c = 0; c < 3; ++c) v[c] += t[c];
+      cross(t.angular, touch.point, v);
+      for (int c = 0; c < 3; ++c) v[c] += t.linear[c];
       closing += (side ? 1.0 : -1.0) * dot3(v, touch.normal);
     }
     return closing - touch.gap / passing_within_ > Tolerance::passing_speed;
@@ -386,28 +400,44 @@ class ContactPoints : public PlacedLinks<Model, Real> {
   FAN_FN void clear(int i) {
     moved[i].clear();
     rate_K[i].clear();
+    if (width > 1) clear_row(i);
+  }
+
+  FAN_FN void clear_row(int i) {
     for (int k = 0; k < N; ++k) row[i][k].clear();
   }
 
-  // The rows of lane l's point i.
+  // The rows of lane l's point i. Of one trajectory, only entries that move it are written where its
+  // two links have none in common.
   FAN_FN void fill(const ContactArrays& in, int l, int i) {
     const Point& from = point[l][i];
     const double *e = from.frame, *at = from.at;
-    Quad of[3];  // the three directions' parts along each axis
-    FAN_UNROLL for (int c = 0; c < 3; ++c) of[c] = Quad{e[c], e[3 + c], e[6 + c], 0.0};
+    int links[2];
     for (int side = 0; side < 2; ++side) {
-      const int link = in.solids[in.pairs[2 * from.pair + side]].link;
+      const int link = links[side] = in.solids[in.pairs[2 * from.pair + side]].link;
+      const int *begin = Model::moved_D_begin + link, *entry = Model::moved_D_entry;
+      if (link >= 0) moved[i].add(link, entry + begin[0], entry + begin[1]);
+    }
+    const bool fresh = width == 1 && moved[i].apart;
+    if (width == 1 && !fresh) clear_row(i);
+    // The three directions' parts along each axis, and their moments about the origin.
+    Quad of[3], moment[3];
+    FAN_UNROLL for (int c = 0; c < 3; ++c) of[c] = Quad{e[c], e[3 + c], e[6 + c], 0.0};
+    FAN_UNROLL for (int c = 0; c < 3; ++c)
+      moment[c] = at[(c + 1) % 3] * of[(c + 2) % 3] - at[(c + 2) % 3] * of[(c + 1) % 3];
+    const auto speed = [&](const double* s) {  // of the point, by a screw
+      return (of[0] * s[0] + of[1] * s[1] + of[2] * s[2]) +
+             (moment[0] * s[3] + moment[1] * s[4] + moment[2] * s[5]);
+    };
+    for (int side = 0; side < 2; ++side) {
+      const int link = links[side];
       if (link < 0) continue;
       const double sign = side ? 1.0 : -1.0;
-      const int *begin = Model::moved_D_begin + link, *entry = Model::moved_D_entry;
-      moved[i].add(link, entry + begin[0], entry + begin[1]);
-      const auto speed = [&](const double* s) {  // of the point, by a screw
-        return of[0] * (s[0] + s[4] * at[2] - s[5] * at[1]) +
-               of[1] * (s[1] + s[5] * at[0] - s[3] * at[2]) +
-               of[2] * (s[2] + s[3] * at[1] - s[4] * at[0]);
-      };
-      for (int j = begin[0]; j < begin[1]; ++j)
-        row[i][entry[j]].add_in(l, sign, speed(screw_D_ + 6 * entry[j]));
+      for (int j = Model::moved_D_begin[link]; j < Model::moved_D_begin[link + 1]; ++j) {
+        const int k = Model::moved_D_entry[j];
+        if (fresh) row[i][k].clear();
+        row[i][k].add_in(l, sign, speed(screw_D_ + 6 * k));
+      }
       for (int j = Model::moved_K_begin[link]; j < Model::moved_K_begin[link + 1]; ++j) {
         const int k = Model::moved_K_entry[j];
         rate_K[i].add_in(l, sign * v_K_[k], speed(screw_K_ + 6 * k));

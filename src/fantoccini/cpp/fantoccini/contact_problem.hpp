@@ -22,15 +22,44 @@ class ContactProblem {
   Real residual = Real(0.0);  // of the law, in the last step
 
  protected:
-  // The columns of the points that take part in some lane.
+  // The columns of the points that take part in some lane, and their products with the rows that
+  // may pull: those that pulled before, or close without impulses. The others take part where the
+  // impulses found would close them.
   FAN_FN void make_columns(
-      const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows) {
+      const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows, const Mask* near,
+      const Real* guess) {
     bool some[room(C)];
     for (int i = 0; i < points_.most; ++i) {
       some[i] = false;
       for (int l = 0; l < width; ++l) some[i] = some[i] || (i < points_.n[l] && near_[l][i]);
     }
-    columns_.make(eval, rows, points_.row, points_.moved, some, points_.most);
+    columns_.make(eval, points_.row, points_.moved, some, points_.most);
+    const auto& problem = rows.problem;
+    for (int a = 0; a < rows.n; ++a) {
+      const int r = rows.row[a];
+      const Mask may_pull = near[r] && (guess[r] > Real(0.0) || problem.lower[a] < Real(0.0) ||
+                                        problem.b[a] > Real(0.0));
+      bool some_pulls = false;
+      for (int l = 0; l < width; ++l) {
+        pulls_[l][r] = pulls_[l][r] || lane_of(may_pull, l);
+        some_pulls = some_pulls || pulls_[l][r];
+      }
+      if (some_pulls) columns_.cross(rows, a, points_.moved);
+    }
+  }
+
+  // Lets all points take part in lane 0, and the rows that did, after the step is solved.
+  FAN_FN void take_all(const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows) {
+    Mask none[room(M)];
+    Real zero[room(M)];
+    for (int r = 0; r < M; ++r) {
+      none[r] = Real(0.0) > Real(1.0);
+      zero[r] = Real(0.0);
+    }
+    for (int i = 0; i < points_.n[0]; ++i) near_[0][i] = true;
+    make_columns(eval, rows, none, zero);
+    for (int a = 0; a < rows.n; ++a) none[rows.row[a]] = pulls_[0][rows.row[a]];
+    sort(0, rows, none);
   }
 
   // Solves lane l with the restitutions, scaled down until they add no energy.
@@ -59,11 +88,10 @@ class ContactProblem {
       if (groups_.at(some_[i].group) == group) triple_[n_triple_++] = some_[i].which;
   }
 
-  // G, b and mu of lane l's problem. G in order: three numbers are written as a register of four,
-  // whose last the next ones replace.
+  // G, b and mu of lane l's problem. Three numbers are written as a register of four, whose last the
+  // next ones replace.
   FAN_FN void write(int l, const RowSystem<Model, Real>& rows) {
-    cone_.n_single = n_single_;
-    cone_.n_contacts = n_triple_;
+    cone_.resize(n_single_, n_triple_);
     for (int i = 0; i < n_single_; ++i) cone_.b[i] = lane_of(rows.problem.b[single_[i]], l);
     for (int i = 0; i < n_triple_; ++i) {
       cone_.mu[i] = in_->friction[points_.point[l][triple_[i]].pair];
@@ -72,16 +100,18 @@ class ContactProblem {
     }
     constexpr int stride = Complementarity<Real, M>::N;
     const Real* from = rows.problem.G;
-    double* out = cone_.G;
-    for (int i = 0; i < n_single_; ++i) {
+    double* next = cone_.G;
+    for (int i = 0; i < n_single_; ++i, next += cone_.stride) {
+      double* out = next;
       const Real* row = from + single_[i] * stride;
       for (int j = 0; j < n_single_; ++j) *out++ = lane_of(row[single_[j]], l);
       for (int j = 0; j < n_triple_; ++j, out += 3)
         columns_.across[triple_[j]][single_[i]].put(l, quad(out));
     }
     for (int i = 0; i < n_triple_; ++i)
-      for (int d = 0; d < 3; ++d) {
+      for (int d = 0; d < 3; ++d, next += cone_.stride) {
         const int own = triple_[i];
+        double* out = next;
         for (int j = 0; j < n_single_; ++j)
           *out++ = lane_of(columns_.across[own][single_[j]][d], l);
         for (int j = 0; j <= i; ++j, out += 3)
@@ -99,6 +129,7 @@ class ContactProblem {
   int triple_[room(C)], n_triple_ = 0;  // and these points
   ContactGroups<Model> groups_;         // of the lane that was solved last
   bool near_[width][room(C)];      // whether a point takes part
+  bool pulls_[width][room(M)];     // whether a row that takes part may pull
   // m/s: e u_n- of new contacts, 0 of others; how fast solids part without it.
   double rebound_[width][room(C)], parting_[width][room(C)];
   bool bounces_[width];            // whether any contact bounces
@@ -127,6 +158,7 @@ class ContactProblem {
       exchanged += fabs(x * own);
     };
     for (int a = 0; a < rows.n; ++a) {
+      if (lane_of(found[a], l) == 0.0) continue;
       double change = 0.0;
       for (int b = 0; b < rows.n; ++b)
         change += lane_of(rows.problem.G[a * stride + b], l) * lane_of(found[b], l);
@@ -144,8 +176,44 @@ class ContactProblem {
     return lost < -Tolerance::rounding * exchanged;
   }
 
-  // Solves lane l, group by group.
+  // Solves lane l, until no row is left that the impulses would close.
   FAN_FN bool solve(
+      int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess, double cap,
+      Real* found, Real* s) {
+    bool solved = solve_groups(l, rows, near, guess, cap, found, s);
+    while (closes_more(l, rows, near, found, s))
+      solved = solve_groups(l, rows, near, guess, cap, found, s);
+    return solved;
+  }
+
+  // s of the rows that take part in lane l and may not pull; those that would close may pull from now
+  // on. Whether there are any.
+  FAN_FN bool closes_more(
+      int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* found, Real* s) {
+    int rest[room(M)], n_rest = 0;
+    for (int a = 0; a < rows.n; ++a)
+      if (lane_of(near[rows.row[a]], l) && !pulls_[l][rows.row[a]]) rest[n_rest++] = a;
+    if (n_rest == 0) return false;
+    Real w[room(N)], taken[room(M)];  // - W x
+    for (int k = 0; k < N; ++k) w[k] = Real(0.0);
+    for (int a = 0; a < rows.n; ++a) taken[a] = -found[a];
+    rows.add(taken, w);
+    for (int i = 0; i < points_.n[l]; ++i)
+      if (near_[l][i]) columns_.take(i, x_ + 3 * i, points_.moved[i], w);
+    rows.along(w, taken);
+    bool more = false;
+    for (int i = 0; i < n_rest; ++i) {
+      const int a = rest[i];
+      lane_of(s[a], l) = -lane_of(taken[a], l) - lane_of(rows.problem.b[a], l);
+      if (!(lane_of(s[a], l) < 0.0)) continue;
+      pulls_[l][rows.row[a]] = more = true;
+      columns_.cross(rows, a, points_.moved);
+    }
+    return more;
+  }
+
+  // Solves lane l, group by group.
+  FAN_FN bool solve_groups(
       int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess, double cap,
       Real* found, Real* s) {
     for (int a = 0; a < rows.n; ++a) {
@@ -207,7 +275,7 @@ class ContactProblem {
     return solved;
   }
 
-  // Sorts the rows and points that take part in lane l by group.
+  // Sorts the points that take part in lane l, and the rows that may pull, by group.
   FAN_FN void sort(int l, const RowSystem<Model, Real>& rows, const Mask* near) {
     groups_.begin();
     n_some_ = 0;
@@ -219,7 +287,7 @@ class ContactProblem {
     }
     n_some_rows_ = 0;
     for (int a = 0; a < rows.n; ++a)
-      if (lane_of(near[rows.row[a]], l))
+      if (lane_of(near[rows.row[a]], l) && pulls_[l][rows.row[a]])
         some_rows_[n_some_rows_++] = {a, groups_.of_row(rows.row[a])};
     groups_.count();
   }

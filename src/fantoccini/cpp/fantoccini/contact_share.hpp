@@ -106,7 +106,7 @@ class ContactShare {
     for (int a = 0; a < m_; ++a) {
       double image[capacity] = {};
       for (int d = 0; d < width_[a]; ++d)
-        for (int j = 0; j < n_; ++j) image[j] += direction_[a][d] * of.G[(row_[a] + d) * n_ + j];
+        for (int j = 0; j < n_; ++j) image[j] += direction_[a][d] * of.G[(row_[a] + d) * of.stride + j];
       for (int b = 0; b < m_; ++b) A_[a * m_ + b] = along(b, image);
       most = A_[a * (m_ + 1)] > most ? A_[a * (m_ + 1)] : most;
     }

@@ -81,6 +81,7 @@ class ContactStep : public ContactProblem<Model, Real> {
     columns_.begin();
     looks_ = 0;
     for (int l = 0; l < width; ++l) {
+      for (int r = 0; r < M; ++r) pulls_[l][r] = false;
       bounces_[l] = false;
       scale_[l] = 1.0;
       solved_with_[l] = 0;
@@ -128,6 +129,7 @@ class ContactStep : public ContactProblem<Model, Real> {
         lane_of(hdot_[i], l) = lane_of(rates(i, v_D)[0], l);
         steps_[l][i] = 0;
         near_[l][i] = true;
+        is_carried_[l][i] = false;
         aim(l, i, dt, whole, recovery_speed);
       }
     return true;
@@ -164,7 +166,7 @@ class ContactStep : public ContactProblem<Model, Real> {
   FAN_FN void settle(
       const Evaluation<Model, Real>& eval, RowSystem<Model, Real>& rows, const Mask* near,
       const Real* guess, const Real* before, double cap, Mask& settled) {
-    this->make_columns(eval, rows);
+    this->make_columns(eval, rows, near, guess);
     Real found[room(M)], s[room(M)], of_lane = Real(0.0), well = Real(0.0);
     for (int l = 0; l < width; ++l) {
       if (chosen_[l] == 0) continue;
@@ -239,7 +241,8 @@ class ContactStep : public ContactProblem<Model, Real> {
   // What pushes at the end of the step as it is reported: where points share what they carry, the
   // impulses of least norm. Of one trajectory, not of lanes. Returns how many there are.
   int shared(
-      const RowSystem<Model, Real>& rows, ContactShare<M + 3 * C>& share, Push* out) {
+      const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
+      ContactShare<M + 3 * C>& share, Push* out) {
     static_assert(width == 1);
     int found = 0, n_out = 0;
     for (int i = 0; i < points_.n[0]; ++i) found += lane_of(x_[3 * i], 0) > 0.0;
@@ -247,15 +250,16 @@ class ContactStep : public ContactProblem<Model, Real> {
       for (int i = 0; i < n[0]; ++i) out[i] = push[0][i];
       return n[0];
     }
+    this->take_all(eval, rows);
     for (int g = 0; g < groups_.n; ++g) {
       this->choose(g);
       if (n_triple_ == 0) continue;
       this->write(0, rows);
+      for (int i = 0; i < n_single_; ++i) cone_.x[i] = lane_of(rows.problem.x[single_[i]], 0);
       for (int k = 0; k < n_triple_; ++k)
-        for (int d = 0; d < 3; ++d) {
+        for (int d = 0; d < 3; ++d)
           cone_.x[n_single_ + 3 * k + d] = lane_of(x_[3 * triple_[k] + d], 0);
-          cone_.s[n_single_ + 3 * k + d] = lane_of(s_[3 * triple_[k] + d], 0);
-        }
+      cone_.find_s();
       double x[room(3 * C)];
       share.find(cone_, x);
       for (int k = 0; k < n_triple_; ++k) {
@@ -270,8 +274,9 @@ class ContactStep : public ContactProblem<Model, Real> {
   }
 
  private:
-  using Problem::cone_, Problem::groups_, Problem::n_single_, Problem::triple_, Problem::n_triple_;
+  using Problem::cone_, Problem::groups_, Problem::n_single_, Problem::single_, Problem::triple_, Problem::n_triple_;
   using Problem::points_, Problem::columns_, Problem::in_, Problem::near_, Problem::chosen_;
+  using Problem::pulls_;
   using Problem::x_, Problem::s_, Problem::b_, Problem::before_, Problem::rebound_;
   using Problem::parting_, Problem::bounces_, Problem::scale_;
 
@@ -311,7 +316,9 @@ class ContactStep : public ContactProblem<Model, Real> {
     parting_[l][i] = parting;
     bounces_[l] = bounces_[l] || bounces;
     lane_of(b_[3 * i], l) = before + (bounces ? rebound : parting);
-    near_[l][i] = near_[l][i] || lane_of(b_[3 * i], l) > 0.0;
+    // Where other points of the pair carried it before, they are tried first; see watch().
+    const bool waits = is_carried_[l][i] && !bounces;
+    near_[l][i] = near_[l][i] || (!waits && lane_of(b_[3 * i], l) > 0.0);
     chosen_[l] += near_[l][i];
   }
 
@@ -325,6 +332,9 @@ class ContactStep : public ContactProblem<Model, Real> {
       const bool pushed = j < n[l] && push[l][j].pair == p.pair && push[l][j].feature == p.feature;
       steps_[l][i] = pushed ? push[l][j].steps : 0;
       near_[l][i] = pushed;
+      is_carried_[l][i] = false;
+      for (int k = 0; k < n[l]; ++k)
+        is_carried_[l][i] = is_carried_[l][i] || push[l][k].pair == p.pair;
       if (!pushed) continue;
       for (int d = 0; d < 3; ++d)
         lane_of(x_[3 * i + d], l) = dot3(p.frame + 3 * d, push[l][j].impulse);
@@ -393,6 +403,7 @@ class ContactStep : public ContactProblem<Model, Real> {
   }
 
   int steps_[width][room(C)];      // for which a point has pushed
+  bool is_carried_[width][room(C)];  // whether a point of the same pair pushed in the step before
   Real hdot_[room(C)];             // of the normals, at its start
   int looks_ = 0;                  // how often was looked again
   // Of each lane's last solve in the step: how many rows and points took part, whether it went well;

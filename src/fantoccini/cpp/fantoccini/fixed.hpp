@@ -59,7 +59,7 @@ struct FixedRun {
         trajectory.at.slip);
     if constexpr (touches) {
       auto& contacts = trajectory.at.contacts;
-      const int n = contacts.shared(trajectory.at.rows, share_, shared_);
+      const int n = contacts.shared(trajectory.at.eval, trajectory.at.rows, share_, shared_);
       out.touching(shared_, n, last_dt_, contacts.residual);
     }
   }

@@ -321,7 +321,7 @@ class HeldContacts : public FollowedPoints<Model> {
     double along[2 * room(C)];
     for (int a = 0; a < n_single_; ++a)
       if (f.row_state[f.rows.row[a]] == HELD) of[n_own++] = a;
-    cone.n_single = n_own;
+    const int n_rows = n_own;
     for (int c = 0; c < n; ++c) {
       if (at[c].mode != STICKING && at[c].mode != SLIDING) continue;
       slides[n_points] = at[c].mode == SLIDING;
@@ -330,11 +330,11 @@ class HeldContacts : public FollowedPoints<Model> {
       cone.mu[n_points++] = in->friction[at[c].pair];
       for (int d = 0; d < 3; ++d) of[n_own++] = n_single_ + 3 * c + d;
     }
-    cone.n_contacts = n_points;
+    cone.resize(n_rows, n_points);
     cone.slides = slides;
     cone.along = along;
     for (int i = 0; i < n_own; ++i) {
-      for (int j = 0; j < n_own; ++j) cone.G[i * n_own + j] = G_[of[i] * n_ + of[j]];
+      for (int j = 0; j < n_own; ++j) cone.G[i * cone.stride + j] = G_[of[i] * n_ + of[j]];
       cone.b[i] = asked[of[i]];
       cone.x[i] = y_[of[i]];
       cone.lower[i] = i < cone.n_single && f.rows.two_sided[of[i]] ? -unbounded : 0.0;

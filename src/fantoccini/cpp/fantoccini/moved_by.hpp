@@ -28,7 +28,9 @@ struct MovedBy {
     link[1] = link[0];
     link[0] = which;
     if (n == 0) {
-      while (begin < end) entry[n++] = *begin++;
+      const int count = int(end - begin);
+      for (int j = 0; j < count; ++j) entry[j] = begin[j];
+      n = count;
       return;
     }
     apart = apart && (entry[n - 1] < *begin || end[-1] < entry[0]);

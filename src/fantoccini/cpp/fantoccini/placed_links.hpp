@@ -6,6 +6,7 @@
 #include "lane_of.hpp"
 #include "space.hpp"
 #include "touch.hpp"
+#include "triple.hpp"
 
 namespace fan {
 
@@ -51,6 +52,11 @@ class PlacedLinks {
     double at[3], radius;
   };
 
+  // About the world's origin; registers of four.
+  struct Twist {
+    double linear[4], angular[4];
+  };
+
   FAN_FN bool has_solids(int link) const { return begin_of_[link] != end_of_[link]; }
 
   // Takes a lane's poses, screws and velocities.
@@ -76,29 +82,40 @@ class PlacedLinks {
     }
   }
 
-  // The twists of the links: each has its parent's and what its own joint adds.
+  // The twists of the links at the velocities of the lane.
   FAN_FN void move() {
+    add_twists<true>(Model::moved_D_begin, Model::moved_D_entry, screw_D_, v_D_, twist_);
+    if (NK > 0) add_twists<false>(Model::moved_K_begin, Model::moved_K_entry, screw_K_, v_K_, twist_);
+  }
+
+  // What some velocities v add to the twists of the links: each has its parent's and what its own
+  // joint adds. The fourth number of a register is of no use: what follows three in memory.
+  template <bool first>
+  FAN_FN static void add_twists(
+      const int* begin, const int* entry, const double* screw, const double* v, Twist* twist) {
+    Twist own[room(L)];
     for (int i = 0; i < L; ++i) {
       const int up = Model::link_parent[i];
-      double* to = twist_ + 6 * i;
-      const double still[6] = {}, *from = up < 0 ? still : twist_ + 6 * up;
-      double a = from[0], b = from[1], c = from[2], d = from[3], e = from[4], f = from[5];
-      const auto add = [&](const int* begin, const int* entry, const double* screw, const double* v) {
-        const int carried = up < 0 ? 0 : begin[up + 1] - begin[up];
-        for (int j = begin[i] + carried; j < begin[i + 1]; ++j) {
-          const int k = entry[j];
-          const double *of = screw + 6 * k, speed = v[k];
-          a += of[0] * speed;
-          b += of[1] * speed;
-          c += of[2] * speed;
-          d += of[3] * speed;
-          e += of[4] * speed;
-          f += of[5] * speed;
-        }
-      };
-      add(Model::moved_D_begin, Model::moved_D_entry, screw_D_, v_D_);
-      add(Model::moved_K_begin, Model::moved_K_entry, screw_K_, v_K_);
-      to[0] = a, to[1] = b, to[2] = c, to[3] = d, to[4] = e, to[5] = f;
+      Quad linear{}, angular{};
+      int j = begin[i];
+      if (up >= 0) {
+        linear = quad(own[up].linear);
+        angular = quad(own[up].angular);
+        j += begin[up + 1] - begin[up];
+      }
+      for (; j < begin[i + 1]; ++j) {
+        const double *of = screw + 6 * entry[j], speed = v[entry[j]];
+        linear += speed * quad(of);
+        angular += speed * quad(of + 3);
+      }
+      quad(own[i].linear) = linear;
+      quad(own[i].angular) = angular;
+      if (!first) {
+        linear += quad(twist[i].linear);
+        angular += quad(twist[i].angular);
+      }
+      quad(twist[i].linear) = linear;
+      quad(twist[i].angular) = angular;
     }
   }
 
@@ -112,11 +129,11 @@ class PlacedLinks {
       Ball& all = ball_of_[link];
       carry(R, around_[link].at, all.at);
       all.radius = around_[link].radius;
-      const double* t = twist_ + 6 * link;
+      const Twist& t = twist_[link];
       double v[3];
-      cross(t + 3, all.at, v);
-      for (int c = 0; c < 3; ++c) v[c] += t[c];
-      speed_[link] = sqrt(dot3(v, v)) + sqrt(dot3(t + 3, t + 3)) * all.radius;
+      cross(t.angular, all.at, v);
+      for (int c = 0; c < 3; ++c) v[c] += t.linear[c];
+      speed_[link] = sqrt(dot3(v, v)) + sqrt(dot3(t.angular, t.angular)) * all.radius;
     }
   }
 
@@ -219,11 +236,12 @@ class PlacedLinks {
   }
 
   struct {
-    Real poses[room(12 * L)], screw_D[room(6 * N)], screw_K[room(6 * NK)];
+    Real poses[room(12 * L)], screw_D[6 * N + 1], screw_K[6 * NK + 1];  // one more is read
   } links_;
   const double *poses_, *screw_D_, *screw_K_, *v_D_, *v_K_;  // of the lane that is looked at
   double lane_[width == 1 ? 1 : 12 * L + 7 * (N + NK)];
-  double twist_[room(6 * L)], speed_[room(L)];
+  Twist twist_[room(L)];
+  double speed_[room(L)];
   double reach_[room(L)];           // m: of a link's solids from its origin; 0 without
   Solid placed_[room(B)];
   Ball ball_[room(B)], ball_of_[room(L)];  // around solids, and around all of a link
