@@ -158,7 +158,7 @@ def test_a_catch_at_the_start_is_booked_whole(slack):
 
 
 def test_what_a_slipping_winch_takes_in_a_catch_is_booked_once():
-    """A falling bead is caught by a winch that slips: that is slip, and no impact.
+    """A falling bead is caught by a winch that slips: that is slip, and impact while a gap closes.
 
     The first two steps were in both columns.
     """
@@ -166,9 +166,9 @@ def test_what_a_slipping_winch_takes_in_a_catch_is_booked_once():
     x = spun(puppet.state({"bead.z": 0.013}), [0.0, -3.0])
     run = fan.simulate(puppet, x, t_end=0.1, method=fan.TimeStepping(dt=0.001))
     T = run.ledger["kinetic"][0]
-    assert np.max(np.abs(run.ledger["residual"])) < 0.03 * T
+    assert np.max(np.abs(run.ledger["residual"])) < 0.02 * T
     assert run.ledger["slip"][-1] == pytest.approx(T, rel=0.03)
-    assert np.max(run.ledger["impact"]) < 1e-3 * T
+    assert np.max(run.ledger["impact"]) < 0.02 * T
 
 
 @pytest.mark.parametrize("tilt", [0.03, 0.04, 0.05])

@@ -386,10 +386,9 @@ struct TimeStep {
       for (int b = 0; b < rows.n; ++b) after += rows.problem.G[a * stride + b] * pull_[b];
       if constexpr (touches)
         if (solids) after -= contacts.rate_by_impulses(a);
-      // What a slipping winch takes is in slip_loss.
-      Mask booked = caught;
-      if (r < S) booked = caught && !slips[r];
-      impact += select(booked, Real(x * 0.5 * (before_[a] + after)), Real(0.0));
+      Real lost = 0.5 * (before_[a] + after);
+      if (r < S) lost -= select(slips[r], slip_rate_[r], Real(0.0));  // which is in slip_loss
+      impact += select(caught, Real(x * lost), Real(0.0));
     }
     for (int r = 0; r < M; ++r) {
       held[r] = taut[r] && pulled[r];
