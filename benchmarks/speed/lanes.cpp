@@ -33,6 +33,7 @@ void begin() {
   }
   led.winches.set(table.data());
   led.opt.dt = number[0];
+  led.opt.extrapolate = 1;
   led.opt.recovery_speed = number[1];
   led.opt.tension_cap = number[2];
   led.begin();

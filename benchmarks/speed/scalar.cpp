@@ -103,6 +103,7 @@ void begin_steps() {
   for (int i = 0; i < S; ++i) run.trajectory.at.slip[i] = 0.0;
   run.trajectory.winches.set(table.data());
   run.trajectory.opt.dt = number[0];
+  run.trajectory.opt.extrapolate = 1;
   run.trajectory.opt.recovery_speed = number[1];
   run.trajectory.opt.tension_cap = number[2];
   run.trajectory.opt.max_steps = 1LL << 60;

@@ -61,7 +61,7 @@ struct Bundle {
       const int* places)
       : winches(all_winches) {
     for (int r = 0; r < M; ++r) {
-      step.taut[r] = step.held[r] = Real(0.0) > Real(1.0);
+      step.set_row(r, Real(0.0) > Real(1.0), Real(0.0) > Real(1.0));
       step.tension[r] = Real(0.0);
     }
     for (int k = 0; k < N; ++k) u_D[k] = Real(0.0);
@@ -176,8 +176,7 @@ int main() {
       for (int k = 0; k < N; ++k) single[l].v_D[k] = first.v_D[k][l];
       for (int i = 0; i < S; ++i) single[l].step.slip[i] = first.step.slip[i][l];
       for (int r = 0; r < M; ++r) {
-        single[l].step.taut[r] = first.step.taut[r][l];
-        single[l].step.held[r] = first.step.held[r][l];
+        single[l].step.set_row(r, first.step.taut[r][l], first.step.held[r][l]);
         was[l].push_back(first.step.taut[r][l]);
       }
     }

@@ -12,6 +12,7 @@
 #pragma once
 
 #include "elementary.hpp"
+#include "unrolled.hpp"
 
 namespace fan {
 
@@ -42,7 +43,10 @@ struct ComplementarityTolerances {
   static constexpr int max_iterations(int n) { return 50 + 4 * n; }
 };
 
-template <class Real, int capacity>
+// Of a problem for solve() the first `leading` rows always take part: what is done for them is
+// straight-line code, the same whatever rows follow, so that no lane's sums depend on whether rows of
+// its neighbours do.
+template <class Real, int capacity, int leading = 0>
 struct Complementarity {
   using Mask = typename Traits<Real>::Mask;
   using Tolerance = ComplementarityTolerances;
@@ -59,9 +63,9 @@ struct Complementarity {
 
   // The factor of the active rows, the diagonal raised by eps times its largest entry.
   FAN_FN void factorise(double eps) {
-    choose();
+    choose<0>();
     raise_ = eps * largest_;
-    factor(0.0);
+    factor<0>(0.0);
   }
 
   // The pivot of row i in the factor; the row must be active in some lane.
@@ -78,26 +82,16 @@ struct Complementarity {
   }
 
   // r <- (active block)^-1 r; the other rows stay as they are.
-  FAN_FN void substitute(Real* r) const {
-    Real y[N];
-    for (int c = 0; c < n_some_; ++c) y[c] = r[some_[c]];
-    for (int c = 0; c < n_some_; ++c)
-      for (int d = c + 1; d < n_some_; ++d) y[d] -= factor_[d * N + c] * y[c];
-    for (int c = 0; c < n_some_; ++c) y[c] *= inverse_[c];
-    for (int c = n_some_ - 1; c >= 0; --c) {
-      for (int d = 0; d < c; ++d) y[d] -= factor_[c * N + d] * y[c];
-      r[some_[c]] = y[c];
-    }
-  }
+  FAN_FN void substitute(Real* r) const { substitute_with<0>(r); }
 
   // x of the active rows from s_i = 0, of the others from their bounds; then s of all rows. Refines
   // until the residuals are rounding; a lane that is done no longer changes.
   FAN_FN void solve_active(double eps, int max_refinements) {
     factorise(eps);
-    first_solution();
+    first_solution<0>();
     const Mask everywhere = Real(0.0) < Real(1.0);
-    residuals(everywhere);
-    refine(max_refinements, everywhere);
+    residuals<0>(everywhere);
+    refine<0>(max_refinements, everywhere);
   }
 
   // Solves the problem from the guess in `active` and `high`. tolerance is relative to the largest
@@ -109,27 +103,31 @@ struct Complementarity {
     using std::abs;
     Real fewest = Real(double(n + 1)), patience = Real(Tolerance::patience);
     Mask solved = Real(0.0) > Real(1.0);
-    for (int i = 0; i < n; ++i) b[i] = select(abs(b[i]) < negligible, Real(0.0), b[i]);
+    rows<leading>([&](auto i) FAN_INLINE {
+      b[i] = select(abs(b[i]) < negligible, Real(0.0), b[i]);
+    });
     if (!again) standing_ = false;
     if (!standing_) raised_ = solved;
     for (int iteration = 0; iteration < max_iterations; ++iteration) {
       factorise_as_needed(eps);
-      first_solution();
+      first_solution<leading>();
       Real scale = Real(0.0), count = Real(0.0);
-      for (int i = 0; i < n; ++i) scale = select(abs(x[i]) > scale, Real(abs(x[i])), scale);
-      Mask below[N], above[N], wrong[N];
-      residuals(raised_);
-      for (int i = 0; i < n; ++i) {
+      Mask below[N], above[N], wrong[N], some = Real(0.0) > Real(1.0);
+      rows<leading>([&](auto i) FAN_INLINE { scale = maximum(Real(abs(x[i])), scale); });
+      const Real slack = tolerance * scale;
+      residuals<leading>(raised_);
+      rows<leading>([&](auto i) FAN_INLINE {
         const Real sum = s[i] + raise_ * x[i], terms = terms_[i];
-        below[i] = active[i] && x[i] < lower[i] - tolerance * scale;
-        above[i] = active[i] && x[i] > upper[i] + tolerance * scale;
+        below[i] = active[i] && x[i] < lower[i] - slack;
+        above[i] = active[i] && x[i] > upper[i] + slack;
         const Mask freed = (high[i] && sum > tolerance * terms) ||
                            (!active[i] && !high[i] && sum < -tolerance * terms);
         wrong[i] = below[i] || above[i] || freed;
-        count += select(wrong[i], Real(1.0), Real(0.0));
-      }
-      solved = count < Real(0.5);
-      if (!any(!solved)) break;
+        some = some || wrong[i];
+      });
+      solved = !some;
+      if (!any(some)) break;
+      for (int i = 0; i < n; ++i) count += select(wrong[i], Real(1.0), Real(0.0));
       const Mask better = count < fewest;
       fewest = select(better, count, fewest);
       patience = select(better, Real(Tolerance::patience), Real(patience - 1.0));
@@ -142,26 +140,33 @@ struct Complementarity {
         active[i] = (active[i] && !flip) || (!active[i] && flip);
       }
     }
-    refine(max_refinements, raised_);
+    refine<leading>(max_refinements, raised_);
     return solved;
   }
 
  private:
+  // Calls f with the number of every row; for the first ones as a constant.
+  template <int first, class F>
+  FAN_ALWAYS_INLINE void rows(const F& f) const {
+    unrolled<0, first>(f);
+    for (int i = first; i < n; ++i) f(i);
+  }
+
   // Raises the lanes in which a pivot is small, and keeps them raised: pivoting ends for one
   // matrix, not for two that alternate. The other lanes are solved to rounding and need no
   // refinement.
   FAN_FN void factorise_as_needed(double eps) {
     if (standing_ && stands()) return;
-    choose();
+    choose<leading>();
     standing_ = true;
-    for (int i = 0; i < n; ++i) factored_[i] = active[i];
+    rows<leading>([&](auto i) FAN_INLINE { factored_[i] = active[i]; });
     raise_ = select(raised_, eps * largest_, Real(0.0));
-    factor(Tolerance::firm_pivot * eps);
+    factor<leading>(Tolerance::firm_pivot * eps);
     const Mask now = loose_ && !raised_;
     if (!any(now)) return;
     raised_ = raised_ || now;
     raise_ = select(raised_, eps * largest_, Real(0.0));
-    factor(0.0);
+    factor<leading>(0.0);
   }
 
   // Whether the factor is that of the active rows.
@@ -171,62 +176,119 @@ struct Complementarity {
     return !any(differs);
   }
 
-  // The rows that are active in some lane, and the largest diagonal entry of each lane's.
+  // The first rows and those that are active in some lane, and the largest diagonal entry of each
+  // lane's active rows.
+  template <int first>
   FAN_FN void choose() {
     largest_ = Real(Tolerance::smallest_diagonal);
-    n_some_ = 0;
-    for (int j = 0; j < n; ++j) {
-      if (!any(active[j])) continue;
-      some_[n_some_++] = j;
+    n_some_ = first;
+    rows<first>([&](auto j) FAN_INLINE {
+      if (j < first) some_[j] = j;
+      else if (any(active[j])) some_[n_some_++] = j;
+      else return;
       const Real own = select(active[j], G[j * N + j], Real(0.0));
-      largest_ = select(own > largest_, own, largest_);
-    }
+      largest_ = maximum(own, largest_);
+    });
   }
 
   // Marks the lanes with pivots below `least` times the largest diagonal entry as loose.
+  template <int first>
   FAN_FN void factor(double least) {
     loose_ = Real(0.0) > Real(1.0);
-    Real scaled[N];  // row c of L times D
+    const Real low = least * largest_;
+    unrolled<0, first>([&](auto c) FAN_INLINE {
+      Real sum[first > 0 ? first : 1];
+      unrolled<0, first>([&](auto d) FAN_INLINE {
+        if constexpr (d >= c) sum[d] = entry(d, c);
+      });
+      unrolled<0, c>([&](auto k) FAN_INLINE {
+        const Real part = factor_[c * N + k];
+        unrolled<0, first>([&](auto d) FAN_INLINE {
+          if constexpr (d >= c) sum[d] -= part * (d == c ? factor_[k * N + c] : factor_[k * N + d]);
+        });
+      });
+      take_pivot(c, sum[c], low);
+      unrolled<0, first>([&](auto d) FAN_INLINE {
+        if constexpr (d > c) take_entry(c, d, sum[d]);
+      });
+    });
     for (int c = 0; c < n_some_; ++c) {
-      const int j = some_[c];
-      const Real diagonal = G[j * N + j];
-      Real pivot = select(active[j], Real(diagonal + raise_), Real(1.0));
-      const Real* own = factor_ + c * N;
-      for (int k = 0; k < c; ++k) {
-        scaled[k] = own[k] * pivots_[k];
-        pivot -= own[k] * scaled[k];
-      }
-      // A redundant row leaves rounding here; the floor keeps the factor finite.
-      const Real floor = raise_ * Tolerance::pivot_floor[0] +
-                         diagonal * Tolerance::pivot_floor[1] + Tolerance::pivot_floor[2];
-      pivots_[c] = select(pivot > floor, pivot, floor);
-      inverse_[c] = Real(1.0) / pivots_[c];
-      loose_ = loose_ || (active[j] && pivots_[c] < least * largest_);
-      for (int d = c + 1; d < n_some_; ++d) {
-        const int i = some_[d];
-        Real* other = factor_ + d * N;
-        Real sum = select(active[i] && active[j], G[i * N + j], Real(0.0));
-        for (int k = 0; k < c; ++k) sum -= other[k] * scaled[k];
-        other[c] = sum * inverse_[c];
+      const int begin = c < first ? first : c;
+      for (int d = begin; d < n_some_; ++d) {
+        Real sum = entry(some_[d], some_[c]);
+        for (int k = 0; k < c; ++k) sum -= factor_[c * N + k] * factor_[k * N + d];
+        if (d == c) take_pivot(c, sum, low);
+        else take_entry(c, d, sum);
       }
     }
   }
 
+  // Entry (i, j) of what is factorised.
+  FAN_ALWAYS_INLINE Real entry(int i, int j) const {
+    if (i == j) return select(active[i], Real(G[i * N + i] + raise_), Real(1.0));
+    return select(active[i] && active[j], G[i * N + j], Real(0.0));
+  }
+
+  FAN_ALWAYS_INLINE void take_pivot(int c, const Real& found, const Real& low) {
+    // A redundant row leaves rounding here; the floor keeps the factor finite.
+    const int j = some_[c];
+    const Real floor = raise_ * Tolerance::pivot_floor[0] +
+                       G[j * N + j] * Tolerance::pivot_floor[1] + Tolerance::pivot_floor[2];
+    pivots_[c] = maximum(found, floor);
+    inverse_[c] = Real(1.0) / pivots_[c];
+    loose_ = loose_ || (active[j] && pivots_[c] < low);
+  }
+
+  FAN_ALWAYS_INLINE void take_entry(int c, int d, const Real& found) {
+    factor_[c * N + d] = found;
+    factor_[d * N + c] = found * inverse_[c];
+  }
+
+  // r <- (active block)^-1 r, the first rows in straight-line code.
+  template <int first>
+  FAN_FN void substitute_with(Real* r) const {
+    Real y[N];
+    unrolled<0, first>([&](auto c) FAN_INLINE { y[c] = r[c]; });
+    for (int c = first; c < n_some_; ++c) y[c] = r[some_[c]];
+    unrolled<0, first>([&](auto c) FAN_INLINE {
+      unrolled<c + 1, first>([&](auto d) FAN_INLINE { y[d] -= factor_[d * N + c] * y[c]; });
+    });
+    for (int d = first; d < n_some_; ++d)
+      for (int c = 0; c < d; ++c) y[d] -= factor_[d * N + c] * y[c];
+    for (int c = n_some_ - 1; c >= first; --c) {
+      y[c] *= inverse_[c];
+      for (int d = 0; d < c; ++d) y[d] -= factor_[d * N + c] * y[c];
+      r[some_[c]] = y[c];
+    }
+    unrolled<0, first>([&](auto i) FAN_INLINE {
+      constexpr int c = first - 1 - i;
+      y[c] *= inverse_[c];
+      unrolled<0, c>([&](auto d) FAN_INLINE { y[d] -= factor_[d * N + c] * y[c]; });
+      r[c] = y[c];
+    });
+  }
+
+  template <int first>
   FAN_FN void first_solution() {
     Real known[N];
-    for (int i = 0; i < n; ++i) known[i] = select(high[i], upper[i], lower[i]);
-    for (int i = 0; i < n; ++i) x[i] = select(active[i], b[i], Real(0.0));
-    for (int j = 0; j < n; ++j) {
-      const Real fixed = select(active[j], Real(0.0), known[j]);
-      if (!any(fixed != Real(0.0))) continue;
-      for (int i = 0; i < n; ++i) x[i] -= select(active[i], Real(G[i * N + j] * fixed), Real(0.0));
-    }
-    substitute(x);
-    for (int i = 0; i < n; ++i) x[i] = select(active[i], x[i], known[i]);
+    Mask some = Real(0.0) > Real(1.0);
+    rows<first>([&](auto i) FAN_INLINE {
+      known[i] = select(active[i], Real(0.0), select(high[i], upper[i], lower[i]));
+      some = some || known[i] != Real(0.0);
+      x[i] = select(active[i], b[i], Real(0.0));
+    });
+    if (any(some))
+      for (int j = 0; j < n; ++j)
+        if (any(known[j] != Real(0.0)))
+          for (int i = 0; i < n; ++i)
+            x[i] -= select(active[i], Real(G[i * N + j] * known[j]), Real(0.0));
+    substitute_with<first>(x);
+    rows<first>([&](auto i) FAN_INLINE { x[i] = select(active[i], x[i], known[i]); });
   }
 
   // Refines x in the lanes `where` until the residuals are rounding, at most `most` times. On entry
   // s must be that of x.
+  template <int first>
   FAN_FN void refine(int most, const Mask& where) {
     using std::abs;
     if (!any(where)) return;
@@ -237,21 +299,27 @@ struct Complementarity {
         rough = rough || (where && active[i] && abs(s[i]) > Tolerance::refined_residual * terms_[i]);
       if (!any(rough)) return;
       for (int i = 0; i < n; ++i) r[i] = select(active[i] && rough, Real(-s[i]), Real(0.0));
-      substitute(r);
+      substitute_with<first>(r);
       for (int i = 0; i < n; ++i) x[i] += r[i];
-      residuals(where);
+      residuals<first>(where);
     }
   }
 
   // s, and the size of its terms. Active rows, whose s is 0 up to rounding and the raise, only in
   // the lanes `also`.
+  template <int first>
   FAN_FN void residuals(const Mask& also) {
     using std::abs;
+    Mask wanted = also;
+    rows<first>([&](auto i) FAN_INLINE {
+      s[i] = terms_[i] = Real(0.0);
+      wanted = wanted || !active[i];
+    });
+    if (!any(wanted)) return;
     int pulls[N], n_pulls = 0;
     for (int j = 0; j < n; ++j)
       if (any(x[j] != Real(0.0))) pulls[n_pulls++] = j;
     for (int i = 0; i < n; ++i) {
-      s[i] = terms_[i] = Real(0.0);
       if (!any(!active[i] || also)) continue;
       Real sum = -b[i], terms = abs(b[i]);
       for (int k = 0; k < n_pulls; ++k) {
@@ -268,9 +336,9 @@ struct Complementarity {
   Mask loose_, raised_;
   bool standing_ = false;  // whether there is a factor to be used again
   Mask factored_[N];       // active rows when it was made
-  int some_[N], n_some_ = 0;  // rows active in some lane, in order
-  // These rows' block is L D L^T with ones on L's diagonal; the part of a row that is not active in
-  // a lane is that of the unit matrix there.
+  int some_[N], n_some_ = 0;  // rows of the factor, in order
+  // These rows' block is L D L^T with ones on L's diagonal: L below the diagonal, D L^T above it.
+  // The part of a row that is not active in a lane is that of the unit matrix there.
   Real factor_[N * N], pivots_[N], inverse_[N];
 };
 

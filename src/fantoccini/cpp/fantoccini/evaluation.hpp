@@ -113,7 +113,9 @@ struct RowSystem {
   Real kick[room(M)];    // A_D acc_free: change of hdot per unit time without gamma
   Real hdot_K[room(M)];
   bool two_sided[room(M)];
-  Complementarity<Real, M> problem;
+  // Few strings are worth straight-line code, which grows with the third power of their number.
+  static constexpr int leading = S <= 8 ? S : 0;
+  Complementarity<Real, M, leading> problem;
 
   FAN_FN void gather(const Eval& e, const Real* v_D, const int* rows, int n_rows) {
     for (int i = 0; i < Model::n_limits; ++i) made_[i] = false;
@@ -123,37 +125,51 @@ struct RowSystem {
   // The same for more rows at the same evaluation: columns already computed are kept.
   FAN_FN void gather_more(const Eval& e, const Real* v_D, const int* rows, int n_rows) {
     n = problem.n = n_rows;
-    for (int a = 0; a < n; ++a) {
-      const int r = row[a] = rows[a];
-      if (r < S) {
-        column[a] = e.W + N * r;
-        hdot[a] = e.hdot[r];
-        hddot[a] = e.gamma[r] + e.a0[r];
-        kick[a] = e.a0[r];
-        hdot_K[a] = e.hdot_K[r];
-      } else {
-        limit(e, v_D, a, r - S);
-      }
-      two_sided[a] = r < S && Model::wire[r];
-    }
+    gather_from(0, e, v_D, rows);
+  }
+
+  // The first `leading` rows of gather() where all strings come first.
+  FAN_FN void gather_leading(const Eval& e) {
+    for (int i = 0; i < Model::n_limits; ++i) made_[i] = false;
+    each<leading>([&](int r) FAN_INLINE {
+      row[r] = r;
+      column[r] = e.W + N * r;
+      two_sided[r] = Model::wire[r];
+    });
+    each<leading>([&](int r) FAN_INLINE {
+      hdot[r] = e.hdot[r];
+      hddot[r] = e.gamma[r] + e.a0[r];
+      kick[r] = e.a0[r];
+      hdot_K[r] = e.hdot_K[r];
+    });
     constexpr int stride = Complementarity<Real, M>::N;
-    for (int a = 0; a < n; ++a) {
-      Real* G = problem.G + a * stride;
-      if (row[a] < S)
-        for (int b = 0; b <= a; ++b) G[b] = e.G[row[b] + S * row[a]];
-      else
-        products(a, G);
-      for (int b = 0; b < a; ++b) problem.G[b * stride + a] = G[b];
-    }
+    unrolled<0, leading>([&](auto a) FAN_INLINE {
+      unrolled<0, leading>([&](auto b) FAN_INLINE {
+        problem.G[a * stride + b] = e.G[(b < a ? b : a) + S * (b < a ? a : b)];
+      });
+    });
+  }
+
+  // The other rows of it, after gather_leading() or, at the same evaluation, after fewer rows.
+  FAN_FN void gather_others(const Eval& e, const Real* v_D, const int* rows, int n_rows) {
+    n = problem.n = n_rows;
+    gather_from(leading, e, v_D, rows);
   }
 
   // w <- w + W y over the rows.
-  FAN_FN void add(const Real* y, Real* w) const {
-    for (int a = 0; a < n; ++a) {
-      if (!any(y[a] != Real(0.0))) continue;
-      const Entries of = entries(row[a]);
-      for (int j = 0; j < of.n; ++j) w[of[j]] += column[a][of[j]] * y[a];
-    }
+  FAN_FN void add(const Real* y, Real* w) const { add_from(0, y, w); }
+
+  // The same where the strings come first, theirs in straight-line code.
+  FAN_FN void add_all(const Eval& e, const Real* y, Real* w) const {
+    unrolled<0, leading>([&](auto i) FAN_INLINE {
+      if (!any(y[i] != Real(0.0))) return;
+      constexpr int begin = Model::string_begin[i], end = Model::string_begin[i + 1];
+      unrolled<begin, end>([&](auto j) FAN_INLINE {
+        constexpr int k = Model::string_entry[j];
+        w[k] += e.W[N * i + k] * y[i];
+      });
+    });
+    add_from(leading, y, w);
   }
 
   // Whether no velocity moves both gathered row a and what these move: entries of either lie beyond
@@ -181,6 +197,39 @@ struct RowSystem {
   }
 
  private:
+  FAN_FN void gather_from(int first, const Eval& e, const Real* v_D, const int* rows) {
+    for (int a = first; a < n; ++a) {
+      const int r = row[a] = rows[a];
+      if (r < S) {
+        column[a] = e.W + N * r;
+        hdot[a] = e.hdot[r];
+        hddot[a] = e.gamma[r] + e.a0[r];
+        kick[a] = e.a0[r];
+        hdot_K[a] = e.hdot_K[r];
+      } else {
+        limit(e, v_D, a, r - S);
+      }
+      two_sided[a] = r < S && Model::wire[r];
+    }
+    constexpr int stride = Complementarity<Real, M>::N;
+    for (int a = first; a < n; ++a) {
+      Real* G = problem.G + a * stride;
+      if (row[a] < S)
+        for (int b = 0; b <= a; ++b) G[b] = e.G[row[b] + S * row[a]];
+      else
+        products(a, G);
+      for (int b = 0; b < a; ++b) problem.G[b * stride + a] = G[b];
+    }
+  }
+
+  FAN_FN void add_from(int first, const Real* y, Real* w) const {
+    for (int a = first; a < n; ++a) {
+      if (!any(y[a] != Real(0.0))) continue;
+      const Entries of = entries(row[a]);
+      for (int j = 0; j < of.n; ++j) w[of[j]] += column[a][of[j]] * y[a];
+    }
+  }
+
   // The entries of a row's column that differ from zero.
   struct Entries {
     const int* place;

@@ -152,6 +152,31 @@ __attribute__((always_inline)) inline Lanes<width> select(
     return Lanes<width>::of(mask.bits ? yes.v : no.v);
 }
 
+// a where a > b or a < b, else b: one operation instead of two that wait for each other.
+template <int width>
+__attribute__((always_inline)) inline Lanes<width> maximum(
+    const Lanes<width>& a, const Lanes<width>& b) {
+#if defined(__AVX512F__)
+  if constexpr (width == 8) return Lanes<width>::of(vector_maximum(a.v, b.v));
+#endif
+#if defined(__AVX__)
+  if constexpr (width == 4) return Lanes<width>::of(vector_maximum(a.v, b.v));
+#endif
+  return Lanes<width>::of(a.v > b.v ? a.v : b.v);
+}
+
+template <int width>
+__attribute__((always_inline)) inline Lanes<width> minimum(
+    const Lanes<width>& a, const Lanes<width>& b) {
+#if defined(__AVX512F__)
+  if constexpr (width == 8) return Lanes<width>::of(vector_minimum(a.v, b.v));
+#endif
+#if defined(__AVX__)
+  if constexpr (width == 4) return Lanes<width>::of(vector_minimum(a.v, b.v));
+#endif
+  return Lanes<width>::of(a.v < b.v ? a.v : b.v);
+}
+
 // 1 / sqrt(x), x > 0 (NaN at 0 with AVX-512). A root and a quotient of eight doubles take as long
 // as sixty products; AVX-512 has an estimate to 2^-14, which two iterations make as exact.
 template <int width>

@@ -2,19 +2,9 @@
 #pragma once
 
 #include "elementary.hpp"
+#include "unrolled.hpp"
 
 namespace fan {
-
-// The sum of n squares, four sums at a time: each addition waits for the one before.
-template <int n, class Real>
-FAN_FN Real squares(const Real* x) {
-  Real sum[4] = {Real(0.0), Real(0.0), Real(0.0), Real(0.0)};
-  int i = 0;
-  for (; i + 4 <= n; i += 4)
-    for (int j = 0; j < 4; ++j) sum[j] += x[i + j] * x[i + j];
-  for (; i < n; ++i) sum[0] += x[i] * x[i];
-  return (sum[0] + sum[1]) + (sum[2] + sum[3]);
-}
 
 // out = a b.
 template <class Real>
@@ -88,8 +78,9 @@ FAN_FN void tidy(Real* q) {
 // moved may be q itself.
 template <class Space, class Real>
 FAN_FN void retract(const Real* q, const Real* d, Real* moved) {
-  for (int i = 0; i < Space::n_scalars; ++i)
+  each<Space::n_scalars>([&](int i) FAN_INLINE {
     moved[Space::scalar_q[i]] = q[Space::scalar_q[i]] + d[Space::scalar_v[i]];
+  });
   for (int i = 0; i < Space::n_quaternions; ++i) {
     Real turn[4];
     quaternion_exp(d + Space::quaternion_v[i], turn);

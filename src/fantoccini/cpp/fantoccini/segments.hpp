@@ -113,13 +113,23 @@ FAN_FN void motion_of(
   }
 }
 
+// Whether a space's scalars come first, in order.
+template <class Space>
+constexpr bool scalars_first() {
+  for (int i = 0; i < Space::n_scalars; ++i)
+    if (Space::scalar_q[i] != i || Space::scalar_v[i] != i) return false;
+  return true;
+}
+
 // The velocity that takes q to q_next in dt.
 template <class Space, class Real>
 FAN_FN void increment(const Real* q, const Real* q_next, double dt, Real* rate) {
-  for (int i = 0; i < Space::n_scalars; ++i) {
-    const int at = Space::scalar_q[i];
-    rate[Space::scalar_v[i]] = (q_next[at] - q[at]) * (1.0 / dt);
-  }
+  const double per = 1.0 / dt;
+  each<Space::n_scalars>([&](int i) FAN_INLINE {
+    const int at = scalars_first<Space>() ? i : Space::scalar_q[i];
+    const int to = scalars_first<Space>() ? i : Space::scalar_v[i];
+    rate[to] = (q_next[at] - q[at]) * per;
+  });
   for (int i = 0; i < Space::n_quaternions; ++i) {
     const Real* a = q + Space::quaternion_q[i];
     const Real inverse[4] = {a[0], -a[1], -a[2], -a[3]};

@@ -60,13 +60,12 @@ struct TimeStep {
   std::conditional_t<touches, ContactStep<Model, Real>, NoContacts> contacts;
   const ContactArrays* solids = nullptr;  // null: nothing touches anything
   Real acc[room(N)];      // (v+ - v) / dt
-  Real trend[room(N)] = {};  // acc, or 0 in lanes that are not steady
   Real lead[room(N)] = {};   // (v_ahead - v) / dt of the step to come
   double whole = 0.0;        // s: the run's step; the last one may be shorter
   bool extrapolates = true;  // otherwise v_ahead is v: a step depends on its state alone
   Mask steady = Real(0.0) > Real(1.0);  // whether the next step may extrapolate the last one
   Real tension[room(M)];  // Lambda / dt
-  Mask taut[room(M)];    // rows that pulled in the last step
+  Mask taut[room(M)];    // rows that pulled in the last step; to be set by set_row()
   Mask pulled[room(M)];  // the same, but for rows that the first step of a run catches
   Mask held[room(M)];    // rows that pulled in the last step and in the one before it
   Real slip[room(S)];    // m, >= 0
@@ -82,6 +81,7 @@ struct TimeStep {
     extrapolates = options.extrapolate != 0;
     whole = options.dt;
     solids = options.contacts;
+    some_near_ = limits_pull_ = limits_pulled_ = true;
     if constexpr (touches)
       if (solids) contacts.begin(*solids);
   }
@@ -94,14 +94,11 @@ struct TimeStep {
       const Real* u_D, double dt, double recovery_speed, double cap, const Winches<S>& winches,
       const Real* p, Real* q_next, Real* v_next) {
     Real v_ahead[room(N)];
-    for (int k = 0; k < N; ++k) v_ahead[k] = v_D[k] + dt * lead[k];
+    each<N>([&](int k) FAN_INLINE { v_ahead[k] = v_D[k] + dt * lead[k]; });
     eval.at(q_D, v_D, q_K, v_K, acc_K, u_D, v_ahead, Real(dt), p);
     wind(winches, dt);
-    violation = Real(0.0);
-    for (int r = 0; r < M; ++r) {
-      const Real beyond = overstep(r);
-      violation = select(beyond > violation, beyond, violation);
-    }
+    violation = maximum(largest<M - S>(eval.h_limit), Real(0.0));
+    for (int i = 0; i < S; ++i) violation = maximum(overstep(i), violation);
     stirred = stirred || violation > Real(Tolerance::stirred_violation);
     if constexpr (touches)
       if (solids) {
@@ -111,27 +108,27 @@ struct TimeStep {
         violation = select(depth > violation, depth, violation);
       }
     watch_first(v_D, dt);
+    rows.gather_leading(eval);
     gather(v_D);
     pull(dt, recovery_speed, cap, winches);
     while (watch_more(v_D, dt, recovery_speed) || look_again(v_D, v_K, dt, recovery_speed)) {
-      gather_more(v_D);
+      gather(v_D);
       pull(dt, recovery_speed, cap, winches);
     }
     give_way(winches, cap, dt);
     const Mask caught = account(v_D, u_D, dt);
-    Real move[room(N)], part[room(N)];
-    for (int k = 0; k < N; ++k) {
-      v_next[k] = v_D[k] + acc[k];
+    Real move[room(N)];
+    each<N>([&](int k) FAN_INLINE {
+      v_next[k] = v_D[k] + change_[k];
       move[k] = dt * v_next[k];
-      part[k] = move[k] * (1.0 / (Model::turns[k] ? Tolerance::max_turn_per_step
-                                                   : Tolerance::max_move_per_step));
-      acc[k] *= 1.0 / dt;
-      lead[k] = acc[k] * 0.5 + select(steady, Real(0.25 * (acc[k] - trend[k])), Real(0.0));
-      trend[k] = acc[k];
-    }
+      const Real found = change_[k] * (1.0 / dt);
+      lead[k] = found * 0.5 + select(steady, Real(0.25 * (found - acc[k])), Real(0.0));
+      acc[k] = found;
+    });
     steady = !caught;
     const Real most = select(stirred, Real(1.0), Real(Tolerance::unstirred_factor));
-    if (any(!(squares<N>(part) < most * most))) slow_down(part, most, v_next, move);
+    if (any(!(weighted_squares<N>(move, shares.of) < most * most)))
+      slow_down(most, v_next, move);
     if (!extrapolates) steady = Real(0.0) > Real(1.0);
     if (any(!steady)) forget(!steady);
     retract<typename Model::Dynamic>(q_D, move, q_next);
@@ -139,26 +136,41 @@ struct TimeStep {
 
   template <class Memory>
   FAN_FN void remember(Memory& memory) {
-    memory.keep(trend, lead, steady, stirred, tension, taut, pulled, held);
+    memory.keep(acc, lead, steady, stirred, tension, taut, pulled, held);
     if constexpr (touches) contacts.remember(memory);
+  }
+
+  // Whether row r pulled in the last step, and in the one before it.
+  FAN_FN void set_row(int r, const Mask& last, const Mask& before) {
+    taut[r] = pulled[r] = last;
+    held[r] = last && before;
+    limits_pull_ = limits_pulled_ = true;
   }
 
   // The next step extrapolates nothing in these lanes.
   FAN_FN void forget(const Mask& where) {
-    for (int k = 0; k < N; ++k) {
-      lead[k] = select(where, Real(0.0), lead[k]);
-      trend[k] = select(where, Real(0.0), trend[k]);
-    }
+    for (int k = 0; k < N; ++k) lead[k] = select(where, Real(0.0), lead[k]);
     steady = steady && !where;
   }
 
  private:
+  // One over how far a coordinate may move in a step.
+  struct Shares {
+    double of[room(N)] = {};
+    constexpr Shares() {
+      for (int k = 0; k < N; ++k)
+        of[k] = 1.0 / (Model::turns[k] ? Tolerance::max_turn_per_step : Tolerance::max_move_per_step);
+    }
+  };
+  static constexpr Shares shares{};
+
   // Scales down velocities and moves so that no part of the move exceeds `most`: inputs that cannot
   // be followed then do bounded harm.
-  FAN_FN void slow_down(const Real* part, const Real& most, Real* v, Real* move) {
+  FAN_FN void slow_down(const Real& most, Real* v, Real* move) {
     using std::abs;
     Real farthest = Real(0.0);
-    for (int k = 0; k < N; ++k) farthest = select(abs(part[k]) > farthest, abs(part[k]), farthest);
+    for (int k = 0; k < N; ++k)
+      farthest = maximum(Real(abs(move[k] * shares.of[k])), farthest);
     const Real brake = select(farthest > most, most / farthest, Real(1.0));
     for (int k = 0; k < N; ++k) {
       v[k] *= brake;
@@ -196,14 +208,17 @@ struct TimeStep {
   // The rate at which winches wind back their slip; changes the strings' h and hdot to those of
   // L + slip.
   FAN_FN void wind(const Winches<S>& winches, double dt) {
+    Mask out = Real(0.0) > Real(1.0);
+    for (int i = 0; i < S; ++i) out = out || slip[i] != Real(0.0);
+    gives_way_ = winches.some_slip || any(out);
+    if (!gives_way_) return;
     for (int i = 0; i < S; ++i) {
       winding_[i] = Real(0.0);
       if (winches.rewind_speed[i] > 0.0) {
         using std::sqrt;
         const Real most = slip[i] * (1.0 / dt), braked = sqrt(Real(2.0 * WinchTolerances::brake) * slip[i]);
         const Real speed = Real(winches.rewind_speed[i]);
-        const Real wanted = select(braked < speed, braked, speed);
-        winding_[i] = -select(most < wanted, most, wanted);
+        winding_[i] = -minimum(most, minimum(braked, speed));
       }
       eval.h[i] -= slip[i];
       eval.hdot[i] -= winding_[i];
@@ -214,10 +229,9 @@ struct TimeStep {
   // slips.
   FAN_FN void give_way(const Winches<S>& winches, double cap, double dt) {
     slip_loss = Real(0.0);
-    for (int i = 0; i < S; ++i) {
-      slip_rate_[i] = winding_[i];
-      slips[i] = Real(0.0) > Real(1.0);
-    }
+    for (int i = 0; i < S; ++i) slips[i] = Real(0.0) > Real(1.0);
+    if (!gives_way_) return;
+    for (int i = 0; i < S; ++i) slip_rate_[i] = winding_[i];
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
       if (!winches.slips(r) || winches.max_tension[r] >= cap) continue;
@@ -227,10 +241,7 @@ struct TimeStep {
       slip_loss -= pull_[a] * slip_rate_[r];
     }
     // The last step of unwinding ends at 0 but for rounding.
-    for (int i = 0; i < S; ++i) {
-      const Real next = slip[i] + dt * slip_rate_[i];
-      slip[i] = select(next > Real(0.0), next, Real(0.0));
-    }
+    for (int i = 0; i < S; ++i) slip[i] = maximum(Real(slip[i] + dt * slip_rate_[i]), Real(0.0));
   }
 
   // Chooses the rows that take part: all strings, and the limits that pulled in the step before or
@@ -238,27 +249,34 @@ struct TimeStep {
   // depend on its neighbours.
   FAN_FN void watch_first(const Real* v_D, double dt) {
     for (int r = 0; r < S; ++r) near_[r] = !idle;
-    Real rate[room(M - S)];
-    eval.limit_rates(v_D, rate);
+    Real h[room(M - S)];
+    eval.limit_rates(v_D, h);
+    each<M - S>([&](int i) FAN_INLINE { h[i] = eval.h_limit[i] + dt * h[i]; });
+    const bool some = limits_pull_ || any(largest<M - S>(h) > Real(0.0));
+    if (!some && !some_near_) return;
+    some_near_ = false;
     for (int i = 0; i < M - S; ++i) {
-      const Mask passes = eval.h_limit[i] + dt * rate[i] > Real(0.0);
-      near_[S + i] = !idle && (taut[S + i] || passes);
+      near_[S + i] = !idle && (taut[S + i] || h[i] > Real(0.0));
+      some_near_ = some_near_ || any(near_[S + i]);
     }
   }
 
   // Adds the limits that would be passed with the impulses found; whether there are any.
   FAN_FN bool watch_more(const Real* v_D, double dt, double recovery_speed) {
-    Real v[room(N)], rate[room(M - S)];
-    for (int k = 0; k < N; ++k) v[k] = v_D[k] + acc[k];
-    eval.limit_rates(v, rate);
+    Real v[room(N)], closing[room(M - S)];
+    each<N>([&](int k) FAN_INLINE { v[k] = v_D[k] + change_[k]; });
+    eval.limit_rates(v, closing);
+    const PositionTerm term(dt, whole, recovery_speed);
+    each<M - S>([&](int i) FAN_INLINE { closing[i] = closing[i] + term(eval.h_limit[i]); });
     bool more = false;
-    for (int i = 0; i < M - S; ++i) {
-      const Real closing = rate[i] + position_term(S + i, dt, recovery_speed);
-      const Mask passes = !idle && !near_[S + i] && closing > Real(Tolerance::passing_speed);
-      if (!any(passes)) continue;
-      near_[S + i] = near_[S + i] || passes;
-      more = true;
-    }
+    if (any(largest<M - S>(closing) > Real(Tolerance::passing_speed)))
+      for (int i = 0; i < M - S; ++i) {
+        const Mask passes =
+            !idle && !near_[S + i] && closing[i] > Real(Tolerance::passing_speed);
+        if (!any(passes)) continue;
+        near_[S + i] = near_[S + i] || passes;
+        some_near_ = more = true;
+      }
     if constexpr (touches)
       if (solids) more = contacts.watch(v) || more;
     return more;
@@ -268,47 +286,58 @@ struct TimeStep {
   FAN_FN bool look_again(const Real* v_D, const Real* v_K, double dt, double recovery_speed) {
     if constexpr (touches)
       return solids &&
-             contacts.look_again(eval, v_D, acc, v_K, dt, whole, recovery_speed, idle);
+             contacts.look_again(eval, v_D, change_, v_K, dt, whole, recovery_speed, idle);
     else
       return false;
   }
 
   FAN_FN void gather(const Real* v_D) {
     int list[room(M)];
-    rows.gather(eval, v_D, list, rows_in_some_lane<Model>(near_, list));
+    rows.gather_others(eval, v_D, list, some_rows(list));
   }
 
-  FAN_FN void gather_more(const Real* v_D) {
-    int list[room(M)];
-    rows.gather_more(eval, v_D, list, rows_in_some_lane<Model>(near_, list));
+  // Lists the rows that take part in some lane; how many there are.
+  FAN_FN int some_rows(int* list) const {
+    if (some_near_) return rows_in_some_lane<Model>(near_, list);
+    for (int r = 0; r < S; ++r) list[r] = r;
+    return S;
   }
 
-  // By how much a row is overstepped, if positive. For a wire h < 0 counts, too.
-  FAN_FN Real overstep(int r) const {
+  // By how much a string is overstepped, if positive. For a wire h < 0 counts, too.
+  FAN_FN Real overstep(int i) const {
     using std::abs;
-    return is_wire(r) ? Real(abs(eval.height(r))) : eval.height(r);
+    return is_wire(i) ? Real(abs(eval.h[i])) : eval.h[i];
   }
 
   // h / dt. If h > 0, over a whole step at least, and at most the recovery speed. If h < 0, the row
   // may close within this step.
-  FAN_FN Real position_term(int r, double dt, double recovery_speed) const {
-    const Real h = eval.height(r), limit = Real(recovery_speed);
-    const Real back = h * (1.0 / (dt > whole ? dt : whole));
-    const Real most = select(back > limit, limit, back);
-    if (is_wire(r)) return select(most < -limit, Real(-limit), most);
-    return select(h > Real(0.0), most, Real(h * (1.0 / dt)));
-  }
+  struct PositionTerm {
+    double back, ahead, limit;
+    FAN_FN PositionTerm(double dt, double whole, double recovery_speed)
+        : back(1.0 / (dt > whole ? dt : whole)), ahead(1.0 / dt), limit(recovery_speed) {}
+    FAN_ALWAYS_INLINE Real operator()(const Real& h) const {
+      return minimum(Real(h * select_rate(h)), Real(limit));
+    }
+    FAN_ALWAYS_INLINE Real of_wire(const Real& h) const {
+      return maximum(minimum(Real(h * back), Real(limit)), Real(-limit));
+    }
+    FAN_ALWAYS_INLINE Real select_rate(const Real& h) const {
+      return select(h > Real(0.0), Real(back), Real(ahead));
+    }
+  };
 
   FAN_FN static bool is_wire(int r) { return r < S && Model::wire[r]; }
 
-  // The impulses over the rows that take part, and acc = v+ - v with them.
+  // The impulses over the rows that take part, and v+ - v with them.
   FAN_FN void pull(double dt, double recovery_speed, double cap, const Winches<S>& winches) {
     auto& problem = rows.problem;
+    const PositionTerm term(dt, whole, recovery_speed);
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
       const Mask takes_part = near_[r];
       before_[a] = rows.hdot[a] + dt * rows.kick[a];
-      const Real closing = before_[a] + position_term(r, dt, recovery_speed);
+      const Real h = eval.height(r);
+      const Real closing = before_[a] + (is_wire(r) ? term.of_wire(h) : term(h));
       const bool winch = winches.slips(r) && winches.max_tension[r] < cap;
       problem.b[a] = select(takes_part, closing, Real(-ComplementarityTolerances::excluded_speed));
       problem.upper[a] = Real(dt * (winch ? winches.max_tension[r] : cap));
@@ -323,11 +352,11 @@ struct TimeStep {
       if (solids) touch(dt, cap);
     Real w[room(N)];
     for (int a = 0; a < rows.n; ++a) pull_[a] = -problem.bounded(a);
-    for (int k = 0; k < N; ++k) w[k] = dt * eval.w0[k];
-    rows.add(pull_, w);
+    each<N>([&](int k) FAN_INLINE { w[k] = dt * eval.w0[k]; });
+    rows.add_all(eval, pull_, w);
     if constexpr (touches)
       if (solids) contacts.add(w);
-    eval.back(w, acc);
+    eval.back(w, change_);
   }
 
   // Whether contacts take part in every lane that has not stopped: the rows' problem is then part
@@ -352,23 +381,27 @@ struct TimeStep {
     contacts.settle(eval, rows, near_, guess, before_, dt * cap, settled);
   }
 
-  // Tensions, the active set and the step's entries of the ledger. acc is v+ - v here. Returns the
-  // lanes in which a row was caught.
+  // Tensions, the active set and the step's entries of the ledger. Returns the lanes in which a row
+  // was caught.
   FAN_FN Mask account(const Real* v_D, const Real* u_D, double dt) {
-    Mask some_caught = Real(0.0) > Real(1.0);
-    for (int r = 0; r < M; ++r) {
+    Mask fresh[room(M)], some_caught = Real(0.0) > Real(1.0);
+    // Limits that pull neither now nor in the two steps before have nothing to be changed.
+    const bool limits = limits_pull_ || limits_pulled_ || rows.n > S;
+    limits_pulled_ = limits_pull_;
+    limits_pull_ = rows.n > S;
+    for (int r = 0; r < (limits ? M : S); ++r) {
+      fresh[r] = !held[r];
       tension[r] = Real(0.0);
       taut[r] = Real(0.0) > Real(1.0);
     }
     work = dt * eval.power0;
     impact = friction = Real(0.0);
     if (Model::coupled)
-      for (int k = 0; k < N; ++k) work += eval.M_DK_v_K[k] * acc[k];
-    Real power = Real(0.0);
-    for (int k = 0; k < N; ++k) power += u_D[k] * (v_D[k] + 0.5 * acc[k]);
+      for (int k = 0; k < N; ++k) work += eval.M_DK_v_K[k] * change_[k];
+    Real power = mean_power(u_D, v_D);
     for (int m = 0; m < Model::n_motors; ++m) {
       const int k = Model::motor_v[m];
-      power += (eval.f_M[m] - eval.y_M[m] * acc[k]) * (v_D[k] + 0.5 * acc[k]);
+      power += (eval.f_M[m] - eval.y_M[m] * change_[k]) * (v_D[k] + 0.5 * change_[k]);
     }
     work += dt * power;
     for (int a = 0; a < rows.n; ++a) {
@@ -378,19 +411,12 @@ struct TimeStep {
       taut[r] = rows.two_sided[a] ? Real(1.0) > Real(0.0) : x > Real(0.0);
       work += x * rows.hdot_K[a];
       // A catch takes two steps: the first ends where the row closes, the second stops it.
-      const Mask caught = taut[r] && !held[r];
-      if (!any(caught)) continue;
-      some_caught = some_caught || caught;
-      Real after = before_[a];
-      constexpr int stride = Complementarity<Real, M>::N;
-      for (int b = 0; b < rows.n; ++b) after += rows.problem.G[a * stride + b] * pull_[b];
-      if constexpr (touches)
-        if (solids) after -= contacts.rate_by_impulses(a);
-      Real lost = 0.5 * (before_[a] + after);
-      if (r < S) lost -= select(slips[r], slip_rate_[r], Real(0.0));  // which is in slip_loss
-      impact += select(caught, Real(x * lost), Real(0.0));
+      fresh[r] = fresh[r] && taut[r];
+      some_caught = some_caught || fresh[r];
     }
-    for (int r = 0; r < M; ++r) {
+    if (any(some_caught))
+      for (int a = 0; a < rows.n; ++a) book_catch(a, fresh[rows.row[a]]);
+    for (int r = 0; r < (limits ? M : S); ++r) {
       held[r] = taut[r] && pulled[r];
       pulled[r] = taut[r];
     }
@@ -405,6 +431,33 @@ struct TimeStep {
     return some_caught;
   }
 
+  // u_D . (v + v+) / 2, four sums at a time: each addition waits for the one before.
+  FAN_FN Real mean_power(const Real* u_D, const Real* v_D) const {
+    Real sum[4] = {Real(0.0), Real(0.0), Real(0.0), Real(0.0)};
+    unrolled_by<4, N>([&](int k, auto j) FAN_INLINE {
+      sum[j] += u_D[k] * (v_D[k] + 0.5 * change_[k]);
+    });
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+  }
+
+  // Books the catch of gathered row a in the lanes `caught`.
+  FAN_FN void book_catch(int a, const Mask& caught) {
+    if (!any(caught)) return;
+    Real after = before_[a];
+    constexpr int stride = Complementarity<Real, M>::N;
+    for (int b = 0; b < rows.n; ++b) after += rows.problem.G[a * stride + b] * pull_[b];
+    if constexpr (touches)
+      if (solids) after -= contacts.rate_by_impulses(a);
+    Real lost = 0.5 * (before_[a] + after);
+    const int r = rows.row[a];
+    if (r < S) lost -= select(slips[r], slip_rate_[r], Real(0.0));  // which is in slip_loss
+    impact -= select(caught, Real(pull_[a] * lost), Real(0.0));
+  }
+
+  bool gives_way_ = false;  // whether a string has slipped in some lane, or may
+  bool some_near_ = true;   // whether a limit may take part in some lane
+  bool limits_pull_ = true, limits_pulled_ = true;  // in the last step, and the one before it
+  Real change_[room(N)];    // v+ - v
   Real winding_[room(S)], slip_rate_[room(S)];
   Mask near_[room(M)];   // lanes in which the row takes part in this step
   Real pull_[room(M)];   // -Lambda, by gathered row

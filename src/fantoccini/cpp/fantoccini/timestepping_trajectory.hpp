@@ -46,7 +46,7 @@ struct TimeSteppingTrajectory {
     work = damping = impact = slip_loss = friction = worst_violation = Real(0.0);
     status = Real(RUNNING);
     for (int r = 0; r < M; ++r) {
-      at.taut[r] = at.pulled[r] = at.held[r] = no;
+      at.set_row(r, no, no);
       at.tension[r] = Real(0.0);
     }
     for (int i = 0; i < S; ++i) at.slips[i] = no;
@@ -85,7 +85,8 @@ struct TimeSteppingTrajectory {
   FAN_FN void advance(double dt) {
     Real rate[room(NK)], mean[room(NK)], slip[room(S)];
     increment<Space>(inputs().q_K, coming().q_K, dt, rate);
-    for (int j = 0; j < NK; ++j) mean[j] = (coming().v_K[j] - inputs().v_K[j]) * (1.0 / dt);
+    const Real *v_K = inputs().v_K, *v_K_next = coming().v_K;
+    each<NK>([&](int j) FAN_INLINE { mean[j] = (v_K_next[j] - v_K[j]) * (1.0 / dt); });
     for (int i = 0; i < S; ++i) slip[i] = at.slip[i];
     step(rate, mean, dt);
     take_loss(dt);

@@ -31,7 +31,7 @@ struct VariationalNode {
   using Mask = typename Traits<Real>::Mask;
   using Tolerance = NodeTolerances;
   using Rows = RowSystem<Model, Real>;
-  using Problem = Complementarity<Real, M>;
+  using Problem = decltype(Rows::problem);
 
   struct Inputs {
     Real q_K[room(NQK)], v_K[room(NK)], acc_K[room(NK)], u_D[room(N)];

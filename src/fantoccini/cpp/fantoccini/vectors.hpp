@@ -24,6 +24,14 @@ FAN_VECTOR_FN FourDoubles vector_root(FourDoubles x) {
   return FAN_BUILTIN(__builtin_ia32_sqrtpd256(x), _mm256_sqrt_pd(x));
 }
 
+// a where a > b or a < b, else b.
+FAN_VECTOR_FN FourDoubles vector_maximum(FourDoubles a, FourDoubles b) {
+  return FAN_BUILTIN(__builtin_ia32_maxpd256(a, b), _mm256_max_pd(a, b));
+}
+FAN_VECTOR_FN FourDoubles vector_minimum(FourDoubles a, FourDoubles b) {
+  return FAN_BUILTIN(__builtin_ia32_minpd256(a, b), _mm256_min_pd(a, b));
+}
+
 FAN_VECTOR_FN bool any_bit(FourBits x) {
   return !FAN_BUILTIN(__builtin_ia32_ptestz256(x, x), _mm256_testz_si256((__m256i)x, (__m256i)x));
 }
@@ -49,6 +57,13 @@ FAN_VECTOR_FN EightDoubles chosen(unsigned char bits, EightDoubles yes, EightDou
 
 FAN_VECTOR_FN EightDoubles vector_root(EightDoubles x) {
   return FAN_BUILTIN(__builtin_ia32_sqrtpd512_mask(x, x, FAN_WHOLE), _mm512_sqrt_pd(x));
+}
+
+FAN_VECTOR_FN EightDoubles vector_maximum(EightDoubles a, EightDoubles b) {
+  return FAN_BUILTIN(__builtin_ia32_maxpd512_mask(a, b, a, FAN_WHOLE), _mm512_max_pd(a, b));
+}
+FAN_VECTOR_FN EightDoubles vector_minimum(EightDoubles a, EightDoubles b) {
+  return FAN_BUILTIN(__builtin_ia32_minpd512_mask(a, b, a, FAN_WHOLE), _mm512_min_pd(a, b));
 }
 
 // 1 / sqrt(x) to 2^-14.
