@@ -11,13 +11,13 @@
 // neighbours.
 #pragma once
 
-#include "contact_problem.hpp"
+#include "contact_lanes.hpp"
 #include "contact_share.hpp"
 
 namespace fan {
 
 template <class Model, class Real>
-class ContactStep : public ContactProblem<Model, Real> {
+class ContactStep : public ContactLanes<Model, Real> {
   using Problem = ContactProblem<Model, Real>;
 
  public:
@@ -159,13 +159,24 @@ class ContactStep : public ContactProblem<Model, Real> {
       const Real* guess, const Real* before, double cap, Mask& settled) {
     this->make_columns(eval, rows);
     Real found[room(M)], s[room(M)], of_lane = Real(0.0), well = Real(0.0);
+    int taking_part[width];
+    Real to_solve = Real(0.0);
+    for (int l = 0; l < width; ++l) {
+      taking_part[l] = chosen_[l];
+      for (int r = 0; r < M; ++r) taking_part[l] += lane_of(near[r], l);
+      if (chosen_[l] != 0 && taking_part[l] != solved_with_[l] && !bounces_[l])
+        lane_of(to_solve, l) = 1.0;
+    }
+    [[maybe_unused]] Mask together = to_solve > Real(0.5);
+    if constexpr (width > 1)
+      if (any(together))
+        together = this->solve_together(together, rows, near, guess, cap, found, s);
     for (int l = 0; l < width; ++l) {
       if (chosen_[l] == 0) continue;
-      int taking_part = chosen_[l];
-      for (int r = 0; r < M; ++r) taking_part += lane_of(near[r], l);
-      if (taking_part != solved_with_[l]) {
-        solved_with_[l] = taking_part;
-        well_[l] = this->bounce(l, rows, near, guess, before, cap, found, s);
+      if (taking_part[l] != solved_with_[l]) {
+        solved_with_[l] = taking_part[l];
+        well_[l] = (width > 1 && lane_of(together, l)) ||
+                   this->bounce(l, rows, near, guess, before, cap, found, s);
         for (int a = 0; a < rows.n; ++a) {
           lane_of(row_x_[rows.row[a]], l) = lane_of(found[a], l);
           lane_of(row_s_[rows.row[a]], l) = lane_of(s[a], l);
