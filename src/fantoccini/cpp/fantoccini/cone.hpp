@@ -44,6 +44,7 @@ struct ConeProblem : ConeLaw {
   double mu[N];               // of contact c
   const bool* slides = nullptr;   // of contact c, whether its direction is given; null for none
   const double* along = nullptr;  // d of contact c at 2 c
+  bool is_hard = false;       // Newton's method has failed on it: others go first
   double x[N];                // on entry the guess; of many solutions the result is one near it
   double s[N];
   // The largest g |x - P(x - s / g)| of a row (a speed), relative to the largest |b_i|.
@@ -82,7 +83,7 @@ struct ConeProblem : ConeLaw {
       if (is_taken_[i]) continue;
       collect(i);
       fill(yielding);
-      solved = island_.solve() && solved;
+      solved = island_.solve(is_hard) && solved;
       if (yielding > 0.0) {
         for (int k = 0; k < island_.n; ++k) island_.G[k * (island_.stride + 1)] = G[own_[k] * (n_ + 1)];
         island_.measure();

@@ -167,14 +167,16 @@ class ContactStep : public ContactLanes<Model, Real> {
       if (chosen_[l] != 0 && taking_part[l] != solved_with_[l] && !bounces_[l])
         lane_of(to_solve, l) = 1.0;
     }
-    [[maybe_unused]] Mask together = to_solve > Real(0.5);
+    const Mask tried = to_solve > Real(width > 1 ? 0.5 : 2.0);
+    Mask together = tried;
     if constexpr (width > 1)
-      if (any(together))
+      if (any(tried))
         together = this->solve_together(together, rows, near, guess, cap, found, s);
     for (int l = 0; l < width; ++l) {
       if (chosen_[l] == 0) continue;
       if (taking_part[l] != solved_with_[l]) {
         solved_with_[l] = taking_part[l];
+        cone_.is_hard = lane_of(tried, l);
         well_[l] = (width > 1 && lane_of(together, l)) ||
                    this->bounce(l, rows, near, guess, before, cap, found, s);
         for (int a = 0; a < rows.n; ++a) {
