@@ -48,8 +48,10 @@ struct ConeIsland : ConeLaw {
       for (int i = 0; i < n; ++i) x[i] = 0.0;
       done = newton(Tolerance::raise, Tolerance::steps, Tolerance::steps);
     }
-    for (int k = 0; k < Tolerance::attempts && !done; ++k) {
-      multipliers(Tolerance::rounds << k);
+    const int attempts = is_hard ? Tolerance::hard_attempts : Tolerance::attempts;
+    const int rounds_of_first = is_hard ? Tolerance::hard_rounds : Tolerance::rounds;
+    for (int k = 0; k < attempts && !done; ++k) {
+      multipliers(rounds_of_first << k);
       done = newton(Tolerance::firm_raise, Tolerance::patience, Tolerance::firm_steps);
     }
     if (done) return true;

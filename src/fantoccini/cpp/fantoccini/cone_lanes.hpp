@@ -184,8 +184,12 @@ class ConeLanes : public ConeLanesStep<Real, n_rows, n_points> {
       set(y[2], y[2] * part);
     }
     if (!any(changed)) return lanes;
-    image(x_single, x, s_single, s);
-    residual = select(changed, violation(x_single, x, s_single, s) / scale_, residual);
+    image(x_single, x, next_s_single_, next_s_);
+    const Real found = violation(x_single, x, next_s_single_, next_s_) / scale_;
+    for (int a = 0; a < n_single; ++a)
+      s_single[a] = select(changed, next_s_single_[a], s_single[a]);
+    for (int i = 0; i < 3 * n_contacts; ++i) s[i] = select(changed, next_s_[i], s[i]);
+    residual = select(changed, found, residual);
     return lanes && residual <= Real(Tolerance::residual);
   }
 
