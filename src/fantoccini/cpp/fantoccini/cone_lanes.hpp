@@ -96,17 +96,20 @@ class ConeLanes : public ConeLanesStep<Real, n_rows, n_points> {
       for (int c = 0; c < n_single; ++c) sum += row[single[c]] * x1[c];
       s1[a] = sum;
     }
+    bool pushes[C];  // in some lane
     for (int i = 0; i < n_contacts; ++i) {
       const Real p = x3[3 * i], q = x3[3 * i + 1], r = x3[3 * i + 2];
+      pushes[i] = any(p != Real(0.0) || q != Real(0.0) || r != Real(0.0));
       Real u = -b[3 * i], v = -b[3 * i + 1], w = -b[3 * i + 2];
       for (int a = 0; a < n_single; ++a) {
         const Triple<Real>& by = G_->across[contact[i]][single[a]];
         u += by.of[0] * x1[a];
         v += by.of[1] * x1[a];
         w += by.of[2] * x1[a];
-        s1[a] += by.of[0] * p + by.of[1] * q + by.of[2] * r;
+        if (pushes[i]) s1[a] += by.of[0] * p + by.of[1] * q + by.of[2] * r;
       }
       for (int j = 0; j < i; ++j) {
+        if (!pushes[i] && !pushes[j]) continue;
         const Triple<Real>* by = block(i, j);
         const Real *from = x3 + 3 * j, pj = from[0], qj = from[1], rj = from[2];
         Real* to = s3 + 3 * j;

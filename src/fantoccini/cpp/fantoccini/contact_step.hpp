@@ -160,10 +160,10 @@ class ContactStep : public ContactLanes<Model, Real> {
     this->make_columns(eval, rows);
     Real found[room(M)], s[room(M)], of_lane = Real(0.0), well = Real(0.0);
     int taking_part[width];
-    Real to_solve = Real(0.0);
+    Real to_solve = Real(0.0), n_near = Real(0.0);
+    for (int r = 0; r < M; ++r) n_near += select(near[r], Real(1.0), Real(0.0));
     for (int l = 0; l < width; ++l) {
-      taking_part[l] = chosen_[l];
-      for (int r = 0; r < M; ++r) taking_part[l] += lane_of(near[r], l);
+      taking_part[l] = chosen_[l] + int(lane_of(n_near, l));
       if (chosen_[l] != 0 && taking_part[l] != solved_with_[l] && !bounces_[l])
         lane_of(to_solve, l) = 1.0;
     }
