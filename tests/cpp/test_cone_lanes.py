@@ -1,4 +1,4 @@
-"""The masked attempt at the contacts of a bundle of lanes keeps the law, and no lane minds another."""
+"""Contacts of a bundle of lanes solved together keep the law, and no lane minds another."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from cpp.toolchain import SANITIZE, compile_program, numbers, run_program
 
 
 @pytest.mark.parametrize(
-    "flags", [("-O1", "-march=native", *SANITIZE), ("-O2", "-march=native")], ids=("checked", "fast")
+    "flags",
+    [("-O1", "-march=native", *SANITIZE), ("-O2", "-march=native")],
+    ids=("checked", "fast"),
 )
 def test_what_lanes_solve_obeys_the_law_whatever_their_neighbours(flags, tmp_path):
     """Random problems with redundant contacts, rows at their bounds and contacts without friction;
