@@ -39,20 +39,23 @@ struct ConeIsland : ConeLaw {
   }
 
   // Whether the law holds, up to the residual. If not, x is the best that was found within the
-  // bounds.
-  FAN_FN bool solve() {
+  // bounds. `is_hard`: begins with the method of multipliers.
+  FAN_FN bool solve(bool is_hard = false) {
     iterations = rounds = 0;
     residual = best_residual_ = unbounded;
     weigh();
     const bool guessed = take_guess();
+    for (int i = 0; i < n && is_hard; ++i) x[i] = 0.0;
     for (int i = 0; i < n; ++i) best_[i] = x[i];
-    bool done = newton(Tolerance::raise, Tolerance::steps, Tolerance::steps);
-    if (!done && guessed) {
+    bool done = !is_hard && newton(Tolerance::raise, Tolerance::steps, Tolerance::steps);
+    if (!done && guessed && !is_hard) {
       for (int i = 0; i < n; ++i) x[i] = 0.0;
       done = newton(Tolerance::raise, Tolerance::steps, Tolerance::steps);
     }
-    for (int k = 0; k < Tolerance::attempts && !done; ++k) {
-      multipliers(Tolerance::rounds << k);
+    const int attempts = is_hard ? Tolerance::hard_attempts : Tolerance::attempts;
+    const int rounds_of_first = is_hard ? Tolerance::hard_rounds : Tolerance::rounds;
+    for (int k = 0; k < attempts && !done; ++k) {
+      multipliers(rounds_of_first << k);
       done = newton(Tolerance::firm_raise, Tolerance::patience, Tolerance::firm_steps);
     }
     if (done) return true;

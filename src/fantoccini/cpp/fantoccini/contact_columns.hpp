@@ -51,6 +51,9 @@ struct ContactColumns {
   // The products of column d of point i and those of point j <= i.
   FAN_FN const Triple<Real>& row_of_block(int i, int j, int d) const { return G_[i][j][d]; }
 
+  // row_of_block() of all points: by i and j.
+  FAN_FN const Triple<Real> (*blocks() const)[room(C)][3] { return G_; }
+
   // The product of columns d and e.
   FAN_FN Real G(int d, int e) const {
     return d < e ? G_[e / 3][d / 3][e % 3][d % 3] : G_[d / 3][e / 3][d % 3][e % 3];

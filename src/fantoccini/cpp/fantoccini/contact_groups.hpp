@@ -43,6 +43,11 @@ class ContactGroups {
     }
   }
 
+  FAN_FN int trees() const { return n_trees_; }
+
+  // The first tree of the group that a tree is in by now.
+  FAN_FN int named(int tree) const { return group_[tree]; }
+
   // The number of the group of a tree.
   FAN_FN int at(int tree) const { return number_[tree]; }
 

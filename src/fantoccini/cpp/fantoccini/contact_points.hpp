@@ -262,7 +262,7 @@ class ContactPoints : public PlacedLinks<Model, Real> {
     return more;
   }
 
- private:
+ protected:
   using Links::L, Links::B, Links::load, Links::move, Links::place, Links::place_link;
   using Links::separation, Links::smallest_size, Links::is_far, Links::are_far;
   using Links::links_, Links::poses_, Links::screw_D_, Links::screw_K_, Links::v_K_, Links::twist_, Links::speed_;

@@ -11,13 +11,13 @@
 // neighbours.
 #pragma once
 
-#include "contact_problem.hpp"
+#include "contact_lanes.hpp"
 #include "contact_share.hpp"
 
 namespace fan {
 
 template <class Model, class Real>
-class ContactStep : public ContactProblem<Model, Real> {
+class ContactStep : public ContactLanes<Model, Real> {
   using Problem = ContactProblem<Model, Real>;
 
  public:
@@ -168,13 +168,26 @@ class ContactStep : public ContactProblem<Model, Real> {
       const Real* guess, const Real* before, double cap, Mask& settled) {
     this->make_columns(eval, rows, near, guess);
     Real found[room(M)], s[room(M)], of_lane = Real(0.0), well = Real(0.0);
+    int taking_part[width];
+    Real to_solve = Real(0.0), n_near = Real(0.0);
+    for (int r = 0; r < M; ++r) n_near += select(near[r], Real(1.0), Real(0.0));
+    for (int l = 0; l < width; ++l) {
+      taking_part[l] = chosen_[l] + int(lane_of(n_near, l));
+      if (chosen_[l] != 0 && taking_part[l] != solved_with_[l] && !bounces_[l])
+        lane_of(to_solve, l) = 1.0;
+    }
+    const Mask tried = to_solve > Real(width > 1 ? 0.5 : 2.0);
+    Mask together = tried;
+    if constexpr (width > 1)
+      if (any(tried))
+        together = this->solve_together(together, rows, near, guess, cap, found, s);
     for (int l = 0; l < width; ++l) {
       if (chosen_[l] == 0) continue;
-      int taking_part = chosen_[l];
-      for (int r = 0; r < M; ++r) taking_part += lane_of(near[r], l);
-      if (taking_part != solved_with_[l]) {
-        solved_with_[l] = taking_part;
-        well_[l] = this->bounce(l, rows, near, guess, before, cap, found, s);
+      if (taking_part[l] != solved_with_[l]) {
+        solved_with_[l] = taking_part[l];
+        cone_.is_hard = lane_of(tried, l);
+        well_[l] = (width > 1 && lane_of(together, l)) ||
+                   this->bounce(l, rows, near, guess, before, cap, found, s);
         for (int a = 0; a < rows.n; ++a) {
           lane_of(row_x_[rows.row[a]], l) = lane_of(found[a], l);
           lane_of(row_s_[rows.row[a]], l) = lane_of(s[a], l);

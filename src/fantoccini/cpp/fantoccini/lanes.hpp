@@ -177,6 +177,31 @@ __attribute__((always_inline)) inline Lanes<width> minimum(
   return Lanes<width>::of(a.v < b.v ? a.v : b.v);
 }
 
+// A place for every lane.
+template <int width>
+struct LanePlaces {
+  typename VectorOf<int, width>::type v;
+
+  int& operator[](int lane) { return reinterpret_cast<int*>(&v)[lane]; }
+  int operator[](int lane) const { return v[lane]; }
+
+  FAN_LANE_OP LanePlaces operator+(const LanePlaces& a, const LanePlaces& b) { return {a.v + b.v}; }
+  FAN_LANE_OP LanePlaces operator*(const LanePlaces& a, int by) { return {a.v * by}; }
+};
+
+// The numbers at these places behind `from`; 0 in lanes that are not in the mask, whose places must
+// be good, too.
+template <int width>
+__attribute__((always_inline)) inline Lanes<width> gathered(
+    const double* from, const LanePlaces<width>& at, const LaneMask<width>& mask) {
+#if defined(__AVX512F__)
+  if constexpr (width == 8) return Lanes<width>::of(numbers_at(from, at.v, mask.bits));
+#endif
+  Lanes<width> out;
+  for (int l = 0; l < width; ++l) out.v[l] = from[at.v[l]];
+  return select(mask, out, Lanes<width>(0.0));
+}
+
 // 1 / sqrt(x), x > 0 (NaN at 0 with AVX-512). A root and a quotient of eight doubles take as long
 // as sixty products; AVX-512 has an estimate to 2^-14, which two iterations make as exact.
 template <int width>

@@ -3,6 +3,8 @@
 // every sum.
 #pragma once
 
+#include <type_traits>
+
 #include "triple.hpp"
 
 namespace fan {
@@ -51,13 +53,16 @@ struct MovedBy {
            other.entry[other.n - 1] < entry[0];
   }
 
-  // The product of three rows with v.
+  // The product of three rows with v, in two sums: each addition waits for the one before. In lanes
+  // a velocity's sum depends on itself alone, not on what else moves the point in other lanes.
   template <class Real>
   FAN_FN Triple<Real> along(const Triple<Real>* row, const Real* v) const {
     Triple<Real> even, odd;
     even.clear();
     odd.clear();
     int j = 0;
+    if constexpr (!std::is_same<Real, double>::value)
+      for (; j < n; ++j) (entry[j] % 2 ? odd : even).add(v[entry[j]], row[entry[j]]);
     for (; j + 2 <= n; j += 2) {
       even.add(v[entry[j]], row[entry[j]]);
       odd.add(v[entry[j + 1]], row[entry[j + 1]]);

@@ -53,6 +53,14 @@ class NearPairs {
     return all;
   }
 
+  // Whether there is a list, and what holds() compares with.
+  FAN_FN bool is_known() const { return known_; }
+  FAN_FN const double* turned(int link) const { return R_[link]; }
+  FAN_FN const double* centre(int link) const { return at_[link]; }
+
+  // The list was good for one more step.
+  FAN_FN void serve() { ++life_; }
+
   // Whether to make a list now.
   FAN_FN bool is_due() {
     if (known_ && life_ < Tolerance::least_life) wait_ = Tolerance::wait;

@@ -72,6 +72,15 @@ FAN_VECTOR_FN EightDoubles rough_inverse_root(EightDoubles x) {
       __builtin_ia32_rsqrt14pd512_mask(x, x, (unsigned char)-1), _mm512_rsqrt14_pd(x));
 }
 
+typedef int EightPlaces __attribute__((vector_size(32)));
+
+// The numbers at these places behind `from` in the lanes of a mask, 0 in the others.
+FAN_VECTOR_FN EightDoubles numbers_at(const double* from, EightPlaces at, unsigned char bits) {
+  return FAN_BUILTIN(
+      __builtin_ia32_gathersiv8df(EightDoubles{}, from, at, bits, 8),
+      _mm512_mask_i32gather_pd(EightDoubles{}, bits, (__m256i)at, from, 8));
+}
+
 // a b - c, rounded once.
 FAN_VECTOR_FN EightDoubles product_less(EightDoubles a, EightDoubles b, EightDoubles c) {
   return FAN_BUILTIN(
