@@ -98,7 +98,8 @@ class ContactStep : public ContactLanes<Model, Real> {
     }
     for (int l = 0; l < width; ++l) recall(l);
     for (int i = 0; i < points_.most; ++i) {
-      hdot_[i] = rates(i, v_D)[0];
+      const Triple<Real> start = rates(i, v_D);
+      for (int d = 0; d < 3; ++d) hdot_[3 * i + d] = start[d];
       for (int l = 0; l < width; ++l)
         if (i < points_.n[l]) aim(l, i, dt, whole, recovery_speed);
     }
@@ -126,7 +127,8 @@ class ContactStep : public ContactLanes<Model, Real> {
         const Triple<Real> now = rates(i, v);
         for (int d = 0; d < 3; ++d)
           lane_of(b_[3 * i + d], l) = lane_of(before_[3 * i + d], l) = lane_of(now[d], l);
-        lane_of(hdot_[i], l) = lane_of(rates(i, v_D)[0], l);
+        const Triple<Real> start = rates(i, v_D);
+        for (int d = 0; d < 3; ++d) lane_of(hdot_[3 * i + d], l) = lane_of(start[d], l);
         steps_[l][i] = 0;
         near_[l][i] = true;
         is_carried_[l][i] = false;
@@ -319,7 +321,7 @@ class ContactStep : public ContactLanes<Model, Real> {
   // impulses, and the gap over the step, or the rebound.
   FAN_FN void aim(int l, int i, double dt, double whole, double recovery_speed) {
     const double h = -points_.point[l][i].gap, before = lane_of(before_[3 * i], l);
-    const double hdot = lane_of(hdot_[i], l);
+    const double hdot = lane_of(hdot_[3 * i], l);
     const double back = h / (h > 0.0 && whole > dt ? whole : dt);
     const double parting = back < recovery_speed ? back : recovery_speed;
     const double rebound = in_->restitution[points_.point[l][i].pair] * hdot;
@@ -366,8 +368,7 @@ class ContactStep : public ContactLanes<Model, Real> {
     out.pair = from.pair;
     out.feature = from.feature;
     out.steps = closes(l, i) ? 1 : steps_[l][i] + (steps_[l][i] <= Tolerance::steps_of_impact);
-    const double hdot = lane_of(hdot_[i], l), by_forces = lane_of(before_[3 * i], l) - hdot;
-    out.rested = hdot <= (by_forces > Tolerance::passing_speed ? by_forces : Tolerance::passing_speed);
+    out.rested = rested(l, i);
     out.gap = from.gap;
     for (int c = 0; c < 3; ++c) {
       out.at[c] = from.at[c];
@@ -386,38 +387,46 @@ class ContactStep : public ContactLanes<Model, Real> {
     return lane_of(before_[i], l) - lane_of(s_[i], l) - lane_of(b_[i], l);
   }
 
-  // Whether point i is part of an impact.
+  // Whether the forces of one step alone have closed point i as fast as it closes at the start.
+  FAN_FN bool rested(int l, int i) const {
+    const double hdot = lane_of(hdot_[3 * i], l), by_forces = lane_of(before_[3 * i], l) - hdot;
+    return hdot <= (by_forces > Tolerance::passing_speed ? by_forces : Tolerance::passing_speed);
+  }
+
+  // Whether point i is part of an impact. A corner on which a body that rests comes to stand is not.
   FAN_FN bool strikes(int l, int i) const {
-    return steps_[l][i] < Tolerance::steps_of_impact || closes(l, i);
+    return (steps_[l][i] < Tolerance::steps_of_impact && !rested(l, i)) || closes(l, i);
   }
 
   // Whether point i, if it pushes, ends the step as fast as closes its gap.
   FAN_FN bool closes(int l, int i) const { return -parting_[l][i] > Tolerance::closing_speed; }
 
-  // Adds what the friction of point i takes, at the velocity after the step.
+  // Adds what the friction of point i takes, at the velocity after the step, and what its normal
+  // impulse takes, which is 0 where solids rest.
   FAN_FN void book_friction(int l, int i) {
     for (int d = 3 * i; d < 3 * i + 3; ++d) {
       const double x = lane_of(x_[d], l);
       lane_of(work, l) += x * lane_of(points_.rate_K[i][d - 3 * i], l);
-      if (d != 3 * i) lane_of(friction, l) += x * after(l, d);
+      if (d == 3 * i) lane_of(impact, l) += 0.5 * x * (lane_of(hdot_[d], l) + after(l, d));
+      else lane_of(friction, l) += x * after(l, d);
     }
   }
 
   // The same in a step with an impact, whose impulses also act where solids rest: each takes what it
-  // takes at the mean of the velocities without impulses and with them.
+  // takes at the mean of the velocities before and after the step.
   FAN_FN void book_impact(int l, int i) {
     for (int d = 3 * i; d < 3 * i + 3; ++d) {
       const double x = lane_of(x_[d], l), end = after(l, d);
       const double rubs = d == 3 * i || strikes(l, i) ? 0.0 : x * end;
       lane_of(work, l) += x * lane_of(points_.rate_K[i][d - 3 * i], l);
       lane_of(friction, l) += rubs;
-      lane_of(impact, l) += 0.5 * x * (lane_of(before_[d], l) + end) - rubs;
+      lane_of(impact, l) += 0.5 * x * (lane_of(hdot_[d], l) + end) - rubs;
     }
   }
 
   int steps_[width][room(C)];      // for which a point has pushed
   bool is_carried_[width][room(C)];  // whether a point of the same pair pushed in the step before
-  Real hdot_[room(C)];             // of the normals, at its start
+  Real hdot_[room(3 * C)];         // of their rows, at its start
   int looks_ = 0;                  // how often was looked again
   // Of each lane's last solve in the step: how many rows and points took part, whether it went well;
   // impulses and s of the rows.
