@@ -205,10 +205,9 @@ def _judge(marionette: Marionette, batch: Batch, inputs: Inputs, method: str) ->
     if "books" in batch.parts and np.any(done):
         columns = np.moveaxis(_ledger(batch.parts["books"][done]), -1, 0)
         ledger = dict(zip(LEDGER, columns, strict=True))
-        steps = np.maximum(np.diff(batch.times) / batch.options.dt, 1.0)
         gain[done] = gains(marionette, ledger)
         if method == "timestepping":
-            share[done] = unbooked(marionette, ledger, steps)
+            share[done] = unbooked(marionette, ledger, batch.times, batch.options.dt)
     most = batch.violation.copy()
     for i in map(int, np.flatnonzero(done & ends_fast(batch.end_v_D, batch.options.dt))):
         q_K = inputs[i if len(inputs) > 1 else 0].evaluate(batch.t_end)[0]

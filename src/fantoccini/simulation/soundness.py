@@ -29,7 +29,9 @@ class Bounds:
     """Energy without a source, relative to all available energy. Near the critical step of a spring
     the energy swings to several times its own, and does not grow."""
     unbooked: float = 0.1  # The ledger's residual, relative to the energy exchanged
-    coarse: float = 20.0  # Steps in the longest stable one by which springs swing as much
+    coarse: float = 20.0
+    """Steps that are coarse: for a fall that lasts no longer, whose energy is wrong by as much; and
+    for springs, whose energy swings by as much, in their longest stable step."""
     fall: float = 1e-3  # Fall of the puppet whose energy is always available [m]
     energy: float = 1e-9  # Energy that is always available [J]
     max_named: int = 5  # Rows that a message names
@@ -62,24 +64,31 @@ def gains(marionette: Marionette, ledger: Mapping[str, Array] | Columns) -> Arra
     potential, work = ledger["potential"], ledger["work"]
     fallen = np.max(potential[..., :1] - potential, axis=-1)
     worked = np.sum(np.abs(np.diff(work, axis=-1)), axis=-1)
-    available = ledger["kinetic"][..., 0] + fallen + worked + _always(marionette)
+    available = ledger["kinetic"][..., 0] + fallen + worked
+    available = available + BOUNDS.fall * marionette.weight + BOUNDS.energy
     return np.max(ledger["residual"], axis=-1) / available
 
 
-def unbooked(marionette: Marionette, ledger: Mapping[str, Array] | Columns, steps: Array) -> Array:
+def unbooked(
+    marionette: Marionette, ledger: Mapping[str, Array] | Columns, t: Array, dt: float
+) -> Array:
     """(...,) largest residual of ledgers, of either sign, relative to the energy exchanged.
 
-    The energy exchanged is the largest T, the range of V and the largest work. Left out is the
-    damping of the steps beside a sample, which is booked a step late.
+    The energy exchanged is the largest T, the range of V and the largest work, and that of a fall
+    for as few steps as are coarse for it. Left out is the damping of the steps beside a sample,
+    which is booked a step late.
 
     Args:
         marionette: the puppet.
         ledger: its columns are (..., T) [J].
-        steps: (T - 1,) time between the samples, in steps, at least 1.
+        t: (T,) times of the samples [s].
+        dt: the step [s].
     """
+    g = marionette.weight / max(marionette.mass, BOUNDS.energy)
+    least = 0.5 * marionette.weight * g * (BOUNDS.coarse * dt) ** 2
     exchanged = np.max(ledger["kinetic"], axis=-1) + np.ptp(ledger["potential"], axis=-1)
-    exchanged = exchanged + np.max(np.abs(ledger["work"]), axis=-1) + _always(marionette)
-    damped = np.abs(np.diff(ledger["damping"])) / steps
+    exchanged = exchanged + np.max(np.abs(ledger["work"]), axis=-1) + least + BOUNDS.energy
+    damped = np.abs(np.diff(ledger["damping"])) / np.maximum(np.diff(t) / dt, 1.0)
     late = np.zeros((*damped.shape[:-1], damped.shape[-1] + 2))
     late[..., 1:-1] = damped
     late = np.maximum(late[..., 1:], late[..., :-1])
@@ -96,11 +105,6 @@ def swings(marionette: Marionette, q_D: Array, q_K: Array, dt: float) -> bool:
     except StateError:
         return True
     return False
-
-
-def _always(marionette: Marionette) -> float:
-    """Energy below which nothing is told [J]."""
-    return BOUNDS.fall * marionette.weight + BOUNDS.energy
 
 
 def ends_fast(v_D: Array, dt: float) -> Mask:
@@ -141,8 +145,7 @@ def judged(marionette: Marionette, made: Trajectory, dt: float, worst: float) ->
     fast = ends_fast(made.v_D[-1], dt)
     left = left_by_last_step(marionette, made.q_D[-1], made.q_K[-1]) if fast else {}
     most = max([float(np.max(table.values, initial=worst)), *left.values()])
-    steps = np.maximum(np.diff(made.t) / dt, 1.0)
-    gain, share = float(gains(marionette, ledger)), float(unbooked(marionette, ledger, steps))
+    gain, share = float(gains(marionette, ledger)), float(unbooked(marionette, ledger, made.t, dt))
     if share > BOUNDS.unbooked and (
         made.method != "timestepping" or swings(marionette, made.q_D[0], made.q_K[0], dt)
     ):
