@@ -45,7 +45,7 @@ FALL = 0.02
 TURN = 0.3
 """Turn of a body in one step up to which its energy is kept, whatever its inertia [rad]: velocity
 products are taken ahead by extrapolation, which says nothing of what has turned round."""
-LEDGER = 0.1
+LEDGER = 0.2
 """Bound on the ledger's residual of a run that is DONE, relative to the energy of the stage."""
 MOST_PIECES = 60
 """Bound on the pieces of 200 steps that a run may take."""
