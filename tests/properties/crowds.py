@@ -27,6 +27,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 import fantoccini as fan
 from fantoccini import Status
 from properties import stages, throws
+from properties.check import ADRIFT
 
 SIZES = {"timestepping": 256, "event": 16, "live": 8}
 """Runs of a crowd, by method."""
@@ -226,7 +227,7 @@ def broken(given: Crowd, runs: fan.Trajectories) -> tuple[dict[str, np.ndarray],
         "overlaps silently": done & (depth > OVERLAP[method]),
         "breaks the law of contact silently": done & (law > RESIDUAL[method]),
         "the ledger does not close silently": off,
-        "the ledger does not close": slow & np.isin(status, list(stages.ADRIFT)),
+        "the ledger does not close": slow & np.isin(status, list(ADRIFT)),
     } | {f"ends with {Status(int(s)).name}": status == s for s in np.unique(status[~expected])}
     worst = {
         "overlap": float(np.max(depth, initial=0.0)),

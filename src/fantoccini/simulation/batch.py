@@ -42,6 +42,7 @@ from fantoccini.simulation.soundness import (
     ends_fast,
     gains,
     left_by_last_step,
+    swings,
     unbooked,
     verdict,
 )
@@ -165,7 +166,7 @@ def simulate_batch(
     if may_be_redundant(model):
         _find_contradictions(model, batch, bound, name)
     if name != "event":
-        _judge(marionette, batch, bound)
+        _judge(marionette, batch, bound, name)
     return _trajectories(marionette, batch, name, saved)
 
 
@@ -204,15 +205,16 @@ def _find_contradictions(model: Model, batch: Batch, inputs: Inputs, method: str
             batch.blame[i, [strings.index(name) for name in found.names]] = 1.0
 
 
-def _judge(marionette: Marionette, batch: Batch, inputs: Inputs) -> None:
+def _judge(marionette: Marionette, batch: Batch, inputs: Inputs, method: str) -> None:
     """Names the runs that reached their end and are not sound; energy only with a saved ledger."""
     done = np.isin(batch.status, ARRIVED) & (batch.reached >= batch.t_end)
     gain, share = np.zeros(batch.n), np.zeros(batch.n)
     if "books" in batch.parts and np.any(done):
         columns = np.moveaxis(_ledger(batch.parts["books"][done]), -1, 0)
         ledger = dict(zip(LEDGER, columns, strict=True))
-        steps = np.maximum(np.diff(batch.times) / batch.options.dt, 1.0)
-        gain[done], share[done] = gains(marionette, ledger), unbooked(marionette, ledger, steps)
+        gain[done] = gains(marionette, ledger)
+        if method == "timestepping":
+            share[done] = unbooked(marionette, ledger, batch.times, batch.options.dt)
     most = batch.violation.copy()
     for i in map(int, np.flatnonzero(done & ends_fast(batch.end_v_D, batch.options.dt))):
         q_K = inputs[i if len(inputs) > 1 else 0].evaluate(batch.t_end)[0]
@@ -220,8 +222,17 @@ def _judge(marionette: Marionette, batch: Batch, inputs: Inputs) -> None:
         most[i] = max([most[i], *left.values()])
     for i in map(int, np.flatnonzero(done)):
         found = verdict(float(most[i]), float(gain[i]), float(share[i]))
+        if found is Status.UNBALANCED and _swings(marionette, batch, inputs, i):
+            continue
         if found is not Status.DONE:
             batch.status[i], batch.blame[i] = found, 0.0
+
+
+def _swings(marionette: Marionette, batch: Batch, inputs: Inputs, i: int) -> bool:
+    """As :func:`swings`, at the start of the i-th run."""
+    q_K = inputs[i if len(inputs) > 1 else 0].evaluate(batch.t)[0]
+    q_D = batch.q_D[i if len(batch.q_D) > 1 else 0]
+    return swings(marionette, q_D, q_K, batch.options.dt)
 
 
 def _listed(given: object, kind: type[T], name: str, maker: str) -> list[T]:
