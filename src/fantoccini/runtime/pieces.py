@@ -81,7 +81,7 @@ def standing_out(points: Array, size: float) -> Array:
 
     points = points[ConvexHull(points).vertices]
     first = _spread(points)
-    # Q12: facets may bend by more than rounding where points are nearly on them, as cuts leave them.
+    # Q12: facets may bend where points are nearly on them, as cuts leave them.
     hull = ConvexHull(points[first], incremental=True, qhull_options="Qt Q12")
     chosen = list(first)
     while True:
