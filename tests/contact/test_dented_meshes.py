@@ -98,7 +98,7 @@ def test_a_dented_mesh_in_lanes_and_in_a_scene_of_two(tmp_path):
     assert len(thing.model.contacts.hulls) == 6
     method = fan.TimeStepping(dt=1e-3)
     starts = [
-        thing.state({"thing.z": 0.005 + 0.001 * i, "other.z": 0.2, "other.y": 0.05})
+        thing.state({"thing.z": 0.005 + 0.001 * i, "other.z": 0.33, "other.y": 0.05})
         for i in range(9)
     ]
     batch = fan.simulate_batch(thing, starts, t_end=0.3, method=method)
@@ -178,7 +178,7 @@ def refused(thing: fan.Marionette, text: str) -> None:
     with pytest.raises(PuppetError) as error:
         _ = thing.model.contacts
     assert text in str(error.value)
-    assert "scene.yaml:6: thing: shapes" in str(error.value) or "shapes of thing" in str(error.value)
+    assert "scene.yaml:6: shapes of thing: thing.obj" in str(error.value)
 
 
 def test_without_the_library_the_error_says_what_to_install(tmp_path, monkeypatch):
@@ -207,7 +207,7 @@ def test_a_mesh_that_comes_to_touch_something_later_is_refused(tmp_path):
     """Compiled code has room for the solids that touched something when it was made."""
     thing = scene(tmp_path, hook(), WALL)
     path = tmp_path / "scene.yaml"
-    path.write_text(path.read_text().replace(f"obstacles: [{WALL}]\n", ""))
+    path.write_text(path.read_text().replace(WALL, ""))
     alone = fan.load(path)
     assert len(alone.model.contacts.hulls) == 0
     among = fan.Marionette(alone.model.with_obstacles(thing.puppet.obstacles))
