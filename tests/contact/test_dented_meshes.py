@@ -1,4 +1,4 @@
-"""Meshes with dents in contact: as convex pieces, in runs; how well these fit; which are refused."""
+"""Meshes with dents in contact: convex pieces in runs, how well they fit, which are refused."""
 
 from __future__ import annotations
 

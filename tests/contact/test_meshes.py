@@ -26,7 +26,7 @@ bodies:
 TETRAHEDRON = 0.2 * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / np.sqrt(3)
 WEDGE = np.array([[0, 0, 0], [0.4, 0, 0], [0, 0.2, 0], [0.4, 0.2, 0], [0, 0, 0.1], [0, 0.2, 0.1]])
 MESH = "{type: mesh, file: thing.obj, mass: 1}"
-TORUS = trimesh.creation.torus(0.2, 0.05)
+TORUS = trimesh.creation.torus(0.2, 0.05, major_sections=16, minor_sections=8)
 
 
 def hulled(points: np.ndarray) -> trimesh.Trimesh:

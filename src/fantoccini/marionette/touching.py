@@ -40,13 +40,13 @@ def solids_of_shapes(puppet: Puppet, tree: Tree) -> tuple[int, ...]:
     """
     own, standing = _parts(puppet, tree)
     counts = [1] * len(own)
-    meshes = {i for i, part in enumerate(own) if isinstance(part.shape, Mesh)}
+    meshes = {i: part.shape for i, part in enumerate(own) if isinstance(part.shape, Mesh)}
     if puppet.touching is None or not meshes:
         return tuple(counts)
     met = _pairs(puppet, tree, puppet.touching, own, standing)
-    for i in meshes & {i for a, b, _, _ in met for i in (a, b)}:
+    for i in meshes.keys() & {i for a, b, _, _ in met for i in (a, b)}:
         with contextlib.suppress(ValueError):
-            counts[i] = len(mesh_hulls(own[i].shape))
+            counts[i] = len(mesh_hulls(meshes[i]))
     return tuple(counts)
 
 
