@@ -169,7 +169,7 @@ def main() -> None:
         table.add_row(name, *cells, f"{1000 * answer(name):.1f} ms")
     Console().print(table)
     table = Table("page", "updates a second", "of one core", "drag to changed state")
-    for name in PUPPETS[:2]:
+    for name in (*PUPPETS[:2], "visit"):
         rate, share, wait = page_cost(name)
         table.add_row(name, f"{rate:.0f}", f"{100 * share:.0f} %", f"{1000 * wait:.1f} ms")
     Console().print(table)

@@ -74,7 +74,8 @@ ONLY_IN = {
     "cffi": {"runtime"},
     "ray": {"sweeps"},
     "mujoco": {"exchange"},
-    "coal": {"planning"},
+    "coacd": {"runtime"},  # convex pieces
+    "coal": {"planning", "runtime"},  # exact meshes; how well pieces fit them
     "pyvista": {"view"},
     "viser": {"web"},
 }

@@ -26,7 +26,7 @@ bodies:
 TETRAHEDRON = 0.2 * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / np.sqrt(3)
 WEDGE = np.array([[0, 0, 0], [0.4, 0, 0], [0, 0.2, 0], [0.4, 0.2, 0], [0, 0, 0.1], [0, 0.2, 0.1]])
 MESH = "{type: mesh, file: thing.obj, mass: 1}"
-TORUS = trimesh.creation.torus(0.2, 0.05)
+TORUS = trimesh.creation.torus(0.2, 0.05, major_sections=16, minor_sections=8)
 
 
 def hulled(points: np.ndarray) -> trimesh.Trimesh:
@@ -211,11 +211,6 @@ def refused(folder: Path, mesh: trimesh.Trimesh, text: str, *, more: str = "") -
     assert "thing.yaml:7: shapes of body: thing.obj" in str(error.value)
 
 
-def test_a_mesh_far_from_convex_is_refused(tmp_path):
-    refused(tmp_path, TORUS, "is not convex: its convex hull, which takes its place in contact")
-    refused(tmp_path, TORUS, "allowed: 10 %. Split it into several convex meshes")
-
-
 def test_an_open_mesh_is_refused(tmp_path):
     holed = trimesh.Trimesh(BOX.vertices, BOX.faces[2:], process=False)
     refused(tmp_path, holed, "is not closed; what touches must be: close its holes")
@@ -244,12 +239,11 @@ def test_a_mesh_that_touches_nothing_may_have_any_shape(tmp_path):
     path = tmp_path / "thing.yaml"
     path.write_text(path.read_text().replace("friction: 0.5", "meets: [self]"))
     assert fan.load(path).model.contacts.hulls == ()
-    with pytest.raises(PuppetError, match="is not convex"):
-        _ = thing.model.contacts
+    assert len(thing.model.contacts.hulls) > 8
 
 
 def test_dents_of_a_tenth_of_the_volume_are_filled(tmp_path):
-    """A cube with a pyramid cut out of its top: 1/3 of the base times the depth."""
+    """A cube with a pyramid cut out of its top: 1/3 of the base times the depth; deeper: pieces."""
     for depth, fits in ((0.25, True), (0.35, False)):
         cube = trimesh.creation.box((1, 1, 1))
         top = [i for i, v in enumerate(cube.vertices) if v[2] > 0]
@@ -265,8 +259,7 @@ def test_dents_of_a_tenth_of_the_volume_are_filled(tmp_path):
             (hull,) = body(tmp_path, dented).model.contacts.hulls
             assert len(hull.vertices) == 8
         else:
-            with pytest.raises(PuppetError, match="has 13 % more volume"):
-                _ = body(tmp_path, dented).model.contacts
+            assert len(body(tmp_path, dented).model.contacts.hulls) > 1
 
 
 def test_lanes_move_meshes_as_single_runs_do(tmp_path):

@@ -41,7 +41,7 @@ def kept_arrays(key: str, make: Callable[[], Sequence[Array]]) -> list[Array]:
 def _read(file: Path) -> list[Array] | None:
     try:
         with np.load(file, allow_pickle=False) as held:
-            return [held[str(i)] for i in range(len(held.files))]
+            return [held[f"arr_{i}"] for i in range(len(held.files))]
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None
 
@@ -55,4 +55,4 @@ def _write(root: Path, file: Path, arrays: Sequence[Array]) -> None:
     with replacing(file) as part:
         descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         with os.fdopen(descriptor, "wb") as stream:
-            np.savez(stream, **{str(i): a for i, a in enumerate(arrays)})
+            np.savez(stream, *arrays)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 from fantoccini import build
 from fantoccini.errors import BuildError
 from fantoccini.marionette.mass_check import check_mass_matrix
+from fantoccini.marionette.touching import solids_of_shapes
 from fantoccini.puppet import Puppet
 from fantoccini.runtime import (
     BatchLibrary,
@@ -51,16 +53,27 @@ class Compiled:
     progress: Callable[[str], None] | None = None
 
     @cached_property
+    def solids(self) -> tuple[int, ...]:
+        """Solids of each shape of the links, in turn: compiled code has room for no others."""
+        return solids_of_shapes(self.puppet.expanded(), self.tree)
+
+    @cached_property
+    def sized(self) -> Tree:
+        """The tree, with room for these solids."""
+        more = sum(self.solids) - len(self.solids)
+        return dataclasses.replace(self.tree, n_pieces=more) if more else self.tree
+
+    @cached_property
     def equations(self) -> Equations:
         """The symbolic equations and the functions made from them."""
         from fantoccini.equations import derive  # cached puppets derive nothing
 
-        return derive(self.tree)
+        return derive(self.sized)
 
     @cached_property
     def library(self) -> Library:
         """The model and its event-driven and time-stepping runs."""
-        return self._library("model", lambda file: Library(file, self.tree))
+        return self._library("model", lambda file: Library(file, self.sized))
 
     @cached_property
     def lanes(self) -> BatchLibrary:
@@ -70,17 +83,17 @@ class Compiled:
     @cached_property
     def clearances(self) -> ClearanceLibrary:
         """Distances from obstacles."""
-        return self._library("clearance", lambda file: ClearanceLibrary(file, self.tree.sizes))
+        return self._library("clearance", lambda file: ClearanceLibrary(file, self.sized.sizes))
 
     @cached_property
     def rollouts(self) -> RolloutLibrary:
         """The motions of planners."""
-        return self._library("rollouts", lambda file: RolloutLibrary(file, self.tree.sizes))
+        return self._library("rollouts", lambda file: RolloutLibrary(file, self.sized.sizes))
 
     @cached_property
     def variational(self) -> Library:
         """The variational integrator, for single runs."""
-        return self._library("variational", lambda file: Library(file, self.tree))
+        return self._library("variational", lambda file: Library(file, self.sized))
 
     @cached_property
     def variational_lanes(self) -> BatchLibrary:
@@ -90,7 +103,7 @@ class Compiled:
     @cached_property
     def derivatives(self) -> Functions:
         """The derivatives of the model."""
-        return self._library("derivatives", lambda file: Functions(file, self.tree.sizes))
+        return self._library("derivatives", lambda file: Functions(file, self.sized.sizes))
 
     @cached_property
     def step_derivatives(self) -> StepDerivatives:
@@ -117,13 +130,15 @@ class Compiled:
         return build.Source(made.files, made.main, {"operations": made.operations}, made.units)
 
     def _lanes(self, file: Path) -> BatchLibrary:
-        return BatchLibrary(Loaded(file, self.tree.sizes))
+        return BatchLibrary(Loaded(file, self.sized.sizes))
 
     def _library(self, name: str, load: Callable[[Path], L]) -> L:
         """One of ``contract.LIBRARIES``, from the cache or made now."""
         # Values of parameters are arguments of every function: nothing that is compiled has them.
         canonical = self.puppet.canonical(values=False)
-        key = build.fingerprint(canonical, build.code_fingerprint(*SOURCE_MODULES), flags=(name,))
+        more = self.sized.n_pieces
+        flags = (name, f"{more} more solids") if more else (name,)
+        key = build.fingerprint(canonical, build.code_fingerprint(*SOURCE_MODULES), flags=flags)
 
         def obtained(afresh: bool = False) -> Path:
             files = partial(self.source_files, name)

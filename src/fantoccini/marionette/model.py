@@ -152,7 +152,8 @@ class Model:
         """The solids that may touch; None where the puppet's file says nothing of contact."""
         if self.puppet.touching is None:
             return None
-        return contacts_of(self.puppet.expanded(), self.tree, self.library)
+        found = self.puppet.expanded(), self.tree, self.library, self.compiled.solids
+        return contacts_of(*found)
 
     def overlaps(self, q_D: Array, q_K: Array, depth: float = 0.0) -> dict[str, float]:
         """The parts that overlap by more than a depth [m], and by how much [m]."""

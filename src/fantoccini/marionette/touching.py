@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -32,7 +33,26 @@ class _Part:
     shape: Shape | Obstacle | None
 
 
-def contacts_of(puppet: Puppet, tree: Tree, library: Library) -> Contacts | None:
+def solids_of_shapes(puppet: Puppet, tree: Tree) -> tuple[int, ...]:
+    """Solids of each shape of the links, in turn: several of a dented mesh that touches something.
+
+    A mesh that :func:`contacts_of` will refuse counts as one.
+    """
+    own, standing = _parts(puppet, tree)
+    counts = [1] * len(own)
+    meshes = {i: part.shape for i, part in enumerate(own) if isinstance(part.shape, Mesh)}
+    if puppet.touching is None or not meshes:
+        return tuple(counts)
+    met = _pairs(puppet, tree, puppet.touching, own, standing)
+    for i in meshes.keys() & {i for a, b, _, _ in met for i in (a, b)}:
+        with contextlib.suppress(ValueError):
+            counts[i] = len(mesh_hulls(meshes[i]))
+    return tuple(counts)
+
+
+def contacts_of(
+    puppet: Puppet, tree: Tree, library: Library, counts: Sequence[int]
+) -> Contacts | None:
     """The pairs of solids that may touch; None where the puppet's file says nothing of contact.
 
     Bodies of one joint do not touch; nor do those of one tree that overlap at the file's pose.
@@ -41,6 +61,7 @@ def contacts_of(puppet: Puppet, tree: Tree, library: Library) -> Contacts | None
         puppet: with rules of contact.
         tree: of the puppet.
         library: its compiled model.
+        counts: of the solids that it has room for, as :func:`solids_of_shapes` gives them.
 
     Raises:
         PuppetError: a mesh is open or flat, or cannot be cut into convex pieces.
@@ -48,13 +69,11 @@ def contacts_of(puppet: Puppet, tree: Tree, library: Library) -> Contacts | None
     rules = puppet.touching
     if rules is None:
         return None
-    own = [_Part(link.name, i, shape) for i, link in enumerate(tree.links) for shape in link.shapes]
-    standing = [_Part(o.name, WORLD, o) for o in puppet.obstacles]
-    if puppet.floor is not None:
-        standing.append(_Part(FLOOR, WORLD, None))
+    own, standing = _parts(puppet, tree)
     parts = own + standing
     meet = list(_pairs(puppet, tree, rules, own, standing))
-    solids, hulls, place = _solids(puppet, parts, {i for a, b, _, _ in meet for i in (a, b)})
+    touching = {i for a, b, _, _ in meet for i in (a, b)}
+    solids, hulls, place = _solids(puppet, parts, touching, counts)
     # A dented mesh is several solids: each of them meets what the mesh meets.
     pairs = [
         (x, y, k) for k, (a, b, _, _) in enumerate(meet) for x in place[a] for y in place[b]
@@ -81,8 +100,17 @@ def contacts_of(puppet: Puppet, tree: Tree, library: Library) -> Contacts | None
     return table.some(np.array([k not in apart for k in which], dtype=bool))
 
 
+def _parts(puppet: Puppet, tree: Tree) -> tuple[list[_Part], list[_Part]]:
+    """What has a surface: the shapes of the links, and what stands."""
+    own = [_Part(link.name, i, shape) for i, link in enumerate(tree.links) for shape in link.shapes]
+    standing = [_Part(o.name, WORLD, o) for o in puppet.obstacles]
+    if puppet.floor is not None:
+        standing.append(_Part(FLOOR, WORLD, None))
+    return own, standing
+
+
 def _solids(
-    puppet: Puppet, parts: list[_Part], touching: set[int]
+    puppet: Puppet, parts: list[_Part], touching: set[int], counts: Sequence[int]
 ) -> tuple[np.ndarray, tuple[Hull, ...], list[Sequence[int]]]:
     """(n,) ``SOLID`` of parts, the hulls of the meshes that touch something, each part's solids."""
     made: list[np.ndarray] = []
@@ -96,10 +124,15 @@ def _solids(
             made.append(solid(part.shape, part.link))
         elif i in touching:
             own = _hulls(puppet, part.shape, part.name)
+            if i < len(counts) and len(own) != counts[i]:
+                raise _refused(
+                    puppet, part.name, f"{part.shape.file} is not convex, and touched nothing when "
+                    "the puppet was compiled; load it together with what it now touches"
+                )  # fmt: skip
             made += [hull_solid(h, len(hulls) + k, part.link) for k, h in enumerate(own)]
             hulls += own
         else:
-            made.append(empty(part.link))
+            made += [empty(part.link)] * counts[i]
         place.append(range(first, len(made)))
     return stacked(made), tuple(hulls), place
 
@@ -108,9 +141,12 @@ def _hulls(puppet: Puppet, shape: Mesh, name: str) -> tuple[Hull, ...]:
     try:
         return mesh_hulls(shape)
     except ValueError as reason:
-        file, line = puppet.locate(name)
-        mistake = Mistake(file, line, f"shapes of {name}", str(reason))
-        raise PuppetError([mistake]) from None
+        raise _refused(puppet, name, str(reason)) from None
+
+
+def _refused(puppet: Puppet, name: str, reason: str) -> PuppetError:
+    file, line = puppet.locate(name)
+    return PuppetError([Mistake(file, line, f"shapes of {name}", reason)])
 
 
 def _pairs(

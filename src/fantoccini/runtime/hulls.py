@@ -83,6 +83,8 @@ def mesh_hulls(shape: Mesh) -> tuple[Hull, ...]:
     Raises:
         ValueError: the mesh is open or flat, or cannot be cut into pieces.
     """
+    from scipy.spatial import QhullError
+
     mesh = load_mesh(shape)
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
     if not mesh.is_watertight:
@@ -93,7 +95,13 @@ def mesh_hulls(shape: Mesh) -> tuple[Hull, ...]:
     points = np.array(mesh.vertices, dtype=float)
     if _volume(points) <= (1.0 + FILLED) * float(mesh.volume):
         return (hull_of(standing_out(points, size)),)
-    return tuple(hull_of(corners) for corners in convex_pieces(mesh, shape.file))
+    try:
+        return tuple(hull_of(corners) for corners in convex_pieces(mesh, shape.file))
+    except QhullError:
+        raise ValueError(
+            f"{shape.file} could not be cut into convex pieces: one of them has no hull. Split it "
+            "into several convex meshes of the same body"
+        ) from None
 
 
 def hull_of(points: Array) -> Hull:

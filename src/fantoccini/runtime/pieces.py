@@ -81,9 +81,7 @@ def standing_out(points: Array, size: float) -> Array:
 
     points = points[ConvexHull(points).vertices]
     first = _spread(points)
-    # Q12: facets may bend by more than rounding where points are nearly on them, as cuts leave them.
-    hull = ConvexHull(points[first], incremental=True, qhull_options="Qt Q12")
-    chosen = list(first)
+    hull, chosen = ConvexHull(points[first], incremental=True), list(first)
     while True:
         # Facets in one plane are triangles with one equation.
         planes = np.unique(hull.equations, axis=0)
@@ -116,7 +114,7 @@ def _cut(mesh: Any, name: str) -> list[Array]:
     # Its unit of length is half of the longest side.
     found = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces), threshold=2.0 * TOLERANCES.cut)
     corners = [_merged(vertices, mesh.vertices, TOLERANCES.thin * size) for vertices, _ in found]
-    pieces = [standing_out(x, size) for x in corners if _thickness(x) > TOLERANCES.thin * size]
+    pieces = [_corners_of(x, size) for x in corners if _thickness(x) > TOLERANCES.thin * size]
     if len(pieces) > TOLERANCES.most:
         raise ValueError(
             f"{name} needs {len(pieces)} convex pieces in contact; allowed: {TOLERANCES.most}. "
@@ -131,6 +129,14 @@ def _cut(mesh: Any, name: str) -> list[Array]:
             "body"
         )
     return pieces
+
+
+def _corners_of(points: Array, size: float) -> Array:
+    """Vertices of a piece's convex hull, at most ``HULL_VERTICES``."""
+    from scipy.spatial import ConvexHull
+
+    points = points[np.sort(ConvexHull(points).vertices)]
+    return points if len(points) <= int(HULL_VERTICES) else standing_out(points, size)
 
 
 def _merged(corners: Array, vertices: Array, near: float) -> Array:

@@ -292,6 +292,7 @@ class Tree:
         parameters: names and values of the argument p.
         chains: strings modelled as masses and springs; they have no rows.
         n_contacts: contact points that a step has room for; 0 where nothing touches anything.
+        n_pieces: solids beyond one for each shape: those of dented meshes, which are several.
     """
 
     name: str
@@ -305,6 +306,7 @@ class Tree:
     drives: tuple[DriveRow, ...] = ()
     chains: tuple[ChainRow, ...] = ()
     n_contacts: int = 0
+    n_pieces: int = 0
 
     @property
     def n_rows(self) -> int:
@@ -322,7 +324,8 @@ class Tree:
             "n_points": sum(len(s.points) for s in self.strings),
             "n_motors": len(self.motor_places), "n_watched": len(self.watched),
             "n_contacts": self.n_contacts,
-            "n_solids": sum(len(i.shapes) for i in self.links) if self.n_contacts else 0,
+            "n_solids": self.n_pieces + sum(len(i.shapes) for i in self.links)
+            if self.n_contacts else 0,
         }  # fmt: skip
 
     @property

@@ -1,0 +1,218 @@
+"""Meshes with dents in contact: convex pieces in runs, how well they fit, which are refused."""
+
+from __future__ import annotations
+
+import importlib.metadata
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import fantoccini as fan
+from contact.dented_meshes import bowl, hook, ring, written
+from fantoccini.errors import PuppetError
+from fantoccini.puppet import Mesh
+from fantoccini.runtime import pieces
+from fantoccini.runtime.hulls import mesh_hulls
+
+SCENE = """
+puppet: scene
+contact: {friction: 0.5}
+obstacles: [OBSTACLE]
+bodies:
+- name: thing
+  joint: {type: free}
+  drag: {linear: 0.1, angular: 0.002}
+  shapes: [SHAPE]
+"""
+MESH = "{type: mesh, file: thing.obj, mass: 0.5}"
+WALL = "{name: wall, type: box, size: [0.08, 0.4, 1], at: [0, 0, -0.5]}"
+PEG = "{name: peg, type: capsule, from: [0, -0.1, 0], to: [0, 0.1, 0], radius: 0.02}"
+BALL = "{type: sphere, radius: 0.02, mass: 0.1}"
+METHODS = ("timestepping", "event")
+
+
+def scene(
+    folder: Path, mesh: trimesh.Trimesh, obstacle: str, shape: str = MESH, more: str = ""
+) -> fan.Marionette:
+    """A free body and an obstacle; one of them may be the mesh ``thing.obj``."""
+    written(folder, mesh)
+    path = folder / "scene.yaml"
+    path.write_text(SCENE.replace("OBSTACLE", obstacle).replace("SHAPE", shape) + more)
+    return fan.load(path)
+
+
+def check(run: fan.Trajectory) -> None:
+    """Nothing overlaps, the law is kept, and the books close: fixed steps lose to order dt."""
+    assert run.status is fan.Status.DONE
+    event = run.method == "event"
+    assert np.min(run.contact.gap) > (-1e-9 if event else -1e-6)
+    # At the instant of an event, shares of redundant points may lie outside their cones.
+    at_events = np.isin(run.t, [e.t for e in run.events]) if event else np.zeros(len(run), bool)
+    assert np.max(run.contact_residual[~at_events]) < 1e-9
+    assert np.max(np.abs(run.ledger["residual"])) < (1e-7 if event else 1e-2)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_bowl_catches_a_ball(tmp_path, method):
+    """It comes to rest inside, at the lowest place that the pieces leave it."""
+    thing = scene(tmp_path, bowl(), "{name: bowl, type: mesh, file: thing.obj}", BALL)
+    x0 = thing.state({"thing.x": 0.03, "thing.y": 0.01, "thing.z": 0.2})
+    run = fan.simulate(thing, x0, t_end=4.0, method=method)
+    check(run)
+    assert np.hypot(*run.q_D[-1, :2]) < 0.01
+    # The bowl's inner pole is at 0.02; pieces may fill 3 % of the longest side, 0.2 m.
+    assert -1e-6 < run.q_D[-1, 2] - 0.04 < 0.03 * 0.2
+    assert np.max(np.abs(run.v_D[-1])) < 1e-3
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_hook_hangs_over_the_edge_of_a_wall(tmp_path, method):
+    thing = scene(tmp_path, hook(), WALL)
+    run = fan.simulate(thing, thing.state({"thing.z": 0.005}), t_end=1.0, method=method)
+    check(run)
+    assert np.allclose(run.q_D[-1, :3], 0.0, atol=1e-4)
+    assert np.max(np.abs(run.v_D[-1])) < 1e-9
+    force = run.contact.force_on("thing", len(run))[-1]
+    assert np.allclose(force, [0, 0, 0.5 * 9.81], atol=1e-6)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_ring_hangs_on_a_peg(tmp_path, method):
+    thing = scene(tmp_path, ring(), PEG)
+    run = fan.simulate(thing, thing.state({"thing.z": -0.055}), t_end=2.0, method=method)
+    check(run)
+    # Its hole has the radius 0.08, the peg 0.02.
+    assert -0.06 - 1e-6 < run.q_D[-1, 2] < -0.06 + 0.03 * 0.24
+    assert np.linalg.norm(run.q_D[-1, :2]) < 5e-3
+    assert {event.name for event in run.events} == {"thing|peg"}
+
+
+def test_a_dented_mesh_in_lanes_and_in_a_scene_of_two(tmp_path):
+    """Batches move it as single runs do; a second body has its own pieces."""
+    thing = scene(
+        tmp_path, hook(), WALL,
+        more="- {name: other, joint: {type: free}, shapes: [" + MESH + "]}\n",
+    )  # fmt: skip
+    assert len(thing.model.contacts.hulls) == 6
+    method = fan.TimeStepping(dt=1e-3)
+    starts = [
+        thing.state({"thing.z": 0.005 + 0.001 * i, "other.z": 0.33, "other.y": 0.05})
+        for i in range(9)
+    ]
+    batch = fan.simulate_batch(thing, starts, t_end=0.3, method=method)
+    for i, x0 in enumerate(starts):
+        run = fan.simulate(thing, x0, t_end=0.3, method=method)
+        assert np.allclose(batch.q_D[i][-1], run.q_D[-1], rtol=0, atol=1e-9)
+    assert {"thing|wall", "other|thing"} <= {event.name for event in run.events}
+    # Pieces of one body do not meet.
+    assert all(len(set(pair)) == 2 for pair in thing.model.contacts.names)
+
+
+def hulls_of(folder: Path, mesh: trimesh.Trimesh):
+    """The pieces of a mesh, from a file, and the mesh read back."""
+    scene(folder, mesh, WALL)
+    found = fan.load(folder / "scene.yaml").tree.links[0].shapes[0]
+    assert isinstance(found, Mesh)
+    return mesh_hulls(found), mesh
+
+
+@pytest.mark.parametrize("make", [bowl, ring, hook])
+def test_pieces_are_the_mesh_to_3_percent(tmp_path, make):
+    """Distances of random balls from the pieces, and from the mesh by coal."""
+    hulls, mesh = hulls_of(tmp_path, make())
+    size = float(np.max(mesh.extents))
+    rng = np.random.default_rng(0)
+    low, high = mesh.bounds
+    points = rng.uniform(low - 0.1 * size, high + 0.1 * size, size=(400, 3))
+    points = points[~pieces.inside(mesh, points)]
+    exact = pieces.distances(mesh, points)
+    found = np.min([_distance(hull, points) for hull in hulls], axis=0)
+    assert np.max(np.abs(found - exact)) < 0.03 * size
+    assert np.median(np.abs(found - exact)) < 0.01 * size
+
+
+def _distance(hull, points: np.ndarray) -> np.ndarray:
+    """(n,) distances of points from a hull, by coal; 0 within."""
+    faces = [
+        [hull.corners[a], hull.corners[k], hull.corners[k + 1]]
+        for a, b in zip(hull.begins, hull.begins[1:], strict=False)
+        for k in range(a + 1, b - 1)
+    ]
+    solid = trimesh.Trimesh(hull.vertices + hull.centroid, faces, process=False)
+    away = pieces.distances(solid, points)
+    return np.where(pieces.inside(solid, points), 0.0, away)
+
+
+def test_winding_numbers_and_distances_have_closed_forms():
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=0.5)
+    points = np.random.default_rng(0).uniform(-1, 1, size=(200, 3))
+    r = np.linalg.norm(points, axis=1)
+    clear = np.abs(r - 0.5) > 0.01
+    assert np.array_equal(pieces.inside(ball, points)[clear], (r < 0.5)[clear])
+    assert np.allclose(pieces.distances(ball, points), np.abs(r - 0.5), atol=2e-3)
+
+
+def test_the_same_mesh_has_the_same_pieces_from_the_cache_or_anew(tmp_path, monkeypatch):
+    monkeypatch.setenv("FANTOCCINI_CACHE", str(tmp_path / "cache"))
+    first, _ = hulls_of(tmp_path, hook())
+    (kept,) = (tmp_path / "cache").glob("??/*.npz")
+    for spoil in (None, b"", b"PK\x03\x04 no archive"):
+        if spoil is not None:
+            kept.write_bytes(spoil)
+        again, _ = hulls_of(tmp_path, hook())
+        for one, other in zip(first, again, strict=True):
+            assert np.array_equal(one.vertices, other.vertices)
+    kept.chmod(0o666)  # not to be trusted: made anew, with the permissions of the first
+    hulls_of(tmp_path, hook())
+    assert kept.stat().st_mode & 0o777 == 0o600
+
+
+def test_mass_is_that_of_the_mesh(tmp_path):
+    made = scene(tmp_path, hook(), WALL, MESH.replace("mass: 0.5", "density: 1000"))
+    assert made.weight == pytest.approx(9.81 * 1000 * hook().volume)
+
+
+def refused(thing: fan.Marionette, text: str) -> None:
+    with pytest.raises(PuppetError) as error:
+        _ = thing.model.contacts
+    assert text in str(error.value)
+    assert "scene.yaml:6: shapes of thing: thing.obj" in str(error.value)
+
+
+def test_without_the_library_the_error_says_what_to_install(tmp_path, monkeypatch):
+    known = importlib.metadata.version
+
+    def version(name: str) -> str:
+        if name == "coacd":
+            raise importlib.metadata.PackageNotFoundError(name)
+        return known(name)
+
+    monkeypatch.setattr(importlib.metadata, "version", version)
+    thing = scene(tmp_path, hook(), WALL)
+    refused(thing, "is not installed: python -m pip install coacd")
+
+
+def test_too_many_pieces_and_pieces_that_do_not_fit_are_refused(tmp_path, monkeypatch):
+    few = pieces.PieceTolerances(most=2)
+    monkeypatch.setattr(pieces, "TOLERANCES", few)
+    refused(scene(tmp_path, hook(), WALL), "needs 3 convex pieces in contact; allowed: 2")
+    tight = pieces.PieceTolerances(deviation=1e-9)
+    monkeypatch.setattr(pieces, "TOLERANCES", tight)
+    refused(scene(tmp_path, hook(), WALL), "could not be cut into convex pieces")
+
+
+def test_a_mesh_that_comes_to_touch_something_later_is_refused(tmp_path):
+    """Compiled code has room for the solids that touched something when it was made."""
+    thing = scene(tmp_path, hook(), WALL)
+    path = tmp_path / "scene.yaml"
+    path.write_text(path.read_text().replace(WALL, ""))
+    alone = fan.load(path)
+    assert len(alone.model.contacts.hulls) == 0
+    among = fan.Marionette(alone.model.with_obstacles(thing.puppet.obstacles))
+    refused(among, "touched nothing when the puppet was compiled")
+    # The other way round there is room enough.
+    bare = fan.Marionette(thing.model.with_obstacles(()))
+    assert len(bare.model.contacts.hulls) == 0
+    fan.simulate(bare, bare.state(), t_end=0.01, method="timestepping")
