@@ -262,6 +262,25 @@ def test_points_of_lying_solids_stay(program: Path, name: str) -> None:
             assert abs(after.gap - before.gap) < 5 * small
 
 
+def test_points_of_boxes_side_by_side_lie_on_both(program: Path) -> None:
+    """Their bottoms are level up to rounding, so that edges of both lie along one another.
+
+    Where they cross is anywhere then; a point was found where only one of the boxes is.
+    """
+    post = box([0.3, 0.05, 0.3], [0.05, 0.05, 0.3])
+    beside = box([0.1515, -0.09975, 0.05], [0.1, 0.15, 0.05], Rotation.from_euler("z", 0.0209))
+    rng = np.random.default_rng(5)
+    moved = [
+        beside.turned(random_turn(rng, small)).moved([0, 0, small * rng.uniform(-0.1, 0.1)])
+        for small in 10.0 ** rng.uniform(-13, -6, 300)
+    ]
+    for pair in touches(program, [(x, post) for x in moved], 0.01):
+        assert pair.touches
+        for t in pair.touches:
+            assert t.gap > 0.0
+            assert max(post.off_surface(t.point), beside.off_surface(t.point)) < 0.01
+
+
 @pytest.mark.parametrize("name", ["box on plane", "plate on plane", "capsule on plane"])
 def test_solids_lie_on_their_lowest_points(program: Path, name: str) -> None:
     x, y, _ = LYING[name]

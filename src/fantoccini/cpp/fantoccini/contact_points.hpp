@@ -46,7 +46,7 @@ class ContactPoints : public PlacedLinks<Model, Real> {
   };
 
   struct Point {
-    int pair, feature;       // of ContactArrays; which of the pair's points
+    int pair, feature, region;  // of ContactArrays; which of the pair's points; of Touch
     double gap, at[3];       // m
     double frame[9];         // normal, tangent, tangent
   };
@@ -359,6 +359,7 @@ class ContactPoints : public PlacedLinks<Model, Real> {
       Point& to = point[l][n[l]++];
       to.pair = k;
       to.feature = found[i].feature;
+      to.region = found[i].region;
       to.gap = found[i].gap;
       for (int c = 0; c < 3; ++c) {
         to.at[c] = found[i].point[c];

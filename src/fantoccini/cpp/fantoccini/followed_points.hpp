@@ -93,6 +93,7 @@ class FollowedPoints {
       if (c >= 0) {
         found_[c] = true;
         gap[c] = from.gap;
+        region_[c] = from.region;
         for (int d = 0; d < 3; ++d) point_[c][d] = from.at[d];
         for (int d = 0; d < 9; ++d) frame_[c][d] = from.frame[d];
         points_.make_rows(*in, i);
@@ -235,8 +236,9 @@ class FollowedPoints {
   void set_reference(int row, double tension) { tension_[row] = tension; }
 
   // gamma: derivatives of hdot along the motion without accelerations of the puppet, where
-  // the driven coordinates have theirs. Where a point is lost ahead, as at a corner that it is about
-  // to reach, they are taken from behind, or over less; one that is lost here keeps its latest.
+  // the driven coordinates have theirs. Where a point is lost ahead or comes to another region, as at
+  // a corner that it is about to reach, they are taken from behind, or over less; one that is lost
+  // here keeps its latest.
   template <class F>
   void differ(const F& f, const double* q_D, const double* v_D) {
     double rate = Tolerance::slowest;
@@ -297,7 +299,7 @@ class FollowedPoints {
         }
         int i = 0;
         while (i < near_.n[0] && near_.point[0][i].feature != at[c].feature) ++i;
-        all[c] = i < near_.n[0];
+        all[c] = i < near_.n[0] && near_.point[0][i].region == region_[c];
         if (!all[c]) continue;
         double u[3];
         near_.velocity(*in, i, u);
@@ -339,6 +341,7 @@ class FollowedPoints {
     at[to] = at[c];
     found_[to] = found_[c];
     gap[to] = gap[c];
+    region_[to] = region_[c];
     for (int k = 0; k < 3; ++k) point_[to][k] = point_[c][k];
     for (int k = 0; k < 9; ++k) frame_[to][k] = frame_[c][k];
     for (int d = 0; d < 3; ++d) {
@@ -373,6 +376,7 @@ class FollowedPoints {
   Points points_, near_;  // of the latest evaluation; at displaced configurations
   double tension_[room(M)] = {};  // at the last event
   bool found_[room(C)];
+  int region_[room(C)];
   double point_[room(C)][3], frame_[room(C)][9];
   double row_[room(3 * C)][room(N)], rate_K_[room(3 * C)], gamma_[room(3 * C)] = {};
 };

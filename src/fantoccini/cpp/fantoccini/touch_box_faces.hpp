@@ -175,8 +175,12 @@ class SharedPolygon {
       const double outward = side % 2 == 0 ? -1.0 : 1.0, bound = outward * half_[c];
       if ((outward * p[c] > half_[c] + p_more) == (outward * q[c] > half_[c] + q_more)) continue;
       if (p[c] == q[c]) continue;
-      // A corner may count as beyond the side that is on this side of it by rounding.
-      const double t = clamped((bound - p[c]) / (q[c] - p[c]), -1.0, 2.0);
+      // A corner may count as beyond the side that is on this side of it by rounding: of an edge that
+      // lies along the side, the crossing is at the corner all the same.
+      double d[3];
+      difference3(q, p, d);
+      const double more = 2.0 * tolerance / length3(d);
+      const double t = clamped((bound - p[c]) / d[c], -more, 1.0 + more);
       const double along = p[other] + t * (q[other] - p[other]);
       if (fabs(along) > half_[other] + 2.0 * rounding_) continue;
       const int lower_corner = c == 0 ? lower_.corner(bound, 1.0) : lower_.corner(1.0, bound);

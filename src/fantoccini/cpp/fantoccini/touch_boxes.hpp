@@ -34,6 +34,9 @@ FAN_FN int smallest_of(const double* x) {
   return best;
 }
 
+// Which of the three stretches of flatness a value of it belongs to.
+FAN_FN int stretch_of(double flat) { return flat <= 0.0 ? 0 : flat < 1.0 ? 1 : 2; }
+
 // The edge along axis k of a box about the origin that lies farthest in a direction.
 FAN_FN Core edge_towards(const double* direction, const double* half, int k) {
   double a[3], b[3];
@@ -146,14 +149,18 @@ FAN_FN void touch_box_outside(
   const FaceClip clip(core, half, face, side, at);
   const double on_face = clip.found && core.length > 0.0 ? flatness(length3(tilt)) : 0.0;
   const Overlap on_edge(core, edge_towards(normal, half, edge));
-  if (on_face == 0.0 && on_edge.flat == 0.0) return to.add(nearest.p, nearest.q, normal, 0);
+  const int part = at <= 0.0 ? 1 : at >= core.length ? 2 : 0;  // the core's ends
+  const int shape = 3 * (3 * stretch_of(on_face) + stretch_of(on_edge.flat)) + part;
+  if (on_face == 0.0 && on_edge.flat == 0.0)
+    return to.add(nearest.p, nearest.q, normal, 0, 27 * shape + region_of_box(normal));
   for (int k = 0; k < 2; ++k) {
     PointPair pair = between_pairs(nearest, on_edge.ends[k], on_edge.flat);
     pair = between_pairs(pair, clip.ends[k], on_face);
     double n[3];
     copy3(normal, n);
     aim(pair, n);
-    to.add(pair.p, pair.q, n, k);
+    const int own = clip.ends[k].p[0] == nearest.p[0] && clip.ends[k].p[1] == nearest.p[1];
+    to.add(pair.p, pair.q, n, k, 27 * (2 * shape + own) + region_of_box(n));
   }
 }
 

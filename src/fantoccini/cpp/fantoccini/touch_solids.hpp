@@ -10,6 +10,7 @@ struct TouchTolerances {
   static constexpr double tiny = 1e-12;       // m: cores nearer than this have no direction
   static constexpr double lying = 0.005;      // sin of an angle below which solids lie flat
   static constexpr double crossing = 0.05;    // sin of an angle above which one point is enough
+  static constexpr double leaving = 1e-12;    // of a unit vector: less is rounding
   static constexpr double min_overlap = 0.1;  // of the shorter segment, for two full points
 };
 
@@ -19,6 +20,7 @@ struct Touch {
   double normal[3];  // unit, world, from the second solid towards the first
   double gap;        // m: distance of the surfaces along the normal; negative: depth
   int feature;       // which of the pair's points it is: the same from step to step
+  int region;        // where the surfaces it lies on bend in another way, this is another number
 };
 
 constexpr int max_touches = 8;  // of a pair
@@ -81,6 +83,14 @@ FAN_FN void centre3(const PlacedSolid& x, double* out) {
   for (int k = 0; k < 3; ++k) out[k] = x.kind == SEGMENT ? 0.5 * (x.a[k] + x.b[k]) : x.a[k];
 }
 
+// The region of a box about the origin that a normal leaves: a face, an edge or a corner.
+FAN_FN int region_of_box(const double* normal) {
+  int region = 0;
+  for (int k = 0; k < 3; ++k)
+    region = 3 * region + (fabs(normal[k]) <= TouchTolerances::leaving ? 0 : normal[k] > 0.0 ? 1 : 2);
+  return region;
+}
+
 // From 1 for solids that lie flat to 0 for those that cross, with a continuous slope.
 FAN_FN double flatness(double sine) {
   using Tol = TouchTolerances;
@@ -96,7 +106,8 @@ struct Touches {
   int n = 0;
 
   // Adds the point between p of the first core and q of the second, if it is near enough.
-  FAN_FN void add(const double* p, const double* q, const double* normal, int feature) {
+  FAN_FN void add(
+      const double* p, const double* q, const double* normal, int feature, int region = 0) {
     double apart[3];
     difference3(p, q, apart);
     const double gap = dot3(apart, normal) - x_radius - y_radius;
@@ -110,6 +121,7 @@ struct Touches {
     }
     to.gap = gap;
     to.feature = feature;
+    to.region = region;
   }
 };
 
