@@ -61,7 +61,7 @@ struct FixedLanes {
   template <class Drive>
   void advance(Drive& drive, double from, double next) {
     for (int r = 0; r < M; ++r) was_[r] = trajectory.at.taut[r];
-    drive.at(Real(next), trajectory.coming());
+    drive.fill(Real(next), trajectory.coming());
     trajectory.advance(next - from);
     t = select(runs(), Real(next), t);
     tell();
