@@ -129,7 +129,8 @@ struct RowSystem {
     problem.use(problem.G, Complementarity<Real, M>::N);
   }
 
-  // The first `leading` rows of gather() where all strings come first.
+  // The first `leading` rows of gather() where all strings come first; without hddot and their block
+  // of G, which stays where the equations have it.
   FAN_FN void gather_leading(const Eval& e) {
     for (int i = 0; i < Model::n_limits; ++i) made_[i] = false;
     each<leading>([&](int r) FAN_INLINE {
@@ -139,7 +140,6 @@ struct RowSystem {
     });
     each<leading>([&](int r) FAN_INLINE {
       hdot[r] = e.hdot[r];
-      hddot[r] = e.gamma[r] + e.a0[r];
       kick[r] = e.a0[r];
       hdot_K[r] = e.hdot_K[r];
     });

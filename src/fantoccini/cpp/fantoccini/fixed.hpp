@@ -53,7 +53,7 @@ struct FixedRun {
     const auto& state = trajectory.state();
     const auto& in = trajectory.inputs();
     out.row(
-        t, state.q_D, state.v_D, trajectory.at.acc, in.q_K, in.v_K, in.acc_K,
+        t, state.q_D, state.v_D, trajectory.at.acc(), in.q_K, in.v_K, in.acc_K,
         trajectory.at.tension, trajectory.at.taut, trajectory.p, trajectory.work,
         trajectory.damping, trajectory.impact, trajectory.slip_loss, trajectory.friction,
         trajectory.at.slip);

@@ -26,7 +26,7 @@ struct FixedLanes {
   Real* v_D() { return trajectory.state().v_D; }
   Real* slip() { return trajectory.at.slip; }
   Real* p() { return trajectory.p; }
-  const Real* acc() const { return trajectory.at.acc; }
+  const Real* acc() const { return trajectory.at.acc(); }
   const Real* tension() const { return trajectory.at.tension; }
   const Mask* taut() const { return trajectory.at.taut; }
   auto& inputs() { return trajectory.inputs(); }

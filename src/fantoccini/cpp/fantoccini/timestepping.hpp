@@ -27,28 +27,10 @@
 #include "contact_step.hpp"
 #include "evaluation.hpp"
 #include "position_term.hpp"
+#include "timestepping_tolerances.hpp"
 #include "winch.hpp"
 
 namespace fan {
-
-struct TimeSteppingTolerances {
-  // m or rad: once a row was overstepped by more, a step may move less far. The inputs then cannot
-  // be followed, or not by steps of this length, or the start was violated as much.
-  static constexpr double stirred_violation = 1e-3;
-  // How far a coordinate may turn (rad) and move (m) in a step, afterwards.
-  static constexpr double max_turn_per_step = 0.5, max_move_per_step = 5.0;
-  // Before, it may move this many times as far.
-  static constexpr double unstirred_factor = 10.0;
-  // rad/s or m/s beyond which a row that closes at the start is caught, not held: more than rows that
-  // hold move in a step, less than matters in the ledger.
-  static constexpr double catching_speed = 1e-3;
-  // rad/s or m/s at which a limit joins the problem because it would be passed: above the rounding
-  // of speeds that reach it exactly.
-  static constexpr double passing_speed = 1e-12;
-  // m, rad or per second: where every limit is farther than this from being passed, far above
-  // rounding, they are not gone through one by one.
-  static constexpr double surely_not = 1e-6;
-};
 
 template <class Model, class Real>
 struct TimeStep {
@@ -64,18 +46,18 @@ struct TimeStep {
   Rows rows;
   std::conditional_t<touches, ContactStep<Model, Real>, NoContacts> contacts;
   const ContactArrays* solids = nullptr;  // null: nothing touches anything
-  Real acc[room(N)];      // (v+ - v) / dt
-  Real lead[room(N)] = {};   // (v_ahead - v) / dt of the step to come
   double whole = 0.0;        // s: the run's step; the last one may be shorter
   bool forced = true;        // otherwise u_D is 0
   bool extrapolates = true;  // otherwise v_ahead is v: a step depends on its state alone
-  Mask steady = Real(0.0) > Real(1.0);  // whether the next step may extrapolate the last one
+  // Whether the next step may extrapolate the last one, and whether the last might the one before.
+  Mask steady = Real(0.0) > Real(1.0), steadier = steady;
   Real tension[room(M)];  // Lambda / dt
   Mask taut[room(M)];    // rows that pulled in the last step; to be set by set_row()
   Mask held[room(M)];    // and in the one before it
   Real slip[room(S)];    // m, >= 0
   Mask slips[room(S)];   // in the last step
   Real work, impact, slip_loss, friction, violation;
+  Real speed_bound;  // at least |v|^2 after the last step
   Mask settled;  // whether the last step's complementarity was solved
   Mask idle = Real(0.0) > Real(1.0);  // lanes that have stopped: no row takes part in them
   // Whether a row was ever overstepped by more than stirred_violation.
@@ -113,8 +95,15 @@ struct TimeStep {
 
   // The next step extrapolates nothing in these lanes.
   FAN_FN void forget(const Mask& where) {
-    for (int k = 0; k < N; ++k) lead[k] = select(where, Real(0.0), lead[k]);
     steady = steady && !where;
+  }
+
+  // (v+ - v) / dt of the last step.
+  FAN_FN const Real* acc() const { return accs_[acc_at_]; }
+
+  // The same before the first one.
+  FAN_FN void clear_acc() {
+    for (int k = 0; k < N; ++k) accs_[0][k] = accs_[1][k] = Real(0.0);
   }
 
  private:
@@ -122,7 +111,11 @@ struct TimeStep {
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
       const Real* u_D, double dt, const Real* p) {
     Real v_ahead[room(N)];
-    each<N>([&](int k) FAN_INLINE { v_ahead[k] = v_D[k] + dt * lead[k]; });
+    const Real *a = acc(), *before = accs_[1 - acc_at_];
+    each<N>([&](int k) FAN_INLINE {
+      const Real trend = select(steadier, Real(0.25 * (a[k] - before[k])), Real(0.0));
+      v_ahead[k] = v_D[k] + dt * select(steady, Real(0.5 * a[k] + trend), Real(0.0));
+    });
     eval.at(q_D, v_D, q_K, v_K, acc_K, u_D, v_ahead, Real(dt), p);
   }
 
@@ -144,17 +137,17 @@ struct TimeStep {
     }
     const Mask caught = account(v_D, change, u_D, dt);
     give_way(winches, cap, dt);
-    each<N>([&](int k) FAN_INLINE {
-      const Real found = change[k] * (1.0 / dt);
-      lead[k] = found * 0.5 + select(steady, Real(0.25 * (found - acc[k])), Real(0.0));
-      acc[k] = found;
-    });
+    Real* acc = accs_[1 - acc_at_];
+    each<N>([&](int k) FAN_INLINE { acc[k] = change[k] * (1.0 / dt); });
+    acc_at_ = 1 - acc_at_;
+    steadier = steady;
     steady = !caught;
     const Real most = select(stirred, Real(1.0), Real(Tolerance::unstirred_factor));
-    if (any(!(dt * dt * weighted_squares<N>(v_next, shares.of) < most * most)))
+    const Real pace = weighted_squares<N>(v_next, shares.of);
+    speed_bound = pace * (Tolerance::max_move_per_step * Tolerance::max_move_per_step);
+    if (any(!(dt * dt * pace < most * most)))
       slow_down(most, dt, v_next);
     if (!extrapolates) steady = Real(0.0) > Real(1.0);
-    if (any(!steady)) forget(!steady);
   }
 
   // One over how far a coordinate may move in a step.
@@ -434,6 +427,8 @@ struct TimeStep {
     impact -= select(caught, Real(pull_[a] * 0.5 * (before_[a] + after)), Real(0.0));
   }
 
+  Real accs_[2][room(N)] = {};  // of the last two steps
+  int acc_at_ = 0;              // which is that of the last one
   bool gives_way_ = false;  // whether a string has slipped in some lane, or may
   bool some_near_ = true;   // whether a limit may take part in some lane
   bool limits_pull_ = true, limits_pulled_ = true;  // in the last step, and the one before it

@@ -60,7 +60,7 @@ struct TimeSteppingTrajectory {
       if (at.solids) at.contacts.begin(*at.solids);
     for (int l = 0; l < width; ++l)
       for (int r = 0; r < M; ++r) blame[l][r] = 0.0;
-    for (int k = 0; k < N; ++k) at.acc[k] = Real(0.0);
+    at.clear_acc();
     at.forget(!no);
     Real slip[room(S)];
     for (int i = 0; i < S; ++i) slip[i] = at.slip[i];
@@ -165,8 +165,9 @@ struct TimeSteppingTrajectory {
 
   FAN_FN void judge() {
     const State& made = stepped();
-    const Real size = squares<NQ>(made.q_D) + squares<N>(made.v_D);
-    const Mask wild = !(size < Real(max_state_norm * max_state_norm));
+    const Real most = Real(max_state_norm * max_state_norm), far = squares<NQ>(made.q_D);
+    Mask wild = !(far + at.speed_bound < most);
+    if (any(wild)) wild = !(far + squares<N>(made.v_D) < most);
     Mask empty = Real(0.0) > Real(1.0);
     for (int i = 0; i < S; ++i) empty = empty || is_empty(i);
     const auto stop = [&](const Mask& mask, Status why) {
