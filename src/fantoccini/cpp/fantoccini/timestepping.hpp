@@ -112,9 +112,10 @@ struct TimeStep {
       const Real* u_D, double dt, const Real* p) {
     Real v_ahead[room(N)];
     const Real *a = acc(), *before = accs_[1 - acc_at_];
+    const Real half = select(steady, Real(0.5 * dt), Real(0.0));
+    const Real quarter = select(steady && steadier, Real(0.25 * dt), Real(0.0));
     each<N>([&](int k) FAN_INLINE {
-      const Real trend = select(steadier, Real(0.25 * (a[k] - before[k])), Real(0.0));
-      v_ahead[k] = v_D[k] + dt * select(steady, Real(0.5 * a[k] + trend), Real(0.0));
+      v_ahead[k] = v_D[k] + (half * a[k] + quarter * (a[k] - before[k]));
     });
     eval.at(q_D, v_D, q_K, v_K, acc_K, u_D, v_ahead, Real(dt), p);
   }
