@@ -32,8 +32,8 @@ def chapter(scalar: Program, lanes: Program, turns: int) -> Chapter:
         what = f"equations alone / {name} without contact (mark: 1/{MOST:g})"
         goals.append(Goal(what, alone.over(whole), 1.0 / MOST))
     text = (
-        f"The hanging marionette of [the page on speed](benchmarks.md), {CALLS} steps a turn, "
-        f"{turns} turns, by the processor's time."
+        f"The hanging marionette of [the page on speed](benchmarks.md), its inputs at rest, "
+        f"{CALLS} steps a turn, {turns} turns, by the processor's time."
     )
     parts = [text, Table(["work", "median", "min", "max"], rows),
              Table(["ratio", "median", "min", "max"], ratio_rows)]  # fmt: skip

@@ -30,6 +30,7 @@ void begin() {
     for (int i = 0; i < Model::n_qK; ++i) in->q_K[i] = Wide(base[i]);
     for (int j = 0; j < Model::n_vK; ++j) in->v_K[j] = in->acc_K[j] = Wide(0.0);
     for (int k = 0; k < N; ++k) in->u_D[k] = Wide(0.0);
+    in->still = 1;
   }
   led.winches.set(table.data());
   led.opt.dt = number[0];

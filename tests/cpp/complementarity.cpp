@@ -171,6 +171,7 @@ Answer solve(const Problem& p) {
   step(wide, p);
   out.apart = farthest(wide.x, out.x);
   if (p.n >= kLeading) {
+    led.use(led.G, stride);
     step(led, p);
     const double off = farthest(led.x, out.x);
     if (!(off <= out.apart)) out.apart = off;

@@ -85,7 +85,10 @@ struct Bundle {
         at(v_K[j], l) = (next - here) / dt;
         at(acc_K[j], l) = (next - 2 * here + before) / (dt * dt);
       }
-    step.step(q_D, v_D, q_K, v_K, acc_K, u_D, dt, recovery, cap, winches, p, q_D, v_D);
+    Real q_next[room(NQ)], v_next[room(N)];
+    step.step(q_D, v_D, q_K, v_K, acc_K, u_D, dt, recovery, cap, winches, p, q_next, v_next);
+    for (int i = 0; i < NQ; ++i) q_D[i] = q_next[i];
+    for (int k = 0; k < N; ++k) v_D[k] = v_next[k];
   }
 
   // Everything a step leaves behind, of one place.

@@ -86,3 +86,30 @@ strings:
     run = fan.simulate(bob, x0, t_end=0.05, method=fan.TimeStepping(dt=1e-3))
     assert abs(run.ledger["impact"][-1] - 0.5 * 0.5 * 2.0**2) < 0.02
     assert abs(run.ledger["residual"][-1]) < 0.02
+
+
+def test_inputs_that_rest_are_those_that_creep():
+    """Inputs that hold still are written once, and a step between two of them has no rates to find:
+    also where a whole move lies between them, and where every lane of a batch rests elsewhere.
+    """
+    arm = fan.puppets.arm2d()
+    x0 = arm.rest({"hand.length": 0.8})
+    x = float(x0.q_K[0])
+
+    def lift(creep, rise=1e-5):
+        # The move lies within the step from 20 to 22 ms.
+        length = [(0.0, 0.8), (0.0205, 0.8), (0.0215, 0.8 + rise)]
+        ways = {"hand.length": length, "hand.x": [(0.0, x), (0.1, x + creep)]}
+        return fan.Input.waypoints(arm, ways)
+
+    how = {"t_end": 0.1, "method": fan.TimeStepping(dt=0.002)}
+    rests, creeps = (fan.simulate(arm, x0, lift(creep), **how) for creep in (0.0, 1e-12))
+    assert np.max(np.abs(rests.v_D)) > 1e-3
+    assert np.max(np.abs(rests.v_D - creeps.v_D)) < 1e-9
+    assert np.max(np.abs(rests.ledger.values - creeps.ledger.values)) < 1e-11
+    rises = np.linspace(0.0, 1e-5, 9)
+    many = fan.simulate_batch(arm, x0, [lift(0.0, rise) for rise in rises], save="all", **how)
+    for i, rise in enumerate(rises):
+        one = fan.simulate(arm, x0, lift(0.0, rise), **how)
+        assert np.array_equal(many.trajectory(i).q_K, one.q_K)
+        assert np.max(np.abs(many.trajectory(i).v_D - one.v_D)) < 1e-10

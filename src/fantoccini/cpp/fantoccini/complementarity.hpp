@@ -61,6 +61,16 @@ struct Complementarity {
   Mask active[N];      // rows between their bounds; on entry the guess
   Mask high[N];        // rows at their upper bound
 
+  // Where the entries between the first `leading` rows are, for solve(): (i, j), j <= i, at
+  // i * stride + j.
+  FAN_FN void use(const Real* block, int stride) {
+    block_ = block;
+    stride_ = stride;
+  }
+
+  // Entry (i, j) of G of a problem for solve().
+  FAN_ALWAYS_INLINE const Real& at(int i, int j) const { return at_with<leading>(i, j); }
+
   // The factor of the active rows, the diagonal raised by eps times its largest entry.
   FAN_FN void factorise(double eps) {
     choose<0>();
@@ -145,6 +155,12 @@ struct Complementarity {
   }
 
  private:
+  template <int first>
+  FAN_ALWAYS_INLINE const Real& at_with(int i, int j) const {
+    if (i < first && j < first) return j < i ? block_[i * stride_ + j] : block_[j * stride_ + i];
+    return G[i * N + j];
+  }
+
   // Calls f with the number of every row; for the first ones as a constant.
   template <int first, class F>
   FAN_ALWAYS_INLINE void rows(const F& f) const {
@@ -186,7 +202,7 @@ struct Complementarity {
       if (j < first) some_[j] = j;
       else if (any(active[j])) some_[n_some_++] = j;
       else return;
-      const Real own = select(active[j], G[j * N + j], Real(0.0));
+      const Real own = select(active[j], at_with<first>(j, j), Real(0.0));
       largest_ = maximum(own, largest_);
     });
   }
@@ -196,44 +212,44 @@ struct Complementarity {
   FAN_FN void factor(double least) {
     loose_ = Real(0.0) > Real(1.0);
     const Real low = least * largest_;
+    // What is left of the first rows' block; D L^T of it is not kept.
+    Real left[room(first)][room(first)];
+    unrolled<0, first>([&](auto d) FAN_INLINE {
+      unrolled<0, d + 1>([&](auto c) FAN_INLINE { left[d][c] = entry<first>(d, c); });
+    });
     unrolled<0, first>([&](auto c) FAN_INLINE {
-      Real sum[first > 0 ? first : 1];
-      unrolled<0, first>([&](auto d) FAN_INLINE {
-        if constexpr (d >= c) sum[d] = entry(d, c);
-      });
-      unrolled<0, c>([&](auto k) FAN_INLINE {
-        const Real part = factor_[c * N + k];
-        unrolled<0, first>([&](auto d) FAN_INLINE {
-          if constexpr (d >= c) sum[d] -= part * (d == c ? factor_[k * N + c] : factor_[k * N + d]);
-        });
-      });
-      take_pivot(c, sum[c], low);
-      unrolled<0, first>([&](auto d) FAN_INLINE {
-        if constexpr (d > c) take_entry(c, d, sum[d]);
+      take_pivot<first>(c, left[c][c], low);
+      unrolled<c + 1, first>([&](auto d) FAN_INLINE {
+        const Real part = left[d][c] * inverse_[c];
+        unrolled<d, first>([&](auto e) FAN_INLINE { left[e][d] -= left[e][c] * part; });
+        factor_[d * N + c] = part;
       });
     });
     for (int c = 0; c < n_some_; ++c) {
       const int begin = c < first ? first : c;
       for (int d = begin; d < n_some_; ++d) {
-        Real sum = entry(some_[d], some_[c]);
+        Real sum = entry<first>(some_[d], some_[c]);
         for (int k = 0; k < c; ++k) sum -= factor_[c * N + k] * factor_[k * N + d];
-        if (d == c) take_pivot(c, sum, low);
+        if (d == c) take_pivot<first>(c, sum, low);
         else take_entry(c, d, sum);
       }
     }
   }
 
   // Entry (i, j) of what is factorised.
+  template <int first>
   FAN_ALWAYS_INLINE Real entry(int i, int j) const {
-    if (i == j) return select(active[i], Real(G[i * N + i] + raise_), Real(1.0));
-    return select(active[i] && active[j], G[i * N + j], Real(0.0));
+    const Real& own = at_with<first>(i, j);
+    if (i == j) return select(active[i], Real(own + raise_), Real(1.0));
+    return select(active[i] && active[j], own, Real(0.0));
   }
 
+  template <int first>
   FAN_ALWAYS_INLINE void take_pivot(int c, const Real& found, const Real& low) {
     // A redundant row leaves rounding here; the floor keeps the factor finite.
     const int j = some_[c];
     const Real floor = raise_ * Tolerance::pivot_floor[0] +
-                       G[j * N + j] * Tolerance::pivot_floor[1] + Tolerance::pivot_floor[2];
+                       at_with<first>(j, j) * Tolerance::pivot_floor[1] + Tolerance::pivot_floor[2];
     pivots_[c] = maximum(found, floor);
     inverse_[c] = Real(1.0) / pivots_[c];
     loose_ = loose_ || (active[j] && pivots_[c] < low);
@@ -260,10 +276,10 @@ struct Complementarity {
       for (int d = 0; d < c; ++d) y[d] -= factor_[d * N + c] * y[c];
       r[some_[c]] = y[c];
     }
+    unrolled<0, first>([&](auto c) FAN_INLINE { y[c] *= inverse_[c]; });
     unrolled<0, first>([&](auto i) FAN_INLINE {
       constexpr int c = first - 1 - i;
-      y[c] *= inverse_[c];
-      unrolled<0, c>([&](auto d) FAN_INLINE { y[d] -= factor_[d * N + c] * y[c]; });
+      unrolled<0, c>([&](auto d) FAN_INLINE { y[d] -= factor_[c * N + d] * y[c]; });
       r[c] = y[c];
     });
   }
@@ -281,7 +297,7 @@ struct Complementarity {
       for (int j = 0; j < n; ++j)
         if (any(known[j] != Real(0.0)))
           for (int i = 0; i < n; ++i)
-            x[i] -= select(active[i], Real(G[i * N + j] * known[j]), Real(0.0));
+            x[i] -= select(active[i], Real(at_with<first>(i, j) * known[j]), Real(0.0));
     substitute_with<first>(x);
     rows<first>([&](auto i) FAN_INLINE { x[i] = select(active[i], x[i], known[i]); });
   }
@@ -323,7 +339,7 @@ struct Complementarity {
       if (!any(!active[i] || also)) continue;
       Real sum = -b[i], terms = abs(b[i]);
       for (int k = 0; k < n_pulls; ++k) {
-        const Real term = G[i * N + pulls[k]] * x[pulls[k]];
+        const Real term = at_with<first>(i, pulls[k]) * x[pulls[k]];
         sum += term;
         terms += abs(term);
       }
@@ -332,12 +348,15 @@ struct Complementarity {
     }
   }
 
+  const Real* block_ = nullptr;
+  int stride_ = 0;
   Real raise_, largest_, terms_[N];
   Mask loose_, raised_;
   bool standing_ = false;  // whether there is a factor to be used again
   Mask factored_[N];       // active rows when it was made
   int some_[N], n_some_ = 0;  // rows of the factor, in order
-  // These rows' block is L D L^T with ones on L's diagonal: L below the diagonal, D L^T above it.
+  // These rows' block is L D L^T with ones on L's diagonal: L below the diagonal, D L^T above it
+  // but for the first rows of solve().
   // The part of a row that is not active in a lane is that of the unit matrix there.
   Real factor_[N * N], pivots_[N], inverse_[N];
 };

@@ -46,6 +46,14 @@ class Drive {
     return coef_.data() + std::size_t(segment_) * Space::n_v * n_powers;
   }
 
+  // The same of a run that steps from inputs to inputs; those that hold still are written once.
+  template <class Inputs>
+  void fill(double t, Inputs& in) const {
+    if (still_number_ != 0 && in.still == still_number_) return;
+    evaluate(t, in.q_K, in.v_K, in.acc_K, in.u_D);
+    in.still = still_number_;
+  }
+
   // q_K, v_K, acc_K and u_D at t, by the polynomials chosen last.
   void evaluate(double t, double* q, double* v, double* a, double* u) const {
     const double at = phase_ == BEFORE ? breaks_[0] : (phase_ == AFTER ? breaks_[n_] : t);
@@ -65,11 +73,20 @@ class Drive {
   enum Phase { BEFORE, WITHIN, AFTER };
 
   void choose(double t, Phase phase) {
+    const bool changes = phase != phase_;
     phase_ = phase;
     const auto found = std::upper_bound(breaks_.begin(), breaks_.end(), t);
     const int before = int(found - breaks_.begin()) - 1;
     const int segment = before < 0 ? 0 : (before >= n_ ? n_ - 1 : before);
     if (segment != segment_) enter(segment);
+    else if (changes) number();
+  }
+
+  // Inputs that hold still get a number of their own.
+  void number() {
+    bool still = phase_ != WITHIN || force_.empty();
+    for (int j = 0; j < Space::n_v; ++j) still = still && (phase_ != WITHIN || still_[j]);
+    still_number_ = still ? ++numbers_ : 0;
   }
 
   // u_D at a time s after the piece begins.
@@ -87,11 +104,13 @@ class Drive {
     segment_ = segment;
     const double* coef = segment_coef();
     for (int j = 0; j < Space::n_v; ++j) still_[j] = is_constant(coef + n_powers * j);
+    number();
   }
 
   int n_ = 0, segment_ = 0;
   bool still_[room(Space::n_v)];
   Phase phase_ = BEFORE;
+  long long still_number_ = 0, numbers_ = 0;
   std::vector<double> breaks_, coef_, base_, force_;
 };
 

@@ -126,9 +126,11 @@ struct RowSystem {
   FAN_FN void gather_more(const Eval& e, const Real* v_D, const int* rows, int n_rows) {
     n = problem.n = n_rows;
     gather_from(0, e, v_D, rows);
+    problem.use(problem.G, Complementarity<Real, M>::N);
   }
 
-  // The first `leading` rows of gather() where all strings come first.
+  // The first `leading` rows of gather() where all strings come first; without hddot and their block
+  // of G, which stays where the equations have it.
   FAN_FN void gather_leading(const Eval& e) {
     for (int i = 0; i < Model::n_limits; ++i) made_[i] = false;
     each<leading>([&](int r) FAN_INLINE {
@@ -138,16 +140,18 @@ struct RowSystem {
     });
     each<leading>([&](int r) FAN_INLINE {
       hdot[r] = e.hdot[r];
-      hddot[r] = e.gamma[r] + e.a0[r];
       kick[r] = e.a0[r];
       hdot_K[r] = e.hdot_K[r];
     });
+    problem.use(e.G, S);
+  }
+
+  // Writes the entries of problem.G between the first rows, which gather_leading() leaves out.
+  FAN_FN void copy_leading(const Eval& e) {
     constexpr int stride = Complementarity<Real, M>::N;
-    unrolled<0, leading>([&](auto a) FAN_INLINE {
-      unrolled<0, leading>([&](auto b) FAN_INLINE {
-        problem.G[a * stride + b] = e.G[(b < a ? b : a) + S * (b < a ? a : b)];
-      });
-    });
+    for (int a = 0; a < leading; ++a)
+      for (int b = 0; b <= a; ++b)
+        problem.G[a * stride + b] = problem.G[b * stride + a] = e.G[b + S * a];
   }
 
   // The other rows of it, after gather_leading() or, at the same evaluation, after fewer rows.
@@ -159,15 +163,14 @@ struct RowSystem {
   // w <- w + W y over the rows.
   FAN_FN void add(const Real* y, Real* w) const { add_from(0, y, w); }
 
-  // The same where the strings come first, theirs in straight-line code.
-  FAN_FN void add_all(const Eval& e, const Real* y, Real* w) const {
-    unrolled<0, leading>([&](auto i) FAN_INLINE {
-      if (!any(y[i] != Real(0.0))) return;
-      constexpr int begin = Model::string_begin[i], end = Model::string_begin[i + 1];
-      unrolled<begin, end>([&](auto j) FAN_INLINE {
-        constexpr int k = Model::string_entry[j];
-        w[k] += e.W[N * i + k] * y[i];
+  // w = dt w0 + W y, after gather_leading().
+  FAN_FN void push(const Eval& e, double dt, const Real* y, Real* w) const {
+    unrolled<0, N>([&](auto k) FAN_INLINE {
+      Real sum = dt * e.w0[k];
+      unrolled<0, leading>([&](auto i) FAN_INLINE {
+        if constexpr (moves(i, k)) sum += e.W[N * i + k] * y[i];
       });
+      w[k] = sum;
     });
     add_from(leading, y, w);
   }
@@ -197,6 +200,13 @@ struct RowSystem {
   }
 
  private:
+  // Whether string i moves velocity k.
+  static constexpr bool moves(int i, int k) {
+    for (int j = Model::string_begin[i]; j < Model::string_begin[i + 1]; ++j)
+      if (Model::string_entry[j] == k) return true;
+    return false;
+  }
+
   FAN_FN void gather_from(int first, const Eval& e, const Real* v_D, const int* rows) {
     for (int a = first; a < n; ++a) {
       const int r = row[a] = rows[a];

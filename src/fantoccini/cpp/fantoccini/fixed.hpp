@@ -53,7 +53,7 @@ struct FixedRun {
     const auto& state = trajectory.state();
     const auto& in = trajectory.inputs();
     out.row(
-        t, state.q_D, state.v_D, trajectory.at.acc, in.q_K, in.v_K, in.acc_K,
+        t, state.q_D, state.v_D, trajectory.at.acc(), in.q_K, in.v_K, in.acc_K,
         trajectory.at.tension, trajectory.at.taut, trajectory.p, trajectory.work,
         trajectory.damping, trajectory.impact, trajectory.slip_loss, trajectory.friction,
         trajectory.at.slip);
@@ -77,12 +77,12 @@ struct FixedRun {
     const ContactArrays* contacts = trajectory.opt.contacts;
     memory.keep(trajectory, t, origin, n_steps, n_here, last_dt_, meetings_);
     trajectory.opt.contacts = trajectory.at.solids = contacts;
+    trajectory.inputs().still = trajectory.coming().still = 0;  // another drive numbers its own
   }
 
  private:
   void look(double when) {
-    auto& in = trajectory.coming();
-    drive.evaluate(when, in.q_K, in.v_K, in.acc_K, in.u_D);
+    drive.fill(when, trajectory.coming());
   }
 
   Status advance(double next, Record<Model>& out) {

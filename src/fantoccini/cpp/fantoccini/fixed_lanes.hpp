@@ -25,7 +25,7 @@ struct FixedLanes {
   Real* v_D() { return trajectory.state().v_D; }
   Real* slip() { return trajectory.at.slip; }
   Real* p() { return trajectory.p; }
-  const Real* acc() const { return trajectory.at.acc; }
+  const Real* acc() const { return trajectory.at.acc(); }
   const Real* tension() const { return trajectory.at.tension; }
   const Mask* taut() const { return trajectory.at.taut; }
   auto& inputs() { return trajectory.inputs(); }
@@ -74,7 +74,7 @@ struct FixedLanes {
   template <class Drive>
   void advance(Drive& drive, double from, double next) {
     for (int r = 0; r < M; ++r) was_[r] = trajectory.at.taut[r];
-    drive.at(Real(next), trajectory.coming());
+    drive.fill(Real(next), trajectory.coming());
     trajectory.advance(next - from);
     t = select(runs(), Real(next), t);
     tell();

@@ -28,6 +28,16 @@ class LaneDrive {
     force(in.u_D);
   }
 
+  // The same of a run that steps from inputs to inputs; those that hold still are written once.
+  template <class Inputs>
+  void fill(const Real& t, Inputs& in) {
+    find(t, false);
+    if (still_number_ != 0 && in.still == still_number_) return;
+    motion(in);
+    force(in.u_D);
+    in.still = still_number_;
+  }
+
   // The same at the start of a run: nothing moves from the last break on.
   template <class Inputs>
   void start(const Real& t, Inputs& in) {
@@ -45,7 +55,7 @@ class LaneDrive {
  private:
   // Which piece every lane is in, and how far.
   void find(const Real& times, bool starts) {
-    bool entered = false;
+    bool entered = false, changed = false;
     for (int l = 0; l < width; ++l) {
       const InputArrays& in = input_[l];
       const int n = in.n_segments;
@@ -60,10 +70,20 @@ class LaneDrive {
       const bool after = starts ? t >= in.breaks[n] : t > in.breaks[n], before = t < in.breaks[0];
       const double at = before ? in.breaks[0] : (after ? in.breaks[n] : t);
       lane_of(s_, l) = at - in.breaks[i];
-      lane_of(moves_, l) = before || after ? 0.0 : 1.0;
+      const double moves = before || after ? 0.0 : 1.0;
+      changed = changed || entered || moves != lane_of(moves_, l);
+      lane_of(moves_, l) = moves;
     }
     if (entered)
       for (int j = 0; j < Space::n_v; ++j) still_[j] = is_constant(coef_ + n_powers * j);
+    if (changed) number();
+  }
+
+  // Inputs that hold still in all lanes get a number of their own.
+  void number() {
+    bool still = !forced_;
+    for (int j = 0; j < Space::n_v; ++j) still = still && still_[j];
+    still_number_ = still || !any(moves_ != Real(0.0)) ? ++numbers_ : 0;
   }
 
   template <class Inputs>
@@ -102,7 +122,8 @@ class LaneDrive {
   InputArrays input_[width];
   int piece_[width];
   bool forced_ = false, still_[room(Space::n_v)];
-  Real s_, moves_;  // s: time since the piece began; 1 within the input, 0 before and after it
+  long long still_number_ = 0, numbers_ = 0;
+  Real s_, moves_ = Real(0.0);  // s: time since the piece began; 1 within the input, 0 before and after it
   Real coef_[room(Space::n_v * n_powers)], base_[room(Space::n_q)], force_[room(n_vD * n_powers)];
 };
 

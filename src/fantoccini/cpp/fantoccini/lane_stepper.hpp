@@ -33,22 +33,32 @@ class HeldDrive {
     for (int i = 0; i < Space::n_scalars; ++i)
       coef_[n_powers * Space::scalar_v[i]] = in.q_K[Space::scalar_q[i]];
     for (int j = 0; j < Space::n_v; ++j) still_[j] = is_constant(coef_ + n_powers * j);
-    for (int k = 0; k < n_vD; ++k) u_D_[k] = in.u_D[k];
+    bool still = true;
+    for (int j = 0; j < Space::n_v; ++j) still = still && still_[j];
+    for (int k = 0; k < n_vD; ++k) {
+      u_D_[k] = in.u_D[k];
+      still = still && !any(u_D_[k] != Real(0.0));
+    }
+    still_number_ = still ? ++numbers_ : 0;
   }
 
+  // The inputs at t; those that hold still are written once.
   template <class Inputs>
-  FAN_FN void at(const Real& t, Inputs& in) const {
-    motion_of<Space>(coef_, base_, still_, t, in.q_K, in.v_K, in.acc_K);
-    for (int k = 0; k < n_vD; ++k) in.u_D[k] = u_D_[k];
+  FAN_FN void fill(const Real& t, Inputs& in) const {
+    if (still_number_ != 0 && in.still == still_number_) return;
+    start(t, in);
   }
 
   template <class Inputs>
   FAN_FN void start(const Real& t, Inputs& in) const {
-    at(t, in);
+    motion_of<Space>(coef_, base_, still_, t, in.q_K, in.v_K, in.acc_K);
+    for (int k = 0; k < n_vD; ++k) in.u_D[k] = u_D_[k];
+    in.still = still_number_;
   }
 
  private:
   bool still_[room(Space::n_v)];
+  long long still_number_ = 0, numbers_ = 0;  // as those of LaneDrive
   Real coef_[room(Space::n_v * n_powers)], base_[room(Space::n_q)], u_D_[room(n_vD)];
 };
 

@@ -27,6 +27,12 @@ FAN_FN void normalise(Real* q) {
 
 constexpr double series_half_turn = 0.25;  // rad: smaller half angles use a power series
 
+// cos(x) and sin(x) / x in powers of x^2, but for the highest one.
+constexpr double cosine_series[] = {
+    -1.0 / 3628800.0, 1.0 / 40320.0, -1.0 / 720.0, 1.0 / 24.0, -0.5, 1.0};
+constexpr double factor_series[] = {
+    -1.0 / 39916800.0, 1.0 / 362880.0, -1.0 / 5040.0, 1.0 / 120.0, -1.0 / 6.0, 1.0};
+
 // The quaternion of a rotation vector phi.
 template <class Real>
 FAN_FN void quaternion_exp(const Real* phi, Real* out) {
@@ -34,13 +40,10 @@ FAN_FN void quaternion_exp(const Real* phi, Real* out) {
   // cos(x) and sin(x) / x in powers of x^2, x = |phi| / 2. The terms left out are below 1e-18.
   const Real square = Real(0.25) * (phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]);
   Real cosine = 1.0 / 479001600.0, factor = 1.0 / 6227020800.0;
-  constexpr double cosines[] = {-1.0 / 3628800.0, 1.0 / 40320.0, -1.0 / 720.0, 1.0 / 24.0, -0.5, 1.0};
-  constexpr double factors[] = {
-      -1.0 / 39916800.0, 1.0 / 362880.0, -1.0 / 5040.0, 1.0 / 120.0, -1.0 / 6.0, 1.0};
-  for (int k = 0; k < 6; ++k) {
-    cosine = cosine * square + cosines[k];
-    factor = factor * square + factors[k];
-  }
+  unrolled<0, 6>([&](auto k) FAN_INLINE {
+    cosine = cosine * square + cosine_series[k];
+    factor = factor * square + factor_series[k];
+  });
   const auto wide = !(square < Real(series_half_turn * series_half_turn));
   if (any(wide)) {
     Real sine_far, cosine_far;
@@ -49,8 +52,11 @@ FAN_FN void quaternion_exp(const Real* phi, Real* out) {
     cosine = select(wide, cosine_far, cosine);
     factor = select(wide, sine_far / half, factor);
   }
+  const Real half = 0.5 * factor;
   out[0] = cosine;
-  for (int k = 0; k < 3; ++k) out[1 + k] = 0.5 * factor * phi[k];
+  out[1] = half * phi[0];
+  out[2] = half * phi[1];
+  out[3] = half * phi[2];
 }
 
 // The rotation vector of a unit quaternion, the shorter way round.
@@ -71,23 +77,31 @@ template <class Real>
 FAN_FN void tidy(Real* q) {
   const Real square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
   const Real scale = 1.5 - 0.5 * square;
-  for (int k = 0; k < 4; ++k) q[k] *= scale;
+  unrolled<0, 4>([&](auto k) FAN_INLINE { q[k] *= scale; });
 }
 
-// moved = q moved by the tangent vector d (velocities times a time): scalars add, quaternions turn.
-// moved may be q itself.
+// moved = q moved by the tangent vector time d, with d velocities or, for time 1, that vector
+// itself: scalars add, quaternions turn. moved may be q itself.
 template <class Space, class Real>
-FAN_FN void retract(const Real* q, const Real* d, Real* moved) {
+FAN_FN void retract(const Real* q, const Real* d, double time, Real* moved) {
   each<Space::n_scalars>([&](int i) FAN_INLINE {
-    moved[Space::scalar_q[i]] = q[Space::scalar_q[i]] + d[Space::scalar_v[i]];
+    moved[Space::scalar_q[i]] = q[Space::scalar_q[i]] + time * d[Space::scalar_v[i]];
   });
   for (int i = 0; i < Space::n_quaternions; ++i) {
-    Real turn[4];
-    quaternion_exp(d + Space::quaternion_v[i], turn);
+    const Real* w = d + Space::quaternion_v[i];
+    const Real phi[3] = {time * w[0], time * w[1], time * w[2]};
+    Real turn[4], found[4];
+    quaternion_exp(phi, turn);
+    quaternion_product(q + Space::quaternion_q[i], turn, found);
+    tidy(found);
     Real* there = moved + Space::quaternion_q[i];
-    quaternion_product(q + Space::quaternion_q[i], turn, there);
-    tidy(there);
+    unrolled<0, 4>([&](auto k) FAN_INLINE { there[k] = found[k]; });
   }
+}
+
+template <class Space, class Real>
+FAN_FN void retract(const Real* q, const Real* d, Real* moved) {
+  retract<Space>(q, d, 1.0, moved);
 }
 
 // The configuration half-way from q to q_next and the tangent vector xi between them, with q_next =

@@ -38,6 +38,14 @@
 #endif
 #define FAN_ALWAYS_INLINE FAN_INLINE FAN_FN
 
+// Of functions whose local arrays are to lie where those of functions called before them did: the
+// numbers of a bundle of lanes are more than the nearest cache holds.
+#if defined(__GNUC__)
+#define FAN_OUT_OF_LINE __attribute__((noinline)) FAN_FN
+#else
+#define FAN_OUT_OF_LINE FAN_FN
+#endif
+
 namespace fan {
 
 // Stands for infinity in bounds, times and tensions; numbers of this size count as overflow.

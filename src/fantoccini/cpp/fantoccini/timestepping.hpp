@@ -26,25 +26,11 @@
 
 #include "contact_step.hpp"
 #include "evaluation.hpp"
+#include "position_term.hpp"
+#include "timestepping_tolerances.hpp"
 #include "winch.hpp"
 
 namespace fan {
-
-struct TimeSteppingTolerances {
-  // m or rad: once a row was overstepped by more, a step may move less far. The inputs then cannot
-  // be followed, or not by steps of this length, or the start was violated as much.
-  static constexpr double stirred_violation = 1e-3;
-  // How far a coordinate may turn (rad) and move (m) in a step, afterwards.
-  static constexpr double max_turn_per_step = 0.5, max_move_per_step = 5.0;
-  // Before, it may move this many times as far.
-  static constexpr double unstirred_factor = 10.0;
-  // rad/s or m/s beyond which a row that closes at the start is caught, not held: more than rows that
-  // hold move in a step, less than matters in the ledger.
-  static constexpr double catching_speed = 1e-3;
-  // rad/s or m/s at which a limit joins the problem because it would be passed: above the rounding
-  // of speeds that reach it exactly.
-  static constexpr double passing_speed = 1e-12;
-};
 
 template <class Model, class Real>
 struct TimeStep {
@@ -54,16 +40,17 @@ struct TimeStep {
   using Tolerance = TimeSteppingTolerances;
   static constexpr bool touches = Model::n_contacts > 0;
   using Pivoting = ComplementarityTolerances;
+  using Rows = RowSystem<Model, Real>;
 
   Evaluation<Model, Real> eval;
-  RowSystem<Model, Real> rows;
+  Rows rows;
   std::conditional_t<touches, ContactStep<Model, Real>, NoContacts> contacts;
   const ContactArrays* solids = nullptr;  // null: nothing touches anything
-  Real acc[room(N)];      // (v+ - v) / dt
-  Real lead[room(N)] = {};   // (v_ahead - v) / dt of the step to come
   double whole = 0.0;        // s: the run's step; the last one may be shorter
+  bool forced = true;        // otherwise u_D is 0
   bool extrapolates = true;  // otherwise v_ahead is v: a step depends on its state alone
-  Mask steady = Real(0.0) > Real(1.0);  // whether the next step may extrapolate the last one
+  // Whether the next step may extrapolate the last one, and whether the last might the one before.
+  Mask steady = Real(0.0) > Real(1.0), steadier = steady;
   Real tension[room(M)];  // Lambda / dt
   Mask taut[room(M)];    // rows that pulled in the last step; to be set by set_row()
   Mask pulled[room(M)];  // the same, but for rows that the first step of a run catches
@@ -71,6 +58,7 @@ struct TimeStep {
   Real slip[room(S)];    // m, >= 0
   Mask slips[room(S)];   // in the last step
   Real work, impact, slip_loss, friction, violation;
+  Real speed_bound;  // at least |v|^2 after the last step
   Mask settled;  // whether the last step's complementarity was solved
   Mask idle = Real(0.0) > Real(1.0);  // lanes that have stopped: no row takes part in them
   // Whether a row was ever overstepped by more than stirred_violation.
@@ -86,18 +74,16 @@ struct TimeStep {
       if (solids) contacts.begin(*solids);
   }
 
-  // Steps from q_D, v_D to q_next, v_next. (q_K, v_K, acc_K) are the inputs at the start of the
-  // step with v_K = dq_K/dt and acc_K the mean acceleration; `taut` is the active set of the step
-  // before.
+  // Steps from q_D, v_D to q_next, v_next, which are other arrays. (q_K, v_K, acc_K) are the inputs
+  // at the start of the step with v_K = dq_K/dt and acc_K the mean acceleration; `taut` is the active
+  // set of the step before.
   FAN_FN void step(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
       const Real* u_D, double dt, double recovery_speed, double cap, const Winches<S>& winches,
       const Real* p, Real* q_next, Real* v_next) {
-    Real v_ahead[room(N)];
-    each<N>([&](int k) FAN_INLINE { v_ahead[k] = v_D[k] + dt * lead[k]; });
-    eval.at(q_D, v_D, q_K, v_K, acc_K, u_D, v_ahead, Real(dt), p);
+    evaluate(q_D, v_D, q_K, v_K, acc_K, u_D, dt, p);
     wind(winches, dt);
-    violation = maximum(largest<M - S>(eval.h_limit), Real(0.0));
+    violation = maximum(largest_of<M - S>([&](int i) FAN_INLINE { return eval.h_limit[i]; }), Real(0.0));
     for (int i = 0; i < S; ++i) violation = maximum(overstep(i), violation);
     stirred = stirred || violation > Real(Tolerance::stirred_violation);
     if constexpr (touches)
@@ -107,36 +93,14 @@ struct TimeStep {
         const Real& depth = contacts.violation;
         violation = select(depth > violation, depth, violation);
       }
-    watch_first(v_D, dt);
-    rows.gather_leading(eval);
-    gather(v_D);
-    pull(dt, recovery_speed, cap, winches);
-    while (watch_more(v_D, dt, recovery_speed) || look_again(v_D, v_K, dt, recovery_speed)) {
-      gather(v_D);
-      pull(dt, recovery_speed, cap, winches);
-    }
-    give_way(winches, cap, dt);
-    const Mask caught = account(v_D, u_D, dt);
-    Real move[room(N)];
-    each<N>([&](int k) FAN_INLINE {
-      v_next[k] = v_D[k] + change_[k];
-      move[k] = dt * v_next[k];
-      const Real found = change_[k] * (1.0 / dt);
-      lead[k] = found * 0.5 + select(steady, Real(0.25 * (found - acc[k])), Real(0.0));
-      acc[k] = found;
-    });
-    steady = !caught;
-    const Real most = select(stirred, Real(1.0), Real(Tolerance::unstirred_factor));
-    if (any(!(weighted_squares<N>(move, shares.of) < most * most)))
-      slow_down(most, v_next, move);
-    if (!extrapolates) steady = Real(0.0) > Real(1.0);
-    if (any(!steady)) forget(!steady);
-    retract<typename Model::Dynamic>(q_D, move, q_next);
+    respond(v_D, v_K, u_D, dt, recovery_speed, cap, winches, v_next);
+    retract<typename Model::Dynamic>(q_D, v_next, dt, q_next);
   }
 
   template <class Memory>
   FAN_FN void remember(Memory& memory) {
-    memory.keep(acc, lead, steady, stirred, tension, taut, pulled, held);
+    memory.keep(
+        accs_[acc_at_], accs_[1 - acc_at_], steady, steadier, stirred, tension, taut, pulled, held);
     if constexpr (touches) contacts.remember(memory);
   }
 
@@ -149,11 +113,62 @@ struct TimeStep {
 
   // The next step extrapolates nothing in these lanes.
   FAN_FN void forget(const Mask& where) {
-    for (int k = 0; k < N; ++k) lead[k] = select(where, Real(0.0), lead[k]);
     steady = steady && !where;
   }
 
+  // (v+ - v) / dt of the last step.
+  FAN_FN const Real* acc() const { return accs_[acc_at_]; }
+
+  // The same before the first one.
+  FAN_FN void clear_acc() {
+    for (int k = 0; k < N; ++k) accs_[0][k] = accs_[1][k] = Real(0.0);
+  }
+
  private:
+  FAN_OUT_OF_LINE void evaluate(
+      const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
+      const Real* u_D, double dt, const Real* p) {
+    Real v_ahead[room(N)];
+    const Real *a = acc(), *before = accs_[1 - acc_at_];
+    const Real half = select(steady, Real(0.5 * dt), Real(0.0));
+    const Real quarter = select(steady && steadier, Real(0.25 * dt), Real(0.0));
+    each<N>([&](int k) FAN_INLINE {
+      v_ahead[k] = v_D[k] + (half * a[k] + quarter * (a[k] - before[k]));
+    });
+    eval.at(q_D, v_D, q_K, v_K, acc_K, u_D, v_ahead, Real(dt), p);
+  }
+
+  // From the evaluation to the impulses, v_next and the step's entries of the ledger.
+  FAN_OUT_OF_LINE void respond(
+      const Real* v_D, const Real* v_K, const Real* u_D, double dt, double recovery_speed,
+      double cap, const Winches<S>& winches, Real* v_next) {
+    Real change[room(N)];  // v+ - v
+    watch_first(v_D, dt);
+    rows.gather_leading(eval);
+    if constexpr (touches)
+      if (solids) rows.copy_leading(eval);
+    gather(v_D);
+    pull(dt, recovery_speed, cap, winches, change);
+    while (watch_more(v_D, change, dt, recovery_speed, v_next) ||
+           look_again(v_D, change, v_K, dt, recovery_speed)) {
+      gather(v_D);
+      pull(dt, recovery_speed, cap, winches, change);
+    }
+    give_way(winches, cap, dt);
+    const Mask caught = account(v_D, change, u_D, dt);
+    Real* acc = accs_[1 - acc_at_];
+    each<N>([&](int k) FAN_INLINE { acc[k] = change[k] * (1.0 / dt); });
+    acc_at_ = 1 - acc_at_;
+    steadier = steady;
+    steady = !caught;
+    const Real most = select(stirred, Real(1.0), Real(Tolerance::unstirred_factor));
+    const Real pace = weighted_squares<N>(v_next, shares.of);
+    speed_bound = pace * (Tolerance::max_move_per_step * Tolerance::max_move_per_step);
+    if (any(!(dt * dt * pace < most * most)))
+      slow_down(most, dt, v_next);
+    if (!extrapolates) steady = Real(0.0) > Real(1.0);
+  }
+
   // One over how far a coordinate may move in a step.
   struct Shares {
     double of[room(N)] = {};
@@ -164,18 +179,15 @@ struct TimeStep {
   };
   static constexpr Shares shares{};
 
-  // Scales down velocities and moves so that no part of the move exceeds `most`: inputs that cannot
-  // be followed then do bounded harm.
-  FAN_FN void slow_down(const Real& most, Real* v, Real* move) {
+  // Scales down velocities so that no part of the move exceeds `most`: inputs that cannot be
+  // followed then do bounded harm.
+  FAN_FN void slow_down(const Real& most, double dt, Real* v) {
     using std::abs;
     Real farthest = Real(0.0);
     for (int k = 0; k < N; ++k)
-      farthest = maximum(Real(abs(move[k] * shares.of[k])), farthest);
+      farthest = maximum(Real(abs(dt * v[k] * shares.of[k])), farthest);
     const Real brake = select(farthest > most, most / farthest, Real(1.0));
-    for (int k = 0; k < N; ++k) {
-      v[k] *= brake;
-      move[k] *= brake;
-    }
+    for (int k = 0; k < N; ++k) v[k] *= brake;
     steady = steady && !(brake < Real(1.0));
   }
 
@@ -249,30 +261,32 @@ struct TimeStep {
   // depend on its neighbours.
   FAN_FN void watch_first(const Real* v_D, double dt) {
     for (int r = 0; r < S; ++r) near_[r] = !idle;
-    Real h[room(M - S)];
-    eval.limit_rates(v_D, h);
-    each<M - S>([&](int i) FAN_INLINE { h[i] = eval.h_limit[i] + dt * h[i]; });
-    const bool some = limits_pull_ || any(largest<M - S>(h) > Real(0.0));
-    if (!some && !some_near_) return;
+    Real rate[room(M - S)];
+    eval.limit_rates(v_D, rate);
+    const auto ahead = [&](int i) FAN_INLINE { return Real(eval.h_limit[i] + dt * rate[i]); };
+    if (!limits_pull_ && !some_near_ && !any(largest_of<M - S>(ahead) > Real(-Tolerance::surely_not)))
+      return;
     some_near_ = false;
     for (int i = 0; i < M - S; ++i) {
-      near_[S + i] = !idle && (taut[S + i] || h[i] > Real(0.0));
+      near_[S + i] = !idle && (taut[S + i] || ahead(i) > Real(0.0));
       some_near_ = some_near_ || any(near_[S + i]);
     }
   }
 
-  // Adds the limits that would be passed with the impulses found; whether there are any.
-  FAN_FN bool watch_more(const Real* v_D, double dt, double recovery_speed) {
-    Real v[room(N)], closing[room(M - S)];
-    each<N>([&](int k) FAN_INLINE { v[k] = v_D[k] + change_[k]; });
-    eval.limit_rates(v, closing);
-    const PositionTerm term(dt, whole, recovery_speed);
-    each<M - S>([&](int i) FAN_INLINE { closing[i] = closing[i] + term(eval.h_limit[i]); });
+  // The velocity v with the impulses found. Adds the limits that it would pass; whether there are
+  // any.
+  FAN_FN bool watch_more(
+      const Real* v_D, const Real* change, double dt, double recovery_speed, Real* v) {
+    Real rate[room(M - S)];
+    each<N>([&](int k) FAN_INLINE { v[k] = v_D[k] + change[k]; });
+    eval.limit_rates(v, rate);
+    const PositionTerm<Real> term(dt, whole, recovery_speed);
+    const auto closing = [&](int i) FAN_INLINE { return Real(rate[i] + term(eval.h_limit[i])); };
     bool more = false;
-    if (any(largest<M - S>(closing) > Real(Tolerance::passing_speed)))
+    if (any(largest_of<M - S>(closing) > Real(-Tolerance::surely_not)))
       for (int i = 0; i < M - S; ++i) {
         const Mask passes =
-            !idle && !near_[S + i] && closing[i] > Real(Tolerance::passing_speed);
+            !idle && !near_[S + i] && closing(i) > Real(Tolerance::passing_speed);
         if (!any(passes)) continue;
         near_[S + i] = near_[S + i] || passes;
         some_near_ = more = true;
@@ -283,10 +297,11 @@ struct TimeStep {
   }
 
   // Adds the contact points that what the impulses have made fast would pass; whether there are any.
-  FAN_FN bool look_again(const Real* v_D, const Real* v_K, double dt, double recovery_speed) {
+  FAN_FN bool look_again(
+      const Real* v_D, const Real* change, const Real* v_K, double dt, double recovery_speed) {
     if constexpr (touches)
       return solids &&
-             contacts.look_again(eval, v_D, change_, v_K, dt, whole, recovery_speed, idle);
+             contacts.look_again(eval, v_D, change, v_K, dt, whole, recovery_speed, idle);
     else
       return false;
   }
@@ -309,31 +324,15 @@ struct TimeStep {
     return is_wire(i) ? Real(abs(eval.h[i])) : eval.h[i];
   }
 
-  // h / dt. If h > 0, over a whole step at least, and at most the recovery speed. If h < 0, the row
-  // may close within this step.
-  struct PositionTerm {
-    double back, ahead, limit;
-    FAN_FN PositionTerm(double dt, double whole, double recovery_speed)
-        : back(1.0 / (dt > whole ? dt : whole)), ahead(1.0 / dt), limit(recovery_speed) {}
-    FAN_ALWAYS_INLINE Real operator()(const Real& h) const {
-      return minimum(Real(h * select_rate(h)), Real(limit));
-    }
-    FAN_ALWAYS_INLINE Real of_wire(const Real& h) const {
-      return maximum(minimum(Real(h * back), Real(limit)), Real(-limit));
-    }
-    FAN_ALWAYS_INLINE Real select_rate(const Real& h) const {
-      return select(h > Real(0.0), Real(back), Real(ahead));
-    }
-  };
-
   FAN_FN static bool is_wire(int r) { return r < S && Model::wire[r]; }
 
   // The impulses over the rows that take part, and v+ - v with them.
-  FAN_FN void pull(double dt, double recovery_speed, double cap, const Winches<S>& winches) {
+  FAN_FN void pull(
+      double dt, double recovery_speed, double cap, const Winches<S>& winches, Real* change) {
     auto& problem = rows.problem;
-    const PositionTerm term(dt, whole, recovery_speed);
-    for (int a = 0; a < rows.n; ++a) {
-      const int r = rows.row[a];
+    const PositionTerm<Real> term(dt, whole, recovery_speed);
+    const auto pose = [&](auto a) FAN_INLINE {
+      const int r = a < Rows::leading ? int(a) : rows.row[a];
       const Mask takes_part = near_[r];
       before_[a] = rows.hdot[a] + dt * rows.kick[a];
       const Real h = eval.height(r);
@@ -341,22 +340,22 @@ struct TimeStep {
       const bool winch = winches.slips(r) && winches.max_tension[r] < cap;
       problem.b[a] = select(takes_part, closing, Real(-ComplementarityTolerances::excluded_speed));
       problem.upper[a] = Real(dt * (winch ? winches.max_tension[r] : cap));
-      problem.lower[a] =
-          rows.two_sided[a] ? select(takes_part, Real(-cap * dt), Real(0.0)) : Real(0.0);
-      problem.active[a] = takes_part && (taut[r] || problem.lower[a] < Real(0.0));
+      problem.lower[a] = is_wire(r) ? select(takes_part, Real(-cap * dt), Real(0.0)) : Real(0.0);
+      problem.active[a] = is_wire(r) ? takes_part : takes_part && taut[r];
       problem.high[a] = Real(0.0) > Real(1.0);
-    }
+    };
+    unrolled<0, Rows::leading>(pose);
+    for (int a = Rows::leading; a < rows.n; ++a) pose(a);
     if (all_touch()) leave_to_contacts();
     else settle();
     if constexpr (touches)
       if (solids) touch(dt, cap);
     Real w[room(N)];
     for (int a = 0; a < rows.n; ++a) pull_[a] = -problem.bounded(a);
-    each<N>([&](int k) FAN_INLINE { w[k] = dt * eval.w0[k]; });
-    rows.add_all(eval, pull_, w);
+    rows.push(eval, dt, pull_, w);
     if constexpr (touches)
       if (solids) contacts.add(w);
-    eval.back(w, change_);
+    eval.back(w, change);
   }
 
   // Whether contacts take part in every lane that has not stopped: the rows' problem is then part
@@ -383,7 +382,7 @@ struct TimeStep {
 
   // Tensions, the active set and the step's entries of the ledger. Returns the lanes in which a row
   // was caught.
-  FAN_FN Mask account(const Real* v_D, const Real* u_D, double dt) {
+  FAN_FN Mask account(const Real* v_D, const Real* change, const Real* u_D, double dt) {
     Mask fresh[room(M)], some_caught = Real(0.0) > Real(1.0);
     // Limits that pull neither now nor in the two steps before have nothing to be changed.
     const bool limits = limits_pull_ || limits_pulled_ || rows.n > S;
@@ -397,11 +396,11 @@ struct TimeStep {
     work = dt * eval.power0;
     impact = friction = Real(0.0);
     if (Model::coupled)
-      for (int k = 0; k < N; ++k) work += eval.M_DK_v_K[k] * change_[k];
-    Real power = mean_power(u_D, v_D);
+      for (int k = 0; k < N; ++k) work += eval.M_DK_v_K[k] * change[k];
+    Real power = forced ? mean_power(u_D, v_D, change) : Real(0.0);
     for (int m = 0; m < Model::n_motors; ++m) {
       const int k = Model::motor_v[m];
-      power += (eval.f_M[m] - eval.y_M[m] * change_[k]) * (v_D[k] + 0.5 * change_[k]);
+      power += (eval.f_M[m] - eval.y_M[m] * change[k]) * (v_D[k] + 0.5 * change[k]);
     }
     work += dt * power;
     for (int a = 0; a < rows.n; ++a) {
@@ -432,10 +431,10 @@ struct TimeStep {
   }
 
   // u_D . (v + v+) / 2, four sums at a time: each addition waits for the one before.
-  FAN_FN Real mean_power(const Real* u_D, const Real* v_D) const {
+  FAN_FN static Real mean_power(const Real* u_D, const Real* v_D, const Real* change) {
     Real sum[4] = {Real(0.0), Real(0.0), Real(0.0), Real(0.0)};
     unrolled_by<4, N>([&](int k, auto j) FAN_INLINE {
-      sum[j] += u_D[k] * (v_D[k] + 0.5 * change_[k]);
+      sum[j] += u_D[k] * (v_D[k] + 0.5 * change[k]);
     });
     return (sum[0] + sum[1]) + (sum[2] + sum[3]);
   }
@@ -444,8 +443,7 @@ struct TimeStep {
   FAN_FN void book_catch(int a, const Mask& caught) {
     if (!any(caught)) return;
     Real after = before_[a];
-    constexpr int stride = Complementarity<Real, M>::N;
-    for (int b = 0; b < rows.n; ++b) after += rows.problem.G[a * stride + b] * pull_[b];
+    for (int b = 0; b < rows.n; ++b) after += rows.problem.at(a, b) * pull_[b];
     if constexpr (touches)
       if (solids) after -= contacts.rate_by_impulses(a);
     Real lost = 0.5 * (before_[a] + after);
@@ -454,10 +452,11 @@ struct TimeStep {
     impact -= select(caught, Real(pull_[a] * lost), Real(0.0));
   }
 
+  Real accs_[2][room(N)] = {};  // of the last two steps
+  int acc_at_ = 0;              // which is that of the last one
   bool gives_way_ = false;  // whether a string has slipped in some lane, or may
   bool some_near_ = true;   // whether a limit may take part in some lane
   bool limits_pull_ = true, limits_pulled_ = true;  // in the last step, and the one before it
-  Real change_[room(N)];    // v+ - v
   Real winding_[room(S)], slip_rate_[room(S)];
   Mask near_[room(M)];   // lanes in which the row takes part in this step
   Real pull_[room(M)];   // -Lambda, by gathered row

@@ -37,11 +37,12 @@ FAN_ALWAYS_INLINE void unrolled_by(const F& f) {
   unrolled<0, n - whole>([&](auto j) FAN_INLINE { f(whole + j, j); });
 }
 
-// The largest of n numbers, -unbounded where there is none.
-template <int n, class Real>
-FAN_FN Real largest(const Real* x) {
+// The largest of f(0), ..., f(n - 1); -unbounded where there is none.
+template <int n, class F>
+FAN_ALWAYS_INLINE auto largest_of(const F& f) {
+  using Real = std::decay_t<decltype(f(0))>;
   Real most[4] = {Real(-unbounded), Real(-unbounded), Real(-unbounded), Real(-unbounded)};
-  unrolled_by<4, n>([&](int k, auto j) FAN_INLINE { most[j] = maximum(x[k], most[j]); });
+  unrolled_by<4, n>([&](int k, auto j) FAN_INLINE { most[j] = maximum(f(k), most[j]); });
   return maximum(maximum(most[0], most[1]), maximum(most[2], most[3]));
 }
 
