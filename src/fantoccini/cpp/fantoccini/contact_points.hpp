@@ -15,6 +15,8 @@
 #include "near_pairs.hpp"
 #include "placed_links.hpp"
 
+FAN_LOOPS_BEGIN
+
 namespace fan {
 
 struct ContactPointTolerances {
@@ -468,3 +470,5 @@ int measure_gaps(
 }
 
 }  // namespace fan
+
+FAN_LOOPS_END

@@ -8,6 +8,8 @@
 #include "contact_points.hpp"
 #include "contact_push.hpp"
 
+FAN_LOOPS_BEGIN
+
 namespace fan {
 
 template <class Model, class Real>
@@ -303,3 +305,5 @@ class ContactProblem {
 };
 
 }  // namespace fan
+
+FAN_LOOPS_END

@@ -14,6 +14,8 @@
 #include "contact_problem.hpp"
 #include "contact_share.hpp"
 
+FAN_LOOPS_BEGIN
+
 namespace fan {
 
 template <class Model, class Real>
@@ -402,3 +404,5 @@ class ContactStep : public ContactProblem<Model, Real> {
 };
 
 }  // namespace fan
+
+FAN_LOOPS_END

@@ -5,6 +5,8 @@
 
 #include "triple.hpp"
 
+FAN_LOOPS_BEGIN
+
 namespace fan {
 
 // In order; those of some lane.
@@ -81,3 +83,5 @@ struct MovedBy {
 };
 
 }  // namespace fan
+
+FAN_LOOPS_END

@@ -8,6 +8,8 @@
 #include "touch.hpp"
 #include "triple.hpp"
 
+FAN_LOOPS_BEGIN
+
 namespace fan {
 
 template <class Model, class Real>
@@ -251,3 +253,5 @@ class PlacedLinks {
 };
 
 }  // namespace fan
+
+FAN_LOOPS_END
