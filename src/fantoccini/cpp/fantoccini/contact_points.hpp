@@ -124,6 +124,7 @@ class ContactPoints : public PlacedLinks<Model, Real> {
   // Makes the rows of lane 0's point i.
   void make_rows(const ContactArrays& in, int i) {
     clear(i);
+    clear_row(i);  // whoever asks for them reads all entries
     fill(in, 0, i);
   }
 
