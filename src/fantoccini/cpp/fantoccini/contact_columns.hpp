@@ -7,6 +7,8 @@
 #include "evaluation.hpp"
 #include "moved_by.hpp"
 
+FAN_LOOPS_BEGIN
+
 namespace fan {
 
 template <class Model, class Real>
@@ -107,3 +109,5 @@ struct ContactColumns {
 };
 
 }  // namespace fan
+
+FAN_LOOPS_END

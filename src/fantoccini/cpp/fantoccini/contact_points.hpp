@@ -9,11 +9,12 @@
 #pragma once
 
 #include <new>
-#include <type_traits>
 
 #include "moved_by.hpp"
 #include "near_pairs.hpp"
 #include "placed_links.hpp"
+
+FAN_LOOPS_BEGIN
 
 namespace fan {
 
@@ -34,16 +35,13 @@ class ContactPoints : public PlacedLinks<Model, Real> {
   using Links = PlacedLinks<Model, Real>;
   using Ball = typename Links::Ball;
   using Twist = typename Links::Twist;
+  using RealTwist = typename Links::RealTwist;
 
  public:
   static constexpr int C = Model::n_contacts, N = Links::N, NK = Links::NK;
   static constexpr int width = Links::width;
   using Tolerance = ContactPointTolerances;
   using Mask = typename Traits<Real>::Mask;
-
-  struct RealTwist {
-    Real linear[3], angular[3];
-  };
 
   struct Point {
     int pair, feature, region;  // of ContactArrays; which of the pair's points; of Touch
@@ -122,6 +120,7 @@ class ContactPoints : public PlacedLinks<Model, Real> {
   // Makes the rows of lane 0's point i.
   void make_rows(const ContactArrays& in, int i) {
     clear(i);
+    clear_row(i);  // whoever asks for them reads all entries
     fill(in, 0, i);
   }
 
@@ -201,26 +200,10 @@ class ContactPoints : public PlacedLinks<Model, Real> {
   // the other one of a pair may, and its own part of what they travel.
   FAN_FN Mask outruns(const Real* dv_D, double dt) const {
     const double fixed = 0.5 * Tolerance::margin / dt;
-    std::conditional_t<width == 1, Twist, RealTwist> twist[room(L)];
-    if constexpr (width == 1)
-      Links::template add_twists<true>(
-          Model::moved_D_begin, Model::moved_D_entry, links_.screw_D, dv_D, twist);
+    RealTwist twist[room(L)];
+    add_real_twists(dv_D, twist);
     Mask out = Real(0.0) > Real(1.0);
     for (int i = 0; i < L; ++i) {
-      if constexpr (width > 1) {
-        const int up = Model::link_parent[i];
-        if (up >= 0) twist[i] = twist[up];
-        else for (int c = 0; c < 3; ++c) twist[i].linear[c] = twist[i].angular[c] = Real(0.0);
-        const int* begin = Model::moved_D_begin;
-        const int carried = up < 0 ? 0 : begin[up + 1] - begin[up];
-        for (int j = begin[i] + carried; j < begin[i + 1]; ++j) {
-          const int k = Model::moved_D_entry[j];
-          for (int c = 0; c < 3; ++c) {
-            twist[i].linear[c] += links_.screw_D[6 * k + c] * dv_D[k];
-            twist[i].angular[c] += links_.screw_D[6 * k + 3 + c] * dv_D[k];
-          }
-        }
-      }
       if (reach_[i] == 0.0) continue;
       const Real *u = twist[i].linear, *w = twist[i].angular, *r = links_.poses + 12 * i + 9;
       const Real v[3] = {
@@ -263,6 +246,7 @@ class ContactPoints : public PlacedLinks<Model, Real> {
   }
 
  protected:
+  using Links::add_real_twists, Links::tangents;
   using Links::L, Links::B, Links::load, Links::move, Links::place, Links::place_link;
   using Links::separation, Links::smallest_size, Links::is_far, Links::are_far;
   using Links::links_, Links::poses_, Links::screw_D_, Links::screw_K_, Links::v_K_, Links::twist_, Links::speed_;
@@ -386,18 +370,6 @@ class ContactPoints : public PlacedLinks<Model, Real> {
     return closing - touch.gap / passing_within_ > Tolerance::passing_speed;
   }
 
-  // Two unit vectors across the normal and each other, from the axis that it is farthest from.
-  FAN_FN static void tangents(double* frame) {
-    int axis = 0;
-    for (int c = 1; c < 3; ++c)
-      if (fabs(frame[c]) < fabs(frame[axis])) axis = c;
-    const double e[3] = {double(axis == 0), double(axis == 1), double(axis == 2)};
-    cross(e, frame, frame + 3);
-    const double size = sqrt(dot3(frame + 3, frame + 3));
-    for (int c = 3; c < 6; ++c) frame[c] /= size;
-    cross(frame, frame + 3, frame + 6);
-  }
-
   FAN_FN void clear(int i) {
     moved[i].clear();
     rate_K[i].clear();
@@ -469,3 +441,5 @@ int measure_gaps(
 }
 
 }  // namespace fan
+
+FAN_LOOPS_END

@@ -10,6 +10,8 @@
 #include "contact_points_lanes.hpp"
 #include "contact_push.hpp"
 
+FAN_LOOPS_BEGIN
+
 namespace fan {
 
 template <class Model, class Real>
@@ -306,3 +308,5 @@ class ContactProblem {
 };
 
 }  // namespace fan
+
+FAN_LOOPS_END

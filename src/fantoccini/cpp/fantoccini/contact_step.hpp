@@ -14,6 +14,8 @@
 #include "contact_lanes.hpp"
 #include "contact_share.hpp"
 
+FAN_LOOPS_BEGIN
+
 namespace fan {
 
 template <class Model, class Real>
@@ -436,3 +438,5 @@ class ContactStep : public ContactLanes<Model, Real> {
 };
 
 }  // namespace fan
+
+FAN_LOOPS_END

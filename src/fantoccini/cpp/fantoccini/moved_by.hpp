@@ -7,6 +7,8 @@
 
 #include "triple.hpp"
 
+FAN_LOOPS_BEGIN
+
 namespace fan {
 
 // In order; those of some lane.
@@ -86,3 +88,5 @@ struct MovedBy {
 };
 
 }  // namespace fan
+
+FAN_LOOPS_END

@@ -2,11 +2,15 @@
 // around them, and bounds on how fast they are.
 #pragma once
 
+#include <type_traits>
+
 #include "evaluation.hpp"
 #include "lane_of.hpp"
 #include "space.hpp"
 #include "touch.hpp"
 #include "triple.hpp"
+
+FAN_LOOPS_BEGIN
 
 namespace fan {
 
@@ -56,6 +60,10 @@ class PlacedLinks {
   struct Twist {
     double linear[4], angular[4];
   };
+  struct LaneTwist {
+    Real linear[3], angular[3];
+  };
+  using RealTwist = std::conditional_t<width == 1, Twist, LaneTwist>;
 
   FAN_FN bool has_solids(int link) const { return begin_of_[link] != end_of_[link]; }
 
@@ -117,6 +125,42 @@ class PlacedLinks {
       quad(twist[i].linear) = linear;
       quad(twist[i].angular) = angular;
     }
+  }
+
+  // What velocities of all lanes add.
+  FAN_FN void add_real_twists(const Real* v_D, RealTwist* twist) const {
+    if constexpr (width == 1) {
+      add_twists<true>(Model::moved_D_begin, Model::moved_D_entry, links_.screw_D, v_D, twist);
+    } else {
+      const int* begin = Model::moved_D_begin;
+      for (int i = 0; i < L; ++i) {
+        const int up = Model::link_parent[i];
+        for (int c = 0; c < 3; ++c) {
+          twist[i].linear[c] = up < 0 ? Real(0.0) : twist[up].linear[c];
+          twist[i].angular[c] = up < 0 ? Real(0.0) : twist[up].angular[c];
+        }
+        const int carried = up < 0 ? 0 : begin[up + 1] - begin[up];
+        for (int j = begin[i] + carried; j < begin[i + 1]; ++j) {
+          const int k = Model::moved_D_entry[j];
+          for (int c = 0; c < 3; ++c) {
+            twist[i].linear[c] += links_.screw_D[6 * k + c] * v_D[k];
+            twist[i].angular[c] += links_.screw_D[6 * k + 3 + c] * v_D[k];
+          }
+        }
+      }
+    }
+  }
+
+  // Two unit vectors across the normal and each other, from the axis that it is farthest from.
+  FAN_FN static void tangents(double* frame) {
+    int axis = 0;
+    for (int c = 1; c < 3; ++c)
+      if (fabs(frame[c]) < fabs(frame[axis])) axis = c;
+    const double e[3] = {double(axis == 0), double(axis == 1), double(axis == 2)};
+    cross(e, frame, frame + 3);
+    const double size = sqrt(dot3(frame + 3, frame + 3));
+    for (int c = 3; c < 6; ++c) frame[c] /= size;
+    cross(frame, frame + 3, frame + 6);
   }
 
   // The balls around the solids of every link in the world, and how fast they are. The solids
@@ -251,3 +295,5 @@ class PlacedLinks {
 };
 
 }  // namespace fan
+
+FAN_LOOPS_END
