@@ -446,7 +446,7 @@ struct TimeStep {
     for (int b = 0; b < rows.n; ++b) after += rows.problem.at(a, b) * pull_[b];
     if constexpr (touches)
       if (solids) after -= contacts.rate_by_impulses(a);
-    Real lost = 0.5 * (before_[a] + after);
+    Real lost = 0.5 * (rows.hdot[a] + after);
     const int r = rows.row[a];
     if (r < S) lost -= select(slips[r], slip_rate_[r], Real(0.0));  // which is in slip_loss
     impact -= select(caught, Real(pull_[a] * lost), Real(0.0));
