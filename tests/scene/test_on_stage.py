@@ -42,6 +42,13 @@ def test_it_stands_at_the_start(promenade):
     assert 0.3 * stage.weight < begins[2] < stage.weight
 
 
+def test_the_books_of_the_walk_close(promenade):
+    """Its residual was a tenth of the energy exchanged while impulses were booked with gravity."""
+    _, run = promenade
+    exchanged = run.ledger["kinetic"].max() + np.ptp(run.ledger["potential"])
+    assert np.max(np.abs(run.ledger["residual"])) < 0.02 * exchanged
+
+
 @pytest.mark.parametrize("step", range(6))
 def test_a_step_carries_swings_and_does_not_slip(promenade, step):
     stage, run = promenade
