@@ -124,6 +124,23 @@ def _derivative(name: str, rows: str, by: str, meaning: str) -> Quantity:
     return Quantity(name, (rows, by), "", meaning)
 
 
+_BY_RATES = (
+    _derivative("A_D", "n_rows", "n_vD", "of hdot by v_D"),
+    _derivative("A_K", "n_rows", "n_vK", "of hdot by v_K"),
+    _derivative("h_p", "n_rows", "n_p", "of h by the parameters"),
+    _derivative("hdot_q", "n_rows", "n_vD", "of hdot by tangents of q_D"),
+    _derivative("hdot_qK", "n_rows", "n_vK", "of hdot by tangents of q_K"),
+    _derivative("hdot_p", "n_rows", "n_p", "of hdot by the parameters"),
+)
+_BY_ACCELERATIONS = (
+    _derivative("hddot_q", "n_rows", "n_vD", "of hddot by tangents of q_D"),
+    _derivative("hddot_v", "n_rows", "n_vD", "of hddot by v_D"),
+    _derivative("hddot_qK", "n_rows", "n_vK", "of hddot by tangents of q_K"),
+    _derivative("hddot_vK", "n_rows", "n_vK", "of hddot by v_K"),
+    _derivative("hddot_p", "n_rows", "n_p", "of hddot by the parameters"),
+)
+
+
 _DECLARED = (
     Function(
         "dynamics",
@@ -266,28 +283,13 @@ _DECLARED = (
         )
     ),
     Function(
-        "rows_by", "A_D, A_K and the derivatives of h and hdot of strings and limits.", _STATE,
-        (
-            _derivative("A_D", "n_rows", "n_vD", "of hdot by v_D"),
-            _derivative("A_K", "n_rows", "n_vK", "of hdot by v_K"),
-            _derivative("h_p", "n_rows", "n_p", "of h by the parameters"),
-            _derivative("hdot_q", "n_rows", "n_vD", "of hdot by tangents of q_D"),
-            _derivative("hdot_qK", "n_rows", "n_vK", "of hdot by tangents of q_K"),
-            _derivative("hdot_p", "n_rows", "n_p", "of hdot by the parameters"),
-        ),
-        (DERIVATIVES, STEP_DERIVATIVES), mapped=True,
+        "rows_by", "A_D, A_K and the derivatives of h, hdot and hddot of strings and limits.",
+        _arguments("q_D v_D acc_D q_K v_K acc_K p"), (*_BY_RATES, *_BY_ACCELERATIONS),
+        (DERIVATIVES,), mapped=True,
     ),
     Function(
-        "hddot_by", "Derivatives of hddot of strings and limits.",
-        _arguments("q_D v_D acc_D q_K v_K acc_K p"),
-        (
-            _derivative("hddot_q", "n_rows", "n_vD", "of hddot by tangents of q_D"),
-            _derivative("hddot_v", "n_rows", "n_vD", "of hddot by v_D"),
-            _derivative("hddot_qK", "n_rows", "n_vK", "of hddot by tangents of q_K"),
-            _derivative("hddot_vK", "n_rows", "n_vK", "of hddot by v_K"),
-            _derivative("hddot_p", "n_rows", "n_p", "of hddot by the parameters"),
-        ),
-        (DERIVATIVES,), mapped=True,
+        "row_rates_by", "A_D, A_K and the derivatives of h and hdot of strings and limits.",
+        _STATE, _BY_RATES, (STEP_DERIVATIVES,),
     ),
     Function(
         "mass_matrix", "M of Eq. 8 and its blocks for the driven coordinates.", _PLACE,

@@ -36,6 +36,8 @@ from fantoccini.equations.rows import segment_length
 from fantoccini.equations.system import System
 from fantoccini.tree import WORLD, Point, Role, Tree
 
+_FUNCTIONS = ("force_by_q", "force_by_v", "force_by_K", "rows_by", "row_rates_by")
+
 
 class Derivatives:
     """The derivatives of a tree's equations as CasADi functions.
@@ -53,8 +55,7 @@ class Derivatives:
         """The functions of a library that are derivatives, by name; all results are dense."""
         symbols = self.system.symbols
         found = {**self._forces(symbols.tension), **self._rows()}
-        derivatives = set(compiled(DERIVATIVES, self.tree.sizes))
-        names = [name for name in compiled(library, self.tree.sizes) if name in derivatives]
+        names = [n for n in compiled(library, self.tree.sizes) if n in _FUNCTIONS]
         return {name: declared(name, symbols, found) for name in names}
 
     def residual(self, tension: ca.SX) -> ca.SX:

@@ -221,14 +221,15 @@ def derivatives_at(
         **model.at(x), "acc_D": acc_D, "acc_K": acc_K, "tension": tension, "dt": dt,
     }  # fmt: skip
     found: dict[str, Array] = {}
-    for name in ("force_by_q", "force_by_v", "force_by_K", "rows_by", "hddot_by"):
+    for name in ("force_by_q", "force_by_v", "force_by_K", "rows_by"):
         found |= model.compiled.derivatives.at(name, values)
     return found
 
 
 def row_derivatives_at(model: Model, x: State) -> dict[str, Array]:
     """Compiled derivatives of h and hdot at a state, by their names."""
-    return model.compiled.derivatives.at("rows_by", model.at(x))
+    values = model.at(x) | {"acc_D": np.zeros_like(x.v_D), "acc_K": np.zeros_like(x.v_K)}
+    return model.compiled.derivatives.at("rows_by", values)
 
 
 def force_derivatives(model: Model, found: dict[str, Array], tension: Array) -> Array:

@@ -16,11 +16,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array, Mask, VecK
+from fantoccini.arrays import Array, Indices, Mask, VecK
 from fantoccini.contract import WINCH_AT
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.perform.hands import Hands
+from fantoccini.tree import Role, Tree
 
 HELD = 0.010
 """Slip to which hands are taken back [m]."""
@@ -89,6 +90,8 @@ class Holding:
         self._n_groups = len(hands.names)
         self._free = np.zeros(self._n_groups, dtype=bool)
         self.held = self._free
+        self._moves = _moves(marionette.tree)
+        self._turn = _turns(self._moves)
 
     def hold(self, x: State, tension: Array, wanted: VecK) -> VecK:
         """Velocities of the hands that the strings permit.
@@ -150,14 +153,19 @@ class Holding:
         return found
 
     def rates(self, x: State) -> Array:
-        """A_K of the strings, (n_strings, n_vK): hdot_K of a unit velocity at a time."""
+        """A_K of the strings, (n_strings, n_vK): hdot_K of unit velocities.
+
+        Those that move no string together take their turn at once.
+        """
         n_K, n_D = len(x.v_K), len(x.v_D)
-        still, unit = np.zeros(n_D), np.eye(n_K)
+        still, turn = np.zeros(n_D), self._turn
+        unit = np.zeros((np.max(turn, initial=-1) + 1, n_K))
+        unit[turn, np.arange(n_K)] = 1.0
         on = self.marionette.model.library.evaluate(
             "dynamics", q_D=x.q_D, v_D=still, q_K=x.q_K, v_K=unit, acc_K=np.zeros(n_K), u_D=still,
             p=self.marionette.p,
         )  # fmt: skip
-        return on.hdot_K.T
+        return np.where(self._moves, on.hdot_K[turn].T, 0.0)
 
     def _slow_down(self, row: Array, wanted: VecK, excess: float) -> bool:
         """Slows the groups that lengthen a string's path, in proportion; False if none do."""
@@ -171,3 +179,29 @@ class Holding:
         wanted -= back[group] * row
         self.held |= outward > TOLERANCES.min_share * whole
         return True
+
+
+def _moves(tree: Tree) -> Mask:
+    """(n_strings, n_vK) whether a driven velocity changes the path or the length of a string."""
+    found = np.zeros((len(tree.strings), tree.coordinates.n_vK), dtype=bool)
+    for row, string in zip(found, tree.strings, strict=True):
+        for point in string.points:
+            for i in tree.ancestors(point.link):
+                if tree.links[i].role is Role.DRIVEN:
+                    row[tree.links[i].v] = True
+        if string.driven_length:
+            row[string.driven_length[1]] = True
+    return found
+
+
+def _turns(moves: Mask) -> Indices:
+    """(n_vK,) the turn of each driven velocity: no two of one turn move the same string."""
+    turn = np.zeros(moves.shape[1], dtype=int)
+    taken: list[Mask] = []
+    for j, strings in enumerate(moves.T):
+        free = (k for k, others in enumerate(taken) if not np.any(others & strings))
+        turn[j] = next(free, len(taken))
+        if turn[j] == len(taken):
+            taken.append(np.zeros(len(moves), dtype=bool))
+        taken[turn[j]] |= strings
+    return turn

@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x182e07194ef41c3b;
+constexpr long long contract_digest = 0x69208178e42b66f0;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -681,13 +681,13 @@ struct Call {
 
   // A_D, A_K and the derivatives of h and hdot of strings and limits.
   template <class Results>
-  FAN_FN static void rows_by(
+  FAN_FN static void row_rates_by(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
       const Real* p, Results& to) {
     const Real* arg[] = {q_D, v_D, q_K, v_K, p};
     Real* res[] = {at(to.A_D), at(to.A_K), at(to.h_p), at(to.hdot_q), at(to.hdot_qK),
         at(to.hdot_p)};
-    Model::rows_by(arg, res);
+    Model::row_rates_by(arg, res);
   }
 
   // The entries of y = F^-T x that are not zero for x in one joint, by its number.

@@ -122,7 +122,7 @@ class StepDerivatives {
     Of::force_by_v(q_D_, v_D_, acc_, q_K_, rate_, mean_, tension_, in.dt, p_, r.r_v);
     Of::force_by_K(q_D_, v_D_, acc_, q_K_, rate_, mean_, tension_, in.dt, p_, r);
     if (rows_.n == 0) return;
-    Of::rows_by(q_D_, v_next_, q_K_, rate_, p_, by_);
+    Of::row_rates_by(q_D_, v_next_, q_K_, rate_, p_, by_);
     const double shorter = 1.0 / in.dt;
     for (int a = 0; a < rows_.n; ++a) {
       const int row = rows_.row[a];
