@@ -22,8 +22,9 @@ FRESH = "python -m fantoccini.contract writes it"
 def derived(equations: Equations) -> dict:
     """All CasADi functions of a puppet."""
     own = {name: equations[name] for name in equations}
-    more = Derivatives(equations.tree).functions(), Variational(equations).functions()
-    return own | more[0] | more[1]
+    derivatives = Derivatives(equations.tree)
+    of_steps = derivatives.functions(contract.functions.STEP_DERIVATIVES)
+    return own | derivatives.functions() | of_steps | Variational(equations).functions()
 
 
 @pytest.mark.parametrize("name", ["arm2d", "arm3d", "crane"])
