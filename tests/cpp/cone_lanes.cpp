@@ -148,10 +148,7 @@ double residual(const Problem& p, const double* x, bool& clean) {
     island.upper[i] = row[i] < S ? p.upper[row[i]] : 1e3;
     island.x[i] = 0.0;
   }
-  for (int c = 0; c < contacts; ++c) {
-    island.mu[c] = p.mu[of[c]];
-    island.slides[c] = false;
-  }
+  for (int c = 0; c < contacts; ++c) island.mu[c] = p.mu[of[c]];
   island.solve();  // sets its weights
   for (int i = 0; i < n; ++i) island.x[i] = x[row[i]];
   island.measure();

@@ -403,14 +403,12 @@ class ContactStep : public ContactLanes<Model, Real> {
   // Whether point i, if it pushes, ends the step as fast as closes its gap.
   FAN_FN bool closes(int l, int i) const { return -parting_[l][i] > Tolerance::closing_speed; }
 
-  // Adds what the friction of point i takes, at the velocity after the step, and what its normal
-  // impulse takes, which is 0 where solids rest.
+  // Adds what the friction of point i takes, at the velocity after the step.
   FAN_FN void book_friction(int l, int i) {
     for (int d = 3 * i; d < 3 * i + 3; ++d) {
       const double x = lane_of(x_[d], l);
       lane_of(work, l) += x * lane_of(points_.rate_K[i][d - 3 * i], l);
-      if (d == 3 * i) lane_of(impact, l) += 0.5 * x * (lane_of(hdot_[d], l) + after(l, d));
-      else lane_of(friction, l) += x * after(l, d);
+      if (d != 3 * i) lane_of(friction, l) += x * after(l, d);
     }
   }
 

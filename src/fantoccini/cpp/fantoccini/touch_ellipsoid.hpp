@@ -250,7 +250,7 @@ FAN_FN void touch_ellipsoid(const PlacedSolid& x, const PlacedSolid& y, Touches&
   along3(y_at, 1.0, p, p);
   out_of_axes(R, found.n, normal);
   along3(p, -found.gap(), normal, q);
-  to.add(p, q, normal, 0, is_ellipsoid(y) ? 0 : region_of_box(found.n));
+  to.add(p, q, normal, 0, y.kind == BOX ? region_of_box(found.n) : 0);
 }
 
 }  // namespace fan
