@@ -285,7 +285,7 @@ bodies:
         energy = run.ledger["kinetic"] + run.ledger["potential"]
         struck += run.ledger["impact"][-1] > 0.1
         assert np.all(np.diff(energy) < 2e-3 * energy[0])
-        # What gravity does in the step of an impact is no part of it, so it may be a little below 0.
+        # What gravity does in the step of an impact is no part of it: a little may be negative.
         assert np.all(np.diff(run.ledger["impact"]) > -2e-6 * energy[0])
         assert np.all(np.diff(run.ledger["friction"]) > -1e-12)
     assert struck > 3
