@@ -87,7 +87,8 @@ def unbooked(
         dt: the step [s].
     """
     g = marionette.weight / max(marionette.mass, BOUNDS.energy)
-    least = 0.5 * marionette.weight * g * (BOUNDS.coarse * dt) ** 2
+    step = min(dt, float(t[-1] - t[0]))
+    least = 0.5 * marionette.weight * g * (BOUNDS.coarse * step) ** 2
     exchanged = np.max(ledger["kinetic"], axis=-1) + np.ptp(ledger["potential"], axis=-1)
     exchanged = exchanged + np.max(np.abs(ledger["work"]), axis=-1) + least + BOUNDS.energy
     damped = np.abs(np.diff(ledger["damping"])) / np.maximum(np.diff(t) / dt, 1.0)
