@@ -154,6 +154,33 @@ struct Complementarity {
     return solved;
   }
 
+  // Solves the problem; in lanes in which pivoting does not settle, with firmer raises. Returns the
+  // lanes that were solved, and those that are idle.
+  FAN_FN Mask solve_firmly(const Mask& idle) {
+    const int most = Tolerance::max_iterations(n);
+    Mask settled = solve(Tolerance::raise, 1, Tolerance::pivoting, most) || idle;
+    if (!any(!settled)) return settled;
+    Real x_before[N], s_before[N];
+    Mask high_before[N];
+    for (int i = 0; i < n; ++i) {
+      x_before[i] = x[i];
+      s_before[i] = s[i];
+      high_before[i] = high[i];
+    }
+    for (const double eps : Tolerance::firmer_raises) {
+      const Mask now = solve(eps, 1, Tolerance::pivoting, most);
+      // A lane that was solved before keeps its solution.
+      for (int i = 0; i < n; ++i) {
+        x[i] = x_before[i] = select(settled, x_before[i], x[i]);
+        s[i] = s_before[i] = select(settled, s_before[i], s[i]);
+        high[i] = high_before[i] = (settled && high_before[i]) || (!settled && high[i]);
+      }
+      settled = settled || now;
+      if (!any(!settled)) break;
+    }
+    return settled;
+  }
+
  private:
   template <int first>
   FAN_ALWAYS_INLINE const Real& at_with(int i, int j) const {

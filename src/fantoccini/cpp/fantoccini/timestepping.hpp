@@ -39,7 +39,6 @@ struct TimeStep {
   using Mask = typename Traits<Real>::Mask;
   using Tolerance = TimeSteppingTolerances;
   static constexpr bool touches = Model::n_contacts > 0;
-  using Pivoting = ComplementarityTolerances;
   using Rows = RowSystem<Model, Real>;
 
   Evaluation<Model, Real> eval;
@@ -191,32 +190,6 @@ struct TimeStep {
     steady = steady && !(brake < Real(1.0));
   }
 
-  // Solves for the impulses; in lanes in which pivoting does not settle, with firmer raises.
-  FAN_FN void settle() {
-    auto& problem = rows.problem;
-    const int most = Pivoting::max_iterations(rows.n);
-    settled = problem.solve(Pivoting::raise, 1, Pivoting::pivoting, most) || idle;
-    if (!any(!settled)) return;
-    Real x[room(M)], s[room(M)];
-    Mask high[room(M)];
-    for (int a = 0; a < rows.n; ++a) {
-      x[a] = problem.x[a];
-      s[a] = problem.s[a];
-      high[a] = problem.high[a];
-    }
-    for (const double eps : Pivoting::firmer_raises) {
-      const Mask now = problem.solve(eps, 1, Pivoting::pivoting, most);
-      // A lane that was solved before keeps its solution.
-      for (int a = 0; a < rows.n; ++a) {
-        problem.x[a] = x[a] = select(settled, x[a], problem.x[a]);
-        problem.s[a] = s[a] = select(settled, s[a], problem.s[a]);
-        problem.high[a] = high[a] = (settled && high[a]) || (!settled && problem.high[a]);
-      }
-      settled = settled || now;
-      if (!any(!settled)) return;
-    }
-  }
-
   // The rate at which winches wind back their slip; changes the strings' h and hdot to those of
   // L + slip.
   FAN_FN void wind(const Winches<S>& winches, double dt) {
@@ -347,7 +320,7 @@ struct TimeStep {
     unrolled<0, Rows::leading>(pose);
     for (int a = Rows::leading; a < rows.n; ++a) pose(a);
     if (all_touch()) leave_to_contacts();
-    else settle();
+    else settled = rows.problem.solve_firmly(idle);
     if constexpr (touches)
       if (solids) touch(dt, cap);
     Real w[room(N)];
