@@ -239,7 +239,7 @@ struct Complementarity {
   FAN_FN void factor(double least) {
     loose_ = Real(0.0) > Real(1.0);
     const Real low = least * largest_;
-    // What is left of the first rows' block; D L^T of it is not kept.
+    // The Schur complement of the leading block, for which D L^T is not kept.
     Real left[room(first)][room(first)];
     unrolled<0, first>([&](auto d) FAN_INLINE {
       unrolled<0, d + 1>([&](auto c) FAN_INLINE { left[d][c] = entry<first>(d, c); });
@@ -263,7 +263,7 @@ struct Complementarity {
     }
   }
 
-  // Entry (i, j) of what is factorised.
+  // Entry (i, j) of the matrix to factorise.
   template <int first>
   FAN_ALWAYS_INLINE Real entry(int i, int j) const {
     const Real& own = at_with<first>(i, j);

@@ -278,7 +278,7 @@ class ConeLanesStep : protected ConeLaw {
   }
 
   // A_ = L U with ones on L's diagonal, without pivoting: what goes wrong shows in the residual.
-  // Four columns at a time, so that what is right of them is read and written once for four.
+  // Four columns at a time: the trailing block is read and written once for all four.
   FAN_FN void factorise() {
     const int n = n_;
     for (int first = 0; first < n; first += 4) {
