@@ -1,3 +1,7 @@
+#ifdef FAN_TRACE
+#include <cstdio>
+#include <cstdlib>
+#endif
 // The event-driven run: adaptive steps of the flow with the active set frozen, stopped where a
 // tension falls through zero (release), a slack row closes (catch), or a winch begins or ends to
 // slip.

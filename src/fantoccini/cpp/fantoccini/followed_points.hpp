@@ -122,7 +122,8 @@ class FollowedPoints {
     int kept = 0;
     for (int c = 0; c < n; ++c) {
       if (at[c].mode == PARTED && (!found_[c] || gap[c] > Tolerance::open_gap)) continue;
-      if (at[c].mode == SLIDING && found_[c] && along(c) > 2.0 * Tolerance::stopped) {
+      if (at[c].mode == SLIDING && found_[c] && along(c) > 0.0 &&
+          sliding_speed(c) > 2.0 * Tolerance::stopped) {
         at[c].moving = true;
         direction(c, at[c].along);
       }
