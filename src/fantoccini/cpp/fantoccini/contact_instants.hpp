@@ -11,6 +11,7 @@
 
 #include "attempts.hpp"
 #include "cone.hpp"
+#include "contact_share.hpp"
 #include "flow.hpp"
 
 namespace fan {
@@ -171,7 +172,11 @@ class ContactInstants {
     if (!cone.solve()) return NO_UNIQUE_MOTION;
     bool slips = false;
     for (int c = 0; c < held.n; ++c) slips = slips || strained_point[c];
-    if (slips && !slip(f, rest, Tolerance::at_rest * scale)) return NO_UNIQUE_MOTION;
+    if (slips) {
+      // Of redundant forces those of least norm, which may keep a point that others would let slide.
+      share_.find(cone, cone.x + rest.n_single);
+      if (!slip(f, rest, Tolerance::at_rest * scale)) return NO_UNIQUE_MOTION;
+    }
     decode(f, rest, loose, strained, loose_point, scale, next);
     return RUNNING;
   }
@@ -348,6 +353,7 @@ class ContactInstants {
       if (!pushes[c]) held.at[c].mode = PARTED;
   }
 
+  ContactShare<R> share_;
   bool slides_[room(C)];
   double given_[2 * room(C)];  // directions of sliding points in their tangents
   double along_[room(C)][3];   // and in the world
