@@ -36,8 +36,9 @@ struct HeldContactTolerances {
   // Least normal influence of a sliding point's force, relative to that without friction: below,
   // friction jams (Painleve).
   static constexpr double least_influence = 1e-6;
-  // Likewise, where steps that get too small are said to end by that.
-  static constexpr double jamming_influence = 1e-2;
+  // Likewise, where steps that get too small are said to end by that; and the force of a sliding point
+  // there, relative to the weight.
+  static constexpr double jamming_influence = 1e-2, jamming_force = 100.0;
   // |hddot| of a resting point, relative to Flow::hddot_scale; a force that is none, to the weight.
   static constexpr double parting_acceleration = 1e-8, negligible_force = 1e-12;
 };

@@ -171,10 +171,15 @@ class HeldContacts : public FollowedPoints<Model> {
     return 1.0 + mu * (G_[i * n_ + i + 1] * d[0] + G_[i * n_ + i + 2] * d[1]) / G_[i * n_ + i];
   }
 
-  // Whether friction is about to jam a point: forces grow without bound, in ever shorter steps.
-  bool jamming() const {
-    for (int c = 0; c < n; ++c)
-      if (at[c].mode == SLIDING && found_[c] && influence(c) < Tolerance::jamming_influence) return true;
+  // Whether friction is about to jam points, each by itself or several together: forces grow without
+  // bound, in ever shorter steps.
+  template <class F>
+  bool jamming(const F& f) const {
+    for (int c = 0; c < n; ++c) {
+      if (at[c].mode != SLIDING || !found_[c]) continue;
+      if (influence(c) < Tolerance::jamming_influence) return true;
+      if (fabs(x[3 * c]) > Tolerance::jamming_force * f.weight()) return true;
+    }
     return false;
   }
 
