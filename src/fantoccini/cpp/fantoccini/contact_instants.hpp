@@ -31,12 +31,12 @@ struct ContactInstantTolerances {
   static constexpr double rounding = 1e-13;
   // Part of its cone by which a force may miss it that has reached it.
   static constexpr double at_cone = 1e-7;
+  // Likewise of its winch's largest tension, relative to the largest force.
+  static constexpr double at_largest = ClosedRowTolerances::tension_at_bound;
   // Cosine of the angle between friction that begins to slide and what it opposes, and how often
   // friction is turned for it.
   static constexpr double opposed = 0.9;
   static constexpr int turns = 4;
-  // Likewise of its winch's largest tension, relative to the largest force.
-  static constexpr double at_largest = ClosedRowTolerances::tension_at_bound;
 };
 
 template <class Model>

@@ -1,7 +1,3 @@
-#ifdef FAN_TRACE
-#include <cstdio>
-#include <cstdlib>
-#endif
 // The event-driven run: adaptive steps of the flow with the active set frozen, stopped where a
 // tension falls through zero (release), a slack row closes (catch), or a winch begins or ends to
 // slip.
@@ -273,19 +269,6 @@ struct EventRun : EventInstants<Model> {
     const long long before = out.n_events;
     flow.motors.tell(flow.t, out);
     n_events += out.n_events - before;
-#ifdef FAN_TRACE
-    if constexpr (F::touches) {
-      static const double from = getenv("FROM") ? atof(getenv("FROM")) : 1e9;
-      static const long long every = getenv("EVERY") ? atoll(getenv("EVERY")) : 200;
-      auto& held = flow.contacts;
-      if (flow.t > from && n_steps % every < 3) {
-        fprintf(stderr, "step %lld t %.15g s %.3g next %.3g worst %.3g\n", n_steps, flow.t, s, step_size, guards.worst());
-        for (int r = 0; r < M; ++r) if (flow.row_state[r] != SLACK) fprintf(stderr, "   row %d state %d tension %.5g rate %.3g\n", r, int(flow.row_state[r]), flow.tension[r], flow.rate_of(r, flow.y+NQ));
-        for (int c = 0; c < held.n; ++c)
-          fprintf(stderr, "   pair %d.%d mode %d moving %d along %.3g speed %.3g x %.4g %.4g %.4g after %.3g %.3g %.3g infl %.3g guard %.3g\n", held.at[c].pair, held.at[c].feature, held.at[c].mode, held.at[c].moving, held.along(c), held.sliding_speed(c), held.x[3*c], held.x[3*c+1], held.x[3*c+2], held.after[3*c], held.after[3*c+1], held.after[3*c+2], held.at[c].mode==SLIDING?held.influence(c):0.0, held.guard(flow,c));
-      }
-    }
-#endif
     const bool event = guards.worst() > 0.0;
     Status seen = flow.frail() && !event ? another_basis(out) : RUNNING;
     if (seen == RUNNING) seen = watch();

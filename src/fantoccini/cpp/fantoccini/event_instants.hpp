@@ -289,13 +289,6 @@ struct EventInstants : EventWriter<Model> {
         ++n_events;
         accumulation.forget();
       }
-#ifdef FAN_TRACE
-      if (getenv("FROM") && flow.t > atof(getenv("FROM"))) {
-        fprintf(stderr, "instant t %.15g struck %d\n", flow.t, any_struck);
-        for (int c = 0; c < held.n; ++c)
-          fprintf(stderr, "   pair %d.%d mode %d moving %d along %.3g speed %.3g loose %d strained %d x %.4g %.4g %.4g after %.3g %.3g %.3g infl %.3g guard %.3g\n", held.at[c].pair, held.at[c].feature, held.at[c].mode, held.at[c].moving, held.along(c), held.sliding_speed(c), loose[c], strained[c], held.x[3*c], held.x[3*c+1], held.x[3*c+2], held.after[3*c], held.after[3*c+1], held.after[3*c+2], held.at[c].mode==SLIDING?held.influence(c):0.0, held.guard(flow,c));
-      }
-#endif
       anchor(out);
       guards.remember();
       if (changed) emit(out);

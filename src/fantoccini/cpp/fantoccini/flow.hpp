@@ -239,12 +239,6 @@ struct Flow {
     evaluate(t + s, end, k[dop853::stages]);
     for (int j = 0; j < NY; ++j) end_rate[j] = k[dop853::stages][j];
     if (rows.n == 0 && !contacts.holds()) return RUNNING;
-#ifdef FAN_TRACE
-    if constexpr (touches) {
-      static const double from = getenv("FROM") ? atof(getenv("FROM")) : 1e9;
-      if (t > from) for (int c = 0; c < contacts.n; ++c) fprintf(stderr, "    before projection pair %d mode %d gap %.3g hdot %.3g %.3g %.3g s %.3g\n", contacts.at[c].pair, contacts.at[c].mode, contacts.gap[c], contacts.hdot[3*c], contacts.hdot[3*c+1], contacts.hdot[3*c+2], s);
-    }
-#endif
     const Status status = project(t + s, end);
     evaluate(t + s, end, end_rate);
     return status;

@@ -32,7 +32,7 @@ struct HeldContactTolerances {
   static constexpr double leaving_speed = 1e-8;
   // m/s: a point slides no longer where u falls to this along its direction, which is far above the
   // error of integration: at lower speeds the direction of friction would be that of the error.
-  static constexpr double stopped = 1e-8;
+  static constexpr double stopped = 3e-9;
   // Least normal influence of a sliding point's force, relative to that without friction: below,
   // friction jams (Painleve).
   static constexpr double least_influence = 1e-6;
