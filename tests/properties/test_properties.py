@@ -137,3 +137,16 @@ def test_same_input_same_bits_in_any_thread(method):
         mixed = list(pool.map(lambda case: bits(*case, method), cases * 4))
     for k, found in enumerate(mixed):
         assert found == alone[k % len(cases)], cases[k % len(cases)]
+
+
+# Points of one body that turn at nanometres a second, feet that strut apart, and several that jam
+# together: they took over a minute, or steps below the clock's resolution.
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "case",
+    ["heap 1 15", "heap 20 6", "crates 12 12", "crates 21 1", "paddle 21 4", "figure 7 8",
+     "balls 15 2", "crates 12 9", "crates 8 2", "duet 11 11"],
+)  # fmt: skip
+def test_an_event_driven_run_of_a_crowd_that_has_broken_before(case):
+    name, seed, i = case.split()
+    assert not crowds.alone(name, int(seed), "event", int(i))

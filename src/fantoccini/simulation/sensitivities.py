@@ -27,6 +27,8 @@ class Tolerances:
 
     jump: float = 1e-9
     """Change of velocity at a catch, relative to 1 or the largest velocity: above rounding."""
+    stop: float = 1e-8
+    """Likewise, up to which a point of contact that slides is brought to rest where it stops."""
     time: float = 1e-12  # Distance of times that are one [s]
     rotation: float = 1e-12  # 1 - |cos(angle / 2)| of orientations that are one: rounding
 
@@ -249,11 +251,13 @@ class _Pieces:
         run = self.run
         before, after = run.state(i), run.state(i + 1)
         size = max(1.0, np.max(np.abs(before.v_D), initial=0.0))
-        if np.max(np.abs(after.v_D - before.v_D), initial=0.0) <= TOLERANCES.jump * size:
+        stops = self._contacts.touches(i) and not self._struck(i)
+        most = TOLERANCES.stop if stops else TOLERANCES.jump
+        if np.max(np.abs(after.v_D - before.v_D), initial=0.0) <= most * size:
             return self._changed(i, Z, by_input, (i, i + 1), points)
         held = self._held(i), self._held(i + 1)
         acc, acc_K = (run.acc_D[i], run.acc_D[i + 1]), run.acc_K[i]
-        if self._contacts.touches(i) or self._contacts.touches(i + 1) or self._struck(i):
+        if self._contacts.touches(i) or self._contacts.touches(i + 1) or self._struck(i, False):
             impact = Impact(self.marionette, before, after, held)
             self.passages.append(impact.passage(acc, acc_K, Z))
             return impact.carried(Z, by_input, acc, acc_K)
@@ -261,10 +265,10 @@ class _Pieces:
         self.passages.append(catch.passage(acc, acc_K))
         return catch.carried(Z, by_input, acc, acc_K)
 
-    def _struck(self, i: int) -> bool:
-        """Whether solids strike at the time of sample i."""
-        events = self.run.events
-        return any(e.kind is EventKind.TOUCH and e.t == self.run.t[i] for e in events)
+    def _struck(self, i: int, catches: bool = True) -> bool:
+        """Whether solids strike, or with ``catches`` rows, at the time of sample i."""
+        kinds = (EventKind.TOUCH, EventKind.CATCH) if catches else (EventKind.TOUCH,)
+        return any(e.kind in kinds and e.t == self.run.t[i] for e in self.run.events)
 
     def _changed(
         self,

@@ -11,6 +11,7 @@
 
 #include "attempts.hpp"
 #include "cone.hpp"
+#include "contact_share.hpp"
 #include "flow.hpp"
 
 namespace fan {
@@ -32,6 +33,10 @@ struct ContactInstantTolerances {
   static constexpr double at_cone = 1e-7;
   // Likewise of its winch's largest tension, relative to the largest force.
   static constexpr double at_largest = ClosedRowTolerances::tension_at_bound;
+  // Cosine of the angle between friction that begins to slide and what it opposes, and how often
+  // friction is turned for it.
+  static constexpr double opposed = 0.9;
+  static constexpr int turns = 4;
 };
 
 template <class Model>
@@ -167,7 +172,11 @@ class ContactInstants {
     if (!cone.solve()) return NO_UNIQUE_MOTION;
     bool slips = false;
     for (int c = 0; c < held.n; ++c) slips = slips || strained_point[c];
-    if (slips && !slip(f, rest)) return NO_UNIQUE_MOTION;
+    if (slips) {
+      // Of redundant forces those of least norm, which may keep a point that others would let slide.
+      share_.find(cone, cone.x + rest.n_single);
+      if (!slip(f, rest, Tolerance::at_rest * scale)) return NO_UNIQUE_MOTION;
+    }
     decode(f, rest, loose, strained, loose_point, scale, next);
     return RUNNING;
   }
@@ -184,21 +193,42 @@ class ContactInstants {
     return top;
   }
 
-  // Lets the points whose force has reached its cone slide along it; solves again.
-  bool slip(F& f, const Rest& rest) {
+  // Lets the points whose force has reached its cone slide along it; solves again. Where such a force
+  // does not oppose the acceleration, as redundant forces need not, it is turned against it.
+  bool slip(F& f, const Rest& rest, double idle) {
     auto& cone = f.contacts.cone;
-    bool more = false;
+    bool begins[room(C)], more = false;
     for (int i = 0; i < rest.n_points; ++i) {
       const double* x = cone.x + rest.n_single + 3 * i;
       const double size = sqrt(x[1] * x[1] + x[2] * x[2]);
       const double least = (1.0 - Tolerance::at_cone) * cone.mu[i] * x[0];
-      if (slides_[i] || !(size > 0.0) || size < least) continue;
-      slides_[i] = more = true;
-      for (int d = 0; d < 2; ++d) given_[2 * i + d] = x[1 + d] / size;
-      const double force[3] = {0.0, x[1] / size, x[2] / size};
-      f.contacts.in_world(rest.point[i], force, along_[i]);
+      begins[i] = !slides_[i] && size > 0.0 && size >= least;
+      if (begins[i]) give(f, rest, i, x[1] / size, x[2] / size);
+      more = more || begins[i];
     }
-    return !more || cone.solve();
+    for (int k = 0; more; ++k) {
+      if (!cone.solve()) return false;
+      more = false;
+      for (int i = 0; i < rest.n_points && k < Tolerance::turns; ++i) {
+        const double* s = cone.s + rest.n_single + 3 * i;
+        const double size = sqrt(s[1] * s[1] + s[2] * s[2]);
+        if (!begins[i] || size <= idle) continue;
+        const double* d = given_ + 2 * i;
+        if (-(s[1] * d[0] + s[2] * d[1]) >= Tolerance::opposed * size) continue;
+        give(f, rest, i, -s[1] / size, -s[2] / size);
+        more = true;
+      }
+    }
+    return true;
+  }
+
+  // The direction of friction at point i of those at rest, in its tangents.
+  void give(F& f, const Rest& rest, int i, double p, double q) {
+    slides_[i] = true;
+    given_[2 * i] = p;
+    given_[2 * i + 1] = q;
+    const double force[3] = {0.0, p, q};
+    f.contacts.in_world(rest.point[i], force, along_[i]);
   }
 
   // Fills the matrix and the bounds of some gathered rows and points.
@@ -323,6 +353,7 @@ class ContactInstants {
       if (!pushes[c]) held.at[c].mode = PARTED;
   }
 
+  ContactShare<R> share_;
   bool slides_[room(C)];
   double given_[2 * room(C)];  // directions of sliding points in their tangents
   double along_[room(C)][3];   // and in the world

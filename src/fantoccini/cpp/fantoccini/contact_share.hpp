@@ -76,7 +76,10 @@ class ContactShare {
       const int i = of.n_single + 3 * c;
       const double p = of.s[i + 1], q = of.s[i + 2], slides = sqrt(p * p + q * q), mu = of.mu[c];
       if (fabs(of.s[i]) > still) continue;
-      if (slides <= still && mu > 0.0) {
+      if (of.slides && of.slides[c]) {
+        const double size = 1.0 / sqrt(1.0 + mu * mu);
+        add(i, 3, size, size * mu * of.along[2 * c], size * mu * of.along[2 * c + 1]);
+      } else if (slides <= still && mu > 0.0) {
         add(i, 3, 1.0, 0.0, 0.0);
         add(i, 3, 0.0, 1.0, 0.0);
         add(i, 3, 0.0, 0.0, 1.0);

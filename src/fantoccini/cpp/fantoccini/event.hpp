@@ -163,7 +163,11 @@ struct EventRun : EventInstants<Model> {
   // The detector's status of the present state.
   Status watch() {
     const Status status = detector.look(flow);
-    if (status != RUNNING) accuse(detector.blame);
+    if (status == RUNNING) return status;
+    // A string may be wedged in with the points that friction jams.
+    const bool bursts = status == TENSION_CAP && step_size < Tolerance::min_failing_step;
+    if (bursts && flow.contacts.jamming(flow)) return NO_UNIQUE_MOTION;
+    accuse(detector.blame);
     return status;
   }
 
@@ -186,7 +190,7 @@ struct EventRun : EventInstants<Model> {
       } else if (s > Tolerance::sliver * left) {
         s = Tolerance::sliver * left;  // no sliver before the target
       }
-      if (s < guards.resolution()) return flow.contacts.jamming() ? NO_UNIQUE_MOTION : STEP_TOO_SMALL;
+      if (s < guards.resolution()) return too_small();
       ++n_steps;
       if (n_steps >= flow.opt.max_steps) return TOO_MANY_STEPS;
       flow.stages(s);
@@ -227,6 +231,12 @@ struct EventRun : EventInstants<Model> {
       const Status status = accept(at, at == left ? target : flow.t + at, out);
       return status == RUNNING ? instant(out) : status;
     }
+  }
+
+  // The status of a step below the clock's resolution, whose trial has left the flow where it may.
+  Status too_small() {
+    refresh();
+    return flow.contacts.jamming(flow) ? NO_UNIQUE_MOTION : STEP_TOO_SMALL;
   }
 
   // --- acceptance and events ------------------------------------------------------------------

@@ -269,6 +269,8 @@ struct EventInstants : EventWriter<Model> {
       const Status held_there = flow.project(flow.t, flow.y);
       if (held_there != RUNNING) return held_there;
       refresh();
+      held.bring_to_rest(flow, flow.y + NQ, true);
+      refresh();
       // The corrections of the start are not the run's.
       if (!starts) impact += energy - (flow.total_energy() - given());
       for (int r = 0; r < M; ++r)

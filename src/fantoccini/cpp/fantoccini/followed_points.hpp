@@ -30,13 +30,15 @@ struct HeldContactTolerances {
   static constexpr double open_gap = 1e-14;
   // m/s: a parted point that opens faster is open soon.
   static constexpr double leaving_speed = 1e-8;
-  // m/s: a point slides no longer where u falls to this along its direction.
-  static constexpr double stopped = 1e-10;
+  // m/s: a point slides no longer where u falls to this along its direction, which is far above the
+  // error of integration: at lower speeds the direction of friction would be that of the error.
+  static constexpr double stopped = 3e-9;
   // Least normal influence of a sliding point's force, relative to that without friction: below,
   // friction jams (Painleve).
   static constexpr double least_influence = 1e-6;
-  // Likewise, where steps that get too small are said to end by that.
-  static constexpr double jamming_influence = 1e-2;
+  // Likewise, where steps that get too small are said to end by that; and the force of a sliding point
+  // there, relative to the weight.
+  static constexpr double jamming_influence = 1e-2, jamming_force = 100.0;
   // |hddot| of a resting point, relative to Flow::hddot_scale; a force that is none, to the weight.
   static constexpr double parting_acceleration = 1e-8, negligible_force = 1e-12;
 };
@@ -122,7 +124,8 @@ class FollowedPoints {
     int kept = 0;
     for (int c = 0; c < n; ++c) {
       if (at[c].mode == PARTED && (!found_[c] || gap[c] > Tolerance::open_gap)) continue;
-      if (at[c].mode == SLIDING && found_[c] && along(c) > 2.0 * Tolerance::stopped) {
+      if (at[c].mode == SLIDING && found_[c] && along(c) > 0.0 &&
+          sliding_speed(c) > 2.0 * Tolerance::stopped) {
         at[c].moving = true;
         direction(c, at[c].along);
       }

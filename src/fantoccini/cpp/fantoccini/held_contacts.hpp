@@ -171,10 +171,15 @@ class HeldContacts : public FollowedPoints<Model> {
     return 1.0 + mu * (G_[i * n_ + i + 1] * d[0] + G_[i * n_ + i + 2] * d[1]) / G_[i * n_ + i];
   }
 
-  // Whether friction is about to jam a point: forces grow without bound, in ever shorter steps.
-  bool jamming() const {
-    for (int c = 0; c < n; ++c)
-      if (at[c].mode == SLIDING && found_[c] && influence(c) < Tolerance::jamming_influence) return true;
+  // Whether friction is about to jam points, each by itself or several together: forces grow without
+  // bound, in ever shorter steps.
+  template <class F>
+  bool jamming(const F& f) const {
+    for (int c = 0; c < n; ++c) {
+      if (at[c].mode != SLIDING || !found_[c]) continue;
+      if (influence(c) < Tolerance::jamming_influence) return true;
+      if (fabs(x[3 * c]) > Tolerance::jamming_force * f.weight()) return true;
+    }
     return false;
   }
 
@@ -252,12 +257,13 @@ class HeldContacts : public FollowedPoints<Model> {
     return RUNNING;
   }
 
-  // hdot = 0 on the held rows, likewise.
+  // hdot = 0 on the held rows, likewise; with `beginning` also across the normals of points that begin
+  // to slide, which then move against their friction from the start.
   template <class F>
-  void bring_to_rest(F& f, double* v_D) {
+  void bring_to_rest(F& f, double* v_D, bool beginning = false) {
     const double none[room(R)] = {};
     double w[room(N)] = {}, move[room(N)];
-    list_unknowns(f, true, false);
+    list_unknowns(f, true, false, beginning);
     directed_.solve(G_, n_, hdot_, none, y_);
     take(y_, w);
     f.eval.back(w, move);
@@ -387,9 +393,10 @@ class HeldContacts : public FollowedPoints<Model> {
 
  private:
   // The directions that are held: of strings all that are taut; of points the normals and, if
-  // `tangents`, those of sticking ones. With `friction` the forces of sliding ones have theirs.
+  // `tangents`, those of sticking ones, with `beginning` also of those that begin to slide. With
+  // `friction` the forces of sliding ones have theirs.
   template <class F>
-  void list_unknowns(const F& f, bool tangents, bool friction) {
+  void list_unknowns(const F& f, bool tangents, bool friction, bool beginning = false) {
     directed_.n = 0;
     for (int a = 0; a < n_single_; ++a)
       if (f.row_state[f.rows.row[a]] == HELD) directed_.add(a, 1, 1.0, 0.0, 0.0);
@@ -401,7 +408,8 @@ class HeldContacts : public FollowedPoints<Model> {
         const double mu = mode == SLIDING && friction ? in->friction[at[c].pair] : 0.0;
         directed_.add(i, 3, 1.0, mu * direction_[c][0], mu * direction_[c][1]);
       }
-      if (mode != STICKING || !tangents) continue;
+      const bool stands = mode == STICKING || (beginning && mode == SLIDING && !at[c].moving);
+      if (!stands || !tangents) continue;
       directed_.add(i, 3, 0.0, 1.0, 0.0);
       directed_.add(i, 3, 0.0, 0.0, 1.0);
     }

@@ -18,7 +18,8 @@ class HeldContacts<Model, false> {
   static constexpr double friction = 0.0, closing = 0.0;
 
   static constexpr bool active() { return false; }
-  static constexpr bool jamming() { return false; }
+  template <class F>
+  static bool jamming(const F&) { return false; }
   static constexpr bool holds() { return false; }
   template <class F>
   static bool look_near(const F&, const double*, const double*) { return false; }
