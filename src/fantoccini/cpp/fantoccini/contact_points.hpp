@@ -8,11 +8,10 @@
 // solids do not overlap, and a force x >= 0 pushes A along +e and B along -e.
 #pragma once
 
-#include <new>
-
 #include "moved_by.hpp"
 #include "near_pairs.hpp"
 #include "placed_links.hpp"
+#include "touch_follow.hpp"
 
 FAN_LOOPS_BEGIN
 
@@ -115,6 +114,21 @@ class ContactPoints : public PlacedLinks<Model, Real> {
   void look_at_pair(const ContactArrays& in, int pair, double margin) {
     n[0] = 0;
     look(in, pair, margin, 0);
+  }
+
+  // Which of lane 0's points has a feature of a pair, or -1. Where it is none of those looked at, the
+  // point is made by its feature alone, and put behind them; `holds` says whether it is still one.
+  int find_feature(const ContactArrays& in, int pair, int feature, bool* holds) {
+    *holds = true;
+    for (int i = 0; i < n[0]; ++i)
+      if (point[0][i].pair == pair && point[0][i].feature == feature) return i;
+    const int a = in.pairs[2 * pair], b = in.pairs[2 * pair + 1];
+    place_pair(in, pair);
+    Touch found;
+    if (n[0] == C) return -1;
+    if (!follow_touch(placed_[a], b < B ? placed_[b] : in.solids[b], feature, &found, holds)) return -1;
+    put(pair, found, point[0][n[0]]);
+    return n[0];
   }
 
   // Makes the rows of lane 0's point i.
@@ -323,11 +337,15 @@ class ContactPoints : public PlacedLinks<Model, Real> {
 
   // Adds the points of pair k to those of lane l.
   FAN_FN void look(const ContactArrays& in, int k, double margin, int l) {
+    place_pair(in, k);
+    look_at_placed(in, k, margin, l);
+  }
+
+  FAN_FN void place_pair(const ContactArrays& in, int k) {
     for (int side = 0; side < 2; ++side) {
       const int link = in.solids[in.pairs[2 * k + side]].link;
       if (link >= 0 && !is_placed_[link]) place_link(in, link);
     }
-    look_at_placed(in, k, margin, l);
   }
 
   // The same where the solids of both links are placed.
@@ -340,17 +358,20 @@ class ContactPoints : public PlacedLinks<Model, Real> {
         too_many[l] = true;
         return;
       }
-      Point& to = point[l][n[l]++];
-      to.pair = k;
-      to.feature = found[i].feature;
-      to.region = found[i].region;
-      to.gap = found[i].gap;
-      for (int c = 0; c < 3; ++c) {
-        to.at[c] = found[i].point[c];
-        to.frame[c] = found[i].normal[c];
-      }
-      tangents(to.frame);
+      put(k, found[i], point[l][n[l]++]);
     }
+  }
+
+  FAN_FN static void put(int pair, const Touch& from, Point& to) {
+    to.pair = pair;
+    to.feature = from.feature;
+    to.region = from.region;
+    to.gap = from.gap;
+    for (int c = 0; c < 3; ++c) {
+      to.at[c] = from.point[c];
+      to.frame[c] = from.normal[c];
+    }
+    tangents(to.frame);
   }
 
   // Whether a point of pair k is none of lane l's, and would be passed.
@@ -423,22 +444,6 @@ class ContactPoints : public PlacedLinks<Model, Real> {
   Real speed_at_start_[room(L)];    // m/s: by which the margins of find() were chosen
   double passing_within_ = 0.0;  // s: the step, while only points that would be passed are added
 };
-
-// The C interface of ContactPoints::measure; 1 where there was no memory, else 0.
-template <class Model>
-int measure_gaps(
-    const ContactArrays& in, long long n, const double* q_D, const double* q_K, const double* p,
-    double margin, double* gaps) {
-  if constexpr (Model::n_contacts > 0) {
-    auto* points = new (std::nothrow) ContactPoints<Model, double>();
-    if (!points) return 1;
-    for (long long i = 0; i < n; ++i)
-      points->measure(
-          in, q_D + i * Model::n_qD, q_K + i * Model::n_qK, p, margin, gaps + i * in.n_pairs);
-    delete points;
-  }
-  return 0;
-}
 
 }  // namespace fan
 

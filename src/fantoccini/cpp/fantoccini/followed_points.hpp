@@ -85,28 +85,18 @@ class FollowedPoints {
     safe = points_.safe_time(*in);
     overlap = -Tolerance::margin;
     closing = 0.0;
-    for (int c = 0; c < n; ++c) found_[c] = false;
+    for (int c = 0; c < n; ++c) {
+      const int i = points_.find_feature(*in, at[c].pair, at[c].feature, found_ + c);
+      known_[c] = i >= 0;
+      found_[c] = found_[c] && known_[c];
+      if (known_[c]) take(i, c, v_D);
+    }
     for (int i = 0; i < points_.n[0]; ++i) {
       const auto& from = points_.point[0][i];
       const int c = place(from.pair, from.feature);
       double over = -from.gap;
-      if (c >= 0) {
-        found_[c] = true;
-        gap[c] = from.gap;
-        region_[c] = from.region;
-        for (int d = 0; d < 3; ++d) point_[c][d] = from.at[d];
-        for (int d = 0; d < 9; ++d) frame_[c][d] = from.frame[d];
-        points_.make_rows(*in, i);
-        for (int d = 0; d < 3; ++d) {
-          for (int k = 0; k < N; ++k) row_[3 * c + d][k] = points_.row[i][k][d];
-          rate_K_[3 * c + d] = points_.rate_K[i][d];
-          double sum = rate_K_[3 * c + d];
-          for (int k = 0; k < N; ++k) sum += row_[3 * c + d][k] * v_D[k];
-          hdot[3 * c + d] = sum;
-        }
-        if (at[c].mode != PARTED) continue;
-        over -= at[c].over + (at[c].leaves ? Tolerance::rounding : Tolerance::caught);
-      }
+      if (c >= 0 && at[c].mode != PARTED) continue;
+      if (c >= 0) over -= at[c].over + (at[c].leaves ? Tolerance::rounding : Tolerance::caught);
       if (over > overlap) {
         overlap = over;
         double u[3];
@@ -246,7 +236,7 @@ class FollowedPoints {
     bool done[room(C)];
     int left = n;
     for (int c = 0; c < n; ++c) {
-      done[c] = !found_[c];
+      done[c] = !known_[c];
       left -= done[c];
     }
     for (double step = Tolerance::turn / rate; left > 0 && step * rate > Tolerance::least_turn;
@@ -297,9 +287,9 @@ class FollowedPoints {
           pair = at[c].pair;
           near_.look_at_pair(*in, pair, 2.0 * Tolerance::margin + 2.0 * fabs(tau) * speed(c));
         }
-        int i = 0;
-        while (i < near_.n[0] && near_.point[0][i].feature != at[c].feature) ++i;
-        all[c] = i < near_.n[0] && near_.point[0][i].region == region_[c];
+        bool holds;
+        const int i = near_.find_feature(*in, pair, at[c].feature, &holds);
+        all[c] = i >= 0 && near_.point[0][i].region == region_[c];
         if (!all[c]) continue;
         double u[3];
         near_.velocity(*in, i, u);
@@ -316,6 +306,23 @@ class FollowedPoints {
       ++found;
     }
     return found;
+  }
+
+  // Takes the place of point c, its rows and its velocity from the point i of `points_`.
+  void take(int i, int c, const double* v_D) {
+    const auto& from = points_.point[0][i];
+    gap[c] = from.gap;
+    region_[c] = from.region;
+    for (int d = 0; d < 3; ++d) point_[c][d] = from.at[d];
+    for (int d = 0; d < 9; ++d) frame_[c][d] = from.frame[d];
+    points_.make_rows(*in, i);
+    for (int d = 0; d < 3; ++d) {
+      for (int k = 0; k < N; ++k) row_[3 * c + d][k] = points_.row[i][k][d];
+      rate_K_[3 * c + d] = points_.rate_K[i][d];
+      double sum = rate_K_[3 * c + d];
+      for (int k = 0; k < N; ++k) sum += row_[3 * c + d][k] * v_D[k];
+      hdot[3 * c + d] = sum;
+    }
   }
 
   int place(int pair, int feature) const {
@@ -340,6 +347,7 @@ class FollowedPoints {
     if (c == to) return;
     at[to] = at[c];
     found_[to] = found_[c];
+    known_[to] = known_[c];
     gap[to] = gap[c];
     region_[to] = region_[c];
     for (int k = 0; k < 3; ++k) point_[to][k] = point_[c][k];
@@ -367,15 +375,15 @@ class FollowedPoints {
     near_.pose(*in, q_D, v_D, f.q_K, v_K, f.p);
     for (int c = 0, pair = -1; c < n; ++c) {
       if (at[c].pair != pair) near_.look_at_pair(*in, pair = at[c].pair, Tolerance::margin);
-      out[3 * c] = 0.0;
-      for (int i = 0; i < near_.n[0]; ++i)
-        if (near_.point[0][i].feature == at[c].feature) out[3 * c] = -near_.point[0][i].gap;
+      bool holds;
+      const int i = near_.find_feature(*in, pair, at[c].feature, &holds);
+      out[3 * c] = i < 0 ? 0.0 : -near_.point[0][i].gap;
     }
   }
 
   Points points_, near_;  // of the latest evaluation; at displaced configurations
   double tension_[room(M)] = {};  // at the last event
-  bool found_[room(C)];
+  bool found_[room(C)], known_[room(C)];  // known: also where its feature alone makes it
   int region_[room(C)];
   double point_[room(C)][3], frame_[room(C)][9];
   double row_[room(3 * C)][room(N)], rate_K_[room(3 * C)], gamma_[room(3 * C)] = {};

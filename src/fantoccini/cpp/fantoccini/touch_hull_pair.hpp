@@ -61,7 +61,8 @@ FAN_FN bool touch_facets(
     double below[3], above[3], normal[3];
     shared.place(shared.spots[i], below, above, normal);
     for (int c = 0; of_x && c < 3; ++c) normal[c] = -normal[c];
-    to.add(of_x ? below : above, of_x ? above : below, normal, shared.spots[i].number);
+    to.add(of_x ? below : above, of_x ? above : below, normal, shared.spots[i].number,
+           shared.spots[i].borrowed);
   }
   return true;
 }
