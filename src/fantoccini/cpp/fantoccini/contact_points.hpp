@@ -116,12 +116,12 @@ class ContactPoints : public PlacedLinks<Model, Real> {
     look(in, pair, margin, 0);
   }
 
-  // Which of lane 0's points has a feature of a pair, or -1. Where it is none of those looked at, the
+  // Which of lane 0's points has a feature of a pair, or -1. Where it is none of those that touch, the
   // point is made by its feature alone, and put behind them; `holds` says whether it is still one.
   int find_feature(const ContactArrays& in, int pair, int feature, bool* holds) {
     *holds = true;
     for (int i = 0; i < n[0]; ++i)
-      if (point[0][i].pair == pair && point[0][i].feature == feature) return i;
+      if (point[0][i].pair == pair && point[0][i].feature == feature && touches_there(i)) return i;
     const int a = in.pairs[2 * pair], b = in.pairs[2 * pair + 1];
     place_pair(in, pair);
     Touch found;
@@ -130,6 +130,9 @@ class ContactPoints : public PlacedLinks<Model, Real> {
     put(pair, found, point[0][n[0]]);
     return n[0];
   }
+
+  // Whether it is lane 0's point i that touches, rather than one of other features.
+  bool touches_there(int i) const { return point[0][i].region != BEYOND; }
 
   // Makes the rows of lane 0's point i.
   void make_rows(const ContactArrays& in, int i) {

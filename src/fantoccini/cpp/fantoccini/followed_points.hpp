@@ -95,7 +95,7 @@ class FollowedPoints {
       const auto& from = points_.point[0][i];
       const int c = place(from.pair, from.feature);
       double over = -from.gap;
-      if (c >= 0 && at[c].mode != PARTED) continue;
+      if ((c >= 0 && at[c].mode != PARTED) || !points_.touches_there(i)) continue;
       if (c >= 0) over -= at[c].over + (at[c].leaves ? Tolerance::rounding : Tolerance::caught);
       if (over > overlap) {
         overlap = over;
@@ -129,7 +129,7 @@ class FollowedPoints {
     bool more = false, full = false;
     for (int i = 0; i < points_.n[0]; ++i) {
       const auto& from = points_.point[0][i];
-      if (from.gap > most || place(from.pair, from.feature) >= 0) continue;
+      if (from.gap > most || place(from.pair, from.feature) >= 0 || !points_.touches_there(i)) continue;
       full = n == C;
       if (full) break;
       bool told = false;

@@ -142,23 +142,41 @@ FAN_FN EdgeLine line_of(const PlacedSolid& box, int number) {
   return out;
 }
 
+// Whether n is among the normals of a box at an edge.
+FAN_FN bool is_normal_of_edge(const PlacedSolid& box, int number, const double* n) {
+  const int k = number / 4, j = (k + 1) % 3, i = (k + 2) % 3;
+  return (number & 1 ? 1.0 : -1.0) * dot3(n, box.R + 3 * j) >= -BoxTolerances::rounding &&
+         (number & 2 ? 1.0 : -1.0) * dot3(n, box.R + 3 * i) >= -BoxTolerances::rounding;
+}
+
 FAN_FN bool follow_boxes(
-    const PlacedSolid& x, const PlacedSolid& y, int feature, Touches& to) {
+    const PlacedSolid& x, const PlacedSolid& y, int feature, Touches& to, bool* holds) {
+  const double rounding = HullTolerances::rounding * fmin(length3(x.half), length3(y.half));
   if (feature >= BoxFeatures::nearest) return false;
   if (feature >= BoxFeatures::edges) {
-    const int pair = feature - BoxFeatures::edges;
-    double at[2], n[3];
-    return follow_edges(line_of(x, pair / 12), line_of(y, pair % 12), feature, at, n, to);
+    const int e = (feature - BoxFeatures::edges) / 12, g = (feature - BoxFeatures::edges) % 12;
+    double at[2], n[3], back[3];
+    if (!follow_edges(line_of(x, e), line_of(y, g), feature, at, n, to)) return false;
+    for (int k = 0; k < 3; ++k) back[k] = -n[k];
+    *holds = is_normal_of_edge(x, e, back) && is_normal_of_edge(y, g, n) &&
+             fmin(at[0], at[1]) >= -rounding && at[0] <= 2.0 * x.half[e / 4] + rounding &&
+             at[1] <= 2.0 * y.half[g / 4] + rounding;
+    return true;
   }
   const bool of_first = feature < BoxFeatures::of_y;
   const int own = of_first ? feature : feature - BoxFeatures::of_y;
   const int face = own / BoxFeatures::corners;
   const PlacedSolid &other = of_first ? y : x, &owner = of_first ? x : y;
-  double p[3], m[3], o[3];
+  double p[3], m[3], o[3], from[3], local[3];
   corner_of(owner, own % BoxFeatures::corners, p);
   for (int c = 0; c < 3; ++c) m[c] = (face & 1 ? 1.0 : -1.0) * other.R[3 * (face / 2) + c];
   along3(other.a, other.half[face / 2], m, o);
   follow_vertex(p, of_first, m, o, feature, to);
+  difference3(p, other.a, from);
+  into_axes(other.R, from, local);
+  *holds = true;
+  for (int k = 0; k < 3; ++k)
+    *holds = *holds && (k == face / 2 || fabs(local[k]) <= other.half[k] + rounding);
   return true;
 }
 
@@ -179,7 +197,7 @@ FAN_FN bool in_order(
     return follow_hulls(placed_hull(x), placed_hull(y), feature, to, holds);
   if (second == OF_HULL && first == OF_BOX)
     return follow_hulls(BoxHull(x).placed, placed_hull(y), feature, to, holds);
-  return second == OF_BOX && first == OF_BOX && follow_boxes(x, y, feature, to);
+  return second == OF_BOX && first == OF_BOX && follow_boxes(x, y, feature, to, holds);
 }
 
 }  // namespace following

@@ -62,10 +62,10 @@ struct HullFacetIn {
 };
 
 // A point of the polygon that two facets share, the unit normal of what touches there, upwards, in
-// the axes of the lower one, and whether that is not the normal of its features; see HullSpot.
+// the axes of the lower one, and its region; see HullSpot.
 struct FacetSpot : HullSpot {
   double normal[3];
-  bool borrowed;
+  CrossingRegion region;
 };
 
 // The points of a facet, the upper, above another, the lower; see SharedPolygon.
@@ -122,7 +122,7 @@ class HullPolygon {
   };
 
   FAN_FN void add(
-      double x, double y, double height, const double* normal, int number, bool borrowed = false) {
+      double x, double y, double height, const double* normal, int number, CrossingRegion region = CROSSING) {
     if (n == 2 * max_hull_vertices) return;
     const double near = 3.0 * tolerance;
     for (int i = 0; i < n; ++i)
@@ -132,7 +132,7 @@ class HullPolygon {
     to.at[1] = y;
     to.height = height;
     to.number = number;
-    to.borrowed = borrowed;
+    to.region = region;
     copy3(normal, to.normal);
   }
 
@@ -241,17 +241,17 @@ class HullPolygon {
     if (!(along >= -2.0 * rounding_ && along <= length + 2.0 * rounding_)) return;
     const int lower_edge = lower_.side(low_.facet, i), upper_edge = upper_.side(up_.facet, j);
     double normal[3];
-    const bool own = crossing_normal(i, j, normal);
+    const CrossingRegion region = crossing_normal(i, j, normal);
     add(x[0], x[1], p[2] + t * d[2], normal,
         lower_is_first_ ? HullFeatures::pair(lower_edge, upper_edge)
                         : HullFeatures::pair(upper_edge, lower_edge),
-        !own);
+        region);
   }
 
   // The normal of side i of the lower facet and side j of the upper: the product of both where it
   // lies between the normals of the facets at either, else the lower facet's, as of edges that are
-  // nearly parallel; whether it is the product.
-  FAN_FN bool crossing_normal(int i, int j, double* out) const {
+  // nearly parallel.
+  FAN_FN CrossingRegion crossing_normal(int i, int j, double* out) const {
     double e[3], d[3], m[3], back[3];
     difference3(low_.next(i), low_.corners[i], e);
     difference3(up_.next(j), up_.corners[j], d);
@@ -259,15 +259,15 @@ class HullPolygon {
     unit3(d, 0.0);
     axis3(2, 1.0, out);
     cross3(e, d, m);
-    if (!unit3(m, TouchTolerances::lying)) return false;
+    if (!unit3(m, TouchTolerances::lying)) return ALONG;
     const double side = side_of(m[2]);
     for (int c = 0; c < 3; ++c) {
       m[c] *= side;
       back[c] = -m[c];
     }
-    if (!low_.ends_along(i, m) || !up_.ends_along(j, back)) return false;
+    if (!low_.ends_along(i, m) || !up_.ends_along(j, back)) return BEYOND;
     copy3(m, out);
-    return true;
+    return CROSSING;
   }
 
   const Axes axes_;

@@ -62,7 +62,7 @@ FAN_FN bool touch_facets(
     shared.place(shared.spots[i], below, above, normal);
     for (int c = 0; of_x && c < 3; ++c) normal[c] = -normal[c];
     to.add(of_x ? below : above, of_x ? above : below, normal, shared.spots[i].number,
-           shared.spots[i].borrowed);
+           shared.spots[i].region);
   }
   return true;
 }

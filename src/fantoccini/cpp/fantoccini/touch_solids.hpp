@@ -23,6 +23,10 @@ struct Touch {
   int region;        // where the surfaces it lies on bend in another way, this is another number
 };
 
+// Regions of a point of two edges: its normal is their product; they are nearly parallel, and it has
+// a face's; their product is none of the normals there, so that other features touch in their place.
+enum CrossingRegion { CROSSING = 0, ALONG = 1, BEYOND = -1 };
+
 constexpr int max_touches = 8;  // of a pair
 
 // A solid placed in the world; see SolidKind. An ellipsoid has the centre (a + b) / 2, the columns
