@@ -73,12 +73,8 @@ class ContactPoints : public PlacedLinks<Model, Real> {
   void measure(
       const ContactArrays& in, const Real* q_D, const Real* q_K, const Real* p, double margin,
       double* gaps) {
-    Real v_D[room(N)] = {}, v_K[room(NK)] = {};
-    Call<Model, Real>::screws(q_D, q_K, p, links_);
-    begin(in);
-    load(0, v_D, v_K);
-    move();
-    place();
+    const Real v_D[room(N)] = {}, v_K[room(NK)] = {};
+    pose(in, q_D, v_D, q_K, v_K, p);
     for (int k = 0; k < in.n_pairs; ++k) {
       n[0] = 0;
       look(in, k, margin, 0);
@@ -116,8 +112,8 @@ class ContactPoints : public PlacedLinks<Model, Real> {
     look(in, pair, margin, 0);
   }
 
-  // Which of lane 0's points has a feature of a pair, or -1. Where it is none of those that touch, the
-  // point is made by its feature alone, and put behind them; `holds` says whether it is still one.
+  // Which of lane 0's points has a feature of a pair, or -1. Where it is none of those that touch, it
+  // is made by its feature alone, and put behind them; `holds` says whether it is still one.
   int find_feature(const ContactArrays& in, int pair, int feature, bool* holds) {
     *holds = true;
     for (int i = 0; i < n[0]; ++i)

@@ -206,21 +206,32 @@ class HullPolygon {
         HullFeatures::vertex(!lower_is_first_, upper_.corner(up_.facet, k), low_.facet));
   }
 
-  // The upper facet's corners come clockwise, as seen on the lower.
-  FAN_FN void add_lower(int k) {
-    const double *p = low_.corners[k], more = reach(low_carries_[k]);
-    if (is_steep()) return;
+  // Whether a point of the lower facet is under the upper one, whose corners come clockwise there, or
+  // off it by no more than `more`.
+  FAN_FN bool is_under(const double* p, double more) const {
     bool any = false;
     for (int j = 0; j < up_.n; ++j) {
       const double right = left_of(up_.next(j), up_.corners[j], p);
-      if (!(right >= -more)) return;
+      if (!(right >= -more)) return false;
       any = any || right < DistanceTolerances::far;
     }
-    if (!any) return;
-    double back[3];
-    for (int c = 0; c < 3; ++c) back[c] = -up_.normal[c];
-    add(p[0], p[1], height(p), back,
-        HullFeatures::vertex(lower_is_first_, lower_.corner(low_.facet, k), up_.facet));
+    return any;
+  }
+
+  // The corner touches the upper facet along its normal, unless that leads past the facet, as it may
+  // from far below.
+  FAN_FN void add_lower(int k) {
+    const double* p = low_.corners[k];
+    if (is_steep() || !is_under(p, reach(low_carries_[k]))) return;
+    const double up = height(p) - p[2];
+    double normal[3], foot[3];
+    for (int c = 0; c < 3; ++c) normal[c] = -up_.normal[c];
+    along3(p, up * normal[2], normal, foot);
+    const bool above = is_under(foot, tolerance);
+    if (!above) axis3(2, 1.0, normal);
+    add(p[0], p[1], height(p), normal,
+        HullFeatures::vertex(lower_is_first_, lower_.corner(low_.facet, k), up_.facet),
+        above ? CROSSING : ALONG);
   }
 
   // Where side j of the upper facet crosses side i of the lower.

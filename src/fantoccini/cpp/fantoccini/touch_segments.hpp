@@ -55,6 +55,13 @@ struct Core {
     }
   }
 
+  // The point of the core's line nearest to x.
+  FAN_FN void project(const double* x, double* out) const {
+    double r[3];
+    difference3(x, a, r);
+    along3(a, dot3(r, u), u, out);
+  }
+
   // The point of the core nearest to x.
   FAN_FN void nearest(const double* x, double* out) const {
     double r[3];
@@ -62,6 +69,21 @@ struct Core {
     along3(a, clamped(dot3(r, u), 0.0, length), u, out);
   }
 };
+
+// The nearest points of the lines of two cores, if they are not parallel and these lie inside both;
+// whether they do. Others are left as they are.
+FAN_FN bool cross_over(const Core& x, const Core& y, PointPair& out) {
+  double w[3], across[3];
+  difference3(x.a, y.a, w);
+  cross3(x.u, y.u, across);
+  const double uv = dot3(x.u, y.u), wu = dot3(w, x.u), wv = dot3(w, y.u), square = dot3(across, across);
+  if (!(square > DistanceTolerances::min_determinant)) return false;
+  const double s = (uv * wv - wu) / square, t = (wv - uv * wu) / square;
+  if (!(s > 0.0 && s < x.length && t > 0.0 && t < y.length)) return false;
+  along3(x.a, s, x.u, out.p);
+  along3(y.a, t, y.u, out.q);
+  return true;
+}
 
 // The nearest points of two cores: at an end, or where the lines' nearest points lie inside both.
 FAN_FN PointPair nearest_points(const Core& x, const Core& y) {
@@ -87,15 +109,7 @@ FAN_FN PointPair nearest_points(const Core& x, const Core& y) {
     take();
     if (y.length == 0.0) return best;
   }
-  double w[3];
-  difference3(x.a, y.a, w);
-  const double uv = dot3(x.u, y.u), wu = dot3(w, x.u), wv = dot3(w, y.u), square = 1.0 - uv * uv;
-  if (!(square > DistanceTolerances::min_determinant)) return best;
-  const double s = (uv * wv - wu) / square, t = (wv - uv * wu) / square;
-  if (!(s > 0.0 && s < x.length && t > 0.0 && t < y.length)) return best;
-  along3(x.a, s, x.u, tried.p);
-  along3(y.a, t, y.u, tried.q);
-  take();
+  if (cross_over(x, y, tried)) take();
   return best;
 }
 
