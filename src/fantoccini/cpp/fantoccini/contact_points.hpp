@@ -112,19 +112,27 @@ class ContactPoints : public PlacedLinks<Model, Real> {
     look(in, pair, margin, 0);
   }
 
-  // Which of lane 0's points has a feature of a pair, or -1. Where it is none of those that touch, it
-  // is made by its feature alone, and put behind them; `holds` says whether it is still one.
-  int find_feature(const ContactArrays& in, int pair, int feature, bool* holds) {
+  // Which of lane 0's points has a feature of a pair, and a region if that lasts, or -1. Where it is
+  // none of those that touch, it is made by these alone, and put behind them; `holds`: it is still one.
+  int find_feature(const ContactArrays& in, int pair, int feature, int region, bool* holds) {
     *holds = true;
     for (int i = 0; i < n[0]; ++i)
-      if (point[0][i].pair == pair && point[0][i].feature == feature && touches_there(i)) return i;
+      if (is_one(point[0][i], pair, feature, region) && touches_there(i)) return i;
     const int a = in.pairs[2 * pair], b = in.pairs[2 * pair + 1];
     place_pair(in, pair);
     Touch found;
     if (n[0] == C) return -1;
-    if (!follow_touch(placed_[a], b < B ? placed_[b] : in.solids[b], feature, &found, holds)) return -1;
+    const Solid &x = placed_[a], &y = b < B ? placed_[b] : in.solids[b];
+    if (!follow_touch(x, y, feature, region, &found, holds)) return -1;
     put(pair, found, point[0][n[0]]);
     return n[0];
+  }
+
+  // Whether a point has a feature of a pair, and a region if that lasts.
+  template <class Any>
+  static bool is_one(const Any& point, int pair, int feature, int region) {
+    return point.pair == pair && point.feature == feature &&
+           (point.region == region || (point.region < lasting_regions && region < lasting_regions));
   }
 
   // Whether it is lane 0's point i that touches, rather than one of other features.

@@ -50,7 +50,7 @@ class FollowedPoints {
   using Points = ContactPoints<Model, double>;
 
   struct Contact {
-    int pair, feature;
+    int pair, feature, region;  // as ContactPoints::is_one tells them apart
     ContactMode mode;
     bool moving;       // slides faster than Tolerance::stopped
     bool told;         // its sliding is among the events
@@ -86,14 +86,14 @@ class FollowedPoints {
     overlap = -Tolerance::margin;
     closing = 0.0;
     for (int c = 0; c < n; ++c) {
-      const int i = points_.find_feature(*in, at[c].pair, at[c].feature, found_ + c);
+      const int i = points_.find_feature(*in, at[c].pair, at[c].feature, at[c].region, found_ + c);
       known_[c] = i >= 0;
       found_[c] = found_[c] && known_[c];
       if (known_[c]) take(i, c, v_D);
     }
     for (int i = 0; i < points_.n[0]; ++i) {
       const auto& from = points_.point[0][i];
-      const int c = place(from.pair, from.feature);
+      const int c = place(from);
       double over = -from.gap;
       if ((c >= 0 && at[c].mode != PARTED) || !points_.touches_there(i)) continue;
       if (c >= 0) over -= at[c].over + (at[c].leaves ? Tolerance::rounding : Tolerance::caught);
@@ -129,12 +129,12 @@ class FollowedPoints {
     bool more = false, full = false;
     for (int i = 0; i < points_.n[0]; ++i) {
       const auto& from = points_.point[0][i];
-      if (from.gap > most || place(from.pair, from.feature) >= 0 || !points_.touches_there(i)) continue;
+      if (from.gap > most || place(from) >= 0 || !points_.touches_there(i)) continue;
       full = n == C;
       if (full) break;
       bool told = false;
       for (int c = 0; c < n; ++c) told = told || (meet(at[c].pair, from.pair) && at[c].told);
-      at[n++] = {from.pair, from.feature, PARTED, false, told, true, false, {0.0, 0.0, 0.0},
+      at[n++] = {from.pair, from.feature, from.region, PARTED, false, told, true, false, {0.0, 0.0, 0.0},
                  {0.0, 0.0, 0.0}, from.gap < 0.0 ? -from.gap : 0.0, 0.0, f.t};
       more = true;
     }
@@ -288,7 +288,7 @@ class FollowedPoints {
           near_.look_at_pair(*in, pair, 2.0 * Tolerance::margin + 2.0 * fabs(tau) * speed(c));
         }
         bool holds;
-        const int i = near_.find_feature(*in, pair, at[c].feature, &holds);
+        const int i = near_.find_feature(*in, pair, at[c].feature, at[c].region, &holds);
         all[c] = i >= 0 && near_.point[0][i].region == region_[c];
         if (!all[c]) continue;
         double u[3];
@@ -325,17 +325,21 @@ class FollowedPoints {
     }
   }
 
-  int place(int pair, int feature) const {
+  int place(const typename Points::Point& point) const {
     for (int c = 0; c < n; ++c)
-      if (at[c].pair == pair && at[c].feature == feature) return c;
+      if (Points::is_one(at[c], point.pair, point.feature, point.region)) return c;
     return -1;
+  }
+
+  // The order in which points are kept.
+  static bool is_before(const Contact& a, const Contact& b) {
+    if (a.pair != b.pair) return a.pair < b.pair;
+    return a.feature != b.feature ? a.feature < b.feature : a.region < b.region;
   }
 
   void sort() {
     for (int c = 1; c < n; ++c)
-      for (int b = c; b > 0 && (at[b].pair < at[b - 1].pair ||
-                                (at[b].pair == at[b - 1].pair && at[b].feature < at[b - 1].feature));
-           --b) {
+      for (int b = c; b > 0 && is_before(at[b], at[b - 1]); --b) {
         const Contact held = at[b];
         at[b] = at[b - 1];
         at[b - 1] = held;
@@ -376,7 +380,7 @@ class FollowedPoints {
     for (int c = 0, pair = -1; c < n; ++c) {
       if (at[c].pair != pair) near_.look_at_pair(*in, pair = at[c].pair, Tolerance::margin);
       bool holds;
-      const int i = near_.find_feature(*in, pair, at[c].feature, &holds);
+      const int i = near_.find_feature(*in, pair, at[c].feature, at[c].region, &holds);
       out[3 * c] = i < 0 ? 0.0 : -near_.point[0][i].gap;
     }
   }

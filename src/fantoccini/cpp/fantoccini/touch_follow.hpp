@@ -6,13 +6,20 @@
 //
 //     gap = n . (p_x - p_y),   n = +-u x v / |u x v|.
 //
-// Inside their features these are the points that touches() finds. An integrator's trial states, and
+// Spheres and capsules have a point of their core nearest to a facet, an edge or a vertex; there the
+// region says which. Inside their features these are the points that touches() finds. An integrator's trial states, and
 // those over which rates are differenced, go beyond: there a feature's gap goes on smoothly.
 #pragma once
 
 #include "touch.hpp"
 
 namespace fan {
+
+struct FollowTolerances {
+  // Of a solid's size, or of a unit vector: how far beyond its features a point of two hulls, or of a
+  // round solid, whose gap goes on with its slope, is still theirs.
+  static constexpr double far = HullTolerances::rounding, turn = 1e-12;
+};
 
 namespace following {
 
@@ -64,7 +71,7 @@ FAN_FN EdgeLine line_of(const PlacedHull& hull, int e) {
 }
 
 // The length of an edge, and whether n is among the normals of the hull there.
-FAN_FN bool is_normal_of_edge(const PlacedHull& hull, int e, const double* n, double* length) {
+FAN_FN bool is_normal_of_edge(const PlacedHull& hull, int e, const double* n, double most, double* length) {
   const int* edge = hull.edge(e);
   const Core core = core_of_edge(hull, e);
   double facet[3], inward[3];
@@ -73,7 +80,7 @@ FAN_FN bool is_normal_of_edge(const PlacedHull& hull, int e, const double* n, do
   for (int k = 0; k < 2; ++k) {
     hull.normal(edge[2 + k], facet);
     cross3(facet, core.u, inward);
-    if ((k == 0 ? 1.0 : -1.0) * dot3(n, inward) > BoxTolerances::rounding) return false;
+    if ((k == 0 ? 1.0 : -1.0) * dot3(n, inward) > most) return false;
   }
   return true;
 }
@@ -97,7 +104,7 @@ FAN_FN bool is_in_facet(const PlacedHull& hull, int f, const double* point, doub
 // `holds`: whether the point lies within its features.
 FAN_FN bool follow_hulls(
     const PlacedHull& x, const PlacedHull& y, int feature, Touches& to, bool* holds) {
-  const double rounding = HullTolerances::rounding * fmin(x.hull.outer, y.hull.outer);
+  const double rounding = FollowTolerances::far * fmin(x.hull.outer, y.hull.outer);
   if (feature >= HullFeatures::nearest) return false;
   if (feature >= HullFeatures::edges) {
     const int e = (feature - HullFeatures::edges) / max_hull_edges;
@@ -105,7 +112,8 @@ FAN_FN bool follow_hulls(
     double at[2], n[3], back[3], length[2];
     if (!follow_edges(line_of(x, e), line_of(y, g), feature, at, n, to)) return false;
     for (int k = 0; k < 3; ++k) back[k] = -n[k];
-    *holds = is_normal_of_edge(x, e, back, length) && is_normal_of_edge(y, g, n, length + 1);
+    *holds = is_normal_of_edge(x, e, back, FollowTolerances::far, length) &&
+             is_normal_of_edge(y, g, n, FollowTolerances::far, length + 1);
     for (int k = 0; k < 2; ++k)
       *holds = *holds && at[k] >= -rounding && at[k] <= length[k] + rounding;
     return true;
@@ -120,6 +128,75 @@ FAN_FN bool follow_hulls(
   along3(other.at, other.height(facet), m, o);
   follow_vertex(p, of_first, m, o, feature, to);
   *holds = is_in_facet(other, facet, p, rounding);
+  return true;
+}
+
+// Whether n is among the normals of a hull at a vertex, in its axes.
+FAN_FN bool is_normal_of_vertex(const PlacedHull& hull, int i, const double* n) {
+  for (int e = 0; e < hull.hull.n_edges; ++e) {
+    const int* edge = hull.edge(e);
+    if (edge[0] != i && edge[1] != i) continue;
+    double along[3];
+    difference3(hull.local(edge[0] == i ? edge[1] : edge[0]), hull.local(i), along);
+    unit3(along, 0.0);
+    if (dot3(along, n) > FollowTolerances::turn) return false;
+  }
+  return true;
+}
+
+// Whether the part of a core that has its point p in the direction n from it is the nearest.
+FAN_FN bool core_ends(const Core& core, int part, const double* p, const double* n) {
+  if (!(core.length > 0.0)) return true;
+  if (part != CoreAndHull::middle)
+    return (part == 0 ? 1.0 : -1.0) * dot3(core.u, n) >= -FollowTolerances::turn;
+  const double rounding = FollowTolerances::turn * core.length;
+  double from[3];
+  difference3(p, core.a, from);
+  const double at = dot3(from, core.u);
+  return at >= -rounding && at <= core.length + rounding;
+}
+
+// A core in the axes of a hull, by the region of their nearest points (CoreAndHull).
+FAN_FN bool follow_core(
+    const PlacedHull& hull, const Core& core, int feature, int region, Touches& to, bool* holds) {
+  const int code = region - lasting_regions, part = code % 3, number = code / 12 - 1;
+  const auto kind = HullFeature::Kind(code / 3 % 4);
+  const bool middle = part == CoreAndHull::middle;
+  const double rounding = FollowTolerances::turn * hull.hull.outer;
+  double p[3], q[3], n[3], length = 0.0;
+  *holds = true;
+  if (!middle) copy3(part == 0 ? core.a : core.b, p);
+  if (kind == HullFeature::FACET) {
+    copy3(hull.local_normal(number), n);
+    along3(p, hull.height(number) - dot3(p, n), n, q);
+    *holds = is_in_facet(hull, number, q, rounding);
+  } else if (kind == HullFeature::VERTEX) {
+    copy3(hull.local(number), q);
+    if (middle) core.project(q, p);
+  } else {
+    const Core edge = core_of_edge(hull, number);
+    if (!middle) {
+      edge.project(p, q);
+    } else {
+      PointPair pair;
+      if (!lines_nearest(core, edge, pair)) return false;
+      copy3(pair.p, p);
+      copy3(pair.q, q);
+    }
+    double from[3];
+    difference3(q, edge.a, from);
+    const double at = dot3(from, edge.u);
+    *holds = at >= -rounding && at <= edge.length + rounding;
+  }
+  if (kind != HullFeature::FACET) {
+    difference3(p, q, n);
+    if (!unit3(n, TouchTolerances::tiny)) return false;
+  }
+  if (kind == HullFeature::EDGE)
+    *holds = *holds && is_normal_of_edge(hull, number, n, FollowTolerances::turn, &length);
+  if (kind == HullFeature::VERTEX) *holds = *holds && is_normal_of_vertex(hull, number, n);
+  *holds = *holds && core_ends(core, part, p, n);
+  to.add(p, q, n, feature, region);
   return true;
 }
 
@@ -145,13 +222,13 @@ FAN_FN EdgeLine line_of(const PlacedSolid& box, int number) {
 // Whether n is among the normals of a box at an edge.
 FAN_FN bool is_normal_of_edge(const PlacedSolid& box, int number, const double* n) {
   const int k = number / 4, j = (k + 1) % 3, i = (k + 2) % 3;
-  return (number & 1 ? 1.0 : -1.0) * dot3(n, box.R + 3 * j) >= -BoxTolerances::rounding &&
-         (number & 2 ? 1.0 : -1.0) * dot3(n, box.R + 3 * i) >= -BoxTolerances::rounding;
+  return (number & 1 ? 1.0 : -1.0) * dot3(n, box.R + 3 * j) >= -FollowTolerances::far &&
+         (number & 2 ? 1.0 : -1.0) * dot3(n, box.R + 3 * i) >= -FollowTolerances::far;
 }
 
 FAN_FN bool follow_boxes(
     const PlacedSolid& x, const PlacedSolid& y, int feature, Touches& to, bool* holds) {
-  const double rounding = HullTolerances::rounding * fmin(length3(x.half), length3(y.half));
+  const double rounding = FollowTolerances::far * fmin(length3(x.half), length3(y.half));
   if (feature >= BoxFeatures::nearest) return false;
   if (feature >= BoxFeatures::edges) {
     const int e = (feature - BoxFeatures::edges) / 12, g = (feature - BoxFeatures::edges) % 12;
@@ -182,9 +259,19 @@ FAN_FN bool follow_boxes(
 
 // Solids in the order of `touching`.
 FAN_FN bool in_order(
-    const PlacedSolid& x, const PlacedSolid& y, int feature, Touches& to, bool* holds) {
+    const PlacedSolid& x, const PlacedSolid& y, int feature, int region, Touches& to, bool* holds) {
   using namespace touching;
   const Rank first = rank(x), second = rank(y);
+  if (first == OF_SEGMENT && second == OF_HULL) {
+    if (region < lasting_regions) return false;
+    double ends[6];
+    into_hull(y, x.a, ends);
+    into_hull(y, x.b, ends + 3);
+    const PlacedHull local{*y.hull, no_turn, no_shift};
+    if (!follow_core(local, Core(ends, ends + 3), feature, region, to, holds)) return false;
+    place_touches(y, 0, to);
+    return true;
+  }
   if (second == OF_HALF_SPACE && (first == OF_HULL || first == OF_BOX)) {
     double p[3];
     if (first == OF_BOX) corner_of(x, feature, p);
@@ -202,15 +289,15 @@ FAN_FN bool in_order(
 
 }  // namespace following
 
-// The point of x and y that has a feature, whether or not the solids touch there now; `holds` says
-// whether they certainly may. Returns whether the feature has such a point.
+// The point of x and y that has a feature, and a region, whether or not the solids touch there now;
+// `holds` says whether they certainly may. Returns whether the feature has such a point.
 FAN_FN bool follow_touch(
-    const PlacedSolid& x, const PlacedSolid& y, int feature, Touch* out, bool* holds) {
+    const PlacedSolid& x, const PlacedSolid& y, int feature, int region, Touch* out, bool* holds) {
   const bool turned = touching::out_of_order(x, y);
   const PlacedSolid &first = turned ? y : x, &second = turned ? x : y;
   Touches to{out, DistanceTolerances::far, inflation(first), inflation(second)};
   *holds = false;
-  if (!following::in_order(first, second, feature, to, holds)) return false;
+  if (!following::in_order(first, second, feature, region, to, holds)) return false;
   for (int k = 0; turned && k < 3; ++k) out->normal[k] = -out->normal[k];
   return true;
 }

@@ -137,15 +137,17 @@ struct CoreAndHull {
     if (of.kind == HullFeature::EDGE && part != middle)
       core_of_edge(hull, of.number).project(pair.p, pair.q);
     if (of.kind == HullFeature::VERTEX && part == middle) core.project(pair.q, pair.p);
-    if (of.kind == HullFeature::EDGE && part == middle) {
-      const Core edge = core_of_edge(hull, of.number);
-      cross_over(core, edge, pair);
-    }
+    if (of.kind == HullFeature::EDGE && part == middle)
+      lines_nearest(core, core_of_edge(hull, of.number), pair);
     aim(pair, normal);
   }
 
-  // A number of its own for every combination of parts and features.
-  FAN_FN int code() const { return 3 * of.code() + part; }
+  // A region of its own for every combination of parts and features. The middle of a core that lies
+  // along a facet has no point of its own there.
+  FAN_FN int region() const {
+    const bool lasts = of.kind != HullFeature::NONE && (of.kind != HullFeature::FACET || part != middle);
+    return (lasts ? lasting_regions : 0) + 3 * of.code() + part;
+  }
 };
 
 // `local` is the hull in its own axes.
@@ -153,7 +155,7 @@ FAN_FN void touch_hull_outside(
     const PlacedHull& local, const Core& core, const CoreAndHull& nearest, Touches& to) {
   const double* normal = nearest.normal;
   const PointPair& pair = nearest.pair;
-  const int region = 9 * nearest.code();
+  const int region = nearest.region();
   if (core.length == 0.0) return to.add(pair.p, pair.q, normal, 0, region);
   double reach, tilt[3], from[3];
   difference3(pair.p, core.a, from);
@@ -183,7 +185,7 @@ FAN_FN void touch_hull_outside(
     // Where it lies flat, the end is the same wherever the nearest points are.
     const bool flat = on_facet >= 1.0 && clip.bound[k] != FacetClip::nearest_points;
     const int bound = flat ? max_hull_vertices * facet + clip.bound[k] + 1 : -1;
-    to.add(end.p, end.q, n, k, flat ? -2 - bound : region + shape);
+    to.add(end.p, end.q, n, k, flat ? -2 - bound : 9 * (region % lasting_regions) + shape);
   }
 }
 

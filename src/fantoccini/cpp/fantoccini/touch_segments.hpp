@@ -70,16 +70,16 @@ struct Core {
   }
 };
 
-// The nearest points of the lines of two cores, if they are not parallel and these lie inside both;
-// whether they do. Others are left as they are.
-FAN_FN bool cross_over(const Core& x, const Core& y, PointPair& out) {
+// The nearest points of the lines of two cores, which are left as they are where these are parallel;
+// `inside`: and where they do not lie inside both. Whether they are found.
+FAN_FN bool lines_nearest(const Core& x, const Core& y, PointPair& out, bool inside = false) {
   double w[3], across[3];
   difference3(x.a, y.a, w);
   cross3(x.u, y.u, across);
   const double uv = dot3(x.u, y.u), wu = dot3(w, x.u), wv = dot3(w, y.u), square = dot3(across, across);
   if (!(square > DistanceTolerances::min_determinant)) return false;
   const double s = (uv * wv - wu) / square, t = (wv - uv * wu) / square;
-  if (!(s > 0.0 && s < x.length && t > 0.0 && t < y.length)) return false;
+  if (inside && !(s > 0.0 && s < x.length && t > 0.0 && t < y.length)) return false;
   along3(x.a, s, x.u, out.p);
   along3(y.a, t, y.u, out.q);
   return true;
@@ -109,7 +109,7 @@ FAN_FN PointPair nearest_points(const Core& x, const Core& y) {
     take();
     if (y.length == 0.0) return best;
   }
-  if (cross_over(x, y, tried)) take();
+  if (lines_nearest(x, y, tried, true)) take();
   return best;
 }
 

@@ -29,6 +29,10 @@ enum CrossingRegion { CROSSING = 0, ALONG = 1, BEYOND = -1 };
 
 constexpr int max_touches = 8;  // of a pair
 
+// From here on a region says what the point lies on, and with its feature which point it is: by that
+// alone it goes on beyond the region (touch_follow.hpp).
+constexpr int lasting_regions = 1 << 24;
+
 // A solid placed in the world; see SolidKind. An ellipsoid has the centre (a + b) / 2, the columns
 // of R as axes and the radii `half`; the radius is that of the capsule around it.
 using PlacedSolid = Solid;
