@@ -7,7 +7,7 @@
 // differences of order 4 over the narrow phase. Signs are those of contact_points.hpp: hdot = -u.
 #pragma once
 
-#include "contact_points.hpp"
+#include "contact_points_at.hpp"
 
 namespace fan {
 
@@ -47,7 +47,7 @@ class FollowedPoints {
   static constexpr int C = Model::n_contacts, N = Model::n_vD, M = Model::n_rows;
   static constexpr int NQ = Model::n_qD, NQK = Model::n_qK, NK = Model::n_vK;
   using Tolerance = HeldContactTolerances;
-  using Points = ContactPoints<Model, double>;
+  using Points = ContactPointsAt<Model>;
 
   struct Contact {
     int pair, feature, region;  // as ContactPoints::is_one tells them apart

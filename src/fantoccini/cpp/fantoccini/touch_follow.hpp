@@ -144,28 +144,17 @@ FAN_FN bool is_normal_of_vertex(const PlacedHull& hull, int i, const double* n) 
   return true;
 }
 
-// Whether the part of a core that has its point p in the direction n from it is the nearest.
-FAN_FN bool core_ends(const Core& core, int part, const double* p, const double* n) {
-  if (!(core.length > 0.0)) return true;
-  if (part != CoreAndHull::middle)
-    return (part == 0 ? 1.0 : -1.0) * dot3(core.u, n) >= -FollowTolerances::turn;
-  const double rounding = FollowTolerances::turn * core.length;
-  double from[3];
-  difference3(p, core.a, from);
-  const double at = dot3(from, core.u);
-  return at >= -rounding && at <= core.length + rounding;
-}
-
 // A core in the axes of a hull, by the region of their nearest points (CoreAndHull).
 FAN_FN bool follow_core(
     const PlacedHull& hull, const Core& core, int feature, int region, Touches& to, bool* holds) {
-  const int code = region - lasting_regions, part = code % 3, number = code / 12 - 1;
+  const int code = region - lasting_regions, number = code / 12 - 1;
+  const auto part = CorePart(code % 3);
   const auto kind = HullFeature::Kind(code / 3 % 4);
-  const bool middle = part == CoreAndHull::middle;
+  const bool middle = part == MIDDLE;
   const double rounding = FollowTolerances::turn * hull.hull.outer;
   double p[3], q[3], n[3], length = 0.0;
   *holds = true;
-  if (!middle) copy3(part == 0 ? core.a : core.b, p);
+  if (!middle) copy3(part == FIRST_END ? core.a : core.b, p);
   if (kind == HullFeature::FACET) {
     copy3(hull.local_normal(number), n);
     along3(p, hull.height(number) - dot3(p, n), n, q);
@@ -195,7 +184,7 @@ FAN_FN bool follow_core(
   if (kind == HullFeature::EDGE)
     *holds = *holds && is_normal_of_edge(hull, number, n, FollowTolerances::turn, &length);
   if (kind == HullFeature::VERTEX) *holds = *holds && is_normal_of_vertex(hull, number, n);
-  *holds = *holds && core_ends(core, part, p, n);
+  *holds = *holds && is_nearest_part(core, part, p, n, FollowTolerances::turn);
   to.add(p, q, n, feature, region);
   return true;
 }
@@ -257,21 +246,86 @@ FAN_FN bool follow_boxes(
   return true;
 }
 
+// A core in the axes of a box, by the part of the core and the region of the box (region_of_box): the
+// line of points nearest to it is where the box's coordinates are bounds in the directions of that.
+FAN_FN bool follow_core(
+    const double* half, const Core& core, int feature, int region, Touches& to, bool* holds) {
+  const int code = region - lasting_regions, digit[3] = {code / 9 % 3, code / 3 % 3, code % 3};
+  const auto part = CorePart(code / 27);
+  double p[3], q[3], n[3], along = 0.0, square = 0.0;
+  for (int k = 0; k < 3; ++k) {
+    q[k] = digit[k] == 1 ? half[k] : -half[k];
+    if (digit[k] == 0) continue;
+    along += (core.a[k] - q[k]) * core.u[k];
+    square += core.u[k] * core.u[k];
+  }
+  if (part == MIDDLE && !(square > TouchTolerances::lying * TouchTolerances::lying)) return false;
+  if (part == MIDDLE) along3(core.a, -along / square, core.u, p);
+  else copy3(part == FIRST_END ? core.a : core.b, p);
+  const double rounding = FollowTolerances::turn * length3(half);
+  *holds = true;
+  for (int k = 0; k < 3; ++k) {
+    if (digit[k] == 0) {
+      *holds = *holds && fabs(p[k]) <= half[k] + rounding;
+      q[k] = p[k];
+    } else {
+      *holds = *holds && (q[k] > 0.0 ? p[k] - q[k] : q[k] - p[k]) >= -rounding;
+    }
+  }
+  difference3(p, q, n);
+  if (!unit3(n, TouchTolerances::tiny)) return false;
+  *holds = *holds && is_nearest_part(core, part, p, n, FollowTolerances::turn);
+  to.add(p, q, n, feature, region);
+  return true;
+}
+
+// Two cores by the parts of each that are nearest.
+FAN_FN bool follow_cores(
+    const Core& x, const Core& y, int feature, int region, Touches& to, bool* holds) {
+  const auto of_x = CorePart((region - lasting_regions) / 3);
+  const auto of_y = CorePart((region - lasting_regions) % 3);
+  PointPair at;
+  if (of_x != MIDDLE) copy3(of_x == FIRST_END ? x.a : x.b, at.p);
+  if (of_y != MIDDLE) copy3(of_y == FIRST_END ? y.a : y.b, at.q);
+  if (of_x == MIDDLE && of_y == MIDDLE && !lines_nearest(x, y, at)) return false;
+  if (of_x == MIDDLE && of_y != MIDDLE) x.project(at.q, at.p);
+  if (of_x != MIDDLE && of_y == MIDDLE) y.project(at.p, at.q);
+  double n[3], back[3];
+  if (!aim(at, n)) return false;
+  for (int k = 0; k < 3; ++k) back[k] = -n[k];
+  *holds = is_nearest_part(x, of_x, at.p, n, FollowTolerances::turn) &&
+           is_nearest_part(y, of_y, at.q, back, FollowTolerances::turn);
+  to.add(at.p, at.q, n, feature, region);
+  return true;
+}
+
+// A sphere or capsule x, and a y that is one, a box or a hull.
+FAN_FN bool follow_segment(
+    const PlacedSolid& x, const PlacedSolid& y, int feature, int region, Touches& to, bool* holds) {
+  using namespace touching;
+  const Rank second = rank(y);
+  if (region < lasting_regions) return false;
+  if (second == OF_SEGMENT)
+    return follow_cores(Core(x.a, x.b), Core(y.a, y.b), feature, region, to, holds);
+  if (second == OF_HALF_SPACE) return false;
+  double ends[6];
+  into_hull(y, x.a, ends);
+  into_hull(y, x.b, ends + 3);
+  const Core core(ends, ends + 3);
+  const bool found =
+      second == OF_BOX
+          ? follow_core(y.half, core, feature, region, to, holds)
+          : follow_core(PlacedHull{*y.hull, no_turn, no_shift}, core, feature, region, to, holds);
+  if (found) place_touches(y, 0, to);
+  return found;
+}
+
 // Solids in the order of `touching`.
 FAN_FN bool in_order(
     const PlacedSolid& x, const PlacedSolid& y, int feature, int region, Touches& to, bool* holds) {
   using namespace touching;
   const Rank first = rank(x), second = rank(y);
-  if (first == OF_SEGMENT && second == OF_HULL) {
-    if (region < lasting_regions) return false;
-    double ends[6];
-    into_hull(y, x.a, ends);
-    into_hull(y, x.b, ends + 3);
-    const PlacedHull local{*y.hull, no_turn, no_shift};
-    if (!follow_core(local, Core(ends, ends + 3), feature, region, to, holds)) return false;
-    place_touches(y, 0, to);
-    return true;
-  }
+  if (first == OF_SEGMENT) return follow_segment(x, y, feature, region, to, holds);
   if (second == OF_HALF_SPACE && (first == OF_HULL || first == OF_BOX)) {
     double p[3];
     if (first == OF_BOX) corner_of(x, feature, p);

@@ -115,10 +115,10 @@ class NearestOfClouds {
   }
 
   // Of a cloud of one or two points: its first, its second, or the segment between them.
-  FAN_FN int part_of_first() const {
+  FAN_FN CorePart part_of_first() const {
     bool used[2] = {};
     for (int k = 0; k < n_; ++k) used[i_[k] == 0 ? 0 : 1] = true;
-    return used[0] ? (used[1] ? 2 : 0) : 1;
+    return used[0] ? (used[1] ? MIDDLE : FIRST_END) : SECOND_END;
   }
 
  private:

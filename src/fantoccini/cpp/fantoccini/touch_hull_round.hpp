@@ -117,8 +117,7 @@ FAN_FN void touch_hull_inside(const PlacedHull& hull, const Core& core, double a
 // The nearest points of a core and a hull, in the hull's axes, anew from what they lie on: exact, and
 // smooth while that does not change.
 struct CoreAndHull {
-  static constexpr int middle = 2;  // parts of the core: its ends are 0 and 1
-  int part;
+  CorePart part;
   HullFeature of;
   PointPair pair;
   double normal[3];
@@ -126,18 +125,18 @@ struct CoreAndHull {
   FAN_FN CoreAndHull(const PlacedHull& hull, const Core& core, const NearestOfClouds& nearest)
       : part(nearest.part_of_first()), of(nearest.feature_of(hull, false)), pair(nearest.pair) {
     copy3(nearest.normal, normal);
-    if (part != middle) copy3(part == 0 ? core.a : core.b, pair.p);
+    if (part != MIDDLE) copy3(part == FIRST_END ? core.a : core.b, pair.p);
     if (of.kind == HullFeature::VERTEX) copy3(hull.local(of.number), pair.q);
-    if (of.kind == HullFeature::FACET && part != middle) {
+    if (of.kind == HullFeature::FACET && part != MIDDLE) {
       const double* n = hull.local_normal(of.number);
       along3(pair.p, hull.height(of.number) - dot3(pair.p, n), n, pair.q);
       copy3(n, normal);
       return;
     }
-    if (of.kind == HullFeature::EDGE && part != middle)
+    if (of.kind == HullFeature::EDGE && part != MIDDLE)
       core_of_edge(hull, of.number).project(pair.p, pair.q);
-    if (of.kind == HullFeature::VERTEX && part == middle) core.project(pair.q, pair.p);
-    if (of.kind == HullFeature::EDGE && part == middle)
+    if (of.kind == HullFeature::VERTEX && part == MIDDLE) core.project(pair.q, pair.p);
+    if (of.kind == HullFeature::EDGE && part == MIDDLE)
       lines_nearest(core, core_of_edge(hull, of.number), pair);
     aim(pair, normal);
   }
@@ -145,7 +144,7 @@ struct CoreAndHull {
   // A region of its own for every combination of parts and features. The middle of a core that lies
   // along a facet has no point of its own there.
   FAN_FN int region() const {
-    const bool lasts = of.kind != HullFeature::NONE && (of.kind != HullFeature::FACET || part != middle);
+    const bool lasts = of.kind != HullFeature::NONE && (of.kind != HullFeature::FACET || part != MIDDLE);
     return (lasts ? lasting_regions : 0) + 3 * of.code() + part;
   }
 };
@@ -224,6 +223,7 @@ FAN_FN void touch_hull_by_segment(const PlacedSolid& x, const PlacedSolid& hull,
 class EllipsoidHullGap {
  public:
   double normal[3], gap = -DistanceTolerances::far;
+  HullFeature of;  // what the hull's point is on
 
   // Ends early where the gap is certainly `enough`.
   FAN_FN EllipsoidHullGap(
@@ -235,16 +235,17 @@ class EllipsoidHullGap {
       const double* n = local.local_normal(f);
       const double height = dot3(n, centre) - local.height(f);
       double p[3];
-      if (height - least_ > gap) take(n, height - reach.farthest(n, p));
+      if (height - least_ > gap) take(n, height - reach.farthest(n, p), {HullFeature::FACET, f});
     }
     find_nearest_vertex();
     for (int e = 0; e < local.hull.n_edges && gap < enough; ++e) try_edge(e);
   }
 
  private:
-  FAN_FN void take(const double* n, double found) {
+  FAN_FN void take(const double* n, double found, HullFeature feature) {
     if (!(found > gap)) return;
     gap = found;
+    of = feature;
     copy3(n, normal);
   }
 
@@ -291,8 +292,10 @@ class EllipsoidHullGap {
     const GapClimb found(first, nullptr, half, turned, DistanceTolerances::far);
     out_of_axes(axes, found.n, n);
     double height;
-    hull_.farthest_local(n, height);
-    take(n, dot3(n, centre_) - height - reach_.farthest(n, p));
+    const int farthest = hull_.farthest_local(n, height);
+    const HullFeature feature = found.n[0] == 0.0 ? HullFeature{HullFeature::EDGE, e}
+                                                  : HullFeature{HullFeature::VERTEX, farthest};
+    take(n, dot3(n, centre_) - height - reach_.farthest(n, p), feature);
   }
 
   const PlacedHull& hull_;
@@ -314,7 +317,7 @@ FAN_FN void touch_hull_by_ellipsoid(const PlacedSolid& x, const PlacedSolid& hul
   reach.farthest(found.normal, p);
   difference3(centre, p, p);
   along3(p, -found.gap, found.normal, q);
-  to.add(p, q, found.normal, 0);
+  to.add(p, q, found.normal, 0, found.of.code());
   place_touches(hull, 0, to);
 }
 
