@@ -24,6 +24,8 @@ struct HullFeatures {
 struct HullFacetIn {
   int facet, n;
   double corners[max_hull_vertices][3], normal[3];
+  // Directions of the sides across the third axis, unit vectors, and their lengths there.
+  double along[max_hull_vertices][2], length[max_hull_vertices];
 
   // Axes (9,) in the world, the last of which is up, from an origin.
   FAN_FN HullFacetIn(const PlacedHull& hull, int f, const double* axes, const double* origin)
@@ -34,25 +36,36 @@ struct HullFacetIn {
       difference3(p, origin, from);
       into_axes(axes, from, corners[k]);
     }
+    for (int k = 0; k < n; ++k) {
+      for (int c = 0; c < 2; ++c) along[k][c] = next(k)[c] - corners[k][c];
+      length[k] = sqrt(along[k][0] * along[k][0] + along[k][1] * along[k][1]);
+      for (int c = 0; c < 2 && has_length(k); ++c) along[k][c] /= length[k];
+    }
     hull.normal(f, p);
     into_axes(axes, p, normal);
   }
 
-  FAN_FN const double* next(int k) const { return corners[(k + 1) % n]; }
+  FAN_FN const double* next(int k) const { return corners[k + 1 < n ? k + 1 : 0]; }
 
-  // Whether the direction m, in these axes, is one in which the hull may lie at the side k with
-  // nothing beyond: none of the two facets there goes that way.
-  FAN_FN bool ends_along(int k, const double* m) const {
+  FAN_FN bool has_length(int k) const { return length[k] > DistanceTolerances::min_length; }
+
+  // How far x is to the left of the line through side k, as seen from above; far if it has no length.
+  FAN_FN double left_of(int k, const double* x) const {
+    if (!has_length(k)) return DistanceTolerances::far;
+    return along[k][0] * (x[1] - corners[k][1]) - along[k][1] * (x[0] - corners[k][0]);
+  }
+
+  // Whether m, in these axes, is a normal of the hull at the side k with the direction d: neither of
+  // the two facets there goes that way.
+  FAN_FN bool has_normal(int k, const double* d, const double* m) const {
     const int e = hull_.side(facet, k);
     const int other = hull_.edge(e)[2] == facet ? hull_.edge(e)[3] : hull_.edge(e)[2];
-    double along[3], beside[3], p[3], inward[3];
-    difference3(next(k), corners[k], along);
-    if (!unit3(along, 0.0)) return false;
+    double beside[3], p[3], inward[3];
+    cross3(normal, d, inward);
+    if (dot3(m, inward) > BoxTolerances::rounding) return false;
     hull_.normal(other, p);
     into_axes(axes_, p, beside);
-    cross3(normal, along, inward);
-    if (dot3(m, inward) > BoxTolerances::rounding) return false;
-    cross3(along, beside, inward);
+    cross3(d, beside, inward);
     return dot3(m, inward) <= BoxTolerances::rounding;
   }
 
@@ -93,8 +106,7 @@ class HullPolygon {
     for (int k = 0; k < low_.n; ++k) low_carries_[k] = carries_lower(k);
     for (int k = 0; k < up_.n; ++k) up_carries_[k] = carries_upper(k);
     add_corners(true);
-    for (int j = 0; j < up_.n; ++j)
-      for (int i = 0; i < low_.n; ++i) add_crossing(i, j);
+    for (int i = 0; i < low_.n; ++i) add_crossings(i);
     add_corners(false);
     n = few_spots(spots, n, max_touches, size);
   }
@@ -136,13 +148,6 @@ class HullPolygon {
     copy3(normal, to.normal);
   }
 
-  // How far x is to the left of the line from a to b; far for a line of no length.
-  FAN_FN static double left_of(const double* a, const double* b, const double* x) {
-    const double u = b[0] - a[0], v = b[1] - a[1], length = sqrt(u * u + v * v);
-    if (!(length > DistanceTolerances::min_length)) return DistanceTolerances::far;
-    return (u * (x[1] - a[1]) - v * (x[0] - a[0])) / length;
-  }
-
   // The corners of the first hull, then of the second, that carry at the other's edge, or not.
   FAN_FN void add_corners(bool that_carry) {
     for (const bool of_upper : {!lower_is_first_, lower_is_first_}) {
@@ -156,20 +161,21 @@ class HullPolygon {
 
   // Whether no side of the upper facet goes down from its corner k.
   FAN_FN bool carries_upper(int k) const {
-    for (const int other : {(k + 1) % up_.n, (k + up_.n - 1) % up_.n}) {
-      double along[3];
-      difference3(up_.corners[other], up_.corners[k], along);
-      if (along[2] < -slope_ * length3(along)) return false;
+    for (const int other : {k + 1 < up_.n ? k + 1 : 0, k > 0 ? k - 1 : up_.n - 1}) {
+      double d[3];
+      difference3(up_.corners[other], up_.corners[k], d);
+      if (d[2] < 0.0 && d[2] < -slope_ * length3(d)) return false;
     }
     return true;
   }
 
   // Whether no side of the lower facet goes up from its corner k, as the upper facet sees it.
   FAN_FN bool carries_lower(int k) const {
-    for (const int other : {(k + 1) % low_.n, (k + low_.n - 1) % low_.n}) {
-      double along[3];
-      difference3(low_.corners[other], low_.corners[k], along);
-      if (-dot3(along, up_.normal) > slope_ * length3(along)) return false;
+    for (const int other : {k + 1 < low_.n ? k + 1 : 0, k > 0 ? k - 1 : low_.n - 1}) {
+      double d[3];
+      difference3(low_.corners[other], low_.corners[k], d);
+      const double up = -dot3(d, up_.normal);
+      if (up > 0.0 && up > slope_ * length3(d)) return false;
     }
     return true;
   }
@@ -190,16 +196,12 @@ class HullPolygon {
     double x[2] = {p[0], p[1]};
     bool on = true;
     for (int i = 0; i < low_.n; ++i) {
-      const double left = left_of(low_.corners[i], low_.next(i), p);
+      const double left = low_.left_of(i, p);
       if (!(left >= -more)) return;
       if (!(left < 0.0)) continue;
       // Just off: the point of the side beside it.
-      double along[3];
-      difference3(low_.next(i), low_.corners[i], along);
-      along[2] = 0.0;
-      unit3(along, 0.0);
-      x[0] += left * along[1];
-      x[1] -= left * along[0];
+      x[0] += left * low_.along[i][1];
+      x[1] -= left * low_.along[i][0];
       on = false;
     }
     add(x[0], x[1], on || is_steep() ? p[2] : height(x), normal,
@@ -211,9 +213,9 @@ class HullPolygon {
   FAN_FN bool is_under(const double* p, double more) const {
     bool any = false;
     for (int j = 0; j < up_.n; ++j) {
-      const double right = left_of(up_.next(j), up_.corners[j], p);
-      if (!(right >= -more)) return false;
-      any = any || right < DistanceTolerances::far;
+      if (!up_.has_length(j)) continue;
+      if (!(-up_.left_of(j, p) >= -more)) return false;
+      any = true;
     }
     return any;
   }
@@ -234,22 +236,29 @@ class HullPolygon {
         above ? CROSSING : ALONG);
   }
 
-  // Where side j of the upper facet crosses side i of the lower.
-  FAN_FN void add_crossing(int i, int j) {
-    const double *a = low_.corners[i], *b = low_.next(i), *p = up_.corners[j], *q = up_.next(j);
-    const double at_p = left_of(a, b, p), at_q = left_of(a, b, q);
-    const double p_more = reach(up_carries_[j]), q_more = reach(up_carries_[(j + 1) % up_.n]);
-    if ((at_p < -p_more) == (at_q < -q_more) || at_p == at_q) return;
+  // Where sides of the upper facet cross side i of the lower.
+  FAN_FN void add_crossings(int i) {
+    double at_p = low_.left_of(i, up_.corners[0]);
+    for (int j = 0; j < up_.n; ++j) {
+      const double at_q = low_.left_of(i, up_.next(j));
+      const double p_more = reach(up_carries_[j]), q_more = reach(up_carries_[j + 1 < up_.n ? j + 1 : 0]);
+      if ((at_p < -p_more) != (at_q < -q_more) && at_p != at_q) add_crossing(i, j, at_p, at_q);
+      at_p = at_q;
+    }
+  }
+
+  // That of side j, whose ends are at_p and at_q to the left.
+  FAN_FN void add_crossing(int i, int j, double at_p, double at_q) {
+    const double *a = low_.corners[i], *p = up_.corners[j];
     // A corner may count as beyond the side that is on this side of it by rounding: of an edge that
     // lies along the side, the crossing is at the corner all the same.
     double d[3];
-    difference3(q, p, d);
+    difference3(up_.next(j), p, d);
     const double more = 2.0 * tolerance / length3(d);
     const double t = clamped(at_p / (at_p - at_q), -more, 1.0 + more);
     const double x[2] = {p[0] + t * d[0], p[1] + t * d[1]};
-    const double u = b[0] - a[0], v = b[1] - a[1], length = sqrt(u * u + v * v);
-    const double along = (u * (x[0] - a[0]) + v * (x[1] - a[1])) / length;
-    if (!(along >= -2.0 * rounding_ && along <= length + 2.0 * rounding_)) return;
+    const double along = low_.along[i][0] * (x[0] - a[0]) + low_.along[i][1] * (x[1] - a[1]);
+    if (!(along >= -2.0 * rounding_ && along <= low_.length[i] + 2.0 * rounding_)) return;
     const int lower_edge = lower_.side(low_.facet, i), upper_edge = upper_.side(up_.facet, j);
     double normal[3];
     const CrossingRegion region = crossing_normal(i, j, normal);
@@ -276,7 +285,7 @@ class HullPolygon {
       m[c] *= side;
       back[c] = -m[c];
     }
-    if (!low_.ends_along(i, m) || !up_.ends_along(j, back)) return BEYOND;
+    if (!low_.has_normal(i, e, m) || !up_.has_normal(j, d, back)) return BEYOND;
     copy3(m, out);
     return CROSSING;
   }
