@@ -125,13 +125,12 @@ def test_round_solids_pass_over_the_edge_of_a_mesh_as_over_that_of_a_box(tmp_pat
 def test_a_prism_rolls_over_its_edges_as_a_pendulum_that_changes_its_pivot(tmp_path, floor):
     """theta'' = m g R sin(theta) / I about an edge; each next edge takes its share of the spin.
 
-    The angular momentum about the edge that lands stays: of the spin, (I_c + m R^2 cos a) / I is left.
+    The angular momentum about the edge that lands stays: (I_c + m R^2 cos a) / I of the spin
+    is left.
     """
     n, R, length, slope = 6, 0.1, 0.3, 0.2
     turns = 2 * np.pi * np.arange(n) / n  # two corners are lowest
-    corners = [
-        [R * np.cos(a), y, R * np.sin(a)] for a in turns for y in (-length / 2, length / 2)
-    ]
+    corners = [[R * np.cos(a), y, R * np.sin(a)] for a in turns for y in (-length / 2, length / 2)]
     prism = write(tmp_path, "prism.obj", trimesh.convex.convex_hull(np.array(corners)))
     slab = write(tmp_path, "slab.obj", trimesh.creation.box((4, 2, 0.2)))
     ground = {
@@ -172,8 +171,10 @@ bodies:
     run = fan.simulate(thing, x0, t_end=t_end)
     sound(run)
 
-    lands = lambda t, y: y[0] - half  # noqa: E731
-    lands.terminal, lands.direction = True, 1.0
+    def lands(t: float, y: np.ndarray) -> float:
+        return float(y[0] - half)
+
+    lands.terminal, lands.direction = True, 1.0  # type: ignore[attr-defined]
     t, y, times, spins, rolled = 0.0, [lean, speed], [], [], 0
     while t < t_end:
         piece = solve_ivp(
@@ -197,7 +198,8 @@ bodies:
 
 
 def test_an_octahedron_falls_over_its_edge_onto_a_facet(tmp_path):
-    """theta'' = g l sin(theta) / (I_c / m + l^2) about the edge, until the facet beside it lands."""
+    """theta'' = g l sin(theta) / (I_c / m + l^2) about the edge, until the facet beside it
+    lands."""
     a = 0.2  # from the middle to a corner
     points = a * np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
     name = write(tmp_path, "octahedron.obj", trimesh.convex.convex_hull(points))
@@ -214,8 +216,9 @@ bodies:
     arm, start = a / np.sqrt(2), 0.02
     first = np.array([np.cos(np.pi / 8), 0.0, np.sin(np.pi / 8), 0.0])  # by 45 degrees about y
     lean = np.array([np.cos(start / 2), np.sin(start / 2), 0.0, 0.0])
-    w, (x, y, z) = lean[0] * first[0] - lean[1:] @ first[1:], (
-        lean[0] * first[1:] + first[0] * lean[1:] + np.cross(lean[1:], first[1:])
+    w, (x, y, z) = (
+        lean[0] * first[0] - lean[1:] @ first[1:],
+        (lean[0] * first[1:] + first[0] * lean[1:] + np.cross(lean[1:], first[1:])),
     )
     x0 = thing.state({
         "body.y": -arm * np.sin(start), "body.z": arm * np.cos(start), "body.rotation": (w, x, y, z)
@@ -223,13 +226,16 @@ bodies:
     run = fan.simulate(thing, x0, t_end=1.5)
     sound(run)
     falls = 0.5 * np.pi - np.arcsin(a / np.sqrt(3) / arm)  # where the middle is over the facet
-    squared = lambda angle: 2 * G * arm * (np.cos(start) - np.cos(angle)) / (0.008 + arm**2)  # noqa: E731
+
+    def squared(angle: float) -> float:
+        return float(2 * G * arm * (np.cos(start) - np.cos(angle)) / (0.008 + arm**2))
+
     # The start is a root of the speed: angle = start + s^2.
     exact, _ = quad(
         lambda s: 2 * s / np.sqrt(squared(start + s**2)), 0, np.sqrt(falls - start),
         epsabs=1e-13, epsrel=1e-13,
     )  # fmt: skip
-    touch = [event for event in run.events if event.kind == "touch"][0]
+    touch = next(event for event in run.events if event.kind == "touch")
     assert abs(touch.t - exact) < CLOSE
     # The corner that lands is the facet's height away from the edge.
     assert abs(touch.speed - np.sqrt(squared(falls)) * a * np.sqrt(1.5)) < 10 * CLOSE
@@ -252,7 +258,7 @@ def test_a_plank_that_falls_first_slips_where_its_forces_leave_the_cone(tmp_path
     })  # fmt: skip
     run = fan.simulate(thing, x0, t_end=1.5)
     assert run.status is Status.DONE
-    slide = [event for event in run.events if event.kind == "slide"][0]
+    slide = next(event for event in run.events if event.kind == "slide")
     found = 2 * np.arcsin(run["body.qy"][np.searchsorted(run.t, slide.t)]) - own
     about = 0.08 + arm**2
 

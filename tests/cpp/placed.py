@@ -97,8 +97,8 @@ class Placed:
 
 @dataclass(frozen=True, eq=False)
 class Touch:
-    """``alone``: normal (3) and gap by feature and region alone, if these say them; ``holds``: within
-    its features."""
+    """``alone``: normal (3) and gap by feature and region alone, if these say them; ``holds``:
+    whether within its features."""
 
     point: np.ndarray
     normal: np.ndarray

@@ -64,7 +64,7 @@ def test_points_are_those_of_their_features_alone(program: Path, first: str, sec
 
 @pytest.mark.parametrize(("first", "second"), PAIRS)
 def test_the_normal_is_the_slope_of_the_gap(program: Path, first: str, second: str) -> None:
-    """Where the first is moved by a small way, a point's gap changes by the normal times the way."""
+    """Where the first is moved by a small way, the gap changes by the normal times the way."""
     rng, step = np.random.default_rng(18), 1e-7
     compared = 0
     for _ in range(40):

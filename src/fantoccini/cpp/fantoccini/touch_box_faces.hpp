@@ -105,7 +105,8 @@ class SharedPolygon {
   }
 
   FAN_FN void add(
-      double x, double y, double height, const double* normal, int number, CrossingRegion region = CROSSING) {
+      double x, double y, double height, const double* normal, int number,
+      CrossingRegion region = CROSSING) {
     if (n == max_touches) return;
     const double near = 3.0 * tolerance;
     for (int i = 0; i < n; ++i)

@@ -7,8 +7,9 @@
 //     gap = n . (p_x - p_y),   n = +-u x v / |u x v|.
 //
 // Spheres and capsules have a point of their core nearest to a facet, an edge or a vertex; there the
-// region says which. Inside their features these are the points that touches() finds. An integrator's trial states, and
-// those over which rates are differenced, go beyond: there a feature's gap goes on smoothly.
+// region says which. Inside their features these are the points that touches() finds. An integrator's
+// trial states, and those over which rates are differenced, go beyond: there a feature's gap goes on
+// smoothly.
 #pragma once
 
 #include "touch.hpp"
@@ -71,7 +72,8 @@ FAN_FN EdgeLine line_of(const PlacedHull& hull, int e) {
 }
 
 // The length of an edge, and whether n is among the normals of the hull there.
-FAN_FN bool is_normal_of_edge(const PlacedHull& hull, int e, const double* n, double most, double* length) {
+FAN_FN bool is_normal_of_edge(
+    const PlacedHull& hull, int e, const double* n, double most, double* length) {
   const int* edge = hull.edge(e);
   const Core core = core_of_edge(hull, e);
   double facet[3], inward[3];

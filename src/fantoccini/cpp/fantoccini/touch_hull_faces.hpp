@@ -134,7 +134,8 @@ class HullPolygon {
   };
 
   FAN_FN void add(
-      double x, double y, double height, const double* normal, int number, CrossingRegion region = CROSSING) {
+      double x, double y, double height, const double* normal, int number,
+      CrossingRegion region = CROSSING) {
     if (n == 2 * max_hull_vertices) return;
     const double near = 3.0 * tolerance;
     for (int i = 0; i < n; ++i)
@@ -241,7 +242,8 @@ class HullPolygon {
     double at_p = low_.left_of(i, up_.corners[0]);
     for (int j = 0; j < up_.n; ++j) {
       const double at_q = low_.left_of(i, up_.next(j));
-      const double p_more = reach(up_carries_[j]), q_more = reach(up_carries_[j + 1 < up_.n ? j + 1 : 0]);
+      const double p_more = reach(up_carries_[j]);
+      const double q_more = reach(up_carries_[j + 1 < up_.n ? j + 1 : 0]);
       if ((at_p < -p_more) != (at_q < -q_more) && at_p != at_q) add_crossing(i, j, at_p, at_q);
       at_p = at_q;
     }
