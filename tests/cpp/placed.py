@@ -97,10 +97,16 @@ class Placed:
 
 @dataclass(frozen=True, eq=False)
 class Touch:
+    """``alone``: normal (3) and gap by feature and region alone, if these say them; ``holds``:
+    whether within its features."""
+
     point: np.ndarray
     normal: np.ndarray
     gap: float
     feature: int
+    region: int
+    alone: np.ndarray | None
+    holds: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,9 +199,13 @@ def hull_words(hull: Hull) -> list[float]:
 def _parsed(line: list[float]) -> Pair:
     assert np.all(np.isfinite(line))
     radius, apart, n, *rest = line
-    assert n <= MAX_TOUCHES and len(rest) == 8 * n
-    rows = np.array(rest).reshape(-1, 8)
-    return Pair(radius, bool(apart), [Touch(r[:3], r[3:6], float(r[6]), int(r[7])) for r in rows])
+    assert n <= MAX_TOUCHES and len(rest) == 15 * n
+    found = []
+    for r in np.array(rest).reshape(-1, 15):
+        known, holds = bool(r[9]), bool(r[10])
+        alone = r[11:] if known else None
+        found.append(Touch(r[:3], r[3:6], float(r[6]), int(r[7]), int(r[8]), alone, holds))
+    return Pair(radius, bool(apart), found)
 
 
 def coal_distance(x: Placed, y: Placed) -> tuple[float, np.ndarray]:

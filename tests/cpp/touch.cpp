@@ -4,14 +4,15 @@
 // radii and arrays; how many pairs; of each the solids x and y: kind, a (3), b (3), R (9), half (3),
 // radius and the number of its hull.
 // stdout, one line a pair: bounding radius of x, whether certainly apart, how many points; of each
-// point its place (3), normal (3), gap and feature.
+// point its place (3), normal (3), gap, feature and region; what it is by these alone: whether it is
+// known, whether it holds, its normal (3) and gap.
 #include <cmath>
 #include <cstdio>
 #include <iterator>
 #include <list>
 #include <vector>
 
-#include "fantoccini/touch.hpp"
+#include "fantoccini/touch_follow.hpp"
 
 namespace {
 
@@ -76,7 +77,16 @@ fan::PlacedSolid read(const std::list<ReadHull>& hulls) {
 void print(const fan::Touch& touch) {
   for (double x : touch.point) std::printf(" %.17g", x);
   for (double x : touch.normal) std::printf(" %.17g", x);
-  std::printf(" %.17g %d", touch.gap, touch.feature);
+  std::printf(" %.17g %d %d", touch.gap, touch.feature, touch.region);
+}
+
+void print_followed(const fan::PlacedSolid& x, const fan::PlacedSolid& y, const fan::Touch& touch) {
+  fan::Touch alone = touch;
+  bool holds = false;
+  const bool known = fan::follow_touch(x, y, touch.feature, touch.region, &alone, &holds);
+  std::printf(" %d %d", known, holds);
+  for (double c : alone.normal) std::printf(" %.17g", c);
+  std::printf(" %.17g", alone.gap);
 }
 
 }  // namespace
@@ -93,7 +103,10 @@ int main() {
     fan::Touch found[fan::max_touches];
     const int n = fan::touches(x, y, margin, found);
     std::printf("%.17g %d %d", fan::bounding_radius(x), fan::certainly_apart(x, y, margin), n);
-    for (int k = 0; k < n; ++k) print(found[k]);
+    for (int k = 0; k < n; ++k) {
+      print(found[k]);
+      print_followed(x, y, found[k]);
+    }
     std::printf("\n");
   }
   return 0;

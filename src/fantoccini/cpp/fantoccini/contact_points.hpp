@@ -8,8 +8,6 @@
 // solids do not overlap, and a force x >= 0 pushes A along +e and B along -e.
 #pragma once
 
-#include <new>
-
 #include "moved_by.hpp"
 #include "near_pairs.hpp"
 #include "placed_links.hpp"
@@ -74,12 +72,8 @@ class ContactPoints : public PlacedLinks<Model, Real> {
   void measure(
       const ContactArrays& in, const Real* q_D, const Real* q_K, const Real* p, double margin,
       double* gaps) {
-    Real v_D[room(N)] = {}, v_K[room(NK)] = {};
-    Call<Model, Real>::screws(q_D, q_K, p, links_);
-    begin(in);
-    load(0, v_D, v_K);
-    move();
-    place();
+    const Real v_D[room(N)] = {}, v_K[room(NK)] = {};
+    pose(in, q_D, v_D, q_K, v_K, p);
     for (int k = 0; k < in.n_pairs; ++k) {
       n[0] = 0;
       look(in, k, margin, 0);
@@ -97,78 +91,6 @@ class ContactPoints : public PlacedLinks<Model, Real> {
     load(0, v_D, v_K);
     move();
     place();
-  }
-
-  // The points with a gap below `margin` where lane 0 is posed.
-  void look_within(const ContactArrays& in, double margin) {
-    n[0] = 0;
-    too_many[0] = false;  // a state that an integrator only tried may have had too many
-    for (int g = 0, k = 0; g < in.n_groups; ++g) {
-      const int end = in.groups[3 * g + 2];
-      if (separation(in, g) >= margin) k = end;
-      for (; k < end; ++k) look(in, k, margin, 0);
-    }
-    most = n[0];
-  }
-
-  // Those of one pair alone.
-  void look_at_pair(const ContactArrays& in, int pair, double margin) {
-    n[0] = 0;
-    look(in, pair, margin, 0);
-  }
-
-  // Makes the rows of lane 0's point i.
-  void make_rows(const ContactArrays& in, int i) {
-    clear(i);
-    clear_row(i);  // whoever asks for them reads all entries
-    fill(in, 0, i);
-  }
-
-  // The velocity of the first solid against the second at lane 0's point i.
-  void velocity(const ContactArrays& in, int i, double* u) const {
-    const Point& at = point[0][i];
-    for (int c = 0; c < 3; ++c) u[c] = 0.0;
-    for (int side = 0; side < 2; ++side) {
-      const int link = in.solids[in.pairs[2 * at.pair + side]].link;
-      if (link < 0) continue;
-      const Twist& t = twist_[link];
-      double by_turning[3];
-      cross(t.angular, at.at, by_turning);
-      for (int c = 0; c < 3; ++c) u[c] += (side ? -1.0 : 1.0) * (t.linear[c] + by_turning[c]);
-    }
-  }
-
-  // A bound on the rate [1/s] at which the directions at a point of a pair change, where its solids
-  // pass over one another at a speed.
-  double rate_of_turning(const ContactArrays& in, int pair, double speed) const {
-    double rate = 0.0, least = unbounded;
-    for (int side = 0; side < 2; ++side) {
-      const Solid& solid = in.solids[in.pairs[2 * pair + side]];
-      if (solid.kind != HALF_SPACE) least = fmin(least, smallest_size(solid));
-      if (solid.link < 0) continue;
-      const double* turning = twist_[solid.link].angular;
-      rate += sqrt(dot3(turning, turning));
-    }
-    return rate + speed / least;
-  }
-
-  // A time in which no solid of lane 0 passes through another, at the velocities it is posed with.
-  double safe_time(const ContactArrays& in) const {
-    double least = unbounded;
-    for (int g = 0, k = 0; g < in.n_groups; ++g) {
-      const int a = in.groups[3 * g], b = in.groups[3 * g + 1], end = in.groups[3 * g + 2];
-      const int first = k;
-      k = end;
-      if (b < 0 && in.solids[-1 - b].kind == HALF_SPACE) continue;
-      double size = unbounded;
-      for (int i = first; i < end; ++i)
-        size = fmin(size, smallest_size(in.solids[in.pairs[2 * i]]) +
-                              smallest_size(in.solids[in.pairs[2 * i + 1]]));
-      const double speed = speed_[a] + (b < 0 ? 0.0 : speed_[b]);
-      const double way = fmax(separation(in, g), 0.0) + Tolerance::share_of_size * size;
-      if (speed * least > way) least = way / speed;
-    }
-    return least;
   }
 
   // The points at (q_D, q_K) over a step dt, in the lanes that are not idle.
@@ -323,11 +245,15 @@ class ContactPoints : public PlacedLinks<Model, Real> {
 
   // Adds the points of pair k to those of lane l.
   FAN_FN void look(const ContactArrays& in, int k, double margin, int l) {
+    place_pair(in, k);
+    look_at_placed(in, k, margin, l);
+  }
+
+  FAN_FN void place_pair(const ContactArrays& in, int k) {
     for (int side = 0; side < 2; ++side) {
       const int link = in.solids[in.pairs[2 * k + side]].link;
       if (link >= 0 && !is_placed_[link]) place_link(in, link);
     }
-    look_at_placed(in, k, margin, l);
   }
 
   // The same where the solids of both links are placed.
@@ -340,17 +266,20 @@ class ContactPoints : public PlacedLinks<Model, Real> {
         too_many[l] = true;
         return;
       }
-      Point& to = point[l][n[l]++];
-      to.pair = k;
-      to.feature = found[i].feature;
-      to.region = found[i].region;
-      to.gap = found[i].gap;
-      for (int c = 0; c < 3; ++c) {
-        to.at[c] = found[i].point[c];
-        to.frame[c] = found[i].normal[c];
-      }
-      tangents(to.frame);
+      put(k, found[i], point[l][n[l]++]);
     }
+  }
+
+  FAN_FN static void put(int pair, const Touch& from, Point& to) {
+    to.pair = pair;
+    to.feature = from.feature;
+    to.region = from.region;
+    to.gap = from.gap;
+    for (int c = 0; c < 3; ++c) {
+      to.at[c] = from.point[c];
+      to.frame[c] = from.normal[c];
+    }
+    tangents(to.frame);
   }
 
   // Whether a point of pair k is none of lane l's, and would be passed.
@@ -423,22 +352,6 @@ class ContactPoints : public PlacedLinks<Model, Real> {
   Real speed_at_start_[room(L)];    // m/s: by which the margins of find() were chosen
   double passing_within_ = 0.0;  // s: the step, while only points that would be passed are added
 };
-
-// The C interface of ContactPoints::measure; 1 where there was no memory, else 0.
-template <class Model>
-int measure_gaps(
-    const ContactArrays& in, long long n, const double* q_D, const double* q_K, const double* p,
-    double margin, double* gaps) {
-  if constexpr (Model::n_contacts > 0) {
-    auto* points = new (std::nothrow) ContactPoints<Model, double>();
-    if (!points) return 1;
-    for (long long i = 0; i < n; ++i)
-      points->measure(
-          in, q_D + i * Model::n_qD, q_K + i * Model::n_qK, p, margin, gaps + i * in.n_pairs);
-    delete points;
-  }
-  return 0;
-}
 
 }  // namespace fan
 

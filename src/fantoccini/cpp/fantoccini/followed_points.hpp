@@ -7,7 +7,7 @@
 // differences of order 4 over the narrow phase. Signs are those of contact_points.hpp: hdot = -u.
 #pragma once
 
-#include "contact_points.hpp"
+#include "contact_points_at.hpp"
 
 namespace fan {
 
@@ -49,10 +49,10 @@ class FollowedPoints {
   static constexpr int C = Model::n_contacts, N = Model::n_vD, M = Model::n_rows;
   static constexpr int NQ = Model::n_qD, NQK = Model::n_qK, NK = Model::n_vK;
   using Tolerance = HeldContactTolerances;
-  using Points = ContactPoints<Model, double>;
+  using Points = ContactPointsAt<Model>;
 
   struct Contact {
-    int pair, feature;
+    int pair, feature, region;  // as ContactPoints::is_one tells them apart
     ContactMode mode;
     bool moving;       // slides faster than Tolerance::stopped
     bool told;         // its sliding is among the events
@@ -87,28 +87,18 @@ class FollowedPoints {
     safe = points_.safe_time(*in);
     overlap = -Tolerance::margin;
     closing = 0.0;
-    for (int c = 0; c < n; ++c) found_[c] = false;
+    for (int c = 0; c < n; ++c) {
+      const int i = points_.find_feature(*in, at[c].pair, at[c].feature, at[c].region, found_ + c);
+      known_[c] = i >= 0;
+      found_[c] = found_[c] && known_[c];
+      if (known_[c]) take(i, c, v_D);
+    }
     for (int i = 0; i < points_.n[0]; ++i) {
       const auto& from = points_.point[0][i];
-      const int c = place(from.pair, from.feature);
+      const int c = place(from);
       double over = -from.gap;
-      if (c >= 0) {
-        found_[c] = true;
-        gap[c] = from.gap;
-        region_[c] = from.region;
-        for (int d = 0; d < 3; ++d) point_[c][d] = from.at[d];
-        for (int d = 0; d < 9; ++d) frame_[c][d] = from.frame[d];
-        points_.make_rows(*in, i);
-        for (int d = 0; d < 3; ++d) {
-          for (int k = 0; k < N; ++k) row_[3 * c + d][k] = points_.row[i][k][d];
-          rate_K_[3 * c + d] = points_.rate_K[i][d];
-          double sum = rate_K_[3 * c + d];
-          for (int k = 0; k < N; ++k) sum += row_[3 * c + d][k] * v_D[k];
-          hdot[3 * c + d] = sum;
-        }
-        if (at[c].mode != PARTED) continue;
-        over -= at[c].over + (at[c].leaves ? Tolerance::rounding : Tolerance::caught);
-      }
+      if ((c >= 0 && at[c].mode != PARTED) || !points_.touches_there(i)) continue;
+      if (c >= 0) over -= at[c].over + (at[c].leaves ? Tolerance::rounding : Tolerance::caught);
       if (over > overlap) {
         overlap = over;
         double u[3];
@@ -142,12 +132,12 @@ class FollowedPoints {
     bool more = false, full = false;
     for (int i = 0; i < points_.n[0]; ++i) {
       const auto& from = points_.point[0][i];
-      if (from.gap > most || place(from.pair, from.feature) >= 0) continue;
+      if (from.gap > most || place(from) >= 0 || !points_.touches_there(i)) continue;
       full = n == C;
       if (full) break;
       bool told = false;
       for (int c = 0; c < n; ++c) told = told || (meet(at[c].pair, from.pair) && at[c].told);
-      at[n++] = {from.pair, from.feature, PARTED, false, told, true, false, {0.0, 0.0, 0.0},
+      at[n++] = {from.pair, from.feature, from.region, PARTED, false, told, true, false, {0.0, 0.0, 0.0},
                  {0.0, 0.0, 0.0}, from.gap < 0.0 ? -from.gap : 0.0, 0.0, f.t};
       more = true;
     }
@@ -249,7 +239,7 @@ class FollowedPoints {
     bool done[room(C)];
     int left = n;
     for (int c = 0; c < n; ++c) {
-      done[c] = !found_[c];
+      done[c] = !known_[c];
       left -= done[c];
     }
     for (double step = Tolerance::turn / rate; left > 0 && step * rate > Tolerance::least_turn;
@@ -300,9 +290,9 @@ class FollowedPoints {
           pair = at[c].pair;
           near_.look_at_pair(*in, pair, 2.0 * Tolerance::margin + 2.0 * fabs(tau) * speed(c));
         }
-        int i = 0;
-        while (i < near_.n[0] && near_.point[0][i].feature != at[c].feature) ++i;
-        all[c] = i < near_.n[0] && near_.point[0][i].region == region_[c];
+        bool holds;
+        const int i = near_.find_feature(*in, pair, at[c].feature, at[c].region, &holds);
+        all[c] = i >= 0 && near_.point[0][i].region == region_[c];
         if (!all[c]) continue;
         double u[3];
         near_.velocity(*in, i, u);
@@ -321,17 +311,38 @@ class FollowedPoints {
     return found;
   }
 
-  int place(int pair, int feature) const {
+  // Takes the place of point c, its rows and its velocity from the point i of `points_`.
+  void take(int i, int c, const double* v_D) {
+    const auto& from = points_.point[0][i];
+    gap[c] = from.gap;
+    region_[c] = from.region;
+    for (int d = 0; d < 3; ++d) point_[c][d] = from.at[d];
+    for (int d = 0; d < 9; ++d) frame_[c][d] = from.frame[d];
+    points_.make_rows(*in, i);
+    for (int d = 0; d < 3; ++d) {
+      for (int k = 0; k < N; ++k) row_[3 * c + d][k] = points_.row[i][k][d];
+      rate_K_[3 * c + d] = points_.rate_K[i][d];
+      double sum = rate_K_[3 * c + d];
+      for (int k = 0; k < N; ++k) sum += row_[3 * c + d][k] * v_D[k];
+      hdot[3 * c + d] = sum;
+    }
+  }
+
+  int place(const typename Points::Point& point) const {
     for (int c = 0; c < n; ++c)
-      if (at[c].pair == pair && at[c].feature == feature) return c;
+      if (Points::is_one(at[c], point.pair, point.feature, point.region)) return c;
     return -1;
+  }
+
+  // The order in which points are kept.
+  static bool is_before(const Contact& a, const Contact& b) {
+    if (a.pair != b.pair) return a.pair < b.pair;
+    return a.feature != b.feature ? a.feature < b.feature : a.region < b.region;
   }
 
   void sort() {
     for (int c = 1; c < n; ++c)
-      for (int b = c; b > 0 && (at[b].pair < at[b - 1].pair ||
-                                (at[b].pair == at[b - 1].pair && at[b].feature < at[b - 1].feature));
-           --b) {
+      for (int b = c; b > 0 && is_before(at[b], at[b - 1]); --b) {
         const Contact held = at[b];
         at[b] = at[b - 1];
         at[b - 1] = held;
@@ -343,6 +354,7 @@ class FollowedPoints {
     if (c == to) return;
     at[to] = at[c];
     found_[to] = found_[c];
+    known_[to] = known_[c];
     gap[to] = gap[c];
     region_[to] = region_[c];
     for (int k = 0; k < 3; ++k) point_[to][k] = point_[c][k];
@@ -370,15 +382,15 @@ class FollowedPoints {
     near_.pose(*in, q_D, v_D, f.q_K, v_K, f.p);
     for (int c = 0, pair = -1; c < n; ++c) {
       if (at[c].pair != pair) near_.look_at_pair(*in, pair = at[c].pair, Tolerance::margin);
-      out[3 * c] = 0.0;
-      for (int i = 0; i < near_.n[0]; ++i)
-        if (near_.point[0][i].feature == at[c].feature) out[3 * c] = -near_.point[0][i].gap;
+      bool holds;
+      const int i = near_.find_feature(*in, pair, at[c].feature, at[c].region, &holds);
+      out[3 * c] = i < 0 ? 0.0 : -near_.point[0][i].gap;
     }
   }
 
   Points points_, near_;  // of the latest evaluation; at displaced configurations
   double tension_[room(M)] = {};  // at the last event
-  bool found_[room(C)];
+  bool found_[room(C)], known_[room(C)];  // known: also where its feature alone makes it
   int region_[room(C)];
   double point_[room(C)][3], frame_[room(C)][9];
   double row_[room(3 * C)][room(N)], rate_K_[room(3 * C)], gamma_[room(3 * C)] = {};

@@ -142,19 +142,32 @@ class HeldContacts : public FollowedPoints<Model> {
   }
 
   // By how much the latest forces and accelerations break the law of contact, relative to the weight
-  // and to Flow::hddot_scale.
+  // and to Flow::hddot_scale. Where modes end, the forces are those of the law, with which points may
+  // part that have none, and slide that are at their cones.
   template <class F>
   double residual(const F& f) const {
     double most = 0.0;
     for (int c = 0; c < n; ++c) {
       if (at[c].mode != STICKING && at[c].mode != SLIDING) continue;
-      most = fmax(most, excess(f, c, written(c)));
-      const int rows = at[c].mode == STICKING ? 3 : 1;
-      const double* then = ends ? after_lawful : after;
-      for (int d = 0; d < rows; ++d)
-        most = fmax(most, fabs(then[3 * c + d]) / f.hddot_scale());
+      const double *own = written(c), *then = (ends ? after_lawful : after) + 3 * c;
+      most = fmax(most, excess(f, c, own));
+      const bool parts = ends && own[0] / f.weight() <= Tolerance::negligible_force;
+      most = fmax(most, (parts ? fmax(then[0], 0.0) : fabs(then[0])) / f.hddot_scale());
+      if (at[c].mode == STICKING && !parts) most = fmax(most, slips(f, c, own, then) / f.hddot_scale());
     }
     return most;
+  }
+
+  // The part of the acceleration of sticking point c across its normal that the law has not: all of
+  // it, but of a point whose modes end, at its cone, that which its friction brakes.
+  template <class F>
+  double slips(const F& f, int c, const double* own, const double* then) const {
+    const double all = sqrt(then[1] * then[1] + then[2] * then[2]);
+    const double size = sqrt(own[1] * own[1] + own[2] * own[2]);
+    const double most = in->friction[at[c].pair] * own[0];
+    if (!ends || most - size > Tolerance::negligible_force * f.weight() || !(size > 0.0)) return all;
+    const double along = (then[1] * own[1] + then[2] * own[2]) / size;
+    return along < 0.0 ? all : fabs(then[1] * own[2] - then[2] * own[1]) / size;
   }
 
   // The force of point c that is written, in its frame.

@@ -51,10 +51,11 @@ struct BoxFeatures {
 };
 
 // A point of the polygon that two faces share, in the axes of the lower one, and the unit normal of
-// what touches there, upwards.
+// what touches there, upwards; its region.
 struct Spot {
   double at[2], height, normal[3];
   int number;
+  CrossingRegion region;
 };
 
 // The polygon of the points of a face, the upper, above another, the lower: corners of both, and
@@ -103,13 +104,15 @@ class SharedPolygon {
     out[2] = scale * dot3(x, lower_.normal);
   }
 
-  FAN_FN void add(double x, double y, double height, const double* normal, int number) {
+  FAN_FN void add(
+      double x, double y, double height, const double* normal, int number,
+      CrossingRegion region = CROSSING) {
     if (n == max_touches) return;
     const double near = 3.0 * tolerance;
     for (int i = 0; i < n; ++i)
       if (fabs(spots[i].at[0] - x) < near && fabs(spots[i].at[1] - y) < near) return;
     Spot& to = spots[n++];
-    to = Spot{{x, y}, height, {}, number};
+    to = Spot{{x, y}, height, {}, number, region};
     for (int c = 0; c < 3; ++c)
       to.normal[c] = normal[0] * lower_.u[c] + normal[1] * lower_.v[c] + normal[2] * lower_.normal[c];
   }
@@ -186,31 +189,33 @@ class SharedPolygon {
       const int lower_corner = c == 0 ? lower_.corner(bound, 1.0) : lower_.corner(1.0, bound);
       const int lower_edge = edge_number((lower_.axis + 2 - c) % 3, lower_corner);
       double normal[3];
-      crossing_normal(i, c, side_of(bound), normal);
+      const CrossingRegion region = crossing_normal(i, c, side_of(bound), normal);
       add(c == 0 ? bound : along, c == 0 ? along : bound, p[2] + t * (q[2] - p[2]), normal,
           lower_is_x_ ? BoxFeatures::crossing(lower_edge, edge)
-                      : BoxFeatures::crossing(edge, lower_edge));
+                      : BoxFeatures::crossing(edge, lower_edge),
+          region);
     }
   }
 
   // The normal of the upper edge from corner i on and a side of the lower face, across its axis c:
   // the product of both where it lies between the normals of the faces at either edge, else the
   // lower face's, as of edges that are nearly parallel.
-  FAN_FN void crossing_normal(int i, int c, double side, double* out) const {
+  FAN_FN CrossingRegion crossing_normal(int i, int c, double side, double* out) const {
     const double *p = corners_[i], *q = corners_[(i + 1) % 4];
     double d[3];
     difference3(q, p, d);
     out[0] = out[1] = 0.0;
     out[2] = 1.0;
     const double across = side_of(d[c]), size = sqrt(d[c] * d[c] + d[2] * d[2]);
-    if (!(fabs(d[c]) > TouchTolerances::lying * length3(d))) return;
+    if (!(fabs(d[c]) > TouchTolerances::lying * length3(d))) return ALONG;
     double n[3] = {0.0, 0.0, fabs(d[c]) / size};
     n[c] = -across * d[2] / size;
     const double least = -BoxTolerances::rounding;
     double outward[3];
     for (int k = 0; k < 3; ++k) outward[k] = outward_[i][0] * U_[k] + outward_[i][1] * V_[k];
-    if (side * n[c] < least || -dot3(n, outward) < least * length3(outward)) return;
+    if (side * n[c] < least || -dot3(n, outward) < least * length3(outward)) return BEYOND;
     copy3(n, out);
+    return CROSSING;
   }
 
   const BoxFace &lower_, &upper_;

@@ -256,7 +256,7 @@ FAN_FN bool touch_faces(
     along3(below, spot.at[1], lower.v, below);
     along3(below, spot.height, lower.normal, above);
     for (int c = 0; c < 3; ++c) normal[c] = of_x ? -spot.normal[c] : spot.normal[c];
-    to.add(of_x ? below : above, of_x ? above : below, normal, spot.number);
+    to.add(of_x ? below : above, of_x ? above : below, normal, spot.number, spot.region);
   }
   return true;
 }

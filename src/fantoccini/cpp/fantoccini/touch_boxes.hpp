@@ -149,10 +149,10 @@ FAN_FN void touch_box_outside(
   const FaceClip clip(core, half, face, side, at);
   const double on_face = clip.found && core.length > 0.0 ? flatness(length3(tilt)) : 0.0;
   const Overlap on_edge(core, edge_towards(normal, half, edge));
-  const int part = at <= 0.0 ? 1 : at >= core.length ? 2 : 0;  // the core's ends
+  const CorePart part = at <= 0.0 ? FIRST_END : at >= core.length ? SECOND_END : MIDDLE;
   const int shape = 3 * (3 * stretch_of(on_face) + stretch_of(on_edge.flat)) + part;
   if (on_face == 0.0 && on_edge.flat == 0.0)
-    return to.add(nearest.p, nearest.q, normal, 0, 27 * shape + region_of_box(normal));
+    return to.add(nearest.p, nearest.q, normal, 0, lasting_regions + 27 * part + region_of_box(normal));
   for (int k = 0; k < 2; ++k) {
     PointPair pair = between_pairs(nearest, on_edge.ends[k], on_edge.flat);
     pair = between_pairs(pair, clip.ends[k], on_face);

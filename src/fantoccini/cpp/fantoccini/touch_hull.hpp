@@ -8,6 +8,7 @@ namespace fan {
 
 constexpr int max_hull_vertices = int(Constants::hull_vertices);
 constexpr int max_hull_edges = 3 * max_hull_vertices;  // by Euler's formula
+constexpr int max_hull_facets = 2 * max_hull_vertices;
 
 struct HullTolerances {
   static constexpr double meeting = 1e-10;     // m: cores nearer than this meet
@@ -75,7 +76,22 @@ struct PlacedHull {
   FAN_FN int corner(int f, int k) const { return hull.corners[hull.begins[f] + k]; }
   FAN_FN int side(int f, int k) const { return hull.sides[hull.begins[f] + k]; }
 
+  FAN_FN bool has_corner(int f, int vertex) const {
+    for (int k = 0; k < n_corners(f); ++k)
+      if (corner(f, k) == vertex) return true;
+    return false;
+  }
+
   FAN_FN const int* edge(int e) const { return hull.edges + 4 * e; }
+
+  // The edge between two facets, or -1.
+  FAN_FN int edge_between(int f, int g) const {
+    for (int k = 0; k < n_corners(f); ++k) {
+      const int* found = edge(side(f, k));
+      if (found[2] == g || found[3] == g) return side(f, k);
+    }
+    return -1;
+  }
 };
 
 // A box as a hull: bit k of a vertex is the side of axis k.
@@ -115,15 +131,6 @@ class BoxHull {
 
 FAN_FN PlacedHull placed_hull(const PlacedSolid& x) { return {*x.hull, x.R, x.a}; }
 
-// What the features of hulls tell apart: vertices of the first and of the second, pairs of edges,
-// nearest points.
-struct HullFeatures {
-  static constexpr int of_second = max_hull_vertices, edges = 2 * max_hull_vertices;
-  static constexpr int nearest = edges + max_hull_edges * max_hull_edges;
-
-  FAN_FN static int pair(int x_edge, int y_edge) { return edges + max_hull_edges * x_edge + y_edge; }
-};
-
 // A point of a facet: its place in two axes of the facet, its height, which it is.
 struct HullSpot {
   double at[2], height;
@@ -133,7 +140,8 @@ struct HullSpot {
 // Picks at most `room` of the spots of a convex polygon, which come in a fixed order: those farthest
 // in directions that keep to the facet, and the lowest if it is lower. They stay the same while the
 // solids move a little.
-FAN_FN int few_spots(HullSpot* spots, int n, int room, double size) {
+template <class Spot>
+FAN_FN int few_spots(Spot* spots, int n, int room, double size) {
   if (n <= room) return n;
   // Directions of a regular polygon, turned so that few are at right angles to an edge.
   constexpr double begin = 0.2345, turn = 6.283185307179586;

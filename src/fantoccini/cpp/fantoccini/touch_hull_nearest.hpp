@@ -38,6 +38,16 @@ struct Cloud {
   }
 };
 
+// What a point of a hull's surface lies on, and which that is; of a segment, an end or the middle.
+struct HullFeature {
+  enum Kind { VERTEX, EDGE, FACET, NONE };
+  Kind kind = NONE;
+  int number = -1;
+
+  // Among all features of a hull of so many vertices, facets and edges a number of its own, from 0.
+  FAN_FN int code() const { return 4 * (number + 1) + kind; }
+};
+
 FAN_FN Cloud cloud_of(const PlacedHull& x) {
   return {x.hull.vertices, x.hull.n_vertices, x.R, x.at};
 }
@@ -75,6 +85,40 @@ class NearestOfClouds {
     }
     meet = meet || !(square > Tol::meeting * Tol::meeting);
     finish();
+  }
+
+  // What the nearest point of one of the hulls lies on: the facets that all corners of the simplex
+  // share say it.
+  FAN_FN HullFeature feature_of(const PlacedHull& hull, bool of_first) const {
+    const int* own = of_first ? i_ : j_;
+    HullFeature out;
+    int n_facets = 0, facets[2] = {};
+    for (int k = hull.hull.around_begins[own[0]]; k < hull.hull.around_begins[own[0] + 1]; ++k) {
+      const int f = hull.hull.around[k];
+      bool shared = true;
+      for (int a = 1; a < n_; ++a) shared = shared && (own[a] == own[0] || hull.has_corner(f, own[a]));
+      if (!shared) continue;
+      if (n_facets < 2) facets[n_facets] = f;
+      ++n_facets;
+    }
+    if (n_facets == 1) {
+      out.kind = HullFeature::FACET;
+      out.number = facets[0];
+    } else if (n_facets == 2) {
+      out.number = hull.edge_between(facets[0], facets[1]);
+      out.kind = out.number < 0 ? HullFeature::NONE : HullFeature::EDGE;
+    } else if (n_facets > 2) {
+      out.kind = HullFeature::VERTEX;
+      out.number = own[0];
+    }
+    return out;
+  }
+
+  // Of a cloud of one or two points: its first, its second, or the segment between them.
+  FAN_FN CorePart part_of_first() const {
+    bool used[2] = {};
+    for (int k = 0; k < n_; ++k) used[i_[k] == 0 ? 0 : 1] = true;
+    return used[0] ? (used[1] ? MIDDLE : FIRST_END) : SECOND_END;
   }
 
  private:

@@ -14,7 +14,9 @@ namespace fan {
 // The ends of a core's part that lies above a facet, in the hull's axes; see FaceClip. Outside the
 // hull, `nearest` are the nearest points.
 struct FacetClip {
+  static constexpr int core_end = -1, nearest_points = -2;
   PointPair ends[2];
+  int bound[2] = {core_end, core_end};  // what each end is at: a side of the facet, or these
   bool found = true;
 
   FAN_FN FacetClip(
@@ -33,8 +35,11 @@ struct FacetClip {
       difference3(core.a, a, from);
       const double height = dot3(from, inward), rate = dot3(core.u, inward);
       if (fabs(rate) > DistanceTolerances::min_length) {
-        if (rate > 0.0) low = fmax(low, -height / rate);
-        else high = fmin(high, -height / rate);
+        double& end = rate > 0.0 ? low : high;
+        if (rate > 0.0 ? -height / rate > low : -height / rate < high) {
+          end = -height / rate;
+          bound[rate > 0.0 ? 0 : 1] = k;
+        }
       } else {
         found = found && height >= 0.0;
       }
@@ -44,6 +49,7 @@ struct FacetClip {
       const bool beyond = k == 0 ? at < low : at > high;
       if (beyond && nearest) {
         ends[k] = *nearest;
+        bound[k] = nearest_points;
         continue;
       }
       along3(core.a, beyond ? at : k == 0 ? low : high, core.u, ends[k].p);
@@ -108,17 +114,56 @@ FAN_FN void touch_hull_inside(const PlacedHull& hull, const Core& core, double a
   to.add(end, q, out.normal, 0);
 }
 
+// The nearest points of a core and a hull, in the hull's axes, anew from what they lie on: exact, and
+// smooth while that does not change.
+struct CoreAndHull {
+  CorePart part;
+  HullFeature of;
+  PointPair pair;
+  double normal[3];
+
+  FAN_FN CoreAndHull(const PlacedHull& hull, const Core& core, const NearestOfClouds& nearest)
+      : part(nearest.part_of_first()), of(nearest.feature_of(hull, false)), pair(nearest.pair) {
+    copy3(nearest.normal, normal);
+    if (part != MIDDLE) copy3(part == FIRST_END ? core.a : core.b, pair.p);
+    if (of.kind == HullFeature::VERTEX) copy3(hull.local(of.number), pair.q);
+    if (of.kind == HullFeature::FACET && part != MIDDLE) {
+      const double* n = hull.local_normal(of.number);
+      along3(pair.p, hull.height(of.number) - dot3(pair.p, n), n, pair.q);
+      copy3(n, normal);
+      return;
+    }
+    if (of.kind == HullFeature::EDGE && part != MIDDLE)
+      core_of_edge(hull, of.number).project(pair.p, pair.q);
+    if (of.kind == HullFeature::VERTEX && part == MIDDLE) core.project(pair.q, pair.p);
+    if (of.kind == HullFeature::EDGE && part == MIDDLE)
+      lines_nearest(core, core_of_edge(hull, of.number), pair);
+    aim(pair, normal);
+  }
+
+  // A region of its own for every combination of parts and features. The middle of a core that lies
+  // along a facet has no point of its own there.
+  FAN_FN int region() const {
+    const bool lasts = of.kind != HullFeature::NONE && (of.kind != HullFeature::FACET || part != MIDDLE);
+    return (lasts ? lasting_regions : 0) + 3 * of.code() + part;
+  }
+};
+
 // `local` is the hull in its own axes.
 FAN_FN void touch_hull_outside(
-    const PlacedHull& local, const Core& core, double at, const PointPair& nearest,
-    const double* normal, Touches& to) {
-  if (core.length == 0.0) return to.add(nearest.p, nearest.q, normal, 0);
-  double reach, tilt[3];
+    const PlacedHull& local, const Core& core, const CoreAndHull& nearest, Touches& to) {
+  const double* normal = nearest.normal;
+  const PointPair& pair = nearest.pair;
+  const int region = nearest.region();
+  if (core.length == 0.0) return to.add(pair.p, pair.q, normal, 0, region);
+  double reach, tilt[3], from[3];
+  difference3(pair.p, core.a, from);
+  const double at = clamped(dot3(from, core.u), 0.0, core.length);
   const int facet = local.facet_towards_local(local.farthest_local(normal, reach), normal);
   cross3(local.local_normal(facet), normal, tilt);
-  const FacetClip clip(local, facet, core, at, &nearest);
+  const FacetClip clip(local, facet, core, at, &pair);
   const double on_facet = clip.found ? flatness(length3(tilt)) : 0.0;
-  const EdgesThrough edges(local, nearest.q, normal);
+  const EdgesThrough edges(local, pair.q, normal);
   PointPair ends[2];
   double on_edge = 0.0;
   for (int i = 0; i < edges.n; ++i) {
@@ -127,15 +172,19 @@ FAN_FN void touch_hull_outside(
     on_edge = overlap.flat;
     for (int k = 0; k < 2; ++k) ends[k] = overlap.ends[k];
   }
-  if (on_facet == 0.0 && on_edge == 0.0) return to.add(nearest.p, nearest.q, normal, 0);
+  if (on_facet == 0.0 && on_edge == 0.0) return to.add(pair.p, pair.q, normal, 0, region);
+  const int shape = 3 * stretch_of(on_facet) + stretch_of(on_edge);
   for (int k = 0; k < 2; ++k) {
-    PointPair pair = nearest;
-    if (on_edge > 0.0) pair = between_pairs(pair, ends[k], on_edge);
-    if (on_facet > 0.0) pair = between_pairs(pair, clip.ends[k], on_facet);
+    PointPair end = pair;
+    if (on_edge > 0.0) end = between_pairs(end, ends[k], on_edge);
+    if (on_facet > 0.0) end = between_pairs(end, clip.ends[k], on_facet);
     double n[3];
     copy3(normal, n);
-    aim(pair, n);
-    to.add(pair.p, pair.q, n, k);
+    aim(end, n);
+    // Where it lies flat, the end is the same wherever the nearest points are.
+    const bool flat = on_facet >= 1.0 && clip.bound[k] != FacetClip::nearest_points;
+    const int bound = flat ? max_hull_vertices * facet + clip.bound[k] + 1 : -1;
+    to.add(end.p, end.q, n, k, flat ? -2 - bound : 9 * (region % lasting_regions) + shape);
   }
 }
 
@@ -160,13 +209,13 @@ FAN_FN void touch_hull_by_segment(const PlacedSolid& x, const PlacedSolid& hull,
   const double swollen = to.x_radius + to.y_radius;
   const NearestOfClouds nearest(points, cloud_of(local), to.margin + swollen);
   if (nearest.far || nearest.distance - swollen >= to.margin) return;
-  double from[3];
-  difference3(nearest.pair.p, core.a, from);
-  const double at = clamped(dot3(from, core.u), 0.0, core.length);
-  if (nearest.meet)
-    touch_hull_inside(local, core, at, to);
-  else
-    touch_hull_outside(local, core, at, nearest.pair, nearest.normal, to);
+  if (nearest.meet) {
+    double from[3];
+    difference3(nearest.pair.p, core.a, from);
+    touch_hull_inside(local, core, clamped(dot3(from, core.u), 0.0, core.length), to);
+  } else {
+    touch_hull_outside(local, core, CoreAndHull(local, core, nearest), to);
+  }
   place_touches(hull, 0, to);
 }
 
@@ -174,6 +223,7 @@ FAN_FN void touch_hull_by_segment(const PlacedSolid& x, const PlacedSolid& hull,
 class EllipsoidHullGap {
  public:
   double normal[3], gap = -DistanceTolerances::far;
+  HullFeature of;  // what the hull's point is on
 
   // Ends early where the gap is certainly `enough`.
   FAN_FN EllipsoidHullGap(
@@ -185,16 +235,17 @@ class EllipsoidHullGap {
       const double* n = local.local_normal(f);
       const double height = dot3(n, centre) - local.height(f);
       double p[3];
-      if (height - least_ > gap) take(n, height - reach.farthest(n, p));
+      if (height - least_ > gap) take(n, height - reach.farthest(n, p), {HullFeature::FACET, f});
     }
     find_nearest_vertex();
     for (int e = 0; e < local.hull.n_edges && gap < enough; ++e) try_edge(e);
   }
 
  private:
-  FAN_FN void take(const double* n, double found) {
+  FAN_FN void take(const double* n, double found, HullFeature feature) {
     if (!(found > gap)) return;
     gap = found;
+    of = feature;
     copy3(n, normal);
   }
 
@@ -241,8 +292,10 @@ class EllipsoidHullGap {
     const GapClimb found(first, nullptr, half, turned, DistanceTolerances::far);
     out_of_axes(axes, found.n, n);
     double height;
-    hull_.farthest_local(n, height);
-    take(n, dot3(n, centre_) - height - reach_.farthest(n, p));
+    const int farthest = hull_.farthest_local(n, height);
+    const HullFeature feature = found.n[0] == 0.0 ? HullFeature{HullFeature::EDGE, e}
+                                                  : HullFeature{HullFeature::VERTEX, farthest};
+    take(n, dot3(n, centre_) - height - reach_.farthest(n, p), feature);
   }
 
   const PlacedHull& hull_;
@@ -264,7 +317,7 @@ FAN_FN void touch_hull_by_ellipsoid(const PlacedSolid& x, const PlacedSolid& hul
   reach.farthest(found.normal, p);
   difference3(centre, p, p);
   along3(p, -found.gap, found.normal, q);
-  to.add(p, q, found.normal, 0);
+  to.add(p, q, found.normal, 0, found.of.code());
   place_touches(hull, 0, to);
 }
 

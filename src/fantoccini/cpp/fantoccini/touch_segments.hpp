@@ -39,6 +39,9 @@ FAN_FN bool aim(const PointPair& pair, double* normal) {
   return true;
 }
 
+// Parts of a core.
+enum CorePart { FIRST_END, SECOND_END, MIDDLE };
+
 // A segment with its direction u, a unit vector; a point has none.
 struct Core {
   double a[3], b[3], u[3], length;
@@ -55,54 +58,91 @@ struct Core {
     }
   }
 
-  // The point of the core nearest to x.
-  FAN_FN void nearest(const double* x, double* out) const {
+  // The point of the core's line nearest to x.
+  FAN_FN void project(const double* x, double* out) const {
     double r[3];
     difference3(x, a, r);
-    along3(a, clamped(dot3(r, u), 0.0, length), u, out);
+    along3(a, dot3(r, u), u, out);
+  }
+
+  // The point of the core nearest to x; what part of the core it is.
+  FAN_FN CorePart nearest(const double* x, double* out) const {
+    double r[3];
+    difference3(x, a, r);
+    const double at = dot3(r, u);
+    along3(a, clamped(at, 0.0, length), u, out);
+    return !(at > 0.0) ? FIRST_END : at < length ? MIDDLE : SECOND_END;
   }
 };
 
-// The nearest points of two cores: at an end, or where the lines' nearest points lie inside both.
-FAN_FN PointPair nearest_points(const Core& x, const Core& y) {
+// Whether a part of a core that has its point p in the direction n from it is the nearest, up to a
+// share `most` of the core's length and of a unit vector.
+FAN_FN bool is_nearest_part(
+    const Core& core, CorePart part, const double* p, const double* n, double most) {
+  if (!(core.length > 0.0)) return true;
+  if (part != MIDDLE) return (part == FIRST_END ? 1.0 : -1.0) * dot3(core.u, n) >= -most;
+  double from[3];
+  difference3(p, core.a, from);
+  const double at = dot3(from, core.u);
+  return at >= -most * core.length && at <= (1.0 + most) * core.length;
+}
+
+// The nearest points of the lines of two cores, which are left as they are where these are parallel;
+// `inside`: and where they do not lie inside both. Whether they are found.
+FAN_FN bool lines_nearest(const Core& x, const Core& y, PointPair& out, bool inside = false) {
+  double w[3], across[3];
+  difference3(x.a, y.a, w);
+  cross3(x.u, y.u, across);
+  const double uv = dot3(x.u, y.u), wu = dot3(w, x.u), wv = dot3(w, y.u), square = dot3(across, across);
+  if (!(square > DistanceTolerances::min_determinant)) return false;
+  const double s = (uv * wv - wu) / square, t = (wv - uv * wu) / square;
+  if (inside && !(s > 0.0 && s < x.length && t > 0.0 && t < y.length)) return false;
+  along3(x.a, s, x.u, out.p);
+  along3(y.a, t, y.u, out.q);
+  return true;
+}
+
+// The nearest points of two cores: at an end, or where the lines' nearest points lie inside both. The
+// parts they are of.
+FAN_FN PointPair nearest_points(const Core& x, const Core& y, CorePart* x_part, CorePart* y_part) {
   PointPair best{}, tried;
   double least = DistanceTolerances::far;
-  const auto take = [&] {
+  const auto take = [&](CorePart of_x, CorePart of_y) {
     double apart[3];
     difference3(tried.p, tried.q, apart);
     const double square = dot3(apart, apart);
     if (!(square < least)) return;
     least = square;
     best = tried;
+    *x_part = of_x;
+    *y_part = of_y;
   };
-  for (const double* end : {x.a, x.b}) {
-    copy3(end, tried.p);
-    y.nearest(end, tried.q);
-    take();
+  for (const CorePart end : {FIRST_END, SECOND_END}) {
+    copy3(end == FIRST_END ? x.a : x.b, tried.p);
+    const CorePart of_y = y.nearest(tried.p, tried.q);
+    take(end, of_y);
     if (x.length == 0.0) return best;
   }
-  for (const double* end : {y.a, y.b}) {
-    copy3(end, tried.q);
-    x.nearest(end, tried.p);
-    take();
+  for (const CorePart end : {FIRST_END, SECOND_END}) {
+    copy3(end == FIRST_END ? y.a : y.b, tried.q);
+    const CorePart of_x = x.nearest(tried.q, tried.p);
+    take(of_x, end);
     if (y.length == 0.0) return best;
   }
-  double w[3];
-  difference3(x.a, y.a, w);
-  const double uv = dot3(x.u, y.u), wu = dot3(w, x.u), wv = dot3(w, y.u), square = 1.0 - uv * uv;
-  if (!(square > DistanceTolerances::min_determinant)) return best;
-  const double s = (uv * wv - wu) / square, t = (wv - uv * wu) / square;
-  if (!(s > 0.0 && s < x.length && t > 0.0 && t < y.length)) return best;
-  along3(x.a, s, x.u, tried.p);
-  along3(y.a, t, y.u, tried.q);
-  take();
+  if (lines_nearest(x, y, tried, true)) take(MIDDLE, MIDDLE);
   return best;
+}
+
+FAN_FN PointPair nearest_points(const Core& x, const Core& y) {
+  CorePart of_x, of_y;
+  return nearest_points(x, y, &of_x, &of_y);
 }
 
 // The pairs of points at both ends of the overlap of two cores, seen along their mean direction,
 // and how flat they lie: 0 where they cross or do not overlap.
 struct Overlap {
   PointPair ends[2];
+  bool of_x[2] = {};  // whether an end is the first's rather than the second's
   double flat = 0.0;
 
   FAN_FN Overlap(const Core& x, const Core& y) : ends{} {
@@ -121,6 +161,8 @@ struct Overlap {
     const double full = TouchTolerances::min_overlap * shorter;
     if (!(high > low)) return;
     flat = flatness(sine) * clamped((high - low) / full, 0.0, 1.0);
+    of_x[0] = low == dot3(x.a, m);
+    of_x[1] = high == dot3(x.b, m);
     for (int k = 0; k < 2; ++k) {
       at(x, m, k == 0 ? low : high, ends[k].p);
       at(y, m, k == 0 ? low : high, ends[k].q);
@@ -156,17 +198,20 @@ FAN_FN void meeting_normal(const Core& x, const Core& y, double* normal) {
 // Spheres and capsules: feature 0, and 1 where two points are needed.
 FAN_FN void touch_segments(const PlacedSolid& x, const PlacedSolid& y, Touches& to) {
   const Core first(x.a, x.b), second(y.a, y.b);
-  const PointPair nearest = nearest_points(first, second);
+  CorePart of_x, of_y;
+  const PointPair nearest = nearest_points(first, second, &of_x, &of_y);
   double normal[3];
-  if (!aim(nearest, normal)) meeting_normal(first, second, normal);
+  const bool apart = aim(nearest, normal);
+  if (!apart) meeting_normal(first, second, normal);
+  const int parts = 3 * of_x + of_y, region = apart ? lasting_regions + parts : 0;
   if (first.length == 0.0 || second.length == 0.0)
-    return to.add(nearest.p, nearest.q, normal, 0);
+    return to.add(nearest.p, nearest.q, normal, 0, region);
   const Overlap overlap(first, second);
-  if (overlap.flat == 0.0) return to.add(nearest.p, nearest.q, normal, 0);
+  if (overlap.flat == 0.0) return to.add(nearest.p, nearest.q, normal, 0, region);
   for (int k = 0; k < 2; ++k) {
     const PointPair pair = between_pairs(nearest, overlap.ends[k], overlap.flat);
     aim(pair, normal);
-    to.add(pair.p, pair.q, normal, k);
+    to.add(pair.p, pair.q, normal, k, 2 * (overlap.flat < 1.0 ? 1 + parts : 0) + overlap.of_x[k]);
   }
 }
 

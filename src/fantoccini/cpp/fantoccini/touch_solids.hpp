@@ -23,7 +23,15 @@ struct Touch {
   int region;        // where the surfaces it lies on bend in another way, this is another number
 };
 
+// Regions of a point of two edges: its normal is their product; they are nearly parallel, and it has
+// a face's; their product is none of the normals there, so that other features touch in their place.
+enum CrossingRegion { CROSSING = 0, ALONG = 1, BEYOND = -1 };
+
 constexpr int max_touches = 8;  // of a pair
+
+// From here on a region says what the point lies on, and with its feature which point it is: by that
+// alone it goes on beyond the region (touch_follow.hpp).
+constexpr int lasting_regions = 1 << 24;
 
 // A solid placed in the world; see SolidKind. An ellipsoid has the centre (a + b) / 2, the columns
 // of R as axes and the radii `half`; the radius is that of the capsule around it.
