@@ -63,13 +63,16 @@ struct ContactColumns {
 
   // w <- w - W x over the columns of point i, which these move.
   FAN_FN void take(int i, const Real* x, const MovedBy<N>& moved, Real* w) const {
+    take(W[i], x, moved, w);
+  }
+
+  FAN_FN static void take(const Triple<Real>* own, const Real* x, const MovedBy<N>& moved, Real* w) {
     for (int j = 0; j < moved.n; ++j) {
       const int k = moved.entry[j];
-      w[k] -= W[i][k][0] * x[0] + W[i][k][1] * x[1] + W[i][k][2] * x[2];
+      w[k] -= own[k][0] * x[0] + own[k][1] * x[1] + own[k][2] * x[2];
     }
   }
 
- private:
   // w = F^-T x of three columns, x being 0 but where it is moved.
   FAN_FN static void push(
       const Real* L, const Triple<Real>* x, const MovedBy<N>& moved, Triple<Real>* w) {
@@ -91,14 +94,22 @@ struct ContactColumns {
     }
   }
 
-  // The products of the columns of points i and j <= i.
-  FAN_FN void multiply(int i, int j, const MovedBy<N>* moved) {
-    if (moved[i].is_apart(moved[j])) {
-      for (int d = 0; d < 3; ++d) G_[i][j][d].clear();
+  // The products of three columns and three others, and what moves them.
+  FAN_FN static void multiply(
+      const MovedBy<N>& moved, const Triple<Real>* own, const MovedBy<N>& by,
+      const Triple<Real>* other, Triple<Real>* out) {
+    if (moved.is_apart(by)) {
+      for (int d = 0; d < 3; ++d) out[d].clear();
       return;
     }
-    const bool shorter = moved[i].n <= moved[j].n;  // W is 0 beyond
-    moved[shorter ? i : j].products(W[i], W[j], G_[i][j]);
+    const bool shorter = moved.n <= by.n;  // W is 0 beyond
+    (shorter ? moved : by).products(own, other, out);
+  }
+
+ private:
+  // The products of the columns of points i and j <= i.
+  FAN_FN void multiply(int i, int j, const MovedBy<N>* moved) {
+    multiply(moved[i], W[i], moved[j], W[j], G_[i][j]);
   }
 
   static constexpr int all_links = -1;

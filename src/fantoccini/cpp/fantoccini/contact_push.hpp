@@ -30,6 +30,7 @@ struct ContactStepTolerances {
 // A point that pushes at the end of a step.
 struct ContactPush {
   int pair, feature, steps;  // for how many steps, counted beyond steps_of_impact by one
+  int wait;                  // steps for which patches are not tried (contact_patches.hpp)
   bool rested;               // at the start of the step: the forces of one step closed it
   double gap, at[3], normal[3], impulse[3], velocity[3];
 };

@@ -11,7 +11,7 @@
 // neighbours.
 #pragma once
 
-#include "contact_lanes.hpp"
+#include "contact_patches.hpp"
 #include "contact_share.hpp"
 
 FAN_LOOPS_BEGIN
@@ -19,13 +19,19 @@ FAN_LOOPS_BEGIN
 namespace fan {
 
 template <class Model, class Real>
-class ContactStep : public ContactLanes<Model, Real> {
+using ContactSolver = std::conditional_t<
+    (Traits<Real>::width > 1), ContactLanes<Model, Real>, ContactPatches<Model, Real>>;
+
+template <class Model, class Real>
+class ContactStep : public ContactSolver<Model, Real> {
+  using Solver = ContactSolver<Model, Real>;
   using Problem = ContactProblem<Model, Real>;
 
  public:
   using Problem::C, Problem::N, Problem::M, Problem::width, Problem::residual;
   using typename Problem::Mask, typename Problem::Tolerance;
   using Push = ContactPush;
+  using Rates = typename Problem::Points::Rates;
 
   int n[width] = {};      // points that push
   Push push[width][room(C)];
@@ -88,11 +94,13 @@ class ContactStep : public ContactLanes<Model, Real> {
       scale_[l] = 1.0;
       solved_with_[l] = 0;
     }
+    if constexpr (width == 1) this->let_go();
     if (points_.most == 0) return;
     Real v[room(N)];
     unhindered(eval, v_D, dt, v);
+    const Rates free(points_, v), now_at(points_, v_D);
     for (int i = 0; i < points_.most; ++i) {
-      const Triple<Real> now = rates(i, v);
+      const Triple<Real> now = free(i);
       for (int d = 0; d < 3; ++d) {
         x_[3 * i + d] = Real(0.0);
         b_[3 * i + d] = before_[3 * i + d] = now[d];
@@ -100,7 +108,7 @@ class ContactStep : public ContactLanes<Model, Real> {
     }
     for (int l = 0; l < width; ++l) recall(l);
     for (int i = 0; i < points_.most; ++i) {
-      const Triple<Real> start = rates(i, v_D);
+      const Triple<Real> start = now_at(i);
       for (int d = 0; d < 3; ++d) hdot_[3 * i + d] = start[d];
       for (int l = 0; l < width; ++l)
         if (i < points_.n[l]) aim(l, i, dt, whole, recovery_speed);
@@ -123,15 +131,16 @@ class ContactStep : public ContactLanes<Model, Real> {
     if (!points_.find_more(*in_, v, v_K, dt, lanes)) return false;
     for (int i = 3 * most; i < 3 * points_.most; ++i) x_[i] = Real(0.0);
     unhindered(eval, v_D, dt, v);
+    const Rates free(points_, v), now_at(points_, v_D);
     for (int l = 0; l < width; ++l)
       for (int i = known[l]; i < points_.n[l]; ++i) {
         columns_.renew(i);
-        const Triple<Real> now = rates(i, v);
+        const Triple<Real> now = free(i);
         for (int d = 0; d < 3; ++d)
           lane_of(b_[3 * i + d], l) = lane_of(before_[3 * i + d], l) = lane_of(now[d], l);
-        const Triple<Real> start = rates(i, v_D);
+        const Triple<Real> start = now_at(i);
         for (int d = 0; d < 3; ++d) lane_of(hdot_[3 * i + d], l) = lane_of(start[d], l);
-        steps_[l][i] = 0;
+        steps_[l][i] = wait_[l][i] = 0;
         near_[l][i] = true;
         is_carried_[l][i] = false;
         aim(l, i, dt, whole, recovery_speed);
@@ -149,8 +158,9 @@ class ContactStep : public ContactLanes<Model, Real> {
   // Adds the points that would be passed at the velocity v; whether there are any.
   FAN_FN bool watch(const Real* v) {
     bool more = false;
+    const Rates rates(points_, v);
     for (int i = 0; i < points_.most; ++i) {
-      const Real now = rates(i, v)[0];
+      const Real now = rates(i)[0];
       for (int l = 0; l < width; ++l) {
         if (i >= points_.n[l] || near_[l][i]) continue;
         const double closing =
@@ -170,7 +180,6 @@ class ContactStep : public ContactLanes<Model, Real> {
   FAN_FN void settle(
       const Evaluation<Model, Real>& eval, RowSystem<Model, Real>& rows, const Mask* near,
       const Real* guess, const Real* before, double cap, Mask& settled) {
-    this->make_columns(eval, rows, near, guess);
     Real found[room(M)], s[room(M)], of_lane = Real(0.0), well = Real(0.0);
     int taking_part[width];
     Real to_solve = Real(0.0), n_near = Real(0.0);
@@ -180,6 +189,11 @@ class ContactStep : public ContactLanes<Model, Real> {
       if (chosen_[l] != 0 && taking_part[l] != solved_with_[l] && !bounces_[l])
         lane_of(to_solve, l) = 1.0;
     }
+    bool held = false;  // all of it by patches
+    if constexpr (width == 1)
+      if (chosen_[0] != 0 && taking_part[0] != solved_with_[0])
+        held = this->hold(eval, rows, near, guess, cap, found, s);
+    if (!held) this->make_columns(eval, rows, near, guess);
     const Mask tried = to_solve > Real(width > 1 ? 0.5 : 2.0);
     Mask together = tried;
     if constexpr (width > 1)
@@ -190,8 +204,9 @@ class ContactStep : public ContactLanes<Model, Real> {
       if (taking_part[l] != solved_with_[l]) {
         solved_with_[l] = taking_part[l];
         cone_.is_hard = lane_of(tried, l);
-        well_[l] = (width > 1 && lane_of(together, l)) ||
+        well_[l] = held || (width > 1 && lane_of(together, l)) ||
                    this->bounce(l, rows, near, guess, before, cap, found, s);
+        if (held) lane_of(residual, l) = held_residual_;
         for (int a = 0; a < rows.n; ++a) {
           lane_of(row_x_[rows.row[a]], l) = lane_of(found[a], l);
           lane_of(row_s_[rows.row[a]], l) = lane_of(s[a], l);
@@ -215,16 +230,18 @@ class ContactStep : public ContactLanes<Model, Real> {
   FAN_FN void add(Real* w) const {
     for (int i = 0; i < points_.most; ++i)
       if (pushes(i)) columns_.take(i, x_ + 3 * i, points_.moved[i], w);
+    if constexpr (width == 1) this->add_held(w);
   }
 
   // What the impulses take from hdot of gathered row a.
-  FAN_FN Real rate_by_impulses(int a) const {
+  FAN_FN Real rate_by_impulses(const RowSystem<Model, Real>& rows, int a) const {
     Real sum = Real(0.0);
     for (int i = 0; i < points_.most; ++i) {
       if (!pushes(i)) continue;
       const Triple<Real>& by = columns_.across[i][a];
       sum += by[0] * x_[3 * i] + by[1] * x_[3 * i + 1] + by[2] * x_[3 * i + 2];
     }
+    if constexpr (width == 1) sum += this->rate_by_held(rows, a);
     return sum;
   }
 
@@ -267,6 +284,7 @@ class ContactStep : public ContactLanes<Model, Real> {
       for (int i = 0; i < n[0]; ++i) out[i] = push[0][i];
       return n[0];
     }
+    this->let_go();
     this->take_all(eval, rows);
     for (int g = 0; g < groups_.n; ++g) {
       this->choose(g);
@@ -293,7 +311,7 @@ class ContactStep : public ContactLanes<Model, Real> {
  private:
   using Problem::cone_, Problem::groups_, Problem::n_single_, Problem::single_, Problem::triple_, Problem::n_triple_;
   using Problem::points_, Problem::columns_, Problem::in_, Problem::near_, Problem::chosen_;
-  using Problem::pulls_;
+  using Problem::pulls_, Problem::held_, Problem::held_residual_, Problem::is_carried_, Problem::wait_;
   using Problem::x_, Problem::s_, Problem::b_, Problem::before_, Problem::rebound_;
   using Problem::parting_, Problem::bounces_, Problem::scale_;
 
@@ -306,17 +324,10 @@ class ContactStep : public ContactLanes<Model, Real> {
     for (int k = 0; k < N; ++k) v[k] += v_D[k];
   }
 
-  // hdot of the rows of point i at the velocity v.
-  FAN_FN Triple<Real> rates(int i, const Real* v) const {
-    Triple<Real> out = points_.moved[i].along(points_.row[i], v);
-    out.add(Real(1.0), points_.rate_K[i]);
-    return out;
-  }
-
-  // Whether point i has an impulse in some lane.
+  // Whether point i has an impulse of its own in some lane.
   FAN_FN bool pushes(int i) const {
     const Real* x = x_ + 3 * i;
-    return any(x[0] != Real(0.0) || x[1] != Real(0.0) || x[2] != Real(0.0));
+    return !held_[i] && any(x[0] != Real(0.0) || x[1] != Real(0.0) || x[2] != Real(0.0));
   }
 
   // What the normal impulse of a point must take away: the speed at which it closes without
@@ -348,6 +359,7 @@ class ContactStep : public ContactLanes<Model, Real> {
       while (j < n[l] && earlier(push[l][j], p)) ++j;
       const bool pushed = j < n[l] && push[l][j].pair == p.pair && push[l][j].feature == p.feature;
       steps_[l][i] = pushed ? push[l][j].steps : 0;
+      wait_[l][i] = pushed && push[l][j].wait > 0 ? push[l][j].wait - 1 : 0;
       near_[l][i] = pushed;
       is_carried_[l][i] = false;
       for (int k = 0; k < n[l]; ++k)
@@ -370,6 +382,7 @@ class ContactStep : public ContactLanes<Model, Real> {
     out.pair = from.pair;
     out.feature = from.feature;
     out.steps = closes(l, i) ? 1 : steps_[l][i] + (steps_[l][i] <= Tolerance::steps_of_impact);
+    out.wait = wait_[l][i];
     out.rested = rested(l, i);
     out.gap = from.gap;
     for (int c = 0; c < 3; ++c) {
@@ -425,7 +438,6 @@ class ContactStep : public ContactLanes<Model, Real> {
   }
 
   int steps_[width][room(C)];      // for which a point has pushed
-  bool is_carried_[width][room(C)];  // whether a point of the same pair pushed in the step before
   Real hdot_[room(3 * C)];         // of their rows, at its start
   int looks_ = 0;                  // how often was looked again
   // Of each lane's last solve in the step: how many rows and points took part, whether it went well;

@@ -13,6 +13,7 @@ struct DenseLdl {
   static constexpr int N = padded(room(capacity));
 
   int n = 0, stride = 0;
+  int n_left_out = 0;  // rows
   double A[N * N];  // row i, column j >= i at i * stride + j; also j >= the multiple of four below i
 
   // The sizes; rows and columns beyond n are those of the unit matrix. Write the rest afterwards, with
@@ -26,15 +27,25 @@ struct DenseLdl {
     }
   }
 
-  // Replaces A by D U; false where a pivot is not positive or not finite.
-  FAN_FN bool factorise() {
+  // Replaces A by D U; false where a pivot is not positive or not finite. With `least`, rows whose
+  // pivot falls to that share of their diagonal entry depend on those before: they are left out, and
+  // substitute() puts 0 there.
+  FAN_FN bool factorise(double least = 0.0) {
+    n_left_out = 0;
+    for (int i = 0; i < n && least > 0.0; ++i) inverse_[i] = least * A[i * (stride + 1)];
     const int stride = this->stride;  // in registers: stores may alias the members
     for (int k = 0; k < stride; k += 4) {
       double* row[4];
       FAN_UNROLL for (int r = 0; r < 4; ++r) row[r] = A + (k + r) * stride;
       for (int r = 0; r < 4; ++r) {
         const double pivot = row[r][k + r];
-        if (!(pivot > 0.0 && pivot < unbounded)) return false;
+        const double too_small = least > 0.0 && k + r < n ? inverse_[k + r] : 0.0;
+        if (!(pivot > too_small && pivot < unbounded)) {
+          if (least == 0.0) return false;
+          inverse_[k + r] = 0.0;
+          ++n_left_out;
+          continue;
+        }
         inverse_[k + r] = 1.0 / pivot;
         for (int i = r + 1; i < 4; ++i) {
           const double share = row[r][k + i] * inverse_[k + r];

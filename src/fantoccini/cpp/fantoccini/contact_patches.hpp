@@ -1,0 +1,357 @@
+// Contacts that stick, solved as patches (contact_patch.hpp) before the law is solved point by point:
+// where every point of a group stuck in the step before and its strings go on pulling, the velocities
+// after the step follow from as many equations as there are rows that are held,
+//
+//   G x = b
+//
+// over the strings that pull and each patch's F and T. They are the law's where strings pull, the
+// other ones do not close, and each patch's F and T lie within its points' cones. Otherwise the group
+// is left to the cones' solver. Of one trajectory; bundles of lanes have none.
+#pragma once
+
+#include "contact_lanes.hpp"
+#include "contact_patch.hpp"
+
+FAN_LOOPS_BEGIN
+
+namespace fan {
+
+struct ContactPatchesTolerances {
+  // Rows whose pivots fall to this share of their diagonal entry are redundant.
+  static constexpr double least_pivot = 1e-11;
+  static constexpr int rounds = 3;  // of refinement, with the solution itself
+  // Largest |s|, relative to the largest |b|: of a solution that needs no refinement; of one that
+  // is accepted.
+  static constexpr double rough = 1e-13;
+  static constexpr double residual = 1e-11;
+  // Steps without an attempt after one that failed.
+  static constexpr int wait = 8;
+};
+
+template <class Model, class Real>
+class ContactPatches : public ContactLanes<Model, Real> {
+  using Base = ContactLanes<Model, Real>;
+
+ public:
+  using Base::C, Base::N, Base::M, Base::width;
+  using typename Base::Mask;
+  using Tolerance = ContactPatchesTolerances;
+
+ protected:
+  using Base::points_, Base::columns_, Base::cone_, Base::groups_, Base::in_;
+  using Base::near_, Base::pulls_, Base::bounces_, Base::held_, Base::row_held_, Base::held_residual_, Base::is_carried_, Base::wait_;
+  using Base::x_, Base::s_, Base::b_;
+
+  // There are none yet.
+  FAN_FN void let_go() {
+    any_held_ = false;
+    held_residual_ = 0.0;
+    for (int i = 0; i < points_.most; ++i) held_[i] = false;
+    for (int r = 0; r < M; ++r) row_held_[r] = false;
+  }
+
+  // Solves the groups that stick. Whether nothing else takes part.
+  FAN_FN bool hold(
+      const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows, const Mask* near,
+      const Real* guess, double cap, Real* found, Real* s) {
+    let_go();
+    if (bounces_[0]) return false;
+    for (int a = 0; a < rows.n; ++a) {
+      found[a] = Real(0.0);
+      s[a] = -rows.problem.b[a];
+    }
+    sort_all(rows, near);
+    bool all = true;
+    for (int g = 0; g < groups_.n; ++g)
+      all = sticks_[g] && hold_group(g, eval, rows, guess, cap, found, s) && all;
+    return all;
+  }
+
+  // w <- w - W x over the patches.
+  FAN_FN void add_held(Real* w) const {
+    for (int k = 0; k < N && any_held_; ++k) w[k] += taken_[k];
+  }
+
+  // What the patches take from hdot of gathered row a.
+  FAN_FN Real rate_by_held(const RowSystem<Model, Real>& rows, int a) const {
+    if (!any_held_) return Real(0.0);
+    Real rate[room(M)];
+    rows.along(taken_, rate);
+    return -rate[a];
+  }
+
+  bool any_held_ = false;
+  Real taken_[room(N)];   // - W x
+
+ private:
+  // The group of each point and row that takes part; which of the groups are to be tried.
+  FAN_FN void sort_all(const RowSystem<Model, Real>& rows, const Mask* near) {
+    groups_.begin();
+    for (int i = 0; i < points_.n[0]; ++i) {
+      if (!near_[0][i]) continue;
+      const int* pair = in_->pairs + 2 * points_.point[0][i].pair;
+      tree_[i] = groups_.joined(in_->solids[pair[0]].link, in_->solids[pair[1]].link);
+    }
+    for (int a = 0; a < rows.n; ++a)
+      if (near[rows.row[a]]) row_tree_[a] = groups_.of_row(rows.row[a]);
+      else row_tree_[a] = -1;
+    groups_.count();
+    bool has_points[room(N)];
+    for (int g = 0; g < groups_.n; ++g) {
+      sticks_[g] = true;
+      has_points[g] = false;
+    }
+    for (int i = 0; i < points_.n[0]; ++i) {
+      if (!near_[0][i]) continue;
+      const int g = groups_.at(tree_[i]);
+      has_points[g] = true;
+      sticks_[g] = sticks_[g] && stuck(i);
+    }
+    for (int g = 0; g < groups_.n; ++g) sticks_[g] = sticks_[g] && has_points[g];
+  }
+
+  // Whether point i may stick as it did.
+  FAN_FN bool stuck(int i) const {
+    const double *x = x_ + 3 * i, most = in_->friction[points_.point[0][i].pair] * x[0];
+    return is_carried_[0][i] && wait_[0][i] == 0 &&
+           (x[0] == 0.0 || x[1] * x[1] + x[2] * x[2] < most * most);
+  }
+
+  FAN_FN bool hold_group(
+      int group, const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
+      const Real* guess, double cap, Real* found, Real* s) {
+    const bool holds = list_points(group) && list_rows(group, rows, guess) && solve_held(eval, rows, guess) &&
+                       share_out(rows, cap);
+    for (int p = 0; p < n_; ++p)
+      for (int k = 0; k < patch_[p].n; ++k) {
+        const int i = patch_[p].point[k];
+        held_[i] = holds;
+        if (!holds) wait_[0][i] = Tolerance::wait;
+      }
+    if (holds) take(rows, found, s);
+    return holds;
+  }
+
+  // The patches of a group; false where some points make none.
+  FAN_FN bool list_points(int group) {
+    n_ = 0;
+    for (int i = 0; i < points_.n[0]; ++i) {
+      if (!near_[0][i] || groups_.at(tree_[i]) != group) continue;
+      const int pair = points_.point[0][i].pair;
+      int p = n_ - 1;
+      while (p >= 0 && patch_[p].pair != pair) --p;
+      if (p < 0) {
+        p = n_++;
+        patch_[p].pair = pair;
+        patch_[p].n = 0;
+      }
+      if (patch_[p].n == max_touches) return false;
+      patch_[p].point[patch_[p].n++] = i;
+    }
+    bool all = true;
+    for (int p = 0; p < n_ && all; ++p) all = patch_[p].make(points_.point[0], b_);
+    return all;
+  }
+
+  // The rows of a group that pulled in the step before, and the others; false where one pulled as
+  // much as it may.
+  FAN_FN bool list_rows(int group, const RowSystem<Model, Real>& rows, const Real* guess) {
+    n_single_ = n_rest_ = 0;
+    const auto& from = rows.problem;
+    for (int a = 0; a < rows.n; ++a) {
+      if (row_tree_[a] < 0 || groups_.at(row_tree_[a]) != group) continue;
+      const double x = guess[rows.row[a]];
+      if (x >= from.upper[a] * (1.0 - ContactStepTolerances::at_bound)) return false;
+      if (rows.two_sided[a] || x > 0.0) single_[n_single_++] = a;
+      else rest_[n_rest_++] = a;
+    }
+    return true;
+  }
+
+  // x of the rows and patches; false where that does not hold them all.
+  FAN_FN bool solve_held(
+      const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
+      const Real* guess) {
+    int size = n_single_;
+    for (int p = 0; p < n_; ++p) {
+      first_[p] = size;
+      size += patch_[p].rank;
+      push_patch(p, eval);
+    }
+    cone_.resize(size, 0);
+    write_held(rows);
+    double scale = 0.0, misfit = 0.0;
+    for (int i = 0; i < size; ++i) scale = fabs(cone_.b[i]) > scale ? fabs(cone_.b[i]) : scale;
+    for (int p = 0; p < n_; ++p) misfit = patch_[p].misfit > misfit ? patch_[p].misfit : misfit;
+    if (!(misfit <= Tolerance::residual * scale)) return false;
+    if (!factorise()) return false;
+    start(rows, guess);
+    double worst = 0.0;
+    for (int k = 0; k < Tolerance::rounds && (k == 0 || worst > Tolerance::rough * scale); ++k) {
+      for (int i = 0; i < size; ++i) left_[i] = -cone_.s[i];
+      ldl_.substitute(left_);
+      for (int i = 0; i < size; ++i) cone_.x[i] += left_[i];
+      worst = find_s();
+    }
+    worst = worst > misfit ? worst : misfit;
+    if (!(worst <= Tolerance::residual * scale)) return false;
+    if (scale > 0.0 && worst / scale > held_residual_) held_residual_ = worst / scale;
+    for (int i = 0; i < n_single_; ++i) {
+      const int a = single_[i];
+      if (!(cone_.x[i] >= rows.problem.lower[a] && cone_.x[i] <= rows.problem.upper[a])) return false;
+    }
+    return true;
+  }
+
+  // x to begin with: where rows are redundant, as before; else zero.
+  FAN_FN void start(const RowSystem<Model, Real>& rows, const Real* guess) {
+    if (ldl_.n_left_out == 0) {
+      for (int i = 0; i < cone_.n; ++i) {
+        cone_.x[i] = 0.0;
+        cone_.s[i] = -cone_.b[i];
+      }
+      return;
+    }
+    for (int i = 0; i < n_single_; ++i) cone_.x[i] = guess[rows.row[single_[i]]];
+    for (int p = 0; p < n_; ++p) patch_[p].add_up(x_, cone_.x + first_[p]);
+    cone_.find_s();
+  }
+
+  FAN_FN double find_s() {
+    cone_.find_s();
+    double worst = 0.0;
+    for (int i = 0; i < cone_.n; ++i) worst = fabs(cone_.s[i]) > worst ? fabs(cone_.s[i]) : worst;
+    return worst;
+  }
+
+  // W of a patch: three columns of F and three of T.
+  FAN_FN void push_patch(int p, const Evaluation<Model, Real>& eval) {
+    const ContactPatch& own = patch_[p];
+    Triple<Real> row[room(N)];
+    const auto& moved = points_.moved[own.point[0]];
+    points_.write_rows(*in_, own.pair, own.middle, own.frame, moved, row);
+    columns_.push(eval.L, row, moved, W_[p][0]);
+    if (own.rank == 3) return;
+    points_.write_turns(*in_, own.pair, own.frame, own.size, moved, row);
+    columns_.push(eval.L, row, moved, W_[p][1]);
+  }
+
+  // G and b: the part below the diagonal, then the other.
+  FAN_FN void write_held(const RowSystem<Model, Real>& rows) {
+    constexpr int from = Complementarity<Real, M>::N;
+    const int stride = cone_.stride, size = cone_.n;
+    double* G = cone_.G;
+    for (int i = 0; i < n_single_; ++i) {
+      cone_.b[i] = rows.problem.b[single_[i]];
+      for (int j = 0; j <= i; ++j) G[i * stride + j] = rows.problem.G[single_[i] * from + single_[j]];
+    }
+    for (int p = 0; p < n_; ++p) {
+      const auto& moved = points_.moved[patch_[p].point[0]];
+      for (int k = 0; k < patch_[p].rank; ++k) cone_.b[first_[p] + k] = patch_[p].b[k];
+      for (int part = 0; part * 3 < patch_[p].rank; ++part) {
+        double* own = G + (first_[p] + 3 * part) * stride;
+        const int height = patch_[p].rank - 3 * part < 3 ? patch_[p].rank - 3 * part : 3;
+        for (int i = 0; i < n_single_; ++i) {
+          Triple<Real> by;
+          by.clear();
+          if (!rows.is_apart(single_[i], moved)) by = moved.along(W_[p][part], rows.column[single_[i]]);
+          for (int d = 0; d < height; ++d) own[d * stride + i] = by[d];
+        }
+        for (int q = 0; q <= p; ++q) {
+          const auto& other = points_.moved[patch_[q].point[0]];
+          for (int half = 0; half * 3 < patch_[q].rank && (q < p || half <= part); ++half) {
+            Triple<Real> block[3];
+            const int across = patch_[q].rank - 3 * half < 3 ? patch_[q].rank - 3 * half : 3;
+            columns_.multiply(moved, W_[p][part], other, W_[q][half], block);
+            for (int d = 0; d < height; ++d)
+              for (int e = 0; e < across; ++e)
+                own[d * stride + first_[q] + 3 * half + e] = block[d][e];
+          }
+        }
+      }
+    }
+    for (int i = 0; i < size; ++i)
+      for (int j = 0; j < i; ++j) G[j * stride + i] = G[i * stride + j];
+  }
+
+  FAN_FN bool factorise() {
+    const int size = cone_.n, stride = cone_.stride;
+    ldl_.resize(size);
+    for (int i = 0; i < size; ++i)
+      for (int j = i / 4 * 4; j < stride; j += 4)
+        quad(ldl_.A + i * stride + j) = quad(cone_.G + i * stride + j);
+    return ldl_.factorise(Tolerance::least_pivot);
+  }
+
+  // The points' impulses, and the rows that do not pull; false where the law does not hold.
+  FAN_FN bool share_out(const RowSystem<Model, Real>& rows, double cap) {
+    for (int p = 0; p < n_; ++p) {
+      const double* x = cone_.x + first_[p];
+      if (!(x[0] <= cap) || !patch_[p].share(x, in_->friction[patch_[p].pair], impulse_[p]))
+        return false;
+    }
+    for (int k = 0; k < N; ++k) w_[k] = Real(0.0);
+    for (int p = 0; p < n_; ++p) {
+      const auto& moved = points_.moved[patch_[p].point[0]];
+      const double* x = cone_.x + first_[p];
+      columns_.take(W_[p][0], x, moved, w_);
+      if (patch_[p].rank == 3) continue;
+      const double turn[3] = {x[3], x[4], patch_[p].rank > 5 ? x[5] : 0.0};
+      columns_.take(W_[p][1], turn, moved, w_);
+    }
+    if (n_rest_ == 0) return true;
+    Real w[room(N)], x[room(M)];
+    for (int k = 0; k < N; ++k) w[k] = w_[k];
+    for (int a = 0; a < rows.n; ++a) x[a] = Real(0.0);
+    for (int i = 0; i < n_single_; ++i) x[single_[i]] = -cone_.x[i];
+    rows.add(x, w);
+    rows.along(w, speed_);
+    for (int i = 0; i < n_rest_; ++i) {
+      Real& s = speed_[rest_[i]];
+      s = -s - rows.problem.b[rest_[i]];
+      if (!(s >= 0.0)) return false;
+    }
+    return true;
+  }
+
+  // Takes the solution.
+  FAN_FN void take(const RowSystem<Model, Real>& rows, Real* found, Real* s) {
+    for (int k = 0; k < N; ++k) taken_[k] = any_held_ ? taken_[k] + w_[k] : w_[k];
+    any_held_ = true;
+    for (int i = 0; i < n_single_; ++i) {
+      const int a = single_[i], r = rows.row[a];
+      found[a] = cone_.x[i];
+      s[a] = Real(0.0);
+      row_held_[r] = pulls_[0][r] = true;
+    }
+    for (int i = 0; i < n_rest_; ++i) {
+      const int a = rest_[i];
+      found[a] = Real(0.0);
+      s[a] = speed_[a];
+      row_held_[rows.row[a]] = true;
+    }
+    for (int p = 0; p < n_; ++p)
+      for (int k = 0; k < patch_[p].n; ++k)
+        for (int d = 0; d < 3; ++d) {
+          x_[3 * patch_[p].point[k] + d] = impulse_[p][3 * k + d];
+          s_[3 * patch_[p].point[k] + d] = Real(0.0);
+        }
+  }
+
+  int tree_[room(C)], row_tree_[room(M)];  // of points and gathered rows that take part
+  bool sticks_[room(N)];                   // of each group, whether it is to be tried
+  // Of the group that is tried: rows that pull, and others.
+  int n_ = 0, n_single_ = 0, n_rest_ = 0;
+  int single_[room(M)], rest_[room(M)];
+  ContactPatch patch_[room(C)];
+  int first_[room(C)];  // row of each patch
+  Triple<Real> W_[room(C)][2][room(N)];
+  double impulse_[room(C)][3 * max_touches];
+  Real w_[room(N)], speed_[room(M)];
+  double left_[padded(room(M + 3 * C))];
+  DenseLdl<M + 3 * C> ldl_;
+};
+
+}  // namespace fan
+
+FAN_LOOPS_END
