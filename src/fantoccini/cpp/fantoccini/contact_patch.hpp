@@ -35,6 +35,9 @@ class ContactPatch {
   double b[6];                 // what the impulses must take from the rows' hdot
   double misfit = 0.0;         // m/s: of b and what the points ask for
 
+  // How many of F and T it has.
+  FAN_FN int parts() const { return rank > 3 ? 2 : 1; }
+
   // Takes the points listed, which ask for `wanted` (three numbers each, by point). Whether they are
   // flat, and at most two where they lie on a line.
   template <class Point>

@@ -38,7 +38,7 @@ class ContactPatches : public ContactLanes<Model, Real> {
   using Tolerance = ContactPatchesTolerances;
 
  protected:
-  using Base::points_, Base::columns_, Base::cone_, Base::groups_, Base::in_;
+  using Base::points_, Base::columns_, Base::groups_, Base::in_;
   using Base::near_, Base::pulls_, Base::bounces_, Base::held_, Base::row_held_, Base::held_residual_, Base::is_carried_, Base::wait_;
   using Base::x_, Base::s_, Base::b_;
 
@@ -121,7 +121,7 @@ class ContactPatches : public ContactLanes<Model, Real> {
       int group, const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
       const Real* guess, double cap, Real* found, Real* s) {
     const bool holds = list_points(group) && list_rows(group, rows, guess) && solve_held(eval, rows, guess) &&
-                       share_out(rows, cap);
+                       share_out(cap);
     for (int p = 0; p < n_; ++p)
       for (int k = 0; k < patch_[p].n; ++k) {
         const int i = patch_[p].point[k];
@@ -168,149 +168,145 @@ class ContactPatches : public ContactLanes<Model, Real> {
     return true;
   }
 
-  // x of the rows and patches; false where that does not hold them all.
+  // y of the rows and patches; false where that does not hold them all.
   FAN_FN bool solve_held(
       const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
       const Real* guess) {
-    int size = n_single_;
+    double scale = 0.0, worst = 0.0;
+    size_ = n_single_;
+    for (int i = 0; i < size_; ++i) scale = larger(scale, b_held_[i] = rows.problem.b[single_[i]]);
     for (int p = 0; p < n_; ++p) {
-      first_[p] = size;
-      size += patch_[p].rank;
-      push_patch(p, eval);
+      first_[p] = size_;
+      size_ += patch_[p].rank;
+      worst = larger(worst, patch_[p].misfit);
+      for (int k = 0; k < patch_[p].rank; ++k)
+        scale = larger(scale, b_held_[first_[p] + k] = patch_[p].b[k]);
     }
-    cone_.resize(size, 0);
-    write_held(rows);
-    double scale = 0.0, misfit = 0.0;
-    for (int i = 0; i < size; ++i) scale = fabs(cone_.b[i]) > scale ? fabs(cone_.b[i]) : scale;
-    for (int p = 0; p < n_; ++p) misfit = patch_[p].misfit > misfit ? patch_[p].misfit : misfit;
-    if (!(misfit <= Tolerance::residual * scale)) return false;
-    if (!factorise()) return false;
-    start(rows, guess);
-    double worst = 0.0;
-    for (int k = 0; k < Tolerance::rounds && (k == 0 || worst > Tolerance::rough * scale); ++k) {
-      for (int i = 0; i < size; ++i) left_[i] = -cone_.s[i];
-      ldl_.substitute(left_);
-      for (int i = 0; i < size; ++i) cone_.x[i] += left_[i];
-      worst = find_s();
-    }
-    worst = worst > misfit ? worst : misfit;
     if (!(worst <= Tolerance::residual * scale)) return false;
-    if (scale > 0.0 && worst / scale > held_residual_) held_residual_ = worst / scale;
+    for (int p = 0; p < n_; ++p) push_patch(p, eval);
+    write_held(rows);
+    if (!ldl_.factorise(Tolerance::least_pivot)) return false;
+    start(rows, guess);
+    double left = unbounded;
+    for (int k = 0; k < Tolerance::rounds && left > Tolerance::rough * scale; ++k) {
+      ldl_.substitute(left_);
+      for (int i = 0; i < size_; ++i) y_[i] += left_[i];
+      left = find_left(rows);
+    }
+    worst = larger(worst, left);
+    if (!(worst <= Tolerance::residual * scale)) return false;
+    if (worst > held_residual_ * scale) held_residual_ = worst / scale;
     for (int i = 0; i < n_single_; ++i) {
       const int a = single_[i];
-      if (!(cone_.x[i] >= rows.problem.lower[a] && cone_.x[i] <= rows.problem.upper[a])) return false;
+      if (!(y_[i] >= rows.problem.lower[a] && y_[i] <= rows.problem.upper[a])) return false;
     }
     return true;
   }
 
-  // x to begin with: where rows are redundant, as before; else zero.
+  FAN_FN static double larger(double most, double x) { return fabs(x) > most ? fabs(x) : most; }
+
+  // y to begin with, and what is left of b: where rows are redundant, as before; else zero.
   FAN_FN void start(const RowSystem<Model, Real>& rows, const Real* guess) {
     if (ldl_.n_left_out == 0) {
-      for (int i = 0; i < cone_.n; ++i) {
-        cone_.x[i] = 0.0;
-        cone_.s[i] = -cone_.b[i];
+      for (int i = 0; i < size_; ++i) {
+        y_[i] = 0.0;
+        left_[i] = b_held_[i];
       }
       return;
     }
-    for (int i = 0; i < n_single_; ++i) cone_.x[i] = guess[rows.row[single_[i]]];
-    for (int p = 0; p < n_; ++p) patch_[p].add_up(x_, cone_.x + first_[p]);
-    cone_.find_s();
+    for (int i = 0; i < n_single_; ++i) y_[i] = guess[rows.row[single_[i]]];
+    for (int p = 0; p < n_; ++p) patch_[p].add_up(x_, y_ + first_[p]);
+    find_left(rows);
   }
 
-  FAN_FN double find_s() {
-    cone_.find_s();
-    double worst = 0.0;
-    for (int i = 0; i < cone_.n; ++i) worst = fabs(cone_.s[i]) > worst ? fabs(cone_.s[i]) : worst;
-    return worst;
+  // left = b - G y, and the speeds that are left of all gathered rows. Returns the largest |left|.
+  FAN_FN double find_left(const RowSystem<Model, Real>& rows) {
+    Real w[room(N)], pull[room(M)];
+    for (int k = 0; k < N; ++k) w_[k] = Real(0.0);
+    for (int p = 0; p < n_; ++p)
+      for (int part = 0; part < patch_[p].parts(); ++part) {
+        const double* y = y_ + first_[p] + 3 * part;
+        const double own[3] = {y[0], y[1], 3 * part + 2 < patch_[p].rank ? y[2] : 0.0};
+        columns_.take(W_[p][part], own, moved_of(p), w_);
+      }
+    for (int k = 0; k < N; ++k) w[k] = w_[k];
+    for (int a = 0; a < rows.n; ++a) pull[a] = Real(0.0);
+    for (int i = 0; i < n_single_; ++i) pull[single_[i]] = -y_[i];
+    rows.add(pull, w);
+    rows.along(w, speed_);
+    double most = 0.0;
+    for (int a = 0; a < rows.n; ++a) speed_[a] += rows.problem.b[a];
+    for (int i = 0; i < n_single_; ++i) most = larger(most, left_[i] = speed_[single_[i]]);
+    for (int p = 0; p < n_; ++p)
+      for (int k = 0; k < patch_[p].rank; k += 3) {
+        const Triple<Real> taken = moved_of(p).along(W_[p][k / 3], w);
+        for (int i = first_[p] + k, d = 0; d < 3 && k + d < patch_[p].rank; ++i, ++d)
+          most = larger(most, left_[i] = b_held_[i] + taken[d]);
+      }
+    return most;
   }
+
+  FAN_FN const MovedBy<N>& moved_of(int p) const { return points_.moved[patch_[p].point[0]]; }
 
   // W of a patch: three columns of F and three of T.
   FAN_FN void push_patch(int p, const Evaluation<Model, Real>& eval) {
     const ContactPatch& own = patch_[p];
     Triple<Real> row[room(N)];
-    const auto& moved = points_.moved[own.point[0]];
-    points_.write_rows(*in_, own.pair, own.middle, own.frame, moved, row);
-    columns_.push(eval.L, row, moved, W_[p][0]);
+    points_.write_rows(*in_, own.pair, own.middle, own.frame, moved_of(p), row);
+    columns_.push(eval.L, row, moved_of(p), W_[p][0]);
     if (own.rank == 3) return;
-    points_.write_turns(*in_, own.pair, own.frame, own.size, moved, row);
-    columns_.push(eval.L, row, moved, W_[p][1]);
+    points_.write_turns(*in_, own.pair, own.frame, own.size, moved_of(p), row);
+    columns_.push(eval.L, row, moved_of(p), W_[p][1]);
   }
 
-  // G and b: the part below the diagonal, then the other.
+  // G on its diagonal and to the right of it. Three numbers are written as a register of four, whose
+  // last, and those beyond a patch's rank, are 0 and the next ones replace.
   FAN_FN void write_held(const RowSystem<Model, Real>& rows) {
     constexpr int from = Complementarity<Real, M>::N;
-    const int stride = cone_.stride, size = cone_.n;
-    double* G = cone_.G;
+    ldl_.resize(size_);
+    const int stride = ldl_.stride;
+    double* G = ldl_.A;
     for (int i = 0; i < n_single_; ++i) {
-      cone_.b[i] = rows.problem.b[single_[i]];
-      for (int j = 0; j <= i; ++j) G[i * stride + j] = rows.problem.G[single_[i] * from + single_[j]];
+      const double* row = rows.problem.G + single_[i] * from;
+      for (int j = i; j < n_single_; ++j) G[i * stride + j] = row[single_[j]];
     }
-    for (int p = 0; p < n_; ++p) {
-      const auto& moved = points_.moved[patch_[p].point[0]];
-      for (int k = 0; k < patch_[p].rank; ++k) cone_.b[first_[p] + k] = patch_[p].b[k];
-      for (int part = 0; part * 3 < patch_[p].rank; ++part) {
-        double* own = G + (first_[p] + 3 * part) * stride;
-        const int height = patch_[p].rank - 3 * part < 3 ? patch_[p].rank - 3 * part : 3;
+    for (int p = 0; p < n_; ++p)
+      for (int part = 0; part < patch_[p].parts(); ++part) {
+        const auto& moved = moved_of(p);
+        const Triple<Real>* own = W_[p][part];
+        const int column = first_[p] + 3 * part, height = patch_[p].rank - 3 * part;
         for (int i = 0; i < n_single_; ++i) {
           Triple<Real> by;
           by.clear();
-          if (!rows.is_apart(single_[i], moved)) by = moved.along(W_[p][part], rows.column[single_[i]]);
-          for (int d = 0; d < height; ++d) own[d * stride + i] = by[d];
+          if (!rows.is_apart(single_[i], moved)) by = moved.along(own, rows.column[single_[i]]);
+          put(by, height, G + i * stride + column);
         }
-        for (int q = 0; q <= p; ++q) {
-          const auto& other = points_.moved[patch_[q].point[0]];
-          for (int half = 0; half * 3 < patch_[q].rank && (q < p || half <= part); ++half) {
+        for (int q = 0; q <= p; ++q)
+          for (int half = 0; half < (q < p ? patch_[q].parts() : part + 1); ++half) {
             Triple<Real> block[3];
-            const int across = patch_[q].rank - 3 * half < 3 ? patch_[q].rank - 3 * half : 3;
-            columns_.multiply(moved, W_[p][part], other, W_[q][half], block);
-            for (int d = 0; d < height; ++d)
-              for (int e = 0; e < across; ++e)
-                own[d * stride + first_[q] + 3 * half + e] = block[d][e];
+            columns_.multiply(moved_of(q), W_[q][half], moved, own, block);
+            const int row = first_[q] + 3 * half;
+            for (int d = 0; d < 3 && 3 * half + d < patch_[q].rank; ++d)
+              put(block[d], height, G + (row + d) * stride + column);
           }
-        }
       }
-    }
-    for (int i = 0; i < size; ++i)
-      for (int j = 0; j < i; ++j) G[j * stride + i] = G[i * stride + j];
   }
 
-  FAN_FN bool factorise() {
-    const int size = cone_.n, stride = cone_.stride;
-    ldl_.resize(size);
-    for (int i = 0; i < size; ++i)
-      for (int j = i / 4 * 4; j < stride; j += 4)
-        quad(ldl_.A + i * stride + j) = quad(cone_.G + i * stride + j);
-    return ldl_.factorise(Tolerance::least_pivot);
+  FAN_FN static void put(const Triple<Real>& from, int height, double* to) {
+    Quad all = from.of;
+    if (height == 2) all[2] = 0.0;
+    quad(to) = all;
   }
 
   // The points' impulses, and the rows that do not pull; false where the law does not hold.
-  FAN_FN bool share_out(const RowSystem<Model, Real>& rows, double cap) {
+  FAN_FN bool share_out(double cap) {
     for (int p = 0; p < n_; ++p) {
-      const double* x = cone_.x + first_[p];
+      const double* x = y_ + first_[p];
       if (!(x[0] <= cap) || !patch_[p].share(x, in_->friction[patch_[p].pair], impulse_[p]))
         return false;
     }
-    for (int k = 0; k < N; ++k) w_[k] = Real(0.0);
-    for (int p = 0; p < n_; ++p) {
-      const auto& moved = points_.moved[patch_[p].point[0]];
-      const double* x = cone_.x + first_[p];
-      columns_.take(W_[p][0], x, moved, w_);
-      if (patch_[p].rank == 3) continue;
-      const double turn[3] = {x[3], x[4], patch_[p].rank > 5 ? x[5] : 0.0};
-      columns_.take(W_[p][1], turn, moved, w_);
-    }
-    if (n_rest_ == 0) return true;
-    Real w[room(N)], x[room(M)];
-    for (int k = 0; k < N; ++k) w[k] = w_[k];
-    for (int a = 0; a < rows.n; ++a) x[a] = Real(0.0);
-    for (int i = 0; i < n_single_; ++i) x[single_[i]] = -cone_.x[i];
-    rows.add(x, w);
-    rows.along(w, speed_);
-    for (int i = 0; i < n_rest_; ++i) {
-      Real& s = speed_[rest_[i]];
-      s = -s - rows.problem.b[rest_[i]];
-      if (!(s >= 0.0)) return false;
-    }
+    for (int i = 0; i < n_rest_; ++i)
+      if (!(speed_[rest_[i]] <= 0.0)) return false;
     return true;
   }
 
@@ -320,14 +316,14 @@ class ContactPatches : public ContactLanes<Model, Real> {
     any_held_ = true;
     for (int i = 0; i < n_single_; ++i) {
       const int a = single_[i], r = rows.row[a];
-      found[a] = cone_.x[i];
+      found[a] = y_[i];
       s[a] = Real(0.0);
       row_held_[r] = pulls_[0][r] = true;
     }
     for (int i = 0; i < n_rest_; ++i) {
       const int a = rest_[i];
       found[a] = Real(0.0);
-      s[a] = speed_[a];
+      s[a] = -speed_[a];
       row_held_[rows.row[a]] = true;
     }
     for (int p = 0; p < n_; ++p)
@@ -347,8 +343,11 @@ class ContactPatches : public ContactLanes<Model, Real> {
   int first_[room(C)];  // row of each patch
   Triple<Real> W_[room(C)][2][room(N)];
   double impulse_[room(C)][3 * max_touches];
-  Real w_[room(N)], speed_[room(M)];
-  double left_[padded(room(M + 3 * C))];
+  // Of the rows that pull, then of the patches.
+  int size_ = 0;
+  double y_[padded(room(M + 3 * C))], b_held_[padded(room(M + 3 * C))];
+  double left_[padded(room(M + 3 * C))];  // b - G y
+  Real w_[room(N)], speed_[room(M)];      // - W y of the patches; of all gathered rows
   DenseLdl<M + 3 * C> ldl_;
 };
 

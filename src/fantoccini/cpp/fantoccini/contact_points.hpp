@@ -336,8 +336,15 @@ class ContactPoints : public ContactRows<Model, Real> {
         to.at[c] = found[i].point[c];
         to.frame[c] = found[i].normal[c];
       }
-      tangents(to.frame);
+      // Points of a pair mostly have one normal.
+      const Point& last = point[l][n[l] > 1 ? n[l] - 2 : 0];
+      if (n[l] > 1 && same(last.frame, to.frame)) FAN_UNROLL for (int c = 3; c < 9; ++c) to.frame[c] = last.frame[c];
+      else tangents(to.frame);
     }
+  }
+
+  FAN_FN static bool same(const double* a, const double* b) {
+    return a[0] == b[0] && a[1] == b[1] && a[2] == b[2];
   }
 
   // Whether a point of pair k is none of lane l's, and would be passed.

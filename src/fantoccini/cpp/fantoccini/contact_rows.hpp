@@ -18,7 +18,6 @@ namespace fan {
 template <class Model, class Real>
 class ContactRows : public PlacedLinks<Model, Real> {
   using Links = PlacedLinks<Model, Real>;
-  using typename Links::RealTwist;
 
  public:
   static constexpr int C = Model::n_contacts, N = Links::N, width = Links::width;
@@ -39,20 +38,31 @@ class ContactRows : public PlacedLinks<Model, Real> {
   class Rates {
    public:
     FAN_FN Rates(const ContactRows& of, const Real* v_D) : of_(of), v_D_(v_D) {
-      if constexpr (width == 1) of.add_real_twists(v_D, twist_);
+      for (bool& known : is_known_) known = false;
     }
 
-    FAN_FN Triple<Real> operator()(int i) const {
+    FAN_FN Triple<Real> operator()(int i) {
       Triple<Real> out = of_.rate_K[i];
-      if constexpr (width == 1) out.add(1.0, of_.rate_by(i, twist_));
-      else out.add(Real(1.0), of_.moved[i].along(of_.row[i], v_D_));
+      if constexpr (width > 1) {
+        out.add(Real(1.0), of_.moved[i].along(of_.row[i], v_D_));
+      } else {
+        for (int side = 0; side < 2; ++side) {
+          const int link = of_.link_[i][side];
+          if (link < 0) continue;
+          if (!is_known_[link]) of_.turn(link, v_D_, twist_[link]);
+          is_known_[link] = true;
+          const auto& by = twist_[link];
+          out.add(side ? 1.0 : -1.0, {of_.form_[i].speed(by.linear, by.angular)});
+        }
+      }
       return out;
     }
 
    private:
     const ContactRows& of_;
     const Real* v_D_;
-    RealTwist twist_[width == 1 ? room(Links::L) : 1];
+    typename Links::Twist twist_[width == 1 ? room(Links::L) : 1];  // of the links that were asked for
+    bool is_known_[room(Links::L)];
   };
 
   // Writes point i's row if it is not there.
@@ -138,15 +148,16 @@ class ContactRows : public PlacedLinks<Model, Real> {
   }
 
  private:
-  // hdot of point i by the links' twists alone.
-  FAN_FN Triple<Real> rate_by(int i, const RealTwist* twist) const {
-    Triple<Real> out;
-    out.clear();
-    for (int side = 0; side < 2; ++side) {
-      const int link = link_[i][side];
-      if (link >= 0) out.add_in(0, side ? 1.0 : -1.0, form_[i].speed(twist[link].linear, twist[link].angular));
+  // The twist of a link.
+  FAN_FN void turn(int link, const double* v_D, typename Links::Twist& out) const {
+    Quad linear{}, angular{};
+    for (int j = Model::moved_D_begin[link]; j < Model::moved_D_begin[link + 1]; ++j) {
+      const int k = Model::moved_D_entry[j];
+      linear += v_D[k] * quad(screw_D_ + 6 * k);
+      angular += v_D[k] * quad(screw_D_ + 6 * k + 3);
     }
-    return out;
+    quad(out.linear) = linear;
+    quad(out.angular) = angular;
   }
 
   // Adds the rows of a pair in lane l to `out`. Of one trajectory, only entries that move it are

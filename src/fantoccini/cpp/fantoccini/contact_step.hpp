@@ -98,7 +98,7 @@ class ContactStep : public ContactSolver<Model, Real> {
     if (points_.most == 0) return;
     Real v[room(N)];
     unhindered(eval, v_D, dt, v);
-    const Rates free(points_, v), now_at(points_, v_D);
+    Rates free(points_, v), now_at(points_, v_D);
     for (int i = 0; i < points_.most; ++i) {
       const Triple<Real> now = free(i);
       for (int d = 0; d < 3; ++d) {
@@ -131,7 +131,7 @@ class ContactStep : public ContactSolver<Model, Real> {
     if (!points_.find_more(*in_, v, v_K, dt, lanes)) return false;
     for (int i = 3 * most; i < 3 * points_.most; ++i) x_[i] = Real(0.0);
     unhindered(eval, v_D, dt, v);
-    const Rates free(points_, v), now_at(points_, v_D);
+    Rates free(points_, v), now_at(points_, v_D);
     for (int l = 0; l < width; ++l)
       for (int i = known[l]; i < points_.n[l]; ++i) {
         columns_.renew(i);
@@ -158,7 +158,7 @@ class ContactStep : public ContactSolver<Model, Real> {
   // Adds the points that would be passed at the velocity v; whether there are any.
   FAN_FN bool watch(const Real* v) {
     bool more = false;
-    const Rates rates(points_, v);
+    Rates rates(points_, v);
     for (int i = 0; i < points_.most; ++i) {
       const Real now = rates(i)[0];
       for (int l = 0; l < width; ++l) {
@@ -254,19 +254,14 @@ class ContactStep : public ContactSolver<Model, Real> {
         if (lane_of(x_[3 * i], l) > 0.0 && strikes(l, i)) lane_of(struck, l) = 1.0;
     for (int l = 0; l < width; ++l) {
       int pushes = 0;
-      Push now[room(C)];
       for (int i = 0; i < points_.n[l]; ++i)
         if (lane_of(x_[3 * i], l) > 0.0) {
           const double x[3] = {
               lane_of(x_[3 * i], l), lane_of(x_[3 * i + 1], l), lane_of(x_[3 * i + 2], l)};
-          const Push made = pushing(l, i, x);
-          int place = pushes++;
-          for (; place > 0 && earlier(made, now[place - 1]); --place) now[place] = now[place - 1];
-          now[place] = made;
+          add_push(l, i, x, push[l], pushes);
           if (lane_of(struck, l) > 0.5) book_impact(l, i);
           else book_friction(l, i);
         }
-      for (int i = 0; i < pushes; ++i) push[l][i] = now[i];
       n[l] = pushes;
     }
     return struck;
@@ -299,10 +294,7 @@ class ContactStep : public ContactSolver<Model, Real> {
       share.find(cone_, x);
       for (int k = 0; k < n_triple_; ++k) {
         if (!(x[3 * k] > 0.0)) continue;
-        const Push made = pushing(0, triple_[k], x + 3 * k);
-        int place = n_out++;
-        for (; place > 0 && earlier(made, out[place - 1]); --place) out[place] = out[place - 1];
-        out[place] = made;
+        add_push(0, triple_[k], x + 3 * k, out, n_out);
       }
     }
     return n_out;
@@ -353,17 +345,15 @@ class ContactStep : public ContactSolver<Model, Real> {
   // Finds the points of a lane that pushed in the step before, with their impulses as the first
   // guess; they take part.
   FAN_FN void recall(int l) {
-    int j = 0;
-    for (int i = 0; i < points_.n[l]; ++i) {
+    for (int i = 0, j = 0, first = 0; i < points_.n[l]; ++i) {
       const auto& p = points_.point[l][i];
+      while (first < n[l] && push[l][first].pair < p.pair) ++first;
       while (j < n[l] && earlier(push[l][j], p)) ++j;
       const bool pushed = j < n[l] && push[l][j].pair == p.pair && push[l][j].feature == p.feature;
       steps_[l][i] = pushed ? push[l][j].steps : 0;
       wait_[l][i] = pushed && push[l][j].wait > 0 ? push[l][j].wait - 1 : 0;
       near_[l][i] = pushed;
-      is_carried_[l][i] = false;
-      for (int k = 0; k < n[l]; ++k)
-        is_carried_[l][i] = is_carried_[l][i] || push[l][k].pair == p.pair;
+      is_carried_[l][i] = first < n[l] && push[l][first].pair == p.pair;
       if (!pushed) continue;
       for (int d = 0; d < 3; ++d)
         lane_of(x_[3 * i + d], l) = dot3(p.frame + 3 * d, push[l][j].impulse);
@@ -375,10 +365,12 @@ class ContactStep : public ContactSolver<Model, Real> {
     return a.pair < b.pair || (a.pair == b.pair && a.feature < b.feature);
   }
 
-  // Point i of lane l as it pushes with the impulse x.
-  FAN_FN Push pushing(int l, int i, const double* x) const {
+  // Adds point i of lane l as it pushes with the impulse x to a list, in order.
+  FAN_FN void add_push(int l, int i, const double* x, Push* list, int& n_list) const {
     const auto& from = points_.point[l][i];
-    Push out;
+    int place = n_list++;
+    for (; place > 0 && !earlier(list[place - 1], from); --place) list[place] = list[place - 1];
+    Push& out = list[place];
     out.pair = from.pair;
     out.feature = from.feature;
     out.steps = closes(l, i) ? 1 : steps_[l][i] + (steps_[l][i] <= Tolerance::steps_of_impact);
@@ -388,13 +380,10 @@ class ContactStep : public ContactSolver<Model, Real> {
     for (int c = 0; c < 3; ++c) {
       out.at[c] = from.at[c];
       out.normal[c] = from.frame[c];
-      out.impulse[c] = out.velocity[c] = 0.0;
-      for (int d = 0; d < 3; ++d) {
-        out.impulse[c] += x[d] * from.frame[3 * d + c];
-        out.velocity[c] -= after(l, 3 * i + d) * from.frame[3 * d + c];
-      }
+      out.impulse[c] = x[0] * from.frame[c] + x[1] * from.frame[3 + c] + x[2] * from.frame[6 + c];
+      out.velocity[c] = 0.0;
+      for (int d = 0; d < 3; ++d) out.velocity[c] -= after(l, 3 * i + d) * from.frame[3 * d + c];
     }
-    return out;
   }
 
   // hdot of row i after the step.

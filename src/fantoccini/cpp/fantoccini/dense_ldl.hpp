@@ -52,7 +52,7 @@ struct DenseLdl {
           for (int j = k; j < stride; j += 4) quad(row[i] + j) -= share * quad(row[r] + j);
         }
       }
-      for (int i = k + 4; i < stride; ++i) {
+      for (int i = k + 4; i < n; ++i) {
         double* own = A + i * stride;
         double share[4];
         FAN_UNROLL for (int r = 0; r < 4; ++r) share[r] = row[r][i] * inverse_[k + r];
