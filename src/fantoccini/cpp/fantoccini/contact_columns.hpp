@@ -94,22 +94,15 @@ struct ContactColumns {
     }
   }
 
-  // The products of three columns and three others, and what moves them.
-  FAN_FN static void multiply(
-      const MovedBy<N>& moved, const Triple<Real>* own, const MovedBy<N>& by,
-      const Triple<Real>* other, Triple<Real>* out) {
-    if (moved.is_apart(by)) {
-      for (int d = 0; d < 3; ++d) out[d].clear();
-      return;
-    }
-    const bool shorter = moved.n <= by.n;  // W is 0 beyond
-    (shorter ? moved : by).products(own, other, out);
-  }
-
  private:
   // The products of the columns of points i and j <= i.
   FAN_FN void multiply(int i, int j, const MovedBy<N>* moved) {
-    multiply(moved[i], W[i], moved[j], W[j], G_[i][j]);
+    if (moved[i].is_apart(moved[j])) {
+      for (int d = 0; d < 3; ++d) G_[i][j][d].clear();
+      return;
+    }
+    const MovedBy<N>& shorter = moved[moved[i].n <= moved[j].n ? i : j];  // W is 0 beyond
+    shorter.products(W[i], W[j], G_[i][j], shorter.n);
   }
 
   static constexpr int all_links = -1;

@@ -32,16 +32,16 @@ class ContactPatch {
   int rank = 0;            // rows: three of F, then those of T
   double middle[3], frame[9];  // normal and tangents
   double size = 1.0;           // m: rows of T are this times a turn
-  double b[6];                 // what the impulses must take from the rows' hdot
-  double misfit = 0.0;         // m/s: of b and what the points ask for
+  double b[6];                 // the rows' hdot and what is asked for beyond
+  double misfit = 0.0;         // m/s: of b and the points
 
   // How many of F and T it has.
   FAN_FN int parts() const { return rank > 3 ? 2 : 1; }
 
-  // Takes the points listed, which ask for `wanted` (three numbers each, by point). Whether they are
-  // flat, and at most two where they lie on a line.
+  // Takes the points listed, with their hdot (three numbers each, by point) and what their normals
+  // ask for beyond. Whether they are flat, and at most two where they lie on a line.
   template <class Point>
-  FAN_FN bool make(const Point* at, const double* wanted) {
+  FAN_FN bool make(const Point* at, const double* hdot, const double* asked) {
     const double* own = at[point[0]].frame;
     for (int k = 0; k < 9; ++k) frame[k] = own[k];
     for (int c = 0; c < 3; ++c) middle[c] = 0.0;
@@ -53,32 +53,43 @@ class ContactPatch {
     size = 1.0;
     if (n == 1) {
       d_[0][0] = d_[0][1] = 0.0;
-      for (int k = 0; k < 3; ++k) b[k] = wanted[3 * point[0] + k];
+      for (int k = 0; k < 3; ++k) b[k] = hdot[3 * point[0] + k];
+      b[0] += asked[point[0]];
       return true;
     }
-    return is_flat(at) && fit(wanted);
+    return is_flat(at) && fit(hdot, asked);
   }
 
   // F and T of impulses of the step's points, three each.
   FAN_FN void add_up(const double* impulses, double* x) const {
-    for (int k = 0; k < rank; ++k) x[k] = 0.0;
+    double turn[3] = {};
+    for (int k = 0; k < 3; ++k) x[k] = 0.0;
     for (int i = 0; i < n; ++i) {
       const double *own = impulses + 3 * point[i], *d = d_[i];
       const double p = cosine_ * own[1] - sine_ * own[2], q = sine_ * own[1] + cosine_ * own[2];
       x[0] += own[0];
       x[1] += p;
       x[2] += q;
-      if (rank > 3) x[3] += (d[0] * q - d[1] * p) / size;
-      if (rank > 3) x[4] += d[1] * own[0] / size;
-      if (rank > 5) x[5] -= d[0] * own[0] / size;
+      turn[0] += d[0] * q - d[1] * p;
+      turn[1] += d[1] * own[0];
+      turn[2] -= d[0] * own[0];
     }
+    for (int k = 3; k < rank; ++k) x[k] = turn[k - 3] / size;
+  }
+
+  // The normal's part at its point i of rates of the patch's rows.
+  FAN_FN double normal_rate(int i, const double* rate) const {
+    double out = rate[0];
+    if (rank > 3) out += d_[i][1] * rate[4] / size;
+    if (rank > 5) out -= d_[i][0] * rate[5] / size;
+    return out;
   }
 
   // The impulses of the points, three each, from F and T; false where these leave a cone.
   FAN_FN bool share(const double* x, double mu, double* impulses) const {
     const double N = x[0];
     if (!(N > 0.0)) return false;
-    const double c[2] = {rank > 5 ? -size * x[5] / N : 0.0, rank > 3 ? size * x[4] / N : 0.0};
+    const double c[2] = {rank > 5 ? -size / N * x[5] : 0.0, rank > 3 ? size / N * x[4] : 0.0};
     double weight[max_touches];
     if (!weigh(c, weight)) return false;
     const double F[2] = {x[1] / N, x[2] / N};
@@ -112,7 +123,8 @@ class ContactPatch {
       const auto& own = at[point[i]];
       double d[3], turned = 0.0;
       for (int c = 0; c < 3; ++c) d[c] = own.at[c] - middle[c];
-      for (int k = 0; k < 9; ++k) turned += fabs(own.frame[k] - frame[k]);
+      const bool same = own.frame[0] == frame[0] && own.frame[1] == frame[1] && own.frame[2] == frame[2];
+      for (int k = 0; k < 9 && !same; ++k) turned += fabs(own.frame[k] - frame[k]);
       d_[i][0] = dot3(frame + 3, d);
       d_[i][1] = dot3(frame + 6, d);
       const double away = d_[i][0] * d_[i][0] + d_[i][1] * d_[i][1];
@@ -142,12 +154,12 @@ class ContactPatch {
 
   // b, from all points alike; false where more than two lie on a line. The rates of the points:
   //   h_n + (d_2 theta_1 - d_1 theta_2, - d_2 theta_n, d_1 theta_n)
-  FAN_FN bool fit(const double* wanted) {
+  FAN_FN bool fit(const double* hdot, const double* asked) {
     double own[max_touches][3], mean[3] = {}, turn = 0.0, first = 0.0, second = 0.0;
     double s11 = 0.0, s12 = 0.0, s22 = 0.0;
     for (int i = 0; i < n; ++i) {
-      const double *w = wanted + 3 * point[i], *d = d_[i];
-      own[i][0] = w[0];
+      const double *w = hdot + 3 * point[i], *d = d_[i];
+      own[i][0] = w[0] + asked[point[i]];
       own[i][1] = cosine_ * w[1] - sine_ * w[2];
       own[i][2] = sine_ * w[1] + cosine_ * w[2];
       for (int k = 0; k < 3; ++k) mean[k] += own[i][k] * (1.0 / n);
@@ -195,26 +207,26 @@ class ContactPatch {
     }
     int round[max_touches];
     go_round(round);
-    // Twice the areas of the triangles of c and an edge.
-    double area[max_touches], sum = 0.0;
-    for (int j = 0; j < n; ++j) {
-      const double *p = d_[round[j]], *q = d_[round[j + 1 < n ? j + 1 : 0]];
-      area[j] = (p[0] - c[0]) * (q[1] - c[1]) - (p[1] - c[1]) * (q[0] - c[0]);
-      if (!(area[j] >= 0.0)) return false;
+    // From c; twice the areas of the triangles of c and an edge.
+    double e[max_touches + 2][2], area[max_touches + 1], sum = 0.0;
+    for (int j = 0; j < n; ++j)
+      for (int k = 0; k < 2; ++k) e[j + 1][k] = d_[round[j]][k] - c[k];
+    for (int k = 0; k < 2; ++k) {
+      e[0][k] = e[n][k];
+      e[n + 1][k] = e[1][k];
     }
-    for (int j = 0; j < n; ++j) {
-      const int before = j > 0 ? j - 1 : n - 1, after = j + 1 < n ? j + 1 : 0;
-      const double *o = d_[round[before]], *p = d_[round[j]], *q = d_[round[after]];
-      double own = (p[0] - o[0]) * (q[1] - o[1]) - (p[1] - o[1]) * (q[0] - o[0]);
-      if (!(own >= 0.0)) return false;  // not convex
-      const double scale = 1.0 / (size * size);
-      own *= scale;
-      for (int k = 0; k < n; ++k)
-        if (k != j && k != before) own *= area[k] * scale;
-      weight[round[j]] = own;
+    const auto twice = [&](int i, int j) { return e[i][0] * e[j][1] - e[i][1] * e[j][0]; };
+    for (int j = 0; j <= n; ++j) {
+      area[j] = twice(j, j + 1);
+      if (!(area[j] > 0.0)) return false;
+    }
+    for (int j = 1; j <= n; ++j) {
+      // The triangle of a point and its neighbours over those with c: negative where not convex.
+      const double own = (area[j - 1] + area[j] - twice(j - 1, j + 1)) / (area[j - 1] * area[j]);
+      if (!(own >= 0.0)) return false;
+      weight[round[j - 1]] = own;
       sum += own;
     }
-    if (!(sum > 0.0)) return false;
     for (int i = 0; i < n; ++i) weight[i] *= 1.0 / sum;
     return true;
   }

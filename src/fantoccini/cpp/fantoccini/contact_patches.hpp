@@ -40,7 +40,7 @@ class ContactPatches : public ContactLanes<Model, Real> {
  protected:
   using Base::points_, Base::columns_, Base::groups_, Base::in_;
   using Base::near_, Base::pulls_, Base::bounces_, Base::held_, Base::row_held_, Base::held_residual_, Base::is_carried_, Base::wait_;
-  using Base::x_, Base::s_, Base::b_;
+  using Base::x_, Base::s_, Base::hdot_, Base::before_, Base::asked_, Base::dt_;
 
   // There are none yet.
   FAN_FN void let_go() {
@@ -89,8 +89,7 @@ class ContactPatches : public ContactLanes<Model, Real> {
     groups_.begin();
     for (int i = 0; i < points_.n[0]; ++i) {
       if (!near_[0][i]) continue;
-      const int* pair = in_->pairs + 2 * points_.point[0][i].pair;
-      tree_[i] = groups_.joined(in_->solids[pair[0]].link, in_->solids[pair[1]].link);
+      tree_[i] = groups_.joined(points_.links(i)[0], points_.links(i)[1]);
     }
     for (int a = 0; a < rows.n; ++a)
       if (near[rows.row[a]]) row_tree_[a] = groups_.of_row(rows.row[a]);
@@ -149,7 +148,7 @@ class ContactPatches : public ContactLanes<Model, Real> {
       patch_[p].point[patch_[p].n++] = i;
     }
     bool all = true;
-    for (int p = 0; p < n_ && all; ++p) all = patch_[p].make(points_.point[0], b_);
+    for (int p = 0; p < n_ && all; ++p) all = patch_[p].make(points_.point[0], hdot_, asked_);
     return all;
   }
 
@@ -174,22 +173,25 @@ class ContactPatches : public ContactLanes<Model, Real> {
       const Real* guess) {
     double scale = 0.0, worst = 0.0;
     size_ = n_single_;
-    for (int i = 0; i < size_; ++i) scale = larger(scale, b_held_[i] = rows.problem.b[single_[i]]);
+    for (int i = 0; i < size_; ++i) b_held_[i] = rows.problem.b[single_[i]];
     for (int p = 0; p < n_; ++p) {
       first_[p] = size_;
       size_ += patch_[p].rank;
       worst = larger(worst, patch_[p].misfit);
-      for (int k = 0; k < patch_[p].rank; ++k)
-        scale = larger(scale, b_held_[first_[p] + k] = patch_[p].b[k]);
+      push_patch(p, eval);
     }
+    for (int i = 0; i < size_; ++i) scale = larger(scale, b_held_[i]);
     if (!(worst <= Tolerance::residual * scale)) return false;
-    for (int p = 0; p < n_; ++p) push_patch(p, eval);
     write_held(rows);
     if (!ldl_.factorise(Tolerance::least_pivot)) return false;
-    start(rows, guess);
     double left = unbounded;
+    for (int i = 0; i < size_; ++i) {
+      y_[i] = 0.0;
+      left_[i] = b_held_[i];
+    }
+    if (ldl_.n_left_out > 0) recall_held(rows, guess);
     for (int k = 0; k < Tolerance::rounds && left > Tolerance::rough * scale; ++k) {
-      ldl_.substitute(left_);
+      ldl_.substitute(left_, k == 0 ? given_ : nullptr);
       for (int i = 0; i < size_; ++i) y_[i] += left_[i];
       left = find_left(rows);
     }
@@ -205,18 +207,10 @@ class ContactPatches : public ContactLanes<Model, Real> {
 
   FAN_FN static double larger(double most, double x) { return fabs(x) > most ? fabs(x) : most; }
 
-  // y to begin with, and what is left of b: where rows are redundant, as before; else zero.
-  FAN_FN void start(const RowSystem<Model, Real>& rows, const Real* guess) {
-    if (ldl_.n_left_out == 0) {
-      for (int i = 0; i < size_; ++i) {
-        y_[i] = 0.0;
-        left_[i] = b_held_[i];
-      }
-      return;
-    }
-    for (int i = 0; i < n_single_; ++i) y_[i] = guess[rows.row[single_[i]]];
-    for (int p = 0; p < n_; ++p) patch_[p].add_up(x_, y_ + first_[p]);
-    find_left(rows);
+  // What redundant rows keep: what they had in the step before.
+  FAN_FN void recall_held(const RowSystem<Model, Real>& rows, const Real* guess) {
+    for (int i = 0; i < n_single_; ++i) given_[i] = guess[rows.row[single_[i]]];
+    for (int p = 0; p < n_; ++p) patch_[p].add_up(x_, given_ + first_[p]);
   }
 
   // left = b - G y, and the speeds that are left of all gathered rows. Returns the largest |left|.
@@ -248,15 +242,21 @@ class ContactPatches : public ContactLanes<Model, Real> {
 
   FAN_FN const MovedBy<N>& moved_of(int p) const { return points_.moved[patch_[p].point[0]]; }
 
-  // W of a patch: three columns of F and three of T.
+  // W of a patch, three columns of F and three of T, and what the forces of the step do to its rows.
   FAN_FN void push_patch(int p, const Evaluation<Model, Real>& eval) {
     const ContactPatch& own = patch_[p];
-    Triple<Real> row[room(N)];
-    points_.write_rows(*in_, own.pair, own.middle, own.frame, moved_of(p), row);
-    columns_.push(eval.L, row, moved_of(p), W_[p][0]);
-    if (own.rank == 3) return;
-    points_.write_turns(*in_, own.pair, own.frame, own.size, moved_of(p), row);
-    columns_.push(eval.L, row, moved_of(p), W_[p][1]);
+    const auto& moved = moved_of(p);
+    for (int part = 0; part < own.parts(); ++part) {
+      Triple<Real> row[room(N)];
+      if (part == 0) points_.write_rows(*in_, own.pair, own.middle, own.frame, moved, row);
+      else points_.write_turns(*in_, own.pair, own.frame, own.size, moved, row);
+      columns_.push(eval.L, row, moved, W_[p][part]);
+      const Triple<Real> rate = moved.along(W_[p][part], eval.w0);
+      for (int k = 3 * part; k < own.rank && k < 3 * part + 3; ++k) {
+        by_forces_[p][k] = dt_ * rate[k % 3];
+        b_held_[first_[p] + k] = own.b[k] + by_forces_[p][k];
+      }
+    }
   }
 
   // G on its diagonal and to the right of it. Three numbers are written as a register of four, whose
@@ -270,26 +270,32 @@ class ContactPatches : public ContactLanes<Model, Real> {
       const double* row = rows.problem.G + single_[i] * from;
       for (int j = i; j < n_single_; ++j) G[i * stride + j] = row[single_[j]];
     }
-    for (int p = 0; p < n_; ++p)
-      for (int part = 0; part < patch_[p].parts(); ++part) {
-        const auto& moved = moved_of(p);
-        const Triple<Real>* own = W_[p][part];
-        const int column = first_[p] + 3 * part, height = patch_[p].rank - 3 * part;
-        for (int i = 0; i < n_single_; ++i) {
+    for (int p = 0; p < n_; ++p) {
+      const auto& moved = moved_of(p);
+      const int parts = patch_[p].parts(), rank = patch_[p].rank, column = first_[p];
+      for (int i = 0; i < n_single_; ++i) {
+        const bool apart = rows.is_apart(single_[i], moved);
+        for (int part = 0; part < parts; ++part) {
           Triple<Real> by;
           by.clear();
-          if (!rows.is_apart(single_[i], moved)) by = moved.along(own, rows.column[single_[i]]);
-          put(by, height, G + i * stride + column);
+          if (!apart) by = moved.along(W_[p][part], rows.column[single_[i]]);
+          put(by, rank - 3 * part, G + i * stride + column + 3 * part);
         }
-        for (int q = 0; q <= p; ++q)
-          for (int half = 0; half < (q < p ? patch_[q].parts() : part + 1); ++half) {
+      }
+      for (int q = 0; q <= p; ++q) {
+        const auto& other = moved_of(q);
+        const int common = other.common(moved), others = patch_[q].parts();
+        for (int part = 0; part < parts; ++part)
+          for (int half = 0; half < (q < p ? others : part + 1); ++half) {
             Triple<Real> block[3];
-            columns_.multiply(moved_of(q), W_[q][half], moved, own, block);
-            const int row = first_[q] + 3 * half;
-            for (int d = 0; d < 3 && 3 * half + d < patch_[q].rank; ++d)
-              put(block[d], height, G + (row + d) * stride + column);
+            other.products(W_[q][half], W_[p][part], block, common);
+            double* to = G + (first_[q] + 3 * half) * stride + column + 3 * part;
+            put(block[0], rank - 3 * part, to);
+            put(block[1], rank - 3 * part, to + stride);
+            if (patch_[q].rank - 3 * half > 2) put(block[2], rank - 3 * part, to + 2 * stride);
           }
       }
+    }
   }
 
   FAN_FN static void put(const Triple<Real>& from, int height, double* to) {
@@ -327,11 +333,14 @@ class ContactPatches : public ContactLanes<Model, Real> {
       row_held_[rows.row[a]] = true;
     }
     for (int p = 0; p < n_; ++p)
-      for (int k = 0; k < patch_[p].n; ++k)
+      for (int k = 0; k < patch_[p].n; ++k) {
+        const int first = 3 * patch_[p].point[k];
+        before_[first] = hdot_[first] + patch_[p].normal_rate(k, by_forces_[p]);
         for (int d = 0; d < 3; ++d) {
-          x_[3 * patch_[p].point[k] + d] = impulse_[p][3 * k + d];
-          s_[3 * patch_[p].point[k] + d] = Real(0.0);
+          x_[first + d] = impulse_[p][3 * k + d];
+          s_[first + d] = Real(0.0);
         }
+      }
   }
 
   int tree_[room(C)], row_tree_[room(M)];  // of points and gathered rows that take part
@@ -346,6 +355,8 @@ class ContactPatches : public ContactLanes<Model, Real> {
   // Of the rows that pull, then of the patches.
   int size_ = 0;
   double y_[padded(room(M + 3 * C))], b_held_[padded(room(M + 3 * C))];
+  double given_[padded(room(M + 3 * C))];  // of redundant rows
+  double by_forces_[room(C)][6];          // by patch
   double left_[padded(room(M + 3 * C))];  // b - G y
   Real w_[room(N)], speed_[room(M)];      // - W y of the patches; of all gathered rows
   DenseLdl<M + 3 * C> ldl_;

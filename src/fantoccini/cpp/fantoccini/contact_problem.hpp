@@ -27,6 +27,39 @@ class ContactProblem {
   Real residual = Real(0.0);  // of the law, in the last step
 
  protected:
+  // v+ - v without impulses.
+  FAN_FN void unhindered(const Evaluation<Model, Real>& eval, Real* dv) const {
+    Real w[room(N)];
+    for (int k = 0; k < N; ++k) w[k] = dt_ * eval.w0[k];
+    eval.back(w, dv);
+  }
+
+  // `before` of all points.
+  FAN_FN void know_before(const Evaluation<Model, Real>& eval) {
+    Real dv[room(N)];
+    unhindered(eval, dv);
+    typename Points::Rates free(points_, dv);
+    for (int i = 0; i < points_.most; ++i) {
+      const Triple<Real> by_forces = free.change(i);
+      for (int d = 0; d < 3; ++d) before_[3 * i + d] = hdot_[3 * i + d] + by_forces[d];
+    }
+    is_before_known_ = true;
+  }
+
+  // b of all points.
+  FAN_FN void know_aims() {
+    for (int i = 0; i < points_.most; ++i) {
+      b_[3 * i] = before_[3 * i] + asked_[i];
+      for (int d = 1; d < 3; ++d) b_[3 * i + d] = before_[3 * i + d];
+    }
+  }
+
+  FAN_FN void need_before(const Evaluation<Model, Real>& eval) {
+    if (is_before_known_) return;
+    know_before(eval);
+    know_aims();
+  }
+
   // The columns of the points that take part in some lane, and their products with the rows that
   // may pull: those that pulled before, or close without impulses. The others take part where the
   // impulses found would close them. In bundles all may pull: what one lane adds would be solved for
@@ -81,7 +114,8 @@ class ContactProblem {
       for (int i = 0; i < points_.n[l]; ++i) {
         if (rebound_[l][i] == 0.0) continue;
         const double back = scale_[l] * rebound_[l][i], parting = parting_[l][i];
-        lane_of(b_[3 * i], l) = lane_of(before_[3 * i], l) + (back > parting ? back : parting);
+        lane_of(asked_[i], l) = back > parting ? back : parting;
+        lane_of(b_[3 * i], l) = lane_of(before_[3 * i], l) + lane_of(asked_[i], l);
       }
       solved = solve(l, rows, near, guess, cap, found, s);
     }
@@ -154,7 +188,11 @@ class ContactProblem {
   double scale_[width];            // of the restitutions of the step
   int chosen_[width] = {};         // how many do
   Real x_[room(3 * C)], s_[room(3 * C)], b_[room(3 * C)];
-  Real before_[room(3 * C)];       // hdot after the step without impulses
+  // hdot after the step without impulses; at its start; b - before of the normals. is_before_known_ is
+  // false while nothing has asked for `before`, nor for b.
+  Real before_[room(3 * C)], hdot_[room(3 * C)], asked_[room(C)];
+  bool is_before_known_ = true;
+  double dt_ = 0.0;  // s: of the step
   ContactColumns<Model, Real> columns_;
 
  private:
@@ -279,6 +317,7 @@ class ContactProblem {
       for (int i = 0; i < n_triple_; ++i) {
         const int own = 3 * triple_[i], to = n_single_ + 3 * i;
         lane_of(b_[own], l) = problem.b[to] = lane_of(before_[own], l);
+        lane_of(asked_[triple_[i]], l) = 0.0;
       }
       for (int i = 0; i < n_single_ + 3 * n_triple_; ++i) problem.x[i] = 0.0;
       solved = has_solution();

@@ -42,9 +42,17 @@ class ContactRows : public PlacedLinks<Model, Real> {
     }
 
     FAN_FN Triple<Real> operator()(int i) {
-      Triple<Real> out = of_.rate_K[i];
+      Triple<Real> out = change(i);
+      out.add(Real(1.0), of_.rate_K[i]);
+      return out;
+    }
+
+    // Without what drives the solids: by a change of velocity.
+    FAN_FN Triple<Real> change(int i) {
+      Triple<Real> out;
+      out.clear();
       if constexpr (width > 1) {
-        out.add(Real(1.0), of_.moved[i].along(of_.row[i], v_D_));
+        out = of_.moved[i].along(of_.row[i], v_D_);
       } else {
         for (int side = 0; side < 2; ++side) {
           const int link = of_.link_[i][side];
@@ -64,6 +72,26 @@ class ContactRows : public PlacedLinks<Model, Real> {
     typename Links::Twist twist_[width == 1 ? room(Links::L) : 1];  // of the links that were asked for
     bool is_known_[room(Links::L)];
   };
+
+  // hdot of point i at the velocities that it was found at.
+  FAN_FN Triple<Real> rate(int i, const Real* v_D) const {
+    Triple<Real> out;
+    out.clear();
+    if constexpr (width > 1) {
+      out = rate_K[i];
+      out.add(Real(1.0), moved[i].along(row[i], v_D));
+    } else {
+      for (int side = 0; side < 2; ++side) {
+        const int link = link_[i][side];
+        if (link >= 0)
+          out.add(side ? 1.0 : -1.0, {form_[i].speed(twist_[link].linear, twist_[link].angular)});
+      }
+    }
+    return out;
+  }
+
+  // The links of a point's solids; -1 for the world. Of one trajectory.
+  FAN_FN const int* links(int i) const { return link_[i]; }
 
   // Writes point i's row if it is not there.
   FAN_FN void need_row(const ContactArrays& in, int i) {
@@ -89,7 +117,7 @@ class ContactRows : public PlacedLinks<Model, Real> {
   }
 
  protected:
-  using Links::links_, Links::screw_D_, Links::screw_K_, Links::v_K_;
+  using Links::links_, Links::twist_, Links::screw_D_, Links::screw_K_, Links::v_K_;
 
   // The three directions' parts along each axis, and about it.
   struct Form {
@@ -131,7 +159,8 @@ class ContactRows : public PlacedLinks<Model, Real> {
   // What moves lane l's point i, and the rows of lanes.
   FAN_FN void fill(const ContactArrays& in, int l, int i) {
     const Point& from = point[l][i];
-    const Form form(from.frame, from.at);
+    Form& form = form_[width == 1 ? i : 0];
+    form = Form(from.frame, from.at);
     for (int side = 0; side < 2; ++side) {
       const int link = link_[i][side] = in.solids[in.pairs[2 * from.pair + side]].link;
       if (link < 0) continue;
@@ -143,8 +172,7 @@ class ContactRows : public PlacedLinks<Model, Real> {
         rate_K[i].add_in(l, side ? speed : -speed, form.speed(s, s + 3));
       }
     }
-    if constexpr (width == 1) form_[i] = form;
-    else write(in, l, from.pair, form, moved[i], row[i]);
+    if constexpr (width > 1) write(in, l, from.pair, form, moved[i], row[i]);
   }
 
  private:

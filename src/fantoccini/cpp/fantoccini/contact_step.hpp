@@ -76,6 +76,7 @@ class ContactStep : public ContactSolver<Model, Real> {
       const Real* v_D, const Real* q_K, const Real* v_K, const Real* p, double dt, double whole,
       double recovery_speed, const Mask& idle) {
     in_ = &in;
+    dt_ = dt;
     points_.find(in, q_D, v_D, q_K, v_K, p, dt, idle);
     violation = work = impact = friction = residual = Real(0.0);
     for (int l = 0; l < width; ++l) {
@@ -96,23 +97,21 @@ class ContactStep : public ContactSolver<Model, Real> {
     }
     if constexpr (width == 1) this->let_go();
     if (points_.most == 0) return;
-    Real v[room(N)];
-    unhindered(eval, v_D, dt, v);
-    Rates free(points_, v), now_at(points_, v_D);
     for (int i = 0; i < points_.most; ++i) {
-      const Triple<Real> now = free(i);
+      const Triple<Real> start = points_.rate(i, v_D);
       for (int d = 0; d < 3; ++d) {
         x_[3 * i + d] = Real(0.0);
-        b_[3 * i + d] = before_[3 * i + d] = now[d];
+        hdot_[3 * i + d] = start[d];
       }
     }
     for (int l = 0; l < width; ++l) recall(l);
-    for (int i = 0; i < points_.most; ++i) {
-      const Triple<Real> start = now_at(i);
-      for (int d = 0; d < 3; ++d) hdot_[3 * i + d] = start[d];
-      for (int l = 0; l < width; ++l)
-        if (i < points_.n[l]) aim(l, i, dt, whole, recovery_speed);
-    }
+    for (int l = 0; l < width; ++l)
+      for (int i = 0; i < points_.n[l]; ++i) ask(l, i, whole, recovery_speed);
+    is_before_known_ = !all_pushed();
+    if (is_before_known_) this->know_before(eval);
+    for (int l = 0; l < width; ++l)
+      for (int i = 0; i < points_.n[l]; ++i) aim(l, i);
+    if (is_before_known_) this->know_aims();
   }
 
   // Looks again where impulses have made links faster, by acc over the step from v_D, than the
@@ -130,20 +129,25 @@ class ContactStep : public ContactSolver<Model, Real> {
     for (int k = 0; k < N; ++k) v[k] = v_D[k] + acc[k];
     if (!points_.find_more(*in_, v, v_K, dt, lanes)) return false;
     for (int i = 3 * most; i < 3 * points_.most; ++i) x_[i] = Real(0.0);
-    unhindered(eval, v_D, dt, v);
-    Rates free(points_, v), now_at(points_, v_D);
+    this->need_before(eval);
+    Real dv[room(N)];
+    this->unhindered(eval, dv);
+    Rates free(points_, dv), now_at(points_, v_D);
     for (int l = 0; l < width; ++l)
       for (int i = known[l]; i < points_.n[l]; ++i) {
         columns_.renew(i);
-        const Triple<Real> now = free(i);
-        for (int d = 0; d < 3; ++d)
-          lane_of(b_[3 * i + d], l) = lane_of(before_[3 * i + d], l) = lane_of(now[d], l);
-        const Triple<Real> start = now_at(i);
-        for (int d = 0; d < 3; ++d) lane_of(hdot_[3 * i + d], l) = lane_of(start[d], l);
+        const Triple<Real> start = now_at(i), by_forces = free.change(i);
+        for (int d = 0; d < 3; ++d) {
+          lane_of(hdot_[3 * i + d], l) = lane_of(start[d], l);
+          lane_of(b_[3 * i + d], l) = lane_of(before_[3 * i + d], l) =
+              lane_of(start[d], l) + lane_of(by_forces[d], l);
+        }
         steps_[l][i] = wait_[l][i] = 0;
         near_[l][i] = true;
         is_carried_[l][i] = false;
-        aim(l, i, dt, whole, recovery_speed);
+        ask(l, i, whole, recovery_speed);
+        aim(l, i);
+        lane_of(b_[3 * i], l) += lane_of(asked_[i], l);
       }
     return true;
   }
@@ -163,8 +167,7 @@ class ContactStep : public ContactSolver<Model, Real> {
       const Real now = rates(i)[0];
       for (int l = 0; l < width; ++l) {
         if (i >= points_.n[l] || near_[l][i]) continue;
-        const double closing =
-            lane_of(now, l) + lane_of(b_[3 * i], l) - lane_of(before_[3 * i], l);
+        const double closing = lane_of(now, l) + lane_of(asked_[i], l);
         if (!(closing > Tolerance::passing_speed)) continue;
         near_[l][i] = more = true;
         ++chosen_[l];
@@ -183,7 +186,7 @@ class ContactStep : public ContactSolver<Model, Real> {
     Real found[room(M)], s[room(M)], of_lane = Real(0.0), well = Real(0.0);
     int taking_part[width];
     Real to_solve = Real(0.0), n_near = Real(0.0);
-    for (int r = 0; r < M; ++r) n_near += select(near[r], Real(1.0), Real(0.0));
+    for (int a = 0; a < rows.n; ++a) n_near += select(near[rows.row[a]], Real(1.0), Real(0.0));
     for (int l = 0; l < width; ++l) {
       taking_part[l] = chosen_[l] + int(lane_of(n_near, l));
       if (chosen_[l] != 0 && taking_part[l] != solved_with_[l] && !bounces_[l])
@@ -193,6 +196,7 @@ class ContactStep : public ContactSolver<Model, Real> {
     if constexpr (width == 1)
       if (chosen_[0] != 0 && taking_part[0] != solved_with_[0])
         held = this->hold(eval, rows, near, guess, cap, found, s);
+    if (!held) this->need_before(eval);
     if (!held) this->make_columns(eval, rows, near, guess);
     const Mask tried = to_solve > Real(width > 1 ? 0.5 : 2.0);
     Mask together = tried;
@@ -280,6 +284,7 @@ class ContactStep : public ContactSolver<Model, Real> {
       return n[0];
     }
     this->let_go();
+    this->need_before(eval);
     this->take_all(eval, rows);
     for (int g = 0; g < groups_.n; ++g) {
       this->choose(g);
@@ -305,15 +310,22 @@ class ContactStep : public ContactSolver<Model, Real> {
   using Problem::points_, Problem::columns_, Problem::in_, Problem::near_, Problem::chosen_;
   using Problem::pulls_, Problem::held_, Problem::held_residual_, Problem::is_carried_, Problem::wait_;
   using Problem::x_, Problem::s_, Problem::b_, Problem::before_, Problem::rebound_;
+  using Problem::hdot_, Problem::asked_, Problem::is_before_known_, Problem::dt_;
   using Problem::parting_, Problem::bounces_, Problem::scale_;
 
-  // The velocities after the step without impulses.
-  FAN_FN static void unhindered(
-      const Evaluation<Model, Real>& eval, const Real* v_D, double dt, Real* v) {
-    Real w[room(N)];
-    for (int k = 0; k < N; ++k) w[k] = dt * eval.w0[k];
-    eval.back(w, v);
-    for (int k = 0; k < N; ++k) v[k] += v_D[k];
+  // Whether all points pushed in the step before, or others of their pairs did, or they stay away at
+  // the velocities of the start, and none can bounce: what takes part then is left to watch(). Of one
+  // trajectory.
+  FAN_FN bool all_pushed() const {
+    bool all = width == 1;
+    for (int i = 0; i < points_.n[0]; ++i) {
+      const double hdot = lane_of(hdot_[3 * i], 0), way = -parting_[0][i];
+      const bool stays_away = hdot < Tolerance::share_of_way * way;
+      const bool may_bounce = steps_[0][i] == 0 && hdot > 0.0 &&
+                              in_->restitution[points_.point[0][i].pair] > 0.0;
+      all = all && (is_carried_[0][i] || stays_away) && !may_bounce;
+    }
+    return all;
   }
 
   // Whether point i has an impulse of its own in some lane.
@@ -322,23 +334,31 @@ class ContactStep : public ContactSolver<Model, Real> {
     return !held_[i] && any(x[0] != Real(0.0) || x[1] != Real(0.0) || x[2] != Real(0.0));
   }
 
-  // What the normal impulse of a point must take away: the speed at which it closes without
-  // impulses, and the gap over the step, or the rebound.
-  FAN_FN void aim(int l, int i, double dt, double whole, double recovery_speed) {
-    const double h = -points_.point[l][i].gap, before = lane_of(before_[3 * i], l);
-    const double hdot = lane_of(hdot_[3 * i], l);
-    const double back = h / (h > 0.0 && whole > dt ? whole : dt);
+  // The speed at which a point is asked to part beyond stopping: minus the gap over the step.
+  FAN_FN void ask(int l, int i, double whole, double recovery_speed) {
+    const double h = -points_.point[l][i].gap;
+    const double back = h / (h > 0.0 && whole > dt_ ? whole : dt_);
     const double parting = back < recovery_speed ? back : recovery_speed;
+    parting_[l][i] = lane_of(asked_[i], l) = parting;
+    rebound_[l][i] = 0.0;
+  }
+
+  // Whether a point takes part, and its rebound.
+  FAN_FN void aim(int l, int i) {
+    if (!is_before_known_) {
+      chosen_[l] += near_[l][i];
+      return;
+    }
+    const double hdot = lane_of(hdot_[3 * i], l), parting = parting_[l][i];
+    const double before = lane_of(before_[3 * i], l);
     const double rebound = in_->restitution[points_.point[l][i].pair] * hdot;
     const bool new_one = steps_[l][i] == 0 && before + parting > 0.0;
     const bool bounces = new_one && rebound > parting && rebound > before - hdot;
-    rebound_[l][i] = bounces ? rebound : 0.0;
-    parting_[l][i] = parting;
+    if (bounces) rebound_[l][i] = lane_of(asked_[i], l) = rebound;
     bounces_[l] = bounces_[l] || bounces;
-    lane_of(b_[3 * i], l) = before + (bounces ? rebound : parting);
     // Where other points of the pair carried it before, they are tried first; see watch().
     const bool waits = is_carried_[l][i] && !bounces;
-    near_[l][i] = near_[l][i] || (!waits && lane_of(b_[3 * i], l) > 0.0);
+    near_[l][i] = near_[l][i] || (!waits && before + lane_of(asked_[i], l) > 0.0);
     chosen_[l] += near_[l][i];
   }
 
@@ -377,18 +397,18 @@ class ContactStep : public ContactSolver<Model, Real> {
     out.wait = wait_[l][i];
     out.rested = rested(l, i);
     out.gap = from.gap;
+    const double u[3] = {after(l, 3 * i), after(l, 3 * i + 1), after(l, 3 * i + 2)};
     for (int c = 0; c < 3; ++c) {
       out.at[c] = from.at[c];
       out.normal[c] = from.frame[c];
       out.impulse[c] = x[0] * from.frame[c] + x[1] * from.frame[3 + c] + x[2] * from.frame[6 + c];
-      out.velocity[c] = 0.0;
-      for (int d = 0; d < 3; ++d) out.velocity[c] -= after(l, 3 * i + d) * from.frame[3 * d + c];
+      out.velocity[c] = -u[0] * from.frame[c] - u[1] * from.frame[3 + c] - u[2] * from.frame[6 + c];
     }
   }
 
   // hdot of row i after the step.
   FAN_FN double after(int l, int i) const {
-    return lane_of(before_[i], l) - lane_of(s_[i], l) - lane_of(b_[i], l);
+    return -lane_of(s_[i], l) - (i % 3 == 0 ? lane_of(asked_[i / 3], l) : 0.0);
   }
 
   // Whether the forces of one step alone have closed point i as fast as it closes at the start.
@@ -427,7 +447,6 @@ class ContactStep : public ContactSolver<Model, Real> {
   }
 
   int steps_[width][room(C)];      // for which a point has pushed
-  Real hdot_[room(3 * C)];         // of their rows, at its start
   int looks_ = 0;                  // how often was looked again
   // Of each lane's last solve in the step: how many rows and points took part, whether it went well;
   // impulses and s of the rows.

@@ -28,8 +28,7 @@ struct DenseLdl {
   }
 
   // Replaces A by D U; false where a pivot is not positive or not finite. With `least`, rows whose
-  // pivot falls to that share of their diagonal entry depend on those before: they are left out, and
-  // substitute() puts 0 there.
+  // pivot falls to that share of their diagonal entry depend on those before: they are left out.
   FAN_FN bool factorise(double least = 0.0) {
     n_left_out = 0;
     for (int i = 0; i < n && least > 0.0; ++i) inverse_[i] = least * A[i * (stride + 1)];
@@ -66,8 +65,9 @@ struct DenseLdl {
     return true;
   }
 
-  // r <- A^-1 r; r has room for the padded length.
-  FAN_FN void substitute(double* r) const {
+  // r <- A^-1 r, with numbers that are given, or 0, for the rows left out; r has room for the padded
+  // length.
+  FAN_FN void substitute(double* r, const double* given = nullptr) const {
     const int stride = this->stride;
     for (int i = n; i < stride; ++i) r[i] = 0.0;
     for (int k = 0; k < stride; k += 4) {
@@ -83,6 +83,8 @@ struct DenseLdl {
         quad(r + j) = a - (b + r[k + 3] * quad(row[3] + j));
       }
     }
+    for (int i = 0; i < n && given && n_left_out > 0; ++i)
+      if (inverse_[i] == 0.0) r[i] = given[i];
     for (int k = stride - 4; k >= 0; k -= 4) {
       Quad sum[4] = {};
       for (int j = k + 4; j < stride; j += 4) {

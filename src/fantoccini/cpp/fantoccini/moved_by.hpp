@@ -15,7 +15,7 @@ namespace fan {
 template <int n_vD>
 struct MovedBy {
   int n = 0;
-  int entry[room(n_vD)];
+  const int* entry = merged_;
   int link[2] = {-1, -1};  // the links that were added, the last two; -1 for none
   bool apart = true;       // whether they have no velocity in common, nor any before them
 
@@ -32,9 +32,8 @@ struct MovedBy {
     link[1] = link[0];
     link[0] = which;
     if (n == 0) {
-      const int count = int(end - begin);
-      for (int j = 0; j < count; ++j) entry[j] = begin[j];
-      n = count;
+      entry = begin;
+      n = int(end - begin);
       return;
     }
     apart = apart && (entry[n - 1] < *begin || end[-1] < entry[0]);
@@ -45,14 +44,30 @@ struct MovedBy {
       i += own <= other;
       begin += other <= own;
     }
-    for (n = 0; n < count; ++n) entry[n] = merged[n];
+    for (n = 0; n < count; ++n) merged_[n] = merged[n];
+    entry = merged_;
   }
+
+  MovedBy() = default;
+  MovedBy(const MovedBy&) = delete;
+  MovedBy& operator=(const MovedBy&) = delete;
 
   // Whether no velocity moves both points, as those of different puppets: entries of either lie
   // beyond the other's.
   FAN_FN bool is_apart(const MovedBy& other) const {
     return n == 0 || other.n == 0 || entry[n - 1] < other.entry[0] ||
            other.entry[other.n - 1] < entry[0];
+  }
+
+  // How many of its first entries to look at for all that move both: those that are the same, where
+  // the others of either lie beyond the other's, as in a tree.
+  FAN_FN int common(const MovedBy& other) const {
+    const int most = n < other.n ? n : other.n;
+    int same = 0;
+    while (same < most && entry[same] == other.entry[same]) ++same;
+    const bool apart = same == most || entry[n - 1] < other.entry[same] ||
+                       other.entry[other.n - 1] < entry[same];
+    return apart ? same : n;
   }
 
   // The product of three rows with v, in two sums: each addition waits for the one before. In lanes
@@ -74,17 +89,21 @@ struct MovedBy {
     return even;
   }
 
-  // The products of three columns of this point with three others.
+  // The products of three columns of this point with three others, over its first entries.
   template <class Real>
-  FAN_FN void products(const Triple<Real>* a, const Triple<Real>* b, Triple<Real>* out) const {
+  FAN_FN void products(
+      const Triple<Real>* a, const Triple<Real>* b, Triple<Real>* out, int first) const {
     Triple<Real> sum[3];
     FAN_UNROLL for (int d = 0; d < 3; ++d) sum[d].clear();
-    for (int j = 0; j < n; ++j) {
+    for (int j = 0; j < first; ++j) {
       const int k = entry[j];
       FAN_UNROLL for (int d = 0; d < 3; ++d) sum[d].add(a[k][d], b[k]);
     }
     FAN_UNROLL for (int d = 0; d < 3; ++d) out[d] = sum[d];
   }
+
+ private:
+  int merged_[room(n_vD)];
 };
 
 }  // namespace fan
