@@ -67,8 +67,9 @@ struct ContactColumns {
   }
 
   FAN_FN static void take(const Triple<Real>* own, const Real* x, const MovedBy<N>& moved, Real* w) {
+    const int* entry = moved.entries();
     for (int j = 0; j < moved.n; ++j) {
-      const int k = moved.entry[j];
+      const int k = entry[j];
       w[k] -= own[k][0] * x[0] + own[k][1] * x[1] + own[k][2] * x[2];
     }
   }
@@ -83,7 +84,8 @@ struct ContactColumns {
       if (moved.link[1] < 0 || !moved.apart) return;
       Quad more[room(N)];
       Model::push(moved.link[1], L, own, more);
-      for (int j = 0; j < moved.n; ++j) out[moved.entry[j]] += more[moved.entry[j]];
+      const int* entry = moved.entries();
+      for (int j = 0; j < moved.n; ++j) out[entry[j]] += more[entry[j]];
     } else {
       Real own[room(N)], found[room(N)];
       for (int d = 0; d < 3; ++d) {

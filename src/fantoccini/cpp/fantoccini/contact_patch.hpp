@@ -4,8 +4,8 @@
 //   F = sum of x_i,   T = sum of d_i x x_i          (d_i from the middle of the points)
 //
 // in a frame of the normal and two tangents: F alone for one point; for two, which do not hold the
-// turn about the line between them, F and two parts of T. Any impulses within the cones that add up to F and T give the same motion;
-// these do, with c the centre of pressure:
+// turn about the line between them, F and two parts of T. Any impulses within the cones that add up
+// to F and T give the same motion; these do, with c the centre of pressure:
 //
 //   n_i = N times the polygon's coordinates of c (Wachspress),
 //   t_i = n_i (F_t / N + alpha (d_i - c) turned by a right angle)
@@ -18,7 +18,8 @@
 namespace fan {
 
 struct ContactPatchTolerances {
-  // How far points may lie off a plane or off a line, relative to their distance from the middle.
+  // How far points may lie off a plane, relative to their distance from the middle, and normals turn.
+  // How far they must lie off a line, likewise, squared.
   static constexpr double flat = 1e-10;
   static constexpr double line = 1e-6;
 };
@@ -47,12 +48,12 @@ class ContactPatch {
     for (int c = 0; c < 3; ++c) middle[c] = 0.0;
     for (int i = 0; i < n; ++i)
       for (int c = 0; c < 3; ++c) middle[c] += at[point[i]].at[c] * (1.0 / n);
-    cosine_ = 1.0;
-    sine_ = misfit = 0.0;
+    misfit = 0.0;
     rank = 3;
     size = 1.0;
     if (n == 1) {
-      d_[0][0] = d_[0][1] = 0.0;
+      d_[0][0] = d_[0][1] = sine_[0] = 0.0;
+      cosine_[0] = 1.0;
       for (int k = 0; k < 3; ++k) b[k] = hdot[3 * point[0] + k];
       b[0] += asked[point[0]];
       return true;
@@ -66,7 +67,8 @@ class ContactPatch {
     for (int k = 0; k < 3; ++k) x[k] = 0.0;
     for (int i = 0; i < n; ++i) {
       const double *own = impulses + 3 * point[i], *d = d_[i];
-      const double p = cosine_ * own[1] - sine_ * own[2], q = sine_ * own[1] + cosine_ * own[2];
+      const double p = cosine_[i] * own[1] - sine_[i] * own[2];
+      const double q = sine_[i] * own[1] + cosine_[i] * own[2];
       x[0] += own[0];
       x[1] += p;
       x[2] += q;
@@ -107,8 +109,8 @@ class ContactPatch {
       if (!(p * p + q * q <= mu * mu)) return false;
       const double own = N * weight[i];
       impulses[3 * i] = own;
-      impulses[3 * i + 1] = own * (cosine_ * p + sine_ * q);
-      impulses[3 * i + 2] = own * (cosine_ * q - sine_ * p);
+      impulses[3 * i + 1] = own * (cosine_[i] * p + sine_[i] * q);
+      impulses[3 * i + 2] = own * (cosine_[i] * q - sine_[i] * p);
     }
     return true;
   }
@@ -118,36 +120,41 @@ class ContactPatch {
   // the line between them.
   template <class Point>
   FAN_FN bool is_flat(const Point* at) {
-    double square = 0.0, off = 0.0;
+    double square = 0.0, off = 0.0, bend = 0.0;
     for (int i = 0; i < n; ++i) {
       const auto& own = at[point[i]];
       double d[3], turned = 0.0;
-      for (int c = 0; c < 3; ++c) d[c] = own.at[c] - middle[c];
-      const bool same = own.frame[0] == frame[0] && own.frame[1] == frame[1] && own.frame[2] == frame[2];
-      for (int k = 0; k < 9 && !same; ++k) turned += fabs(own.frame[k] - frame[k]);
+      for (int c = 0; c < 3; ++c) {
+        d[c] = own.at[c] - middle[c];
+        turned += fabs(own.frame[c] - frame[c]);
+      }
       d_[i][0] = dot3(frame + 3, d);
       d_[i][1] = dot3(frame + 6, d);
       const double away = d_[i][0] * d_[i][0] + d_[i][1] * d_[i][1];
-      const double height = fabs(dot3(frame, d)) + turned;
+      const double height = fabs(dot3(frame, d));
       square = away > square ? away : square;
       off = height > off ? height : off;
+      bend = turned > bend ? turned : bend;
     }
     size = sqrt(square);
-    if (!(size > 0.0) || off > Tolerance::flat * size) return false;
-    if (n > 2) return true;
-    // The first tangent becomes (y, -x), the second (x, y).
-    const double x = d_[0][0] / size, y = d_[0][1] / size;
-    for (int c = 3; c < 6; ++c) {
-      const double first = frame[c], second = frame[c + 3];
-      frame[c] = y * first - x * second;
-      frame[c + 3] = x * first + y * second;
+    if (!(size > 0.0) || off > Tolerance::flat * size || bend > Tolerance::flat) return false;
+    if (n == 2) {
+      // The first tangent becomes (y, -x), the second (x, y).
+      const double x = d_[0][0] / size, y = d_[0][1] / size;
+      for (int c = 3; c < 6; ++c) {
+        const double first = frame[c], second = frame[c + 3];
+        frame[c] = y * first - x * second;
+        frame[c + 3] = x * first + y * second;
+      }
+      for (int i = 0; i < 2; ++i) {
+        const double along = x * d_[i][0] + y * d_[i][1];
+        d_[i][0] = 0.0;
+        d_[i][1] = along;
+      }
     }
-    cosine_ = y;
-    sine_ = x;
-    for (int i = 0; i < 2; ++i) {
-      const double along = x * d_[i][0] + y * d_[i][1];
-      d_[i][0] = 0.0;
-      d_[i][1] = along;
+    for (int i = 0; i < n; ++i) {
+      cosine_[i] = dot3(frame + 3, at[point[i]].frame + 3);
+      sine_[i] = -dot3(frame + 3, at[point[i]].frame + 6);
     }
     return true;
   }
@@ -160,8 +167,8 @@ class ContactPatch {
     for (int i = 0; i < n; ++i) {
       const double *w = hdot + 3 * point[i], *d = d_[i];
       own[i][0] = w[0] + asked[point[i]];
-      own[i][1] = cosine_ * w[1] - sine_ * w[2];
-      own[i][2] = sine_ * w[1] + cosine_ * w[2];
+      own[i][1] = cosine_[i] * w[1] - sine_[i] * w[2];
+      own[i][2] = sine_[i] * w[1] + cosine_[i] * w[2];
       for (int k = 0; k < 3; ++k) mean[k] += own[i][k] * (1.0 / n);
       turn += d[0] * own[i][2] - d[1] * own[i][1];
       first += d[1] * own[i][0];
@@ -246,7 +253,8 @@ class ContactPatch {
   }
 
   double d_[max_touches][2];  // from the middle, along the tangents
-  double cosine_, sine_;      // of the tangents in those of the points
+  // Of the tangents in those of the points, which rounding may turn.
+  double cosine_[max_touches], sine_[max_touches];
 };
 
 }  // namespace fan

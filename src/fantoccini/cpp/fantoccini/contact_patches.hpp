@@ -1,5 +1,5 @@
 // Contacts that stick, solved as patches (contact_patch.hpp) before the law is solved point by point:
-// where every point of a group stuck in the step before and its strings go on pulling, the velocities
+// where every point of a group stands still and its strings go on pulling, the velocities
 // after the step follow from as many equations as there are rows that are held,
 //
 //   G x = b
@@ -24,6 +24,8 @@ struct ContactPatchesTolerances {
   // is accepted.
   static constexpr double rough = 1e-13;
   static constexpr double residual = 1e-11;
+  // m/s below which a point stands still: above what the law's residual leaves of its speed.
+  static constexpr double still = 1e-8;
   // Steps without an attempt after one that failed.
   static constexpr int wait = 8;
 };
@@ -36,6 +38,9 @@ class ContactPatches : public ContactLanes<Model, Real> {
   using Base::C, Base::N, Base::M, Base::width;
   using typename Base::Mask;
   using Tolerance = ContactPatchesTolerances;
+
+  // Whether patches hold in the last step.
+  bool has_patches() const { return any_held_; }
 
  protected:
   using Base::points_, Base::columns_, Base::groups_, Base::in_;
@@ -109,11 +114,11 @@ class ContactPatches : public ContactLanes<Model, Real> {
     for (int g = 0; g < groups_.n; ++g) sticks_[g] = sticks_[g] && has_points[g];
   }
 
-  // Whether point i may stick as it did.
+  // Whether point i stands still on what carried it, or another point of its pair, before.
   FAN_FN bool stuck(int i) const {
-    const double *x = x_ + 3 * i, most = in_->friction[points_.point[0][i].pair] * x[0];
-    return is_carried_[0][i] && wait_[0][i] == 0 &&
-           (x[0] == 0.0 || x[1] * x[1] + x[2] * x[2] < most * most);
+    const double p = hdot_[3 * i + 1], q = hdot_[3 * i + 2];
+    return is_carried_[0][i] && wait_[0][i] == 0 && in_->friction[points_.point[0][i].pair] > 0.0 &&
+           p * p + q * q < Tolerance::still * Tolerance::still;
   }
 
   FAN_FN bool hold_group(

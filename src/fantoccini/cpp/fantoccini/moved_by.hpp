@@ -15,9 +15,11 @@ namespace fan {
 template <int n_vD>
 struct MovedBy {
   int n = 0;
-  const int* entry = merged_;
   int link[2] = {-1, -1};  // the links that were added, the last two; -1 for none
   bool apart = true;       // whether they have no velocity in common, nor any before them
+
+  // The velocities, in order.
+  FAN_FN const int* entries() const { return listed_ ? listed_ : merged_; }
 
   // Nothing moves it.
   FAN_FN void clear() {
@@ -32,10 +34,11 @@ struct MovedBy {
     link[1] = link[0];
     link[0] = which;
     if (n == 0) {
-      entry = begin;
+      listed_ = begin;
       n = int(end - begin);
       return;
     }
+    const int* entry = entries();
     apart = apart && (entry[n - 1] < *begin || end[-1] < entry[0]);
     int merged[room(n_vD)], count = 0, i = 0;
     while (i < n || begin < end) {
@@ -45,28 +48,24 @@ struct MovedBy {
       begin += other <= own;
     }
     for (n = 0; n < count; ++n) merged_[n] = merged[n];
-    entry = merged_;
+    listed_ = nullptr;
   }
-
-  MovedBy() = default;
-  MovedBy(const MovedBy&) = delete;
-  MovedBy& operator=(const MovedBy&) = delete;
 
   // Whether no velocity moves both points, as those of different puppets: entries of either lie
   // beyond the other's.
   FAN_FN bool is_apart(const MovedBy& other) const {
-    return n == 0 || other.n == 0 || entry[n - 1] < other.entry[0] ||
-           other.entry[other.n - 1] < entry[0];
+    const int *own = entries(), *its = other.entries();
+    return n == 0 || other.n == 0 || own[n - 1] < its[0] || its[other.n - 1] < own[0];
   }
 
   // How many of its first entries to look at for all that move both: those that are the same, where
   // the others of either lie beyond the other's, as in a tree.
   FAN_FN int common(const MovedBy& other) const {
+    const int *own = entries(), *its = other.entries();
     const int most = n < other.n ? n : other.n;
     int same = 0;
-    while (same < most && entry[same] == other.entry[same]) ++same;
-    const bool apart = same == most || entry[n - 1] < other.entry[same] ||
-                       other.entry[other.n - 1] < entry[same];
+    while (same < most && own[same] == its[same]) ++same;
+    const bool apart = same == most || own[n - 1] < its[same] || its[other.n - 1] < own[same];
     return apart ? same : n;
   }
 
@@ -74,6 +73,7 @@ struct MovedBy {
   // a velocity's sum depends on itself alone, not on what else moves the point in other lanes.
   template <class Real>
   FAN_FN Triple<Real> along(const Triple<Real>* row, const Real* v) const {
+    const int* entry = entries();
     Triple<Real> even, odd;
     even.clear();
     odd.clear();
@@ -93,6 +93,7 @@ struct MovedBy {
   template <class Real>
   FAN_FN void products(
       const Triple<Real>* a, const Triple<Real>* b, Triple<Real>* out, int first) const {
+    const int* entry = entries();
     Triple<Real> sum[3];
     FAN_UNROLL for (int d = 0; d < 3; ++d) sum[d].clear();
     for (int j = 0; j < first; ++j) {
@@ -103,6 +104,7 @@ struct MovedBy {
   }
 
  private:
+  const int* listed_ = nullptr;  // of one link; of several in merged_
   int merged_[room(n_vD)];
 };
 
