@@ -97,7 +97,7 @@ def test_a_box_pressed_off_its_middle_on_a_slope_is_held_as_a_patch():
 def test_a_patch_hands_over_where_it_slides_tips_or_turns(
     friction, joint, height, stiffness, start
 ):
-    """The push to and fro has phases in which the box sticks flat and phases in which it does not."""
+    """Pushed to and fro, the box now sticks flat, now does not."""
     text = SHAKEN.format(
         friction=friction, joint=joint, height=height, stiffness=stiffness, start=start
     )

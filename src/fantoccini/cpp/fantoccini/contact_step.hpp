@@ -11,7 +11,7 @@
 // neighbours.
 #pragma once
 
-#include "contact_patches.hpp"
+#include "contact_aims.hpp"
 #include "contact_share.hpp"
 
 FAN_LOOPS_BEGIN
@@ -19,22 +19,17 @@ FAN_LOOPS_BEGIN
 namespace fan {
 
 template <class Model, class Real>
-using ContactSolver = std::conditional_t<
-    (Traits<Real>::width > 1), ContactLanes<Model, Real>, ContactPatches<Model, Real>>;
-
-template <class Model, class Real>
-class ContactStep : public ContactSolver<Model, Real> {
-  using Solver = ContactSolver<Model, Real>;
+class ContactStep : public ContactAims<Model, Real> {
+  using Aims = ContactAims<Model, Real>;
   using Problem = ContactProblem<Model, Real>;
 
  public:
   using Problem::C, Problem::N, Problem::M, Problem::width, Problem::residual;
   using typename Problem::Mask, typename Problem::Tolerance;
   using Push = ContactPush;
+  using Aims::n, Aims::push;
   using Rates = typename Problem::Points::Rates;
 
-  int n[width] = {};      // points that push
-  Push push[width][room(C)];
   Real violation, work, impact, friction;  // depth; energies of the step
 
   bool too_many(int lane) const { return points_.too_many[lane]; }
@@ -104,13 +99,13 @@ class ContactStep : public ContactSolver<Model, Real> {
         hdot_[3 * i + d] = start[d];
       }
     }
-    for (int l = 0; l < width; ++l) recall(l);
+    for (int l = 0; l < width; ++l) this->recall(l);
     for (int l = 0; l < width; ++l)
-      for (int i = 0; i < points_.n[l]; ++i) ask(l, i, whole, recovery_speed);
-    is_before_known_ = !all_pushed();
+      for (int i = 0; i < points_.n[l]; ++i) this->ask(l, i, whole, recovery_speed);
+    is_before_known_ = !this->all_pushed();
     if (is_before_known_) this->know_before(eval);
     for (int l = 0; l < width; ++l)
-      for (int i = 0; i < points_.n[l]; ++i) aim(l, i);
+      for (int i = 0; i < points_.n[l]; ++i) this->aim(l, i);
     if (is_before_known_) this->know_aims();
   }
 
@@ -145,8 +140,8 @@ class ContactStep : public ContactSolver<Model, Real> {
         steps_[l][i] = wait_[l][i] = 0;
         near_[l][i] = true;
         is_carried_[l][i] = false;
-        ask(l, i, whole, recovery_speed);
-        aim(l, i);
+        this->ask(l, i, whole, recovery_speed);
+        this->aim(l, i);
         lane_of(b_[3 * i], l) += lane_of(asked_[i], l);
       }
     return true;
@@ -310,79 +305,13 @@ class ContactStep : public ContactSolver<Model, Real> {
   using Problem::points_, Problem::columns_, Problem::in_, Problem::near_, Problem::chosen_;
   using Problem::pulls_, Problem::held_, Problem::held_residual_, Problem::is_carried_, Problem::wait_;
   using Problem::x_, Problem::s_, Problem::b_, Problem::before_, Problem::rebound_;
-  using Problem::hdot_, Problem::asked_, Problem::is_before_known_, Problem::dt_;
+  using Aims::steps_, Aims::earlier, Problem::hdot_, Problem::asked_, Problem::is_before_known_, Problem::dt_;
   using Problem::parting_, Problem::bounces_, Problem::scale_;
-
-  // Whether all points pushed in the step before, or others of their pairs did, or they stay away at
-  // the velocities of the start, and none can bounce: what takes part then is left to watch(). Of one
-  // trajectory.
-  FAN_FN bool all_pushed() const {
-    bool all = width == 1;
-    for (int i = 0; i < points_.n[0]; ++i) {
-      const double hdot = lane_of(hdot_[3 * i], 0), way = -parting_[0][i];
-      const bool stays_away = hdot < Tolerance::share_of_way * way;
-      const bool may_bounce = steps_[0][i] == 0 && hdot > 0.0 &&
-                              in_->restitution[points_.point[0][i].pair] > 0.0;
-      all = all && (is_carried_[0][i] || stays_away) && !may_bounce;
-    }
-    return all;
-  }
 
   // Whether point i has an impulse of its own in some lane.
   FAN_FN bool pushes(int i) const {
     const Real* x = x_ + 3 * i;
     return !held_[i] && any(x[0] != Real(0.0) || x[1] != Real(0.0) || x[2] != Real(0.0));
-  }
-
-  // The speed at which a point is asked to part beyond stopping: minus the gap over the step.
-  FAN_FN void ask(int l, int i, double whole, double recovery_speed) {
-    const double h = -points_.point[l][i].gap;
-    const double back = h / (h > 0.0 && whole > dt_ ? whole : dt_);
-    const double parting = back < recovery_speed ? back : recovery_speed;
-    parting_[l][i] = lane_of(asked_[i], l) = parting;
-    rebound_[l][i] = 0.0;
-  }
-
-  // Whether a point takes part, and its rebound.
-  FAN_FN void aim(int l, int i) {
-    if (!is_before_known_) {
-      chosen_[l] += near_[l][i];
-      return;
-    }
-    const double hdot = lane_of(hdot_[3 * i], l), parting = parting_[l][i];
-    const double before = lane_of(before_[3 * i], l);
-    const double rebound = in_->restitution[points_.point[l][i].pair] * hdot;
-    const bool new_one = steps_[l][i] == 0 && before + parting > 0.0;
-    const bool bounces = new_one && rebound > parting && rebound > before - hdot;
-    if (bounces) rebound_[l][i] = lane_of(asked_[i], l) = rebound;
-    bounces_[l] = bounces_[l] || bounces;
-    // Where other points of the pair carried it before, they are tried first; see watch().
-    const bool waits = is_carried_[l][i] && !bounces;
-    near_[l][i] = near_[l][i] || (!waits && before + lane_of(asked_[i], l) > 0.0);
-    chosen_[l] += near_[l][i];
-  }
-
-  // Finds the points of a lane that pushed in the step before, with their impulses as the first
-  // guess; they take part.
-  FAN_FN void recall(int l) {
-    for (int i = 0, j = 0, first = 0; i < points_.n[l]; ++i) {
-      const auto& p = points_.point[l][i];
-      while (first < n[l] && push[l][first].pair < p.pair) ++first;
-      while (j < n[l] && earlier(push[l][j], p)) ++j;
-      const bool pushed = j < n[l] && push[l][j].pair == p.pair && push[l][j].feature == p.feature;
-      steps_[l][i] = pushed ? push[l][j].steps : 0;
-      wait_[l][i] = pushed && push[l][j].wait > 0 ? push[l][j].wait - 1 : 0;
-      near_[l][i] = pushed;
-      is_carried_[l][i] = first < n[l] && push[l][first].pair == p.pair;
-      if (!pushed) continue;
-      for (int d = 0; d < 3; ++d)
-        lane_of(x_[3 * i + d], l) = dot3(p.frame + 3 * d, push[l][j].impulse);
-    }
-  }
-
-  template <class Other>
-  FAN_FN static bool earlier(const Push& a, const Other& b) {
-    return a.pair < b.pair || (a.pair == b.pair && a.feature < b.feature);
   }
 
   // Adds point i of lane l as it pushes with the impulse x to a list, in order.
@@ -446,7 +375,6 @@ class ContactStep : public ContactSolver<Model, Real> {
     }
   }
 
-  int steps_[width][room(C)];      // for which a point has pushed
   int looks_ = 0;                  // how often was looked again
   // Of each lane's last solve in the step: how many rows and points took part, whether it went well;
   // impulses and s of the rows.
