@@ -55,11 +55,15 @@ class Program:
 
     def run(self, x: State, work: str, times: int, count: int) -> Burst:
         """Times some steps from a state; the inputs hold still."""
-        text = "\n".join(repr(float(n)) for part in self._words(x) for n in np.ravel(part))
-        command = [str(self.path), work, str(times), str(count)]
-        done = subprocess.run(command, input=text, capture_output=True, text=True, check=True)
-        *seconds, points, force, depth, residual = map(float, done.stdout.split())
+        *seconds, points, force, depth, residual = self.numbers(x, work, str(times), str(count))
         return Burst(tuple(seconds), int(points), force, depth, residual)
+
+    def numbers(self, x: State, *arguments: str) -> list[float]:
+        """What the program says from a state, given these words."""
+        text = "\n".join(repr(float(n)) for part in self._words(x) for n in np.ravel(part))
+        command = [str(self.path), *arguments]
+        done = subprocess.run(command, input=text, capture_output=True, text=True, check=True)
+        return [float(word) for word in done.stdout.split()]
 
     def _words(self, x: State) -> list[Sequence[float]]:
         puppet = self.marionette
@@ -92,13 +96,13 @@ def _folder() -> tempfile.TemporaryDirectory:
     return tempfile.TemporaryDirectory()
 
 
-def compiled(marionette: Marionette, dt: float) -> Program:
-    """A scene in the program, compiled as its library is."""
+def compiled(marionette: Marionette, dt: float, source: Path = HERE / "stage.cpp") -> Program:
+    """A scene in a program, compiled as its library is."""
     folder = Path(tempfile.mkdtemp(dir=_folder().name))
     for file, text in marionette.model.compiled.source_files().files.items():
         Path(folder, file).write_text(text, encoding="utf-8")
     include = [f"-I{folder}", f"-I{build.runtime_folder()}", f"-I{HERE}"]
     path = folder / "stage"
     command = [*build.find_compiler().command, *flags(), *include]
-    subprocess.run([*command, str(HERE / "stage.cpp"), "-o", str(path)], check=True)
+    subprocess.run([*command, str(source), "-o", str(path)], check=True)
     return Program(path, marionette, dt)

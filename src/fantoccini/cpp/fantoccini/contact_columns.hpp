@@ -63,13 +63,17 @@ struct ContactColumns {
 
   // w <- w - W x over the columns of point i, which these move.
   FAN_FN void take(int i, const Real* x, const MovedBy<N>& moved, Real* w) const {
+    take(W[i], x, moved, w);
+  }
+
+  FAN_FN static void take(const Triple<Real>* own, const Real* x, const MovedBy<N>& moved, Real* w) {
+    const int* entry = moved.entries();
     for (int j = 0; j < moved.n; ++j) {
-      const int k = moved.entry[j];
-      w[k] -= W[i][k][0] * x[0] + W[i][k][1] * x[1] + W[i][k][2] * x[2];
+      const int k = entry[j];
+      w[k] -= own[k][0] * x[0] + own[k][1] * x[1] + own[k][2] * x[2];
     }
   }
 
- private:
   // w = F^-T x of three columns, x being 0 but where it is moved.
   FAN_FN static void push(
       const Real* L, const Triple<Real>* x, const MovedBy<N>& moved, Triple<Real>* w) {
@@ -80,7 +84,8 @@ struct ContactColumns {
       if (moved.link[1] < 0 || !moved.apart) return;
       Quad more[room(N)];
       Model::push(moved.link[1], L, own, more);
-      for (int j = 0; j < moved.n; ++j) out[moved.entry[j]] += more[moved.entry[j]];
+      const int* entry = moved.entries();
+      for (int j = 0; j < moved.n; ++j) out[entry[j]] += more[entry[j]];
     } else {
       Real own[room(N)], found[room(N)];
       for (int d = 0; d < 3; ++d) {
@@ -91,14 +96,15 @@ struct ContactColumns {
     }
   }
 
+ private:
   // The products of the columns of points i and j <= i.
   FAN_FN void multiply(int i, int j, const MovedBy<N>* moved) {
     if (moved[i].is_apart(moved[j])) {
       for (int d = 0; d < 3; ++d) G_[i][j][d].clear();
       return;
     }
-    const bool shorter = moved[i].n <= moved[j].n;  // W is 0 beyond
-    moved[shorter ? i : j].products(W[i], W[j], G_[i][j]);
+    const MovedBy<N>& shorter = moved[moved[i].n <= moved[j].n ? i : j];  // W is 0 beyond
+    shorter.products(W[i], W[j], G_[i][j], shorter.n);
   }
 
   static constexpr int all_links = -1;

@@ -53,6 +53,7 @@ class ContactGroups {
 
  private:
   static constexpr int N = room(Model::n_vD), S = Model::n_strings, M = Model::n_rows;
+  static constexpr int L = Model::n_links;
 
   // Numbers the trees, each a group of velocities. Rows without velocities may go with any.
   FAN_FN void learn() {
@@ -62,10 +63,14 @@ class ContactGroups {
       for (int j = begin[0]; j < begin[1]; ++j)
         join(tree_, N, tree_[entry[begin[0]]], tree_[entry[j]]);
     };
-    for (int i = 0; i < Model::n_links; ++i) connect(Model::moved_D_begin + i, Model::moved_D_entry);
+    for (int i = 0; i < L; ++i) connect(Model::moved_D_begin + i, Model::moved_D_entry);
     for (int r = 0; r < S; ++r) connect(Model::string_begin + r, Model::string_entry);
     // The first velocity of each, which names it until here, comes first.
     for (int k = 0; k < N; ++k) tree_[k] = tree_[k] == k ? n_trees_++ : tree_[tree_[k]];
+    for (int i = 0; i < L; ++i) {
+      const int* begin = Model::moved_D_begin + i;
+      link_[i] = begin[0] < begin[1] ? tree_[Model::moved_D_entry[begin[0]]] : -1;
+    }
     for (int r = 0; r < M; ++r) {
       const int first = r < S ? Model::string_begin[r] : 0;
       if (r >= S) row_[r] = tree_[Model::limit_v[r - S]];
@@ -80,11 +85,7 @@ class ContactGroups {
       if (group[k] == from) group[k] = to;
   }
 
-  FAN_FN int tree_of(int link) const {
-    if (link < 0) return -1;
-    const int* begin = Model::moved_D_begin + link;
-    return begin[0] < begin[1] ? tree_[Model::moved_D_entry[begin[0]]] : -1;
-  }
+  FAN_FN int tree_of(int link) const { return link < 0 ? -1 : link_[link]; }
 
   FAN_FN int use(int tree) {
     const int known = tree < 0 ? 0 : tree;
@@ -94,7 +95,7 @@ class ContactGroups {
 
   bool known_ = false;
   int n_trees_ = 0;
-  int tree_[N], row_[room(M)];   // the tree of every velocity, string and limit
+  int tree_[N], link_[room(L)], row_[room(M)];  // the tree of every velocity, link, string and limit
   int group_[N], number_[N];     // of every tree
   bool is_used_[N];
 };

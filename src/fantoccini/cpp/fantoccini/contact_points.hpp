@@ -1,16 +1,11 @@
 // Contact points of a step: where solids touch or may touch before its end, and the rows of A_D
-// there.
-//
-//   u = e . (v_A + w_A x P - v_B - w_B x P),   e the normal and two tangents at the point P
-//
-// with (v, w) a link's twist about the world's origin, the sum of the screws of the velocities that
-// move it. Rows have the sign of h, like those of strings: hdot = -u, so that h = -gap <= 0 where
-// solids do not overlap, and a force x >= 0 pushes A along +e and B along -e.
+// there (contact_rows.hpp).
 #pragma once
 
-#include "moved_by.hpp"
+#include <new>
+
+#include "contact_rows.hpp"
 #include "near_pairs.hpp"
-#include "placed_links.hpp"
 
 FAN_LOOPS_BEGIN
 
@@ -29,8 +24,9 @@ struct ContactPointTolerances {
 };
 
 template <class Model, class Real>
-class ContactPoints : public PlacedLinks<Model, Real> {
+class ContactPoints : public ContactRows<Model, Real> {
   using Links = PlacedLinks<Model, Real>;
+  using Rows = ContactRows<Model, Real>;
   using Ball = typename Links::Ball;
   using Twist = typename Links::Twist;
   using RealTwist = typename Links::RealTwist;
@@ -41,18 +37,9 @@ class ContactPoints : public PlacedLinks<Model, Real> {
   using Tolerance = ContactPointTolerances;
   using Mask = typename Traits<Real>::Mask;
 
-  struct Point {
-    int pair, feature, region;  // of ContactArrays; which of the pair's points; of Touch
-    double gap, at[3];       // m
-    double frame[9];         // normal, tangent, tangent
-  };
-
-  int n[width], most;        // points of each lane, and of the one that has most
-  Point point[width][room(C)];
+  using typename Rows::Point;
+  using Rows::n, Rows::most, Rows::point, Rows::row, Rows::rate_K, Rows::moved;
   bool too_many[width] = {};  // whether a lane has had more points than there is room for
-  Triple<Real> row[room(C)][room(N)];  // of A_D: every point's normal and tangents
-  Triple<Real> rate_K[room(C)];        // A_K v_K of these rows
-  MovedBy<N> moved[room(C)];       // where a point's rows may differ from zero
 
   // Takes the solids; nothing is known of where they are.
   FAN_FN void begin(const ContactArrays& in) {
@@ -168,6 +155,7 @@ class ContactPoints : public PlacedLinks<Model, Real> {
   }
 
  protected:
+  using Rows::clear, Rows::clear_row, Rows::fill;
   using Links::add_real_twists, Links::tangents;
   using Links::L, Links::B, Links::load, Links::move, Links::place, Links::place_link;
   using Links::separation, Links::smallest_size, Links::is_far, Links::are_far;
@@ -266,11 +254,13 @@ class ContactPoints : public PlacedLinks<Model, Real> {
         too_many[l] = true;
         return;
       }
-      put(k, found[i], point[l][n[l]++]);
+      put(k, found[i], point[l][n[l]], n[l] > 0 ? &point[l][n[l] - 1] : nullptr);
+      ++n[l];
     }
   }
 
-  FAN_FN static void put(int pair, const Touch& from, Point& to) {
+  // Points of a pair mostly have one normal: `last` is the point before.
+  FAN_FN static void put(int pair, const Touch& from, Point& to, const Point* last = nullptr) {
     to.pair = pair;
     to.feature = from.feature;
     to.region = from.region;
@@ -279,7 +269,12 @@ class ContactPoints : public PlacedLinks<Model, Real> {
       to.at[c] = from.point[c];
       to.frame[c] = from.normal[c];
     }
-    tangents(to.frame);
+    if (last && same(last->frame, to.frame)) FAN_UNROLL for (int c = 3; c < 9; ++c) to.frame[c] = last->frame[c];
+    else tangents(to.frame);
+  }
+
+  FAN_FN static bool same(const double* a, const double* b) {
+    return a[0] == b[0] && a[1] == b[1] && a[2] == b[2];
   }
 
   // Whether a point of pair k is none of lane l's, and would be passed.
@@ -297,54 +292,6 @@ class ContactPoints : public PlacedLinks<Model, Real> {
       closing += (side ? 1.0 : -1.0) * dot3(v, touch.normal);
     }
     return closing - touch.gap / passing_within_ > Tolerance::passing_speed;
-  }
-
-  FAN_FN void clear(int i) {
-    moved[i].clear();
-    rate_K[i].clear();
-    if (width > 1) clear_row(i);
-  }
-
-  FAN_FN void clear_row(int i) {
-    for (int k = 0; k < N; ++k) row[i][k].clear();
-  }
-
-  // The rows of lane l's point i. Of one trajectory, only entries that move it are written where its
-  // two links have none in common.
-  FAN_FN void fill(const ContactArrays& in, int l, int i) {
-    const Point& from = point[l][i];
-    const double *e = from.frame, *at = from.at;
-    int links[2];
-    for (int side = 0; side < 2; ++side) {
-      const int link = links[side] = in.solids[in.pairs[2 * from.pair + side]].link;
-      const int *begin = Model::moved_D_begin + link, *entry = Model::moved_D_entry;
-      if (link >= 0) moved[i].add(link, entry + begin[0], entry + begin[1]);
-    }
-    const bool fresh = width == 1 && moved[i].apart;
-    if (width == 1 && !fresh) clear_row(i);
-    // The three directions' parts along each axis, and their moments about the origin.
-    Quad of[3], moment[3];
-    FAN_UNROLL for (int c = 0; c < 3; ++c) of[c] = Quad{e[c], e[3 + c], e[6 + c], 0.0};
-    FAN_UNROLL for (int c = 0; c < 3; ++c)
-      moment[c] = at[(c + 1) % 3] * of[(c + 2) % 3] - at[(c + 2) % 3] * of[(c + 1) % 3];
-    const auto speed = [&](const double* s) {  // of the point, by a screw
-      return (of[0] * s[0] + of[1] * s[1] + of[2] * s[2]) +
-             (moment[0] * s[3] + moment[1] * s[4] + moment[2] * s[5]);
-    };
-    for (int side = 0; side < 2; ++side) {
-      const int link = links[side];
-      if (link < 0) continue;
-      const double sign = side ? 1.0 : -1.0;
-      for (int j = Model::moved_D_begin[link]; j < Model::moved_D_begin[link + 1]; ++j) {
-        const int k = Model::moved_D_entry[j];
-        if (fresh) row[i][k].clear();
-        row[i][k].add_in(l, sign, speed(screw_D_ + 6 * k));
-      }
-      for (int j = Model::moved_K_begin[link]; j < Model::moved_K_begin[link + 1]; ++j) {
-        const int k = Model::moved_K_entry[j];
-        rate_K[i].add_in(l, sign * v_K_[k], speed(screw_K_ + 6 * k));
-      }
-    }
   }
 
   NearPairs<L, 4 * L> near_[width];

@@ -15,7 +15,7 @@ class ContactPointsAt : public ContactPoints<Model, double> {
   using Twist = typename PlacedLinks<Model, double>::Twist;
 
  public:
-  using Base::C, Base::n, Base::most, Base::point, Base::too_many;
+  using Base::C, Base::n, Base::most, Base::point, Base::row, Base::too_many;
   using typename Base::Point, typename Base::Tolerance;
 
   // The points with a gap below `margin` where lane 0 is posed.
@@ -65,8 +65,9 @@ class ContactPointsAt : public ContactPoints<Model, double> {
   // Makes the rows of lane 0's point i.
   void make_rows(const ContactArrays& in, int i) {
     clear(i);
-    clear_row(i);  // whoever asks for them reads all entries
     fill(in, 0, i);
+    clear_row(row[i]);  // whoever asks for them reads all entries
+    Base::need_row(in, i);
   }
 
   // The velocity of the first solid against the second at lane 0's point i.

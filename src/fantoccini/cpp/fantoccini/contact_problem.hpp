@@ -27,6 +27,39 @@ class ContactProblem {
   Real residual = Real(0.0);  // of the law, in the last step
 
  protected:
+  // v+ - v without impulses.
+  FAN_FN void unhindered(const Evaluation<Model, Real>& eval, Real* dv) const {
+    Real w[room(N)];
+    for (int k = 0; k < N; ++k) w[k] = dt_ * eval.w0[k];
+    eval.back(w, dv);
+  }
+
+  // `before` of all points.
+  FAN_FN void know_before(const Evaluation<Model, Real>& eval) {
+    Real dv[room(N)];
+    unhindered(eval, dv);
+    typename Points::Rates free(points_, dv);
+    for (int i = 0; i < points_.most; ++i) {
+      const Triple<Real> by_forces = free.change(i);
+      for (int d = 0; d < 3; ++d) before_[3 * i + d] = hdot_[3 * i + d] + by_forces[d];
+    }
+    is_before_known_ = true;
+  }
+
+  // b of all points.
+  FAN_FN void know_aims() {
+    for (int i = 0; i < points_.most; ++i) {
+      b_[3 * i] = before_[3 * i] + asked_[i];
+      for (int d = 1; d < 3; ++d) b_[3 * i + d] = before_[3 * i + d];
+    }
+  }
+
+  FAN_FN void need_before(const Evaluation<Model, Real>& eval) {
+    if (is_before_known_) return;
+    know_before(eval);
+    know_aims();
+  }
+
   // The columns of the points that take part in some lane, and their products with the rows that
   // may pull: those that pulled before, or close without impulses. The others take part where the
   // impulses found would close them. In bundles all may pull: what one lane adds would be solved for
@@ -37,12 +70,15 @@ class ContactProblem {
     bool some[room(C)];
     for (int i = 0; i < points_.most; ++i) {
       some[i] = false;
-      for (int l = 0; l < width; ++l) some[i] = some[i] || (i < points_.n[l] && near_[l][i]);
+      for (int l = 0; l < width; ++l) some[i] = some[i] || (i < points_.n[l] && takes_part(l, i));
     }
+    for (int i = 0; i < points_.most; ++i)
+      if (some[i]) points_.need_row(*in_, i);
     columns_.make(eval, points_.row, points_.moved, some, points_.most);
     const auto& problem = rows.problem;
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
+      if (row_held_[r]) continue;
       const Mask awake = guess[r] > Real(0.0) || problem.lower[a] < Real(0.0) || problem.b[a] > Real(0.0);
       const Mask may_pull = width > 1 ? near[r] : near[r] && awake;
       bool some_pulls = false;
@@ -78,12 +114,16 @@ class ContactProblem {
       for (int i = 0; i < points_.n[l]; ++i) {
         if (rebound_[l][i] == 0.0) continue;
         const double back = scale_[l] * rebound_[l][i], parting = parting_[l][i];
-        lane_of(b_[3 * i], l) = lane_of(before_[3 * i], l) + (back > parting ? back : parting);
+        lane_of(asked_[i], l) = back > parting ? back : parting;
+        lane_of(b_[3 * i], l) = lane_of(before_[3 * i], l) + lane_of(asked_[i], l);
       }
       solved = solve(l, rows, near, guess, cap, found, s);
     }
     return solved;
   }
+
+  // Whether point i takes part in the law as it is solved point by point.
+  FAN_FN bool takes_part(int l, int i) const { return near_[l][i] && !held_[i]; }
 
   // Chooses the rows and points of one group.
   FAN_FN void choose(int group) {
@@ -135,14 +175,24 @@ class ContactProblem {
   int triple_[room(C)], n_triple_ = 0;  // and these points
   ContactGroups<Model> groups_;         // of the lane that was solved last
   bool near_[width][room(C)];      // whether a point takes part
+  // Of one trajectory: the points and rows that are solved as patches (contact_patches.hpp), and the
+  // residual of these.
+  bool held_[room(C)] = {}, row_held_[room(M)] = {};
+  double held_residual_ = 0.0;
   bool pulls_[width][room(M)];     // whether a row that takes part may pull
   // m/s: e u_n- of new contacts, 0 of others; how fast solids part without it.
   double rebound_[width][room(C)], parting_[width][room(C)];
+  bool is_carried_[width][room(C)];  // whether a point of the same pair pushed in the step before
+  int wait_[width][room(C)];       // steps for which a point's group is not tried as patches
   bool bounces_[width];            // whether any contact bounces
   double scale_[width];            // of the restitutions of the step
   int chosen_[width] = {};         // how many do
   Real x_[room(3 * C)], s_[room(3 * C)], b_[room(3 * C)];
-  Real before_[room(3 * C)];       // hdot after the step without impulses
+  // hdot after the step without impulses; at its start; b - before of the normals. is_before_known_ is
+  // false while nothing has asked for `before`, nor for b.
+  Real before_[room(3 * C)], hdot_[room(3 * C)], asked_[room(C)];
+  bool is_before_known_ = true;
+  double dt_ = 0.0;  // s: of the step
   ContactColumns<Model, Real> columns_;
 
  private:
@@ -169,14 +219,14 @@ class ContactProblem {
       for (int b = 0; b < rows.n; ++b)
         change += lane_of(rows.problem.G[a * stride + b], l) * lane_of(found[b], l);
       for (int d = 0; d < 3 * points_.n[l]; ++d)
-        if (near_[l][d / 3]) change += 2.0 * lane_of(columns_.across[d / 3][a][d % 3], l) * lane_of(x_[d], l);
+        if (takes_part(l, d / 3)) change += 2.0 * lane_of(columns_.across[d / 3][a][d % 3], l) * lane_of(x_[d], l);
       add(lane_of(found[a], l), lane_of(before[a], l) - 0.5 * change);
     }
     for (int d = 0; d < 3 * points_.n[l]; ++d) {
-      if (!near_[l][d / 3]) continue;
+      if (!takes_part(l, d / 3)) continue;
       double change = 0.0;
       for (int e = 0; e < 3 * points_.n[l]; ++e)
-        if (near_[l][e / 3]) change += lane_of(columns_.G(d, e), l) * lane_of(x_[e], l);
+        if (takes_part(l, e / 3)) change += lane_of(columns_.G(d, e), l) * lane_of(x_[e], l);
       add(lane_of(x_[d], l), lane_of(before_[d], l) - 0.5 * change);
     }
     return lost < -Tolerance::rounding * exchanged;
@@ -198,14 +248,15 @@ class ContactProblem {
       int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* found, Real* s) {
     int rest[room(M)], n_rest = 0;
     for (int a = 0; a < rows.n; ++a)
-      if (lane_of(near[rows.row[a]], l) && !pulls_[l][rows.row[a]]) rest[n_rest++] = a;
+      if (lane_of(near[rows.row[a]], l) && !pulls_[l][rows.row[a]] && !row_held_[rows.row[a]])
+        rest[n_rest++] = a;
     if (n_rest == 0) return false;
     Real w[room(N)], taken[room(M)];  // - W x
     for (int k = 0; k < N; ++k) w[k] = Real(0.0);
     for (int a = 0; a < rows.n; ++a) taken[a] = -found[a];
     rows.add(taken, w);
     for (int i = 0; i < points_.n[l]; ++i)
-      if (near_[l][i]) columns_.take(i, x_ + 3 * i, points_.moved[i], w);
+      if (takes_part(l, i)) columns_.take(i, x_ + 3 * i, points_.moved[i], w);
     rows.along(w, taken);
     bool more = false;
     for (int i = 0; i < n_rest; ++i) {
@@ -223,11 +274,12 @@ class ContactProblem {
       int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess, double cap,
       Real* found, Real* s) {
     for (int a = 0; a < rows.n; ++a) {
+      if (row_held_[rows.row[a]]) continue;
       lane_of(found[a], l) = 0.0;
       lane_of(s[a], l) = -lane_of(rows.problem.b[a], l);
     }
     sort(l, rows, near);
-    double worst = 0.0;
+    double worst = held_residual_;
     bool solved = true;
     for (int g = 0; g < groups_.n; ++g) {
       choose(g);
@@ -265,6 +317,7 @@ class ContactProblem {
       for (int i = 0; i < n_triple_; ++i) {
         const int own = 3 * triple_[i], to = n_single_ + 3 * i;
         lane_of(b_[own], l) = problem.b[to] = lane_of(before_[own], l);
+        lane_of(asked_[triple_[i]], l) = 0.0;
       }
       for (int i = 0; i < n_single_ + 3 * n_triple_; ++i) problem.x[i] = 0.0;
       solved = has_solution();
@@ -286,14 +339,14 @@ class ContactProblem {
     groups_.begin();
     n_some_ = 0;
     for (int i = 0; i < points_.n[l]; ++i) {
-      if (!near_[l][i]) continue;
+      if (!takes_part(l, i)) continue;
       const int* pair = in_->pairs + 2 * points_.point[l][i].pair;
       const int a = in_->solids[pair[0]].link, b = in_->solids[pair[1]].link;
       some_[n_some_++] = {i, groups_.joined(a, b)};
     }
     n_some_rows_ = 0;
     for (int a = 0; a < rows.n; ++a)
-      if (lane_of(near[rows.row[a]], l) && pulls_[l][rows.row[a]])
+      if (lane_of(near[rows.row[a]], l) && pulls_[l][rows.row[a]] && !row_held_[rows.row[a]])
         some_rows_[n_some_rows_++] = {a, groups_.of_row(rows.row[a])};
     groups_.count();
   }

@@ -6,6 +6,9 @@ namespace fan {
 struct ContactStepTolerances {
   // m/s at which a point joins the problem because it would be passed: above rounding.
   static constexpr double passing_speed = 1e-12;
+  // Share of the way to its solid, over the step, that a point goes at the speed of the start and still
+  // is left to the look at the velocities after the step.
+  static constexpr double share_of_way = 0.5;
   // How often a step looks again for points that what was struck would pass.
   static constexpr int looks = 8;
   // Steps that an impact takes: the first ends where the solids touch, the second stops them.
@@ -30,6 +33,7 @@ struct ContactStepTolerances {
 // A point that pushes at the end of a step.
 struct ContactPush {
   int pair, feature, steps;  // for how many steps, counted beyond steps_of_impact by one
+  int wait;                  // steps for which patches are not tried (contact_patches.hpp)
   bool rested;               // at the start of the step: the forces of one step closed it
   double gap, at[3], normal[3], impulse[3], velocity[3];
 };

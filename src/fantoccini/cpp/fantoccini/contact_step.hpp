@@ -11,7 +11,7 @@
 // neighbours.
 #pragma once
 
-#include "contact_lanes.hpp"
+#include "contact_aims.hpp"
 #include "contact_share.hpp"
 
 FAN_LOOPS_BEGIN
@@ -19,16 +19,17 @@ FAN_LOOPS_BEGIN
 namespace fan {
 
 template <class Model, class Real>
-class ContactStep : public ContactLanes<Model, Real> {
+class ContactStep : public ContactAims<Model, Real> {
+  using Aims = ContactAims<Model, Real>;
   using Problem = ContactProblem<Model, Real>;
 
  public:
   using Problem::C, Problem::N, Problem::M, Problem::width, Problem::residual;
   using typename Problem::Mask, typename Problem::Tolerance;
   using Push = ContactPush;
+  using Aims::n, Aims::push;
+  using Rates = typename Problem::Points::Rates;
 
-  int n[width] = {};      // points that push
-  Push push[width][room(C)];
   Real violation, work, impact, friction;  // depth; energies of the step
 
   bool too_many(int lane) const { return points_.too_many[lane]; }
@@ -70,6 +71,7 @@ class ContactStep : public ContactLanes<Model, Real> {
       const Real* v_D, const Real* q_K, const Real* v_K, const Real* p, double dt, double whole,
       double recovery_speed, const Mask& idle) {
     in_ = &in;
+    dt_ = dt;
     points_.find(in, q_D, v_D, q_K, v_K, p, dt, idle);
     violation = work = impact = friction = residual = Real(0.0);
     for (int l = 0; l < width; ++l) {
@@ -88,23 +90,23 @@ class ContactStep : public ContactLanes<Model, Real> {
       scale_[l] = 1.0;
       solved_with_[l] = 0;
     }
+    if constexpr (width == 1) this->let_go();
     if (points_.most == 0) return;
-    Real v[room(N)];
-    unhindered(eval, v_D, dt, v);
     for (int i = 0; i < points_.most; ++i) {
-      const Triple<Real> now = rates(i, v);
+      const Triple<Real> start = points_.rate(i, v_D);
       for (int d = 0; d < 3; ++d) {
         x_[3 * i + d] = Real(0.0);
-        b_[3 * i + d] = before_[3 * i + d] = now[d];
+        hdot_[3 * i + d] = start[d];
       }
     }
-    for (int l = 0; l < width; ++l) recall(l);
-    for (int i = 0; i < points_.most; ++i) {
-      const Triple<Real> start = rates(i, v_D);
-      for (int d = 0; d < 3; ++d) hdot_[3 * i + d] = start[d];
-      for (int l = 0; l < width; ++l)
-        if (i < points_.n[l]) aim(l, i, dt, whole, recovery_speed);
-    }
+    for (int l = 0; l < width; ++l) this->recall(l);
+    for (int l = 0; l < width; ++l)
+      for (int i = 0; i < points_.n[l]; ++i) this->ask(l, i, whole, recovery_speed);
+    is_before_known_ = !this->all_pushed();
+    if (is_before_known_) this->know_before(eval);
+    for (int l = 0; l < width; ++l)
+      for (int i = 0; i < points_.n[l]; ++i) this->aim(l, i);
+    if (is_before_known_) this->know_aims();
   }
 
   // Looks again where impulses have made links faster, by acc over the step from v_D, than the
@@ -122,19 +124,25 @@ class ContactStep : public ContactLanes<Model, Real> {
     for (int k = 0; k < N; ++k) v[k] = v_D[k] + acc[k];
     if (!points_.find_more(*in_, v, v_K, dt, lanes)) return false;
     for (int i = 3 * most; i < 3 * points_.most; ++i) x_[i] = Real(0.0);
-    unhindered(eval, v_D, dt, v);
+    this->need_before(eval);
+    Real dv[room(N)];
+    this->unhindered(eval, dv);
+    Rates free(points_, dv), now_at(points_, v_D);
     for (int l = 0; l < width; ++l)
       for (int i = known[l]; i < points_.n[l]; ++i) {
         columns_.renew(i);
-        const Triple<Real> now = rates(i, v);
-        for (int d = 0; d < 3; ++d)
-          lane_of(b_[3 * i + d], l) = lane_of(before_[3 * i + d], l) = lane_of(now[d], l);
-        const Triple<Real> start = rates(i, v_D);
-        for (int d = 0; d < 3; ++d) lane_of(hdot_[3 * i + d], l) = lane_of(start[d], l);
-        steps_[l][i] = 0;
+        const Triple<Real> start = now_at(i), by_forces = free.change(i);
+        for (int d = 0; d < 3; ++d) {
+          lane_of(hdot_[3 * i + d], l) = lane_of(start[d], l);
+          lane_of(b_[3 * i + d], l) = lane_of(before_[3 * i + d], l) =
+              lane_of(start[d], l) + lane_of(by_forces[d], l);
+        }
+        steps_[l][i] = wait_[l][i] = 0;
         near_[l][i] = true;
         is_carried_[l][i] = false;
-        aim(l, i, dt, whole, recovery_speed);
+        this->ask(l, i, whole, recovery_speed);
+        this->aim(l, i);
+        lane_of(b_[3 * i], l) += lane_of(asked_[i], l);
       }
     return true;
   }
@@ -149,12 +157,12 @@ class ContactStep : public ContactLanes<Model, Real> {
   // Adds the points that would be passed at the velocity v; whether there are any.
   FAN_FN bool watch(const Real* v) {
     bool more = false;
+    Rates rates(points_, v);
     for (int i = 0; i < points_.most; ++i) {
-      const Real now = rates(i, v)[0];
+      const Real now = rates(i)[0];
       for (int l = 0; l < width; ++l) {
         if (i >= points_.n[l] || near_[l][i]) continue;
-        const double closing =
-            lane_of(now, l) + lane_of(b_[3 * i], l) - lane_of(before_[3 * i], l);
+        const double closing = lane_of(now, l) + lane_of(asked_[i], l);
         if (!(closing > Tolerance::passing_speed)) continue;
         near_[l][i] = more = true;
         ++chosen_[l];
@@ -170,16 +178,21 @@ class ContactStep : public ContactLanes<Model, Real> {
   FAN_FN void settle(
       const Evaluation<Model, Real>& eval, RowSystem<Model, Real>& rows, const Mask* near,
       const Real* guess, const Real* before, double cap, Mask& settled) {
-    this->make_columns(eval, rows, near, guess);
     Real found[room(M)], s[room(M)], of_lane = Real(0.0), well = Real(0.0);
     int taking_part[width];
     Real to_solve = Real(0.0), n_near = Real(0.0);
-    for (int r = 0; r < M; ++r) n_near += select(near[r], Real(1.0), Real(0.0));
+    for (int a = 0; a < rows.n; ++a) n_near += select(near[rows.row[a]], Real(1.0), Real(0.0));
     for (int l = 0; l < width; ++l) {
       taking_part[l] = chosen_[l] + int(lane_of(n_near, l));
       if (chosen_[l] != 0 && taking_part[l] != solved_with_[l] && !bounces_[l])
         lane_of(to_solve, l) = 1.0;
     }
+    bool held = false;  // all of it by patches
+    if constexpr (width == 1)
+      if (chosen_[0] != 0 && taking_part[0] != solved_with_[0])
+        held = this->hold(eval, rows, near, guess, cap, found, s);
+    if (!held) this->need_before(eval);
+    if (!held) this->make_columns(eval, rows, near, guess);
     const Mask tried = to_solve > Real(width > 1 ? 0.5 : 2.0);
     Mask together = tried;
     if constexpr (width > 1)
@@ -190,8 +203,9 @@ class ContactStep : public ContactLanes<Model, Real> {
       if (taking_part[l] != solved_with_[l]) {
         solved_with_[l] = taking_part[l];
         cone_.is_hard = lane_of(tried, l);
-        well_[l] = (width > 1 && lane_of(together, l)) ||
+        well_[l] = held || (width > 1 && lane_of(together, l)) ||
                    this->bounce(l, rows, near, guess, before, cap, found, s);
+        if (held) lane_of(residual, l) = held_residual_;
         for (int a = 0; a < rows.n; ++a) {
           lane_of(row_x_[rows.row[a]], l) = lane_of(found[a], l);
           lane_of(row_s_[rows.row[a]], l) = lane_of(s[a], l);
@@ -215,16 +229,18 @@ class ContactStep : public ContactLanes<Model, Real> {
   FAN_FN void add(Real* w) const {
     for (int i = 0; i < points_.most; ++i)
       if (pushes(i)) columns_.take(i, x_ + 3 * i, points_.moved[i], w);
+    if constexpr (width == 1) this->add_held(w);
   }
 
   // What the impulses take from hdot of gathered row a.
-  FAN_FN Real rate_by_impulses(int a) const {
+  FAN_FN Real rate_by_impulses(const RowSystem<Model, Real>& rows, int a) const {
     Real sum = Real(0.0);
     for (int i = 0; i < points_.most; ++i) {
       if (!pushes(i)) continue;
       const Triple<Real>& by = columns_.across[i][a];
       sum += by[0] * x_[3 * i] + by[1] * x_[3 * i + 1] + by[2] * x_[3 * i + 2];
     }
+    if constexpr (width == 1) sum += this->rate_by_held(rows, a);
     return sum;
   }
 
@@ -237,19 +253,14 @@ class ContactStep : public ContactLanes<Model, Real> {
         if (lane_of(x_[3 * i], l) > 0.0 && strikes(l, i)) lane_of(struck, l) = 1.0;
     for (int l = 0; l < width; ++l) {
       int pushes = 0;
-      Push now[room(C)];
       for (int i = 0; i < points_.n[l]; ++i)
         if (lane_of(x_[3 * i], l) > 0.0) {
           const double x[3] = {
               lane_of(x_[3 * i], l), lane_of(x_[3 * i + 1], l), lane_of(x_[3 * i + 2], l)};
-          const Push made = pushing(l, i, x);
-          int place = pushes++;
-          for (; place > 0 && earlier(made, now[place - 1]); --place) now[place] = now[place - 1];
-          now[place] = made;
+          add_push(l, i, x, push[l], pushes);
           if (lane_of(struck, l) > 0.5) book_impact(l, i);
           else book_friction(l, i);
         }
-      for (int i = 0; i < pushes; ++i) push[l][i] = now[i];
       n[l] = pushes;
     }
     return struck;
@@ -267,6 +278,8 @@ class ContactStep : public ContactLanes<Model, Real> {
       for (int i = 0; i < n[0]; ++i) out[i] = push[0][i];
       return n[0];
     }
+    this->let_go();
+    this->need_before(eval);
     this->take_all(eval, rows);
     for (int g = 0; g < groups_.n; ++g) {
       this->choose(g);
@@ -281,10 +294,7 @@ class ContactStep : public ContactLanes<Model, Real> {
       share.find(cone_, x);
       for (int k = 0; k < n_triple_; ++k) {
         if (!(x[3 * k] > 0.0)) continue;
-        const Push made = pushing(0, triple_[k], x + 3 * k);
-        int place = n_out++;
-        for (; place > 0 && earlier(made, out[place - 1]); --place) out[place] = out[place - 1];
-        out[place] = made;
+        add_push(0, triple_[k], x + 3 * k, out, n_out);
       }
     }
     return n_out;
@@ -293,100 +303,41 @@ class ContactStep : public ContactLanes<Model, Real> {
  private:
   using Problem::cone_, Problem::groups_, Problem::n_single_, Problem::single_, Problem::triple_, Problem::n_triple_;
   using Problem::points_, Problem::columns_, Problem::in_, Problem::near_, Problem::chosen_;
-  using Problem::pulls_;
+  using Problem::pulls_, Problem::held_, Problem::held_residual_, Problem::is_carried_, Problem::wait_;
   using Problem::x_, Problem::s_, Problem::b_, Problem::before_, Problem::rebound_;
+  using Aims::steps_, Aims::earlier, Problem::hdot_, Problem::asked_, Problem::is_before_known_, Problem::dt_;
   using Problem::parting_, Problem::bounces_, Problem::scale_;
 
-  // The velocities after the step without impulses.
-  FAN_FN static void unhindered(
-      const Evaluation<Model, Real>& eval, const Real* v_D, double dt, Real* v) {
-    Real w[room(N)];
-    for (int k = 0; k < N; ++k) w[k] = dt * eval.w0[k];
-    eval.back(w, v);
-    for (int k = 0; k < N; ++k) v[k] += v_D[k];
-  }
-
-  // hdot of the rows of point i at the velocity v.
-  FAN_FN Triple<Real> rates(int i, const Real* v) const {
-    Triple<Real> out = points_.moved[i].along(points_.row[i], v);
-    out.add(Real(1.0), points_.rate_K[i]);
-    return out;
-  }
-
-  // Whether point i has an impulse in some lane.
+  // Whether point i has an impulse of its own in some lane.
   FAN_FN bool pushes(int i) const {
     const Real* x = x_ + 3 * i;
-    return any(x[0] != Real(0.0) || x[1] != Real(0.0) || x[2] != Real(0.0));
+    return !held_[i] && any(x[0] != Real(0.0) || x[1] != Real(0.0) || x[2] != Real(0.0));
   }
 
-  // What the normal impulse of a point must take away: the speed at which it closes without
-  // impulses, and the gap over the step, or the rebound.
-  FAN_FN void aim(int l, int i, double dt, double whole, double recovery_speed) {
-    const double h = -points_.point[l][i].gap, before = lane_of(before_[3 * i], l);
-    const double hdot = lane_of(hdot_[3 * i], l);
-    const double back = h / (h > 0.0 && whole > dt ? whole : dt);
-    const double parting = back < recovery_speed ? back : recovery_speed;
-    const double rebound = in_->restitution[points_.point[l][i].pair] * hdot;
-    const bool new_one = steps_[l][i] == 0 && before + parting > 0.0;
-    const bool bounces = new_one && rebound > parting && rebound > before - hdot;
-    rebound_[l][i] = bounces ? rebound : 0.0;
-    parting_[l][i] = parting;
-    bounces_[l] = bounces_[l] || bounces;
-    lane_of(b_[3 * i], l) = before + (bounces ? rebound : parting);
-    // Where other points of the pair carried it before, they are tried first; see watch().
-    const bool waits = is_carried_[l][i] && !bounces;
-    near_[l][i] = near_[l][i] || (!waits && lane_of(b_[3 * i], l) > 0.0);
-    chosen_[l] += near_[l][i];
-  }
-
-  // Finds the points of a lane that pushed in the step before, with their impulses as the first
-  // guess; they take part.
-  FAN_FN void recall(int l) {
-    int j = 0;
-    for (int i = 0; i < points_.n[l]; ++i) {
-      const auto& p = points_.point[l][i];
-      while (j < n[l] && earlier(push[l][j], p)) ++j;
-      const bool pushed = j < n[l] && push[l][j].pair == p.pair && push[l][j].feature == p.feature;
-      steps_[l][i] = pushed ? push[l][j].steps : 0;
-      near_[l][i] = pushed;
-      is_carried_[l][i] = false;
-      for (int k = 0; k < n[l]; ++k)
-        is_carried_[l][i] = is_carried_[l][i] || push[l][k].pair == p.pair;
-      if (!pushed) continue;
-      for (int d = 0; d < 3; ++d)
-        lane_of(x_[3 * i + d], l) = dot3(p.frame + 3 * d, push[l][j].impulse);
-    }
-  }
-
-  template <class Other>
-  FAN_FN static bool earlier(const Push& a, const Other& b) {
-    return a.pair < b.pair || (a.pair == b.pair && a.feature < b.feature);
-  }
-
-  // Point i of lane l as it pushes with the impulse x.
-  FAN_FN Push pushing(int l, int i, const double* x) const {
+  // Adds point i of lane l as it pushes with the impulse x to a list, in order.
+  FAN_FN void add_push(int l, int i, const double* x, Push* list, int& n_list) const {
     const auto& from = points_.point[l][i];
-    Push out;
+    int place = n_list++;
+    for (; place > 0 && !earlier(list[place - 1], from); --place) list[place] = list[place - 1];
+    Push& out = list[place];
     out.pair = from.pair;
     out.feature = from.feature;
     out.steps = closes(l, i) ? 1 : steps_[l][i] + (steps_[l][i] <= Tolerance::steps_of_impact);
+    out.wait = wait_[l][i];
     out.rested = rested(l, i);
     out.gap = from.gap;
+    const double u[3] = {after(l, 3 * i), after(l, 3 * i + 1), after(l, 3 * i + 2)};
     for (int c = 0; c < 3; ++c) {
       out.at[c] = from.at[c];
       out.normal[c] = from.frame[c];
-      out.impulse[c] = out.velocity[c] = 0.0;
-      for (int d = 0; d < 3; ++d) {
-        out.impulse[c] += x[d] * from.frame[3 * d + c];
-        out.velocity[c] -= after(l, 3 * i + d) * from.frame[3 * d + c];
-      }
+      out.impulse[c] = x[0] * from.frame[c] + x[1] * from.frame[3 + c] + x[2] * from.frame[6 + c];
+      out.velocity[c] = -u[0] * from.frame[c] - u[1] * from.frame[3 + c] - u[2] * from.frame[6 + c];
     }
-    return out;
   }
 
   // hdot of row i after the step.
   FAN_FN double after(int l, int i) const {
-    return lane_of(before_[i], l) - lane_of(s_[i], l) - lane_of(b_[i], l);
+    return -lane_of(s_[i], l) - (i % 3 == 0 ? lane_of(asked_[i / 3], l) : 0.0);
   }
 
   // Whether the forces of one step alone have closed point i as fast as it closes at the start.
@@ -424,9 +375,6 @@ class ContactStep : public ContactLanes<Model, Real> {
     }
   }
 
-  int steps_[width][room(C)];      // for which a point has pushed
-  bool is_carried_[width][room(C)];  // whether a point of the same pair pushed in the step before
-  Real hdot_[room(3 * C)];         // of their rows, at its start
   int looks_ = 0;                  // how often was looked again
   // Of each lane's last solve in the step: how many rows and points took part, whether it went well;
   // impulses and s of the rows.

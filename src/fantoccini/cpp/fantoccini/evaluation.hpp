@@ -180,8 +180,8 @@ struct RowSystem {
   template <class Moved>
   FAN_FN bool is_apart(int a, const Moved& moved) const {
     const Entries of = entries(row[a]);
-    return of.n == 0 || moved.n == 0 || of[of.n - 1] < moved.entry[0] ||
-           moved.entry[moved.n - 1] < of[0];
+    const int* entry = moved.entries();
+    return of.n == 0 || moved.n == 0 || of[of.n - 1] < entry[0] || entry[moved.n - 1] < of[0];
   }
 
   // W^T w over the rows, two sums at a time: each addition waits for the one before.

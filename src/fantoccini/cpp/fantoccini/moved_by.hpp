@@ -15,9 +15,11 @@ namespace fan {
 template <int n_vD>
 struct MovedBy {
   int n = 0;
-  int entry[room(n_vD)];
   int link[2] = {-1, -1};  // the links that were added, the last two; -1 for none
   bool apart = true;       // whether they have no velocity in common, nor any before them
+
+  // The velocities, in order.
+  FAN_FN const int* entries() const { return listed_ ? listed_ : merged_; }
 
   // Nothing moves it.
   FAN_FN void clear() {
@@ -32,11 +34,11 @@ struct MovedBy {
     link[1] = link[0];
     link[0] = which;
     if (n == 0) {
-      const int count = int(end - begin);
-      for (int j = 0; j < count; ++j) entry[j] = begin[j];
-      n = count;
+      listed_ = begin;
+      n = int(end - begin);
       return;
     }
+    const int* entry = entries();
     apart = apart && (entry[n - 1] < *begin || end[-1] < entry[0]);
     int merged[room(n_vD)], count = 0, i = 0;
     while (i < n || begin < end) {
@@ -45,20 +47,33 @@ struct MovedBy {
       i += own <= other;
       begin += other <= own;
     }
-    for (n = 0; n < count; ++n) entry[n] = merged[n];
+    for (n = 0; n < count; ++n) merged_[n] = merged[n];
+    listed_ = nullptr;
   }
 
   // Whether no velocity moves both points, as those of different puppets: entries of either lie
   // beyond the other's.
   FAN_FN bool is_apart(const MovedBy& other) const {
-    return n == 0 || other.n == 0 || entry[n - 1] < other.entry[0] ||
-           other.entry[other.n - 1] < entry[0];
+    const int *own = entries(), *its = other.entries();
+    return n == 0 || other.n == 0 || own[n - 1] < its[0] || its[other.n - 1] < own[0];
+  }
+
+  // How many of its first entries to look at for all that move both: those that are the same, where
+  // the others of either lie beyond the other's, as in a tree.
+  FAN_FN int common(const MovedBy& other) const {
+    const int *own = entries(), *its = other.entries();
+    const int most = n < other.n ? n : other.n;
+    int same = 0;
+    while (same < most && own[same] == its[same]) ++same;
+    const bool apart = same == most || own[n - 1] < its[same] || its[other.n - 1] < own[same];
+    return apart ? same : n;
   }
 
   // The product of three rows with v, in two sums: each addition waits for the one before. In lanes
   // a velocity's sum depends on itself alone, not on what else moves the point in other lanes.
   template <class Real>
   FAN_FN Triple<Real> along(const Triple<Real>* row, const Real* v) const {
+    const int* entry = entries();
     Triple<Real> even, odd;
     even.clear();
     odd.clear();
@@ -74,17 +89,23 @@ struct MovedBy {
     return even;
   }
 
-  // The products of three columns of this point with three others.
+  // The products of three columns of this point with three others, over its first entries.
   template <class Real>
-  FAN_FN void products(const Triple<Real>* a, const Triple<Real>* b, Triple<Real>* out) const {
+  FAN_FN void products(
+      const Triple<Real>* a, const Triple<Real>* b, Triple<Real>* out, int first) const {
+    const int* entry = entries();
     Triple<Real> sum[3];
     FAN_UNROLL for (int d = 0; d < 3; ++d) sum[d].clear();
-    for (int j = 0; j < n; ++j) {
+    for (int j = 0; j < first; ++j) {
       const int k = entry[j];
       FAN_UNROLL for (int d = 0; d < 3; ++d) sum[d].add(a[k][d], b[k]);
     }
     FAN_UNROLL for (int d = 0; d < 3; ++d) out[d] = sum[d];
   }
+
+ private:
+  const int* listed_ = nullptr;  // of one link; of several in merged_
+  int merged_[room(n_vD)];
 };
 
 }  // namespace fan

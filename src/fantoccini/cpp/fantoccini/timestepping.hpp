@@ -418,7 +418,7 @@ struct TimeStep {
     Real after = before_[a];
     for (int b = 0; b < rows.n; ++b) after += rows.problem.at(a, b) * pull_[b];
     if constexpr (touches)
-      if (solids) after -= contacts.rate_by_impulses(a);
+      if (solids) after -= contacts.rate_by_impulses(rows, a);
     Real lost = 0.5 * (rows.hdot[a] + after);
     const int r = rows.row[a];
     if (r < S) lost -= select(slips[r], slip_rate_[r], Real(0.0));  // which is in slip_loss

@@ -231,13 +231,19 @@ FAN_FN void touch_plane_by_box(const PlacedSolid& box, const PlacedSolid& plane,
   int face = 0;
   for (int k = 1; k < 3; ++k) face = fabs(up[k]) > fabs(up[face]) ? k : face;
   const int side = up[face] > 0.0 ? 0 : 1;
-  for (int corner = 0; corner < 8; ++corner) {
-    if (((corner >> face) & 1) != side) continue;
-    double local[3], p[3];
-    for (int k = 0; k < 3; ++k) local[k] = (corner >> k) & 1 ? box.half[k] : -box.half[k];
-    out_of_axes(box.R, local, p);
-    along3(box.a, 1.0, p, p);
-    add_above(p, plane, corner, to);
+  // The half edges in the world, the one across the face towards it.
+  double edge[3][3];
+  for (int k = 0; k < 3; ++k) {
+    const double half = k == face && side == 0 ? -box.half[k] : box.half[k];
+    for (int c = 0; c < 3; ++c) edge[k][c] = half * box.R[3 * k + c];
+  }
+  const int first = face == 0 ? 1 : 0, second = face == 2 ? 1 : 2;
+  for (int j = 0; j < 4; ++j) {
+    double p[3];
+    along3(box.a, 1.0, edge[face], p);
+    along3(p, j & 1 ? 1.0 : -1.0, edge[first], p);
+    along3(p, j & 2 ? 1.0 : -1.0, edge[second], p);
+    add_above(p, plane, (side << face) | ((j & 1) << first) | ((j >> 1) << second), to);
   }
 }
 

@@ -1,0 +1,44 @@
+// Steps of a scene as they are, and beside them steps without patches: points that push have to wait,
+// so that the law is solved point by point. Reads what benchmarks/contact/stage.cpp reads.
+//
+// argv: how many steps. stdout: for each the largest difference of the velocities that both make of one
+// state, the largest velocity, whether patches held, how many points push, and the residual of the law
+// with patches and without.
+#define main timed
+#include "stage.cpp"
+#undef main
+
+namespace {
+
+fan::FixedRun<Model> alone;
+
+void step_both() {
+  alone = run;
+  auto out = record();
+  if (run.run(1e9, 1, out) != fan::RUNNING) std::exit(3);
+  auto& contacts = alone.trajectory.at.contacts;
+  for (int i = 0; i < contacts.n[0]; ++i) contacts.push[0][i].wait = 2;
+  out = record();
+  if (alone.run(1e9, 1, out) != fan::RUNNING) std::exit(4);
+  if (contacts.has_patches()) std::exit(5);
+  double apart = 0.0, most = 0.0;
+  for (int k = 0; k < N; ++k) {
+    const double v = run.trajectory.state().v_D[k];
+    apart = std::fmax(apart, std::fabs(v - alone.trajectory.state().v_D[k]));
+    most = std::fmax(most, std::fabs(v));
+  }
+  const auto& own = run.trajectory.at.contacts;
+  std::printf(
+      "%.3g %.3g %d %d %.3g %.3g\n", apart, most, int(own.has_patches()), own.n[0], own.residual,
+      contacts.residual);
+}
+
+}  // namespace
+
+int main(int, char** argv) {
+  take_all();
+  take_contacts();
+  begin();
+  for (int n = std::atoi(argv[1]); n > 0; --n) step_both();
+  return 0;
+}
