@@ -109,7 +109,7 @@ class Compiled:
     def step_derivatives(self) -> StepDerivatives:
         """The derivatives of time steps."""
         load = StepDerivatives
-        return self._library("step_derivatives", lambda file: load(file, self.tree.sizes))
+        return self._library("step_derivatives", lambda file: load(file, self.sized.sizes))
 
     def batch_library_of(self, method: str) -> BatchLibrary:
         """The library for batches of a method."""

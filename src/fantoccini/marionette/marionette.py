@@ -292,7 +292,8 @@ class Marionette(Quantities):
         """One time step from each of n states with its derivatives, compiled.
 
         The steps are those of ``fan.TimeStepping(dt, extrapolate=False)``, and the derivatives
-        those of :meth:`linearise_step`, for puppets without contact.
+        those of :meth:`linearise_step`. Where that would raise, a step is not ``settled``, and
+        where it names edges between modes of contact, not ``sharp``.
 
         Args:
             q_D, v_D, q_K, v_K: (n, ...) or (...,) states.
@@ -305,7 +306,7 @@ class Marionette(Quantities):
             threads: all processors when not given.
 
         Raises:
-            StateError: the puppet has contact, or an array has another shape.
+            StateError: an array has another shape.
         """
         return linearise_steps(
             self.model, q_D, v_D, q_K, v_K, acc_K, u_D, p=p, dt=dt, forces=forces, pull=pull,

@@ -29,6 +29,7 @@ from fantoccini.runtime.rollouts import (
 )
 from fantoccini.runtime.solids import SOLID
 from fantoccini.runtime.step_derivatives import StepDerivatives
+from fantoccini.runtime.step_touches import StepTouches, step_touches
 from fantoccini.runtime.structures import HeldInput
 
 __all__ = [
@@ -63,7 +64,9 @@ __all__ = [
     "Segments",
     "Solids",
     "StepDerivatives",
+    "StepTouches",
     "default_threads",
     "memory",
+    "step_touches",
     "whole",
 ]

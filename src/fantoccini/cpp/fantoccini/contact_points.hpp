@@ -246,7 +246,7 @@ class ContactPoints : public PlacedLinks<Model, Real> {
   }
 
  protected:
-  using Links::add_real_twists, Links::tangents;
+  using Links::add_real_twists;
   using Links::L, Links::B, Links::load, Links::move, Links::place, Links::place_link;
   using Links::separation, Links::smallest_size, Links::is_far, Links::are_far;
   using Links::links_, Links::poses_, Links::screw_D_, Links::screw_K_, Links::v_K_, Links::twist_, Links::speed_;
@@ -349,7 +349,7 @@ class ContactPoints : public PlacedLinks<Model, Real> {
         to.at[c] = found[i].point[c];
         to.frame[c] = found[i].normal[c];
       }
-      tangents(to.frame);
+      add_tangents(to.frame);
     }
   }
 

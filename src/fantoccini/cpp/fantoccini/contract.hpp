@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x69208178e42b66f0;
+constexpr long long contract_digest = 0x470b879e1d90b927;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -115,6 +115,20 @@ enum class Solved : int {
   INFEASIBLE = 1,  // there is no solution
   UNSETTLED = 2,  // the bound on iterations was reached
   NO_ROOM = 3,  // more rows than the puppet has, or no memory
+};
+
+// What a fixed step is on the edge of, as bits; from LEAVES_LAW on it has no derivative.
+enum StepEdge : int {
+  WITHOUT_FORCE = 1,  // a point touches without force
+  STRAINED = 2,  // a point sticks at the edge of its cone
+  MAY_REBOUND = 4,  // a point springs back if it is any faster
+  NOT_SMOOTH = 8,  // the place of a point has no derivative
+  ASKEW = 16,  // a point touches without force, and slides askew of those that push
+  LEAVES_LAW = 32,  // bodies are wedged in, or restitution is scaled down to add no energy
+  JAMS = 64,  // friction jams: no forces keep the modes
+  CONTRADICTS = 128,  // solids touch at more points than can go on together near by
+  OPEN_SHARES = 256,  // solids slide on more points than the law can share force among
+  CROWDED = 512,  // more points push than there is room for
 };
 
 // An input: arrays in C order.
@@ -284,6 +298,55 @@ struct StepperArrays {
   double* blame;  // (n, n_rows + n_watched) shares of the blame for it; written
 };
 
+// A point that pushes in a fixed step, in its mode.
+struct StepContact {
+  int pair;  // of ContactArrays
+  int feature;  // which of the pair's points
+  int links[2];  // of the two solids; -1 for the world
+  int sticks;  // else it slides
+  int turns;  // whether the direction of sliding turns with the velocity
+  double friction;  // coefficient
+  double gap;  // [m]
+  double closes;  // d(gap speed)/d(gap) that the step asks for [1/s]
+  double bounces;  // restitution that it asks for
+  double at[3];  // place in the world [m]
+  double normal[3];  // from the second solid to the first
+  double force[3];  // on the first solid [N]
+  double velocity[3];  // of the first solid against the second after it [m/s]
+  double along[3];  // direction of sliding; 0 where it sticks
+  double by[42];  // (7, 6) gap, place and normal by a twist of the first link about the origin
+};
+
+// First time steps with contact, one for each node.
+struct TouchingStepArrays {
+  Options options;
+  const double* winches;  // of all
+  double reference_force;  // a weight [N]
+  int room;  // for points of a node
+  Shared p;
+  Shared acc_K;  // at the start
+  Shared u_D;  // or null
+  const double* q_D;  // (n, n_qD) starts
+  const double* v_D;  // (n, n_vD)
+  const double* q_K;  // (n, n_qK)
+  const double* v_K;  // (n, n_vK)
+  const double* rate;  // (n, n_vK) dq_K/dt over the step
+  const double* mean;  // (n, n_vK) dv_K/dt over the step
+  double* q_D_next;  // (n, n_qD) after the step; so the others
+  double* v_D_next;  // (n, n_vD)
+  double* q_K_next;  // (n, n_qK)
+  double* v_K_next;  // (n, n_vK)
+  double* tension;  // (n, n_rows)
+  int* status;  // (n,) Status
+  int* edges;  // (n,) StepEdge
+  int* n_points;  // (n,) that push
+  StepContact* points;  // (n, room)
+  double* screws;  // (n, n_vD + n_vK, 6) at the start, as the function of this name
+  // (n, n_links + n_vD + n_vK, 6, n_p) twists of links and changes of screws by the
+  // parameters; null without any
+  double* by_p;
+};
+
 // Time steps and their derivatives, one for each node.
 struct StepDerivativeArrays {
   double dt;  // length of all steps [s]
@@ -303,6 +366,12 @@ struct StepDerivativeArrays {
   // for, and p; of driven rotations by rate and mean
   double* motion;
   double* pull;  // (n, n_rows, m) of the tensions; null: not asked for
+  const int* n_points;  // (n,) points that push; null without contact
+  int room;  // for points of a node
+  const StepContact* points;  // (n, room)
+  const double* screws;  // as in TouchingStepArrays
+  const double* by_p;  // likewise
+  int* edges;  // (n,) StepEdge; added to
 };
 
 // Solids and pairs of them whose clearance is measured.

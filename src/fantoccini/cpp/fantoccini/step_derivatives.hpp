@@ -7,13 +7,15 @@
 //   dv+ = dv + dt dacc,   dq+ = Exp(-dt v+) dq + J_r(dt v+) dt dv+
 //
 // r is the residual of Eq. 10 with the velocity products of the start, d any of the above. Columns are
-// solved for in bundles, as many as a vector holds.
+// solved for in bundles, as many as a vector holds. Where solids touch, the points that push are held
+// in their modes beside the rows (modes_of_step.hpp).
 #pragma once
 
 #include <cstring>
+#include <type_traits>
 
 #include "evaluation.hpp"
-#include "timestepping.hpp"
+#include "modes_of_step.hpp"
 #include "wide.hpp"
 
 namespace fan {
@@ -38,7 +40,8 @@ class StepDerivatives {
     differentiate(in, i);
     double* motion = in.motion + i * 2 * N * m_;
     double* pull = in.pull ? in.pull + i * M * m_ : nullptr;
-    solve(in.dt, motion + N * m_, pull);
+    if (!solve_in_modes(in, i, motion + N * m_, pull)) solve(in.dt, motion + N * m_, pull);
+    for (int k = 0; k < N; ++k) motion[(N + k) * m_ + N + k] += 1.0;
     chain(in.dt, motion + N * m_, N);
     if (pull) chain(in.dt, pull, M);
     move(in.dt, motion);
@@ -47,6 +50,7 @@ class StepDerivatives {
  private:
   using Tolerance = StepDerivativeTolerances;
   static constexpr int most = 3 * N + 3 * K + P;  // columns
+  static constexpr bool touches = Model::n_contacts > 0;
 
   void evaluate(const StepDerivativeArrays& in, long long i) {
     q_D_ = in.q_D + i * NQ;
@@ -73,6 +77,14 @@ class StepDerivatives {
     for (int k = 0; k < N; ++k) w[k] = eval_.w0[k];
     for (int a = 0; a < n; ++a) pull[a] = -tension_[rows_.row[a]];
     rows_.add(pull, w);
+    if constexpr (touches)
+      if (in.n_points) {
+        constexpr int E = N + K;
+        modes_.begin(
+            in.points + i * in.room, in.n_points[i], in.screws + i * 6 * E,
+            P > 0 ? in.by_p + i * (Model::n_links + E) * 6 * P : nullptr, in.dt);
+        modes_.push(eval_, w);
+      }
     acc_ = in.acc_D + i * N;
     eval_.back(w, acc_);
     for (int k = 0; k < N; ++k) v_next_[k] = v_D_[k] + in.dt * acc_[k];
@@ -80,6 +92,8 @@ class StepDerivatives {
     for (int a = 0; a < rows_.n; ++a)
       if (held[rows_.row[a]]) list[n++] = rows_.row[a];
     rows_.gather_more(eval_, v_D_, list, n);
+    if constexpr (touches)
+      if (in.n_points) modes_.move(v_D_, v_next_, rate_);
     factorise();
   }
 
@@ -139,7 +153,7 @@ class StepDerivatives {
     }
   }
 
-  // dv (N, m): the identity for v_D, and dt dacc.
+  // dv (N, m): dt dacc.
   void solve(double dt, double* dv, double* pull) {
     if (pull)
       for (int k = 0; k < M * m_; ++k) pull[k] = 0.0;
@@ -153,10 +167,22 @@ class StepDerivatives {
       solve(dt, 0, mean, dv, pull);
       solve(dt, after, m_, dv, pull);
     }
-    for (int k = 0; k < N; ++k) dv[k * m_ + N + k] += 1.0;
   }
 
-  // The columns [begin, end), without the identity.
+  // The same where solids touch; false where none do.
+  bool solve_in_modes(const StepDerivativeArrays& in, long long i, double* dv, double* pull) {
+    if constexpr (touches) {
+      const int n_points = in.n_points ? in.n_points[i] : 0;
+      if (n_points == 0) return false;
+      for (int k = 0; pull && k < M * m_; ++k) pull[k] = 0.0;
+      const StepColumns of{force_, m_, dv, pull};
+      in.edges[i] |= modes_.solve(eval_, rows_, rate_by_, of);
+      return true;
+    }
+    return false;
+  }
+
+  // The columns [begin, end).
   void solve(double dt, int begin, int end, double* dv, double* pull) const {
     for (int first = begin; first < end; first += width) {
       const int n = end - first < width ? end - first : width;
@@ -271,6 +297,7 @@ class StepDerivatives {
   RowSystem<Model, double> rows_;
   double factor_[room(M)][room(M)], pivot_[room(M)], inverse_[room(M)];
   double force_[room(N * most)], rate_by_[room(M)][room(most)];
+  std::conditional_t<touches, ModesOfStep<Model>, NoContacts> modes_;
   struct {
     double A_D[room(M * N)], A_K[room(M * K)], h_p[room(M * P)], hdot_q[room(M * N)];
     double hdot_qK[room(M * K)], hdot_p[room(M * P)];
