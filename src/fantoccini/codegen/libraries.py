@@ -43,6 +43,7 @@ _KINDS = {
     "variational_lanes": _Kind("variational_lane_abi", WIDE),
     "derivatives": _Kind("map_abi", Real(), mapped=True, columns=False),
     "step_derivatives": _Kind("step_derivatives_abi", Real(), several=True),
+    "gradients": _Kind("gradients_abi", Real()),
 }
 
 
@@ -82,7 +83,7 @@ def generate(equations: Equations, library: str = "model") -> Generated:
 def _programs(
     equations: Equations, library: str, names: tuple[str, ...], columns: bool
 ) -> dict[str, Program]:
-    if library in ("derivatives", "step_derivatives"):
+    if library in ("derivatives", "step_derivatives", "gradients"):
         own = Derivatives(equations.tree).functions(library)
     elif library.startswith("variational"):
         own = Variational(equations).functions()

@@ -14,9 +14,10 @@ from fantoccini.contract.quantity import Quantity, Shape
 
 MODEL, LANES, CLEARANCE, ROLLOUTS = "model", "lanes", "clearance", "rollouts"
 VARIATIONAL, VARIATIONAL_LANES, DERIVATIVES = "variational", "variational_lanes", "derivatives"
-STEP_DERIVATIVES = "step_derivatives"
+STEP_DERIVATIVES, GRADIENTS = "step_derivatives", "gradients"
 LIBRARIES = (
-    MODEL, LANES, CLEARANCE, ROLLOUTS, VARIATIONAL, VARIATIONAL_LANES, DERIVATIVES, STEP_DERIVATIVES
+    MODEL, LANES, CLEARANCE, ROLLOUTS, VARIATIONAL, VARIATIONAL_LANES, DERIVATIVES,
+    STEP_DERIVATIVES, GRADIENTS,
 )  # fmt: skip
 """The libraries of a puppet, each compiled when it is first needed."""
 
@@ -69,6 +70,10 @@ ARGUMENTS: dict[str, Quantity] = {
         Quantity("x", ("n_vD",), "", "any vector"),
         Quantity("J_limit", (3, "n_limits"), "", "rows of A_D of the limits, in their own joints"),
         Quantity("x_joint", (3,), "", "entries of a vector for the velocities of one joint"),
+        Quantity("v_next", ("n_vD",), "", "dynamic velocity after the step"),
+        Quantity("z", ("n_vD",), "", "weights of r"),
+        Quantity("y", ("n_rows",), "", "weights of hdot"),
+        Quantity("y_h", ("n_rows",), "", "weights of h"),
         Quantity("xi", ("n_vD",), "rad or m", "tangent vector of the step"),
         Quantity("q_mid", ("n_qK",), "", "driven configuration at the midpoint"),
         Quantity("v_mid", ("n_vK",), "", "driven velocity at the midpoint"),
@@ -117,7 +122,7 @@ _Y = Quantity("y", ("n_vD",), "", "the solution")
 _STATE = _arguments("q_D v_D q_K v_K p")
 _PLACE = _arguments("q_D q_K p")
 _FULL = _arguments("q_D v_D acc_D q_K v_K acc_K tension dt p")
-_STEPPING = (LANES, ROLLOUTS, VARIATIONAL, VARIATIONAL_LANES, STEP_DERIVATIVES)
+_STEPPING = (LANES, ROLLOUTS, VARIATIONAL, VARIATIONAL_LANES, STEP_DERIVATIVES, GRADIENTS)
 
 
 def _derivative(name: str, rows: str, by: str, meaning: str) -> Quantity:
@@ -158,7 +163,7 @@ _DECLARED = (
             Quantity("f_M", ("n_motors",), _FORCE, "motors exert f_M - y_M dv over the step"),
             Quantity("y_M", ("n_motors",), "", "derivative by the change dv of velocity"),
         ),
-        (MODEL, LANES, ROLLOUTS, STEP_DERIVATIVES), mapped=True, standing=_STANDING,
+        (MODEL, LANES, ROLLOUTS, STEP_DERIVATIVES, GRADIENTS), mapped=True, standing=_STANDING,
     ),
     Function(
         "limit_rates", "hdot of the limits at a velocity.", _arguments("J_limit v_D"),
@@ -290,6 +295,22 @@ _DECLARED = (
     Function(
         "row_rates_by", "A_D, A_K and the derivatives of h and hdot of strings and limits.",
         _STATE, _BY_RATES, (STEP_DERIVATIVES,),
+    ),
+    Function(
+        "step_back",
+        "Gradient of z . r + y . hdot + y_h . h: r with velocity products of v_ahead, hdot at v_next.",
+        _arguments("q_D v_D v_ahead v_next acc_D q_K v_K acc_K tension z y y_h dt p"),
+        (
+            Quantity("g_q", ("n_vD",), "", "by tangents of q_D"),
+            Quantity("g_v", ("n_vD",), "", "by v_D"),
+            Quantity("g_ahead", ("n_vD",), "", "by v_ahead"),
+            Quantity("g_next", ("n_vD",), "", "by v_next"),
+            Quantity("g_qK", ("n_vK",), "", "by tangents of q_K"),
+            Quantity("g_vK", ("n_vK",), "", "by v_K"),
+            Quantity("g_aK", ("n_vK",), "", "by acc_K"),
+            Quantity("g_p", ("n_p",), "", "by the parameters"),
+        ),
+        (GRADIENTS,),
     ),
     Function(
         "mass_matrix", "M of Eq. 8 and its blocks for the driven coordinates.", _PLACE,

@@ -36,7 +36,7 @@ from fantoccini.equations.rows import segment_length
 from fantoccini.equations.system import System
 from fantoccini.tree import WORLD, Point, Role, Tree
 
-_FUNCTIONS = ("force_by_q", "force_by_v", "force_by_K", "rows_by", "row_rates_by")
+_FUNCTIONS = ("force_by_q", "force_by_v", "force_by_K", "rows_by", "row_rates_by", "step_back")
 
 
 class Derivatives:
@@ -54,11 +54,14 @@ class Derivatives:
     def functions(self, library: str = DERIVATIVES) -> dict[str, ca.Function]:
         """The functions of a library that are derivatives, by name; all results are dense."""
         symbols = self.system.symbols
-        found = {**self._forces(symbols.tension), **self._rows()}
         names = [n for n in compiled(library, self.tree.sizes) if n in _FUNCTIONS]
+        if "step_back" in names:
+            found = self._gradient()
+        else:
+            found = {**self._forces(symbols.tension), **self._rows()}
         return {name: declared(name, symbols, found) for name in names}
 
-    def residual(self, tension: ca.SX) -> ca.SX:
+    def residual(self, tension: ca.SX, v_D: ca.SX | None = None) -> ca.SX:
         """r (n_vD,) of Eq. 10 without u_D; damping and drag act on v_D + dt acc_D.
 
         Strings pull as forces on the links, which one pass towards the root projects together with
@@ -66,9 +69,13 @@ class Derivatives:
 
         Args:
             tension: (n_rows,) of strings and limits [N or N m].
+            v_D: (n_vD,) of the velocity products alone; that of the state when not given.
         """
         system, s, tree = self.system, self.system.symbols, self.tree
-        loads = system.loads(system.full_motions)
+        motions = system.full_motions
+        if v_D is not None:
+            motions = system.motions(*map(elements, (v_D, s.v_K, s.acc_D, s.acc_K)))
+        loads = system.loads(motions)
         tau, pulls = elements(tension), [(zeros(3), zeros(3)) for _ in tree.links]
         for i, string in enumerate(tree.strings):
             self._pull(string.points, tau[i], pulls)
@@ -155,6 +162,36 @@ class Derivatives:
             for symbol, x in made.items():
                 found[f"{name}_{symbol.removesuffix('_D').replace('_', '')}"] = x
         return found
+
+    def _gradient(self) -> dict[str, ca.SX]:
+        """That of z . r + y . hdot + y_h . h, in one backward pass."""
+        s = self.system.symbols
+        h, hdot = self._heights()
+        rates = ca.substitute(hdot, s.v_D, s.v_next)
+        value = ca.dot(s.z, self.residual(s.tension, s.v_ahead))
+        value = ca.cse(value + ca.dot(s.y, rates) + ca.dot(s.y_h, h))
+        names = {"g_q": "q_D", "g_v": "v_D", "g_ahead": "v_ahead", "g_next": "v_next",
+                 "g_qK": "q_K", "g_vK": "v_K", "g_aK": "acc_K", "g_p": "p"}  # fmt: skip
+        given = [getattr(s, name) for name in names.values()]
+        # One vector for all symbols, so that what they share is differentiated once.
+        whole = ca.SX.sym("whole", sum(x.numel() for x in given))
+        cuts = np.cumsum([0, *(x.numel() for x in given)]).tolist()
+        value = ca.substitute([value], given, ca.vertsplit(whole, cuts))[0]
+        back = ca.substitute(ca.gradient(value, whole), whole, ca.vertcat(*given))
+        return {
+            result: self._tangent(name).T @ part
+            for (result, name), part in zip(names.items(), ca.vertsplit(back, cuts), strict=True)
+        }
+
+    def _heights(self) -> tuple[ca.SX, ca.SX]:
+        """h and hdot (n_rows,) of strings and limits."""
+        system, v_D = self.system, elements(self.system.symbols.v_D)
+        rows = system.full_string_rows
+        h, hdot = [row.length for row in rows], [row.rate for row in rows]
+        for limit, (height, J, _) in zip(self.tree.limits, system.limit_rows, strict=True):
+            h.append(height)
+            hdot.append(dot(J, v_D[self.tree.links[limit.link].v]))
+        return column(h), column(hdot)
 
     def _derivatives(
         self, values: ca.SX, names: Iterable[str], backward: bool = False

@@ -23,6 +23,7 @@ from fantoccini.marionette.model import Model
 from fantoccini.marionette.modes import Modes, modes
 from fantoccini.marionette.quantities import Quantities
 from fantoccini.marionette.step_linearisation import StepLinearisation, linearise_step
+from fantoccini.marionette.rollout_gradient import Rollout, rollout
 from fantoccini.marionette.step_partials import StepLinearisations, linearise_steps
 from fantoccini.marionette.stepper import Stepper
 from fantoccini.marionette.stepper_batch import StepperBatch
@@ -312,6 +313,34 @@ class Marionette(Quantities):
             self.model, q_D, v_D, q_K, v_K, acc_K, u_D, p=p, dt=dt, forces=forces, pull=pull,
             threads=threads,
         )  # fmt: skip
+
+    def rollout(
+        self,
+        x0: State,
+        acc_K: Array,
+        u_D: Array | None = None,
+        *,
+        p: Array | None = None,
+        dt: float = 0.002,
+        extrapolate: bool = True,
+    ) -> Rollout:
+        """n time steps from a state, with gradients of their cost by :meth:`Rollout.gradient`.
+
+        The steps are those of ``fan.TimeStepping(dt, extrapolate)`` with accelerations and forces
+        that are constant over each.
+
+        Args:
+            x0: the start, without slip.
+            acc_K: (n, n_vK) driven accelerations.
+            u_D: (n, n_vD) or (n_vD,) user forces; 0 when not given.
+            p: (n_p,) parameters; the marionette's own when not given.
+            dt: length of the steps [s].
+            extrapolate: as in :class:`TimeStepping`.
+
+        Raises:
+            StateError: the puppet has contact, or an array has another shape.
+        """
+        return rollout(self.model, x0, acc_K, u_D, p=p, dt=dt, extrapolate=extrapolate)
 
     def modes(self, x: State) -> Modes:
         """Vibration modes about a state of rest, and which inputs excite each.

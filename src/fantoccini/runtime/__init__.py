@@ -13,6 +13,7 @@ from fantoccini.runtime.compiled import Complementarity, Library, Piece, Run
 from fantoccini.runtime.contacts import Contacts
 from fantoccini.runtime.external import ExternalRun
 from fantoccini.runtime.functions import AnyArray, Functions, Loaded, whole
+from fantoccini.runtime.gradients import GradientLibrary, GradientRun
 from fantoccini.runtime.lane_steppers import LaneSteppers
 from fantoccini.runtime.options import RunOptions
 from fantoccini.runtime.rollouts import (
@@ -51,6 +52,8 @@ __all__ = [
     "Functions",
     "Funnel",
     "GoalNumbers",
+    "GradientLibrary",
+    "GradientRun",
     "HeldInput",
     "LaneSteppers",
     "Library",

@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x470b879e1d90b927;
+constexpr long long contract_digest = 0x205634999b5ecd87;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -372,6 +372,39 @@ struct StepDerivativeArrays {
   const double* screws;  // as in TouchingStepArrays
   const double* by_p;  // likewise
   int* edges;  // (n,) StepEdge; added to
+};
+
+// A rollout of fixed steps, and the gradient of its cost.
+struct GradientArrays {
+  long long n;  // steps
+  Options options;
+  const double* winches;
+  const double* p;
+  Shared u_D;  // by step, or null
+  const double* q_K;  // (n + 1, n_qK) by node
+  const double* v_K;  // (n + 1, n_vK)
+  const double* rate;  // (n, n_vK) dq_K/dt over the steps
+  const double* mean;  // (n, n_vK) dv_K/dt over the steps
+  double* q_D;  // (n + 1, n_qD) the first is given
+  double* v_D;  // (n + 1, n_vD) likewise
+  double* acc_D;  // (n, n_vD) mean accelerations over the steps
+  double* tension;  // (n, n_rows)
+  double* ahead;  // (n, 2) times by which acc_D and its change run ahead [s]
+  double slip;  // largest [m]
+  long long shortened;  // first step that was cut short; n for none
+  long long made;  // steps before something stopped the rollout
+  int status;  // Status
+  const unsigned char* held;  // (n, n_rows) rows that the steps hold
+  const double* l_q;  // (n + 1, n_vD) the cost's own derivatives: by tangents of q_D
+  const double* l_v;  // (n + 1, n_vD) by v_D
+  const double* l_tension;  // (n, n_rows) by the tensions, or null
+  double* g_q;  // (n_vD,) gradient by tangents of q_D at the start
+  double* g_v;  // (n_vD,) by v_D there
+  double* g_qK;  // (n, n_vK) by tangents of q_K in the steps
+  double* g_rate;  // (n, n_vK) by the rates
+  double* g_mean;  // (n, n_vK) by the mean accelerations
+  double* g_u;  // (n, n_vD) by u_D
+  double* g_p;  // (n_p,)
 };
 
 // Solids and pairs of them whose clearance is measured.
@@ -757,6 +790,20 @@ struct Call {
     Real* res[] = {at(to.A_D), at(to.A_K), at(to.h_p), at(to.hdot_q), at(to.hdot_qK),
         at(to.hdot_p)};
     Model::row_rates_by(arg, res);
+  }
+
+  // Gradient of z . r + y . hdot + y_h . h: r with velocity products of v_ahead, hdot at
+  // v_next.
+  template <class Results>
+  FAN_FN static void step_back(
+      const Real* q_D, const Real* v_D, const Real* v_ahead, const Real* v_next,
+      const Real* acc_D, const Real* q_K, const Real* v_K, const Real* acc_K,
+      const Real* tension, const Real* z, const Real* y, const Real* y_h,
+      const Real& dt, const Real* p, Results& to) {
+    const Real* arg[] = {q_D, v_D, v_ahead, v_next, acc_D, q_K, v_K, acc_K, tension, z, y, y_h, &dt, p};
+    Real* res[] = {at(to.g_q), at(to.g_v), at(to.g_ahead), at(to.g_next), at(to.g_qK),
+        at(to.g_vK), at(to.g_aK), at(to.g_p)};
+    Model::step_back(arg, res);
   }
 
   // The entries of y = F^-T x that are not zero for x in one joint, by its number.

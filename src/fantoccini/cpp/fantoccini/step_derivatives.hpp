@@ -15,15 +15,12 @@
 #include <type_traits>
 
 #include "evaluation.hpp"
+#include "held_factor.hpp"
 #include "modes_of_step.hpp"
+#include "step_turn.hpp"
 #include "wide.hpp"
 
 namespace fan {
-
-struct StepDerivativeTolerances {
-  // Pivot of a held row, relative to its diagonal entry, below which it depends on those before it.
-  static constexpr double dependent = 1e-12;
-};
 
 template <class Model>
 class StepDerivatives {
@@ -48,7 +45,6 @@ class StepDerivatives {
   }
 
  private:
-  using Tolerance = StepDerivativeTolerances;
   static constexpr int most = 3 * N + 3 * K + P;  // columns
   static constexpr bool touches = Model::n_contacts > 0;
 
@@ -94,25 +90,7 @@ class StepDerivatives {
     rows_.gather_more(eval_, v_D_, list, n);
     if constexpr (touches)
       if (in.n_points) modes_.move(v_D_, v_next_, rate_);
-    factorise();
-  }
-
-  // G = U^T D U of the held rows; rows that depend on those before them are left out.
-  void factorise() {
-    constexpr int stride = Complementarity<double, M>::N;
-    const double* G = rows_.problem.G;
-    for (int a = 0; a < rows_.n; ++a) {
-      double pivot = G[a * stride + a];
-      for (int b = 0; b < a; ++b) {
-        double sum = G[a * stride + b];
-        for (int c = 0; c < b; ++c) sum -= factor_[a][c] * factor_[b][c] * pivot_[c];
-        factor_[a][b] = pivot_[b] > 0.0 ? sum / pivot_[b] : 0.0;
-        pivot -= factor_[a][b] * sum;
-      }
-      const bool depends = !(pivot > Tolerance::dependent * G[a * stride + a]);
-      pivot_[a] = depends ? 0.0 : pivot;
-      inverse_[a] = depends ? 0.0 : 1.0 / pivot;
-    }
+    factor_.factorise(rows_.problem.G, Complementarity<double, M>::N, rows_.n);
   }
 
   // r_d (force_) and the rows' part (rate_by_), column by column.
@@ -223,12 +201,9 @@ class StepDerivatives {
     for (int a = 0; a < rows_.n; ++a) {
       Wide sum = get(rate_by_[a] + first, n);
       for (int k = 0; k < N; ++k) sum += rows_.column[a][k] * w[k];
-      for (int b = 0; b < a; ++b) sum -= factor_[a][b] * y[b];
       y[a] = sum;
     }
-    for (int a = 0; a < rows_.n; ++a) y[a] *= inverse_[a];
-    for (int a = rows_.n - 1; a >= 0; --a)
-      for (int b = 0; b < a; ++b) y[b] -= factor_[a][b] * y[a];
+    factor_.solve(y);
   }
 
   // From rate and mean to v_K and acc_K of scalars, in n rows of columns: rate = v_K + dt/2 acc_K, mean = acc_K.
@@ -257,7 +232,7 @@ class StepDerivatives {
       const int k = Space::quaternion_v[i];
       double phi[3], J[9], R[9];
       for (int c = 0; c < 3; ++c) phi[c] = dt * v_next_[k + c];
-      rotation(phi, J, R);
+      step_turn(phi, J, R);
       for (int c = 0; c < m_; c += width) {
         const int n = columns_from(c);
         Wide turn[3];
@@ -271,23 +246,6 @@ class StepDerivatives {
     }
   }
 
-  // J_r(phi), and the rotation Exp(-phi), row by row.
-  static void rotation(const double* phi, double* J, double* R) {
-    const double square = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2];
-    const TurningFactors<double> of(square);
-    for (int r = 0; r < 3; ++r)
-      for (int c = 0; c < 3; ++c) {
-        const double cross = r == c ? 0.0 : ((r + 1) % 3 == c ? -phi[3 - r - c] : phi[3 - r - c]);
-        J[3 * r + c] = double(r == c) * (1.0 - of.b * square) - of.a * cross + of.b * phi[r] * phi[c];
-      }
-    // Exp(-phi) = 1 - [phi] J_r(phi)
-    for (int r = 0; r < 3; ++r)
-      for (int c = 0; c < 3; ++c) {
-        const int s = (r + 1) % 3, t = (r + 2) % 3;
-        R[3 * r + c] = double(r == c) - (phi[s] * J[3 * t + c] - phi[t] * J[3 * s + c]);
-      }
-  }
-
   const double *q_D_, *v_D_, *q_K_, *rate_, *mean_, *tension_, *p_;
   double* acc_;
   bool forces_ = false;
@@ -295,7 +253,7 @@ class StepDerivatives {
   double v_next_[room(N)];
   Evaluation<Model, double> eval_;
   RowSystem<Model, double> rows_;
-  double factor_[room(M)][room(M)], pivot_[room(M)], inverse_[room(M)];
+  HeldFactor<M> factor_;
   double force_[room(N * most)], rate_by_[room(M)][room(most)];
   std::conditional_t<touches, ModesOfStep<Model>, NoContacts> modes_;
   struct {
