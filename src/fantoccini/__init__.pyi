@@ -28,6 +28,8 @@ from .marionette import (
     Modes as Modes,
     Partials as Partials,
     StepLinearisation as StepLinearisation,
+    Rollout as Rollout,
+    RolloutGradient as RolloutGradient,
     StepLinearisations as StepLinearisations,
     Stepper as Stepper,
     StepperBatch as StepperBatch,

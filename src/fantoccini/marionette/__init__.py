@@ -45,6 +45,7 @@ from fantoccini.marionette.redundant import (
     may_be_redundant,
 )
 from fantoccini.marionette.step_linearisation import StepLinearisation
+from fantoccini.marionette.rollout_gradient import Rollout, RolloutGradient
 from fantoccini.marionette.step_partials import StepLinearisations
 from fantoccini.marionette.stepper import Stepper
 from fantoccini.marionette.stepper_batch import StepperBatch
@@ -71,6 +72,8 @@ __all__ = [
     "Partials",
     "PortablePuppet",
     "StepLinearisation",
+    "Rollout",
+    "RolloutGradient",
     "StepLinearisations",
     "Stepper",
     "StepperBatch",
