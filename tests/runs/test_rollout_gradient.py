@@ -97,7 +97,8 @@ def test_a_weight_that_is_hoisted_follows_its_string():
     """The end height of a weight on a taut string: dz/da_k = dt^2 (n - k - 1/2)."""
     puppet = fan.loads(
         "{puppet: bob, bodies: [{name: b, joint: {type: translation, axes: [z]}, mass: 2}],"
-        " strings: [{name: s, path: [{body: b}, {world: [0, 0, 3]}], length: driven}], pose: {b.z: 1}}"
+        " strings: [{name: s, path: [{body: b}, {world: [0, 0, 3]}], length: driven}],"
+        " pose: {b.z: 1}}"
     )
     n, dt = 30, 0.01
     run = puppet.rollout(puppet.rest({"s.length": 2.0}), np.full((n, 1), -0.3), dt=dt)

@@ -298,7 +298,8 @@ _DECLARED = (
     ),
     Function(
         "step_back",
-        "Gradient of z . r + y . hdot + y_h . h: r with velocity products of v_ahead, hdot at v_next.",
+        "Gradient of z . r + y . hdot + y_h . h; r has the velocity products of v_ahead, hdot is "
+        "at v_next.",
         _arguments("q_D v_D v_ahead v_next acc_D q_K v_K acc_K tension z y y_h dt p"),
         (
             Quantity("g_q", ("n_vD",), "", "by tangents of q_D"),

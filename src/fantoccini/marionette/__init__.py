@@ -44,8 +44,8 @@ from fantoccini.marionette.redundant import (
     first_excess_tension,
     may_be_redundant,
 )
-from fantoccini.marionette.step_linearisation import StepLinearisation
 from fantoccini.marionette.rollout_gradient import Rollout, RolloutGradient
+from fantoccini.marionette.step_linearisation import StepLinearisation
 from fantoccini.marionette.step_partials import StepLinearisations
 from fantoccini.marionette.stepper import Stepper
 from fantoccini.marionette.stepper_batch import StepperBatch
@@ -71,9 +71,9 @@ __all__ = [
     "Modes",
     "Partials",
     "PortablePuppet",
-    "StepLinearisation",
     "Rollout",
     "RolloutGradient",
+    "StepLinearisation",
     "StepLinearisations",
     "Stepper",
     "StepperBatch",

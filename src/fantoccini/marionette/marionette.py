@@ -22,8 +22,8 @@ from fantoccini.marionette.methods import Method, MethodName
 from fantoccini.marionette.model import Model
 from fantoccini.marionette.modes import Modes, modes
 from fantoccini.marionette.quantities import Quantities
-from fantoccini.marionette.step_linearisation import StepLinearisation, linearise_step
 from fantoccini.marionette.rollout_gradient import Rollout, rollout
+from fantoccini.marionette.step_linearisation import StepLinearisation, linearise_step
 from fantoccini.marionette.step_partials import StepLinearisations, linearise_steps
 from fantoccini.marionette.stepper import Stepper
 from fantoccini.marionette.stepper_batch import StepperBatch

@@ -87,7 +87,7 @@ class Rollout:
         derivatives of a cost by acc_K, u_D and p are to be added.
 
         Args:
-            q_D, v_D, q_K, v_K: (n + 1, n_vD) or (n + 1, n_vK) derivatives of the cost by the states;
+            q_D, v_D, q_K, v_K: (n + 1, n_vD) or (n + 1, n_vK) the cost's derivatives by the states,
                 by tangent vectors of the configurations; 0 when not given.
             tension: (n, n_rows) those by the tensions; 0 when not given. Of rows that depend on
                 others, the first are taken to carry.

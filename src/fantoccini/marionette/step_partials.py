@@ -19,6 +19,7 @@ from fantoccini.marionette.model import Model
 from fantoccini.marionette.step_linearisation import AT_CAP, SHORTENED, DrivenStep
 from fantoccini.marionette.vectors import vectors
 from fantoccini.runtime import (
+    AnyArray,
     LaneSteppers,
     RunOptions,
     StepTouches,
@@ -138,7 +139,8 @@ def linearise_steps(
         along = {k: np.array([getattr(one, k) for one in driven]) for k in along}
     made: _Lanes | StepTouches
     if options.contacts is None:
-        touches, made = None, _Lanes.of(model, options, x, acc, force, _repeated(values, n), threads)
+        own = _repeated(values, n)
+        touches, made = None, _Lanes.of(model, options, x, acc, force, own, threads)
     else:
         touches = made = step_touches(
             model.library, options, model.winches, model.reference_force, x | along, acc, force,
@@ -176,7 +178,7 @@ class _Lanes(NamedTuple):
     q_K: Array
     v_K: Array
     tension: Array
-    status: Indices
+    status: AnyArray
 
     @classmethod
     def of(
@@ -184,7 +186,7 @@ class _Lanes(NamedTuple):
         u_D: Array | None, p: Array, threads: int,
     ) -> _Lanes:  # fmt: skip
         n, tree = len(p), model.tree
-        made = {name: a.copy() for name, a in x.items()} | {
+        made: dict[str, AnyArray] = {name: a.copy() for name, a in x.items()} | {
             "fresh": np.ones(n, dtype=np.uint8), "p": p,
             "slip": np.zeros((n, len(tree.strings))), "tension": np.zeros((n, tree.n_rows)),
             "taut": np.zeros((n, tree.n_rows), dtype=np.bool_), "books": np.zeros((n, 5)),

@@ -1,4 +1,4 @@
-"""Rollouts of fixed steps and gradients of their costs (``cpp/fantoccini/rollout_gradient.hpp``)."""
+"""Gradients of costs of rollouts (``cpp/fantoccini/rollout_gradient.hpp``)."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from fantoccini.arrays import Array, MaskRows
 from fantoccini.runtime.functions import AnyArray, Loaded, pointer
 from fantoccini.runtime.options import RunOptions
 from fantoccini.runtime.structures import UNLIMITED, structures
+
 
 class GradientLibrary(Loaded):
     """A puppet's library of gradients of rollouts."""
@@ -87,10 +88,12 @@ class GradientRun:
             l_tension: (n, n_rows) those by the tensions; None for none.
         """
         n, sizes = self._n, self._sizes
-        out = {name: np.zeros((n, sizes["n_vK"])) for name in ("g_qK", "g_rate", "g_mean")}
-        out |= {"g_u": np.zeros((n, sizes["n_vD"]))}
-        out |= {"g_q": np.zeros(sizes["n_vD"]), "g_v": np.zeros(sizes["n_vD"])}
-        out |= {"g_p": np.zeros(sizes["n_p"])}
+        shapes: dict[str, tuple[int, ...]] = {
+            "g_q": (sizes["n_vD"],), "g_v": (sizes["n_vD"],), "g_p": (sizes["n_p"],),
+            "g_qK": (n, sizes["n_vK"]), "g_rate": (n, sizes["n_vK"]),
+            "g_mean": (n, sizes["n_vK"]), "g_u": (n, sizes["n_vD"]),
+        }  # fmt: skip
+        out: dict[str, Array] = {name: np.zeros(shape) for name, shape in shapes.items()}
         given: dict[str, AnyArray] = {
             "held": np.ascontiguousarray(held, dtype=np.uint8),
             "l_q": np.ascontiguousarray(l_q, dtype=float),

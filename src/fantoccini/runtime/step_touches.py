@@ -88,13 +88,16 @@ def step_touches(
     given |= {"acc_K": shared(acc_K, address), "u_D": shared(u_D, address)}
     given |= {"p": shared(p, address), "winches": address(np.minimum(winches, UNLIMITED))}
     while True:
+        q_D, v_D, q_K, v_K, tension = (
+            np.empty((n, sizes[size])) for size in ("n_qD", "n_vD", "n_qK", "n_vK", "n_rows")
+        )
+        status, edges, n_points = (np.empty(n, dtype=np.int32) for _ in range(3))
+        points = np.zeros((n, room), dtype=STEP_CONTACT)
+        screws = np.empty((n, n_screws, 6))
+        by_p = np.empty((n, sizes["n_links"] + n_screws, 6, sizes["n_p"]))
         out = StepTouches(
-            *(np.empty((n, sizes[size])) for size in ("n_qD", "n_vD", "n_qK", "n_vK", "n_rows")),
-            *(np.empty(n, dtype=np.int32) for _ in range(3)),
-            np.zeros((n, room), dtype=STEP_CONTACT),
-            np.empty((n, n_screws, 6)),
-            np.empty((n, sizes["n_links"] + n_screws, 6, sizes["n_p"])),
-        )  # fmt: skip
+            q_D, v_D, q_K, v_K, tension, status, edges, n_points, points, screws, by_p
+        )
         results = {
             f"{name}_next" if name in ("q_D", "v_D", "q_K", "v_K") else name: pointer(a)
             for name, a in out._asdict().items()

@@ -792,7 +792,7 @@ struct Call {
     Model::row_rates_by(arg, res);
   }
 
-  // Gradient of z . r + y . hdot + y_h . h: r with velocity products of v_ahead, hdot at
+  // Gradient of z . r + y . hdot + y_h . h; r has the velocity products of v_ahead, hdot is at
   // v_next.
   template <class Results>
   FAN_FN static void step_back(

@@ -7,10 +7,12 @@
 // the shortest. All rows come as W = F^-T A^T, with M = F^T F.
 #pragma once
 
-#include <math.h>
+#include <cmath>
 
 #include "lane_of.hpp"
 #include "pseudo_inverse.hpp"
+
+FAN_LOOPS_BEGIN
 
 namespace fan {
 
@@ -33,7 +35,7 @@ class ModeSystem {
     soften();
     double* S = inverse_.matrix(n_rows);
     for (int a = 0; a < n_rows; ++a)
-      for (int b = 0; b < n_rows; ++b) S[b * n_rows + a] = dot(C[a], soft_B_[b]);
+      for (int b = 0; b < n_rows; ++b) S[a * n_rows + b] = dot(C[a], soft_B_[b]);
     inverse_.find(Tolerance::dependent);
     if (n_turning == 0 && same()) return true;
     double* own = rank_.matrix(n_rows);
@@ -60,7 +62,11 @@ class ModeSystem {
     for (int a = 0; a < n_rows; ++a)
       for (int k = 0; k < n; ++k) w[k] -= soft_B_[a][k] * y[a];
     if (inverse_.rank == n_rows) return;
-    for (int a = 0; a < n_rows; ++a) *most = fmax(*most, largest(Real(rate[a] + along(C[a], w))));
+    using std::abs;
+    Real left = Real(0.0);
+    for (int a = 0; a < n_rows; ++a) left = maximum(Real(abs(rate[a] + along(C[a], w))), left);
+    for (int l = 0; l < Traits<Real>::width; ++l)
+      if (lane_of(left, l) > *most) *most = lane_of(left, l);
   }
 
  private:
@@ -82,13 +88,6 @@ class ModeSystem {
     }
     if (k < n) even += row[k] * w[k];
     return even + odd;
-  }
-
-  template <class Real>
-  static double largest(const Real& x) {
-    double most = 0.0;
-    for (int l = 0; l < Traits<Real>::width; ++l) most = fmax(most, fabs(lane_of(x, l)));
-    return most;
   }
 
   // Whether what holds the rows are the rows themselves.
@@ -126,3 +125,5 @@ class ModeSystem {
 };
 
 }  // namespace fan
+
+FAN_LOOPS_END

@@ -8,6 +8,8 @@
 #include "mode_system.hpp"
 #include "wide.hpp"
 
+FAN_LOOPS_BEGIN
+
 namespace fan {
 
 struct ModesOfStepTolerances {
@@ -119,7 +121,7 @@ class ModesOfStep {
   bool solve(const Eval& eval, const RowSystem<Model, double>& rows, const StepColumns& of) {
     double left = 0.0, size = 1.0;
     for (int a = 0; a < system_.n_rows; ++a)
-      for (int c = 0; c < m_; ++c) size = fmax(size, fabs(rate_[a][c]));
+      for (int c = 0; c < m_; ++c) size = maximum(fabs(rate_[a][c]), size);
     for (int first = 0; first < m_; first += width) {
       const int n = m_ - first < width ? m_ - first : width;
       Wide x[room(N)], w[room(N)], rate[room(R)], y[room(R)];
@@ -166,8 +168,8 @@ class ModesOfStep {
     double all = 0.0, size[room(most)];
     for (int c = 0; c < m_; ++c) {
       size[c] = 0.0;
-      for (int k = 0; k < N; ++k) size[c] = fmax(size[c], fabs(of.dv[k * m_ + c]));
-      all = fmax(all, size[c]);
+      for (int k = 0; k < N; ++k) size[c] = maximum(fabs(of.dv[k * m_ + c]), size[c]);
+      all = maximum(size[c], all);
     }
     for (int c = 0; c < m_; ++c)
       for (int k = 0; k < N; ++k) {
@@ -188,3 +190,5 @@ class ModesOfStep {
 };
 
 }  // namespace fan
+
+FAN_LOOPS_END

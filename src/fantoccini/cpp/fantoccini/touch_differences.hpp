@@ -66,8 +66,8 @@ class TouchDifferences {
       if (last) {
         double apart = 0.0, most = 1.0;
         for (int i = 0; i < 42; ++i) {
-          apart = fmax(apart, fabs(own[i] - last[i]));
-          most = fmax(most, fabs(last[i]));
+          apart = maximum(fabs(own[i] - last[i]), apart);
+          most = maximum(fabs(last[i]), most);
         }
         smooth = apart <= Tolerance::agreement * most;
       }
