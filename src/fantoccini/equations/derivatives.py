@@ -33,6 +33,7 @@ from fantoccini.equations.algebra import (
 from fantoccini.equations.declared import declared
 from fantoccini.equations.kinematics import configuration_rate
 from fantoccini.equations.rows import segment_length
+from fantoccini.equations.symbols import Symbols
 from fantoccini.equations.system import System
 from fantoccini.tree import WORLD, Point, Role, Tree
 
@@ -179,7 +180,7 @@ class Derivatives:
         value = ca.substitute([value], given, ca.vertsplit(whole, cuts))[0]
         back = ca.substitute(ca.gradient(value, whole), whole, ca.vertcat(*given))
         return {
-            result: self._tangent(name).T @ part
+            result: tangents(s, self.tree, name).T @ part
             for (result, name), part in zip(names.items(), ca.vertsplit(back, cuts), strict=True)
         }
 
@@ -197,24 +198,29 @@ class Derivatives:
         self, values: ca.SX, names: Iterable[str], backward: bool = False
     ) -> dict[str, ca.SX]:
         """Derivatives of a column by some symbols, along tangents of configurations."""
-        found = {}
-        for name in names:
-            by, along = getattr(self.system.symbols, name), self._tangent(name)
-            if not by.numel() or not values.numel():
-                found[name] = ca.SX(values.numel(), along.shape[1])
-            elif backward:
-                found[name] = ca.jtimes(values, by, ca.SX.eye(values.numel()), True).T @ along
-            else:
-                found[name] = ca.jtimes(values, by, along)
-        return found
+        symbols = self.system.symbols
+        return {n: along_tangents(values, symbols, self.tree, n, backward) for n in names}
 
-    def _tangent(self, name: str) -> ca.SX:
-        """N(q) of a configuration, one of everything else."""
-        s, t = self.system.symbols, self.tree.coordinates
-        if name == "q_D":
-            rate = configuration_rate(s.q_D, s.v_D, t.quaternions_D, t.scalars_D)
-            return ca.jacobian(rate, s.v_D)
-        if name == "q_K":
-            rate = configuration_rate(s.q_K, s.v_K, t.quaternions_K, t.scalars_K)
-            return ca.jacobian(rate, s.v_K)
-        return ca.SX.eye(getattr(s, name).numel())
+
+def along_tangents(
+    values: ca.SX, symbols: Symbols, tree: Tree, name: str, backward: bool = False
+) -> ca.SX:
+    """Derivatives of a column by a symbol, along tangents of a configuration."""
+    by, along = symbols[name], tangents(symbols, tree, name)
+    if not by.numel() or not values.numel():
+        return ca.SX(values.numel(), along.shape[1])
+    if backward:
+        return ca.jtimes(values, by, ca.SX.eye(values.numel()), True).T @ along
+    return ca.jtimes(values, by, along)
+
+
+def tangents(symbols: Symbols, tree: Tree, name: str) -> ca.SX:
+    """N(q) of a configuration, one of everything else."""
+    s, t = symbols, tree.coordinates
+    if name == "q_D":
+        rate = configuration_rate(s.q_D, s.v_D, t.quaternions_D, t.scalars_D)
+        return ca.jacobian(rate, s.v_D)
+    if name in ("q_K", "q_mid"):
+        rate = configuration_rate(s[name], s.v_K, t.quaternions_K, t.scalars_K)
+        return ca.jacobian(rate, s.v_K)
+    return ca.SX.eye(s[name].numel())

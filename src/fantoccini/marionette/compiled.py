@@ -117,6 +117,13 @@ class Compiled:
         """Rollouts of the time-stepper with gradients of their costs."""
         return self._library("gradients", lambda file: GradientLibrary(file, self.sized.sizes))
 
+    @cached_property
+    def variational_derivatives(self) -> Functions:
+        """The derivatives of the discrete Euler-Lagrange equations."""
+        return self._library(
+            "variational_derivatives", lambda file: Functions(file, self.sized.sizes)
+        )
+
     def batch_library_of(self, method: str) -> BatchLibrary:
         """The library for batches of a method."""
         if method == "event":

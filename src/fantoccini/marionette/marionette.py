@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from fantoccini.arrays import Array
 from fantoccini.marionette import (  # fmt: skip
@@ -289,6 +289,7 @@ class Marionette(Quantities):
         forces: bool = False,
         pull: bool = False,
         threads: int | None = None,
+        method: Literal["timestepping", "variational"] = "timestepping",
     ) -> StepLinearisations:
         """One time step from each of n states with its derivatives, compiled.
 
@@ -305,13 +306,14 @@ class Marionette(Quantities):
             forces: differentiate by the user's forces, too.
             pull: also the tensions' derivatives.
             threads: all processors when not given.
+            method: ``variational`` for steps of that method, in which no driven joint turns.
 
         Raises:
             StateError: an array has another shape.
         """
         return linearise_steps(
             self.model, q_D, v_D, q_K, v_K, acc_K, u_D, p=p, dt=dt, forces=forces, pull=pull,
-            threads=threads,
+            threads=threads, method=method,
         )  # fmt: skip
 
     def rollout(

@@ -14,9 +14,14 @@ import numpy as np
 
 from fantoccini.arrays import Array, Indices, MaskRows, check_positive
 from fantoccini.contract import StepEdge
-from fantoccini.errors import Status
+from fantoccini.errors import StateError, Status
+from fantoccini.marionette.checks import refuse_contact
 from fantoccini.marionette.model import Model
 from fantoccini.marionette.step_linearisation import AT_CAP, SHORTENED, DrivenStep
+from fantoccini.marionette.variational_partials import (
+    VariationalPartials,
+    variational_partials,
+)
 from fantoccini.marionette.vectors import vectors
 from fantoccini.runtime import (
     AnyArray,
@@ -118,9 +123,12 @@ def linearise_steps(
     forces: bool = False,
     pull: bool = False,
     threads: int | None = None,
+    method: str = "timestepping",
 ) -> StepLinearisations:
     """One time step from each of n states; see :meth:`Marionette.linearise_steps`."""
     check_positive(dt=dt)
+    if method not in ("timestepping", "variational"):
+        raise StateError(f"method is {method!r}; it must be 'timestepping' or 'variational'")
     table = model.coordinates
     widths = {"q_D": table.n_qD, "v_D": table.n_vD, "q_K": table.n_qK, "v_K": table.n_vK}
     given = zip(widths.items(), (q_D, v_D, q_K, v_K), strict=True)
@@ -137,6 +145,10 @@ def linearise_steps(
     along = {"rate": x["v_K"] + 0.5 * dt * acc, "mean": _repeated(acc, n)}
     if table.quaternions_K:
         along = {k: np.array([getattr(one, k) for one in driven]) for k in along}
+    if method == "variational":
+        refuse_contact(model, "the method variational")
+        discrete = variational_partials(model, x, acc, force, values, dt, threads)
+        return _variational(model, discrete, driven, forces, pull, dt)
     made: _Lanes | StepTouches
     if options.contacts is None:
         own = _repeated(values, n)
@@ -198,6 +210,29 @@ class _Lanes(NamedTuple):
         steppers = LaneSteppers(lanes, n, workers, options, model.winches)
         steppers.advance(made, options.dt, acc_K, u_D)
         return cls(*(made[name] for name in cls._fields))
+
+
+def _variational(
+    model: Model,
+    found: VariationalPartials,
+    driven: tuple[DrivenStep, ...],
+    forces: bool,
+    pull: bool,
+    dt: float,
+) -> StepLinearisations:
+    """The results of variational steps."""
+    t = model.coordinates
+    kept = np.ones(found.motion.shape[-1], dtype=bool)
+    if not forces:
+        first = 2 * t.n_vD + 3 * t.n_vK
+        kept[first : first + t.n_vD] = False
+    slips = np.any(found.tension >= AT_CAP * model.upper, axis=1)
+    none = np.zeros(len(found.solved), dtype=np.int32)
+    return StepLinearisations(
+        **found.end, tension=found.tension, held=found.held, motion=found.motion[..., kept],
+        pull=found.pull[..., kept] if pull else None, settled=found.solved & ~slips, edges=none,
+        n_contacts=none, dt=dt, coordinates=t, _driven=driven,
+    )  # fmt: skip
 
 
 def _repeated(rows: Array, n: int) -> Array:
