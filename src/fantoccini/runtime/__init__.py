@@ -30,8 +30,8 @@ from fantoccini.runtime.rollouts import (
 )
 from fantoccini.runtime.solids import SOLID
 from fantoccini.runtime.step_derivatives import StepDerivatives
-from fantoccini.runtime.step_touches import StepTouches, step_touches
 from fantoccini.runtime.structures import HeldInput
+from fantoccini.runtime.touching_steps import StepTouches, step_touches
 
 __all__ = [
     "BOX",

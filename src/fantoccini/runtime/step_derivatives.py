@@ -10,8 +10,8 @@ import numpy as np
 
 from fantoccini.arrays import Array, MaskRows
 from fantoccini.runtime.functions import AnyArray, Loaded, pointer
-from fantoccini.runtime.step_touches import StepTouches, in_parts, shared
 from fantoccini.runtime.structures import structures
+from fantoccini.runtime.touching_steps import StepTouches, in_parts, shared
 
 
 class StepPartials(NamedTuple):
