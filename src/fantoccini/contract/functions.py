@@ -246,7 +246,7 @@ _DECLARED = (
     Function(
         "momenta", "p_D = M_DD v_D + M_DK v_K.", _STATE,
         (Quantity("p_D", ("n_vD",), "", "momenta of the dynamic coordinates"),),
-        (VARIATIONAL, VARIATIONAL_LANES),
+        (VARIATIONAL, VARIATIONAL_LANES, VARIATIONAL_DERIVATIVES), mapped=True,
     ),
     *(
         Function(

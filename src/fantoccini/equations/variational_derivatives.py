@@ -29,7 +29,8 @@ class VariationalDerivatives:
 
     def functions(self, library: str) -> dict[str, ca.Function]:
         """The functions of a library, by name; all results are dense."""
-        made = {"momenta_by": self._momenta_by(), "midpoint_by": self._midpoint_by()}
+        made = {"momenta": Variational(self.equations).functions()["momenta"]}
+        made |= {"momenta_by": self._momenta_by(), "midpoint_by": self._midpoint_by()}
         return made | Derivatives(self.equations.tree).functions(library)
 
     def _called(self, function: ca.Function) -> dict[str, ca.SX]:

@@ -15,10 +15,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 
-from fantoccini.arrays import Array, MaskRows
+from fantoccini.arrays import Array, Indices, MaskRows
 from fantoccini.errors import StateError, Status
 from fantoccini.marionette.model import Model
 from fantoccini.motion import rotation
@@ -96,7 +97,7 @@ def variational_partials(
     for q, v in t.scalars_K:
         half[:, q] += 0.5 * dt * rate[:, v]
         end["q_K"][:, q] += dt * rate[:, v]
-    library, rows = model.compiled.variational_derivatives, np.zeros((n, model.tree.n_rows))
+    library, n_rows = model.compiled.variational_derivatives, model.tree.n_rows
     mid = library.evaluate(
         "midpoint_by", q_D=x["q_D"], xi=_steps(model, x["q_D"], end["q_D"]), q_mid=half, v_mid=rate,
         acc_mid=acc, u_D=force, dt=dt, p=values,
@@ -105,17 +106,25 @@ def variational_partials(
     last = library.evaluate("row_rates_by", p=values, **end)
     h = model.library.evaluate("rows", q_D=end["q_D"], q_K=end["q_K"], p=values).h
     closed = model.two_sided | (h > -CLOSED)
+    near = np.flatnonzero(np.any(closed, axis=0))  # few of the rows, in any of the steps
+    start, last = (_rows_of(found, near) for found in (start, last))
+    closed, wires = closed[:, near], model.two_sided[near]
     none = NO_IMPULSE * dt * model.reference_force
-    before = library.evaluate("momenta_by", p=values, tension=rows, **x)
-    size = 1e-12 + np.max(np.abs(before.e), axis=1, initial=0.0)
-    Lambda, left = _impulses(start.A_D, closed, before.e - mid.before)
-    after = library.evaluate("momenta_by", p=values, tension=rows, **end)
-    mu, left_after = _impulses(last.A_D, closed, mid.after - after.e)
+    begun, ended = (library.evaluate("momenta", p=values, **at).p_D for at in (x, end))
+    size = np.max(np.abs(begun), axis=1, initial=0.0)
+    Lambda, left = _impulses(start.A_D, closed, begun - mid.before)
+    mu, left_after = _impulses(last.A_D, closed, mid.after - ended)
     solved = np.maximum(left, left_after) <= RESIDUAL * size + none
-    pulls = closed & (model.two_sided | (np.abs(Lambda) > none))
-    holds = closed & (model.two_sided | (np.abs(mu) > none))
-    before = library.evaluate("momenta_by", p=values, tension=-Lambda, **x)
-    after = library.evaluate("momenta_by", p=values, tension=mu, **end)
+    pulls = closed & (wires | (np.abs(Lambda) > none))
+    holds = closed & (wires | (np.abs(mu) > none))
+
+    def spread(of_near: Array) -> Array:
+        out = np.zeros((n, n_rows, *of_near.shape[2:]), dtype=of_near.dtype)
+        out[:, near] = of_near
+        return out
+
+    before = library.evaluate("momenta_by", p=values, tension=spread(-Lambda), **x)
+    after = library.evaluate("momenta_by", p=values, tension=spread(mu), **end)
 
     columns = _Columns(n_v, n_k, values.shape[1], dt)
     of_start = columns.of_inputs(before.e_qK, before.M_DK, None, before.e_p)
@@ -136,10 +145,10 @@ def variational_partials(
     dv, mu_by = _held(after.M, last.A_D, last.A_D, holds, of_momenta, -of_rates)
     return VariationalPartials(
         end=end,
-        tension=(Lambda * pulls + mu * holds) / dt,
+        tension=spread(Lambda * pulls + mu * holds) / dt,
         motion=np.concatenate([dq, dv], axis=1),
-        pull=(Lambda_by + mu_by) / dt,
-        held=pulls | holds,
+        pull=spread(Lambda_by + mu_by) / dt,
+        held=spread(pulls | holds).astype(np.bool_),
         solved=solved & (batch.status == Status.DONE),
     )
 
@@ -214,6 +223,11 @@ class _Columns:
         place = 2 * self.n_v + 3 * self.n_k
         out[..., place : place + self.n_v] = of_u
         return out
+
+
+def _rows_of(found: SimpleNamespace, rows: Indices) -> SimpleNamespace:
+    """Some rows of the results of ``row_rates_by``."""
+    return SimpleNamespace(**{name: a[:, rows] for name, a in vars(found).items()})
 
 
 def _steps(model: Model, q: Array, end: Array) -> Array:
