@@ -292,3 +292,30 @@ def test_a_gap_that_closes_within_the_step(ball):
     x = thrown(ball, {"body.z": 0.075}, {"body.x": 0.5, "body.z": -5.0, "body.wy": 2.0})
     lin = check_step(ball, x, ["stick"])
     assert lin.contacts[0].touch.gap == pytest.approx(0.005)
+
+
+def test_more_points_than_are_expected_and_nodes_without_any():
+    """Five boxes stand on twenty points, or fly; on one thread or two."""
+    names = "abcde"
+    bodies = ",".join(
+        f"{{name: {name}, joint: {{type: free}}, shapes: [{{type: box, size: [0.2, 0.2, 0.1],"
+        " mass: 1}]}"
+        for name in names
+    )
+    pose = ",".join(f"{name}.x: {i}, {name}.z: 0.05" for i, name in enumerate(names))
+    boxes = fan.loads(
+        f"{{puppet: boxes, floor: 0, contact: true, bodies: [{bodies}], pose: {{{pose}}}}}"
+    )
+    x = boxes.state()
+    up = x.q_D.copy()
+    up[boxes.tree.coordinates.q_D.index("a.z")] = 1.0
+    q_D = np.array([x.q_D, up] * 4)
+    one, two = (
+        boxes.linearise_steps(q_D, x.v_D, x.q_K, x.v_K, threads=threads) for threads in (1, 2)
+    )
+    assert one.n_contacts.tolist() == [20, 16] * 4
+    assert one.settled.all()
+    assert np.array_equal(one.motion, two.motion)
+    lin = boxes.linearise_step(x)
+    assert len(lin.contacts) == 20
+    assert worst(one.A[0], lin.A) < 1e-9
