@@ -27,6 +27,8 @@ from .marionette import (
     Mode as Mode,
     Modes as Modes,
     Partials as Partials,
+    Rollout as Rollout,
+    RolloutGradient as RolloutGradient,
     StepLinearisation as StepLinearisation,
     StepLinearisations as StepLinearisations,
     Stepper as Stepper,

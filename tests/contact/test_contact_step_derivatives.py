@@ -53,6 +53,7 @@ def check_step(
     lin = puppet.linearise_step(x, acc_K, u_D, dt)
     assert [point.mode for point in lin.contacts] == modes
     assert lin.sharp
+    check_compiled(puppet, lin, acc_K, u_D)
     end = lin.x_next
     widths = {"q_D": n, "v_D": n, "q_K": k, "v_K": k, "acc_K": k, "u_D": n, "p": n_p}
     places = np.cumsum([0, *widths.values()])
@@ -88,6 +89,29 @@ def check_step(
             # Redundant points may share their forces otherwise near by.
             assert worst(getattr(lin.push, name), wanted[len(found) :]) < 10 * bound, name
     return lin
+
+
+def check_compiled(
+    puppet: fan.Marionette, lin: fan.StepLinearisation, acc_K: np.ndarray, u_D: np.ndarray
+):
+    """The compiled derivatives are those of one step at a time; parts that fail are not settled."""
+    x, t = lin.x, puppet.coordinates
+    many = puppet.linearise_steps(
+        x.q_D, x.v_D, x.q_K, x.v_K, acc_K, u_D, dt=lin.dt, forces=True, pull=True
+    )
+    assert many.settled.all()
+    assert many.n_contacts.tolist() == [len(lin.contacts)]
+    assert many.sharp.tolist() == [lin.sharp]
+    assert np.allclose(many.q_D[0], lin.x_next.q_D, rtol=0, atol=1e-12)
+    assert np.allclose(many.v_D[0], lin.x_next.v_D, rtol=0, atol=1e-12)
+    n, k = t.n_vD, t.n_vK
+    found = np.concatenate([many.A[0], many.B[0]], axis=1)
+    wanted = np.concatenate([lin.A, lin.B], axis=1)
+    assert worst(found, wanted) < 1e-9
+    more = np.concatenate([lin.B_u, lin.B_p], axis=1)[: 2 * n]
+    assert worst(many.motion[0][:, 2 * n + 3 * k :], more) < 1e-9
+    pull = np.concatenate(list(vars(lin.pull).values()), axis=1)
+    assert worst(many.pull[0], pull) < 1e-9
 
 
 @pytest.fixture(scope="module")
@@ -148,6 +172,9 @@ def test_a_box_that_slides_askew_has_none_and_says_so(box):
     x = thrown(box, {"body.z": 0.05}, {"body.x": 1.0, "body.y": 0.5})
     with pytest.raises(fan.StateError, match=r"body\|floor slide on more points than the law"):
         box.linearise_step(x)
+    many = box.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K)
+    assert not many.settled.any() and not many.sharp.any()
+    assert many.edges_of(0) == ("solids slide on more points than the law can share force among",)
 
 
 def test_a_capsule_lies_and_slides():
@@ -244,10 +271,19 @@ def test_edges_are_named(ball, box, balls):
     pull[0], pull[4] = 0.3 * 9.81, -0.3 * 9.81 * 0.07
     lin = ball.linearise_step(ball.state({"body.z": 0.07}), u_D=pull)
     assert not lin.sharp
+    x = ball.state({"body.z": 0.07})
+    many = ball.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K, u_D=np.array([lift, pull, 0 * pull]))
+    assert many.sharp.tolist() == [False, False, True] and many.settled.all()
+    assert many.edges_of(0) == ("a point touches without force",)
+    assert many.edges_of(1) == ("a point sticks at the edge of its cone",)
+    assert many.edges_of(2) == ()
     shoulder = {"a.z": 0.1, "b.z": 0.1 + 0.17 * 0.8, "b.x": 0.17 * 0.6}
     assert balls.linearise_step(balls.state(shoulder)).edges == (
         "b|a: springs back if it is any faster",
     )
+    x = balls.state(shoulder)
+    many = balls.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K)
+    assert many.edges_of(0) == ("a point springs back if it is any faster",)
     assert box.linearise_step(box.state({"body.z": 0.05})).sharp
 
 
@@ -256,3 +292,30 @@ def test_a_gap_that_closes_within_the_step(ball):
     x = thrown(ball, {"body.z": 0.075}, {"body.x": 0.5, "body.z": -5.0, "body.wy": 2.0})
     lin = check_step(ball, x, ["stick"])
     assert lin.contacts[0].touch.gap == pytest.approx(0.005)
+
+
+def test_more_points_than_are_expected_and_nodes_without_any():
+    """Five boxes stand on twenty points, or fly; on one thread or two."""
+    names = "abcde"
+    bodies = ",".join(
+        f"{{name: {name}, joint: {{type: free}}, shapes: [{{type: box, size: [0.2, 0.2, 0.1],"
+        " mass: 1}]}"
+        for name in names
+    )
+    pose = ",".join(f"{name}.x: {i}, {name}.z: 0.05" for i, name in enumerate(names))
+    boxes = fan.loads(
+        f"{{puppet: boxes, floor: 0, contact: true, bodies: [{bodies}], pose: {{{pose}}}}}"
+    )
+    x = boxes.state()
+    up = x.q_D.copy()
+    up[boxes.tree.coordinates.q_D.index("a.z")] = 1.0
+    q_D = np.array([x.q_D, up] * 4)
+    one, two = (
+        boxes.linearise_steps(q_D, x.v_D, x.q_K, x.v_K, threads=threads) for threads in (1, 2)
+    )
+    assert one.n_contacts.tolist() == [20, 16] * 4
+    assert one.settled.all()
+    assert np.array_equal(one.motion, two.motion)
+    lin = boxes.linearise_step(x)
+    assert len(lin.contacts) == 20
+    assert worst(one.A[0], lin.A) < 1e-9

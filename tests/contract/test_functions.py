@@ -12,7 +12,7 @@ from fantoccini import contract
 from fantoccini.contract.cpp import HEADER, header
 from fantoccini.contract.functions import needed
 from fantoccini.contract.table import PAGE, page
-from fantoccini.equations import Derivatives, Equations, Variational
+from fantoccini.equations import Derivatives, Equations, Variational, VariationalDerivatives
 from fantoccini.errors import BuildError
 from fantoccini.runtime import Library, functions
 
@@ -21,10 +21,12 @@ FRESH = "python -m fantoccini.contract writes it"
 
 def derived(equations: Equations) -> dict:
     """All CasADi functions of a puppet."""
-    own = {name: equations[name] for name in equations}
+    names, found = contract.functions, {name: equations[name] for name in equations}
     derivatives = Derivatives(equations.tree)
-    of_steps = derivatives.functions(contract.functions.STEP_DERIVATIVES)
-    return own | derivatives.functions() | of_steps | Variational(equations).functions()
+    for library in (names.DERIVATIVES, names.STEP_DERIVATIVES, names.GRADIENTS):
+        found |= derivatives.functions(library)
+    found |= VariationalDerivatives(equations).functions(names.VARIATIONAL_DERIVATIVES)
+    return found | Variational(equations).functions()
 
 
 @pytest.mark.parametrize("name", ["arm2d", "arm3d", "crane"])

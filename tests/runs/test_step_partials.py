@@ -107,13 +107,3 @@ def test_threads_make_no_difference():
     args = batch.q_D, batch.v_D, batch.q_K, batch.v_K
     one, two = (puppet.linearise_steps(*args, threads=n) for n in (1, 2))
     assert np.array_equal(one.motion, two.motion)
-
-
-def test_contact_is_refused_by_name():
-    scene = fan.loads(
-        "{puppet: ball, floor: 0, contact: true, bodies: [{name: b, joint: {type: free},"
-        " shapes: [{type: sphere, radius: 0.1, mass: 1}]}], pose: {b.z: 0.1}}"
-    )
-    x = scene.state()
-    with pytest.raises(fan.StateError, match="linearise_steps"):
-        scene.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K)

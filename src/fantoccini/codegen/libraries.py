@@ -7,7 +7,12 @@ from dataclasses import dataclass
 from fantoccini.codegen.model import SIZES, STEM, Generated, Real, assembled, programs, tables_text
 from fantoccini.codegen.straight import Program, program, together
 from fantoccini.contract import FUNCTIONS, compiled
-from fantoccini.equations import Derivatives, Equations, Variational
+from fantoccini.equations import (
+    Derivatives,
+    Equations,
+    Variational,
+    VariationalDerivatives,
+)
 
 WIDE = Real("fan::Wide", "wide", "fantoccini/wide.hpp")
 """As many doubles as a processor's vector holds: one trajectory or configuration for each lane."""
@@ -43,6 +48,8 @@ _KINDS = {
     "variational_lanes": _Kind("variational_lane_abi", WIDE),
     "derivatives": _Kind("map_abi", Real(), mapped=True, columns=False),
     "step_derivatives": _Kind("step_derivatives_abi", Real(), several=True),
+    "gradients": _Kind("gradients_abi", Real()),
+    "variational_derivatives": _Kind("map_abi", Real(), mapped=True, columns=False),
 }
 
 
@@ -55,7 +62,8 @@ def generate(equations: Equations, library: str = "model") -> Generated:
     """
     kind, names = _KINDS[library], compiled(library, equations.tree.sizes)
     made = _programs(equations, library, names, kind.columns)
-    sizes = {**equations.tree.sizes, "n_packed": 0} if library == "derivatives" else None
+    plain = library in ("derivatives", "variational_derivatives")
+    sizes = {**equations.tree.sizes, "n_packed": 0} if plain else None
     members = [_member(name, kind) for name in (*names, *["column"] * kind.columns)]
     # Contact points push along three directions each. Bundles have a width of 1 on some processors.
     in_threes = kind.touches and equations.tree.n_contacts > 0
@@ -82,8 +90,10 @@ def generate(equations: Equations, library: str = "model") -> Generated:
 def _programs(
     equations: Equations, library: str, names: tuple[str, ...], columns: bool
 ) -> dict[str, Program]:
-    if library in ("derivatives", "step_derivatives"):
+    if library in ("derivatives", "step_derivatives", "gradients"):
         own = Derivatives(equations.tree).functions(library)
+    elif library == "variational_derivatives":
+        own = VariationalDerivatives(equations).functions(library)
     elif library.startswith("variational"):
         own = Variational(equations).functions()
     else:

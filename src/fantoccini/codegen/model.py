@@ -16,7 +16,7 @@ from fantoccini.codegen.straight import Program, dealt, pieces, program
 from fantoccini.contract import FUNCTIONS
 from fantoccini.equations import Equations
 from fantoccini.puppet import Parameter
-from fantoccini.tree import LimitRow, Role, StringRow, Tree
+from fantoccini.tree import TURNS_WITH_LINK, WORLD, LimitRow, Role, StringRow, Tree
 
 STEM = "model"
 """Name of the files that hold the model, without their endings."""
@@ -273,7 +273,25 @@ def _ways(tree: Tree) -> list[str]:
         _array("int", "link_parent", [link.parent for link in tree.links]),
         *_lists("moved_D", found[Role.DYNAMIC]),
         *_lists("moved_K", found[Role.DRIVEN]),
+        *_lists("carried", _carriers(tree, found)),
     ]
+
+
+def _carriers(tree: Tree, moved: dict[Role, list[list[int]]]) -> list[list[int]]:
+    """What carries the axis of each velocity, those of v_K after those of v_D."""
+    t = tree.coordinates
+    carriers: list[list[int]] = [[] for _ in range(t.n_vD + t.n_vK)]
+    for i, link in enumerate(tree.links):
+        if link.role is Role.FIXED:
+            continue
+        first = t.n_vD if link.role is Role.DRIVEN else 0
+        for k in range(link.v.start, link.v.stop):
+            turns = k - link.v.start in TURNS_WITH_LINK.get(link.kind, ())
+            carrier = i if turns else link.parent
+            if carrier != WORLD:
+                driven = [t.n_vD + j for j in moved[Role.DRIVEN][carrier]]
+                carriers[first + k] = moved[Role.DYNAMIC][carrier] + driven
+    return carriers
 
 
 def _pulled(tree: Tree, string: StringRow) -> list[int]:

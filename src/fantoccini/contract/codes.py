@@ -72,8 +72,23 @@ class Solved(Code):
     NO_ROOM = 3, "more rows than the puppet has, or no memory"
 
 
+class StepEdge(Code):
+    """What a fixed step is on the edge of, as bits; from LEAVES_LAW on it has no derivative."""
+
+    WITHOUT_FORCE = 1, "a point touches without force"
+    STRAINED = 2, "a point sticks at the edge of its cone"
+    MAY_REBOUND = 4, "a point springs back if it is any faster"
+    NOT_SMOOTH = 8, "the place of a point has no derivative"
+    ASKEW = 16, "a point touches without force, and slides askew of those that push"
+    LEAVES_LAW = 32, "bodies are wedged in, or restitution is scaled down to add no energy"
+    JAMS = 64, "friction jams: no forces keep the modes"
+    CONTRADICTS = 128, "solids touch at more points than can go on together near by"
+    OPEN_SHARES = 256, "solids slide on more points than the law can share force among"
+    CROWDED = 512, "more points push than there is room for"
+
+
 CODES: tuple[type[Code] | type[Status], ...] = (
-    Status, EventCode, Hold, SolidKind, GoalKind, Solved
+    Status, EventCode, Hold, SolidKind, GoalKind, Solved, StepEdge
 )  # fmt: skip
 """All codes."""
 

@@ -8,7 +8,13 @@ from pathlib import Path
 
 from fantoccini.contract.codes import CODES, SCOPED, Code, Hold
 from fantoccini.contract.constants import CONSTANTS
-from fantoccini.contract.functions import COLUMN, DERIVATIVES, FUNCTIONS, Function
+from fantoccini.contract.functions import (
+    COLUMN,
+    DERIVATIVES,
+    FUNCTIONS,
+    VARIATIONAL_DERIVATIVES,
+    Function,
+)
 from fantoccini.contract.identity import digest
 from fantoccini.contract.quantity import SIZES, Quantity
 from fantoccini.contract.samples import CONTACT, EVENT, PARTS, SAMPLE, WINCH
@@ -20,7 +26,8 @@ HEADER = Path(__file__).resolve().parents[1] / "cpp" / "fantoccini" / "contract.
 
 def header() -> str:
     """The text of ``contract.hpp``."""
-    called = [f for f in FUNCTIONS.values() if f.libraries and f.libraries != (DERIVATIVES,)]
+    mapped = {DERIVATIVES, VARIATIONAL_DERIVATIVES}
+    called = [f for f in FUNCTIONS.values() if set(f.libraries) - mapped]
     return _HEADER.format(
         digest=f"0x{digest():016x}",
         sizes=_filled("Sizes::", list(SIZES), "      "),

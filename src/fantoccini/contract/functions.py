@@ -10,13 +10,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from fantoccini.contract.arguments import ARGUMENTS
 from fantoccini.contract.quantity import Quantity, Shape
 
 MODEL, LANES, CLEARANCE, ROLLOUTS = "model", "lanes", "clearance", "rollouts"
 VARIATIONAL, VARIATIONAL_LANES, DERIVATIVES = "variational", "variational_lanes", "derivatives"
-STEP_DERIVATIVES = "step_derivatives"
+STEP_DERIVATIVES, GRADIENTS = "step_derivatives", "gradients"
+VARIATIONAL_DERIVATIVES = "variational_derivatives"
 LIBRARIES = (
-    MODEL, LANES, CLEARANCE, ROLLOUTS, VARIATIONAL, VARIATIONAL_LANES, DERIVATIVES, STEP_DERIVATIVES
+    MODEL, LANES, CLEARANCE, ROLLOUTS, VARIATIONAL, VARIATIONAL_LANES, DERIVATIVES,
+    STEP_DERIVATIVES, GRADIENTS, VARIATIONAL_DERIVATIVES,
 )  # fmt: skip
 """The libraries of a puppet, each compiled when it is first needed."""
 
@@ -48,34 +51,6 @@ class Function:
 
 
 _FORCE, _PER_VELOCITY = "N or N m", "row's unit / s per velocity's unit"
-
-ARGUMENTS: dict[str, Quantity] = {
-    q.name: q
-    for q in (
-        Quantity("q_D", ("n_qD",), "", "dynamic configuration; quaternions of unit length"),
-        Quantity("v_D", ("n_vD",), "", "dynamic velocity"),
-        Quantity("acc_D", ("n_vD",), "", "dynamic acceleration"),
-        Quantity("q_K", ("n_qK",), "", "driven configuration; quaternions of unit length"),
-        Quantity("v_K", ("n_vK",), "", "driven velocity"),
-        Quantity("acc_K", ("n_vK",), "", "driven acceleration"),
-        Quantity("u_D", ("n_vD",), _FORCE, "user forces"),
-        Quantity("v_ahead", ("n_vD",), "", "dynamic velocity at which velocity products are taken"),
-        Quantity("dt", (), "s", "step over which damping and drag are implicit"),
-        Quantity("lam", ("n_strings",), "N", "multipliers, minus the tensions"),
-        Quantity("tension", ("n_rows",), _FORCE, "tensions of strings, forces of limits"),
-        Quantity("wrench", (6, "n_links"), "N, N m", "force at the centre of mass, torque; world"),
-        Quantity("p", ("n_p",), "", "parameters"),
-        Quantity("L", ("n_packed",), "", "the factor M = F^T F, as dynamics returns it"),
-        Quantity("x", ("n_vD",), "", "any vector"),
-        Quantity("J_limit", (3, "n_limits"), "", "rows of A_D of the limits, in their own joints"),
-        Quantity("x_joint", (3,), "", "entries of a vector for the velocities of one joint"),
-        Quantity("xi", ("n_vD",), "rad or m", "tangent vector of the step"),
-        Quantity("q_mid", ("n_qK",), "", "driven configuration at the midpoint"),
-        Quantity("v_mid", ("n_vK",), "", "driven velocity at the midpoint"),
-        Quantity("acc_mid", ("n_vK",), "", "driven acceleration at the midpoint"),
-    )
-}
-"""Every argument that a function may take."""
 
 
 def _arguments(names: str) -> tuple[Quantity, ...]:
@@ -117,7 +92,7 @@ _Y = Quantity("y", ("n_vD",), "", "the solution")
 _STATE = _arguments("q_D v_D q_K v_K p")
 _PLACE = _arguments("q_D q_K p")
 _FULL = _arguments("q_D v_D acc_D q_K v_K acc_K tension dt p")
-_STEPPING = (LANES, ROLLOUTS, VARIATIONAL, VARIATIONAL_LANES, STEP_DERIVATIVES)
+_STEPPING = (LANES, ROLLOUTS, VARIATIONAL, VARIATIONAL_LANES, STEP_DERIVATIVES, GRADIENTS)
 
 
 def _derivative(name: str, rows: str, by: str, meaning: str) -> Quantity:
@@ -140,6 +115,13 @@ _BY_ACCELERATIONS = (
     _derivative("hddot_p", "n_rows", "n_p", "of hddot by the parameters"),
 )
 
+_ENDS = "before", "after"
+_OF_MIDPOINT = (
+    ("q", "n_vD", "tangents of q_D"), ("xi", "n_vD", "xi"), ("qm", "n_vK", "tangents of q_mid"),
+    ("vm", "n_vK", "v_mid"), ("am", "n_vK", "acc_mid"), ("u", "n_vD", "u_D"),
+    ("p", "n_p", "the parameters"),
+)  # fmt: skip
+
 
 _DECLARED = (
     Function(
@@ -158,7 +140,7 @@ _DECLARED = (
             Quantity("f_M", ("n_motors",), _FORCE, "motors exert f_M - y_M dv over the step"),
             Quantity("y_M", ("n_motors",), "", "derivative by the change dv of velocity"),
         ),
-        (MODEL, LANES, ROLLOUTS, STEP_DERIVATIVES), mapped=True, standing=_STANDING,
+        (MODEL, LANES, ROLLOUTS, STEP_DERIVATIVES, GRADIENTS), mapped=True, standing=_STANDING,
     ),
     Function(
         "limit_rates", "hdot of the limits at a velocity.", _arguments("J_limit v_D"),
@@ -264,7 +246,7 @@ _DECLARED = (
     Function(
         "momenta", "p_D = M_DD v_D + M_DK v_K.", _STATE,
         (Quantity("p_D", ("n_vD",), "", "momenta of the dynamic coordinates"),),
-        (VARIATIONAL, VARIATIONAL_LANES),
+        (VARIATIONAL, VARIATIONAL_LANES, VARIATIONAL_DERIVATIVES), mapped=True,
     ),
     *(
         Function(
@@ -289,7 +271,51 @@ _DECLARED = (
     ),
     Function(
         "row_rates_by", "A_D, A_K and the derivatives of h and hdot of strings and limits.",
-        _STATE, _BY_RATES, (STEP_DERIVATIVES,),
+        _STATE, _BY_RATES, (STEP_DERIVATIVES, VARIATIONAL_DERIVATIVES), mapped=True,
+    ),
+    Function(
+        "momenta_by", "M v_D + M_DK v_K + A_D^T tension and its derivatives.",
+        _arguments("q_D v_D q_K v_K tension p"),
+        (
+            Quantity("e", ("n_vD",), "", "itself"),
+            _derivative("e_q", "n_vD", "n_vD", "by tangents of q_D"),
+            _derivative("M", "n_vD", "n_vD", "by v_D"),
+            _derivative("e_qK", "n_vD", "n_vK", "by tangents of q_K"),
+            _derivative("M_DK", "n_vD", "n_vK", "by v_K"),
+            _derivative("e_p", "n_vD", "n_p", "by the parameters"),
+        ),
+        (VARIATIONAL_DERIVATIVES,), mapped=True,
+    ),
+    Function(
+        "midpoint_by", "The midpoint rule's momenta at both ends of a step, and derivatives.",
+        _arguments("q_D xi q_mid v_mid acc_mid u_D dt p"),
+        (
+            *(Quantity(end, ("n_vD",), "", f"momenta {end} the step") for end in _ENDS),
+            *(
+                _derivative(f"{end}_{by}", "n_vD", size, f"of `{end}` by {what}")
+                for end in _ENDS for by, size, what in _OF_MIDPOINT
+            ),
+            _derivative("next_q", "n_vD", "n_vD", "of tangents of q_D after it by those before"),
+            _derivative("next_xi", "n_vD", "n_vD", "of them by xi"),
+        ),
+        (VARIATIONAL_DERIVATIVES,), mapped=True,
+    ),
+    Function(
+        "step_back",
+        "Gradient of z . r + y . hdot + y_h . h; r has the velocity products of v_ahead, hdot is "
+        "at v_next.",
+        _arguments("q_D v_D v_ahead v_next acc_D q_K v_K acc_K tension z y y_h dt p"),
+        (
+            Quantity("g_q", ("n_vD",), "", "by tangents of q_D"),
+            Quantity("g_v", ("n_vD",), "", "by v_D"),
+            Quantity("g_ahead", ("n_vD",), "", "by v_ahead"),
+            Quantity("g_next", ("n_vD",), "", "by v_next"),
+            Quantity("g_qK", ("n_vK",), "", "by tangents of q_K"),
+            Quantity("g_vK", ("n_vK",), "", "by v_K"),
+            Quantity("g_aK", ("n_vK",), "", "by acc_K"),
+            Quantity("g_p", ("n_p",), "", "by the parameters"),
+        ),
+        (GRADIENTS,),
     ),
     Function(
         "mass_matrix", "M of Eq. 8 and its blocks for the driven coordinates.", _PLACE,

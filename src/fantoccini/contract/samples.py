@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from fantoccini.contract.functions import ARGUMENTS
+from fantoccini.contract.arguments import ARGUMENTS
 from fantoccini.contract.quantity import Quantity
 
 _BOOKS = (

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+from fantoccini.contract.arguments import ARGUMENTS
 from fantoccini.contract.constants import CONSTANTS
-from fantoccini.contract.functions import ARGUMENTS, FUNCTIONS, Function
+from fantoccini.contract.functions import FUNCTIONS, Function
 from fantoccini.contract.quantity import SIZES, Quantity
 from fantoccini.contract.samples import CONTACT, EVENT, SAMPLE, WINCH
 

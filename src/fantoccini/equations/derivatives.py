@@ -33,10 +33,11 @@ from fantoccini.equations.algebra import (
 from fantoccini.equations.declared import declared
 from fantoccini.equations.kinematics import configuration_rate
 from fantoccini.equations.rows import segment_length
+from fantoccini.equations.symbols import Symbols
 from fantoccini.equations.system import System
 from fantoccini.tree import WORLD, Point, Role, Tree
 
-_FUNCTIONS = ("force_by_q", "force_by_v", "force_by_K", "rows_by", "row_rates_by")
+_FUNCTIONS = ("force_by_q", "force_by_v", "force_by_K", "rows_by", "row_rates_by", "step_back")
 
 
 class Derivatives:
@@ -54,11 +55,14 @@ class Derivatives:
     def functions(self, library: str = DERIVATIVES) -> dict[str, ca.Function]:
         """The functions of a library that are derivatives, by name; all results are dense."""
         symbols = self.system.symbols
-        found = {**self._forces(symbols.tension), **self._rows()}
         names = [n for n in compiled(library, self.tree.sizes) if n in _FUNCTIONS]
+        if "step_back" in names:
+            found = self._gradient()
+        else:
+            found = {**self._forces(symbols.tension), **self._rows()}
         return {name: declared(name, symbols, found) for name in names}
 
-    def residual(self, tension: ca.SX) -> ca.SX:
+    def residual(self, tension: ca.SX, v_D: ca.SX | None = None) -> ca.SX:
         """r (n_vD,) of Eq. 10 without u_D; damping and drag act on v_D + dt acc_D.
 
         Strings pull as forces on the links, which one pass towards the root projects together with
@@ -66,9 +70,13 @@ class Derivatives:
 
         Args:
             tension: (n_rows,) of strings and limits [N or N m].
+            v_D: (n_vD,) of the velocity products alone; that of the state when not given.
         """
         system, s, tree = self.system, self.system.symbols, self.tree
-        loads = system.loads(system.full_motions)
+        motions = system.full_motions
+        if v_D is not None:
+            motions = system.motions(*map(elements, (v_D, s.v_K, s.acc_D, s.acc_K)))
+        loads = system.loads(motions)
         tau, pulls = elements(tension), [(zeros(3), zeros(3)) for _ in tree.links]
         for i, string in enumerate(tree.strings):
             self._pull(string.points, tau[i], pulls)
@@ -156,28 +164,63 @@ class Derivatives:
                 found[f"{name}_{symbol.removesuffix('_D').replace('_', '')}"] = x
         return found
 
+    def _gradient(self) -> dict[str, ca.SX]:
+        """That of z . r + y . hdot + y_h . h, in one backward pass."""
+        s = self.system.symbols
+        h, hdot = self._heights()
+        rates = ca.substitute(hdot, s.v_D, s.v_next)
+        value = ca.dot(s.z, self.residual(s.tension, s.v_ahead))
+        value = ca.cse(value + ca.dot(s.y, rates) + ca.dot(s.y_h, h))
+        names = {"g_q": "q_D", "g_v": "v_D", "g_ahead": "v_ahead", "g_next": "v_next",
+                 "g_qK": "q_K", "g_vK": "v_K", "g_aK": "acc_K", "g_p": "p"}  # fmt: skip
+        given = [getattr(s, name) for name in names.values()]
+        # One vector for all symbols, so that what they share is differentiated once.
+        whole = ca.SX.sym("whole", sum(x.numel() for x in given))
+        cuts = np.cumsum([0, *(x.numel() for x in given)]).tolist()
+        value = ca.substitute([value], given, ca.vertsplit(whole, cuts))[0]
+        back = ca.substitute(ca.gradient(value, whole), whole, ca.vertcat(*given))
+        return {
+            result: tangents(s, self.tree, name).T @ part
+            for (result, name), part in zip(names.items(), ca.vertsplit(back, cuts), strict=True)
+        }
+
+    def _heights(self) -> tuple[ca.SX, ca.SX]:
+        """h and hdot (n_rows,) of strings and limits."""
+        system, v_D = self.system, elements(self.system.symbols.v_D)
+        rows = system.full_string_rows
+        h, hdot = [row.length for row in rows], [row.rate for row in rows]
+        for limit, (height, J, _) in zip(self.tree.limits, system.limit_rows, strict=True):
+            h.append(height)
+            hdot.append(dot(J, v_D[self.tree.links[limit.link].v]))
+        return column(h), column(hdot)
+
     def _derivatives(
         self, values: ca.SX, names: Iterable[str], backward: bool = False
     ) -> dict[str, ca.SX]:
         """Derivatives of a column by some symbols, along tangents of configurations."""
-        found = {}
-        for name in names:
-            by, along = getattr(self.system.symbols, name), self._tangent(name)
-            if not by.numel() or not values.numel():
-                found[name] = ca.SX(values.numel(), along.shape[1])
-            elif backward:
-                found[name] = ca.jtimes(values, by, ca.SX.eye(values.numel()), True).T @ along
-            else:
-                found[name] = ca.jtimes(values, by, along)
-        return found
+        symbols = self.system.symbols
+        return {n: along_tangents(values, symbols, self.tree, n, backward) for n in names}
 
-    def _tangent(self, name: str) -> ca.SX:
-        """N(q) of a configuration, one of everything else."""
-        s, t = self.system.symbols, self.tree.coordinates
-        if name == "q_D":
-            rate = configuration_rate(s.q_D, s.v_D, t.quaternions_D, t.scalars_D)
-            return ca.jacobian(rate, s.v_D)
-        if name == "q_K":
-            rate = configuration_rate(s.q_K, s.v_K, t.quaternions_K, t.scalars_K)
-            return ca.jacobian(rate, s.v_K)
-        return ca.SX.eye(getattr(s, name).numel())
+
+def along_tangents(
+    values: ca.SX, symbols: Symbols, tree: Tree, name: str, backward: bool = False
+) -> ca.SX:
+    """Derivatives of a column by a symbol, along tangents of a configuration."""
+    by, along = symbols[name], tangents(symbols, tree, name)
+    if not by.numel() or not values.numel():
+        return ca.SX(values.numel(), along.shape[1])
+    if backward:
+        return ca.jtimes(values, by, ca.SX.eye(values.numel()), True).T @ along
+    return ca.jtimes(values, by, along)
+
+
+def tangents(symbols: Symbols, tree: Tree, name: str) -> ca.SX:
+    """N(q) of a configuration, one of everything else."""
+    s, t = symbols, tree.coordinates
+    if name == "q_D":
+        rate = configuration_rate(s.q_D, s.v_D, t.quaternions_D, t.scalars_D)
+        return ca.jacobian(rate, s.v_D)
+    if name in ("q_K", "q_mid"):
+        rate = configuration_rate(s[name], s.v_K, t.quaternions_K, t.scalars_K)
+        return ca.jacobian(rate, s.v_K)
+    return ca.SX.eye(s[name].numel())

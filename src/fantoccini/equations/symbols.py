@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from fantoccini.contract.functions import ARGUMENTS
+from fantoccini.contract.arguments import ARGUMENTS
 from fantoccini.tree import Tree
 
 

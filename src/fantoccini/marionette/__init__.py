@@ -44,6 +44,7 @@ from fantoccini.marionette.redundant import (
     first_excess_tension,
     may_be_redundant,
 )
+from fantoccini.marionette.rollout_gradient import Rollout, RolloutGradient
 from fantoccini.marionette.step_linearisation import StepLinearisation
 from fantoccini.marionette.step_partials import StepLinearisations
 from fantoccini.marionette.stepper import Stepper
@@ -70,6 +71,8 @@ __all__ = [
     "Modes",
     "Partials",
     "PortablePuppet",
+    "Rollout",
+    "RolloutGradient",
     "StepLinearisation",
     "StepLinearisations",
     "Stepper",

@@ -18,6 +18,7 @@ from fantoccini.runtime import (
     BatchLibrary,
     ClearanceLibrary,
     Functions,
+    GradientLibrary,
     Library,
     Loaded,
     RolloutLibrary,
@@ -109,7 +110,19 @@ class Compiled:
     def step_derivatives(self) -> StepDerivatives:
         """The derivatives of time steps."""
         load = StepDerivatives
-        return self._library("step_derivatives", lambda file: load(file, self.tree.sizes))
+        return self._library("step_derivatives", lambda file: load(file, self.sized.sizes))
+
+    @cached_property
+    def gradients(self) -> GradientLibrary:
+        """Rollouts of the time-stepper with gradients of their costs."""
+        return self._library("gradients", lambda file: GradientLibrary(file, self.sized.sizes))
+
+    @cached_property
+    def variational_derivatives(self) -> Functions:
+        """The derivatives of the discrete Euler-Lagrange equations."""
+        return self._library(
+            "variational_derivatives", lambda file: Functions(file, self.sized.sizes)
+        )
 
     def batch_library_of(self, method: str) -> BatchLibrary:
         """The library for batches of a method."""

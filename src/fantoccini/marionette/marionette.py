@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from fantoccini.arrays import Array
 from fantoccini.marionette import (  # fmt: skip
@@ -22,6 +22,7 @@ from fantoccini.marionette.methods import Method, MethodName
 from fantoccini.marionette.model import Model
 from fantoccini.marionette.modes import Modes, modes
 from fantoccini.marionette.quantities import Quantities
+from fantoccini.marionette.rollout_gradient import Rollout, rollout
 from fantoccini.marionette.step_linearisation import StepLinearisation, linearise_step
 from fantoccini.marionette.step_partials import StepLinearisations, linearise_steps
 from fantoccini.marionette.stepper import Stepper
@@ -288,11 +289,13 @@ class Marionette(Quantities):
         forces: bool = False,
         pull: bool = False,
         threads: int | None = None,
+        method: Literal["timestepping", "variational"] = "timestepping",
     ) -> StepLinearisations:
         """One time step from each of n states with its derivatives, compiled.
 
         The steps are those of ``fan.TimeStepping(dt, extrapolate=False)``, and the derivatives
-        those of :meth:`linearise_step`, for puppets without contact.
+        those of :meth:`linearise_step`. Where that would raise, a step is not ``settled``, and
+        where it names edges between modes of contact, not ``sharp``.
 
         Args:
             q_D, v_D, q_K, v_K: (n, ...) or (...,) states.
@@ -303,14 +306,43 @@ class Marionette(Quantities):
             forces: differentiate by the user's forces, too.
             pull: also the tensions' derivatives.
             threads: all processors when not given.
+            method: ``variational`` for steps of that method, in which no driven joint turns.
+
+        Raises:
+            StateError: an array has another shape.
+        """
+        return linearise_steps(
+            self.model, q_D, v_D, q_K, v_K, acc_K, u_D, p=p, dt=dt, forces=forces, pull=pull,
+            threads=threads, method=method,
+        )  # fmt: skip
+
+    def rollout(
+        self,
+        x0: State,
+        acc_K: Array,
+        u_D: Array | None = None,
+        *,
+        p: Array | None = None,
+        dt: float = 0.002,
+        extrapolate: bool = True,
+    ) -> Rollout:
+        """n time steps from a state, with gradients of their cost by :meth:`Rollout.gradient`.
+
+        The steps are those of ``fan.TimeStepping(dt, extrapolate)`` with accelerations and forces
+        that are constant over each.
+
+        Args:
+            x0: the start, without slip.
+            acc_K: (n, n_vK) driven accelerations.
+            u_D: (n, n_vD) or (n_vD,) user forces; 0 when not given.
+            p: (n_p,) parameters; the marionette's own when not given.
+            dt: length of the steps [s].
+            extrapolate: as in :class:`TimeStepping`.
 
         Raises:
             StateError: the puppet has contact, or an array has another shape.
         """
-        return linearise_steps(
-            self.model, q_D, v_D, q_K, v_K, acc_K, u_D, p=p, dt=dt, forces=forces, pull=pull,
-            threads=threads,
-        )  # fmt: skip
+        return rollout(self.model, x0, acc_K, u_D, p=p, dt=dt, extrapolate=extrapolate)
 
     def modes(self, x: State) -> Modes:
         """Vibration modes about a state of rest, and which inputs excite each.

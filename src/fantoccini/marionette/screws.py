@@ -19,7 +19,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.marionette.model import Model
 from fantoccini.motion import State
-from fantoccini.tree import WORLD, Link, Role, Tree
+from fantoccini.tree import TURNS_WITH_LINK, WORLD, Role, Tree
 
 PARAMETER_STEP = 1e-3
 """Of the differences by parameters, relative to 1 or the parameter: their error is some 1e-12."""
@@ -205,11 +205,6 @@ def relations(tree: Tree) -> tuple[Array, Array]:
         own = np.arange(first, first + link.v.stop - link.v.start)
         carries[own] = moves[i]
         moves[i, own] = 1.0
-        turning = own[_turns_with_link(link)]
+        turning = own[list(TURNS_WITH_LINK.get(link.kind, ()))]
         carries[np.ix_(turning, own)] = 1.0
     return moves, carries
-
-
-def _turns_with_link(link: Link) -> slice:
-    """The velocities of a joint whose axes are fixed in the link that it carries."""
-    return {"ball": slice(0, 3), "free": slice(3, 6)}.get(link.kind, slice(0, 0))

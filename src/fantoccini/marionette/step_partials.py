@@ -1,23 +1,36 @@
 """Derivatives of many time steps at once, compiled: what optimal control asks for at every node.
 
-The equations are those of :mod:`fantoccini.marionette.step_linearisation`, for puppets without
-contact.
+The equations are those of :mod:`fantoccini.marionette.step_linearisation`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from fantoccini.arrays import Array, MaskRows, check_positive
-from fantoccini.errors import Status
+from fantoccini.arrays import Array, Indices, MaskRows, check_positive
+from fantoccini.contract import StepEdge
+from fantoccini.errors import StateError, Status
 from fantoccini.marionette.checks import refuse_contact
 from fantoccini.marionette.model import Model
 from fantoccini.marionette.step_linearisation import AT_CAP, SHORTENED, DrivenStep
+from fantoccini.marionette.variational_partials import (
+    VariationalPartials,
+    variational_partials,
+)
 from fantoccini.marionette.vectors import vectors
-from fantoccini.runtime import LaneSteppers, default_threads
+from fantoccini.runtime import (
+    AnyArray,
+    LaneSteppers,
+    RunOptions,
+    StepTouches,
+    default_threads,
+    step_touches,
+)
 from fantoccini.tree import CoordinateTable
 
 
@@ -33,8 +46,10 @@ class StepLinearisations:
             acc_K, u_D where asked for, and p: the rows of A, B, B_u and B_p that are not those of
             the driven coordinates.
         pull: (n, n_rows, m) derivatives of ``tension``, where asked for; 0 for rows not held.
-        settled: (n,) bool, steps that were made and not cut short; the others' derivatives are
-            those of the equations, not of the step.
+        settled: (n,) bool, steps that were made and not cut short, and whose contacts have
+            derivatives; the others' are those of the equations, not of the step.
+        edges: (n,) what is between two modes of contact, as bits; see :meth:`edges_of`.
+        n_contacts: (n,) points that push.
         dt: length of the steps [s].
         coordinates: names and places of the coordinates.
     """
@@ -47,13 +62,24 @@ class StepLinearisations:
     held: MaskRows
     motion: Array
     pull: Array | None
-    settled: Array
+    settled: MaskRows
+    edges: Indices
+    n_contacts: Indices
     dt: float
     coordinates: CoordinateTable
     _driven: tuple[DrivenStep, ...]
 
     def __len__(self) -> int:
         return len(self.q_D)
+
+    @property
+    def sharp(self) -> MaskRows:
+        """(n,) bool, whether the derivatives exist towards all sides: nothing is between modes."""
+        return self.settled & (self.edges == 0)
+
+    def edges_of(self, i: int) -> tuple[str, ...]:
+        """What step i is on the edge of; its derivatives are those of the modes taken."""
+        return tuple(edge.meaning for edge in StepEdge if self.edges[i] & edge)
 
     @cached_property
     def A(self) -> Array:
@@ -97,55 +123,115 @@ def linearise_steps(
     forces: bool = False,
     pull: bool = False,
     threads: int | None = None,
+    method: str = "timestepping",
 ) -> StepLinearisations:
     """One time step from each of n states; see :meth:`Marionette.linearise_steps`."""
     check_positive(dt=dt)
-    refuse_contact(model, "linearise_steps")
-    table, tree = model.coordinates, model.tree
+    if method not in ("timestepping", "variational"):
+        raise StateError(f"method is {method!r}; it must be 'timestepping' or 'variational'")
+    table = model.coordinates
     widths = {"q_D": table.n_qD, "v_D": table.n_vD, "q_K": table.n_qK, "v_K": table.n_vK}
     given = zip(widths.items(), (q_D, v_D, q_K, v_K), strict=True)
-    starts = {name: vectors(name, a, width).reshape(-1, width) for (name, width), a in given}
+    starts = {name: np.atleast_2d(vectors(name, a, n)) for (name, n), a in given}
     acc = np.zeros((1, table.n_vK)) if acc_K is None else vectors("acc_K", acc_K, table.n_vK)
-    acc = acc.reshape(-1, table.n_vK)
-    force = None if u_D is None else vectors("u_D", u_D, table.n_vD).reshape(-1, table.n_vD)
-    values = model.p[None] if p is None else vectors("p", p, len(model.p)).reshape(-1, len(model.p))
+    acc = np.atleast_2d(acc)
+    force = None if u_D is None else np.atleast_2d(vectors("u_D", u_D, table.n_vD))
+    values = model.p[None] if p is None else np.atleast_2d(vectors("p", p, len(model.p)))
     n = max(*map(len, starts.values()), len(acc), len(values), 1 if force is None else len(force))
     x = {name: _repeated(a, n) for name, a in starts.items()}
     threads = default_threads() if threads is None else threads
     options = model.run_options(dt=dt, extrapolate=False)
-    made = {name: a.copy() for name, a in x.items()} | {
-        "fresh": np.ones(n, dtype=np.uint8), "p": _repeated(values, n),
-        "slip": np.zeros((n, len(tree.strings))), "tension": np.zeros((n, tree.n_rows)),
-        "taut": np.zeros((n, tree.n_rows), dtype=np.bool_), "books": np.zeros((n, 5)),
-        "violation": np.zeros(n), "advanced": np.zeros(n), "status": np.zeros(n, dtype=np.int32),
-        "blame": np.zeros((n, len(tree.blamable))),
-    }  # fmt: skip
-    lanes = model.compiled.lanes
-    workers = max(1, min(threads, -(-n // lanes.width)))
-    LaneSteppers(lanes, n, workers, options, model.winches).advance(made, dt, acc, force)
     driven = _driven_steps(model, x["v_K"], acc, dt)
     along = {"rate": x["v_K"] + 0.5 * dt * acc, "mean": _repeated(acc, n)}
     if table.quaternions_K:
         along = {k: np.array([getattr(one, k) for one in driven]) for k in along}
-    tension = made["tension"]
+    if method == "variational":
+        refuse_contact(model, "the method variational")
+        discrete = variational_partials(model, x, acc, force, values, dt, threads)
+        return _variational(model, discrete, driven, forces, pull, dt)
+    made: _Lanes | StepTouches
+    if options.contacts is None:
+        own = _repeated(values, n)
+        touches, made = None, _Lanes.of(model, options, x, acc, force, own, threads)
+    else:
+        touches = made = step_touches(
+            model.library, options, model.winches, model.reference_force, x | along, acc, force,
+            values, threads,
+        )  # fmt: skip
+    tension = made.tension
     upper = np.minimum(model.upper, model.tension_cap)
     held = model.two_sided | ((tension > 0.0) & (tension < AT_CAP * upper))
     found = model.compiled.step_derivatives.find(
-        {name: x[name] for name in ("q_D", "v_D", "q_K")} | {"tension": tension}
-        | along,
+        {name: x[name] for name in ("q_D", "v_D", "q_K")} | {"tension": tension} | along,
         held, values, force, dt=dt, recovery_speed=options.recovery_speed, forces=forces,
-        pull=pull, threads=threads,
+        pull=pull, threads=threads, touches=touches,
     )  # fmt: skip
     _chain_rotations(model, driven, found.motion)
     if found.pull is not None:
         _chain_rotations(model, driven, found.pull)
     meant = x["v_D"] + dt * found.acc_D
-    size = 1.0 + np.max(np.abs(made["v_D"]), axis=1, initial=0.0)
-    apart = np.max(np.abs(meant - made["v_D"]), axis=1, initial=0.0)
+    size = 1.0 + np.max(np.abs(made.v_D), axis=1, initial=0.0)
+    apart = np.max(np.abs(meant - made.v_D), axis=1, initial=0.0)
+    none = np.zeros(n, dtype=np.int32)
+    edges, n_points = (none, none) if touches is None else (touches.edges, touches.n_points)
+    ended = (made.status == Status.DONE) & (apart <= SHORTENED * size)
     return StepLinearisations(
-        **{name: made[name] for name in widths}, tension=tension, held=held, motion=found.motion,
-        pull=found.pull, settled=(made["status"] == Status.DONE) & (apart <= SHORTENED * size),
-        dt=dt, coordinates=table, _driven=driven,
+        **{name: getattr(made, name) for name in widths}, tension=tension, held=held,
+        motion=found.motion, pull=found.pull, settled=ended & (edges < StepEdge.LEAVES_LAW),
+        edges=edges, n_contacts=n_points, dt=dt, coordinates=table, _driven=driven,
+    )  # fmt: skip
+
+
+class _Lanes(NamedTuple):
+    """n steps of a puppet without contact, made in lanes."""
+
+    q_D: Array
+    v_D: Array
+    q_K: Array
+    v_K: Array
+    tension: Array
+    status: AnyArray
+
+    @classmethod
+    def of(
+        cls, model: Model, options: RunOptions, x: Mapping[str, Array], acc_K: Array,
+        u_D: Array | None, p: Array, threads: int,
+    ) -> _Lanes:  # fmt: skip
+        n, tree = len(p), model.tree
+        made: dict[str, AnyArray] = {name: a.copy() for name, a in x.items()} | {
+            "fresh": np.ones(n, dtype=np.uint8), "p": p,
+            "slip": np.zeros((n, len(tree.strings))), "tension": np.zeros((n, tree.n_rows)),
+            "taut": np.zeros((n, tree.n_rows), dtype=np.bool_), "books": np.zeros((n, 5)),
+            "violation": np.zeros(n), "advanced": np.zeros(n),
+            "status": np.zeros(n, dtype=np.int32), "blame": np.zeros((n, len(tree.blamable))),
+        }  # fmt: skip
+        lanes = model.compiled.lanes
+        workers = max(1, min(threads, -(-n // lanes.width)))
+        steppers = LaneSteppers(lanes, n, workers, options, model.winches)
+        steppers.advance(made, options.dt, acc_K, u_D)
+        return cls(*(made[name] for name in cls._fields))
+
+
+def _variational(
+    model: Model,
+    found: VariationalPartials,
+    driven: tuple[DrivenStep, ...],
+    forces: bool,
+    pull: bool,
+    dt: float,
+) -> StepLinearisations:
+    """The results of variational steps."""
+    t = model.coordinates
+    kept = np.ones(found.motion.shape[-1], dtype=bool)
+    if not forces:
+        first = 2 * t.n_vD + 3 * t.n_vK
+        kept[first : first + t.n_vD] = False
+    slips = np.any(found.tension >= AT_CAP * model.upper, axis=1)
+    none = np.zeros(len(found.solved), dtype=np.int32)
+    return StepLinearisations(
+        **found.end, tension=found.tension, held=found.held, motion=found.motion[..., kept],
+        pull=found.pull[..., kept] if pull else None, settled=found.solved & ~slips, edges=none,
+        n_contacts=none, dt=dt, coordinates=t, _driven=driven,
     )  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from fantoccini.runtime.compiled import Complementarity, Library, Piece, Run
 from fantoccini.runtime.contacts import Contacts
 from fantoccini.runtime.external import ExternalRun
 from fantoccini.runtime.functions import AnyArray, Functions, Loaded, whole
+from fantoccini.runtime.gradients import GradientLibrary, GradientRun
 from fantoccini.runtime.lane_steppers import LaneSteppers
 from fantoccini.runtime.options import RunOptions
 from fantoccini.runtime.rollouts import (
@@ -30,6 +31,7 @@ from fantoccini.runtime.rollouts import (
 from fantoccini.runtime.solids import SOLID
 from fantoccini.runtime.step_derivatives import StepDerivatives
 from fantoccini.runtime.structures import HeldInput
+from fantoccini.runtime.touching_steps import StepTouches, step_touches
 
 __all__ = [
     "BOX",
@@ -50,6 +52,8 @@ __all__ = [
     "Functions",
     "Funnel",
     "GoalNumbers",
+    "GradientLibrary",
+    "GradientRun",
     "HeldInput",
     "LaneSteppers",
     "Library",
@@ -63,7 +67,9 @@ __all__ = [
     "Segments",
     "Solids",
     "StepDerivatives",
+    "StepTouches",
     "default_threads",
     "memory",
+    "step_touches",
     "whole",
 ]

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -13,9 +11,7 @@ import numpy as np
 from fantoccini.arrays import Array, MaskRows
 from fantoccini.runtime.functions import AnyArray, Loaded, pointer
 from fantoccini.runtime.structures import structures
-
-_LEAST = 4
-"""Nodes that are worth a thread."""
+from fantoccini.runtime.touching_steps import StepTouches, in_parts, shared
 
 
 class StepPartials(NamedTuple):
@@ -48,6 +44,7 @@ class StepDerivatives(Loaded):
         forces: bool,
         pull: bool,
         threads: int,
+        touches: StepTouches | None = None,
     ) -> StepPartials:
         """The derivatives of n steps.
 
@@ -62,6 +59,7 @@ class StepDerivatives(Loaded):
             forces: differentiate by u_D, too.
             pull: also of the tensions.
             threads: that share the work.
+            touches: what touches in the steps; its ``edges`` are added to. None: nothing.
         """
         n, sizes = len(held), self.sizes
         n_v, n_k = sizes["n_vD"], sizes["n_vK"]
@@ -76,31 +74,18 @@ class StepDerivatives(Loaded):
             kept.append(np.ascontiguousarray(a, dtype=float))
             return pointer(kept[-1])
 
-        def shared(a: Array | None) -> ctypes.Structure:
-            if a is None:
-                return structures["Shared"](None, 0)
-            return structures["Shared"](address(a), 0 if len(a) == 1 else a.shape[1])
-
+        held_points = {} if touches is None else {
+            "room": touches.points.shape[1], "n_points": pointer(touches.n_points),
+            "points": pointer(touches.points), "screws": pointer(touches.screws),
+            "by_p": pointer(touches.by_p), "edges": pointer(touches.edges),
+        }  # fmt: skip
         arrays = structures["StepDerivativeArrays"](
             dt=dt, recovery_speed=recovery_speed, forces=int(forces),
-            p=shared(p), u_D=shared(u_D), held=pointer(kept[0]),
+            p=shared(p, address), u_D=shared(u_D, address), held=pointer(kept[0]),
             acc_D=pointer(out.acc_D), motion=pointer(out.motion),
             pull=None if out.pull is None else pointer(out.pull),
             **{name: address(a) for name, a in starts.items()},
+            **held_points,
         )  # fmt: skip
-
-        def work(ends: tuple[int, int]) -> int:
-            first, last = (ctypes.c_longlong(end) for end in ends)
-            return int(self.dll.fan_step_derivatives(ctypes.byref(arrays), first, last))
-
-        workers = max(1, min(threads, n // _LEAST))
-        cuts = [n * i // workers for i in range(workers + 1)]
-        parts = list(pairwise(cuts))
-        if workers == 1:
-            failed = [work(parts[0])]
-        else:
-            with ThreadPoolExecutor(workers) as pool:
-                failed = list(pool.map(work, parts))
-        if any(failed):
-            raise MemoryError("no memory for the derivatives of time steps")
+        in_parts(self.dll.fan_step_derivatives, arrays, n, threads)
         return out

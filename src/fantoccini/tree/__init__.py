@@ -4,6 +4,7 @@ from fantoccini.tree.chains import placed
 from fantoccini.tree.construction import grow
 from fantoccini.tree.coordinates import COMMAND, Coordinate, CoordinateTable, Role
 from fantoccini.tree.inertia import joint_inertias, link_inertia
+from fantoccini.tree.joints import TURNS_WITH_LINK
 from fantoccini.tree.placement import link_poses, place
 from fantoccini.tree.size import Size, measure, path_lengths
 from fantoccini.tree.structure import (
@@ -21,6 +22,7 @@ from fantoccini.tree.structure import (
 
 __all__ = [
     "COMMAND",
+    "TURNS_WITH_LINK",
     "WORLD",
     "ChainRow",
     "Coordinate",

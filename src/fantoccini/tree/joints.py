@@ -19,6 +19,8 @@ AXES = ("x", "y", "z")
 
 _QUATERNION = (".qw", ".qx", ".qy", ".qz")
 _TURNING = (".wx", ".wy", ".wz")
+TURNS_WITH_LINK: dict[str, tuple[int, ...]] = {"ball": (0, 1, 2), "free": (3, 4, 5)}
+"""By kind, the velocities of a joint whose axes are fixed in the link that it carries."""
 _UNITS = {"revolute": "rad", ".x": "m", ".y": "m", ".z": "m", "prismatic": "m", ".length": "m"}
 
 

@@ -6,7 +6,7 @@
 #include "event_batch.hpp"
 #include "map_abi.hpp"
 #include "model_run.hpp"
-#include "touch_poses.hpp"
+#include "step_touches.hpp"
 
 namespace fan {
 using AnyRun = ModelRun<Model>;
@@ -86,6 +86,12 @@ FAN_EXPORT void fan_touches(
     const fan::ContactArrays* in, int pair, int n, const double* poses, const double* other,
     double margin, double* out) {
   fan::TouchPoses<fan::Model>::find(*in, pair, n, poses, other, margin, out);
+}
+
+// First time steps with contact (find_step_touches).
+FAN_EXPORT int fan_step_touches(
+    const fan::TouchingStepArrays* in, long long first, long long last) {
+  return fan::find_step_touches<fan::Model>(*in, first, last);
 }
 
 // Complementarity of n rows by itself (active_set.hpp): W (n, n_vD) with a row's column in each row,

@@ -156,7 +156,7 @@ class ContactPoints : public ContactRows<Model, Real> {
 
  protected:
   using Rows::clear, Rows::clear_row, Rows::fill;
-  using Links::add_real_twists, Links::tangents;
+  using Links::add_real_twists;
   using Links::L, Links::B, Links::load, Links::move, Links::place, Links::place_link;
   using Links::separation, Links::smallest_size, Links::is_far, Links::are_far;
   using Links::links_, Links::poses_, Links::screw_D_, Links::screw_K_, Links::v_K_, Links::twist_, Links::speed_;
@@ -270,7 +270,7 @@ class ContactPoints : public ContactRows<Model, Real> {
       to.frame[c] = from.normal[c];
     }
     if (last && same(last->frame, to.frame)) FAN_UNROLL for (int c = 3; c < 9; ++c) to.frame[c] = last->frame[c];
-    else tangents(to.frame);
+    else add_tangents(to.frame);
   }
 
   FAN_FN static bool same(const double* a, const double* b) {

@@ -32,6 +32,9 @@ class ContactStep : public ContactAims<Model, Real> {
 
   Real violation, work, impact, friction;  // depth; energies of the step
 
+  // The points that the last step looked at.
+  const typename Problem::Points& candidates() const { return points_; }
+
   bool too_many(int lane) const { return points_.too_many[lane]; }
 
   // Nothing has touched anything yet.

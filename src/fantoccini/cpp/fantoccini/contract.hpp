@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x69208178e42b66f0;
+constexpr long long contract_digest = 0x1c4d18057cdacbcb;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -115,6 +115,20 @@ enum class Solved : int {
   INFEASIBLE = 1,  // there is no solution
   UNSETTLED = 2,  // the bound on iterations was reached
   NO_ROOM = 3,  // more rows than the puppet has, or no memory
+};
+
+// What a fixed step is on the edge of, as bits; from LEAVES_LAW on it has no derivative.
+enum StepEdge : int {
+  WITHOUT_FORCE = 1,  // a point touches without force
+  STRAINED = 2,  // a point sticks at the edge of its cone
+  MAY_REBOUND = 4,  // a point springs back if it is any faster
+  NOT_SMOOTH = 8,  // the place of a point has no derivative
+  ASKEW = 16,  // a point touches without force, and slides askew of those that push
+  LEAVES_LAW = 32,  // bodies are wedged in, or restitution is scaled down to add no energy
+  JAMS = 64,  // friction jams: no forces keep the modes
+  CONTRADICTS = 128,  // solids touch at more points than can go on together near by
+  OPEN_SHARES = 256,  // solids slide on more points than the law can share force among
+  CROWDED = 512,  // more points push than there is room for
 };
 
 // An input: arrays in C order.
@@ -284,6 +298,55 @@ struct StepperArrays {
   double* blame;  // (n, n_rows + n_watched) shares of the blame for it; written
 };
 
+// A point that pushes in a fixed step, in its mode.
+struct StepContact {
+  int pair;  // of ContactArrays
+  int feature;  // which of the pair's points
+  int links[2];  // of the two solids; -1 for the world
+  int sticks;  // else it slides
+  int turns;  // whether the direction of sliding turns with the velocity
+  double friction;  // coefficient
+  double gap;  // [m]
+  double closes;  // d(gap speed)/d(gap) that the step asks for [1/s]
+  double bounces;  // restitution that it asks for
+  double at[3];  // place in the world [m]
+  double normal[3];  // from the second solid to the first
+  double force[3];  // on the first solid [N]
+  double velocity[3];  // of the first solid against the second after it [m/s]
+  double along[3];  // direction of sliding; 0 where it sticks
+  double by[42];  // (7, 6) gap, place and normal by a twist of the first link about the origin
+};
+
+// First time steps with contact, one for each node.
+struct TouchingStepArrays {
+  Options options;
+  const double* winches;  // of all
+  double reference_force;  // a weight [N]
+  int room;  // for points of a node
+  Shared p;
+  Shared acc_K;  // at the start
+  Shared u_D;  // or null
+  const double* q_D;  // (n, n_qD) starts
+  const double* v_D;  // (n, n_vD)
+  const double* q_K;  // (n, n_qK)
+  const double* v_K;  // (n, n_vK)
+  const double* rate;  // (n, n_vK) dq_K/dt over the step
+  const double* mean;  // (n, n_vK) dv_K/dt over the step
+  double* q_D_next;  // (n, n_qD) after the step; so the others
+  double* v_D_next;  // (n, n_vD)
+  double* q_K_next;  // (n, n_qK)
+  double* v_K_next;  // (n, n_vK)
+  double* tension;  // (n, n_rows)
+  int* status;  // (n,) Status
+  int* edges;  // (n,) StepEdge
+  int* n_points;  // (n,) that push
+  StepContact* points;  // (n, room)
+  double* screws;  // (n, n_vD + n_vK, 6) at the start, as the function of this name
+  // (n, n_links + n_vD + n_vK, 6, n_p) twists of links and changes of screws by the
+  // parameters; null without any
+  double* by_p;
+};
+
 // Time steps and their derivatives, one for each node.
 struct StepDerivativeArrays {
   double dt;  // length of all steps [s]
@@ -303,6 +366,45 @@ struct StepDerivativeArrays {
   // for, and p; of driven rotations by rate and mean
   double* motion;
   double* pull;  // (n, n_rows, m) of the tensions; null: not asked for
+  const int* n_points;  // (n,) points that push; null without contact
+  int room;  // for points of a node
+  const StepContact* points;  // (n, room)
+  const double* screws;  // as in TouchingStepArrays
+  const double* by_p;  // likewise
+  int* edges;  // (n,) StepEdge; added to
+};
+
+// A rollout of fixed steps, and the gradient of its cost.
+struct GradientArrays {
+  long long n;  // steps
+  Options options;
+  const double* winches;
+  const double* p;
+  Shared u_D;  // by step, or null
+  const double* q_K;  // (n + 1, n_qK) by node
+  const double* v_K;  // (n + 1, n_vK)
+  const double* rate;  // (n, n_vK) dq_K/dt over the steps
+  const double* mean;  // (n, n_vK) dv_K/dt over the steps
+  double* q_D;  // (n + 1, n_qD) the first is given
+  double* v_D;  // (n + 1, n_vD) likewise
+  double* acc_D;  // (n, n_vD) mean accelerations over the steps
+  double* tension;  // (n, n_rows)
+  double* ahead;  // (n, 2) times by which acc_D and its change run ahead [s]
+  double slip;  // largest [m]
+  long long shortened;  // first step that was cut short; n for none
+  long long made;  // steps before something stopped the rollout
+  int status;  // Status
+  const unsigned char* held;  // (n, n_rows) rows that the steps hold
+  const double* l_q;  // (n + 1, n_vD) the cost's own derivatives: by tangents of q_D
+  const double* l_v;  // (n + 1, n_vD) by v_D
+  const double* l_tension;  // (n, n_rows) by the tensions, or null
+  double* g_q;  // (n_vD,) gradient by tangents of q_D at the start
+  double* g_v;  // (n_vD,) by v_D there
+  double* g_qK;  // (n, n_vK) by tangents of q_K in the steps
+  double* g_rate;  // (n, n_vK) by the rates
+  double* g_mean;  // (n, n_vK) by the mean accelerations
+  double* g_u;  // (n, n_vD) by u_D
+  double* g_p;  // (n_p,)
 };
 
 // Solids and pairs of them whose clearance is measured.
@@ -688,6 +790,20 @@ struct Call {
     Real* res[] = {at(to.A_D), at(to.A_K), at(to.h_p), at(to.hdot_q), at(to.hdot_qK),
         at(to.hdot_p)};
     Model::row_rates_by(arg, res);
+  }
+
+  // Gradient of z . r + y . hdot + y_h . h; r has the velocity products of v_ahead, hdot is at
+  // v_next.
+  template <class Results>
+  FAN_FN static void step_back(
+      const Real* q_D, const Real* v_D, const Real* v_ahead, const Real* v_next,
+      const Real* acc_D, const Real* q_K, const Real* v_K, const Real* acc_K,
+      const Real* tension, const Real* z, const Real* y, const Real* y_h,
+      const Real& dt, const Real* p, Results& to) {
+    const Real* arg[] = {q_D, v_D, v_ahead, v_next, acc_D, q_K, v_K, acc_K, tension, z, y, y_h, &dt, p};
+    Real* res[] = {at(to.g_q), at(to.g_v), at(to.g_ahead), at(to.g_next), at(to.g_qK),
+        at(to.g_vK), at(to.g_aK), at(to.g_p)};
+    Model::step_back(arg, res);
   }
 
   // The entries of y = F^-T x that are not zero for x in one joint, by its number.

@@ -151,18 +151,6 @@ class PlacedLinks {
     }
   }
 
-  // Two unit vectors across the normal and each other, from the axis that it is farthest from.
-  FAN_FN static void tangents(double* frame) {
-    int axis = 0;
-    for (int c = 1; c < 3; ++c)
-      if (fabs(frame[c]) < fabs(frame[axis])) axis = c;
-    const double e[3] = {double(axis == 0), double(axis == 1), double(axis == 2)};
-    cross(e, frame, frame + 3);
-    const double size = sqrt(dot3(frame + 3, frame + 3));
-    for (int c = 3; c < 6; ++c) frame[c] /= size;
-    cross(frame, frame + 3, frame + 6);
-  }
-
   // The balls around the solids of every link in the world, and how fast they are. The solids
   // themselves are placed when they are looked at.
   FAN_FN void place() {

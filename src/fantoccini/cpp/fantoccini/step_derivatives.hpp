@@ -7,21 +7,20 @@
 //   dv+ = dv + dt dacc,   dq+ = Exp(-dt v+) dq + J_r(dt v+) dt dv+
 //
 // r is the residual of Eq. 10 with the velocity products of the start, d any of the above. Columns are
-// solved for in bundles, as many as a vector holds.
+// solved for in bundles, as many as a vector holds. Where solids touch, the points that push are held
+// in their modes beside the rows (modes_of_step.hpp).
 #pragma once
 
 #include <cstring>
+#include <type_traits>
 
 #include "evaluation.hpp"
-#include "timestepping.hpp"
+#include "held_factor.hpp"
+#include "modes_of_step.hpp"
+#include "step_turn.hpp"
 #include "wide.hpp"
 
 namespace fan {
-
-struct StepDerivativeTolerances {
-  // Pivot of a held row, relative to its diagonal entry, below which it depends on those before it.
-  static constexpr double dependent = 1e-12;
-};
 
 template <class Model>
 class StepDerivatives {
@@ -38,15 +37,16 @@ class StepDerivatives {
     differentiate(in, i);
     double* motion = in.motion + i * 2 * N * m_;
     double* pull = in.pull ? in.pull + i * M * m_ : nullptr;
-    solve(in.dt, motion + N * m_, pull);
+    if (!solve_in_modes(in, i, motion + N * m_, pull)) solve(in.dt, motion + N * m_, pull);
+    for (int k = 0; k < N; ++k) motion[(N + k) * m_ + N + k] += 1.0;
     chain(in.dt, motion + N * m_, N);
     if (pull) chain(in.dt, pull, M);
     move(in.dt, motion);
   }
 
  private:
-  using Tolerance = StepDerivativeTolerances;
   static constexpr int most = 3 * N + 3 * K + P;  // columns
+  static constexpr bool touches = Model::n_contacts > 0;
 
   void evaluate(const StepDerivativeArrays& in, long long i) {
     q_D_ = in.q_D + i * NQ;
@@ -73,6 +73,14 @@ class StepDerivatives {
     for (int k = 0; k < N; ++k) w[k] = eval_.w0[k];
     for (int a = 0; a < n; ++a) pull[a] = -tension_[rows_.row[a]];
     rows_.add(pull, w);
+    if constexpr (touches)
+      if (in.n_points) {
+        constexpr int E = N + K;
+        modes_.begin(
+            in.points + i * in.room, in.n_points[i], in.screws + i * 6 * E,
+            P > 0 ? in.by_p + i * (Model::n_links + E) * 6 * P : nullptr, in.dt);
+        modes_.push(eval_, w);
+      }
     acc_ = in.acc_D + i * N;
     eval_.back(w, acc_);
     for (int k = 0; k < N; ++k) v_next_[k] = v_D_[k] + in.dt * acc_[k];
@@ -80,25 +88,9 @@ class StepDerivatives {
     for (int a = 0; a < rows_.n; ++a)
       if (held[rows_.row[a]]) list[n++] = rows_.row[a];
     rows_.gather_more(eval_, v_D_, list, n);
-    factorise();
-  }
-
-  // G = U^T D U of the held rows; rows that depend on those before them are left out.
-  void factorise() {
-    constexpr int stride = Complementarity<double, M>::N;
-    const double* G = rows_.problem.G;
-    for (int a = 0; a < rows_.n; ++a) {
-      double pivot = G[a * stride + a];
-      for (int b = 0; b < a; ++b) {
-        double sum = G[a * stride + b];
-        for (int c = 0; c < b; ++c) sum -= factor_[a][c] * factor_[b][c] * pivot_[c];
-        factor_[a][b] = pivot_[b] > 0.0 ? sum / pivot_[b] : 0.0;
-        pivot -= factor_[a][b] * sum;
-      }
-      const bool depends = !(pivot > Tolerance::dependent * G[a * stride + a]);
-      pivot_[a] = depends ? 0.0 : pivot;
-      inverse_[a] = depends ? 0.0 : 1.0 / pivot;
-    }
+    if constexpr (touches)
+      if (in.n_points) modes_.move(v_D_, v_next_, rate_);
+    factor_.factorise(rows_.problem.G, Complementarity<double, M>::N, rows_.n);
   }
 
   // r_d (force_) and the rows' part (rate_by_), column by column.
@@ -139,7 +131,7 @@ class StepDerivatives {
     }
   }
 
-  // dv (N, m): the identity for v_D, and dt dacc.
+  // dv (N, m): dt dacc.
   void solve(double dt, double* dv, double* pull) {
     if (pull)
       for (int k = 0; k < M * m_; ++k) pull[k] = 0.0;
@@ -153,10 +145,22 @@ class StepDerivatives {
       solve(dt, 0, mean, dv, pull);
       solve(dt, after, m_, dv, pull);
     }
-    for (int k = 0; k < N; ++k) dv[k * m_ + N + k] += 1.0;
   }
 
-  // The columns [begin, end), without the identity.
+  // The same where solids touch; false where none do.
+  bool solve_in_modes(const StepDerivativeArrays& in, long long i, double* dv, double* pull) {
+    if constexpr (touches) {
+      const int n_points = in.n_points ? in.n_points[i] : 0;
+      if (n_points == 0) return false;
+      for (int k = 0; pull && k < M * m_; ++k) pull[k] = 0.0;
+      const StepColumns of{force_, m_, dv, pull};
+      in.edges[i] |= modes_.solve(eval_, rows_, rate_by_, of);
+      return true;
+    }
+    return false;
+  }
+
+  // The columns [begin, end).
   void solve(double dt, int begin, int end, double* dv, double* pull) const {
     for (int first = begin; first < end; first += width) {
       const int n = end - first < width ? end - first : width;
@@ -197,12 +201,9 @@ class StepDerivatives {
     for (int a = 0; a < rows_.n; ++a) {
       Wide sum = get(rate_by_[a] + first, n);
       for (int k = 0; k < N; ++k) sum += rows_.column[a][k] * w[k];
-      for (int b = 0; b < a; ++b) sum -= factor_[a][b] * y[b];
       y[a] = sum;
     }
-    for (int a = 0; a < rows_.n; ++a) y[a] *= inverse_[a];
-    for (int a = rows_.n - 1; a >= 0; --a)
-      for (int b = 0; b < a; ++b) y[b] -= factor_[a][b] * y[a];
+    factor_.solve(y);
   }
 
   // From rate and mean to v_K and acc_K of scalars, in n rows of columns: rate = v_K + dt/2 acc_K, mean = acc_K.
@@ -231,7 +232,7 @@ class StepDerivatives {
       const int k = Space::quaternion_v[i];
       double phi[3], J[9], R[9];
       for (int c = 0; c < 3; ++c) phi[c] = dt * v_next_[k + c];
-      rotation(phi, J, R);
+      step_turn(phi, J, R);
       for (int c = 0; c < m_; c += width) {
         const int n = columns_from(c);
         Wide turn[3];
@@ -245,23 +246,6 @@ class StepDerivatives {
     }
   }
 
-  // J_r(phi), and the rotation Exp(-phi), row by row.
-  static void rotation(const double* phi, double* J, double* R) {
-    const double square = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2];
-    const TurningFactors<double> of(square);
-    for (int r = 0; r < 3; ++r)
-      for (int c = 0; c < 3; ++c) {
-        const double cross = r == c ? 0.0 : ((r + 1) % 3 == c ? -phi[3 - r - c] : phi[3 - r - c]);
-        J[3 * r + c] = double(r == c) * (1.0 - of.b * square) - of.a * cross + of.b * phi[r] * phi[c];
-      }
-    // Exp(-phi) = 1 - [phi] J_r(phi)
-    for (int r = 0; r < 3; ++r)
-      for (int c = 0; c < 3; ++c) {
-        const int s = (r + 1) % 3, t = (r + 2) % 3;
-        R[3 * r + c] = double(r == c) - (phi[s] * J[3 * t + c] - phi[t] * J[3 * s + c]);
-      }
-  }
-
   const double *q_D_, *v_D_, *q_K_, *rate_, *mean_, *tension_, *p_;
   double* acc_;
   bool forces_ = false;
@@ -269,8 +253,9 @@ class StepDerivatives {
   double v_next_[room(N)];
   Evaluation<Model, double> eval_;
   RowSystem<Model, double> rows_;
-  double factor_[room(M)][room(M)], pivot_[room(M)], inverse_[room(M)];
+  HeldFactor<M> factor_;
   double force_[room(N * most)], rate_by_[room(M)][room(most)];
+  std::conditional_t<touches, ModesOfStep<Model>, NoContacts> modes_;
   struct {
     double A_D[room(M * N)], A_K[room(M * K)], h_p[room(M * P)], hdot_q[room(M * N)];
     double hdot_qK[room(M * K)], hdot_p[room(M * P)];

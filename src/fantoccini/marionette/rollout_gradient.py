@@ -1,0 +1,225 @@
+"""Rollouts of the time-stepper, and gradients of their costs: the discrete adjoint.
+
+With the cost C of the states and tensions, steps x_k+1 = f(x_k, a_k, u_k, p) and l_k = dC/dx_k in
+all that follows it:
+
+    l_k = dC/dx_k at fixed steps + (df/dx)^T l_k+1,   dC/da_k = (df/da)^T l_k+1
+
+No derivative df is formed: every step takes one product with the transposed matrix of its own
+equations (``cpp/fantoccini/rollout_gradient.hpp``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.arrays import Array, MaskRows, check_positive
+from fantoccini.errors import StateError, Status
+from fantoccini.marionette.checks import refuse_contact
+from fantoccini.marionette.model import Model
+from fantoccini.marionette.step_linearisation import AT_CAP, DrivenStep
+from fantoccini.marionette.vectors import vectors
+from fantoccini.motion import State, rotation
+from fantoccini.runtime import GradientRun
+from fantoccini.tree import CoordinateTable
+
+
+@dataclass(frozen=True, eq=False)
+class RolloutGradient:
+    """The gradient of a scalar cost of a rollout.
+
+    Attributes:
+        q_D, v_D, q_K, v_K: by the state at the start; by tangent vectors of the configurations.
+        acc_K: (n, n_vK) by the driven accelerations.
+        u_D: (n, n_vD) by the user's forces.
+        p: (n_p,) by the parameters.
+    """
+
+    q_D: Array
+    v_D: Array
+    q_K: Array
+    v_K: Array
+    acc_K: Array
+    u_D: Array
+    p: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Rollout:
+    """n time steps from a state, by nodes 0 to n.
+
+    Attributes:
+        q_D, v_D, q_K, v_K: (n + 1, ...) the states.
+        tension: (n, n_rows) of every step: impulses over dt [N or N m].
+        held: (n, n_rows) bool, strings and limits held in the steps.
+        dt: length of the steps [s].
+        status: ``DONE``, or what stopped it; the states that were not reached are zero.
+        steps: how many were made.
+        coordinates: names and places of the coordinates.
+    """
+
+    q_D: Array
+    v_D: Array
+    q_K: Array
+    v_K: Array
+    tension: Array
+    held: MaskRows
+    dt: float
+    status: Status
+    steps: int
+    coordinates: CoordinateTable
+    _run: GradientRun
+    _driven: tuple[DrivenStep, ...]
+
+    def gradient(
+        self,
+        q_D: Array | None = None,
+        v_D: Array | None = None,
+        q_K: Array | None = None,
+        v_K: Array | None = None,
+        tension: Array | None = None,
+    ) -> RolloutGradient:
+        """The gradient of a cost, from its own derivatives by every node's state and tensions.
+
+        Exact where the steps are smooth: while the active set of each stays as it is. The direct
+        derivatives of a cost by acc_K, u_D and p are to be added.
+
+        Args:
+            q_D, v_D, q_K, v_K: (n + 1, n_vD) or (n + 1, n_vK) the cost's derivatives by the states,
+                by tangent vectors of the configurations; 0 when not given.
+            tension: (n, n_rows) those by the tensions; 0 when not given. Of rows that depend on
+                others, the first are taken to carry.
+
+        Raises:
+            StateError: the rollout was stopped, a step was cut short, a winch slipped, or an array
+                has another shape.
+        """
+        self._check()
+        n, t = len(self.tension), self.coordinates
+        l_q, l_v = _given(n + 1, t.n_vD, q_D=q_D), _given(n + 1, t.n_vD, v_D=v_D)
+        l_qK, l_vK = _given(n + 1, t.n_vK, q_K=q_K), _given(n + 1, t.n_vK, v_K=v_K)
+        pull = None
+        if tension is not None:
+            pull = _given(n, self.tension.shape[1], tension=tension)
+        found = self._run.gradient(self.held, l_q, l_v, pull)
+        l_qK[:n] += found["g_qK"]
+        by_inputs = self._turning if t.quaternions_K else self._summed
+        by_qK, by_vK, by_acc = by_inputs(l_qK, l_vK, found["g_rate"], found["g_mean"])
+        return RolloutGradient(
+            found["g_q"], found["g_v"], by_qK, by_vK, by_acc, found["g_u"], found["g_p"]
+        )
+
+    def _check(self) -> None:
+        if self.status is not Status.DONE:
+            raise StateError(f"the rollout was stopped, it has no gradient: {self.status.message}")
+        numbers = self._run.numbers
+        if numbers.shortened < len(self.tension):
+            raise StateError(
+                f"step {numbers.shortened} was cut short: the time-stepper scaled its velocities "
+                "down, so that the rollout has no gradient"
+            )
+        if numbers.slip > 0.0:
+            raise StateError("a winch slipped: slips are no part of what is differentiated")
+
+    def _summed(
+        self, l_q: Array, l_v: Array, rate: Array, mean: Array
+    ) -> tuple[Array, Array, Array]:
+        """From derivatives by nodes, rates and means to those by q_K, v_K and acc_K: scalars.
+
+        q+ = q + dt rate,   rate = v + dt/2 acc,   v+ = v + dt acc,   mean = acc
+        """
+        dt = self.dt
+        q = np.cumsum(l_q[::-1], axis=0)[::-1]
+        l_v = l_v.copy()
+        l_v[:-1] += rate + dt * q[1:]
+        v = np.cumsum(l_v[::-1], axis=0)[::-1]
+        return q[0], v[0], mean + 0.5 * dt * rate + 0.5 * dt * dt * q[1:] + dt * v[1:]
+
+    def _turning(
+        self, l_q: Array, l_v: Array, rate: Array, mean: Array
+    ) -> tuple[Array, Array, Array]:
+        """The same where driven coordinates turn, step by step."""
+        k = l_q.shape[1]
+        q, v, acc = l_q[-1], l_v[-1], np.zeros_like(rate)
+        for i in range(len(rate))[::-1]:
+            step = self._driven[i]
+            of_state, mean_by = step.state(0, 0), step.mean_by(slice(0, k))
+            back = np.concatenate([q, v]) @ of_state
+            q = l_q[i] + back[:k]
+            v = l_v[i] + back[k : 2 * k] + rate[i] + mean[i] @ mean_by[0]
+            acc[i] = back[2 * k : 3 * k] + 0.5 * self.dt * rate[i] + mean[i] @ mean_by[1]
+        return q, v, acc
+
+
+def rollout(
+    model: Model,
+    x0: State,
+    acc_K: Array,
+    u_D: Array | None = None,
+    *,
+    p: Array | None = None,
+    dt: float = 0.002,
+    extrapolate: bool = True,
+) -> Rollout:
+    """Time steps with their gradients; see :meth:`Marionette.rollout`."""
+    check_positive(dt=dt)
+    refuse_contact(model, "rollout")
+    model.check_state(x0)
+    t = model.coordinates
+    acc = np.atleast_2d(vectors("acc_K", acc_K, t.n_vK))
+    n = len(acc)
+    force = None if u_D is None else np.atleast_2d(vectors("u_D", u_D, t.n_vD))
+    if force is not None and len(force) not in (1, n):
+        raise StateError(f"u_D has {len(force)} rows; it must have 1 or {n}, as acc_K")
+    values = model.p if p is None else vectors("p", p, len(model.p))
+    if np.any(x0.slip):
+        raise StateError("a rollout begins with winches that have not slipped")
+    inputs, driven = _inputs(t, x0, acc, dt)
+    options = model.run_options(dt=dt, extrapolate=extrapolate)
+    run = GradientRun(
+        model.compiled.gradients, options, model.winches, inputs, force, x0.q_D, x0.v_D, values
+    )
+    tension = run.arrays["tension"]
+    upper = np.minimum(model.upper, model.tension_cap)
+    held = model.two_sided | ((tension > 0.0) & (tension < AT_CAP * upper))
+    return Rollout(
+        **{name: run.arrays[name] for name in ("q_D", "v_D", "q_K", "v_K")}, tension=tension,
+        held=held, dt=dt, status=Status(run.numbers.status), steps=run.numbers.made, coordinates=t,
+        _run=run, _driven=driven,
+    )  # fmt: skip
+
+
+def _inputs(
+    t: CoordinateTable, x0: State, acc: Array, dt: float
+) -> tuple[dict[str, Array], tuple[DrivenStep, ...]]:
+    """The driven coordinates by node and step; and each step where some turn."""
+    n = len(acc)
+    q_K, v_K = np.tile(x0.q_K, (n + 1, 1)), np.tile(x0.v_K, (n + 1, 1))
+    v_K[1:] += dt * np.cumsum(acc, axis=0)
+    rate, mean = v_K[:-1] + 0.5 * dt * acc, acc.copy()
+    driven = []
+    if t.quaternions_K:
+        for i in range(n):
+            step = DrivenStep(t.quaternions_K, v_K[i], acc[i], dt)
+            rate[i], mean[i] = step.rate, step.mean
+            v_K[i + 1] = v_K[i] + dt * step.mean
+            for q, v in t.quaternions_K:
+                turn = rotation.exp(dt * step.rate[v : v + 3])
+                q_K[i + 1, q : q + 4] = rotation.multiply(q_K[i, q : q + 4], turn)
+            driven.append(step)
+    for q, v in t.scalars_K:
+        q_K[1:, q] += dt * np.cumsum(rate[:, v])
+    return {"q_K": q_K, "v_K": v_K, "rate": rate, "mean": mean}, tuple(driven)
+
+
+def _given(n: int, width: int, **named: Array | None) -> Array:
+    """(n, width) a copy of an array, or zeros."""
+    ((name, values),) = named.items()
+    if values is None:
+        return np.zeros((n, width))
+    found = vectors(name, values, width)
+    if found.shape != (n, width):
+        raise StateError(f"{name} has the shape {found.shape}; it must be ({n}, {width})")
+    return found.copy()

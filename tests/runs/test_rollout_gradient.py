@@ -1,0 +1,140 @@
+"""Gradients of rollouts: dense products of step derivatives, differences, closed forms."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from oracles.differences import moved
+
+PUPPETS = ("arm2d", "marionette_bar", "marionette")
+
+
+def shaken(name, n=20, seed=3):
+    """A puppet that is thrown while its strings are moved: some catch, some go slack."""
+    puppet = getattr(fan.puppets, name)()
+    rng = np.random.default_rng(seed)
+    t = puppet.coordinates
+    x = puppet.rest()
+    return puppet, x.replace(v_D=0.3 * rng.normal(size=t.n_vD)), 2 * rng.normal(size=(n, t.n_vK))
+
+
+@pytest.mark.parametrize("name", PUPPETS)
+def test_a_sweep_is_the_product_of_all_steps(name):
+    """Of steps that depend on their state alone, also of driven joints that turn."""
+    puppet, x, acc = shaken(name)
+    n, t = len(acc), puppet.coordinates
+    force = 0.01 * np.random.default_rng(1).normal(size=(n, t.n_vD))
+    run = puppet.rollout(x, acc, force, extrapolate=False)
+    assert run.status is fan.Status.DONE
+    assert run.steps == n
+    assert len({tuple(row) for row in run.held}) > 1
+    rng = np.random.default_rng(2)
+    own = [rng.normal(size=(n + 1, w)) for w in (t.n_vD, t.n_vD, t.n_vK, t.n_vK)]
+    by_tension = rng.normal(size=run.tension.shape)
+    found = run.gradient(*own, by_tension)
+    steps = puppet.linearise_steps(
+        run.q_D[:-1], run.v_D[:-1], run.q_K[:-1], run.v_K[:-1], acc, force, forces=True, pull=True
+    )
+    assert (steps.held == run.held).all()
+    n_z, k = 2 * (t.n_vD + t.n_vK), t.n_vK
+    places = np.cumsum([n_z, k, t.n_vD])
+    back = np.concatenate([a[-1] for a in own])
+    by_acc, by_u, by_p = np.zeros_like(acc), np.zeros_like(force), np.zeros(len(puppet.p))
+    for i in range(n)[::-1]:
+        half = back[: 2 * t.n_vD]
+        of_pull = np.split(by_tension[i] @ steps.pull[i], places)
+        _, _, of_u, of_p = np.split(half @ steps.motion[i], places)
+        by_acc[i] = back @ steps.B[i] + of_pull[1]
+        by_u[i], by_p = of_u + of_pull[2], by_p + of_p + of_pull[3]
+        back = np.concatenate([a[i] for a in own]) + back @ steps.A[i] + of_pull[0]
+    wanted = {"acc_K": by_acc, "u_D": by_u, "p": by_p}
+    widths = np.cumsum([t.n_vD, t.n_vD, t.n_vK])
+    wanted |= dict(zip(("q_D", "v_D", "q_K", "v_K"), np.split(back, widths), strict=True))
+    for key, values in wanted.items():
+        size = np.max(np.abs(values), initial=1e-9)
+        assert np.allclose(getattr(found, key), values, rtol=0, atol=1e-10 * size), key
+
+
+def test_it_is_what_differences_of_rollouts_give():
+    """With the time-stepper's extrapolation; the string of the arm catches within the rollout."""
+    arm = fan.puppets.arm2d()
+    t, rng = arm.coordinates, np.random.default_rng(0)
+    x, acc = arm.rest().replace(v_D=np.array([0.3, -0.5])), rng.normal(size=(40, t.n_vK))
+    force = 0.1 * rng.normal(size=(40, t.n_vD))
+    run = arm.rollout(x, acc, force)
+    assert 0 < run.held.sum() < run.held.size
+    own = rng.normal(size=(2, 41, t.n_vD))
+    found = run.gradient(q_D=own[0], v_D=own[1])
+    along = {f.name: rng.normal(size=getattr(found, f.name).shape)
+             for f in dataclasses.fields(found)}  # fmt: skip
+    steps = {"q_D": 1e-5, "v_D": 1e-4, "q_K": 1e-5, "v_K": 1e-4, "acc_K": 1e-3, "u_D": 1e-3,
+             "p": 1e-4}  # fmt: skip
+
+    def cost(name, s):
+        d = {key: s * a * (key == name) for key, a in along.items()}
+        there = x.replace(
+            q_D=moved(x.q_D, d["q_D"], t.scalars_D, t.quaternions_D), v_D=x.v_D + d["v_D"],
+            q_K=x.q_K + d["q_K"], v_K=x.v_K + d["v_K"],
+        )  # fmt: skip
+        made = arm.rollout(there, acc + d["acc_K"], force + d["u_D"], p=arm.p + d["p"])
+        assert (made.held == run.held).all()
+        return float(np.sum(own[0] * made.q_D) + np.sum(own[1] * made.v_D))
+
+    for name, h in steps.items():
+        one, two, three = (
+            (cost(name, k * h) - cost(name, -k * h)) / (2 * k * h) for k in (1, 2, 3)
+        )
+        wanted = 1.5 * one - 0.6 * two + 0.1 * three
+        terms = getattr(found, name) * along[name]
+        assert abs(np.sum(terms) - wanted) < 1e-7 * np.sum(np.abs(terms)), name
+
+
+def test_a_weight_that_is_hoisted_follows_its_string():
+    """The end height of a weight on a taut string: dz/da_k = dt^2 (n - k - 1/2)."""
+    puppet = fan.loads(
+        "{puppet: bob, bodies: [{name: b, joint: {type: translation, axes: [z]}, mass: 2}],"
+        " strings: [{name: s, path: [{body: b}, {world: [0, 0, 3]}], length: driven}],"
+        " pose: {b.z: 1}}"
+    )
+    n, dt = 30, 0.01
+    run = puppet.rollout(puppet.rest({"s.length": 2.0}), np.full((n, 1), -0.3), dt=dt)
+    assert run.held.all()
+    last = np.zeros((n + 1, 1))
+    last[-1] = 1.0
+    found = run.gradient(q_D=last)
+    assert np.allclose(found.acc_K[:, 0], -(dt**2) * (n - np.arange(n) - 0.5), rtol=0, atol=1e-12)
+    assert np.allclose(found.u_D, 0.0, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("extrapolate", [False, True])
+def test_the_rollout_is_that_of_the_stepper(extrapolate):
+    puppet, x, acc = shaken("marionette", 10)
+    run = puppet.rollout(x, acc, extrapolate=extrapolate)
+    stepper = puppet.stepper(x, fan.TimeStepping(extrapolate=extrapolate))
+    for i, a in enumerate(acc):
+        y = stepper.advance(0.002, a)
+        assert np.allclose(run.q_D[i + 1], y.q_D, rtol=0, atol=1e-12)
+        assert np.allclose(run.q_K[i + 1], y.q_K, rtol=0, atol=1e-14)
+        assert np.allclose(run.v_D[i + 1], y.v_D, rtol=0, atol=1e-10)
+
+
+def test_what_has_no_gradient_says_why():
+    arm = fan.puppets.arm2d()
+    x, acc = arm.rest(), np.zeros((3, arm.coordinates.n_vK))
+    run = arm.rollout(x.replace(v_D=np.array([3000.0, -3000.0])), acc)
+    with pytest.raises(fan.StateError, match="step 0 was cut short"):
+        run.gradient()
+    with pytest.raises(fan.StateError, match="v_D has the shape"):
+        arm.rollout(x, acc).gradient(v_D=np.zeros((3, 2)))
+    with pytest.raises(fan.StateError, match="u_D has 2 rows"):
+        arm.rollout(x, acc, np.zeros((2, 2)))
+    acc[1] = -1e7
+    run = arm.rollout(x, acc)
+    assert run.status is fan.Status.LENGTH_NOT_POSITIVE
+    assert run.steps < 3
+    with pytest.raises(fan.StateError, match="was stopped"):
+        run.gradient()
