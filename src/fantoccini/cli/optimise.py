@@ -72,7 +72,7 @@ def _write(request: OptimiseRequest, found: Optimum, steps: Steps) -> None:
     if request.picture is not None:
         steps.step(f"drawing {request.picture}")
         with writing(request.picture):
-            found.plot(request.picture, **request.look.given("theme", "view"))
+            found.plot(request.picture, **request.look.given("theme"))
     write_outputs(marionette, found.run, request.out or [], None, steps, look=request.look)
 
 
