@@ -70,7 +70,7 @@ def load_task(
     for part, values in (("start", file.start), ("end", file.end or {})):
         for key, value in values.items():
             check((part, key), lambda key=key, value=value: marionette.state({key: value}))
-    _check_duration(file, check)
+    _check_intervals(file, check)
     bounds = _bounds(file.bounds, marionette, check)
     for i, track in enumerate(file.tracks):
         _check_name(track, marionette, ("tracks", i), check)
@@ -218,12 +218,9 @@ def _continuous(kind: str, values: Array) -> Array:
     return rotation.continuous(rotation.normalised(values))
 
 
-def _check_duration(file: TaskFile, check: Refusals) -> None:
-    """Notes a duration, an interval or a step that do not go together."""
-    low, high = (np.min(file.duration), np.max(file.duration))
-    if isinstance(file.duration, tuple) and low != file.duration[0]:
-        check(("duration",), lambda: _refuse(f"found {high:g} before {low:g}; the first is the "
-                                             "shortest duration"))  # fmt: skip
+def _check_intervals(file: TaskFile, check: Refusals) -> None:
+    """Notes intervals or steps of which there would be too many."""
+    high = float(np.max(file.duration))
     for key, whole, part in (
         ("interval", high, file.interval), ("step", file.interval, file.step),
     ):  # fmt: skip
@@ -267,10 +264,10 @@ def _bounds(file: BoundsFile, marionette: Marionette, check: Refusals) -> Bounds
         given: Most | None = getattr(file, key)
         if given is None:
             return math.inf
-        spots = {(): given}
+        spots: list[tuple[Spot, Most]] = [((), given)]
         if isinstance(given, dict):
-            spots = {(name,): {name: value} for name, value in given.items()}
-        for spot, value in spots.items():
+            spots = [((name,), {name: value}) for name, value in given.items()]
+        for spot, value in spots:
             one = Bounds(**{key: value})  # type: ignore[arg-type]
             check(("bounds", key, *spot), lambda one=one: one.magnitudes(marionette, key))
         return given

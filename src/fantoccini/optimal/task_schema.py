@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
 from fantoccini.optimal.costs import KINDS
+from fantoccini.puppet.located import shown
 from fantoccini.puppet.sized import SIZED, Place, Size, Sized, Value
 from fantoccini.puppet.values import (
     Angle,
@@ -17,6 +18,7 @@ from fantoccini.puppet.values import (
     Positive,
     Real,
     mistake,
+    read_real,
     sized,
 )
 
@@ -139,6 +141,25 @@ class BoundsFile(Model):
     """Driven velocities that do not move at all."""
 
 
+def _duration(value: Any) -> Any:
+    """A positive number, or two of them that do not fall."""
+    ends = [read_real(end) for end in (value if isinstance(value, (list, tuple)) else [value])]
+    if len(ends) > 2 or not ends or min(ends) <= 0.0:
+        raise mistake(f"found {shown(value)}; needed: a positive number, or [shortest, longest]")
+    if ends[0] > ends[-1]:
+        raise mistake(f"found {ends[0]:g} before {ends[1]:g}; the first is the shortest duration")
+    return ends[0] if len(ends) == 1 else tuple(ends)
+
+
+Duration = Annotated[
+    float | tuple[float, float],
+    BeforeValidator(_duration),
+    SIZED,
+    WithJsonSchema({"type": ["number", "array"]}),
+]
+"""A duration, or the shortest and the longest."""
+
+
 class TaskFile(Model):
     """A task of optimal control."""
 
@@ -150,7 +171,7 @@ class TaskFile(Model):
     """Coordinate -> value: the puppet hangs at rest with the driven ones there."""
     end: dict[str, Value] | None = None
     """Coordinate -> value: it ends at rest with the driven ones there; others as at the start."""
-    duration: Size | Annotated[tuple[Size, Size], sized(2)]
+    duration: Duration
     """Of the motion, or [shortest, longest] [s]."""
     tracks: tuple[TrackFile, ...] = ()
     """What follows which paths."""

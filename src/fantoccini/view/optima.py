@@ -26,8 +26,6 @@ TARGET_COLOUR = rgb("#d1495b")
 
 _SHARE = 0.46
 """Of the width, that the puppet has."""
-_LEAST = 1e-4
-"""Smallest error that is drawn, relative to the largest."""
 _FAR = 2.5
 """Farthest bound that is drawn, relative to the largest value."""
 
@@ -44,8 +42,9 @@ def optimum_picture(
     """Writes a picture of a motion of least cost.
 
     At the left the puppet: the later a pose, the firmer; tracked points in blue, their paths dashed
-    in red. At the right, against time: how far what is tracked is from its path; tensions; speeds,
-    where they have bounds; accelerations of the inputs that are not held. Bounds are dashed.
+    in red. At the right, against time: how far what is tracked is from its path, but for
+    velocities; tensions, with their paths dotted; speeds, where they have bounds; accelerations of
+    the inputs that are not held. Bounds are dashed.
 
     Args:
         found: the motion.
@@ -114,7 +113,15 @@ def _panels(found: Optimum, theme: Theme) -> list[Callable[[Axes], None]]:
     bounds, marionette = found.task.bounds, found.task.marionette
     speed = bounds.magnitudes(marionette, "speed")
     out: list[Callable[[Axes], None]] = []
-    if errors := found.errors():
+    errors = {
+        name: error
+        for track, (name, error) in zip(
+            (t for t in found.task.tracks if t.kind != "tension"), found.errors().items(),
+            strict=True,
+        )
+        if track.kind != "velocity"
+    }  # fmt: skip
+    if errors:
         out.append(lambda axes: _errors(axes, found.t, errors, theme))
     if found.run.tension.names:
         out.append(lambda axes: _tensions(axes, found, theme))
@@ -129,11 +136,9 @@ def _panels(found: Optimum, theme: Theme) -> list[Callable[[Axes], None]]:
 def _errors(axes: Axes, t: np.ndarray, errors: dict[str, np.ndarray], theme: Theme) -> None:
     for k, (name, error) in enumerate(errors.items()):
         axes.plot(t, error, **line_look(theme, k), linewidth=1.2, label=plain(name, 24))
-    largest = max(float(error.max()) for error in errors.values())
-    if largest > 0.0:  # of several units, so that none flattens another
-        axes.set_yscale("log")
-        axes.set_ylim(_LEAST * largest, 1.6 * largest)
-    axes.set_ylabel("error (m, rad, rates)", color=theme.ink)
+    axes.set_ylim(bottom=0.0)
+    axes.set_ylabel("error [m or rad]", color=theme.ink)
+    short_numbers(axes, theme)
 
 
 def _tensions(axes: Axes, found: Optimum, theme: Theme) -> None:
