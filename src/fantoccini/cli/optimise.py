@@ -35,8 +35,8 @@ def optimise_file(request: OptimiseRequest) -> None:
             return
         done = steps.bar("optimising", float(request.iterations))
         found = optimise(
-            task, tolerance=request.tolerance, iterations=request.iterations,
-            time_limit=request.time_limit, threads=request.threads,
+            task, tolerance=request.tolerance, cost_tolerance=request.cost_tolerance,
+            iterations=request.iterations, time_limit=request.time_limit, threads=request.threads,
             progress=lambda at: done(float(at.iterations)),
         )  # fmt: skip
         _write(request, found, steps)

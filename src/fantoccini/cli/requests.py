@@ -218,6 +218,10 @@ class OptimiseRequest(PictureOptions):
         float,
         typer.Option(callback=positive, help="Residual of the conditions of optimality."),
     ] = 1e-6
+    cost_tolerance: Annotated[
+        float,
+        typer.Option(min=0.0, help="Share of the cost; it ends after four steps that save less."),
+    ] = 0.02
     iterations: Annotated[int, typer.Option(min=1, help="Number of iterations, at most.")] = 50
     time_limit: Annotated[
         float, typer.Option(metavar="S", callback=positive, help="Time limit.")

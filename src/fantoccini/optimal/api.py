@@ -17,10 +17,9 @@ from fantoccini.optimal.costs import Smooth, Track
 from fantoccini.optimal.dynamics import TimeSteps
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
-from fantoccini.optimal.quadratic import StageSolver
 from fantoccini.optimal.result import OptimalStatus, Optimum
 from fantoccini.optimal.shooting import EventRuns
-from fantoccini.optimal.sqp import Iterate, improve
+from fantoccini.optimal.sqp import Iterate, Limits, Search
 from fantoccini.optimal.targets import Target
 from fantoccini.optimal.task import Task
 
@@ -33,6 +32,7 @@ def optimise(
     guess: Input | Optimum | None = None,
     *,
     tolerance: float = 1e-6,
+    cost_tolerance: float = 0.02,
     iterations: int = 50,
     time_limit: float = 60.0,
     threads: int | None = None,
@@ -51,6 +51,7 @@ def optimise(
         guess: motion of the inputs to begin with, or what was found before; they hold still when
             not given.
         tolerance: of the KKT residual.
+        cost_tolerance: share of the cost; it ends after four steps that each save less.
         iterations: at most.
         time_limit: at most [s].
         threads: for derivatives; as many as there are processors when not given.
@@ -63,6 +64,7 @@ def optimise(
     check_positive(tolerance=tolerance, time_limit=time_limit)
     refuse_contact(task.marionette.model, "optimise")
     began, marionette = time.perf_counter(), task.marionette
+    task.bounds.check_start(marionette, task.x0)
     steps = TimeSteps(marionette, task.dt, threads)
     runs = EventRuns(steps, marionette, task.x0)
     first = _first(task, guess)
@@ -75,22 +77,19 @@ def optimise(
     ends = runs.ends(*made)
     at = Iterate(made[0], ends, objective.cost(made[0], ends))
     curve = [(time.perf_counter() - began, at.cost)]
-    latest = [at]
 
     def note(now: Iterate) -> None:
-        latest[0] = now
         curve.append((time.perf_counter() - began, now.cost))
         if progress is not None:
             progress(now)
 
-    status = None
+    limits = Limits(tolerance, cost_tolerance, iterations, began + time_limit)
+    search, status = Search(at, runs, objective, limits), None
     try:
-        at = improve(
-            at, runs, objective, StageSolver(), tolerance=tolerance, iterations=iterations,
-            until=began + time_limit, progress=note,
-        )  # fmt: skip
+        search.run(note)
     except KeyboardInterrupt:
-        at, status = latest[0], OptimalStatus.STOPPED
+        status = OptimalStatus.STOPPED
+    at = search.best
     made = runs.run(at.nodes)
     if made is None:
         raise SimulationError(Status.NOT_SETTLED, "the motion found cannot be simulated again")
@@ -175,6 +174,8 @@ def _first(task: Task, guess: Input | Optimum | None) -> Nodes:
 def _status(at: Iterate, tolerance: float, until: float) -> OptimalStatus:
     if at.kkt <= tolerance:
         return OptimalStatus.SOLVED
+    if at.settled:
+        return OptimalStatus.SETTLED
     if at.stalled:
         return OptimalStatus.STALLED
     late = time.perf_counter() > until

@@ -26,6 +26,7 @@ class OptimalStatus(enum.Enum):
     """How an optimisation ended."""
 
     SOLVED = "the residual of the conditions of optimality is below the tolerance"
+    SETTLED = "steps save hardly any cost any more; the residual is above the tolerance"
     STALLED = "no step lowers the cost any more, but the residual is above the tolerance"
     ITERATIONS = "the iterations ended first; this is the best motion so far"
     TIMEOUT = "the time ended first; this is the best motion so far"
