@@ -62,6 +62,7 @@ LATE_VIEWS = {
     ("motion", "_repr_html_"),
     ("marionette", "plot"),
     ("reduction", "draw"),
+    ("optimal", "plot"),
     ("planning", "plot"),
     ("planning", "animate"),
     ("marionette", "show"),

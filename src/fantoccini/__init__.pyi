@@ -57,6 +57,7 @@ from .optimal import (
     Task as Task,
     Track as Track,
     follow as follow,
+    load_task as load_task,
     optimise as optimise,
 )
 from .perform import (

@@ -20,8 +20,8 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 COMMANDS = (
-    "check", "schema", "info", "equations", "export", "simulate", "validate-reduction", "demo",
-    "doctor",
+    "check", "schema", "info", "equations", "export", "simulate", "plan", "optimise", "show",
+    "validate-reduction", "demo", "doctor",
 )  # fmt: skip
 
 
@@ -141,7 +141,7 @@ def test_plain_text_keeps_letters_and_line_breaks() -> None:
     assert plain("a\x1b\x07\u202e\udcff") == "a\\x1b\\x07\\u202e\\udcff"
 
 
-@pytest.mark.parametrize("of", ["puppet", "scene", "inputs"])
+@pytest.mark.parametrize("of", ["puppet", "scene", "inputs", "problem", "task"])
 def test_schema_is_json(of) -> None:
     assert json.loads(fantoccini("schema", of).stdout)["type"] == "object"
 
@@ -262,3 +262,4 @@ def test_a_file_of_another_kind_is_named(tmp_path, monkeypatch) -> None:
         assert "run.npz: found a motion; needed: a puppet. `fantoccini show run.npz`" in said
     puppet = fan.puppets.path("arm2d")
     assert "this is a puppet file; a problem file names one" in mistake("plan", puppet)
+    assert "this is a puppet file; a task file has" in mistake("optimise", puppet)

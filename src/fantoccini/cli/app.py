@@ -11,7 +11,13 @@ import typer
 
 from fantoccini.cli.guard import GuardedGroup
 from fantoccini.cli.options import File, Inputs, Quiet, SchemaOf
-from fantoccini.cli.requests import PlanRequest, ShowRequest, SimulateRequest, takes
+from fantoccini.cli.requests import (
+    OptimiseRequest,
+    PlanRequest,
+    ShowRequest,
+    SimulateRequest,
+    takes,
+)
 from fantoccini.cli.terminal import version
 
 _ABOUT = """\
@@ -85,6 +91,7 @@ def schema(
     import json
 
     from fantoccini.motion import inputs_schema
+    from fantoccini.optimal import task_schema
     from fantoccini.planning import problem_schema
     from fantoccini.puppet import json_schema
     from fantoccini.scene import json_schema as scene_schema
@@ -94,6 +101,7 @@ def schema(
         SchemaOf.SCENE: scene_schema,
         SchemaOf.INPUTS: inputs_schema,
         SchemaOf.PROBLEM: problem_schema,
+        SchemaOf.TASK: task_schema,
     }
     typer.echo(json.dumps(schemas[of](), indent=2))
 
@@ -162,6 +170,15 @@ def plan(request: PlanRequest) -> None:
     from fantoccini.cli.plan import plan_file
 
     plan_file(request)
+
+
+@app.command("optimise")
+@takes(OptimiseRequest)
+def optimise(request: OptimiseRequest) -> None:
+    """Find the motion of least cost of a task, within its bounds."""
+    from fantoccini.cli.optimise import optimise_file
+
+    optimise_file(request)
 
 
 @app.command("show")

@@ -201,6 +201,53 @@ class PlanRequest(PictureOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
+class OptimiseRequest(PictureOptions):
+    """Arguments of ``fantoccini optimise``."""
+
+    file: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[TASK]",
+            help="Task file, or name of a bundled task; without it, list the bundled ones.",
+        ),
+    ] = None
+    check: Annotated[
+        bool, typer.Option("--check", help="Only check the file and list its mistakes.")
+    ] = False
+    tolerance: Annotated[
+        float,
+        typer.Option(callback=positive, help="Residual of the conditions of optimality."),
+    ] = 1e-6
+    cost_tolerance: Annotated[
+        float,
+        typer.Option(min=0.0, help="Share of the cost; it ends after four steps that save less."),
+    ] = 0.02
+    iterations: Annotated[int, typer.Option(min=1, help="Number of iterations, at most.")] = 50
+    time_limit: Annotated[
+        float, typer.Option(metavar="S", callback=positive, help="Time limit.")
+    ] = 60.0
+    threads: Annotated[
+        int | None, typer.Option(min=1, help="Number of threads; one per processor by default.")
+    ] = None
+    out: Out = None
+    picture: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PATH", help="Draw paths, poses, errors and inputs: .png, .svg or .pdf."
+        ),
+    ] = None
+    save: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PATH", help="Save the inputs as a recording, for simulate --inputs: .npz."
+        ),
+    ] = None
+    show: Annotated[
+        bool, typer.Option("--show", help="Open the motion in the browser, until Ctrl-C.")
+    ] = False
+
+
+@dataclass(frozen=True, kw_only=True)
 class ShowRequest:
     """Arguments of ``fantoccini show``."""
 

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 from fantoccini.cli.files import check_folder, check_output, fail, puppet_path
 from fantoccini.cli.requests import ShowRequest
 from fantoccini.cli.terminal import Steps, say, write
+from fantoccini.marionette import Marionette
+from fantoccini.motion import Trajectory
 from fantoccini.planning import PlanResult
 
 if TYPE_CHECKING:
@@ -54,6 +56,21 @@ def show_plan(found: PlanResult, quiet: bool) -> None:
     request = ShowRequest(file=found.problem.name, quiet=quiet)
     subject = subject_of(found)
     _serve(open_page(subject, request.theme.value, request.host, request.port), request)
+
+
+def show_run(marionette: Marionette, run: Trajectory, quiet: bool) -> None:
+    """Shows a run until Ctrl-C.
+
+    Args:
+        marionette: the puppet.
+        run: its motion.
+        quiet: print only the address.
+    """
+    from fantoccini.web.page import Subject, open_page
+
+    request = ShowRequest(file=marionette.name, quiet=quiet)
+    page = open_page(Subject(marionette, run), request.theme.value, request.host, request.port)
+    _serve(page, request)
 
 
 def _serve(page: Page, request: ShowRequest) -> None:

@@ -155,6 +155,16 @@ class _Lines(Located):
 
 
 def _csv(table: CoordinateTable, path: Path) -> Waypoints:
+    return _samples(table, *csv_columns(path))
+
+
+def csv_columns(path: Path) -> tuple[dict[str, Array], Located]:
+    """The columns of a CSV file by their names, and the lines of the samples.
+
+    Raises:
+        InputError: with every mistake found.
+        OSError: the file cannot be read.
+    """
     raw = path.read_bytes() if path.stat().st_size <= MAX_BYTES else None
     if raw is None:
         raise _file_error(path, f"is larger than {MAX_BYTES / 1e6:g} MB, the most that is read")
@@ -188,7 +198,7 @@ def _csv(table: CoordinateTable, path: Path) -> Waypoints:
         findings.add((), f"column {header.index('') + 1} has no name")
     findings.raise_any(located)
     values = np.array(numbers).reshape(len(lines), len(header))
-    return _samples(table, dict(zip(header, values.T, strict=True)), located)
+    return dict(zip(header, values.T, strict=True)), located
 
 
 def _numbers(header: list[str], cells: list[str], sample: int, findings: Findings) -> list[float]:

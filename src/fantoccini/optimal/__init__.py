@@ -5,3 +5,5 @@ from fantoccini.optimal.bounds import Bounds as Bounds
 from fantoccini.optimal.costs import Smooth as Smooth, Track as Track
 from fantoccini.optimal.result import OptimalStatus as OptimalStatus, Optimum as Optimum
 from fantoccini.optimal.task import Task as Task
+from fantoccini.optimal.task_file import load_task as load_task, task_names as task_names
+from fantoccini.optimal.task_schema import task_schema as task_schema

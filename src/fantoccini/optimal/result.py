@@ -5,17 +5,20 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from fantoccini.arrays import Array, Times
 from fantoccini.motion import Input, Trajectory
+from fantoccini.optimal.costs import Track
 from fantoccini.optimal.gains import riccati_gains
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
 from fantoccini.optimal.residuals import Looks, residual_of
 from fantoccini.optimal.shooting import EventRuns
 from fantoccini.optimal.sqp import Iterate
+from fantoccini.optimal.targets import values_at
 from fantoccini.optimal.task import Task
 
 
@@ -110,19 +113,58 @@ class Optimum:
         return self._objective.widened_gains(riccati_gains(program))
 
     def errors(self) -> dict[str, Array]:
-        """Name of every track -> (N + 1,) |r| at the nodes: how far from its path."""
+        """Name of every track -> (N + 1,) |r| at the nodes: how far from its path.
+
+        Where several tracks have one name, the later ones have their kind or place as well.
+        """
         looks = Looks(self.task.marionette, self.nodes)
         out = {}
-        for track in self.task.tracks:
+        for name, track in self._named():
             if track.kind == "tension":
                 continue
             r = residual_of(self.task.marionette, track, self.nodes).value(looks)
-            out[track.name] = np.linalg.norm(r, axis=1)
+            out[name] = np.linalg.norm(r, axis=1)
         return out
 
     def rms(self) -> dict[str, float]:
         """Name of every track -> root mean square of :meth:`errors`."""
         return {name: float(np.sqrt(np.mean(np.square(e)))) for name, e in self.errors().items()}
+
+    def paths(self) -> dict[str, tuple[Array, Array]]:
+        """Name of every body of a point that is tracked -> (N + 1, 3) its path, and where it is."""
+        looks = Looks(self.task.marionette, self.nodes)
+        out = {}
+        for name, track in self._named():
+            if track.kind != "point":
+                continue
+            off = residual_of(self.task.marionette, track, self.nodes).value(looks)
+            path = self.target(track)
+            out[name] = path, path + off
+        return out
+
+    def _named(self) -> list[tuple[str, Track]]:
+        """The tracks with names of their own."""
+        out: dict[str, Track] = {}
+        for k, track in enumerate(self.task.tracks):
+            tries = (track.name, f"{track.name} ({track.kind})", f"{track.name} ({track.kind} {k})")
+            out[next(name for name in tries if name not in out)] = track
+        return list(out.items())
+
+    def target(self, track: Track) -> Array:
+        """(N + 1, m) the path of a track at the nodes."""
+        width = {"point": 3, "orientation": 4}.get(track.kind, 1)
+        return values_at(f"the path of {track.name}", track.path, self.t, width)
+
+    def plot(self, path: str | Path, **options: Any) -> Path:
+        """Draws the puppet with the paths of its points, its errors, tensions and inputs.
+
+        Args:
+            path: ends in ``.png``, ``.svg`` or ``.pdf``.
+            options: of :func:`fantoccini.view.optimum_picture`.
+        """
+        from fantoccini import view
+
+        return view.optimum_picture(self, path, **options)
 
     def summary(self) -> str:
         """What was found, in lines."""

@@ -31,6 +31,7 @@ class Task:
         time_weight: cost of a second, where the duration is free [1/s].
         interval: between nodes; the inputs' accelerations are constant over it [s].
         dt: longest time step [s].
+        name: of the task, for pictures and reports.
     """
 
     marionette: Marionette
@@ -43,6 +44,7 @@ class Task:
     time_weight: float = 1.0
     interval: float = 0.02
     dt: float = 0.005
+    name: str = ""
 
     def __post_init__(self) -> None:
         low, high = self.durations

@@ -4,58 +4,35 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from pathlib import Path, PurePosixPath
-from typing import Annotated, Any, Literal, NoReturn, TypeVar
+from pathlib import Path
+from typing import Annotated, Any, Literal, NoReturn
 
-from pydantic import AfterValidator, Field, WithJsonSchema, model_validator
+from pydantic import Field, model_validator
 
-from fantoccini import puppets
-from fantoccini.errors import FantocciniError, FileError, nearest
-from fantoccini.marionette import Marionette, load
+from fantoccini.errors import FileError
+from fantoccini.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.planning.goals import Goal
 from fantoccini.planning.obstacles import HalfSpace, Standing
 from fantoccini.planning.problem import Problem
 from fantoccini.planning.rollouts import Bounds, RolloutOptions, whole_looks
 from fantoccini.planning.touches import touching
-from fantoccini.puppet.located import Located, read_file, shown, validate
+from fantoccini.puppet.located import read_file, validate
+from fantoccini.puppet.refusals import Refusals
+from fantoccini.puppet.sized import SIZED, Place, Size, Sized, Value
 from fantoccini.puppet.values import (
-    Angle,
     Model,
     Name,
     NotNegative,
     Positive,
     Real,
     RealShare,
-    Vector,
     entries,
     mistake,
 )
+from fantoccini.puppets.lookup import puppet_of
 
 _FOLDER = Path(__file__).parent / "problems"
-
-_MAX_SIZE = 1e6
-"""Largest number in a problem file [m, rad or s]."""
-
-
-def _sized(given: Any) -> Any:
-    """Refuses numbers that are too large."""
-    numbers = given if isinstance(given, tuple) else (given,)
-    for number in numbers:
-        if isinstance(number, float) and abs(number) > _MAX_SIZE:
-            raise mistake(f"found {number:g}; needed: a size of at most {_MAX_SIZE:g}")
-    return given
-
-
-Sized = Annotated[Real, AfterValidator(_sized)]
-Size = Annotated[Positive, AfterValidator(_sized)]
-Place = Annotated[Vector, AfterValidator(_sized)]
-Value = Annotated[
-    Angle | tuple[Angle, ...],
-    AfterValidator(_sized),
-    WithJsonSchema({"type": ["number", "string", "array"]}),
-]
-"""A number, an angle, an interval, a rotation."""
 
 
 class PointGoal(Model):
@@ -139,7 +116,7 @@ class ProblemFile(Model):
     what they lie on."""
     tolerance: Size = 0.1
     """Tolerance of the goal's distance."""
-    hold: Annotated[NotNegative, AfterValidator(_sized)] | None = None
+    hold: Annotated[NotNegative, SIZED] | None = None
     """Time for which the puppet must stay at the goal after the plan's end [s]; 1 where it is to
     touch something, to stand or to push a prop, otherwise 0."""
     speed: Real | dict[str, Real] = 0.5
@@ -199,8 +176,8 @@ def load_problem(
         text = "this is a puppet file; a problem file names one under `puppet` and gives a goal"
         raise located.error([((), text)], FileError)
     file = validate(ProblemFile, located)
-    marionette = _puppet(file.puppet, located, progress)
-    check = _Checks(located)
+    marionette = puppet_of(file.puppet, located, progress)
+    check = Refusals(located)
     for key, value in file.start.items():
         check(("start", key), lambda key=key, value=value: marionette.state({key: value}))
     goal = _goal(file.goal, marionette, marionette.state(), check)
@@ -233,58 +210,7 @@ def load_problem(
     return check.need((), lambda: Problem(marionette, start, goal, file.obstacles, **given))
 
 
-Checked = TypeVar("Checked")
-
-
-class _Checks:
-    """Calls that may refuse part of a file, and the mistakes found by them."""
-
-    def __init__(self, located: Located):
-        self._located = located
-        self._found: list[tuple[tuple[str | int, ...], str]] = []
-
-    def __call__(
-        self, place: tuple[str | int, ...], make: Callable[..., Checked]
-    ) -> Checked | None:
-        """The result; None where it is refused, which is noted for a place in the file."""
-        try:
-            return make()
-        except (FantocciniError, ValueError) as error:
-            self._found.append((place, str(error)))
-            return None
-
-    def need(self, place: tuple[str | int, ...], make: Callable[[], Checked]) -> Checked:
-        """The result.
-
-        Raises:
-            FileError: it is refused.
-        """
-        made = self(place, make)
-        self.refuse()
-        assert made is not None
-        return made
-
-    def refuse(self) -> None:
-        """Raises FileError if there are mistakes."""
-        if self._found:
-            raise self._located.error(self._found, FileError)
-
-
-def _puppet(name: str, located: Located, progress: Callable[[str], None] | None) -> Marionette:
-    if name in (*puppets.names(), *puppets.scenes()) and not (located.folder / name).exists():
-        return load(puppets.path(name), progress)
-    path = PurePosixPath(name)
-    plain = name.isprintable() and "\\" not in name and ":" not in name and len(name) < 256
-    if plain and path.parts and not path.is_absolute() and ".." not in path.parts:
-        file = (located.folder / path).resolve()
-        if file.is_relative_to(located.folder.resolve()) and file.is_file():
-            return load(file, progress)
-    hint = nearest(name, puppets.names())
-    message = f"found {shown(name)}: no file in this one's folder and no bundled puppet{hint}"
-    raise located.error([(("puppet",), message)], FileError)
-
-
-def _check_touches(file: ProblemFile, marionette: Marionette, check: _Checks) -> None:
+def _check_touches(file: ProblemFile, marionette: Marionette, check: Refusals) -> None:
     """Notes the pairs of a file that cannot touch."""
     places: list[tuple[tuple[str | int, ...], tuple[str, str]]] = []
     if file.contact != "keep off":
@@ -303,7 +229,7 @@ def _check_touches(file: ProblemFile, marionette: Marionette, check: _Checks) ->
         check(place, lambda pair=pair: touching(among, pair))
 
 
-def _goal(file: GoalFile, marionette: Marionette, start: State, check: _Checks) -> Goal | None:
+def _goal(file: GoalFile, marionette: Marionette, start: State, check: Refusals) -> Goal | None:
     """The goal of a file; None where it has mistakes.
 
     Args:
@@ -321,7 +247,7 @@ def _goal(file: GoalFile, marionette: Marionette, start: State, check: _Checks) 
     return made.touching(file.touch) if file.touch else made
 
 
-def _placed(file: GoalFile, marionette: Marionette, start: State, check: _Checks) -> Goal | None:
+def _placed(file: GoalFile, marionette: Marionette, start: State, check: Refusals) -> Goal | None:
     """The pose or the point of a goal."""
     standard = {} if file.stand is None else {"speed_weight": 0.1, "driven_weight": 1.0}
     given = {"speed_weight": file.speed_weight, "driven_weight": file.driven_weight}

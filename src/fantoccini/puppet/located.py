@@ -13,7 +13,7 @@ import re
 import reprlib
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from pathlib import Path as FilePath
+from pathlib import Path as FilePath, PurePosixPath
 from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -52,6 +52,16 @@ class Located:
         while path and path not in self.lines:
             path = path[:-1]
         return self.lines.get(path)
+
+    def beside(self, name: str) -> FilePath | None:
+        """A file in this one's folder or below it; None where there is none of this name."""
+        path = PurePosixPath(name)
+        plain = name.isprintable() and "\\" not in name and ":" not in name and len(name) < 256
+        if not plain or not path.parts or path.is_absolute() or ".." in path.parts:
+            return None
+        file = (self.folder / path).resolve()
+        inside = file.is_relative_to(self.folder.resolve()) and file.is_file()
+        return file if inside else None
 
     def problem(self, path: Path, message: str) -> Mistake:
         """A mistake at a path."""

@@ -6,6 +6,7 @@ only where ``renderer="pyvista"`` asks for it.
 """
 
 from fantoccini.view.films import FilmError, film
+from fantoccini.view.optima import optimum_picture
 from fantoccini.view.pictures import draw, pose_times, strip
 from fantoccini.view.plans import plan_picture
 from fantoccini.view.plots import plot
@@ -20,6 +21,7 @@ __all__ = [
     "Theme",
     "draw",
     "film",
+    "optimum_picture",
     "plan_picture",
     "plot",
     "pose_times",

@@ -250,7 +250,9 @@ class Sheet:
             ha="left", va="top", weight="bold", animated=animated,
         )  # fmt: skip
 
-    def tension_bar(self, geometry: Geometry, layout: Layout, y: float, unit: float) -> None:
+    def tension_bar(
+        self, geometry: Geometry, layout: Layout, y: float, unit: float, right: float | None = None
+    ) -> None:
         """Adds the scale of tension at the right, with the sign for a slack string.
 
         Args:
@@ -258,11 +260,12 @@ class Sheet:
             layout: colours and top of the scale.
             y: height of the bar [px].
             unit: size of the letters [px].
+            right: of the bar [px]; near the sheet's edge when not given.
         """
         if geometry.tension is None or not (geometry.names or geometry.chains):
             return
         theme, length, thick = layout.theme, 15.0 * unit, 0.62 * unit
-        right = self.width - 1.6 * unit
+        right = self.width - 1.6 * unit if right is None else right
         left = right - length
         self.image(layout.colours[None, :, :], (left, right, y, y + thick), 4.0)
         largest = max(

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fantoccini.tree import WORLD
-from fantoccini.view.compose import compose
-from fantoccini.view.drawing import Look
-from fantoccini.view.geometry import geometry_of, spread
+from fantoccini.view.compose import Layout, compose
+from fantoccini.view.drawing import Look, Sheet
+from fantoccini.view.geometry import Geometry, geometry_of, spread
 from fantoccini.view.pictures import add_captions, checked, framed_sheet, pose_times, save
 from fantoccini.view.still import Drawable
 from fantoccini.view.theme import Theme, rgb
@@ -67,16 +67,7 @@ def plan_picture(
         dots[:, 0], dots[:, 1], ".", color=look.theme.ink, alpha=0.35, markersize=0.22 * unit,
         markeredgewidth=0.0, zorder=1.5, rasterized=True,
     )  # fmt: skip
-    # Obstacles are painted with the last pose, so that they stay opaque.
-    moving = replace(geometry, solids=tuple(s for s in geometry.solids if s.link != WORLD))
-    last = len(chosen) - 1
-    for k in range(len(chosen)):
-        opacity = FIRST_OPACITY + (1.0 - FIRST_OPACITY) * k / max(last, 1)
-        polygons = [
-            replace(p, face=_faint(p.face, opacity), edge=_faint(p.edge, opacity))
-            for p in compose(geometry if k == last else moving, k, layout)
-        ]
-        sheet.polygons(polygons, zorder=2.0 + 0.1 * k)
+    fading_poses(sheet, geometry, layout)
     line = layout.camera.project(way, layout.viewport)
     sheet.axes.plot(line[:, 0], line[:, 1], color=PATH_COLOUR, linewidth=0.12 * unit, zorder=4.0)
     caption = f"{len(nodes)} nodes; {run.t[-1] - run.t[0]:.2f} s, poses at " + ", ".join(
@@ -85,6 +76,20 @@ def plan_picture(
     sheet.write(1.6 * unit, 2.2 * unit, caption, unit, look.theme.ink, ha="left", va="center")
     add_captions(sheet, geometry, layout, unit)
     return save(sheet.figure, path, scale)
+
+
+def fading_poses(sheet: Sheet, geometry: Geometry, layout: Layout) -> None:
+    """Paints all samples of a geometry over one another, the later the firmer."""
+    # Obstacles are painted with the last pose, so that they stay opaque.
+    moving = replace(geometry, solids=tuple(s for s in geometry.solids if s.link != WORLD))
+    last = len(geometry.t) - 1
+    for k in range(last + 1):
+        opacity = FIRST_OPACITY + (1.0 - FIRST_OPACITY) * k / max(last, 1)
+        polygons = [
+            replace(p, face=_faint(p.face, opacity), edge=_faint(p.edge, opacity))
+            for p in compose(geometry if k == last else moving, k, layout)
+        ]
+        sheet.polygons(polygons, zorder=2.0 + 0.1 * k)
 
 
 def _faint(colour: tuple[float, ...], opacity: float) -> tuple[float, ...]:

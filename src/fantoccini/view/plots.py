@@ -54,7 +54,7 @@ def plot(
     strings = run.tension.names
     figure = blank_figure(size, facecolor=theme.top)
     left = (60.0 + 6.3 * max((len(plain(n, 24)) for n in strings), default=4)) / size[0]
-    looks = {name: _look(theme, k) for k, name in enumerate(strings)}
+    looks = {name: line_look(theme, k) for k, name in enumerate(strings)}
     panels: list[tuple[float, Callable[[Axes], None]]] = []
     if strings:
         panels.append((3.0, lambda axes: _tension(axes, run, looks, theme)))
@@ -91,7 +91,7 @@ def plot(
     return figure
 
 
-def _look(theme: Theme, k: int) -> dict[str, Any]:
+def line_look(theme: Theme, k: int) -> dict[str, Any]:
     """Colour and dashes of line k of a plot."""
     dashes = theme.dashes(k)
     return {"color": theme.colour(k), "linestyle": (0, dashes) if dashes else "-"}
@@ -102,14 +102,14 @@ def _tension(axes: Axes, run: Trajectory, looks: Looks, theme: Theme) -> None:
     for k, name in enumerate(run.tension.names):
         axes.plot(run.t, values[:, k], **looks[name], linewidth=1.2, label=name)
     axes.set_ylabel("tension [N]", color=theme.ink)
-    _short_numbers(axes, theme)
+    short_numbers(axes, theme)
     finite = np.abs(values[np.isfinite(values)])
     if finite.size and finite.max() > 0.0:
         # A short peak may leave through the top, so that the rest is not flattened.
         high = min(finite.max(), 2.5 * max(np.percentile(finite, 99.5), 1e-12))
         low = min(0.0, float(values[np.isfinite(values)].min()))
         axes.set_ylim(1.06 * low, 1.06 * high)
-    _legend(axes, theme)
+    legend(axes, theme)
 
 
 def _active_set(axes: Axes, run: Trajectory, looks: Looks, theme: Theme) -> None:
@@ -143,13 +143,13 @@ def _energy(axes: Axes, run: Trajectory, theme: Theme) -> None:
         if np.any(np.abs(values) > 0.0):
             axes.plot(
                 run.t, values, linewidth=1.2, label=label,
-                **_look(theme, shown),
+                **line_look(theme, shown),
             )  # fmt: skip
             shown += 1
     axes.axhline(0.0, color=theme.faint, linewidth=0.6)
     axes.set_ylabel("energy [J]", color=theme.ink)
-    _short_numbers(axes, theme)
-    _legend(axes, theme)
+    short_numbers(axes, theme)
+    legend(axes, theme)
 
 
 def _driven(axes: Axes, run: Trajectory, looks: Looks, theme: Theme) -> None:
@@ -165,7 +165,7 @@ def _driven(axes: Axes, run: Trajectory, looks: Looks, theme: Theme) -> None:
     for n, k in enumerate(chosen[:MAX_LINES]):
         name = moved.get(names[k], names[k])
         owner = name.removesuffix(".length")
-        look = looks.get(owner, _look(theme, n))
+        look = looks.get(owner, line_look(theme, n))
         if name == names[k]:
             axes.plot(run.t, run.q_K[:, k], **look, linewidth=1.2, label=owner)
             continue
@@ -176,8 +176,8 @@ def _driven(axes: Axes, run: Trajectory, looks: Looks, theme: Theme) -> None:
             label=f"{owner}, command",
         )  # fmt: skip
     axes.set_ylabel(label, color=theme.ink)
-    _short_numbers(axes, theme)
-    _legend(axes, theme)
+    short_numbers(axes, theme)
+    legend(axes, theme)
 
 
 def _rotations(axes: Axes, run: Trajectory, theme: Theme) -> None:
@@ -189,13 +189,14 @@ def _rotations(axes: Axes, run: Trajectory, theme: Theme) -> None:
         vector = turned[:, 1:] * (angle / np.where(sine > 1e-12, sine, 1.0))[:, None]
         for i, axis in enumerate("xyz"):
             label = f"{names[q].rsplit('.', 1)[0]}.rotation {axis}"
-            axes.plot(run.t, vector[:, i], **_look(theme, 3 * n + i), linewidth=1.2, label=label)
+            look = line_look(theme, 3 * n + i)
+            axes.plot(run.t, vector[:, i], **look, linewidth=1.2, label=label)
     axes.set_ylabel("driven rotation [rad]", color=theme.ink)
-    _short_numbers(axes, theme)
-    _legend(axes, theme)
+    short_numbers(axes, theme)
+    legend(axes, theme)
 
 
-def _short_numbers(axes: Axes, theme: Theme) -> None:
+def short_numbers(axes: Axes, theme: Theme) -> None:
     """Very small and large numbers get their power of ten above the axis, to save width."""
     axes.ticklabel_format(axis="y", style="sci", scilimits=(-2, 4))
     axes.yaxis.get_offset_text().set(color=theme.ink, fontsize=8)
@@ -208,15 +209,16 @@ def _spans(t: np.ndarray, on: np.ndarray) -> list[tuple[float, float]]:
     return [(float(t[a]), float(ends[b] - t[a])) for a, b in steps.reshape(-1, 2)]
 
 
-def _legend(axes: Axes, theme: Theme) -> None:
+def legend(axes: Axes, theme: Theme) -> None:
+    """Names the lines at the right of the axes."""
     handles, labels = axes.get_legend_handles_labels()
     if not handles:
         return
-    legend = axes.legend(
+    made = axes.legend(
         handles, [plain(x, 24) for x in labels], loc="upper left", bbox_to_anchor=(1.005, 1.03),
         frameon=False, fontsize=8, labelcolor=theme.ink, handlelength=1.3, borderaxespad=0.0,
         labelspacing=0.3, ncols=1 + (len(handles) > 12),
     )  # fmt: skip
-    for text in legend.get_texts():
+    for text in made.get_texts():
         text.set_parse_math(False)
         text.set_usetex(False)

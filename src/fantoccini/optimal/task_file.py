@@ -1,0 +1,285 @@
+"""Task files: tasks of optimal control in YAML. Every mistake is reported with its location."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.errors import FileError, StateError, nearest
+from fantoccini.marionette import Marionette, link_index, refuse_contact
+from fantoccini.motion import State, rotation
+from fantoccini.motion.files import csv_columns
+from fantoccini.optimal.bounds import Bounds, Interval, Most
+from fantoccini.optimal.costs import Smooth, Track
+from fantoccini.optimal.nodes import Nodes
+from fantoccini.optimal.residuals import residual_of
+from fantoccini.optimal.shapes import Circle
+from fantoccini.optimal.targets import Target
+from fantoccini.optimal.task import Task
+from fantoccini.optimal.task_schema import BoundsFile, CircleFile, TaskFile, TrackFile
+from fantoccini.puppet.located import Located, read_file, shown, validate
+from fantoccini.puppet.refusals import Refusals
+from fantoccini.puppet.values import rotation_vector_quaternion
+from fantoccini.puppets.lookup import puppet_of
+
+_FOLDER = Path(__file__).parent / "tasks"
+_COLUMNS = {"point": ("x", "y", "z"), "orientation": ("qw", "qx", "qy", "qz")}
+"""Columns of a CSV file by the kind of a track; `value` for the others."""
+_MAX_INTERVALS = 10_000
+"""Largest number of intervals of a motion, and of time steps in one."""
+
+Spot = tuple[str | int, ...]
+"""Keys and indices."""
+
+
+def task_names() -> tuple[str, ...]:
+    """Names of the bundled tasks."""
+    return tuple(sorted(p.stem for p in _FOLDER.glob("*.yaml")))
+
+
+def load_task(
+    path: str | os.PathLike[str], *, progress: Callable[[str], None] | None = None
+) -> Task:
+    """Reads a task file.
+
+    Args:
+        path: of the file, or the name of a bundled task (``crane``).
+        progress: called with a description of each slow step.
+
+    Raises:
+        FileError: with every mistake found and its location.
+    """
+    name = os.fspath(path)
+    if name in task_names() and not Path(name).exists():
+        path = _FOLDER / f"{name}.yaml"
+    located = read_file(path)
+    if isinstance(located.data, dict) and "task" not in located.data:
+        for key, kind in (("bodies", "puppet"), ("puppets", "scene"), ("problem", "problem")):
+            if key in located.data:
+                text = f"this is a {kind} file; a task file has a `task`, a `puppet`, a `duration`"
+                raise located.error([((), text)], FileError)
+    file = validate(TaskFile, located)
+    marionette = puppet_of(file.puppet, located, progress)
+    check = Refusals(located)
+    check(("puppet",), lambda: refuse_contact(marionette.model, "optimise"))
+    for part, values in (("start", file.start), ("end", file.end or {})):
+        for key, value in values.items():
+            check((part, key), lambda key=key, value=value: marionette.state({key: value}))
+    _check_intervals(file, check)
+    bounds = _bounds(file.bounds, marionette, check)
+    for i, track in enumerate(file.tracks):
+        _check_name(track, marionette, ("tracks", i), check)
+    check.refuse()
+    x0 = check.need(("start",), lambda: marionette.rest(file.start))
+    reader = _Reader(marionette, x0, file.duration, located, check)
+    tracks = [reader.track(track, ("tracks", i)) for i, track in enumerate(file.tracks)]
+    check.refuse()
+    end = None
+    if file.end is not None:
+        goal = {**file.start, **file.end}
+        end = check.need(("end",), lambda: marionette.rest(goal))
+    if not file.slack:
+        bounds = bounds.staying_taut(marionette, x0)
+    smooth = Smooth(file.smooth.acceleration, file.smooth.jerk)
+    return check.need((), lambda: Task(
+        marionette, x0, file.duration, [track for track in tracks if track is not None], smooth,
+        bounds, end, file.time_weight, file.interval, file.step, file.task,
+    ))  # fmt: skip
+
+
+class _Reader:
+    """Makes tracks of a file.
+
+    Args:
+        marionette, x0: the puppet where it starts.
+        duration: of the motion.
+        located: the file.
+        check: notes mistakes.
+    """
+
+    def __init__(
+        self, marionette: Marionette, x0: State, duration: float | tuple[float, float],
+        located: Located, check: Refusals,
+    ):  # fmt: skip
+        self._marionette, self._x0, self._duration = marionette, x0, duration
+        self._located, self._check = located, check
+
+    def track(self, file: TrackFile, spot: Spot) -> Track | None:
+        """The track; None where it has mistakes."""
+        path = self._path(file, spot)
+        if path is None:
+            return None
+        start = -math.inf if file.start is None else file.start
+        end = math.inf if file.end is None else file.end
+        made = Track(
+            file.kind, getattr(file, file.kind), path, file.at, file.weight, file.end_weight,
+            start, end,
+        )  # fmt: skip
+        if file.kind != "tension":  # its path is checked by the width of its values
+            still = Nodes.still(self._marionette, self._x0, 1.0, 1)
+            if self._check(spot, lambda: residual_of(self._marionette, made, still)) is None:
+                return None
+        return made
+
+    def _path(self, file: TrackFile, spot: Spot) -> Target | None:
+        """Its path; None where it has mistakes."""
+        check, kind = self._check, file.kind
+        if file.circle is not None:
+            circle = file.circle
+            return check((*spot, "circle"), lambda: self._circle(file, circle))
+        if file.csv is not None:
+            name = file.csv
+            return check((*spot, "csv"), lambda: self._csv(kind, name))
+        if file.values is None:
+            return check((*spot, "value"), lambda: _number(kind, file.value))
+        values = [
+            check((*spot, "values", j), lambda value=value: _number(kind, value))
+            for j, value in enumerate(file.values)
+        ]
+        times = check((*spot, "times"), lambda: _times(file.times, len(values)))
+        good = [value for value in values if value is not None]
+        if times is None or len(good) < len(values):
+            return None
+        return times, _continuous(kind, np.array(good))
+
+    def _circle(self, file: TrackFile, circle: CircleFile) -> Circle:
+        marionette, x0 = self._marionette, self._x0
+        start = x0.t if file.start is None else max(file.start, x0.t)
+        if file.end is None and not isinstance(self._duration, float):
+            raise StateError(
+                "the duration is free; needed: the track's `end`, when the circle is closed"
+            )
+        end = file.end if file.end is not None else x0.t + float(np.max(self._duration))
+        if end <= start:
+            raise StateError(f"it would end at {end:g} s, before it starts at {start:g} s")
+        link = link_index(marionette.model, getattr(file, file.kind))
+        pose = marionette.poses(x0.q_D[None], x0.q_K[None])[0, link]
+        place = pose[:, :3] @ np.array(file.at) + pose[:, 3]
+        centre = place + circle.by if circle.centre is None else np.array(circle.centre)
+        normal = np.array(circle.normal)
+        return Circle.near(place, centre, normal, circle.radius, circle.turns, start, end)
+
+    def _csv(self, kind: str, name: str) -> tuple[Array, Array]:
+        file = self._located.beside(name)
+        if file is None:
+            raise StateError(f"found {shown(name)}: no file in this one's folder")
+        columns, _ = csv_columns(file)
+        needed = ("t", *_COLUMNS.get(kind, ("value",)))
+        for column in needed:
+            if column not in columns:
+                known = ", ".join(columns)
+                raise StateError(f"{name} has no column {column}; found: {known}")
+        if unknown := [column for column in columns if column not in needed]:
+            hint = nearest(unknown[0], needed)
+            raise StateError(f"{name} has the column {shown(unknown[0])}{hint}")
+        values = np.stack([columns[column] for column in needed[1:]], axis=1)
+        if not np.all(np.isfinite(values)):
+            raise StateError(f"{name} has a number that is not finite")
+        times = _times(tuple(columns["t"].tolist()), len(values))
+        return times, _continuous(kind, values)
+
+
+def _number(kind: str, value: float | tuple[float, ...] | None) -> Array:
+    """(width,) one value of a path."""
+    assert value is not None  # or it was refused
+    found = np.atleast_1d(np.asarray(value, dtype=float))
+    if kind == "orientation" and len(found) == 3:
+        return np.array(rotation_vector_quaternion(tuple(found)))
+    width = len(_COLUMNS.get(kind, ("value",)))
+    if len(found) != width:
+        needed = {3: "3 numbers", 4: "a quaternion or a rotation vector"}.get(width, "a number")
+        raise StateError(f"found {shown(value)}; needed: {needed}")
+    return found
+
+
+def _times(times: tuple[float, ...], n: int) -> Array:
+    """(n,) rising times."""
+    if len(times) != n:
+        raise StateError(f"found {len(times)} times for {n} values; needed: as many")
+    rising = np.array(times)
+    late = np.flatnonzero(~(np.diff(rising) > 0.0))
+    if len(late):
+        a, b = rising[late[0] : late[0] + 2]
+        raise StateError(f"found {a:g} before {b:g}; needed: rising times")
+    return rising
+
+
+def _continuous(kind: str, values: Array) -> Array:
+    """The same values; quaternions with signs that do not jump."""
+    if kind != "orientation":
+        return values
+    if np.any(np.linalg.norm(values, axis=1) < 0.5):
+        raise StateError("found a quaternion of almost no length; needed: unit quaternions")
+    return rotation.continuous(rotation.normalised(values))
+
+
+def _check_intervals(file: TaskFile, check: Refusals) -> None:
+    """Notes intervals or steps of which there would be too many."""
+    high = float(np.max(file.duration))
+    for key, whole, part in (
+        ("interval", high, file.interval), ("step", file.interval, file.step),
+    ):  # fmt: skip
+        if whole / part > _MAX_INTERVALS:
+            text = f"found {part:g}, of which there would be {whole / part:.3g}"
+            check((key,), lambda text=text: _refuse(f"{text}; allowed: {_MAX_INTERVALS}"))
+
+
+def _check_name(file: TrackFile, marionette: Marionette, spot: Spot, check: Refusals) -> None:
+    """Notes a name that the puppet does not have."""
+    name, kind = getattr(file, file.kind), file.kind
+    if kind == "tension":
+        check((*spot, kind), lambda: Bounds(tension={name: (0.0, 1.0)}).tensions(marionette))
+        return
+    still = Nodes.still(marionette, marionette.state(), 1.0, 1)
+    value = {"point": np.zeros(3), "orientation": np.array([1.0, 0.0, 0.0, 0.0])}.get(kind, 0.0)
+    check((*spot, kind), lambda: residual_of(marionette, Track(kind, name, value), still))
+
+
+def _bounds(file: BoundsFile, marionette: Marionette, check: Refusals) -> Bounds:
+    """The bounds of a file, of which mistakes are noted one by one."""
+
+    def intervals(key: str) -> dict[str, Interval]:
+        given: Mapping[str, tuple[float | None, float | None]] = getattr(file, key)
+        spans = {
+            name: (-math.inf if a is None else a, math.inf if b is None else b)
+            for name, (a, b) in given.items()
+        }
+        for name, span in spans.items():
+            one = Bounds(**{key: {name: span}})  # type: ignore[arg-type]
+            if not span[0] < span[1]:
+                text = f"found {span[0]:g} and {span[1]:g}; the first must be less"
+                check(("bounds", key, name), lambda text=text: _refuse(text))
+            elif key == "tension":
+                check(("bounds", key, name), lambda one=one: one.tensions(marionette))
+            else:
+                check(("bounds", key, name), lambda one=one: one.intervals(marionette))
+        return spans
+
+    def most(key: str) -> Most:
+        given: Most | None = getattr(file, key)
+        if given is None:
+            return math.inf
+        spots: list[tuple[Spot, Most]] = [((), given)]
+        if isinstance(given, dict):
+            spots = [((name,), {name: value}) for name, value in given.items()]
+        for spot, value in spots:
+            one = Bounds(**{key: value})  # type: ignore[arg-type]
+            check(("bounds", key, *spot), lambda one=one: one.magnitudes(marionette, key))
+        return given
+
+    for j, name in enumerate(file.held):
+        one = Bounds(held=(name,))
+        check(("bounds", "held", j), lambda one=one: one.magnitudes(marionette, "acceleration"))
+    return Bounds(
+        intervals("position"), most("speed"), most("acceleration"), most("jerk"),
+        intervals("tension"), intervals("joint"), file.held,
+    )  # fmt: skip
+
+
+def _refuse(message: str) -> None:
+    raise StateError(message)
