@@ -161,7 +161,7 @@ def test_bounds_of_tensions_jerks_and_joints_hold(arm: fan.Marionette, circle: n
     assert kept, kept.summary()
     assert np.min(kept.run.resample(kept.t[:-1]).tension["hand"]) > least - 2e-3
     assert np.min(kept.run.q_D[:, 1]) > lowest - 2e-3
-    jumps = np.diff(kept.nodes.acc_K, axis=0, prepend=0.0) / kept.nodes.interval
+    jumps = np.diff(kept.nodes.acc_K, axis=0, prepend=0.0, append=0.0) / kept.nodes.interval
     assert np.max(np.abs(jumps)) <= 10.0 * (1.0 + 1e-3)
     assert kept.rms()["lower"] > free.rms()["lower"]
 
@@ -254,6 +254,8 @@ def test_targets_that_are_none(arm: fan.Marionette, targets: dict, words: str):
         (fan.Bounds(speed={"hand.y": 1.0}), r"hand\.x"),
         (fan.Bounds(position={"hand.x": (1.0, 0.0)}), "the first must be less"),
         (fan.Bounds(tension={"hnd": (0.0, 1.0)}), "hand"),
+        (fan.Bounds(tension={"hand": (np.nan, 1.0)}), "a lower and a higher one"),
+        (fan.Bounds(tension={"hand": 1.0}), "a lower and a higher one"),  # type: ignore[dict-item]
         (fan.Bounds(joint={"elbo": (0.0, 1.0)}), "elbow"),
         (fan.Bounds(held=("hand.z",)), r"hand\.x"),
     ],
@@ -261,6 +263,63 @@ def test_targets_that_are_none(arm: fan.Marionette, targets: dict, words: str):
 def test_bounds_that_are_none(arm: fan.Marionette, bounds: fan.Bounds, words: str):
     with pytest.raises(fan.FantocciniError, match=words):
         fan.follow(arm, {"elbow": 0.5}, 1.0, bounds=bounds)
+
+
+def test_the_motion_does_not_depend_on_the_unit_of_the_cost(arm: fan.Marionette):
+    x0 = arm.rest()
+    found = []
+    for unit in (1.0, 1e-4):
+        tracks = [fan.Track.coordinate("elbow", 2.1, weight=unit)]
+        smooth = fan.Smooth(1e-4 * unit, 1e-6 * unit)
+        bounds = fan.Bounds().staying_taut(arm, x0)
+        task = fan.Task(arm, x0, 1.0, tracks, smooth, bounds, interval=0.05)
+        found.append(fan.optimise(task))
+    assert found[1].iterations > 3
+    assert found[1].cost / 1e-4 == pytest.approx(found[0].cost, rel=0.05)
+
+
+def test_a_guess_is_of_the_task_that_is_asked_for(crane: fan.Marionette):
+    """Its own duration and start, held inputs that do not move, accelerations within bounds."""
+    x0 = crane.rest()
+    tracks = [fan.Track.coordinate("bob.x", 0.1)]
+    short = fan.optimise(fan.Task(crane, x0, 1.0, tracks, interval=0.1), iterations=2)
+    bounds = fan.Bounds(acceleration={"line.x": 0.2}, held=("line.length",))
+    task = fan.Task(crane, x0.replace(t=5.0), 2.0, tracks, fan.Smooth(), bounds, interval=0.2)
+    found = fan.optimise(task, short, iterations=0)
+    assert found.run.t[[0, -1]] == pytest.approx([5.0, 7.0])
+    assert np.max(np.abs(found.nodes.acc_K[:, 0])) <= 0.2
+    assert np.all(found.run.q_K[:, 1] == x0.q_K[1])
+    bounds = fan.Bounds(speed={"line.x": 1e-3})
+    fast = fan.Task(crane, x0, 1.0, tracks, fan.Smooth(), bounds, interval=0.1)
+    assert not fan.optimise(fast, short, iterations=0)  # what is beyond its bounds does not hold
+
+
+def test_what_is_not_differentiated_is_refused(crane: fan.Marionette):
+    x0 = crane.rest()
+    moving = [fan.Track.coordinate("bob.x", lambda t: 0.1 * t)]
+    with pytest.raises(fan.StateError, match="paths must be values"):
+        fan.optimise(fan.Task(crane, x0, (1.0, 2.0), moving))
+    with pytest.raises(fan.StateError, match="a bound of jerk"):
+        fan.optimise(fan.Task(crane, x0, (1.0, 2.0), [], bounds=fan.Bounds(jerk=1.0)))
+    winch = fan.loads(SMALL_CRANE.replace("length: driven", "length: driven\n    max_tension: 9.0"))
+    with pytest.raises(fan.StateError, match="the winch of line may slip"):
+        fan.optimise(fan.Task(winch, winch.rest(), 1.0, []))
+    pushed = x0.replace(v_K=np.array([0.0, 0.1]))
+    with pytest.raises(fan.StateError, match=r"line\.length is held, and moves"):
+        fan.optimise(fan.Task(crane, pushed, 1.0, [], bounds=fan.Bounds(held=("line.length",))))
+
+
+@pytest.mark.parametrize(
+    ("track", "words"),
+    [
+        (lambda: fan.Track.coordinate("bob.x", 0.1, start=0.61, end=0.69), "no node lies there"),
+        (lambda: fan.Track.coordinate("bob.x", 0.1, start=0.6, end=0.2), "must be less"),
+        (lambda: fan.Track.tension("line", 4.0, end_weight=1.0), "end_weight"),
+    ],
+)
+def test_tracks_that_are_none(crane: fan.Marionette, track, words: str):
+    with pytest.raises(fan.StateError, match=words):
+        fan.optimise(fan.Task(crane, crane.rest(), 1.0, [track()], interval=0.1))
 
 
 def test_tasks_that_are_none(arm: fan.Marionette):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -64,7 +65,7 @@ def optimise(
     check_positive(tolerance=tolerance, time_limit=time_limit)
     refuse_contact(task.marionette.model, "optimise")
     began, marionette = time.perf_counter(), task.marionette
-    task.bounds.check_start(marionette, task.x0)
+    _check(task)
     steps = TimeSteps(marionette, task.dt, threads)
     runs = EventRuns(steps, marionette, task.x0)
     first = _first(task, guess)
@@ -93,9 +94,9 @@ def optimise(
     made = runs.run(at.nodes)
     if made is None:
         raise SimulationError(Status.NOT_SETTLED, "the motion found cannot be simulated again")
-    violation = float(np.max(objective.rows.violation(at.nodes, at.ends), initial=0.0))
+    violation = objective.violation(at.nodes, at.ends)
     end_gap = float(np.max(np.abs(objective.end_gap(at.nodes)), initial=0.0))
-    if max(violation, end_gap) > _HOLDS:
+    if not max(violation, end_gap) <= _HOLDS:
         status = OptimalStatus.VIOLATED
     elif status is None:
         status = _status(at, tolerance, began + time_limit)
@@ -142,8 +143,8 @@ def follow(
     table = marionette.coordinates
     tracks = []
     for name, path in targets.items():
-        path = _spread(path, x0.t, duration)
         body, at = name if isinstance(name, tuple) else (name, (0.0, 0.0, 0.0))
+        path = _spread(path, x0.t, duration, 3 if body in bodies else 1)
         if body in bodies:
             tracks.append(Track.point(body, path, at=at, weight=weight))
         elif name in (*table.q_D, *table.q_K):
@@ -159,16 +160,42 @@ def follow(
     return optimise(task, **options)
 
 
+def _check(task: Task) -> None:
+    """Raises StateError where a task is not differentiated, or starts beyond its bounds."""
+    marionette = task.marionette
+    upper = marionette.model.upper
+    winches = [s.name for i, s in enumerate(marionette.tree.strings) if np.isfinite(upper[i])]
+    if winches:
+        raise StateError(
+            f"optimise: the winch of {', '.join(winches)} may slip, which is not differentiated; "
+            "leave max_tension out of the puppet and give bounds of the tension"
+        )
+    if task.is_free and any(callable(x.path) or isinstance(x.path, tuple) for x in task.tracks):
+        raise StateError(
+            "optimise: where the duration is free, paths must be values: a path of time has no "
+            "derivative by the duration here"
+        )
+    if task.is_free and np.any(
+        np.isfinite(jerk := task.bounds.magnitudes(marionette, "jerk")) & (jerk > 0.0)
+    ):
+        raise StateError("optimise: a bound of jerk needs a duration that is given")
+    task.bounds.check_start(marionette, task.x0)
+
+
 def _first(task: Task, guess: Input | Optimum | None) -> Nodes:
-    """The nodes of the first motion; only its accelerations and its intervals count."""
-    N, longest = task.n_intervals, task.durations[1]
+    """The nodes of the first motion; of a guess its accelerations count, within their bounds."""
+    N, (shortest, longest) = task.n_intervals, task.durations
+    made = Nodes.still(task.marionette, task.x0, longest, N)
     if isinstance(guess, Optimum):
-        if len(guess.nodes) == N:
-            return guess.nodes
-        guess = guess.inputs
-    if guess is None:
-        return Nodes.still(task.marionette, task.x0, longest, N)
-    return Nodes.of_input(task.marionette, task.x0, guess, longest, N)
+        if len(guess.nodes) == N and guess.nodes.table is made.table:
+            interval = min(max(guess.nodes.interval, shortest / N), longest / N)
+            made = replace(made, interval=interval, acc_K=guess.nodes.acc_K)
+        else:
+            made = Nodes.of_input(task.marionette, task.x0, guess.inputs, longest, N)
+    elif guess is not None:
+        made = Nodes.of_input(task.marionette, task.x0, guess, longest, N)
+    most = task.bounds.magnitudes(task.marionette, "acceleration")
+    return replace(made, acc_K=np.clip(made.acc_K, -most, most))
 
 
 def _status(at: Iterate, tolerance: float, until: float) -> OptimalStatus:
@@ -182,9 +209,11 @@ def _status(at: Iterate, tolerance: float, until: float) -> OptimalStatus:
     return OptimalStatus.TIMEOUT if late else OptimalStatus.ITERATIONS
 
 
-def _spread(path: Target, start: float, duration: float) -> Target:
-    """An array of many places as a pair of times and places."""
-    if callable(path) or isinstance(path, tuple) or np.ndim(path) < 2 or np.shape(path)[0] < 2:
+def _spread(path: Target, start: float, duration: float, width: int) -> Target:
+    """An array of many values as a pair of times and values."""
+    if callable(path) or (isinstance(path, tuple) and len(path) == 2 and np.ndim(path[0]) == 1):
         return path
     values = np.asarray(path, dtype=float)
+    if values.size <= width or values.ndim == 0:
+        return path
     return np.linspace(start, start + duration, len(values)), values

@@ -99,6 +99,9 @@ class Bounds:
     def check_start(self, marionette: Marionette, x0: State) -> None:
         """Raises StateError where a state is beyond the bounds of coordinates and speeds."""
         t = marionette.coordinates
+        for name in self.held:
+            if abs(x0.v_K[_place("driven velocity", name, t.v_K)]) > _START:
+                raise StateError(f"{name} is held, and moves at the start")
         still = Nodes.still(marionette, x0, 1.0, 1)
         low, high = self.intervals(marionette)
         names = [*t.v_D, *[f"the speed of {v}" for v in t.v_D], *t.v_K]
@@ -113,6 +116,12 @@ class Bounds:
         """Rows of strings with bounds, the lowest and the highest tensions."""
         names = [s.name for s in marionette.tree.strings]
         rows = [_place("string", name, names) for name in self.tension]
+        for name, pair in self.tension.items():
+            if np.shape(pair) != (2,) or not pair[0] < pair[1]:
+                raise StateError(
+                    f"the tension of {name} is bounded by {pair!r}; needed: "
+                    "a lower and a higher one"
+                )
         pairs = np.array(list(self.tension.values()), dtype=float).reshape(-1, 2)
         return rows, pairs[:, 0], pairs[:, 1]
 

@@ -45,6 +45,13 @@ class Track:
 
     def __post_init__(self) -> None:
         check_not_negative(weight=self.weight, end_weight=self.end_weight)
+        if self.kind == "tension" and self.end_weight > 0.0:
+            raise StateError(f"the tension of {self.name} has an end_weight, which it cannot have")
+        if not self.start < self.end:
+            raise StateError(
+                f"the path of {self.name} counts from {self.start:g} s to {self.end:g} s; the "
+                "first must be less"
+            )
         if self.kind not in KINDS:
             raise StateError(f"a Track of {self.kind!r}; it must be one of {', '.join(KINDS)}")
 

@@ -14,7 +14,7 @@ from fantoccini.optimal.quadratic import StageProgram
 def riccati_gains(program: StageProgram) -> Array:
     """(N, k, n_z) K_i of u_i = K_i z_i, where no bound is in force.
 
-    Costs between the inputs of neighbouring stages are left out.
+    Costs between the inputs of neighbouring stages are left out: programs should have none.
     """
     N, n_z, k = program.B.shape
     gains = np.zeros((N, k, n_z))

@@ -47,6 +47,8 @@ class Objective:
         self._tracks = [track for track in task.tracks if track.kind != "tension"]
         self._pulls = [track for track in task.tracks if track.kind == "tension"]
         self._acc = task.bounds.magnitudes(marionette, "acceleration")
+        jerk = task.bounds.magnitudes(marionette, "jerk")
+        self._jerk = np.where(jerk > 0.0, jerk, np.inf)  # what is held has no acceleration either
         self._u = np.flatnonzero(self._acc > 0.0)
         self._z = np.concatenate([np.arange(2 * n), 2 * n + self._u, 2 * n + k + self._u])
         low, high = task.bounds.intervals(marionette)
@@ -58,6 +60,16 @@ class Objective:
         """J."""
         total = sum(self._parts(nodes, ends))
         return total + self.task.time_weight * nodes.interval * len(nodes) * self.task.is_free
+
+    def violation(self, nodes: Nodes, ends: Ends) -> float:
+        """How far a motion is beyond any of its bounds, rows and inputs."""
+        numbers = nodes.numbers[1:]
+        parts = (
+            self.rows.violation(nodes, ends), np.abs(nodes.acc_K) - self._acc,
+            self._low - numbers, numbers - self._high,
+            np.abs(nodes.acc_K[-1]) - self._jerk * nodes.interval,
+        )  # fmt: skip
+        return float(max(np.max(part, initial=0.0) for part in parts))
 
     def end_gap(self, nodes: Nodes) -> Array:
         """(n_z,) the change that would bring the last node to the end that is asked for."""
@@ -91,6 +103,10 @@ class Objective:
         numbers = nodes.numbers[1:]
         low = np.concatenate([-self._acc - nodes.acc_K, self._low - numbers], axis=1)
         high = np.concatenate([self._acc - nodes.acc_K, self._high - numbers], axis=1)
+        # After the last interval the inputs go on at rest or at their speed, without acceleration.
+        last = self._jerk * nodes.interval
+        low[-1, :k] = np.maximum(low[-1, :k], -last - nodes.acc_K[-1])
+        high[-1, :k] = np.minimum(high[-1, :k], last - nodes.acc_K[-1])
         low, high = np.maximum(low, -UNBOUNDED), np.minimum(high, UNBOUNDED)
         value, row_low, row_high = self.rows.values(nodes, linear)
         u, z, stages = self._u, self._z, np.arange(N)

@@ -156,8 +156,20 @@ def residual_of(marionette: Marionette, track: Track, nodes: Nodes) -> Residual:
 
 
 def share(track: Track, t: Times) -> Array:
-    """(n,) 1 at times at which a track counts, else 0."""
-    return np.where((t >= track.start - _ROUNDING) & (t <= track.end + _ROUNDING), 1.0, 0.0)
+    """(n,) 1 at times at which a track counts, half at its own start and end within them, else 0.
+
+    Raises:
+        StateError: it counts at none of them.
+    """
+    inside = (t >= track.start - _ROUNDING) & (t <= track.end + _ROUNDING)
+    if not np.any(inside):
+        raise StateError(
+            f"the path of {track.name} counts from {track.start:g} s to {track.end:g} s, and no "
+            f"node lies there: nodes are {t[1] - t[0]:g} s apart from {t[0]:g} s on"
+        )
+    at_edge = (np.abs(t - track.start) <= _ROUNDING) | (np.abs(t - track.end) <= _ROUNDING)
+    at_edge[[0, -1]] = False
+    return np.where(inside, np.where(at_edge, 0.5, 1.0), 0.0)
 
 
 def _numbers(marionette: Marionette, track: Track) -> tuple[str, list[int], list[int]]:

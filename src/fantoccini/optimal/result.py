@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,9 @@ from fantoccini.optimal.shooting import EventRuns
 from fantoccini.optimal.sqp import Iterate
 from fantoccini.optimal.targets import values_at
 from fantoccini.optimal.task import Task
+
+_DAMPING = 1e-6
+"""Of the Hessian of gains."""
 
 
 class OptimalStatus(enum.Enum):
@@ -51,8 +54,8 @@ class Optimum:
         cost: J of the run.
         kkt: residual of the conditions of optimality: the largest of ``stationarity``, of what is
             left at the end and of violated bounds. Its derivatives are those of time steps.
-        stationarity: largest change of the cost's slope over the last step, relative to 1 or the
-            largest slope.
+        stationarity: of the step before, the larger of the change of the cost's gradient along it,
+            relative to the gradient, and of the decrease that the slope promises, relative to J.
         violation: how far the run is beyond its bounds [N, m, rad or their rates].
         end_gap: how far it ends from the end asked for [m, rad or their rates].
         iterations: made.
@@ -105,12 +108,15 @@ class Optimum:
     def gains(self) -> Array:
         """(N, n_vK, n_z) K of the best feedback near the motion, acc_K += K (x - x_node).
 
-        z = (dq_D, dv_D, dq_K, dv_K); of the cost with no bound in force.
+        z = (dq_D, dv_D, dq_K, dv_K); of the cost without jerks, with no bound in force.
         """
         at = self._iterate
         linear = self._runs.linearise(at.nodes, at.ends)
-        program = self._objective.program(at.nodes, linear, at.damping, at.force)
-        return self._objective.widened_gains(riccati_gains(program))
+        task = replace(self.task, duration=self.nodes.interval * len(self.nodes),
+                       smooth=replace(self.task.smooth, jerk=0.0))  # fmt: skip
+        objective = Objective(task)
+        program = objective.program(at.nodes, linear, _DAMPING, at.force)
+        return objective.widened_gains(riccati_gains(program))
 
     def errors(self) -> dict[str, Array]:
         """Name of every track -> (N + 1,) |r| at the nodes: how far from its path.

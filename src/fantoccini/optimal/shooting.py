@@ -14,6 +14,9 @@ from fantoccini.optimal.dynamics import Ends, LinearEnds, TimeSteps
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.simulation import simulate
 
+_ROUNDING = 1e-9
+"""Of times [s]."""
+
 
 @dataclass(frozen=True)
 class EventRuns:
@@ -43,7 +46,7 @@ class EventRuns:
             )  # fmt: skip
         except SimulationError:
             return None
-        if run.status not in ARRIVED:
+        if run.status not in ARRIVED or run.t[-1] < t[-1] - _ROUNDING:
             return None
         at = np.searchsorted(run.t, t + 1e-12, side="right") - 1
         states = {name: getattr(run, name)[at] for name in ("q_D", "v_D", "q_K", "v_K")}

@@ -39,9 +39,9 @@ class Shooting(Protocol):
 class Numbers:
     """Of the method."""
 
-    damping: float = 1e-6
-    """Least of the Hessian."""
-    first_damping: float = 1e-2
+    damping: float = 3e-8
+    """Least of the Hessian, relative to the largest gradient of the first motion."""
+    first_damping: float = 3e-4
     damping_factor: float = 4.0
     poor: float = 0.25
     good: float = 0.75
@@ -57,8 +57,8 @@ class Numbers:
     """In a row after which a motion counts as settled."""
     margin: float = 1e-5
     """Share of theta by which theta, or J, must be better."""
-    power: float = 1.1
-    """Of theta, against which the predicted decrease is weighed."""
+    powers: tuple[float, float] = (2.3, 1.1)
+    """Of the predicted decrease, and of theta against which it is weighed."""
     most: float = 10.0
     """Largest theta, relative to 1 or to that of the start."""
 
@@ -91,7 +91,7 @@ class Filter:
         if any(now[0] > margin * a and now[1] > b - NUMBERS.margin * a for a, b in self._pairs):
             return False
         rounding = 1e-13 * abs(phi)
-        if falls < 0.0 and (-falls) ** NUMBERS.power > theta**NUMBERS.power:
+        if falls < 0.0 and (-falls) ** NUMBERS.powers[0] > theta ** NUMBERS.powers[1]:
             return now[1] <= phi + NUMBERS.decrease * falls + rounding
         if now[0] <= margin * theta or now[1] <= phi - NUMBERS.margin * theta:
             self._pairs.append(before)
@@ -108,12 +108,13 @@ class Iterate:
         ends: where its intervals lead.
         cost: J.
         solution: the last step, with its multipliers.
-        stationarity: largest |H d| of the last step, relative to 1 or the largest gradient.
+        stationarity: of the last step, the larger of |H d| relative to the gradient, and the
+            decrease of J that its slope promises relative to J; at most 1.
         defect: largest |e|.
         passed: largest violation of rows.
         iterations: made.
         force: (n_z,) multipliers of the end.
-        damping: of the Hessian of the next step.
+        damping: of the Hessian of the next step, relative to the gradient of the first motion.
         stalled, settled: whether no step helps any more, or hardly.
     """
 
@@ -191,6 +192,7 @@ class Search:
         self.best = start
         self._shooting, self._objective, self._limits = shooting, objective, limits
         self._solver, self._filter, self._small_steps = StageSolver(), Filter(), 0
+        self._unit = 0.0  # of damping: the largest gradient of the first motion
 
     def run(self, progress: Callable[[Iterate], None] | None = None) -> Iterate:
         """Iterates until the motion is optimal, or there is no more progress.
@@ -203,8 +205,6 @@ class Search:
             at = self.best
             if step is not None and at.kkt <= self._limits.tolerance:
                 break
-            if step is not None and step.passes > self._limits.tolerance:
-                self._raise_price()
             made = None if step is None else self._along(step)
             at.iterations += 1
             if made is None:
@@ -214,6 +214,8 @@ class Search:
                     break
             else:
                 self.best = made
+            if step is not None and step.passes > self._limits.tolerance:
+                self._raise_price()
             if progress is not None:
                 progress(self.best)
             if self.best.settled or time.perf_counter() > self._limits.until:
@@ -230,7 +232,11 @@ class Search:
         """A step from the best motion, whose residuals are noted; None where none was found."""
         at, objective = self.best, self._objective
         linear = self._shooting.linearise(at.nodes, at.ends)
-        program = objective.program(at.nodes, linear, at.damping, at.force)
+        if not self._unit:
+            first = objective.program(at.nodes, linear, 0.0, at.force)
+            self._unit = max(float(np.max(np.abs(first.g))), _LEAST)
+        damping = self._unit * at.damping
+        program = objective.program(at.nodes, linear, damping, at.force)
         solution = self._solver.solve(program)
         if not solution.solved:
             return None
@@ -239,9 +245,8 @@ class Search:
         curved = np.einsum("nij,nj->ni", program.H, step)
         curved[1:, : u.shape[1]] += np.einsum("nij,ni->nj", program.cross[1:], step[:-1])
         curved[:-1] += np.einsum("nij,nj->ni", program.cross[1:], u[1:])
-        size = max(1.0, float(np.max(np.abs(program.g))))
+        size = max(float(np.max(np.abs(program.g))), _LEAST)
         gap, violation = objective.end_gap(at.nodes), objective.rows.violation(at.nodes, linear)
-        at.stationarity = float(np.max(np.abs(curved - at.damping * step))) / size
         at.defect = float(max(np.max(np.abs(linear.e)), np.max(np.abs(gap))))
         at.passed = float(np.max(violation, initial=0.0))
         at.solution = solution
@@ -249,11 +254,16 @@ class Search:
         has_end = objective.task.end is not None
         slope = float(np.sum(program.g * step) + has_end * (END_WEIGHT * gap + at.force) @ z[-1])
         price = objective.price
+        falls = slope - price * float(np.sum(violation) - np.sum(solution.passed))
+        # The second part is 0 only where multipliers and bounds are complementary, too.
+        bends = float(np.max(np.abs(curved - damping * step))) / size
+        saves = -min(falls, 0.0) / max(abs(at.cost), _LEAST)
+        at.stationarity = max(min(bends, 1.0), min(saves, 1.0))
         return _Step(
             z, u, longer,
             theta=float(np.sum(np.abs(linear.e)) + np.sum(np.abs(gap))),
             phi=at.cost + price * float(np.sum(violation)),
-            falls=slope - price * float(np.sum(violation) - np.sum(solution.passed)),
+            falls=falls,
             bend=float(np.sum(step * curved)),
             force=at.force + has_end * END_WEIGHT * (gap - z[-1]),
             passes=float(np.max(solution.passed, initial=0.0)),
@@ -280,7 +290,8 @@ class Search:
             predicted = max(-alpha * (step.falls + 0.5 * alpha * step.bend), _LEAST)
             saved, limits = step.phi - phi, self._limits
             is_small = abs(saved) <= limits.cost_tolerance * abs(step.phi)
-            is_small = is_small and step.theta <= limits.tolerance
+            is_small = is_small and step.theta <= limits.tolerance and halving == 0
+            is_small = is_small and at.damping <= NUMBERS.first_damping
             self._small_steps = self._small_steps + 1 if is_small else 0
             return replace(
                 at, nodes=nodes, ends=ends, cost=cost, iterations=at.iterations + 1,

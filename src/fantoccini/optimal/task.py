@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from fantoccini.arrays import check_positive
 from fantoccini.errors import StateError
 from fantoccini.marionette import Marionette
@@ -47,6 +49,8 @@ class Task:
     name: str = ""
 
     def __post_init__(self) -> None:
+        if np.ndim(self.duration) and np.shape(self.duration) != (2,):
+            raise StateError(f"duration is {self.duration!r}; needed: a number, or two")
         low, high = self.durations
         check_positive(duration=low, interval=self.interval, dt=self.dt)
         if not low <= high < math.inf:
@@ -61,9 +65,8 @@ class Task:
     @property
     def durations(self) -> tuple[float, float]:
         """The shortest and the longest duration [s]."""
-        if isinstance(self.duration, tuple):
-            return float(self.duration[0]), float(self.duration[1])
-        return float(self.duration), float(self.duration)
+        low, high = np.broadcast_to(np.asarray(self.duration, dtype=float), (2,))
+        return float(low), float(high)
 
     @property
     def is_free(self) -> bool:

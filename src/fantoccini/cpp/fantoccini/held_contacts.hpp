@@ -141,9 +141,8 @@ class HeldContacts : public FollowedPoints<Model> {
     return excess(f, c, x + 3 * c) > 0.0;
   }
 
-  // By how much the latest forces and accelerations break the law of contact, relative to the weight
-  // and to Flow::hddot_scale. Where modes end, the forces are those of the law, with which points may
-  // part that have none, and slide that are at their cones.
+  // By how much the latest forces and accelerations break the law, relative to the weight and to
+  // Flow::hddot_scale. Where modes end, points without force may part, and those at their cones slide.
   template <class F>
   double residual(const F& f) const {
     double most = 0.0;
@@ -184,8 +183,7 @@ class HeldContacts : public FollowedPoints<Model> {
     return 1.0 + mu * (G_[i * n_ + i + 1] * d[0] + G_[i * n_ + i + 2] * d[1]) / G_[i * n_ + i];
   }
 
-  // Whether friction is about to jam points, each by itself or several together: forces grow without
-  // bound, in ever shorter steps.
+  // Whether friction is about to jam one or more points: forces grow without bound.
   template <class F>
   bool jamming(const F& f) const {
     for (int c = 0; c < n; ++c) {
@@ -270,8 +268,7 @@ class HeldContacts : public FollowedPoints<Model> {
     return RUNNING;
   }
 
-  // hdot = 0 on the held rows, likewise; with `beginning` also across the normals of points that begin
-  // to slide, which then move against their friction from the start.
+  // hdot = 0 on the held rows, likewise; with `beginning` also across normals where points begin to slide.
   template <class F>
   void bring_to_rest(F& f, double* v_D, bool beginning = false) {
     const double none[room(R)] = {};
@@ -428,8 +425,7 @@ class HeldContacts : public FollowedPoints<Model> {
     }
   }
 
-  // The direction of friction at sliding point c in its tangents: that of hdot_T, also within the
-  // step in which it begins to slide; or the one kept, where it is at rest or turns back.
+  // The direction of friction at sliding point c: that of hdot_T, or the one kept at rest or turning back.
   void find_direction(int c) {
     double* d = direction_[c];
     const bool own = along(c) > Tolerance::stopped;
