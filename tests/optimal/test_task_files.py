@@ -191,6 +191,7 @@ MISTAKES = [
     (TRACK, ("60 deg,", "[1, 2],"), 12, "tracks[1].values[1]", "a number"),
     (TRACK, ("value: 1.0", "csv: ../numbers.csv"), 14, "tracks[2].csv", "no file in this one"),
     (TRACK, ("[0.5, null]", "[0.5, 0.2]"), 18, "bounds.position", "the first must be less"),
+    (TRACK, ("[0.5, null]", "[0.9, null]"), 17, "bounds", "hand.length is 0.8 at the start"),
     (TRACK, ("joint: {elbow", "joint: {elbw"), 19, "bounds.joint.elbw", "did you mean 'elbow'"),
     (TRACK, ("tension: {hand:", "tension: {hnd:"), 20, "bounds.tension.hnd", "'hand'"),
     (TRACK, ("speed: 2.0", "speed: 0"), 21, "bounds.speed", "greater than 0"),

@@ -19,7 +19,7 @@ NEEDED = (
     "lazy-loader",
     "matplotlib",
     "numpy",
-    "platformdirs",
+    "piqp", "platformdirs",
     "pydantic",
     "rich",
     "ruamel.yaml",

@@ -239,7 +239,7 @@ class OptimiseRequest(PictureOptions):
     save: Annotated[
         Path | None,
         typer.Option(
-            metavar="PATH", help="Save the inputs as a recording, for simulate --inputs: .npz."
+            metavar="PATH", help="Save the inputs as a recording (.npz), which simulate takes."
         ),
     ] = None
     show: Annotated[

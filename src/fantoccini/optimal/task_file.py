@@ -76,6 +76,7 @@ def load_task(
         _check_name(track, marionette, ("tracks", i), check)
     check.refuse()
     x0 = check.need(("start",), lambda: marionette.rest(file.start))
+    check(("bounds",), lambda: bounds.check_start(marionette, x0))
     reader = _Reader(marionette, x0, file.duration, located, check)
     tracks = [reader.track(track, ("tracks", i)) for i, track in enumerate(file.tracks)]
     check.refuse()
