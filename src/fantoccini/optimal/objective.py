@@ -16,10 +16,12 @@ from fantoccini.optimal.rows import Rows
 from fantoccini.optimal.targets import values_at
 from fantoccini.optimal.task import Task
 
-END_WEIGHT = 1e4
-"""Of the squares of what is left at the end, beside its multipliers."""
-_FIRST_PRICE = 10.0
-"""Of a unit of violation of a row."""
+_END_WEIGHT = 100.0
+"""Of the squares of what is left at the end, beside its multipliers; in units of the cost."""
+_FIRST_PRICE = 0.3
+"""Of a unit of violation of a row, in units of the cost."""
+_LEAST = 1e-12
+"""Unit of a cost that is 0."""
 _NEAR = 1e-2
 """Gap at the end above which the motion gets no shorter [m, rad and their rates]."""
 _SHARE = 0.1
@@ -35,13 +37,14 @@ class Objective:
         task: see :class:`Task`.
         rows: that may be passed.
         price: of a unit of violation of a row; the search raises it where rows are passed.
+        unit: of the cost: the largest gradient of the first motion, or its largest curvature.
 
     Args:
         task: see above.
     """
 
     def __init__(self, task: Task):
-        self.task, marionette, self.price = task, task.marionette, _FIRST_PRICE
+        self.task, marionette, self.unit, self.price = task, task.marionette, 0.0, 0.0
         n, k = marionette.coordinates.n_vD, marionette.coordinates.n_vK
         self._n_z, self._k = 2 * (n + k), k
         self._tracks = [track for track in task.tracks if track.kind != "tension"]
@@ -71,6 +74,22 @@ class Objective:
         )  # fmt: skip
         return float(max(np.max(part, initial=0.0) for part in parts))
 
+    @property
+    def end_weight(self) -> float:
+        """Of half the squares of what is left at the end; 0 where no end is asked for."""
+        return _END_WEIGHT * self.unit if self.task.end is not None else 0.0
+
+    def take_unit(self, nodes: Nodes, linear: LinearEnds) -> None:
+        """Takes the unit of the cost from a first motion."""
+        program = self.program(nodes, linear, 0.0, 0.0)
+        u = np.arange(len(self._u))
+        own = program.H[:, u, u]
+        curvature = float(np.max(own, initial=_LEAST))
+        unit = float(np.max(np.abs(program.g), initial=0.0))
+        unit = max(unit, self.task.time_weight * len(nodes) * self.task.is_free)
+        self.unit = unit if unit > 0.0 else curvature
+        self.price = _FIRST_PRICE * self.unit
+
     def end_gap(self, nodes: Nodes) -> Array:
         """(n_z,) the change that would bring the last node to the end that is asked for."""
         if self.task.end is None:
@@ -96,8 +115,8 @@ class Objective:
         self._add_pulls(nodes, linear, H, g, cross)
         if self.task.end is not None:
             ends = k + np.arange(n_z)
-            H[-1, ends, ends] += END_WEIGHT
-            g[-1, k:] -= END_WEIGHT * self.end_gap(nodes) + force
+            H[-1, ends, ends] += self.end_weight
+            g[-1, k:] -= self.end_weight * self.end_gap(nodes) + force
         every = np.arange(k + n_z)
         H[:, every, every] += damping
         numbers = nodes.numbers[1:]
@@ -118,12 +137,17 @@ class Objective:
             low[:, both], high[:, both], self.rows.by(nodes, linear)[:, :, of_rows],
             row_low - value, row_high - value, np.full(value.shape, self.price),
         )  # fmt: skip
-        if not self.task.is_free:
-            return made
+        return self._freed(nodes, linear, made, damping) if self.task.is_free else made
+
+    def _freed(
+        self, nodes: Nodes, linear: LinearEnds, program: StageProgram, damping: float
+    ) -> StageProgram:
+        """The same program where the length of the intervals is free."""
         _, over_time, of_jumps = self._parts(nodes, linear)
-        slope = self.task.time_weight * N + (over_time - of_jumps) / nodes.interval
+        slope = self.task.time_weight * len(nodes) + (over_time - of_jumps) / nodes.interval
         shortest, longest = self.longer(nodes)
-        return made.with_free_interval(linear.later[:, z], slope, shortest, longest, damping)
+        later = linear.later[:, self._z]
+        return program.with_free_interval(later, slope, shortest, longest, damping)
 
     def longer(self, nodes: Nodes) -> tuple[float, float]:
         """The least and the most by which a step may make the intervals longer [s].

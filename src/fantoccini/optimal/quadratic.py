@@ -127,19 +127,24 @@ class StageSolver:
         tolerance: of the residuals; the gap of duality may be ten times as large.
     """
 
-    def __init__(self, tolerance: float = 1e-6) -> None:
+    def __init__(self, tolerance: float = 1e-8) -> None:
         self._tolerance = tolerance
         self._solver: piqp.SparseSolver | None = None
         self._shape: tuple[int, ...] = ()
 
-    def solve(self, program: StageProgram) -> StageSolution:
-        """The solution."""
+    def solve(self, program: StageProgram, unit: float = 1.0) -> StageSolution:
+        """The solution.
+
+        Args:
+            program: see :class:`StageProgram`.
+            unit: of its cost; the tolerance is relative to it.
+        """
         N, s = program.g.shape
         k, m = program.B.shape[2], program.C.shape[1]
         n_z, width = s - k, s + m
         shape = (N, k, n_z, m)
-        P, c = self._hessian(program, width), np.zeros((N, width))
-        c[:, :s], c[:, s:] = program.g, program.elastic
+        P, c = self._hessian(program, width) / unit, np.zeros((N, width))
+        c[:, :s], c[:, s:] = program.g / unit, program.elastic / unit
         A, b = self._dynamics(program, width)
         low, high = np.zeros((N, width)), np.full((N, width), UNBOUNDED)
         low[:, :s], high[:, :s] = program.low, program.high
@@ -159,7 +164,7 @@ class StageSolver:
             solver.update(*arguments)
         status = solver.solve()
         x = np.array(solver.result.x).reshape(N, width)
-        y = np.array(solver.result.y)
+        y = unit * np.array(solver.result.y)
         z = np.concatenate([np.zeros((1, n_z)), x[:, k:s]])
         info = solver.result.info
         near = info.primal_res_rel < _GOOD and info.dual_res_rel < _GOOD

@@ -22,7 +22,7 @@ from fantoccini.optimal.targets import values_at
 from fantoccini.optimal.task import Task
 
 _DAMPING = 1e-6
-"""Of the Hessian of gains."""
+"""Of the Hessian of gains, in units of the cost."""
 
 
 class OptimalStatus(enum.Enum):
@@ -115,7 +115,8 @@ class Optimum:
         task = replace(self.task, duration=self.nodes.interval * len(self.nodes),
                        smooth=replace(self.task.smooth, jerk=0.0))  # fmt: skip
         objective = Objective(task)
-        program = objective.program(at.nodes, linear, _DAMPING, at.force)
+        objective.take_unit(at.nodes, linear)
+        program = objective.program(at.nodes, linear, _DAMPING * objective.unit, at.force)
         return objective.widened_gains(riccati_gains(program))
 
     def errors(self) -> dict[str, Array]:

@@ -21,7 +21,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.optimal.dynamics import Ends, LinearEnds
 from fantoccini.optimal.nodes import Nodes
-from fantoccini.optimal.objective import END_WEIGHT, Objective
+from fantoccini.optimal.objective import Objective
 from fantoccini.optimal.quadratic import StageSolution, StageSolver
 
 
@@ -40,7 +40,7 @@ class Numbers:
     """Of the method."""
 
     damping: float = 3e-8
-    """Least of the Hessian, relative to the largest gradient of the first motion."""
+    """Least of the Hessian, in units of the cost."""
     first_damping: float = 3e-4
     damping_factor: float = 4.0
     poor: float = 0.25
@@ -51,8 +51,8 @@ class Numbers:
     """Share of the predicted decrease that a step must reach."""
     halvings: int = 8
     price_factor: float = 4.0
-    highest_price: float = 1e5
-    """Of a unit of violation of a row."""
+    highest_price: float = 3e3
+    """Of a unit of violation of a row, in units of the cost."""
     small_steps: int = 4
     """In a row after which a motion counts as settled."""
     margin: float = 1e-5
@@ -114,7 +114,7 @@ class Iterate:
         passed: largest violation of rows.
         iterations: made.
         force: (n_z,) multipliers of the end.
-        damping: of the Hessian of the next step, relative to the gradient of the first motion.
+        damping: of the Hessian of the next step, in units of the cost.
         stalled, settled: whether no step helps any more, or hardly.
     """
 
@@ -192,7 +192,6 @@ class Search:
         self.best = start
         self._shooting, self._objective, self._limits = shooting, objective, limits
         self._solver, self._filter, self._small_steps = StageSolver(), Filter(), 0
-        self._unit = 0.0  # of damping: the largest gradient of the first motion
 
     def run(self, progress: Callable[[Iterate], None] | None = None) -> Iterate:
         """Iterates until the motion is optimal, or there is no more progress.
@@ -224,7 +223,7 @@ class Search:
 
     def _raise_price(self) -> None:
         """Where even the program passes rows, their price is too low, or they contradict."""
-        if self._objective.price < NUMBERS.highest_price:
+        if self._objective.price < NUMBERS.highest_price * self._objective.unit:
             self._objective.price *= NUMBERS.price_factor
             self._filter, self._small_steps = Filter(), 0
 
@@ -232,12 +231,11 @@ class Search:
         """A step from the best motion, whose residuals are noted; None where none was found."""
         at, objective = self.best, self._objective
         linear = self._shooting.linearise(at.nodes, at.ends)
-        if not self._unit:
-            first = objective.program(at.nodes, linear, 0.0, at.force)
-            self._unit = max(float(np.max(np.abs(first.g))), _LEAST)
-        damping = self._unit * at.damping
+        if not objective.unit:
+            objective.take_unit(at.nodes, linear)
+        damping = objective.unit * at.damping
         program = objective.program(at.nodes, linear, damping, at.force)
-        solution = self._solver.solve(program)
+        solution = self._solver.solve(program, objective.unit)
         if not solution.solved:
             return None
         u, z = solution.u, solution.z[1:]
@@ -251,8 +249,8 @@ class Search:
         at.passed = float(np.max(violation, initial=0.0))
         at.solution = solution
         z, u, longer = objective.widened(solution)
-        has_end = objective.task.end is not None
-        slope = float(np.sum(program.g * step) + has_end * (END_WEIGHT * gap + at.force) @ z[-1])
+        weight = objective.end_weight
+        slope = float(np.sum(program.g * step) + (weight * gap + at.force) @ z[-1])
         price = objective.price
         falls = slope - price * float(np.sum(violation) - np.sum(solution.passed))
         # The second part is 0 only where multipliers and bounds are complementary, too.
@@ -265,7 +263,7 @@ class Search:
             phi=at.cost + price * float(np.sum(violation)),
             falls=falls,
             bend=float(np.sum(step * curved)),
-            force=at.force + has_end * END_WEIGHT * (gap - z[-1]),
+            force=at.force + weight * (gap - z[-1]),
             passes=float(np.max(solution.passed, initial=0.0)),
         )  # fmt: skip
 
