@@ -45,7 +45,7 @@ def task(tmp_path, monkeypatch):
 def test_a_task_is_solved_drawn_and_written(task, tmp_path) -> None:
     result = fantoccini(
         "optimise", task, "--picture", "ring.png", "--save", "best.npz", "--out", "run.npz",
-        "--tolerance", "1e-4",
+        "--tolerance", "1e-4", "--cost-tolerance", "1e-9",
     )  # fmt: skip
     assert result.exit_code == 0, result.stderr
     for part in ("solved", "lower", "root mean square", "hand"):
