@@ -2,8 +2,8 @@
 
 The ``python`` blocks of a page run one after the other, as a reader would type them, in an empty
 folder. A ``yaml`` block that names a file in its first line (``# arm.yaml``, or for inputs
-``# lift.yaml for marionette_bar``) is that file, a problem where it says so; any other is a part
-that may be added to the first puppet file of the page.
+``# lift.yaml for marionette_bar``) is that file, a problem or a task where it says so; any other is
+a part that may be added to the first puppet file of the page.
 """
 
 from __future__ import annotations
@@ -58,6 +58,9 @@ def test_the_files_of_a_page_are_read_and_run(page, folder):
         elif re.search("^problem:", block, flags=re.MULTILINE):
             (folder / title[1]).write_text(block, encoding="utf-8")
             assert fan.solve(fan.load_problem(folder / title[1]), seed=0)
+        elif re.search("^task:", block, flags=re.MULTILINE):
+            (folder / title[1]).write_text(block, encoding="utf-8")
+            assert fan.optimise(fan.load_task(folder / title[1]))
         elif title[2]:
             (folder / title[1]).write_text(block, encoding="utf-8")
             marionette = getattr(fan.puppets, title[2])()

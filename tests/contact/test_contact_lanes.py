@@ -87,8 +87,9 @@ def test_lanes_keep_the_law_and_mind_no_neighbour(stage):
 
 def test_a_step_of_a_lane_is_that_of_a_single_run(stage):
     """From the same states, with impacts, slipping feet, bounces and strings that catch. Where
-    several points slide, Coulomb's law may leave open how they share what they carry."""
-    method, touched, exact = fan.TimeStepping(dt=DT), 0, 0
+    several points slide, Coulomb's law may leave open how they share what they carry; in one case of
+    these feet slide lightly under two strings, or stem and slacken one of them."""
+    method, touched, exact, several = fan.TimeStepping(dt=DT), 0, 0, 0
     run = stepped(stage, states(stage, 8, seed=1), 40)
     for k in (5, 20, 39):
         starts = [run.trajectory(i).state(k).replace(t=0.0) for i in range(8)]
@@ -100,6 +101,12 @@ def test_a_step_of_a_lane_is_that_of_a_single_run(stage):
             shared = np.sum(np.linalg.norm(contact.velocity, axis=1) > 1e-5) > 1
             exact += not shared
             atol = 1e-5 if shared else 1e-8
-            assert np.allclose(lanes.v_D[i, 1], one.v_D[1], atol=atol), (k, i)
-            assert np.allclose(lanes.tension.values[i, 1], one.tension.values[1], atol=1e3 * atol)
-    assert touched > 8 and exact > 5
+            same = np.allclose(lanes.v_D[i, 1], one.v_D[1], atol=atol) and np.allclose(
+                lanes.tension.values[i, 1], one.tension.values[1], atol=1e3 * atol
+            )
+            if not same:
+                # Two motions, and the law holds for both.
+                assert shared, (k, i)
+                assert max(one.contact_residual[1], lanes.contact_residual[i, 1]) < LAW, (k, i)
+                several += 1
+    assert touched > 8 and exact > 5 and several <= 1

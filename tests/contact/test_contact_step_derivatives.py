@@ -255,7 +255,7 @@ def test_the_bundled_marionette_stands():
     """On both soles, each with two points, held by strings and knees."""
     puppet = fan.puppets.promenade()
     x = puppet.rest()
-    lin = check_step(puppet, x, ["stick"] * 4, bound=2e-7, steps=Steps(q=2e-8, v=2e-7, a=1e-3))
+    lin = check_step(puppet, x, ["stick"] * 4, bound=2e-7, steps=Steps(q=3e-8, v=2e-7, a=1e-3))
     assert {point.name for point in lin.contacts} == {"shin_left|floor", "shin_right|floor"}
     assert "head" in lin.rows
 
