@@ -87,8 +87,8 @@ def test_lanes_keep_the_law_and_mind_no_neighbour(stage):
 
 def test_a_step_of_a_lane_is_that_of_a_single_run(stage):
     """From the same states, with impacts, slipping feet, bounces and strings that catch. Where
-    several points slide, Coulomb's law may leave open how they share what they carry; in one of these
-    cases feet slide lightly under two strings, or stem and slacken one of them."""
+    several points slide, Coulomb's law may leave open how they share what they carry; in one of
+    these cases feet slide lightly under two strings, or stem and slacken one of them."""
     method, touched, exact, several = fan.TimeStepping(dt=DT), 0, 0, 0
     run = stepped(stage, states(stage, 8, seed=1), 40)
     for k in (5, 20, 39):
