@@ -6,9 +6,9 @@ from pathlib import Path
 
 import typer
 
-from fantoccini.cli.files import PICTURES, check_output, fail, writing
+from fantoccini.cli.files import fail, writing
 from fantoccini.cli.guard import FAILED, INTERRUPTED
-from fantoccini.cli.outputs import check_outputs, write_outputs
+from fantoccini.cli.outputs import check_extras, check_outputs, write_outputs
 from fantoccini.cli.requests import OptimiseRequest
 from fantoccini.cli.show import show_run
 from fantoccini.cli.terminal import Steps, say, table, write
@@ -56,10 +56,7 @@ def _check_options(request: OptimiseRequest) -> None:
     out = request.out or []
     check_outputs(out, None)
     request.look.check(out, request.picture)
-    if request.picture is not None:
-        check_output(request.picture, PICTURES, "--picture")
-    if request.save is not None:
-        check_output(request.save, (".npz",), "--save")
+    check_extras(request.picture, request.save)
     given = {"--out": out, "--picture": request.picture, "--save": request.save}
     if request.check and any(given.values()):
         fail("writes nothing; it goes without --out, --picture and --save", "--check")

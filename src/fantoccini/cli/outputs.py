@@ -29,6 +29,14 @@ def check_outputs(out: Sequence[Path], plot: Path | None) -> None:
             fail(f"{path} is given twice", "--out")
 
 
+def check_extras(picture: Path | None, save: Path | None) -> None:
+    """Raises a usage error if what ``--picture`` and ``--save`` name cannot be written."""
+    if picture is not None:
+        check_output(picture, PICTURES, "--picture")
+    if save is not None:
+        check_output(save, (".npz",), "--save")
+
+
 def write_outputs(
     marionette: Marionette,
     run: Trajectory,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import typer
 
-from fantoccini.cli.files import PICTURES, check_output, fail
+from fantoccini.cli.files import fail
 from fantoccini.cli.guard import FAILED
-from fantoccini.cli.outputs import check_outputs, write_outputs
+from fantoccini.cli.outputs import check_extras, check_outputs, write_outputs
 from fantoccini.cli.requests import PlanRequest
 from fantoccini.cli.show import show_plan
 from fantoccini.cli.terminal import Steps, say, table, write
@@ -23,10 +23,7 @@ def plan_file(request: PlanRequest) -> None:
     out = request.out or []
     check_outputs(out, None)
     request.look.check(out, request.picture)
-    if request.picture is not None:
-        check_output(request.picture, PICTURES, "--picture")
-    if request.save is not None:
-        check_output(request.save, (".npz",), "--save")
+    check_extras(request.picture, request.save)
     if request.seed < 0:
         fail(f"{request.seed} is negative", "--seed")
     overrides = {"tolerance": request.tolerance, "threads": request.threads}

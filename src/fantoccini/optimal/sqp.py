@@ -36,8 +36,8 @@ class Shooting(Protocol):
 
 
 @dataclass(frozen=True)
-class Numbers:
-    """Of the method."""
+class SearchSettings:
+    """Numbers of the search: damping, line search and filter."""
 
     damping: float = 3e-8
     """Least of the Hessian, in units of the cost."""
@@ -63,7 +63,7 @@ class Numbers:
     """Largest theta, relative to 1 or to that of the start."""
 
 
-NUMBERS = Numbers()
+SETTINGS = SearchSettings()
 _LEAST = 1e-300
 """Decrease that is predicted at least: above 0."""
 
@@ -84,16 +84,16 @@ class Filter:
         """
         theta, phi = before
         if not self._most:
-            self._most = NUMBERS.most * max(1.0, theta)
+            self._most = SETTINGS.most * max(1.0, theta)
         if not (np.isfinite(now[1]) and now[0] <= self._most):
             return False
-        margin = 1.0 - NUMBERS.margin
-        if any(now[0] > margin * a and now[1] > b - NUMBERS.margin * a for a, b in self._pairs):
+        margin = 1.0 - SETTINGS.margin
+        if any(now[0] > margin * a and now[1] > b - SETTINGS.margin * a for a, b in self._pairs):
             return False
         rounding = 1e-13 * abs(phi)
-        if falls < 0.0 and (-falls) ** NUMBERS.powers[0] > theta ** NUMBERS.powers[1]:
-            return now[1] <= phi + NUMBERS.decrease * falls + rounding
-        if now[0] <= margin * theta or now[1] <= phi - NUMBERS.margin * theta:
+        if falls < 0.0 and (-falls) ** SETTINGS.powers[0] > theta ** SETTINGS.powers[1]:
+            return now[1] <= phi + SETTINGS.decrease * falls + rounding
+        if now[0] <= margin * theta or now[1] <= phi - SETTINGS.margin * theta:
             self._pairs.append(before)
             return True
         return theta == 0.0 and now[0] == 0.0 and now[1] <= phi + rounding
@@ -127,7 +127,7 @@ class Iterate:
     passed: float = np.inf
     iterations: int = 0
     force: Array | float = 0.0
-    damping: float = NUMBERS.first_damping
+    damping: float = SETTINGS.first_damping
     stalled: bool = False
     settled: bool = False
 
@@ -207,8 +207,8 @@ class Search:
             made = None if step is None else self._along(step)
             at.iterations += 1
             if made is None:
-                at.damping *= NUMBERS.damping_factor**2
-                if at.damping > NUMBERS.most_damping:
+                at.damping *= SETTINGS.damping_factor**2
+                if at.damping > SETTINGS.most_damping:
                     at.stalled = True
                     break
             else:
@@ -223,8 +223,8 @@ class Search:
 
     def _raise_price(self) -> None:
         """Where even the program passes rows, their price is too low, or they contradict."""
-        if self._objective.price < NUMBERS.highest_price * self._objective.unit:
-            self._objective.price *= NUMBERS.price_factor
+        if self._objective.price < SETTINGS.highest_price * self._objective.unit:
+            self._objective.price *= SETTINGS.price_factor
             self._filter, self._small_steps = Filter(), 0
 
     def _step(self) -> _Step | None:
@@ -270,7 +270,7 @@ class Search:
     def _along(self, step: _Step) -> Iterate | None:
         """The motion as far along a step as the filter accepts it."""
         at, objective = self.best, self._objective
-        for halving in range(NUMBERS.halvings):
+        for halving in range(SETTINGS.halvings):
             alpha = 0.5**halving
             made = self._shooting.moved(
                 at.nodes, alpha * step.z, alpha * step.u, alpha * step.longer
@@ -289,12 +289,12 @@ class Search:
             saved, limits = step.phi - phi, self._limits
             is_small = abs(saved) <= limits.cost_tolerance * abs(step.phi)
             is_small = is_small and step.theta <= limits.tolerance and halving == 0
-            is_small = is_small and at.damping <= NUMBERS.first_damping
+            is_small = is_small and at.damping <= SETTINGS.first_damping
             self._small_steps = self._small_steps + 1 if is_small else 0
             return replace(
                 at, nodes=nodes, ends=ends, cost=cost, iterations=at.iterations + 1,
                 force=step.force, damping=_damping(at.damping, alpha, saved / predicted),
-                settled=self._small_steps == NUMBERS.small_steps,
+                settled=self._small_steps == SETTINGS.small_steps,
             )  # fmt: skip
         return None
 
@@ -307,8 +307,8 @@ def _damping(damping: float, alpha: float, gain: float) -> float:
         alpha: how far the step went.
         gain: decrease of the merit relative to what was predicted.
     """
-    if alpha < 1.0 or gain < NUMBERS.poor:
-        return damping * NUMBERS.damping_factor
-    if gain > NUMBERS.good:
-        return max(damping / NUMBERS.damping_factor, NUMBERS.damping)
+    if alpha < 1.0 or gain < SETTINGS.poor:
+        return damping * SETTINGS.damping_factor
+    if gain > SETTINGS.good:
+        return max(damping / SETTINGS.damping_factor, SETTINGS.damping)
     return damping
