@@ -54,7 +54,14 @@ class ContactPoints : public PlacedLinks<Model, Real> {
   bool too_many[width] = {};  // whether a lane has had more points than there is room for
   Triple<Real> row[room(C)][room(N)];  // of A_D: every point's normal and tangents
   Triple<Real> rate_K[room(C)];        // A_K v_K of these rows
-  MovedBy<N> moved[room(C)];       // where a point's rows may differ from zero
+  using Moved =
+      std::conditional_t<(width > 1), MovedInLanes<N, Real>, MovedBy<N>>;
+  Moved moved[room(C)];                // where a point's rows may differ from zero
+
+  // Whether there is a point i in a lane. Bundles leave places free; see ContactPointsLanes.
+  FAN_FN bool has(int l, int i) const {
+    return i < n[l] && (width == 1 || point[l][i].pair >= 0);
+  }
 
   // Takes the solids; nothing is known of where they are.
   FAN_FN void begin(const ContactArrays& in) {
@@ -171,10 +178,12 @@ class ContactPoints : public PlacedLinks<Model, Real> {
     return least;
   }
 
-  // The points at (q_D, q_K) over a step dt, in the lanes that are not idle.
+  // The points at (q_D, q_K) over a step dt, in the lanes that are not idle. pushed(lane, point) tells
+  // which pushed in the step before, for bundles.
+  template <class Pushed>
   FAN_FN void find(
       const ContactArrays& in, const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
-      const Real* p, double dt, const Mask& idle) {
+      const Real* p, double dt, const Mask& idle, const Pushed&) {
     Call<Model, Real>::screws(q_D, q_K, p, links_);
     most = 0;
     passing_within_ = 0.0;
@@ -389,7 +398,7 @@ class ContactPoints : public PlacedLinks<Model, Real> {
     for (int side = 0; side < 2; ++side) {
       const int link = links[side] = in.solids[in.pairs[2 * from.pair + side]].link;
       const int *begin = Model::moved_D_begin + link, *entry = Model::moved_D_entry;
-      if (link >= 0) moved[i].add(link, entry + begin[0], entry + begin[1]);
+      if (link >= 0) moved[i].add_in(l, link, entry + begin[0], entry + begin[1]);
     }
     const bool fresh = width == 1 && moved[i].apart;
     if (width == 1 && !fresh) clear_row(i);

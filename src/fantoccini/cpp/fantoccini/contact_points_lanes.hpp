@@ -1,6 +1,10 @@
 // Contact points of a bundle of lanes: the links' motion, the balls around their solids, the test
 // whether lists of near pairs still hold, and the rows of A_D in all lanes at once. Pairs that are
 // near are looked at lane by lane, which places only their links.
+//
+// Points have places that agree between lanes as far as they can: first those that pushed in the step
+// before, in the order of their pairs, then the others, each pair with as many places as the lane
+// that has most of its points. Columns are made of places: so few are, and those of one link each.
 #pragma once
 
 #include "contact_points.hpp"
@@ -14,7 +18,7 @@ class ContactPointsLanes : public ContactPoints<Model, Real> {
  public:
   using Points::C, Points::N, Points::width, Points::n, Points::most, Points::point, Points::row;
   using Points::rate_K, Points::moved;
-  using typename Points::Mask, typename Points::Tolerance;
+  using typename Points::Mask, typename Points::Point, typename Points::Tolerance;
 
   // Takes the solids; nothing is known of where they are.
   FAN_FN void begin(const ContactArrays& in) {
@@ -23,9 +27,10 @@ class ContactPointsLanes : public ContactPoints<Model, Real> {
   }
 
   // As ContactPoints::find().
+  template <class Pushed>
   FAN_FN void find(
       const ContactArrays& in, const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
-      const Real* p, double dt, const Mask& idle) {
+      const Real* p, double dt, const Mask& idle, const Pushed& pushed) {
     Call<Model, Real>::screws(q_D, q_K, p, links_);
     most = 0;
     passing_within_ = 0.0;
@@ -45,8 +50,8 @@ class ContactPointsLanes : public ContactPoints<Model, Real> {
         this->look_at_near(in, dt, l);
         learn(l);
       }
-      if (n[l] > most) most = n[l];
     }
+    arrange(in, pushed);
     for (int i = 0; i < most; ++i) {
       this->clear(i);
       fill_all(in, i, v_K);
@@ -57,6 +62,56 @@ class ContactPointsLanes : public ContactPoints<Model, Real> {
   using Points::L, Points::NK, Points::links_, Points::near_, Points::reach_, Points::around_;
   using Points::speed_at_start_, Points::passing_within_, Points::slack_, Points::is_placed_;
   using Points::lane_, Points::poses_, Points::has_solids, Points::load, Points::move, Points::place;
+
+  // The places of points of one key: the pair, those that pushed before the others.
+  struct Places {
+    int key, n, first;
+  };
+
+  // Gives all points their places. Where there are too many, each lane has its own in that order.
+  template <class Pushed>
+  FAN_FN void arrange(const ContactArrays& in, const Pushed& pushed) {
+    Places places[room(C)];
+    int key[width][room(C)], n_places = 0, n_all = 0;
+    bool fits = true;
+    for (int l = 0; l < width; ++l)
+      for (int i = 0, same[2] = {}; i < n[l]; ++i) {
+        const int pair = point[l][i].pair, late = !pushed(l, point[l][i]);
+        if (i == 0 || pair != point[l][i - 1].pair) same[0] = same[1] = 0;
+        const int own = key[l][i] = pair + late * int(in.n_pairs), count = ++same[late];
+        int k = 0;
+        while (k < n_places && places[k].key < own) ++k;
+        if (k == n_places || places[k].key != own) {
+          fits = fits && n_places < C;
+          if (!fits) continue;
+          for (int j = n_places++; j > k; --j) places[j] = places[j - 1];
+          places[k] = {own, 0, 0};
+        }
+        if (places[k].n < count) places[k].n = count;
+      }
+    for (int k = 0; k < n_places; ++k) {
+      places[k].first = n_all;
+      n_all += places[k].n;
+    }
+    fits = fits && n_all <= C;
+    for (int l = 0; l < width; ++l) {
+      Point own[room(C)];
+      const int n_own = n[l];
+      for (int i = 0; i < n_own; ++i) own[i] = point[l][i];
+      n[l] = 0;
+      const auto put = [&](int i) { point[l][n[l]++] = own[i]; };
+      for (int k = 0; k < n_places && fits; ++k) {
+        const int end = places[k].first + places[k].n;
+        for (int i = 0; i < n_own; ++i)
+          if (key[l][i] == places[k].key) put(i);
+        while (n[l] < end) point[l][n[l]++].pair = -1;
+      }
+      for (int late = 0; late < 2 && !fits; ++late)
+        for (int i = 0; i < n_own; ++i)
+          if ((key[l][i] >= in.n_pairs) == late) put(i);
+      if (n[l] > most) most = n[l];
+    }
+  }
 
   // As PlacedLinks::move().
   FAN_FN void move_all(const Real* v_D, const Real* v_K) {
@@ -149,37 +204,38 @@ class ContactPointsLanes : public ContactPoints<Model, Real> {
 
   // The rows of point i of all lanes: first what moves the first bodies, then the second ones.
   FAN_FN void fill_all(const ContactArrays& in, int i, const Real* v_K) {
-    Real at[3], frame[9], sign[2][width];
-    int link[2][width], n_links[2] = {};
+    Real at[3], frame[9], sign[2][2 * width];
     for (int k = 0; k < 3; ++k) at[k] = Real(0.0);
     for (int k = 0; k < 9; ++k) frame[k] = Real(0.0);
+    auto& links = moved[i];
+    bool is_side[2][2 * width];
     for (int l = 0; l < width; ++l) {
-      if (i >= n[l]) continue;
+      if (!this->has(l, i)) continue;
       const auto& from = point[l][i];
       for (int k = 0; k < 3; ++k) lane_of(at[k], l) = from.at[k];
       for (int k = 0; k < 9; ++k) lane_of(frame[k], l) = from.frame[k];
       for (int side = 0; side < 2; ++side) {
-        const int which = in.solids[in.pairs[2 * from.pair + side]].link;
-        if (which < 0) continue;
-        int& known = n_links[side];
-        int j = 0;
-        while (j < known && link[side][j] != which) ++j;
-        if (j == known) {
-          link[side][known++] = which;
-          sign[side][j] = Real(0.0);
+        const int link = in.solids[in.pairs[2 * from.pair + side]].link;
+        if (link < 0) continue;
+        const int known = links.n_links, *begin = Model::moved_D_begin + link;
+        const int *entry = Model::moved_D_entry;
+        const int j = links.add_in(l, link, entry + begin[0], entry + begin[1]);
+        for (int s = 0; s < 2 && j == known; ++s) {
+          sign[s][j] = Real(0.0);
+          is_side[s][j] = false;
         }
         lane_of(sign[side][j], l) = side ? 1.0 : -1.0;
+        is_side[side][j] = true;
       }
     }
     for (int side = 0; side < 2; ++side)
-      for (int j = 0; j < n_links[side]; ++j)
-        add_link(i, link[side][j], sign[side][j], at, frame, v_K);
+      for (int j = 0; j < links.n_links; ++j)
+        if (is_side[side][j]) add_link(i, links.which[j], sign[side][j], at, frame, v_K);
   }
 
   FAN_FN void add_link(
       int i, int link, const Real& sign, const Real* at, const Real* frame, const Real* v_K) {
     const int *begin = Model::moved_D_begin + link, *entry = Model::moved_D_entry;
-    moved[i].add(link, entry + begin[0], entry + begin[1]);
     const auto add = [&](const Real* s, const Real& by, Triple<Real>& to) {
       Real v[3];
       cross(s + 3, at, v);

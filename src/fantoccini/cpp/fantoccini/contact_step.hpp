@@ -70,11 +70,13 @@ class ContactStep : public ContactLanes<Model, Real> {
       const Real* v_D, const Real* q_K, const Real* v_K, const Real* p, double dt, double whole,
       double recovery_speed, const Mask& idle) {
     in_ = &in;
-    points_.find(in, q_D, v_D, q_K, v_K, p, dt, idle);
+    const auto pushed = [&](int l, const auto& point) { return place_of(l, point) >= 0; };
+    points_.find(in, q_D, v_D, q_K, v_K, p, dt, idle, pushed);
     violation = work = impact = friction = residual = Real(0.0);
     for (int l = 0; l < width; ++l) {
       chosen_[l] = 0;
       for (int i = 0; i < points_.n[l]; ++i) {
+        if (!points_.has(l, i)) continue;
         const double depth = -points_.point[l][i].gap;
         if (depth > lane_of(violation, l)) lane_of(violation, l) = depth;
       }
@@ -103,7 +105,7 @@ class ContactStep : public ContactLanes<Model, Real> {
       const Triple<Real> start = rates(i, v_D);
       for (int d = 0; d < 3; ++d) hdot_[3 * i + d] = start[d];
       for (int l = 0; l < width; ++l)
-        if (i < points_.n[l]) aim(l, i, dt, whole, recovery_speed);
+        if (points_.has(l, i)) aim(l, i, dt, whole, recovery_speed);
     }
   }
 
@@ -152,7 +154,7 @@ class ContactStep : public ContactLanes<Model, Real> {
     for (int i = 0; i < points_.most; ++i) {
       const Real now = rates(i, v)[0];
       for (int l = 0; l < width; ++l) {
-        if (i >= points_.n[l] || near_[l][i]) continue;
+        if (!points_.has(l, i) || near_[l][i]) continue;
         const double closing =
             lane_of(now, l) + lane_of(b_[3 * i], l) - lane_of(before_[3 * i], l);
         if (!(closing > Tolerance::passing_speed)) continue;
@@ -333,8 +335,10 @@ class ContactStep : public ContactLanes<Model, Real> {
     parting_[l][i] = parting;
     bounces_[l] = bounces_[l] || bounces;
     lane_of(b_[3 * i], l) = before + (bounces ? rebound : parting);
-    // Where other points of the pair carried it before, they are tried first; see watch().
-    const bool waits = is_carried_[l][i] && !bounces;
+    // Where other points of the pair carried it before, they are tried first; see watch(). In bundles
+    // not if the present velocity closes it: trying again costs all lanes.
+    const bool soon = width > 1 && hdot + parting > 0.0;
+    const bool waits = is_carried_[l][i] && !bounces && !soon;
     near_[l][i] = near_[l][i] || (!waits && lane_of(b_[3 * i], l) > 0.0);
     chosen_[l] += near_[l][i];
   }
@@ -342,20 +346,29 @@ class ContactStep : public ContactLanes<Model, Real> {
   // Finds the points of a lane that pushed in the step before, with their impulses as the first
   // guess; they take part.
   FAN_FN void recall(int l) {
-    int j = 0;
     for (int i = 0; i < points_.n[l]; ++i) {
+      steps_[l][i] = 0;
+      near_[l][i] = is_carried_[l][i] = false;
+      rebound_[l][i] = 0.0;
+      if (!points_.has(l, i)) continue;
       const auto& p = points_.point[l][i];
-      while (j < n[l] && earlier(push[l][j], p)) ++j;
-      const bool pushed = j < n[l] && push[l][j].pair == p.pair && push[l][j].feature == p.feature;
-      steps_[l][i] = pushed ? push[l][j].steps : 0;
-      near_[l][i] = pushed;
-      is_carried_[l][i] = false;
+      const int j = place_of(l, p);
+      near_[l][i] = j >= 0;
       for (int k = 0; k < n[l]; ++k)
         is_carried_[l][i] = is_carried_[l][i] || push[l][k].pair == p.pair;
-      if (!pushed) continue;
+      if (j < 0) continue;
+      steps_[l][i] = push[l][j].steps;
       for (int d = 0; d < 3; ++d)
         lane_of(x_[3 * i + d], l) = dot3(p.frame + 3 * d, push[l][j].impulse);
     }
+  }
+
+  // Which of the points of a lane that pushed in the step before it is; -1 for none.
+  template <class Point>
+  FAN_FN int place_of(int l, const Point& p) const {
+    int j = 0;
+    while (j < n[l] && earlier(push[l][j], p)) ++j;
+    return j < n[l] && push[l][j].pair == p.pair && push[l][j].feature == p.feature ? j : -1;
   }
 
   template <class Other>
