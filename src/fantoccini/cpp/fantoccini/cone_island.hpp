@@ -39,18 +39,17 @@ struct ConeIsland : ConeLaw {
   }
 
   // Whether the law holds, up to the residual. If not, x is the best that was found within the
-  // bounds. `is_hard`: begins with the method of multipliers.
+  // bounds. `is_hard`: steps from the guess were tried, and the method of multipliers is next.
   FAN_FN bool solve(bool is_hard = false) {
     iterations = rounds = 0;
     residual = best_residual_ = unbounded;
     weigh();
     const bool guessed = take_guess();
-    for (int i = 0; i < n && is_hard; ++i) x[i] = 0.0;
     for (int i = 0; i < n; ++i) best_[i] = x[i];
-    bool done = !is_hard && newton(Tolerance::raise, Tolerance::steps, Tolerance::steps);
-    if (!done && guessed && !is_hard) {
+    bool done = is_hard ? damped() : newton(Tolerance::raise, Tolerance::steps, Tolerance::steps);
+    if (!done && guessed) {
       for (int i = 0; i < n; ++i) x[i] = 0.0;
-      done = newton(Tolerance::raise, Tolerance::steps, Tolerance::steps);
+      done = !is_hard && newton(Tolerance::raise, Tolerance::steps, Tolerance::steps);
     }
     const int attempts = is_hard ? Tolerance::hard_attempts : Tolerance::attempts;
     const int rounds_of_first = is_hard ? Tolerance::hard_rounds : Tolerance::rounds;
@@ -207,6 +206,53 @@ struct ConeIsland : ConeLaw {
       ++tries;
     }
     for (int i = 0; i < n; ++i) x[i] = centre_[i];
+    return false;
+  }
+
+  // A few of Newton's steps from x, each with its centre there, of which a part is taken where that
+  // breaks the law less. Whether x is a solution.
+  FAN_FN bool damped() {
+    double from[N], of[N], to[N], image[N];
+    measure();
+    if (is_solution()) return true;
+    for (int k = 0; k < Tolerance::damped_steps; ++k) {
+      const double before = residual;
+      for (int i = 0; i < n; ++i) {
+        centre_[i] = from[i] = x[i];
+        of[i] = s[i];
+      }
+      choose(0.0);
+      if (!step(Tolerance::damping * top_)) return false;
+      ++iterations;
+      measure();
+      if (is_solution()) {
+        if (residual > Tolerance::rough) refine();
+        return true;
+      }
+      for (int i = 0; i < n; ++i) {
+        to[i] = x[i];
+        image[i] = s[i];
+      }
+      double best = speed, part = 1.0;
+      const auto take = [&](double share) {
+        for (int i = 0; i < n; ++i) {
+          x[i] = share == 1.0 ? to[i] : from[i] + share * (to[i] - from[i]);
+          s[i] = share == 1.0 ? image[i] : of[i] + share * (image[i] - of[i]);
+        }
+        return violation(0.0);
+      };
+      double tried = 1.0;
+      for (int j = 0; j < Tolerance::halvings && !(best <= before * scale_); ++j) {
+        tried *= 0.5;
+        const double found = take(tried);
+        if (best <= found) continue;
+        best = found;
+        part = tried;
+      }
+      if (tried != part) take(part);
+      speed = best;
+      residual = best / larger(scale_, negligible);
+    }
     return false;
   }
 

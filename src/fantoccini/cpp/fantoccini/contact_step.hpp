@@ -171,7 +171,7 @@ class ContactStep : public ContactLanes<Model, Real> {
   // is the gathered rows' hdot after the step without impulses.
   FAN_FN void settle(
       const Evaluation<Model, Real>& eval, RowSystem<Model, Real>& rows, const Mask* near,
-      const Real* guess, const Real* before, double cap, Mask& settled) {
+      Real* guess, const Real* before, double cap, Mask& settled) {
     this->make_columns(eval, rows, near, guess);
     Real found[room(M)], s[room(M)], of_lane = Real(0.0), well = Real(0.0);
     int taking_part[width];
