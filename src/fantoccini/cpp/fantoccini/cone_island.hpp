@@ -53,9 +53,10 @@ struct ConeIsland : ConeLaw {
     }
     const int attempts = is_hard ? Tolerance::hard_attempts : Tolerance::attempts;
     const int rounds_of_first = is_hard ? Tolerance::hard_rounds : Tolerance::rounds;
+    const int patience = is_hard ? Tolerance::hard_patience : Tolerance::patience;
     for (int k = 0; k < attempts && !done; ++k) {
       multipliers(rounds_of_first << k);
-      done = newton(Tolerance::firm_raise, Tolerance::patience, Tolerance::firm_steps);
+      done = (is_hard && damped()) || newton(Tolerance::firm_raise, patience, Tolerance::firm_steps);
     }
     if (done) return true;
     for (int i = 0; i < n; ++i) x[i] = best_[i];

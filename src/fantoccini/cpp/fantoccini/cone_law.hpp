@@ -43,6 +43,7 @@ struct ConeTolerances {
   // The method of multipliers then: few rounds are often enough.
   static constexpr int hard_attempts = 9;
   static constexpr int hard_rounds = 8;
+  static constexpr int hard_patience = 8;
   // The method's penalty and its hold on the last x, relative to g; its over-relaxation.
   static constexpr double penalty = 0.1;
   static constexpr double hold = 1e-8;
