@@ -47,6 +47,8 @@ class ContactPoints : public PlacedLinks<Model, Real> {
     int pair, feature, region;  // of ContactArrays; which of the pair's points; of Touch
     double gap, at[3];       // m
     double frame[9];         // normal, tangent, tangent
+    int before;              // which of those that pushed in the step before; -1 for none
+    bool carried;            // whether any of its pair did
   };
 
   int n[width], most;        // points of each lane, and of the one that has most
@@ -178,12 +180,12 @@ class ContactPoints : public PlacedLinks<Model, Real> {
     return least;
   }
 
-  // The points at (q_D, q_K) over a step dt, in the lanes that are not idle. pushed(lane, point) tells
-  // which pushed in the step before, for bundles.
-  template <class Pushed>
+  // The points at (q_D, q_K) over a step dt, in the lanes that are not idle. recall(lane) then
+  // tells points what pushed in the step before.
+  template <class Recall>
   FAN_FN void find(
       const ContactArrays& in, const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
-      const Real* p, double dt, const Mask& idle, const Pushed&) {
+      const Real* p, double dt, const Mask& idle, const Recall& recall) {
     Call<Model, Real>::screws(q_D, q_K, p, links_);
     most = 0;
     passing_within_ = 0.0;
@@ -195,6 +197,7 @@ class ContactPoints : public PlacedLinks<Model, Real> {
       place();
       for (int i = 0; i < L; ++i) lane_of(speed_at_start_[i], l) = speed_[i];
       look_at_near(in, dt, l);
+      recall(l);
       if (n[l] > most) most = n[l];
     }
     for (int i = 0; i < most; ++i) clear(i);

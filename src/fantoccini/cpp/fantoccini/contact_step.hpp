@@ -70,8 +70,7 @@ class ContactStep : public ContactLanes<Model, Real> {
       const Real* v_D, const Real* q_K, const Real* v_K, const Real* p, double dt, double whole,
       double recovery_speed, const Mask& idle) {
     in_ = &in;
-    const auto pushed = [&](int l, const auto& point) { return place_of(l, point) >= 0; };
-    points_.find(in, q_D, v_D, q_K, v_K, p, dt, idle, pushed);
+    points_.find(in, q_D, v_D, q_K, v_K, p, dt, idle, [&](int l) { recognise(l); });
     violation = work = impact = friction = residual = Real(0.0);
     for (int l = 0; l < width; ++l) {
       chosen_[l] = 0;
@@ -343,32 +342,29 @@ class ContactStep : public ContactLanes<Model, Real> {
     chosen_[l] += near_[l][i];
   }
 
-  // Finds the points of a lane that pushed in the step before, with their impulses as the first
-  // guess; they take part.
-  FAN_FN void recall(int l) {
+  // Tells the points of a lane, in order, which of them pushed in the step before.
+  FAN_FN void recognise(int l) {
+    int j = 0;
+    const auto is_of = [&](int k, int pair) { return k >= 0 && k < n[l] && push[l][k].pair == pair; };
     for (int i = 0; i < points_.n[l]; ++i) {
-      steps_[l][i] = 0;
-      near_[l][i] = is_carried_[l][i] = false;
-      rebound_[l][i] = 0.0;
-      if (!points_.has(l, i)) continue;
-      const auto& p = points_.point[l][i];
-      const int j = place_of(l, p);
-      near_[l][i] = j >= 0;
-      for (int k = 0; k < n[l]; ++k)
-        is_carried_[l][i] = is_carried_[l][i] || push[l][k].pair == p.pair;
-      if (j < 0) continue;
-      steps_[l][i] = push[l][j].steps;
-      for (int d = 0; d < 3; ++d)
-        lane_of(x_[3 * i + d], l) = dot3(p.frame + 3 * d, push[l][j].impulse);
+      auto& p = points_.point[l][i];
+      while (j < n[l] && earlier(push[l][j], p)) ++j;
+      p.before = is_of(j, p.pair) && push[l][j].feature == p.feature ? j : -1;
+      p.carried = is_of(j, p.pair) || is_of(j - 1, p.pair);
     }
   }
 
-  // Which of the points of a lane that pushed in the step before it is; -1 for none.
-  template <class Point>
-  FAN_FN int place_of(int l, const Point& p) const {
-    int j = 0;
-    while (j < n[l] && earlier(push[l][j], p)) ++j;
-    return j < n[l] && push[l][j].pair == p.pair && push[l][j].feature == p.feature ? j : -1;
+  // What pushed in the step before takes part, with its impulses as the first guess.
+  FAN_FN void recall(int l) {
+    for (int i = 0; i < points_.n[l]; ++i) {
+      const auto& p = points_.point[l][i];
+      near_[l][i] = points_.has(l, i) && p.before >= 0;
+      is_carried_[l][i] = points_.has(l, i) && p.carried;
+      steps_[l][i] = near_[l][i] ? push[l][p.before].steps : 0;
+      rebound_[l][i] = 0.0;
+      for (int d = 0; d < 3 && near_[l][i]; ++d)
+        lane_of(x_[3 * i + d], l) = dot3(p.frame + 3 * d, push[l][p.before].impulse);
+    }
   }
 
   template <class Other>
