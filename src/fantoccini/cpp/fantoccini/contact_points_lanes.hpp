@@ -313,18 +313,21 @@ class ContactPointsLanes : public ContactPoints<Model, Real> {
 
   FAN_FN void add_link(
       int i, int link, const Real& sign, const Real* at, const Real* frame, const Real* v_K) {
-    const int *begin = Model::moved_D_begin + link, *entry = Model::moved_D_entry;
-    const auto add = [&](const Real* s, const Real& by, Triple<Real>& to) {
-      Real v[3];
-      cross(s + 3, at, v);
-      FAN_UNROLL for (int c = 0; c < 3; ++c) v[c] = by * (s[c] + v[c]);
-      FAN_UNROLL for (int d = 0; d < 3; ++d) to.of[d] += dot3(frame + 3 * d, v);
+    // The three directions, and their moments about the origin.
+    Real of[9], moment[9];
+    for (int k = 0; k < 9; ++k) of[k] = sign * frame[k];
+    for (int d = 0; d < 9; d += 3) cross(at, of + d, moment + d);
+    const auto speed = [&](const Real* s, int d) {  // of the point, by a screw
+      return dot3(of + 3 * d, s) + dot3(moment + 3 * d, s + 3);
     };
-    for (int j = begin[0]; j < begin[1]; ++j)
-      add(links_.screw_D + 6 * entry[j], sign, row[i][entry[j]]);
+    for (int j = Model::moved_D_begin[link]; j < Model::moved_D_begin[link + 1]; ++j) {
+      const int k = Model::moved_D_entry[j];
+      FAN_UNROLL for (int d = 0; d < 3; ++d) row[i][k].of[d] += speed(links_.screw_D + 6 * k, d);
+    }
     for (int j = Model::moved_K_begin[link]; j < Model::moved_K_begin[link + 1]; ++j) {
       const int k = Model::moved_K_entry[j];
-      add(links_.screw_K + 6 * k, sign * v_K[k], rate_K[i]);
+      FAN_UNROLL for (int d = 0; d < 3; ++d)
+        rate_K[i].of[d] += v_K[k] * speed(links_.screw_K + 6 * k, d);
     }
   }
 

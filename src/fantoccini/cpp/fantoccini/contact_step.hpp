@@ -103,8 +103,8 @@ class ContactStep : public ContactLanes<Model, Real> {
     for (int i = 0; i < points_.most; ++i) {
       const Triple<Real> start = rates(i, v_D);
       for (int d = 0; d < 3; ++d) hdot_[3 * i + d] = start[d];
-      for (int l = 0; l < width; ++l)
-        if (points_.has(l, i)) aim(l, i, dt, whole, recovery_speed);
+      if constexpr (width > 1) aim_lanes(i, dt, whole, recovery_speed);
+      else aim(0, i, dt, whole, recovery_speed);
     }
   }
 
@@ -334,12 +334,43 @@ class ContactStep : public ContactLanes<Model, Real> {
     parting_[l][i] = parting;
     bounces_[l] = bounces_[l] || bounces;
     lane_of(b_[3 * i], l) = before + (bounces ? rebound : parting);
-    // Where other points of the pair carried it before, they are tried first; see watch(). In bundles
-    // not if the present velocity closes it: trying again costs all lanes.
-    const bool soon = width > 1 && hdot + parting > 0.0;
-    const bool waits = is_carried_[l][i] && !bounces && !soon;
+    // Where other points of the pair carried it before, they are tried first; see watch().
+    const bool waits = is_carried_[l][i] && !bounces;
     near_[l][i] = near_[l][i] || (!waits && lane_of(b_[3 * i], l) > 0.0);
     chosen_[l] += near_[l][i];
+  }
+
+  // The same of the points i of all lanes. A point does not wait if the present velocity closes it:
+  // trying again costs all lanes.
+  FAN_FN void aim_lanes(int i, double dt, double whole, double recovery_speed) {
+    Real h = Real(0.0), restitution = h, is_new = h, carried = h, there = h;
+    for (int l = 0; l < width; ++l) {
+      if (!points_.has(l, i)) continue;
+      const auto& point = points_.point[l][i];
+      lane_of(there, l) = 1.0;
+      lane_of(h, l) = -point.gap;
+      lane_of(restitution, l) = in_->restitution[point.pair];
+      lane_of(is_new, l) = steps_[l][i] == 0 ? 1.0 : 0.0;
+      lane_of(carried, l) = is_carried_[l][i] ? 1.0 : 0.0;
+    }
+    const Mask here = there > Real(0.5);
+    const Real &before = before_[3 * i], &hdot = hdot_[3 * i];
+    const Real back = h / select(h > Real(0.0), Real(whole > dt ? whole : dt), Real(dt));
+    const Real parting = minimum(back, Real(recovery_speed)), rebound = restitution * hdot;
+    const Mask bounces = here && is_new > Real(0.5) && before + parting > Real(0.0) &&
+                         rebound > parting && rebound > before - hdot;
+    const Real b = before + select(bounces, rebound, parting);
+    const Mask waits = carried > Real(0.5) && !bounces && !(hdot + parting > Real(0.0));
+    const Mask joins = here && !waits && b > Real(0.0);
+    b_[3 * i] = select(here, b, b_[3 * i]);
+    for (int l = 0; l < width; ++l) {
+      if (!lane_of(here, l)) continue;
+      rebound_[l][i] = lane_of(bounces, l) ? lane_of(rebound, l) : 0.0;
+      parting_[l][i] = lane_of(parting, l);
+      bounces_[l] = bounces_[l] || lane_of(bounces, l);
+      near_[l][i] = near_[l][i] || lane_of(joins, l);
+      chosen_[l] += near_[l][i];
+    }
   }
 
   // Tells the points of a lane, in order, which of them pushed in the step before.
