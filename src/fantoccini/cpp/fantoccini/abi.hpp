@@ -2,6 +2,7 @@
 // includes this defines `fan::Model` first.
 #pragma once
 
+#include "contact_gaps.hpp"
 #include "event_batch.hpp"
 #include "map_abi.hpp"
 #include "model_run.hpp"

@@ -8,8 +8,6 @@
 // solids do not overlap, and a force x >= 0 pushes A along +e and B along -e.
 #pragma once
 
-#include <new>
-
 #include "moved_by.hpp"
 #include "near_pairs.hpp"
 #include "placed_links.hpp"
@@ -435,22 +433,6 @@ class ContactPoints : public PlacedLinks<Model, Real> {
   Real speed_at_start_[room(L)];    // m/s: by which the margins of find() were chosen
   double passing_within_ = 0.0;  // s: the step, while only points that would be passed are added
 };
-
-// The C interface of ContactPoints::measure; 1 where there was no memory, else 0.
-template <class Model>
-int measure_gaps(
-    const ContactArrays& in, long long n, const double* q_D, const double* q_K, const double* p,
-    double margin, double* gaps) {
-  if constexpr (Model::n_contacts > 0) {
-    auto* points = new (std::nothrow) ContactPoints<Model, double>();
-    if (!points) return 1;
-    for (long long i = 0; i < n; ++i)
-      points->measure(
-          in, q_D + i * Model::n_qD, q_K + i * Model::n_qK, p, margin, gaps + i * in.n_pairs);
-    delete points;
-  }
-  return 0;
-}
 
 }  // namespace fan
 

@@ -11,7 +11,7 @@
 // neighbours.
 #pragma once
 
-#include "contact_lanes.hpp"
+#include "contact_aims.hpp"
 #include "contact_share.hpp"
 
 FAN_LOOPS_BEGIN
@@ -19,16 +19,16 @@ FAN_LOOPS_BEGIN
 namespace fan {
 
 template <class Model, class Real>
-class ContactStep : public ContactLanes<Model, Real> {
+class ContactStep : public ContactAims<Model, Real> {
   using Problem = ContactProblem<Model, Real>;
+  using Aims = ContactAims<Model, Real>;
 
  public:
   using Problem::C, Problem::N, Problem::M, Problem::width, Problem::residual;
   using typename Problem::Mask, typename Problem::Tolerance;
-  using Push = ContactPush;
+  using typename Aims::Push;
+  using Aims::n, Aims::push;
 
-  int n[width] = {};      // points that push
-  Push push[width][room(C)];
   Real violation, work, impact, friction;  // depth; energies of the step
 
   bool too_many(int lane) const { return points_.too_many[lane]; }
@@ -297,6 +297,8 @@ class ContactStep : public ContactLanes<Model, Real> {
   using Problem::pulls_;
   using Problem::x_, Problem::s_, Problem::b_, Problem::before_, Problem::rebound_;
   using Problem::parting_, Problem::bounces_, Problem::scale_;
+  using Aims::steps_, Aims::is_carried_, Aims::hdot_, Aims::aim, Aims::aim_lanes, Aims::earlier;
+  using Aims::recall, Aims::recognise;
 
   // The velocities after the step without impulses.
   FAN_FN static void unhindered(
@@ -318,89 +320,6 @@ class ContactStep : public ContactLanes<Model, Real> {
   FAN_FN bool pushes(int i) const {
     const Real* x = x_ + 3 * i;
     return any(x[0] != Real(0.0) || x[1] != Real(0.0) || x[2] != Real(0.0));
-  }
-
-  // What the normal impulse of a point must take away: the speed at which it closes without
-  // impulses, and the gap over the step, or the rebound.
-  FAN_FN void aim(int l, int i, double dt, double whole, double recovery_speed) {
-    const double h = -points_.point[l][i].gap, before = lane_of(before_[3 * i], l);
-    const double hdot = lane_of(hdot_[3 * i], l);
-    const double back = h / (h > 0.0 && whole > dt ? whole : dt);
-    const double parting = back < recovery_speed ? back : recovery_speed;
-    const double rebound = in_->restitution[points_.point[l][i].pair] * hdot;
-    const bool new_one = steps_[l][i] == 0 && before + parting > 0.0;
-    const bool bounces = new_one && rebound > parting && rebound > before - hdot;
-    rebound_[l][i] = bounces ? rebound : 0.0;
-    parting_[l][i] = parting;
-    bounces_[l] = bounces_[l] || bounces;
-    lane_of(b_[3 * i], l) = before + (bounces ? rebound : parting);
-    // Where other points of the pair carried it before, they are tried first; see watch().
-    const bool waits = is_carried_[l][i] && !bounces;
-    near_[l][i] = near_[l][i] || (!waits && lane_of(b_[3 * i], l) > 0.0);
-    chosen_[l] += near_[l][i];
-  }
-
-  // The same of the points i of all lanes. A point does not wait if the present velocity closes it:
-  // trying again costs all lanes.
-  FAN_FN void aim_lanes(int i, double dt, double whole, double recovery_speed) {
-    Real h = Real(0.0), restitution = h, is_new = h, carried = h, there = h;
-    for (int l = 0; l < width; ++l) {
-      if (!points_.has(l, i)) continue;
-      const auto& point = points_.point[l][i];
-      lane_of(there, l) = 1.0;
-      lane_of(h, l) = -point.gap;
-      lane_of(restitution, l) = in_->restitution[point.pair];
-      lane_of(is_new, l) = steps_[l][i] == 0 ? 1.0 : 0.0;
-      lane_of(carried, l) = is_carried_[l][i] ? 1.0 : 0.0;
-    }
-    const Mask here = there > Real(0.5);
-    const Real &before = before_[3 * i], &hdot = hdot_[3 * i];
-    const Real back = h / select(h > Real(0.0), Real(whole > dt ? whole : dt), Real(dt));
-    const Real parting = minimum(back, Real(recovery_speed)), rebound = restitution * hdot;
-    const Mask bounces = here && is_new > Real(0.5) && before + parting > Real(0.0) &&
-                         rebound > parting && rebound > before - hdot;
-    const Real b = before + select(bounces, rebound, parting);
-    const Mask waits = carried > Real(0.5) && !bounces && !(hdot + parting > Real(0.0));
-    const Mask joins = here && !waits && b > Real(0.0);
-    b_[3 * i] = select(here, b, b_[3 * i]);
-    for (int l = 0; l < width; ++l) {
-      if (!lane_of(here, l)) continue;
-      rebound_[l][i] = lane_of(bounces, l) ? lane_of(rebound, l) : 0.0;
-      parting_[l][i] = lane_of(parting, l);
-      bounces_[l] = bounces_[l] || lane_of(bounces, l);
-      near_[l][i] = near_[l][i] || lane_of(joins, l);
-      chosen_[l] += near_[l][i];
-    }
-  }
-
-  // Tells the points of a lane, in order, which of them pushed in the step before.
-  FAN_FN void recognise(int l) {
-    int j = 0;
-    const auto is_of = [&](int k, int pair) { return k >= 0 && k < n[l] && push[l][k].pair == pair; };
-    for (int i = 0; i < points_.n[l]; ++i) {
-      auto& p = points_.point[l][i];
-      while (j < n[l] && earlier(push[l][j], p)) ++j;
-      p.before = is_of(j, p.pair) && push[l][j].feature == p.feature ? j : -1;
-      p.carried = is_of(j, p.pair) || is_of(j - 1, p.pair);
-    }
-  }
-
-  // What pushed in the step before takes part, with its impulses as the first guess.
-  FAN_FN void recall(int l) {
-    for (int i = 0; i < points_.n[l]; ++i) {
-      const auto& p = points_.point[l][i];
-      near_[l][i] = points_.has(l, i) && p.before >= 0;
-      is_carried_[l][i] = points_.has(l, i) && p.carried;
-      steps_[l][i] = near_[l][i] ? push[l][p.before].steps : 0;
-      rebound_[l][i] = 0.0;
-      for (int d = 0; d < 3 && near_[l][i]; ++d)
-        lane_of(x_[3 * i + d], l) = dot3(p.frame + 3 * d, push[l][p.before].impulse);
-    }
-  }
-
-  template <class Other>
-  FAN_FN static bool earlier(const Push& a, const Other& b) {
-    return a.pair < b.pair || (a.pair == b.pair && a.feature < b.feature);
   }
 
   // Point i of lane l as it pushes with the impulse x.
@@ -464,9 +383,6 @@ class ContactStep : public ContactLanes<Model, Real> {
     }
   }
 
-  int steps_[width][room(C)];      // for which a point has pushed
-  bool is_carried_[width][room(C)];  // whether a point of the same pair pushed in the step before
-  Real hdot_[room(3 * C)];         // of their rows, at its start
   int looks_ = 0;                  // how often was looked again
   // Of each lane's last solve in the step: how many rows and points took part, whether it went well;
   // impulses and s of the rows.
