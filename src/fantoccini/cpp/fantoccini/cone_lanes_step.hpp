@@ -20,9 +20,6 @@ namespace fan {
 struct ConeLanesTolerances {
   // Steps. More are for the scalar solver: few lanes would make them, and all would pay.
   static constexpr int steps = 3;
-  // Part of s / g by which x is judged for its modes: the guess comes from the step before and has
-  // had the right ones more often than its s, which is as far off as b has changed.
-  static constexpr double doubt = 0.03;
   // Residual that needs no refinement.
   static constexpr double refined = 1e-14;
   // Unknowns of a lane: more are for the scalar solver.
@@ -82,7 +79,7 @@ class ConeLanesStep : protected ConeLaw {
       }
     };
     for (int a = 0; a < n_single; ++a) {
-      const Real w = x_single[a] - s_single[a] * (Own::doubt * inverse_single_[a]);
+      const Real w = x_single[a] - s_single[a] * inverse_single_[a];
       const Mask has = has_single[a] && open;
       const Mask free = has && w > lower[a] && w < upper[a];
       base_[a] = select(has && !free, select(w > lower[a], upper[a], lower[a]), Real(0.0));
@@ -92,7 +89,7 @@ class ConeLanesStep : protected ConeLaw {
     }
     Mask full = Real(0.0) > Real(1.0);
     for (int i = 0; i < n_contacts; ++i) {
-      const Real *y = x + 3 * i, *u = s + 3 * i, by = Own::doubt * inverse_[i];
+      const Real *y = x + 3 * i, *u = s + 3 * i, &by = inverse_[i];
       const Real w = y[0] - u[0] * by, p = y[1] - u[1] * by, q = y[2] - u[2] * by;
       const Mask touches = has_contact[i] && open && w > Real(0.0);
       full = full || (touches && !(w < most));
@@ -110,7 +107,7 @@ class ConeLanesStep : protected ConeLaw {
       mode.second[0] = select(sticks, one, select(turns, -across, zero));
       mode.second[1] = select(turns, along, zero);
       mode.third = select(sticks, one, zero);
-      mode.own = select(turns, Real((size - radius) / select(turns, radius, one) * ((1.0 / Own::doubt) * g_[i])), zero);
+      mode.own = select(turns, Real((size - radius) / select(turns, radius, one) * g_[i]), zero);
       list(touches, i, Own::most_contacts, n_touching, place_, number_[i]);
       touches_[i] = touches;
     }

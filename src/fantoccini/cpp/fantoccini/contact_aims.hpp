@@ -20,7 +20,7 @@ class ContactAims : public ContactLanes<Model, Real> {
   Push push[width][room(C)];
 
  protected:
-  using typename Problem::Mask;
+  using typename Problem::Mask, typename Problem::Tolerance;
   using Problem::points_, Problem::in_, Problem::near_, Problem::chosen_, Problem::x_, Problem::b_;
   using Problem::before_, Problem::rebound_, Problem::parting_, Problem::bounces_;
 
@@ -33,7 +33,15 @@ class ContactAims : public ContactLanes<Model, Real> {
       while (j < n[l] && earlier(push[l][j], p)) ++j;
       p.before = is_of(j, p.pair) && push[l][j].feature == p.feature ? j : -1;
       p.carried = is_of(j, p.pair) || is_of(j - 1, p.pair);
+      p.slid = false;
+      for (int k = j; is_of(k, p.pair); ++k) p.slid = p.slid || slides(push[l][k]);
+      for (int k = j - 1; is_of(k, p.pair); --k) p.slid = p.slid || slides(push[l][k]);
     }
+  }
+
+  FAN_FN static bool slides(const Push& push) {
+    const double *v = push.velocity, along = dot3(v, push.normal);
+    return dot3(v, v) - along * along > Tolerance::sliding_speed * Tolerance::sliding_speed;
   }
 
   // What pushed in the step before takes part, with its impulses as the first guess.
@@ -74,10 +82,11 @@ class ContactAims : public ContactLanes<Model, Real> {
     chosen_[l] += near_[l][i];
   }
 
-  // The same of the points i of all lanes. A point does not wait if the present velocity closes it:
-  // trying again costs all lanes.
+  // The same of the points i of all lanes. A point does not wait if the present velocity closes it,
+  // for trying again costs all lanes; unless those that carried slid, which leaves open how they
+  // share it.
   FAN_FN void aim_lanes(int i, double dt, double whole, double recovery_speed) {
-    Real h = Real(0.0), restitution = h, is_new = h, carried = h, there = h;
+    Real h = Real(0.0), restitution = h, is_new = h, carried = h, slid = h, there = h;
     for (int l = 0; l < width; ++l) {
       if (!points_.has(l, i)) continue;
       const auto& point = points_.point[l][i];
@@ -86,6 +95,7 @@ class ContactAims : public ContactLanes<Model, Real> {
       lane_of(restitution, l) = in_->restitution[point.pair];
       lane_of(is_new, l) = steps_[l][i] == 0 ? 1.0 : 0.0;
       lane_of(carried, l) = is_carried_[l][i] ? 1.0 : 0.0;
+      lane_of(slid, l) = point.slid ? 1.0 : 0.0;
     }
     const Mask here = there > Real(0.5);
     const Real &before = before_[3 * i], &hdot = hdot_[3 * i];
@@ -94,7 +104,8 @@ class ContactAims : public ContactLanes<Model, Real> {
     const Mask bounces = here && is_new > Real(0.5) && before + parting > Real(0.0) &&
                          rebound > parting && rebound > before - hdot;
     const Real b = before + select(bounces, rebound, parting);
-    const Mask waits = carried > Real(0.5) && !bounces && !(hdot + parting > Real(0.0));
+    const Mask soon = hdot + parting > Real(0.0) && slid < Real(0.5);
+    const Mask waits = carried > Real(0.5) && !bounces && !soon;
     const Mask joins = here && !waits && b > Real(0.0);
     b_[3 * i] = select(here, b, b_[3 * i]);
     for (int l = 0; l < width; ++l) {

@@ -46,7 +46,7 @@ class ContactPoints : public PlacedLinks<Model, Real> {
     double gap, at[3];       // m
     double frame[9];         // normal, tangent, tangent
     int before;              // which of those that pushed in the step before; -1 for none
-    bool carried;            // whether any of its pair did
+    bool carried, slid;      // whether any of its pair did, and moved across the normal
   };
 
   int n[width], most;        // points of each lane, and of the one that has most

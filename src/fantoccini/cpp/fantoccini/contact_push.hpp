@@ -6,6 +6,8 @@ namespace fan {
 struct ContactStepTolerances {
   // m/s at which a point joins the problem because it would be passed: above rounding.
   static constexpr double passing_speed = 1e-12;
+  // m/s at which a point that pushes slides rather than sticks: above what the residual leaves.
+  static constexpr double sliding_speed = 1e-9;
   // How often a step looks again for points that what was struck would pass.
   static constexpr int looks = 8;
   // Steps that an impact takes: the first ends where the solids touch, the second stops them.
