@@ -42,6 +42,7 @@ ORDER = (
     "marionette",
     "puppets",  # the bundled puppets: beside the modules, for users of `marionette`
     "simulation",
+    "optimal",
     "reduction",
     "sweeps",
     "demo",  # the bundled performance: inputs for a bundled puppet

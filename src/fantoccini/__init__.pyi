@@ -47,6 +47,16 @@ from .motion import (
     Trajectories as Trajectories,
     Trajectory as Trajectory,
 )
+from .optimal import (
+    Bounds as Bounds,
+    OptimalStatus as OptimalStatus,
+    Optimum as Optimum,
+    Smooth as Smooth,
+    Task as Task,
+    Track as Track,
+    follow as follow,
+    optimise as optimise,
+)
 from .perform import (
     Handle as Handle,
     Performance as Performance,

@@ -59,7 +59,7 @@ class Screws:
         t, p = model.coordinates, model.p
         self.n_D, n_K = t.n_vD, t.n_vK
         n = self.n_D + n_K
-        self._moves, self._carries = _relations(model.tree)
+        self._moves, self._carries = relations(model.tree)
         found = model.library.evaluate("screws", q_D=x.q_D, q_K=x.q_K, p=p)
         self.poses = found.poses.T
         self.s = np.concatenate([found.screw_D.T, found.screw_K.T])
@@ -191,7 +191,7 @@ class Screws:
         return np.asarray(out.swapaxes(1, 2))
 
 
-def _relations(tree: Tree) -> tuple[Array, Array]:
+def relations(tree: Tree) -> tuple[Array, Array]:
     """Which velocities move each link (n_links, n), and which carry each screw (n, n); 0 or 1."""
     t = tree.coordinates
     n = t.n_vD + t.n_vK

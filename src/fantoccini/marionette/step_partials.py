@@ -62,7 +62,7 @@ class StepLinearisations:
         n, k = t.n_vD, t.n_vK
         A = np.zeros((len(self), 2 * (n + k), 2 * (n + k)))
         A[:, : 2 * n] = self.motion[..., : 2 * (n + k)]
-        A[:, 2 * n :, 2 * n :] = self._of_inputs[..., : 2 * k]
+        A[:, 2 * n :, 2 * n :] = self.driven[..., : 2 * k]
         return A
 
     @cached_property
@@ -72,12 +72,12 @@ class StepLinearisations:
         n, k = t.n_vD, t.n_vK
         B = np.zeros((len(self), 2 * (n + k), k))
         B[:, : 2 * n] = self.motion[..., 2 * (n + k) : 2 * n + 3 * k]
-        B[:, 2 * n :] = self._of_inputs[..., 2 * k :]
+        B[:, 2 * n :] = self.driven[..., 2 * k :]
         return B
 
     @cached_property
-    def _of_inputs(self) -> Array:
-        """(n or 1, 2 n_vK, 3 n_vK): (dq_K, dv_K) after the step by q_K, v_K and acc_K."""
+    def driven(self) -> Array:
+        """(n or 1, 2 n_vK, 3 n_vK): (dq_K, dv_K) after the steps by q_K, v_K and acc_K."""
         t = self.coordinates
         n, k = t.n_vD, t.n_vK
         return np.array([one.state(n, 0)[:, 2 * n : 2 * n + 3 * k] for one in self._driven])

@@ -1,0 +1,189 @@
+"""optimise: the motion of least cost; follow: the same in three lines."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from fantoccini.arrays import check_positive
+from fantoccini.errors import SimulationError, StateError, Status, UnknownNameError
+from fantoccini.marionette import Marionette, refuse_contact
+from fantoccini.motion import Input, State
+from fantoccini.optimal.bounds import Bounds
+from fantoccini.optimal.costs import Smooth, Track
+from fantoccini.optimal.dynamics import TimeSteps
+from fantoccini.optimal.nodes import Nodes
+from fantoccini.optimal.objective import Objective
+from fantoccini.optimal.result import OptimalStatus, Optimum
+from fantoccini.optimal.shooting import EventRuns
+from fantoccini.optimal.sqp import Iterate, Limits, Search
+from fantoccini.optimal.targets import Target
+from fantoccini.optimal.task import Task
+
+_HOLDS = 1e-3
+"""Violation of bounds, and distance from the end, up to which a motion holds [SI]."""
+
+
+def optimise(
+    task: Task,
+    guess: Input | Optimum | None = None,
+    *,
+    tolerance: float = 1e-6,
+    cost_tolerance: float = 0.02,
+    iterations: int = 50,
+    time_limit: float = 60.0,
+    threads: int | None = None,
+    progress: Callable[[Iterate], None] | None = None,
+) -> Optimum:
+    """min J(x, acc_K) over accelerations that are constant between nodes, within bounds.
+
+    Sequential quadratic programming. Every iterate is an event-driven run, so the answer holds as
+    it is; derivatives are those of time steps along it, through the taut strings, and steps are
+    found by an interior point method for stages (PIQP). Strings that the bounds ask to be taut
+    stay taut; the others may go slack, and the derivatives then hold for the order of events at
+    hand only. Ctrl-C ends it with the best motion so far.
+
+    Args:
+        task: what is asked for.
+        guess: motion of the inputs to begin with, or what was found before; they hold still when
+            not given.
+        tolerance: of the KKT residual.
+        cost_tolerance: share of the cost; it ends after four steps that each save less.
+        iterations: at most.
+        time_limit: at most [s].
+        threads: for derivatives; as many as there are processors when not given.
+        progress: called after every iteration.
+
+    Raises:
+        StateError, UnknownNameError: the task is not well defined, or the puppet has contact.
+        SimulationError: the first motion cannot be simulated.
+    """
+    check_positive(tolerance=tolerance, time_limit=time_limit)
+    refuse_contact(task.marionette.model, "optimise")
+    began, marionette = time.perf_counter(), task.marionette
+    steps = TimeSteps(marionette, task.dt, threads)
+    runs = EventRuns(steps, marionette, task.x0)
+    first = _first(task, guess)
+    objective = Objective(task)
+    made = runs.run(first)
+    if made is None:
+        raise StateError(
+            "the first motion cannot be simulated; give a guess whose run arrives at its end"
+        )
+    ends = runs.ends(*made)
+    at = Iterate(made[0], ends, objective.cost(made[0], ends))
+    curve = [(time.perf_counter() - began, at.cost)]
+
+    def note(now: Iterate) -> None:
+        curve.append((time.perf_counter() - began, now.cost))
+        if progress is not None:
+            progress(now)
+
+    limits = Limits(tolerance, cost_tolerance, iterations, began + time_limit)
+    search, status = Search(at, runs, objective, limits), None
+    try:
+        search.run(note)
+    except KeyboardInterrupt:
+        status = OptimalStatus.STOPPED
+    at = search.best
+    made = runs.run(at.nodes)
+    if made is None:
+        raise SimulationError(Status.NOT_SETTLED, "the motion found cannot be simulated again")
+    violation = float(np.max(objective.rows.violation(at.nodes, at.ends), initial=0.0))
+    end_gap = float(np.max(np.abs(objective.end_gap(at.nodes)), initial=0.0))
+    if max(violation, end_gap) > _HOLDS:
+        status = OptimalStatus.VIOLATED
+    elif status is None:
+        status = _status(at, tolerance, began + time_limit)
+    return Optimum(
+        task, status, made[1], at.nodes.inputs(), at.cost, at.kkt, at.stationarity, violation,
+        end_gap, at.iterations, time.perf_counter() - began, tuple(curve), at, objective, runs,
+    )  # fmt: skip
+
+
+def follow(
+    marionette: Marionette,
+    targets: Mapping[str | tuple[str, tuple[float, float, float]], Target],
+    duration: float,
+    x0: State | None = None,
+    *,
+    bounds: Bounds | None = None,
+    smooth: Smooth | None = None,
+    weight: float = 1e4,
+    slack: bool = False,
+    interval: float | None = None,
+    **options: Any,
+) -> Optimum:
+    """Inputs that make parts of a puppet follow paths: the short form of :func:`optimise`.
+
+    Args:
+        marionette: the puppet.
+        targets: name -> path. A body's origin, or a point of it as ``(body, (x, y, z))``, follows
+            places [m]; a coordinate follows values. A path is a value, a function of time, a pair
+            of times and values, or an array (T, ...) that is spread evenly over the duration.
+        duration: of the motion [s].
+        x0: where it starts; hanging at rest when not given.
+        bounds: see :class:`Bounds`.
+        smooth: see :class:`Smooth`.
+        weight: of every path [1/m^2 or 1/rad^2].
+        slack: whether strings that are taut at the start may go slack.
+        interval: between nodes [s]; a fiftieth of the duration, from 0.01 to 0.04, when not given.
+        options: of :func:`optimise`.
+
+    Raises:
+        UnknownNameError: a name that is no body and no coordinate.
+    """
+    x0 = marionette.rest() if x0 is None else x0
+    bodies = [link.name for link in marionette.tree.links]
+    table = marionette.coordinates
+    tracks = []
+    for name, path in targets.items():
+        path = _spread(path, x0.t, duration)
+        body, at = name if isinstance(name, tuple) else (name, (0.0, 0.0, 0.0))
+        if body in bodies:
+            tracks.append(Track.point(body, path, at=at, weight=weight))
+        elif name in (*table.q_D, *table.q_K):
+            tracks.append(Track.coordinate(str(name), path, weight=weight))
+        else:
+            known = [*bodies, *table.q_D, *table.q_K]
+            raise UnknownNameError("body or coordinate", str(body), known)
+    bounds = Bounds() if bounds is None else bounds
+    if not slack:
+        bounds = bounds.staying_taut(marionette, x0)
+    h = min(max(duration / 50.0, 0.01), 0.04) if interval is None else interval
+    task = Task(marionette, x0, duration, tracks, smooth or Smooth(), bounds, interval=h)
+    return optimise(task, **options)
+
+
+def _first(task: Task, guess: Input | Optimum | None) -> Nodes:
+    """The nodes of the first motion; only its accelerations and its intervals count."""
+    N, longest = task.n_intervals, task.durations[1]
+    if isinstance(guess, Optimum):
+        if len(guess.nodes) == N:
+            return guess.nodes
+        guess = guess.inputs
+    if guess is None:
+        return Nodes.still(task.marionette, task.x0, longest, N)
+    return Nodes.of_input(task.marionette, task.x0, guess, longest, N)
+
+
+def _status(at: Iterate, tolerance: float, until: float) -> OptimalStatus:
+    if at.kkt <= tolerance:
+        return OptimalStatus.SOLVED
+    if at.settled:
+        return OptimalStatus.SETTLED
+    if at.stalled:
+        return OptimalStatus.STALLED
+    late = time.perf_counter() > until
+    return OptimalStatus.TIMEOUT if late else OptimalStatus.ITERATIONS
+
+
+def _spread(path: Target, start: float, duration: float) -> Target:
+    """An array of many places as a pair of times and places."""
+    if callable(path) or isinstance(path, tuple) or np.ndim(path) < 2 or np.shape(path)[0] < 2:
+        return path
+    values = np.asarray(path, dtype=float)
+    return np.linspace(start, start + duration, len(values)), values

@@ -1,0 +1,106 @@
+"""Bounds of a motion: of the driven coordinates, of tensions and of joints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypeAlias
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.errors import StateError, UnknownNameError
+from fantoccini.marionette import Marionette
+from fantoccini.motion import State
+
+Most: TypeAlias = float | Mapping[str, float]
+"""The largest magnitude of all driven coordinates, or by name."""
+_TAUT = 5e-3
+"""Least tension of a string that is to stay taut, relative to the weight."""
+_PULLS = 1e-4
+"""Tension from which a string counts as taut, likewise."""
+
+Interval: TypeAlias = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What a motion may not leave.
+
+    Attributes:
+        position: driven scalar coordinate -> lowest and highest value [m or rad].
+        speed, acceleration, jerk: largest magnitudes of the driven velocities and their rates, by
+            name of the velocity or for all; unlimited by default.
+        tension: string -> lowest and highest tension [N]; (0.1, inf) stays taut.
+        joint: dynamic scalar coordinate -> lowest and highest value [rad or m].
+        held: names of driven velocities that do not move at all.
+    """
+
+    position: Mapping[str, Interval] = field(default_factory=dict)
+    speed: Most = np.inf
+    acceleration: Most = np.inf
+    jerk: Most = np.inf
+    tension: Mapping[str, Interval] = field(default_factory=dict)
+    joint: Mapping[str, Interval] = field(default_factory=dict)
+    held: tuple[str, ...] = ()
+
+    def magnitudes(self, marionette: Marionette, kind: str) -> Array:
+        """(n_vK,) speed, acceleration or jerk of every driven velocity."""
+        names, given = marionette.coordinates.v_K, getattr(self, kind)
+        out = np.full(len(names), np.inf)
+        if isinstance(given, Mapping):
+            for name, value in given.items():
+                out[_place("driven velocity", name, names)] = value
+        else:
+            out[:] = given
+        if not np.all(out > 0.0):
+            raise StateError(f"the bound of {kind} is {given!r}; it must be greater than 0")
+        if kind in ("acceleration", "jerk"):
+            out[[_place("driven velocity", name, names) for name in self.held]] = 0.0
+        return out
+
+    def staying_taut(self, marionette: Marionette, x0: State) -> Bounds:
+        """The same, where strings that pull at the start keep pulling."""
+        found = marionette.forward_dynamics(x0)
+        names = [s.name for s in marionette.tree.strings]
+        tension = dict(zip(names, found.tension, strict=False))
+        wires = {s.name for s in marionette.tree.strings if s.wire}
+        least = _TAUT * marionette.weight
+        taut = {name: (min(least, 0.5 * pull), np.inf) for name, pull in tension.items()
+                if pull > _PULLS * marionette.weight and name not in wires}  # fmt: skip
+        return replace(self, tension={**taut, **self.tension})
+
+    def intervals(self, marionette: Marionette) -> tuple[Array, Array]:
+        """(n_z,) lowest and highest numbers of (q_D, v_D, q_K, v_K) as velocities count them."""
+        t = marionette.coordinates
+        n, k = t.n_vD, t.n_vK
+        low, high = np.full(2 * (n + k), -np.inf), np.full(2 * (n + k), np.inf)
+        scalars_K = {t.q_K[q]: 2 * n + v for q, v in t.scalars_K}
+        scalars_D = {t.q_D[q]: v for q, v in t.scalars_D}
+        for what, given, places in (
+            ("driven scalar coordinate", self.position, scalars_K),
+            ("dynamic scalar coordinate", self.joint, scalars_D),
+        ):
+            for name, (a, b) in given.items():
+                if name not in places:
+                    raise UnknownNameError(what, name, list(places))
+                if not a < b:
+                    text = f"the bounds of {name} are {a:g} to {b:g}; the first must be less"
+                    raise StateError(text)
+                low[places[name]], high[places[name]] = a, b
+        speed = self.magnitudes(marionette, "speed")
+        low[2 * n + k :], high[2 * n + k :] = -speed, speed
+        return low, high
+
+    def tensions(self, marionette: Marionette) -> tuple[list[int], Array, Array]:
+        """Rows of strings with bounds, the lowest and the highest tensions."""
+        names = [s.name for s in marionette.tree.strings]
+        rows = [_place("string", name, names) for name in self.tension]
+        pairs = np.array(list(self.tension.values()), dtype=float).reshape(-1, 2)
+        return rows, pairs[:, 0], pairs[:, 1]
+
+
+def _place(what: str, name: str, names: Sequence[str]) -> int:
+    if name not in names:
+        raise UnknownNameError(what, name, list(names))
+    return list(names).index(name)

@@ -1,0 +1,196 @@
+"""The cost of a motion at its nodes, and the program of stages of a step."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.errors import UnknownNameError
+from fantoccini.marionette import Marionette
+from fantoccini.optimal.costs import Track
+from fantoccini.optimal.dynamics import Ends, LinearEnds
+from fantoccini.optimal.nodes import Nodes
+from fantoccini.optimal.quadratic import UNBOUNDED, StageProgram, StageSolution
+from fantoccini.optimal.residuals import Looks, Residual, residual_of, share
+from fantoccini.optimal.rows import Rows
+from fantoccini.optimal.targets import values_at
+from fantoccini.optimal.task import Task
+
+END_WEIGHT = 1e4
+"""Of the squares of what is left at the end, beside its multipliers."""
+_NEAR = 1e-2
+"""Gap at the end above which the motion gets no shorter [m, rad and their rates]."""
+_SHARE = 0.1
+"""Of a duration by which a step may change it."""
+
+
+class Objective:
+    """Cost and bounds of a task.
+
+    Inputs that are held, and their coordinates, are left out of programs.
+
+    Attributes:
+        task: see :class:`Task`.
+        rows: that may be passed.
+        price: of a unit of violation of a row.
+
+    Args:
+        task: see above.
+    """
+
+    price = 10.0
+
+    def __init__(self, task: Task):
+        self.task, marionette = task, task.marionette
+        n, k = marionette.coordinates.n_vD, marionette.coordinates.n_vK
+        self._n_z, self._k = 2 * (n + k), k
+        self._tracks = [track for track in task.tracks if track.kind != "tension"]
+        self._pulls = [track for track in task.tracks if track.kind == "tension"]
+        self._acc = task.bounds.magnitudes(marionette, "acceleration")
+        self._u = np.flatnonzero(self._acc > 0.0)
+        self._z = np.concatenate([np.arange(2 * n), 2 * n + self._u, 2 * n + k + self._u])
+        low, high = task.bounds.intervals(marionette)
+        driven = np.arange(self._n_z) >= 2 * n  # the others are rows
+        self._low, self._high = np.where(driven, low, -np.inf), np.where(driven, high, np.inf)
+        self.rows = Rows(task)
+
+    def cost(self, nodes: Nodes, ends: Ends) -> float:
+        """J."""
+        total = sum(self._parts(nodes, ends))
+        return total + self.task.time_weight * nodes.interval * len(nodes) * self.task.is_free
+
+    def end_gap(self, nodes: Nodes) -> Array:
+        """(n_z,) the change that would bring the last node to the end that is asked for."""
+        if self.task.end is None:
+            return np.zeros(nodes.n_z)
+        return nodes.gap_at_end(self.task.end)
+
+    def program(
+        self, nodes: Nodes, linear: LinearEnds, damping: float, force: Array | float
+    ) -> StageProgram:
+        """The program of a step.
+
+        Args:
+            nodes, linear: the motion.
+            damping: of the Hessian.
+            force: (n_z,) multipliers of the end.
+        """
+        N, n_z, k = linear.B.shape
+        H, g, cross = (
+            np.zeros((N, k + n_z, k + n_z)), np.zeros((N, k + n_z)), np.zeros((N, k + n_z, k))
+        )  # fmt: skip
+        self._add_residuals(nodes, H, g)
+        self._add_smoothness(nodes, H, g, cross)
+        self._add_pulls(nodes, linear, H, g, cross)
+        if self.task.end is not None:
+            ends = k + np.arange(n_z)
+            H[-1, ends, ends] += END_WEIGHT
+            g[-1, k:] -= END_WEIGHT * self.end_gap(nodes) + force
+        every = np.arange(k + n_z)
+        H[:, every, every] += damping
+        numbers = nodes.numbers[1:]
+        low = np.concatenate([-self._acc - nodes.acc_K, self._low - numbers], axis=1)
+        high = np.concatenate([self._acc - nodes.acc_K, self._high - numbers], axis=1)
+        low, high = np.maximum(low, -UNBOUNDED), np.minimum(high, UNBOUNDED)
+        value, row_low, row_high = self.rows.values(nodes, linear)
+        u, z, stages = self._u, self._z, np.arange(N)
+        both = np.concatenate([u, k + z])
+        of_rows = np.concatenate([both, k + n_z + u])
+        made = StageProgram(
+            H[np.ix_(stages, both, both)], g[:, both], cross[np.ix_(stages, both, u)],
+            linear.A[np.ix_(stages, z, z)], linear.B[np.ix_(stages, z, u)], linear.e[:, z],
+            low[:, both], high[:, both], self.rows.by(nodes, linear)[:, :, of_rows],
+            row_low - value, row_high - value, np.full(value.shape, self.price),
+        )  # fmt: skip
+        if not self.task.is_free:
+            return made
+        _, over_time, of_jumps = self._parts(nodes, linear)
+        slope = self.task.time_weight * N + (over_time - of_jumps) / nodes.interval
+        shortest, longest = self.longer(nodes)
+        return made.with_free_interval(linear.later[:, z], slope, shortest, longest, damping)
+
+    def longer(self, nodes: Nodes) -> tuple[float, float]:
+        """The least and the most by which a step may make the intervals longer [s].
+
+        No shorter before the end is near what is asked for, and never by much.
+        """
+        h, N = nodes.interval, len(nodes)
+        shortest, longest = self.task.durations
+        is_near = np.max(np.abs(self.end_gap(nodes)), initial=0.0) <= _NEAR
+        least = max(shortest / N - h, -_SHARE * h) if is_near else 0.0
+        return least, max(min(longest / N - h, _SHARE * h), 0.0)
+
+    def widened(self, solution: StageSolution) -> tuple[Array, Array, float]:
+        """(N + 1, n_z) and (N, n_vK) changes of all states and inputs, and of the intervals."""
+        N, n_u, n_z = len(solution.u), len(self._u), len(self._z)
+        z, u = np.zeros((N + 1, self._n_z)), np.zeros((N, self._k))
+        z[:, self._z], u[:, self._u] = solution.z[:, :n_z], solution.u[:, :n_u]
+        return z, u, float(solution.u[0, n_u]) if self.task.is_free else 0.0
+
+    def widened_gains(self, K: Array) -> Array:
+        """(N, n_vK, n_z) gains of all inputs and states."""
+        out = np.zeros((len(K), self._k, self._n_z))
+        out[np.ix_(np.arange(len(K)), self._u, self._z)] = K[:, : len(self._u), : len(self._z)]
+        return out
+
+    def _parts(self, nodes: Nodes, ends: Ends) -> tuple[float, float, float]:
+        """The parts of J that stay, rise and fall where intervals get longer."""
+        looks, at_end, over_time = Looks(self.task.marionette, nodes), 0.0, 0.0
+        for track, one in zip(self._tracks, self._residuals(nodes), strict=True):
+            squares = 0.5 * np.sum(np.square(one.value(looks)), axis=1)
+            last = track.end_weight * float(squares[-1])
+            at_end, over_time = at_end + last, over_time + float(one.weights @ squares) - last
+        for track in self._pulls:
+            row, weights, path = _pull(self.task.marionette, track, nodes)
+            over_time += 0.5 * float(weights @ np.square(ends.tension[:, row] - path))
+        h, smooth = nodes.interval, self.task.smooth
+        over_time += 0.5 * h * smooth.acceleration * float(np.sum(np.square(nodes.acc_K)))
+        jumps = np.diff(nodes.acc_K, axis=0, prepend=0.0, append=0.0)
+        return at_end, over_time, 0.5 * smooth.jerk / h * float(np.sum(np.square(jumps)))
+
+    def _residuals(self, nodes: Nodes) -> list[Residual]:
+        return [residual_of(self.task.marionette, track, nodes) for track in self._tracks]
+
+    def _add_residuals(self, nodes: Nodes, H: Array, g: Array) -> None:
+        """Gauss-Newton's parts of what is tracked at the nodes."""
+        looks, k = Looks(self.task.marionette, nodes), self._k
+        for one in self._residuals(nodes):
+            r, J = one.value(looks)[1:], one.by(looks)[1:]
+            scaled = one.weights[1:, None, None] * J
+            H[:, k:, k:] += scaled.swapaxes(1, 2) @ J
+            g[:, k:] += np.einsum("nij,ni->nj", scaled, r)
+
+    def _add_smoothness(self, nodes: Nodes, H: Array, g: Array, cross: Array) -> None:
+        """Accelerations, and their jumps between intervals."""
+        u, h, smooth = np.arange(self._k), nodes.interval, self.task.smooth
+        jumps = np.diff(nodes.acc_K, axis=0, prepend=0.0, append=0.0)
+        H[:, u, u] += h * smooth.acceleration + 2.0 * smooth.jerk / h
+        g[:, u] += h * smooth.acceleration * nodes.acc_K
+        g[:, u] += smooth.jerk / h * (jumps[:-1] - jumps[1:])
+        cross[:, u, u] -= smooth.jerk / h
+
+    def _add_pulls(
+        self, nodes: Nodes, linear: LinearEnds, H: Array, g: Array, cross: Array
+    ) -> None:
+        """Tensions that are tracked, which depend on the state and the inputs after a node."""
+        k, n_z = self._k, self._n_z
+        for track in self._pulls:
+            row, weights, path = _pull(self.task.marionette, track, nodes)
+            by, r = linear.pull[:, row], linear.tension[:, row] - path
+            J_z, J_u = by[:, :n_z], by[:, n_z:]
+            w = weights[:, None, None]
+            H[:, :k, :k] += w * J_u[:, :, None] * J_u[:, None]
+            g[:, :k] += (weights * r)[:, None] * J_u
+            cross[:, k:] += w * J_z[:, :, None] * J_u[:, None]
+            H[:-1, k:, k:] += w[1:] * J_z[1:, :, None] * J_z[1:, None]
+            g[:-1, k:] += (weights * r)[1:, None] * J_z[1:]
+
+
+def _pull(marionette: Marionette, track: Track, nodes: Nodes) -> tuple[int, Array, Array]:
+    """Row of a string, weights (N,) and path (N,) of its tension in the intervals."""
+    names = [s.name for s in marionette.tree.strings]
+    if track.name not in names:
+        raise UnknownNameError("string", track.name, names)
+    path = values_at(f"the tension of {track.name}", track.path, nodes.t[:-1], 1)[:, 0]
+    counts = share(track, nodes.t[:-1])
+    return names.index(track.name), track.weight * nodes.interval * counts, path

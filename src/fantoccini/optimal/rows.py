@@ -1,0 +1,62 @@
+"""Rows of a motion that may be passed at a price: tensions, jerks and dynamic coordinates.
+
+low <= r_i(u_{i-1}, z_i, u_i) <= high
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.optimal.dynamics import Ends, LinearEnds
+from fantoccini.optimal.nodes import Nodes
+from fantoccini.optimal.task import Task
+
+
+class Rows:
+    """The rows of a task: tensions with bounds, then jerks, then dynamic coordinates.
+
+    Args:
+        task: see :class:`Task`.
+    """
+
+    def __init__(self, task: Task):
+        marionette = task.marionette
+        n = marionette.coordinates.n_vD
+        self._taut, self._least, self._most = task.bounds.tensions(marionette)
+        self._jerk = task.bounds.magnitudes(marionette, "jerk")
+        self._jerks = np.flatnonzero(np.isfinite(self._jerk) & (self._jerk > 0.0))
+        low, high = task.bounds.intervals(marionette)
+        bounded = np.isfinite(low[: 2 * n]) | np.isfinite(high[: 2 * n])
+        self._places = np.flatnonzero(bounded)
+        self._low, self._high = low[self._places], high[self._places]
+
+    def values(self, nodes: Nodes, ends: Ends) -> tuple[Array, Array, Array]:
+        """(N, m) their values, and (m,) their bounds."""
+        jumps = np.diff(nodes.acc_K, axis=0, prepend=0.0)[:, self._jerks]
+        most = self._jerk[self._jerks] * nodes.interval
+        numbers = nodes.numbers[:-1, self._places]
+        value = np.concatenate([ends.tension[:, self._taut], jumps, numbers], axis=1)
+        low = np.concatenate([self._least, -most, self._low])
+        high = np.concatenate([self._most, most, self._high])
+        return value, low, high
+
+    def violation(self, nodes: Nodes, ends: Ends) -> Array:
+        """(N, m) how far they are beyond their bounds."""
+        value, low, high = self.values(nodes, ends)
+        return np.maximum(np.maximum(low - value, value - high), 0.0)
+
+    def by(self, nodes: Nodes, linear: LinearEnds) -> Array:
+        """(N, m, n_vK + n_z + n_vK) derivatives by (u_{i-1}, z_i, u_i)."""
+        N, n_z, k = linear.B.shape
+        n_taut, n_jerks, n_places = len(self._taut), len(self._jerks), len(self._places)
+        C = np.zeros((N, n_taut + n_jerks + n_places, k + n_z + k))
+        C[:, :n_taut, k:] = linear.pull[:, self._taut]
+        row = n_taut + np.arange(n_jerks)
+        C[:, row, self._jerks], C[:, row, k + n_z + self._jerks] = -1.0, 1.0
+        C[:, n_taut + n_jerks + np.arange(n_places), k + self._places] = 1.0
+        return C
+
+    def n_slack(self, ends: Ends) -> int:
+        """How often, over all nodes, a string is slack that is to stay taut."""
+        return int(np.sum((ends.tension[:, self._taut] == 0.0) & (self._least > 0.0)))

@@ -1,0 +1,291 @@
+"""Sequential quadratic programming with Gauss-Newton's Hessian.
+
+Every iteration linearises all intervals and residuals, solves a program of stages for a step
+(u, z), and goes along it until a filter accepts the pair
+
+    theta = |e|_1 + |x_N - end|_1,   phi = J + price of passed rows
+
+(Waechter and Biegler, Math. Program. 106, 2006): one of them must be better than in all iterations
+before in which theta was reduced.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.optimal.dynamics import Ends, LinearEnds
+from fantoccini.optimal.nodes import Nodes
+from fantoccini.optimal.objective import END_WEIGHT, Objective
+from fantoccini.optimal.quadratic import StageSolution, StageSolver
+
+
+class Shooting(Protocol):
+    """How motions are made."""
+
+    def linearise(self, nodes: Nodes, ends: Ends) -> LinearEnds:
+        """The same ends with derivatives."""
+
+    def moved(self, nodes: Nodes, z: Array, u: Array, longer: float) -> tuple[Nodes, Ends] | None:
+        """The nodes after a step, and where they lead; None where there is no motion."""
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """Of the method."""
+
+    damping: float = 1e-6
+    """Least of the Hessian."""
+    first_damping: float = 1e-2
+    damping_factor: float = 4.0
+    poor: float = 0.25
+    good: float = 0.75
+    """Decrease relative to the prediction, between which the damping stays."""
+    most_damping: float = 1e8
+    decrease: float = 1e-4
+    """Share of the predicted decrease that a step must reach."""
+    halvings: int = 8
+    small_steps: int = 4
+    """In a row after which a motion counts as settled."""
+    margin: float = 1e-5
+    """Share of theta by which theta, or J, must be better."""
+    power: float = 1.1
+    """Of theta, against which the predicted decrease is weighed."""
+    most: float = 10.0
+    """Largest theta, relative to 1 or to that of the start."""
+
+
+NUMBERS = Numbers()
+_LEAST = 1e-300
+"""Decrease that is predicted at least: above 0."""
+
+
+class Filter:
+    """Pairs (theta, phi) that no later iterate may be worse than in both."""
+
+    def __init__(self) -> None:
+        self._pairs: list[tuple[float, float]] = []
+        self._most = 0.0
+
+    def accepts(self, before: tuple[float, float], now: tuple[float, float], falls: float) -> bool:
+        """Whether a step may be taken; it is noted where it reduces theta.
+
+        Args:
+            before, now: (theta, phi) at its start and its end.
+            falls: predicted change of phi.
+        """
+        theta, phi = before
+        if not self._most:
+            self._most = NUMBERS.most * max(1.0, theta)
+        if not (np.isfinite(now[1]) and now[0] <= self._most):
+            return False
+        margin = 1.0 - NUMBERS.margin
+        if any(now[0] > margin * a and now[1] > b - NUMBERS.margin * a for a, b in self._pairs):
+            return False
+        rounding = 1e-13 * abs(phi)
+        if falls < 0.0 and (-falls) ** NUMBERS.power > theta**NUMBERS.power:
+            return now[1] <= phi + NUMBERS.decrease * falls + rounding
+        if now[0] <= margin * theta or now[1] <= phi - NUMBERS.margin * theta:
+            self._pairs.append(before)
+            return True
+        return theta == 0.0 and now[0] == 0.0 and now[1] <= phi + rounding
+
+
+@dataclass(eq=False)
+class Iterate:
+    """A motion, and how far it is from optimal.
+
+    Attributes:
+        nodes: of the motion.
+        ends: where its intervals lead.
+        cost: J.
+        solution: the last step, with its multipliers.
+        stationarity: largest |H d| of the last step, relative to 1 or the largest gradient.
+        defect: largest |e|.
+        passed: largest violation of rows.
+        iterations: made.
+        force: (n_z,) multipliers of the end.
+        damping: of the Hessian of the next step.
+        stalled, settled: whether no step helps any more, or hardly.
+    """
+
+    nodes: Nodes
+    ends: Ends
+    cost: float
+    solution: StageSolution | None = None
+    stationarity: float = np.inf
+    defect: float = np.inf
+    passed: float = np.inf
+    iterations: int = 0
+    force: Array | float = 0.0
+    damping: float = NUMBERS.first_damping
+    stalled: bool = False
+    settled: bool = False
+
+    @property
+    def kkt(self) -> float:
+        """The largest of the residuals."""
+        return max(self.stationarity, self.defect, self.passed)
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """A step, and what it starts from.
+
+    Attributes:
+        z, u, longer: changes of the states, the accelerations and the intervals.
+        theta, phi: of the filter, at its start.
+        falls: slope of phi along it.
+        bend: its curvature in the program.
+        force: multipliers of the end, after it.
+    """
+
+    z: Array
+    u: Array
+    longer: float
+    theta: float
+    phi: float
+    falls: float
+    bend: float
+    force: Array | float
+
+
+@dataclass(frozen=True)
+class Limits:
+    """When an optimisation ends.
+
+    Attributes:
+        tolerance: of the KKT residual.
+        cost_tolerance: share of the cost; it ends after some steps that each save less.
+        iterations: at most.
+        until: time of ``time.perf_counter`` [s].
+    """
+
+    tolerance: float
+    cost_tolerance: float
+    iterations: int
+    until: float = np.inf
+
+
+class Search:
+    """Improves a motion step by step.
+
+    Args:
+        start: first motion.
+        shooting: makes motions.
+        objective: cost and bounds.
+        limits: when it ends.
+    """
+
+    def __init__(self, start: Iterate, shooting: Shooting, objective: Objective, limits: Limits):
+        self.best = start
+        self._shooting, self._objective, self._limits = shooting, objective, limits
+        self._solver, self._filter, self._small_steps = StageSolver(), Filter(), 0
+
+    def run(self, progress: Callable[[Iterate], None] | None = None) -> Iterate:
+        """Iterates until the motion is optimal, or there is no more progress.
+
+        Args:
+            progress: called after every iteration.
+        """
+        for _ in range(self._limits.iterations):
+            step = self._step()
+            at = self.best
+            if step is not None and at.kkt <= self._limits.tolerance:
+                break
+            made = None if step is None else self._along(step)
+            at.iterations += 1
+            if made is None:
+                at.damping *= NUMBERS.damping_factor**2
+                if at.damping > NUMBERS.most_damping:
+                    at.stalled = True
+                    break
+            else:
+                self.best = made
+            if progress is not None:
+                progress(self.best)
+            if self.best.settled or time.perf_counter() > self._limits.until:
+                break
+        return self.best
+
+    def _step(self) -> _Step | None:
+        """A step from the best motion, whose residuals are noted; None where none was found."""
+        at, objective = self.best, self._objective
+        linear = self._shooting.linearise(at.nodes, at.ends)
+        program = objective.program(at.nodes, linear, at.damping, at.force)
+        solution = self._solver.solve(program)
+        if not solution.solved:
+            return None
+        u, z = solution.u, solution.z[1:]
+        step = np.concatenate([u, z], axis=1)
+        curved = np.einsum("nij,nj->ni", program.H, step)
+        curved[1:, : u.shape[1]] += np.einsum("nij,ni->nj", program.cross[1:], step[:-1])
+        curved[:-1] += np.einsum("nij,nj->ni", program.cross[1:], u[1:])
+        size = max(1.0, float(np.max(np.abs(program.g))))
+        gap, violation = objective.end_gap(at.nodes), objective.rows.violation(at.nodes, linear)
+        at.stationarity = float(np.max(np.abs(curved - at.damping * step))) / size
+        at.defect = float(max(np.max(np.abs(linear.e)), np.max(np.abs(gap))))
+        at.passed = float(np.max(violation, initial=0.0))
+        at.solution = solution
+        z, u, longer = objective.widened(solution)
+        has_end = objective.task.end is not None
+        slope = float(np.sum(program.g * step) + has_end * (END_WEIGHT * gap + at.force) @ z[-1])
+        price = objective.price
+        return _Step(
+            z, u, longer,
+            theta=float(np.sum(np.abs(linear.e)) + np.sum(np.abs(gap))),
+            phi=at.cost + price * float(np.sum(violation)),
+            falls=slope - price * float(np.sum(violation) - np.sum(solution.passed)),
+            bend=float(np.sum(step * curved)),
+            force=at.force + has_end * END_WEIGHT * (gap - z[-1]),
+        )  # fmt: skip
+
+    def _along(self, step: _Step) -> Iterate | None:
+        """The motion as far along a step as the filter accepts it."""
+        at, objective = self.best, self._objective
+        for halving in range(NUMBERS.halvings):
+            alpha = 0.5**halving
+            made = self._shooting.moved(
+                at.nodes, alpha * step.z, alpha * step.u, alpha * step.longer
+            )
+            if made is None:
+                continue
+            nodes, ends = made
+            if objective.rows.n_slack(ends) > objective.rows.n_slack(at.ends):
+                continue  # what is slack has no derivative by which it would be pulled taut again
+            cost = objective.cost(nodes, ends)
+            phi = cost + objective.price * float(np.sum(objective.rows.violation(nodes, ends)))
+            theta = float(np.sum(np.abs(ends.e)) + np.sum(np.abs(objective.end_gap(nodes))))
+            if not self._filter.accepts((step.theta, step.phi), (theta, phi), alpha * step.falls):
+                continue
+            predicted = max(-alpha * (step.falls + 0.5 * alpha * step.bend), _LEAST)
+            saved, limits = step.phi - phi, self._limits
+            is_small = abs(saved) <= limits.cost_tolerance * abs(step.phi)
+            is_small = is_small and step.theta <= limits.tolerance
+            self._small_steps = self._small_steps + 1 if is_small else 0
+            return replace(
+                at, nodes=nodes, ends=ends, cost=cost, iterations=at.iterations + 1,
+                force=step.force, damping=_damping(at.damping, alpha, saved / predicted),
+                settled=self._small_steps == NUMBERS.small_steps,
+            )  # fmt: skip
+        return None
+
+
+def _damping(damping: float, alpha: float, gain: float) -> float:
+    """The damping after a step.
+
+    Args:
+        damping: before.
+        alpha: how far the step went.
+        gain: decrease of the merit relative to what was predicted.
+    """
+    if alpha < 1.0 or gain < NUMBERS.poor:
+        return damping * NUMBERS.damping_factor
+    if gain > NUMBERS.good:
+        return max(damping / NUMBERS.damping_factor, NUMBERS.damping)
+    return damping

@@ -1,0 +1,75 @@
+"""Tasks: what is to be optimised."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from fantoccini.arrays import check_positive
+from fantoccini.errors import StateError
+from fantoccini.marionette import Marionette
+from fantoccini.motion import State
+from fantoccini.optimal.bounds import Bounds
+from fantoccini.optimal.costs import Smooth, Track
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A motion of least cost within bounds::
+
+        min J(x, acc_K)   x_{i+1} = F(x_i, acc_i),  x_0 given,  bounds
+
+    Attributes:
+        marionette: the puppet.
+        x0: where it starts.
+        duration: of the motion [s]; two numbers where it is free between them.
+        tracks: what it follows.
+        smooth: weights of the inputs' accelerations and their rates.
+        bounds: what it may not leave.
+        end: the state at the end, where it is given; dynamic and driven coordinates and velocities.
+        time_weight: cost of a second, where the duration is free [1/s].
+        interval: between nodes; the inputs' accelerations are constant over it [s].
+        dt: longest time step [s].
+    """
+
+    marionette: Marionette
+    x0: State
+    duration: float | tuple[float, float]
+    tracks: Sequence[Track]
+    smooth: Smooth = field(default_factory=Smooth)
+    bounds: Bounds = field(default_factory=Bounds)
+    end: State | None = None
+    time_weight: float = 1.0
+    interval: float = 0.02
+    dt: float = 0.005
+
+    def __post_init__(self) -> None:
+        low, high = self.durations
+        check_positive(duration=low, interval=self.interval, dt=self.dt)
+        if not low <= high < math.inf:
+            text = f"duration is {self.duration}; needed: a number, or a lower and a higher one"
+            raise StateError(text)
+        if not all(isinstance(one, Track) for one in self.tracks):
+            raise StateError(f"a task's tracks are {self.tracks!r}; needed: a list of Track")
+        self.marionette.model.check_state(self.x0)
+        if self.end is not None:
+            self.marionette.model.check_state(self.end)
+
+    @property
+    def durations(self) -> tuple[float, float]:
+        """The shortest and the longest duration [s]."""
+        if isinstance(self.duration, tuple):
+            return float(self.duration[0]), float(self.duration[1])
+        return float(self.duration), float(self.duration)
+
+    @property
+    def is_free(self) -> bool:
+        """Whether the duration is free."""
+        low, high = self.durations
+        return low < high
+
+    @property
+    def n_intervals(self) -> int:
+        """Intervals between nodes; where the duration is free, of the longest."""
+        return max(1, math.ceil(self.durations[1] / self.interval - 1e-9))

@@ -1,0 +1,113 @@
+"""Derivatives of optimal control, beside central differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.optimal.costs import Track
+from fantoccini.optimal.dynamics import TimeSteps
+from fantoccini.optimal.nodes import Nodes
+from fantoccini.optimal.residuals import Looks, residual_of
+from fantoccini.optimal.shooting import EventRuns
+
+STEP = 1e-6
+
+
+@pytest.fixture(scope="module")
+def crane() -> fan.Marionette:
+    return fan.puppets.crane()
+
+
+@pytest.fixture(scope="module")
+def nodes(crane: fan.Marionette) -> Nodes:
+    """Some states that do not rest, with all strings taut."""
+    x0 = crane.rest()
+    random = np.random.default_rng(3)
+    still = Nodes.still(crane, x0, 0.8, 8)
+    n = still.table.n_vD
+    z = np.zeros((9, still.n_z))
+    z[1:, 3:6] = 0.1 * random.normal(size=(8, 3))
+    z[1:, n : 2 * n] = 0.05 * random.normal(size=(8, n))
+    return still.moved(z, 0.2 * random.normal(size=still.acc_K.shape))
+
+
+@pytest.mark.parametrize(
+    "track",
+    [
+        Track.point("load", (1.0, 0.2, 0.5), at=(0.1, 0.2, 0.3)),
+        Track.orientation("load", (0.9, 0.1, -0.3, 0.2)),
+        Track.coordinate("load.z", 0.7),
+        Track.coordinate("trolley", lambda t: 0.3 * t),
+        Track.velocity("*"),
+        Track.velocity("hoist.length", 0.1),
+    ],
+    ids=lambda track: f"{track.kind}-{track.name}",
+)
+def test_residuals_by_changes_of_states(crane: fan.Marionette, nodes: Nodes, track: Track):
+    residual = residual_of(crane, track, nodes)
+    found = residual.by(Looks(crane, nodes))
+    for j in range(nodes.n_z):
+        z = np.zeros((len(nodes) + 1, nodes.n_z))
+        z[:, j] = STEP
+        none = np.zeros_like(nodes.acc_K)
+        up, down = (
+            residual.value(Looks(crane, nodes.moved(sign * z, none))) for sign in (1.0, -1.0)
+        )
+        assert found[:, :, j] == pytest.approx((up - down) / (2.0 * STEP), abs=1e-7)
+
+
+@pytest.mark.parametrize("i", [0, 4])
+def test_ends_of_intervals_by_states_and_accelerations(crane: fan.Marionette, nodes: Nodes, i: int):
+    steps = TimeSteps(crane, 0.025)
+    assert steps.steps(nodes.interval) == (4, pytest.approx(0.025))
+    parts = {name: getattr(nodes, name)[i : i + 2] for name in ("q_D", "v_D", "q_K", "v_K")}
+    one = Nodes(nodes.table, 0.0, nodes.interval, **parts, acc_K=nodes.acc_K[i : i + 1])
+    n_z, k = one.n_z, one.acc_K.shape[1]
+    # The second node lies where the interval ends: changes are small there.
+    away = np.concatenate([np.zeros((1, n_z)), steps.linearise(one).e])
+    one = one.moved(away, np.zeros((1, k)))
+    found = steps.linearise(one)
+    assert np.all(found.settled) and np.all(found.taut)
+    assert found.e == pytest.approx(0.0, abs=1e-12)
+    both = np.concatenate([found.A, found.B], axis=2)[0]
+    for j in range(n_z + k):
+        z, u = np.zeros((2, n_z)), np.zeros((1, k))
+        if j < n_z:
+            z[0, j] = STEP
+        else:
+            u[0, j - n_z] = STEP
+        up, down = (steps.linearise(one.moved(sign * z, sign * u)) for sign in (1.0, -1.0))
+        assert both[:, j] == pytest.approx((up.e - down.e)[0] / (2.0 * STEP), abs=2e-6)
+        pulled = (up.tension - down.tension)[0] / (2.0 * STEP)
+        size = 1.0 + np.max(np.abs(pulled))
+        assert found.pull[0, :, j] / size == pytest.approx(pulled / size, abs=1e-5)
+
+
+def test_ends_by_the_length_of_intervals(crane: fan.Marionette):
+    x0 = crane.rest()
+    acc = np.array([[0.4, 0.0], [-0.3, 0.1], [0.2, -0.1]])
+    swing = Nodes.still(crane, x0, 0.9, 3).moved(np.zeros((4, 16)), acc)
+    runs = EventRuns(TimeSteps(crane, 0.0005), crane, x0)
+    at = runs.run(swing)
+    assert at is not None
+    nodes, run = at
+    found = runs.linearise(nodes, runs.ends(nodes, run))
+    # All intervals get longer by d: the last state moves by what `later` sums to through A.
+    z = np.zeros(16)
+    for A, later in zip(found.A, found.later, strict=True):
+        z = A @ z + later
+    states = [runs.run(swing.moved(np.zeros((4, 16)), 0.0 * acc, d)) for d in (1e-4, -1e-4)]
+    (up, _), (down, _) = states[0], states[1]
+    moved = down.between(up.q_D, up.v_D, up.q_K, up.v_K, first=0)[-1] / 2e-4
+    assert z == pytest.approx(moved, abs=0.01 * np.max(np.abs(moved)))
+
+
+def test_nodes_move_back_by_what_lies_between(crane: fan.Marionette, nodes: Nodes):
+    random = np.random.default_rng(0)
+    z, u = 0.3 * random.normal(size=(9, nodes.n_z)), random.normal(size=(8, 2))
+    made = nodes.moved(z, u)
+    there = (made.q_D, made.v_D, made.q_K, made.v_K)
+    assert nodes.between(*there, first=0) == pytest.approx(z, abs=1e-12)
+    assert made.acc_K - nodes.acc_K == pytest.approx(u, abs=1e-12)

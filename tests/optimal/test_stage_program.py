@@ -1,0 +1,147 @@
+"""Programs of stages, beside the same programs written as one dense system."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import LinearConstraint, minimize
+
+from fantoccini.optimal.gains import riccati_gains
+from fantoccini.optimal.quadratic import UNBOUNDED, StageProgram, StageSolver
+
+N, N_Z, K = 4, 3, 2
+S = K + N_Z
+
+
+def program(rows: int = 0, seed: int = 1) -> StageProgram:
+    """Random, convex, without bounds."""
+    random = np.random.default_rng(seed)
+    root = random.normal(size=(N, S, S))
+    H = root @ root.swapaxes(1, 2) + np.eye(S)
+    return StageProgram(
+        H=H,
+        g=random.normal(size=(N, S)),
+        cross=0.1 * random.normal(size=(N, S, K)),
+        A=0.5 * random.normal(size=(N, N_Z, N_Z)),
+        B=random.normal(size=(N, N_Z, K)),
+        e=0.3 * random.normal(size=(N, N_Z)),
+        low=np.full((N, S), -UNBOUNDED),
+        high=np.full((N, S), UNBOUNDED),
+        C=random.normal(size=(N, rows, S + K)),
+        row_low=np.full((N, rows), -0.3),
+        row_high=np.full((N, rows), 0.2),
+        elastic=np.full((N, rows), 0.2),
+    )
+
+
+def dense(given: StageProgram) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """P, c, A, b of the same: min 1/2 x^T P x + c^T x, A x = b."""
+    P, A = np.zeros((N * S, N * S)), np.zeros((N * N_Z, N * S))
+    for i in range(N):
+        own, before = slice(S * i, S * (i + 1)), slice(S * (i - 1), S * i)
+        rows = slice(N_Z * i, N_Z * (i + 1))
+        P[own, own] = given.H[i]
+        A[rows, own] = np.concatenate([given.B[i], -np.eye(N_Z)], axis=1)
+        if i:
+            u = slice(S * i, S * i + K)
+            P[before, u] += given.cross[i]
+            P[u, before] += given.cross[i].T
+            A[rows, S * (i - 1) + K : S * i] = given.A[i]
+    return P, given.g.ravel(), A, -given.e.ravel()
+
+
+def test_without_bounds_it_is_the_linear_system_of_the_conditions_of_optimality():
+    given = program()
+    P, c, A, b = dense(given)
+    zero = np.zeros((len(b), len(b)))
+    kkt = np.linalg.solve(np.block([[P, A.T], [A, zero]]), np.concatenate([-c, b]))
+    found = StageSolver(1e-10).solve(given)
+    assert found.solved and found.feasible
+    x = np.concatenate([found.u, found.z[1:]], axis=1).ravel()
+    assert x == pytest.approx(kkt[: len(c)], abs=1e-6)
+    assert found.costate.ravel() == pytest.approx(kkt[len(c) :], abs=1e-5)
+
+
+def test_bounds_and_rows_that_are_passed_at_a_price_are_those_of_another_solver():
+    given = program(rows=2)
+    given.low[:, :K], given.high[:, :K] = -0.15, 0.15
+    P, c, A, b = dense(given)
+    m = given.C.shape[1]
+    n = N * S
+    rows = np.zeros((N * m, n))
+    for i in range(N):
+        at = slice(m * i, m * (i + 1))
+        rows[at, S * i : S * i + K] = given.C[i, :, S:]
+        if i:
+            rows[at, S * (i - 1) : S * i] += given.C[i, :, :S]
+    price = given.elastic.ravel()
+
+    def cost(y: np.ndarray) -> float:
+        x, s = y[:n], y[n:]
+        return 0.5 * x @ P @ x + c @ x + price @ s + 0.5 * price @ s**2
+
+    def slope(y: np.ndarray) -> np.ndarray:
+        x, s = y[:n], y[n:]
+        return np.concatenate([P @ x + c, price + price * s])
+
+    one, none = np.eye(N * m), np.zeros((len(b), N * m))
+    low = np.concatenate([given.low.ravel(), np.zeros(N * m)])
+    high = np.concatenate([given.high.ravel(), np.full(N * m, np.inf)])
+    constraints = [
+        LinearConstraint(np.concatenate([A, none], axis=1), b, b),
+        LinearConstraint(np.concatenate([rows, -one], axis=1), -np.inf, given.row_high.ravel()),
+        LinearConstraint(np.concatenate([rows, one], axis=1), given.row_low.ravel(), np.inf),
+    ]
+    best = minimize(
+        cost, np.zeros(n + N * m), jac=slope, method="SLSQP", constraints=constraints,
+        bounds=list(zip(low, high, strict=True)), options={"ftol": 1e-14, "maxiter": 500},
+    )  # fmt: skip
+    assert best.success
+    found = StageSolver(1e-10).solve(given)
+    x = np.concatenate([found.u, found.z[1:]], axis=1).ravel()
+    assert found.solved
+    assert x == pytest.approx(best.x[:n], abs=2e-5)
+    assert found.passed.ravel() == pytest.approx(best.x[n:], abs=2e-5)
+    assert np.max(found.passed) > 0.01 and np.max(np.abs(found.u)) > 0.149
+
+
+def test_a_solver_solves_program_after_program_of_one_shape():
+    solver = StageSolver(1e-10)
+    for seed in range(3):
+        given = program(seed=seed)
+        again, alone = solver.solve(given), StageSolver(1e-10).solve(given)
+        assert again.u == pytest.approx(alone.u, abs=1e-6)
+
+
+def test_gains_are_what_the_best_inputs_do_where_the_start_is_another():
+    given = replace(program(), g=np.zeros((N, S)), e=np.zeros((N, N_Z)))
+    # What costs have between neighbouring inputs, or an input and the state after it, is left out.
+    given.cross[:, :K] = given.H[:, :K, K:] = given.H[:, K:, :K] = 0.0
+    gains = riccati_gains(given)
+    random = np.random.default_rng(5)
+    z0 = random.normal(size=N_Z)
+    # The first state is 0 in programs: what it would add stands in e and g of the first stage.
+    given.e[0] = given.A[0] @ z0
+    given.g[0, :K] = given.cross[0, K:].T @ z0
+    found = StageSolver(1e-10).solve(given)
+    states = np.concatenate([z0[None], found.z[1:]])
+    for i in range(N):
+        assert found.u[i] == pytest.approx(gains[i] @ states[i], abs=1e-6)
+
+
+@pytest.mark.parametrize("shares", [(0.0, 0.1), (-0.05, 0.2)])
+def test_a_free_interval_moves_all_ends(shares: tuple[float, float]):
+    random = np.random.default_rng(9)
+    later = random.normal(size=(N, N_Z))
+    given = program().with_free_interval(later, -1.0, *shares, 1e-6)
+    found = StageSolver(1e-10).solve(given)
+    longer = found.u[0, K]
+    assert shares[0] - 1e-6 <= longer <= shares[1] + 1e-6
+    assert found.z[1:, -1] == pytest.approx(longer, abs=1e-6)
+    plain = program()
+    z = np.zeros(N_Z)
+    for i in range(N):
+        z = plain.A[i] @ z + plain.B[i] @ found.u[i, :K] + plain.e[i] + later[i] * longer
+        assert found.z[i + 1, :N_Z] == pytest.approx(z, abs=1e-5)
