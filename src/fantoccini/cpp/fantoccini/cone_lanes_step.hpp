@@ -288,22 +288,8 @@ class ConeLanesStep : protected ConeLaw {
           for (int j = k + 1; j < last; ++j) row[j] -= share * top[j];
         }
       }
-      // Two rows at a time, which share what is read of the four.
       const Real *p = A_ + first * n, *q = p + n, *r = q + n, *s = r + n;
-      int i = end;
-      for (; i + 1 < n; i += 2) {
-        Real *row = A_ + i * n, *next = row + n;
-        const Real a = row[first], b = row[first + 1], c = row[first + 2], d = row[first + 3];
-        const Real e = next[first], f = next[first + 1], g = next[first + 2], h = next[first + 3];
-        for (int j = end; j < n; ++j) {
-          const Real t = p[j], u = q[j], v = r[j], w = s[j];  // before stores, which may alias
-          const Real one = row[j] - a * t - b * u - c * v - d * w;
-          const Real other = next[j] - e * t - f * u - g * v - h * w;
-          row[j] = one;
-          next[j] = other;
-        }
-      }
-      for (; i < n; ++i) {
+      for (int i = end; i < n; ++i) {
         Real* row = A_ + i * n;
         const Real a = row[first], b = row[first + 1], c = row[first + 2], d = row[first + 3];
         for (int j = end; j < n; ++j) row[j] = row[j] - a * p[j] - b * q[j] - c * r[j] - d * s[j];
