@@ -13,6 +13,7 @@ TITLES = {
     "marionette": "Marionette",
     "motion": "States, inputs, trajectories",
     "simulation": "Simulation",
+    "optimal": "Optimal control",
     "perform": "Live performance",
     "planning": "Planning",
     "sweeps": "Sweeps",
@@ -34,7 +35,7 @@ WHOLE = ("puppets", "planning", "view", "puppet", "exchange")
 FIRST = ("Marionette", "load", "loads", "State", "Input", "Trajectory", "simulate", "Performance")
 """Names that lead their page; the others follow as exported."""
 
-ENUMERATIONS = ("EventKind", "PlanStatus", "PolishStatus", "Status")
+ENUMERATIONS = ("EventKind", "OptimalStatus", "PlanStatus", "PolishStatus", "Status")
 """Names whose members explain themselves, without a docstring each."""
 
 MORE = {

@@ -29,7 +29,7 @@ def program(rows: int = 0, seed: int = 1) -> StageProgram:
         e=0.3 * random.normal(size=(N, N_Z)),
         low=np.full((N, S), -UNBOUNDED),
         high=np.full((N, S), UNBOUNDED),
-        C=random.normal(size=(N, rows, S + K)),
+        C=random.normal(size=(N, rows, 2 * S)),
         row_low=np.full((N, rows), -0.3),
         row_high=np.full((N, rows), 0.2),
         elastic=np.full((N, rows), 0.2),
@@ -73,7 +73,7 @@ def test_bounds_and_rows_that_are_passed_at_a_price_are_those_of_another_solver(
     rows = np.zeros((N * m, n))
     for i in range(N):
         at = slice(m * i, m * (i + 1))
-        rows[at, S * i : S * i + K] = given.C[i, :, S:]
+        rows[at, S * i : S * (i + 1)] = given.C[i, :, S:]
         if i:
             rows[at, S * (i - 1) : S * i] += given.C[i, :, :S]
     price = given.elastic.ravel()

@@ -64,6 +64,7 @@ def optimise(
     check_positive(tolerance=tolerance, time_limit=time_limit)
     refuse_contact(task.marionette.model, "optimise")
     began, marionette = time.perf_counter(), task.marionette
+    task.bounds.check_start(marionette, task.x0)
     steps = TimeSteps(marionette, task.dt, threads)
     runs = EventRuns(steps, marionette, task.x0)
     first = _first(task, guess)

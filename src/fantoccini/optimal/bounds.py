@@ -12,6 +12,7 @@ from fantoccini.arrays import Array
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
+from fantoccini.optimal.nodes import Nodes
 
 Most: TypeAlias = float | Mapping[str, float]
 """The largest magnitude of all driven coordinates, or by name."""
@@ -19,6 +20,9 @@ _TAUT = 5e-3
 """Least tension of a string that is to stay taut, relative to the weight."""
 _PULLS = 1e-4
 """Tension from which a string counts as taut, likewise."""
+
+_START = 1e-9
+"""How far a start may be beyond bounds: rounding [m, rad or their rates]."""
 
 Interval: TypeAlias = tuple[float, float]
 
@@ -91,6 +95,19 @@ class Bounds:
         speed = self.magnitudes(marionette, "speed")
         low[2 * n + k :], high[2 * n + k :] = -speed, speed
         return low, high
+
+    def check_start(self, marionette: Marionette, x0: State) -> None:
+        """Raises StateError where a state is beyond the bounds of coordinates and speeds."""
+        t = marionette.coordinates
+        still = Nodes.still(marionette, x0, 1.0, 1)
+        low, high = self.intervals(marionette)
+        names = [*t.v_D, *[f"the speed of {v}" for v in t.v_D], *t.v_K]
+        names += [f"the speed of {v}" for v in t.v_K]
+        for name, value, a, b in zip(names, still.numbers[0], low, high, strict=True):
+            if not a - _START <= value <= b + _START:
+                raise StateError(
+                    f"{name} is {value:.6g} at the start, beyond its bounds {a:g} to {b:g}"
+                )
 
     def tensions(self, marionette: Marionette) -> tuple[list[int], Array, Array]:
         """Rows of strings with bounds, the lowest and the highest tensions."""

@@ -18,6 +18,8 @@ from fantoccini.optimal.task import Task
 
 END_WEIGHT = 1e4
 """Of the squares of what is left at the end, beside its multipliers."""
+_FIRST_PRICE = 10.0
+"""Of a unit of violation of a row."""
 _NEAR = 1e-2
 """Gap at the end above which the motion gets no shorter [m, rad and their rates]."""
 _SHARE = 0.1
@@ -32,16 +34,14 @@ class Objective:
     Attributes:
         task: see :class:`Task`.
         rows: that may be passed.
-        price: of a unit of violation of a row.
+        price: of a unit of violation of a row; the search raises it where rows are passed.
 
     Args:
         task: see above.
     """
 
-    price = 10.0
-
     def __init__(self, task: Task):
-        self.task, marionette = task, task.marionette
+        self.task, marionette, self.price = task, task.marionette, _FIRST_PRICE
         n, k = marionette.coordinates.n_vD, marionette.coordinates.n_vK
         self._n_z, self._k = 2 * (n + k), k
         self._tracks = [track for track in task.tracks if track.kind != "tension"]
@@ -95,7 +95,7 @@ class Objective:
         value, row_low, row_high = self.rows.values(nodes, linear)
         u, z, stages = self._u, self._z, np.arange(N)
         both = np.concatenate([u, k + z])
-        of_rows = np.concatenate([both, k + n_z + u])
+        of_rows = np.concatenate([both, k + n_z + both])
         made = StageProgram(
             H[np.ix_(stages, both, both)], g[:, both], cross[np.ix_(stages, both, u)],
             linear.A[np.ix_(stages, z, z)], linear.B[np.ix_(stages, z, u)], linear.e[:, z],

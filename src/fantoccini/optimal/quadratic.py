@@ -2,7 +2,7 @@
 
     min  sum over i of  1/2 [u_i; z_{i+1}]^T H_i [u_i; z_{i+1}] + g_i^T [...] + u_{i-1}^T D_i u_i
     z_{i+1} = A_i z_i + B_i u_i + e_i,   z_0 = 0,   bounds on all variables,
-    low <= C_i [u_{i-1}; z_i; u_i] + elastic <= high
+    low <= C_i [u_{i-1}; z_i; u_i; z_{i+1}] + elastic <= high
 
 A stage's variables are (u_i, z_{i+1}, elastic parts).
 """
@@ -36,7 +36,8 @@ class StageProgram:
         cross: (N, k + n_z, k) of (u_{i-1}, z_i) with u_i; the first is not used but for z_0 = 0.
         A, B, e: of the dynamics.
         low, high: (N, k + n_z) bounds.
-        C: (N, m, k + n_z + k) rows of (u_{i-1}, z_i, u_i); row_low, row_high: (N, m) their bounds.
+        C: (N, m, 2 (k + n_z)) rows of (u_{i-1}, z_i, u_i, z_{i+1}).
+        row_low, row_high: (N, m) their bounds.
         elastic: (N, m) price of passing a row: of the first power, and of half the square.
     """
 
@@ -87,8 +88,8 @@ class StageProgram:
         B[:, :n_z, :k] = self.B
         if high > low:
             B[0, :n_z, k], B[0, -1, k] = later[0], 1.0
-        of_rows = np.concatenate([inner, s + 2 + np.arange(k)])
-        C = np.zeros((N, self.C.shape[1], s + k + 3))
+        of_rows = np.concatenate([inner, s + 2 + inner])
+        C = np.zeros((N, self.C.shape[1], 2 * (s + 2)))
         C[:, :, of_rows] = self.C
         return StageProgram(
             H, g, cross, A, B, np.pad(self.e, ((0, 0), (0, 1))), lowest, highest, C, self.row_low,
@@ -222,11 +223,10 @@ class StageSolver:
         for (sign, bound), which in zip(sides, kept, strict=True):
             own = done + np.arange(len(which))
             upper[:, own] = bound[:, which]
-            i, j = (x.ravel() for x in np.mgrid[: len(which), :k])
+            i, j = (x.ravel() for x in np.mgrid[: len(which), :s])
             rows.append((at[:, None] + own[i]).ravel())
             columns.append((first[:, None] + j).ravel())
             values.append((sign * program.C[:, which[i], s + j]).ravel())
-            i, j = (x.ravel() for x in np.mgrid[: len(which), :s])
             rows.append((at[1:, None] + own[i]).ravel())
             columns.append((first[:-1, None] + j).ravel())
             values.append((sign * program.C[1:, which[i], j]).ravel())

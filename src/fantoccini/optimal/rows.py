@@ -1,6 +1,6 @@
 """Rows of a motion that may be passed at a price: tensions, jerks and dynamic coordinates.
 
-low <= r_i(u_{i-1}, z_i, u_i) <= high
+low <= r_i(u_{i-1}, z_i, u_i, z_{i+1}) <= high
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Rows:
         """(N, m) their values, and (m,) their bounds."""
         jumps = np.diff(nodes.acc_K, axis=0, prepend=0.0)[:, self._jerks]
         most = self._jerk[self._jerks] * nodes.interval
-        numbers = nodes.numbers[:-1, self._places]
+        numbers = nodes.numbers[1:, self._places]
         value = np.concatenate([ends.tension[:, self._taut], jumps, numbers], axis=1)
         low = np.concatenate([self._least, -most, self._low])
         high = np.concatenate([self._most, most, self._high])
@@ -47,14 +47,15 @@ class Rows:
         return np.maximum(np.maximum(low - value, value - high), 0.0)
 
     def by(self, nodes: Nodes, linear: LinearEnds) -> Array:
-        """(N, m, n_vK + n_z + n_vK) derivatives by (u_{i-1}, z_i, u_i)."""
+        """(N, m, 2 (n_vK + n_z)) derivatives by (u_{i-1}, z_i, u_i, z_{i+1})."""
         N, n_z, k = linear.B.shape
         n_taut, n_jerks, n_places = len(self._taut), len(self._jerks), len(self._places)
-        C = np.zeros((N, n_taut + n_jerks + n_places, k + n_z + k))
-        C[:, :n_taut, k:] = linear.pull[:, self._taut]
+        s = k + n_z
+        C = np.zeros((N, n_taut + n_jerks + n_places, 2 * s))
+        C[:, :n_taut, k : s + k] = linear.pull[:, self._taut]
         row = n_taut + np.arange(n_jerks)
-        C[:, row, self._jerks], C[:, row, k + n_z + self._jerks] = -1.0, 1.0
-        C[:, n_taut + n_jerks + np.arange(n_places), k + self._places] = 1.0
+        C[:, row, self._jerks], C[:, row, s + self._jerks] = -1.0, 1.0
+        C[:, n_taut + n_jerks + np.arange(n_places), s + k + self._places] = 1.0
         return C
 
     def n_slack(self, ends: Ends) -> int:

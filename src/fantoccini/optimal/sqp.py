@@ -50,6 +50,9 @@ class Numbers:
     decrease: float = 1e-4
     """Share of the predicted decrease that a step must reach."""
     halvings: int = 8
+    price_factor: float = 4.0
+    highest_price: float = 1e5
+    """Of a unit of violation of a row."""
     small_steps: int = 4
     """In a row after which a motion counts as settled."""
     margin: float = 1e-5
@@ -143,6 +146,7 @@ class _Step:
         falls: slope of phi along it.
         bend: its curvature in the program.
         force: multipliers of the end, after it.
+        passes: how far its program passes rows.
     """
 
     z: Array
@@ -153,6 +157,7 @@ class _Step:
     falls: float
     bend: float
     force: Array | float
+    passes: float
 
 
 @dataclass(frozen=True)
@@ -198,6 +203,8 @@ class Search:
             at = self.best
             if step is not None and at.kkt <= self._limits.tolerance:
                 break
+            if step is not None and step.passes > self._limits.tolerance:
+                self._raise_price()
             made = None if step is None else self._along(step)
             at.iterations += 1
             if made is None:
@@ -212,6 +219,12 @@ class Search:
             if self.best.settled or time.perf_counter() > self._limits.until:
                 break
         return self.best
+
+    def _raise_price(self) -> None:
+        """Where even the program passes rows, their price is too low, or they contradict."""
+        if self._objective.price < NUMBERS.highest_price:
+            self._objective.price *= NUMBERS.price_factor
+            self._filter, self._small_steps = Filter(), 0
 
     def _step(self) -> _Step | None:
         """A step from the best motion, whose residuals are noted; None where none was found."""
@@ -243,6 +256,7 @@ class Search:
             falls=slope - price * float(np.sum(violation) - np.sum(solution.passed)),
             bend=float(np.sum(step * curved)),
             force=at.force + has_end * END_WEIGHT * (gap - z[-1]),
+            passes=float(np.max(solution.passed, initial=0.0)),
         )  # fmt: skip
 
     def _along(self, step: _Step) -> Iterate | None:

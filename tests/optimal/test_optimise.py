@@ -1,0 +1,282 @@
+"""Motions of least cost, beside closed forms and beside another optimiser."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import fsolve, minimize
+
+import fantoccini as fan
+
+LENGTH, WAY, MOST = 1.0, 0.05, 0.05
+
+SMALL_CRANE = """
+puppet: small_crane
+bodies:
+  - name: bob
+    joint: {type: translation, axes: [x, z]}
+    shapes:
+      - {type: sphere, radius: 0.04, mass: 0.5}
+strings:
+  - name: line
+    path:
+      - {body: bob, at: [0, 0, 0]}
+      - {driven: [x], at: [0, 0, 0]}
+    length: driven
+pose: {bob.z: -1.0, line.length: 1.0}
+"""
+
+TIP = (0.3, 0.0, 0.0)
+TURN = 10.0 * np.linspace(0, 1, 81) ** 3 - 15.0 * np.linspace(0, 1, 81) ** 4
+TURN = 2.0 * np.pi * (TURN + 6.0 * np.linspace(0, 1, 81) ** 5)
+
+
+@pytest.fixture(scope="module")
+def crane() -> fan.Marionette:
+    return fan.loads(SMALL_CRANE)
+
+
+@pytest.fixture(scope="module")
+def arm() -> fan.Marionette:
+    return fan.puppets.arm2d()
+
+
+@pytest.fixture(scope="module")
+def circle(arm: fan.Marionette) -> np.ndarray:
+    """(81, 3) the arm's tip goes round, beginning and ending at rest."""
+    pose = arm.pose(arm.rest(), "lower")
+    tip = pose[:3, 3] + pose[:3, :3] @ np.array(TIP)
+    return tip + 0.03 * np.stack([1.0 - np.cos(TURN), 0.0 * TURN, np.sin(TURN)], axis=1)
+
+
+@pytest.fixture(scope="module")
+def round_trip(arm: fan.Marionette, circle: np.ndarray) -> fan.Optimum:
+    return fan.follow(arm, {("lower", TIP): circle}, 2.0)
+
+
+def shortest() -> float:
+    """The least time from rest to rest of a linear crane with bounded acceleration [s].
+
+    Accelerations are + - + - MOST, antisymmetric about the middle; the way and the swing about the
+    middle give the first switch and the time.
+    """
+    rate = np.sqrt(9.81 / LENGTH)
+
+    def left(unknown: np.ndarray) -> tuple[float, float]:
+        first, T = unknown
+        edges = np.array([0.0, first, 0.5 * T, T - first, T])
+        acc = MOST * np.array([1.0, -1.0, 1.0, -1.0])
+        way = np.sum(acc * ((T - edges[:-1]) ** 2 - (T - edges[1:]) ** 2)) / 2.0
+        swing = np.sum(acc * -np.diff(np.cos(rate * (edges - 0.5 * T))))
+        return way - WAY, swing
+
+    found = fsolve(left, [0.7, 2.4], xtol=1e-12)
+    assert left(found) == pytest.approx((0.0, 0.0), abs=1e-12)
+    return float(found[1])
+
+
+def test_a_crane_goes_from_rest_to_rest_in_the_least_time(crane: fan.Marionette):
+    there = crane.rest({"line.x": WAY})
+    task = fan.Task(
+        crane, crane.rest(), (0.5, 3.0), [], fan.Smooth(1e-8, 0.0),
+        fan.Bounds(acceleration=MOST, held=("line.length",)), end=there, interval=0.03, dt=0.002,
+    )  # fmt: skip
+    best = fan.optimise(task)
+    assert best, best.summary()
+    assert best.run.t[-1] == pytest.approx(shortest(), rel=1e-4)
+    assert np.max(np.abs(best.nodes.acc_K)) <= MOST * (1.0 + 1e-6)
+    # Beyond the end the load hangs still: swing below 1e-6 rad.
+    later = fan.simulate(crane, best.run.state(len(best.run) - 1).replace(t=0.0), None, 5.0)
+    swing = (later.q_D[:, 0] - later.q_K[:, 0]) / LENGTH
+    assert np.max(np.abs(swing)) < 1e-6
+    assert best.end_gap < 1e-6
+
+
+def test_the_tip_follows_a_circle_event_driven(
+    arm: fan.Marionette, circle: np.ndarray, round_trip: fan.Optimum
+):
+    assert round_trip.status in (fan.OptimalStatus.SOLVED, fan.OptimalStatus.SETTLED)
+    run = fan.simulate(arm, arm.rest(), round_trip.inputs, 2.0, save_at=np.linspace(0, 2, 81))
+    at = run.resample(np.linspace(0, 2, 81))
+    pose = arm.poses(at.q_D, at.q_K)[:, 1]
+    off = pose[..., 3] + pose[..., :3] @ np.array(TIP) - circle
+    assert np.sqrt(np.mean(np.sum(off**2, axis=1))) < 2e-4
+    assert np.min(run.tension["hand"]) > 0.0
+    assert round_trip.rms()["lower"] < 2e-4
+
+
+def test_the_cost_is_the_integral_of_the_run(
+    arm: fan.Marionette, circle: np.ndarray, round_trip: fan.Optimum
+):
+    run, h = round_trip.run, round_trip.nodes.interval
+    at = run.resample(round_trip.t)
+    pose = arm.poses(at.q_D, at.q_K)[:, 1]
+    path = np.stack([np.interp(round_trip.t, np.linspace(0, 2, 81), c) for c in circle.T], axis=1)
+    off = np.sum((pose[..., 3] + pose[..., :3] @ np.array(TIP) - path) ** 2, axis=1)
+    total = 0.5 * 1e4 * np.trapezoid(off, round_trip.t)
+    smooth, acc = fan.Smooth(), round_trip.nodes.acc_K
+    total += 0.5 * smooth.acceleration * h * np.sum(acc**2)
+    jumps = np.diff(acc, axis=0, prepend=0.0, append=0.0)
+    total += 0.5 * smooth.jerk / h * np.sum(jumps**2)
+    assert round_trip.cost == pytest.approx(total, rel=1e-6)
+
+
+def test_another_optimiser_finds_no_lower_cost(crane: fan.Marionette):
+    """Few accelerations, each tried by differences of event-driven runs."""
+    x0, N, T = crane.rest(), 6, 1.2
+    tracks = [fan.Track.coordinate("bob.x", lambda t: 0.1 * t**2, weight=50.0, end_weight=20.0)]
+    bounds = fan.Bounds(held=("line.length",), acceleration={"line.x": 0.4})
+    task = fan.Task(crane, x0, T, tracks, fan.Smooth(1e-2, 1e-4), bounds, interval=0.2, dt=0.001)
+    best = fan.optimise(task, cost_tolerance=1e-9)
+    h = T / N
+    t = np.linspace(0, T, N + 1)
+
+    def cost(acc: np.ndarray) -> float:
+        both = np.stack([acc, 0.0 * acc], axis=1)
+        move = fan.Input.segments(crane, t, x0.q_K, x0.v_K, both)
+        run = fan.simulate(crane, x0, move, T, save_at=t, effort=False).resample(t)
+        off = (run.q_D[:, 0] - 0.1 * t**2) ** 2
+        jumps = np.diff(acc, prepend=0.0, append=0.0)
+        smooth = 0.5e-2 * h * np.sum(acc**2) + 0.5e-4 / h * np.sum(jumps**2)
+        return 25.0 * np.trapezoid(off, t) + 10.0 * off[-1] + smooth
+
+    assert best.cost == pytest.approx(cost(best.nodes.acc_K[:, 0]), rel=1e-9)
+    other = minimize(cost, np.zeros(N), bounds=[(-0.4, 0.4)] * N, method="L-BFGS-B",
+                     options={"ftol": 1e-13, "gtol": 1e-9})  # fmt: skip
+    assert best.cost == pytest.approx(other.fun, rel=1e-4)
+    assert best.nodes.acc_K[:, 0] == pytest.approx(other.x, abs=5e-3)
+    assert np.max(np.abs(best.nodes.acc_K)) == pytest.approx(0.4, abs=1e-6)  # the bound counts
+
+
+def test_bounds_of_tensions_jerks_and_joints_hold(arm: fan.Marionette, circle: np.ndarray):
+    free = fan.follow(arm, {("lower", TIP): circle}, 2.0)
+    tension = free.run.tension["hand"]
+    least = 0.5 * (np.min(tension) + tension[0])
+    elbow = free.run.q_D[:, 1]
+    lowest = float(np.min(elbow)) + 0.02
+    bounds = fan.Bounds(
+        tension={"hand": (least, np.inf)}, joint={"elbow": (lowest, 3.0)}, jerk=10.0
+    )
+    kept = fan.follow(arm, {("lower", TIP): circle}, 2.0, bounds=bounds)
+    assert kept, kept.summary()
+    assert np.min(kept.run.resample(kept.t[:-1]).tension["hand"]) > least - 2e-3
+    assert np.min(kept.run.q_D[:, 1]) > lowest - 2e-3
+    jumps = np.diff(kept.nodes.acc_K, axis=0, prepend=0.0) / kept.nodes.interval
+    assert np.max(np.abs(jumps)) <= 10.0 * (1.0 + 1e-3)
+    assert kept.rms()["lower"] > free.rms()["lower"]
+
+
+def test_a_start_beyond_its_bounds_is_named(arm: fan.Marionette):
+    bounds = fan.Bounds(joint={"elbow": (-1.0, 1.0)})
+    with pytest.raises(fan.StateError, match=r"elbow is 2\.13.* at the start, beyond its bounds"):
+        fan.follow(arm, {"elbow": 0.5}, 1.0, bounds=bounds)
+
+
+def test_an_end_that_cannot_be_reached_is_told(crane: fan.Marionette):
+    bounds = fan.Bounds(acceleration=0.01, held=("line.length",))
+    task = fan.Task(
+        crane, crane.rest(), 1.0, [], bounds=bounds, end=crane.rest({"line.x": 0.5}), interval=0.1
+    )
+    found = fan.optimise(task, iterations=10)
+    assert not found
+    assert found.status is fan.OptimalStatus.VIOLATED
+    assert found.end_gap > 0.4
+    assert "does not reach its end" in found.summary()
+
+
+def test_it_goes_on_from_what_was_found(arm: fan.Marionette, circle: np.ndarray):
+    first = fan.follow(arm, {("lower", TIP): circle}, 2.0, iterations=2)
+    assert first.status is fan.OptimalStatus.ITERATIONS
+    again = fan.optimise(first.task, first)
+    assert again.cost < first.cost
+    from_inputs = fan.optimise(first.task, first.inputs, iterations=0)
+    assert from_inputs.cost == pytest.approx(first.cost, rel=1e-6)
+
+
+def test_it_is_deterministic_with_any_number_of_threads(arm: fan.Marionette, circle: np.ndarray):
+    one, two = (
+        fan.follow(arm, {("lower", TIP): circle}, 2.0, iterations=4, threads=n) for n in (1, 2)
+    )
+    assert np.array_equal(one.nodes.acc_K, two.nodes.acc_K)
+
+
+def test_ctrl_c_keeps_the_best_so_far(arm: fan.Marionette, circle: np.ndarray):
+    def interrupt(now: object) -> None:
+        raise KeyboardInterrupt
+
+    found = fan.follow(arm, {("lower", TIP): circle}, 2.0, progress=interrupt)
+    assert found.status is fan.OptimalStatus.STOPPED
+    assert found.cost < found.curve[0][1]
+
+
+def test_gains_bring_a_disturbed_arm_back(arm: fan.Marionette, round_trip: fan.Optimum):
+    nodes, K = round_trip.nodes, round_trip.gains
+    x0 = arm.rest()
+    pushed = x0.replace(v_D=x0.v_D + np.array([0.3, 0.0]))
+    pushed = arm.project(pushed)
+    errors = {}
+    for feedback in (False, True):
+        stepper = arm.stepper(pushed)
+        worst = []
+        for i in range(len(nodes)):
+            x, there = stepper.state, nodes
+            acc = nodes.acc_K[i].copy()
+            if feedback:
+                z = np.concatenate([
+                    x.q_D - there.q_D[i], x.v_D - there.v_D[i],
+                    x.q_K - there.q_K[i], x.v_K - there.v_K[i],
+                ])  # fmt: skip
+                acc += K[i] @ z
+            stepper.advance(nodes.interval, acc)
+            worst.append(np.linalg.norm(stepper.state.q_D - nodes.q_D[i + 1]))
+        errors[feedback] = np.mean(worst[len(nodes) // 2 :])
+    assert errors[True] < 0.5 * errors[False]
+
+
+@pytest.mark.parametrize(
+    ("targets", "words"),
+    [
+        ({"lowr": [0, 0, 0]}, "lower"),
+        ({"lower": [0, 0]}, "needed: 3 finite numbers"),
+        ({"elbow": ([0.0, 0.0], [1.0, 2.0])}, "rising times"),
+        ({"elbow": lambda t: np.nan}, "needed: 1 finite number"),
+    ],
+)
+def test_targets_that_are_none(arm: fan.Marionette, targets: dict, words: str):
+    with pytest.raises(fan.FantocciniError, match=words):
+        fan.follow(arm, targets, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("bounds", "words"),
+    [
+        (fan.Bounds(speed=0.0), "greater than 0"),
+        (fan.Bounds(speed={"hand.y": 1.0}), r"hand\.x"),
+        (fan.Bounds(position={"hand.x": (1.0, 0.0)}), "the first must be less"),
+        (fan.Bounds(tension={"hnd": (0.0, 1.0)}), "hand"),
+        (fan.Bounds(joint={"elbo": (0.0, 1.0)}), "elbow"),
+        (fan.Bounds(held=("hand.z",)), r"hand\.x"),
+    ],
+)
+def test_bounds_that_are_none(arm: fan.Marionette, bounds: fan.Bounds, words: str):
+    with pytest.raises(fan.FantocciniError, match=words):
+        fan.follow(arm, {"elbow": 0.5}, 1.0, bounds=bounds)
+
+
+def test_tasks_that_are_none(arm: fan.Marionette):
+    x0 = arm.rest()
+    with pytest.raises(fan.StateError, match="a lower and a higher one"):
+        fan.Task(arm, x0, (2.0, 1.0), [])
+    with pytest.raises(fan.StateError, match="a list of Track"):
+        fan.Task(arm, x0, 1.0, ["elbow"])  # type: ignore[list-item]
+    with pytest.raises(ValueError, match="interval"):
+        fan.Task(arm, x0, 1.0, [], interval=0.0)
+
+
+def test_contact_is_refused_by_name():
+    puppet = fan.loads(
+        SMALL_CRANE.replace("puppet: small_crane", "puppet: c\nfloor: -3.0\ncontact: true")
+    )
+    task = fan.Task(puppet, puppet.rest(), 1.0, [fan.Track.coordinate("bob.x", 0.1)])
+    with pytest.raises(fan.StateError, match="optimise"):
+        fan.optimise(task)
