@@ -108,8 +108,8 @@ def _pushes(equations: Equations, forth: Program) -> str:
     texts = [together(whole, name, SIZES.piece) for name, whole in made.items()]
     cases = [f"    case {i}: return fan_push_{i}(L, x, y);" for i in equations.pushes]
     switch = [
-        "template <class V>",
-        "inline void fan_push(int link, const double* L, const V* x, V* y) {",
+        "template <class A, class V>",
+        "inline void fan_push(int link, const A* L, const V* x, V* y) {",
         "  switch (link) {",
         *cases,
         "    default: return fan_push_all(L, x, y);",
@@ -149,8 +149,8 @@ def _map(name: str) -> str:
 
 
 _PUSH = """\
-  template <class V>
-  static void push(int link, const double* L, const V* x, V* y) {{
+  template <class A, class V>
+  static void push(int link, const A* L, const V* x, V* y) {{
     {space}::fan_push(link, L, x, y);
   }}"""
 
