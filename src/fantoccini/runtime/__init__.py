@@ -29,6 +29,7 @@ from fantoccini.runtime.rollouts import (
     Segments,
 )
 from fantoccini.runtime.solids import SOLID
+from fantoccini.runtime.stage_programs import StagePrograms
 from fantoccini.runtime.step_derivatives import StepDerivatives
 from fantoccini.runtime.structures import HeldInput
 from fantoccini.runtime.touching_steps import StepTouches, step_touches
@@ -66,6 +67,7 @@ __all__ = [
     "RunOptions",
     "Segments",
     "Solids",
+    "StagePrograms",
     "StepDerivatives",
     "StepTouches",
     "default_threads",

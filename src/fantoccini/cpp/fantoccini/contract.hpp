@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x1c4d18057cdacbcb;
+constexpr long long contract_digest = 0x0078ba80e8b904a6;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -372,6 +372,42 @@ struct StepDerivativeArrays {
   const double* screws;  // as in TouchingStepArrays
   const double* by_p;  // likewise
   int* edges;  // (n,) StepEdge; added to
+};
+
+// A quadratic program of stages (stage_program.hpp).
+struct StageProgramArrays {
+  long long N;  // stages
+  int n_z;  // states of a stage
+  int k;  // inputs
+  int m;  // rows
+  const double* H;  // (N, k + n_z, k + n_z) of (u_i, z_{i+1})
+  const double* g;  // (N, k + n_z)
+  const double* cross;  // (N, k + n_z, k) of (u_{i-1}, z_i) with u_i
+  const double* A;  // (N, n_z, n_z)
+  const double* B;  // (N, n_z, k)
+  const double* e;  // (N, n_z)
+  const double* low;  // (N, k + n_z) bounds of (u_i, z_{i+1})
+  const double* high;  // (N, k + n_z)
+  const double* C;  // (N, m, 2 k + n_z) rows of (u_{i-1}, z_i, u_i)
+  const double* row_low;  // (N, m)
+  const double* row_high;  // (N, m)
+  const double* price;  // (N, m) of passing a row
+  double unit;  // of the cost
+  double unbounded;  // from which a bound is none
+  double tolerance;  // of the residuals; ten times as much of the barrier
+  double barrier;  // least product of slacks and multipliers
+  int most_iterations;
+  double* u;  // (N, k)
+  double* z;  // (N, n_z) of z_1 and later
+  double* costate;  // (N, n_z) multipliers of the dynamics
+  double* passed;  // (N, m) how far rows are passed
+  double* force;  // (N, m) multipliers of the rows
+  double* gain;  // (k, n_z) of u_0 by z_0 with the last factors, or null
+  int iterations;  // factorisations made
+  int solved;  // whether the tolerance was reached
+  double primal;  // residual of the bounds
+  double dual;  // residual of stationarity, relative to g
+  double gap;  // mean product of slacks and multipliers
 };
 
 // A rollout of fixed steps, and the gradient of its cost.
