@@ -50,7 +50,9 @@ from .motion import (
     Trajectory as Trajectory,
 )
 from .optimal import (
+    MPC as MPC,
     Bounds as Bounds,
+    MPCStatus as MPCStatus,
     OptimalStatus as OptimalStatus,
     Optimum as Optimum,
     Smooth as Smooth,

@@ -139,19 +139,7 @@ def follow(
         UnknownNameError: a name that is no body and no coordinate.
     """
     x0 = marionette.rest() if x0 is None else x0
-    bodies = [link.name for link in marionette.tree.links]
-    table = marionette.coordinates
-    tracks = []
-    for name, path in targets.items():
-        body, at = name if isinstance(name, tuple) else (name, (0.0, 0.0, 0.0))
-        path = _spread(path, x0.t, duration, 3 if body in bodies else 1)
-        if body in bodies:
-            tracks.append(Track.point(body, path, at=at, weight=weight))
-        elif name in (*table.q_D, *table.q_K):
-            tracks.append(Track.coordinate(str(name), path, weight=weight))
-        else:
-            known = [*bodies, *table.q_D, *table.q_K]
-            raise UnknownNameError("body or coordinate", str(body), known)
+    tracks = tracks_of(marionette, targets, x0.t, duration, weight)
     bounds = Bounds() if bounds is None else bounds
     if not slack:
         bounds = bounds.staying_taut(marionette, x0)
@@ -160,16 +148,53 @@ def follow(
     return optimise(task, **options)
 
 
-def _check(task: Task) -> None:
-    """Raises StateError where a task is not differentiated, or starts beyond its bounds."""
-    marionette = task.marionette
+def tracks_of(
+    marionette: Marionette,
+    targets: Mapping[str | tuple[str, tuple[float, float, float]], Target],
+    start: float,
+    duration: float,
+    weight: float,
+) -> list[Track]:
+    """Tracks of names and paths, as :func:`follow` takes them.
+
+    Args:
+        marionette, targets, weight: see there.
+        start, duration: over which arrays of values are spread [s].
+
+    Raises:
+        UnknownNameError: a name that is no body and no coordinate.
+    """
+    bodies = [link.name for link in marionette.tree.links]
+    table = marionette.coordinates
+    tracks = []
+    for name, path in targets.items():
+        body, at = name if isinstance(name, tuple) else (name, (0.0, 0.0, 0.0))
+        path = _spread(path, start, duration, 3 if body in bodies else 1)
+        if body in bodies:
+            tracks.append(Track.point(body, path, at=at, weight=weight))
+        elif name in (*table.q_D, *table.q_K):
+            tracks.append(Track.coordinate(str(name), path, weight=weight))
+        else:
+            known = [*bodies, *table.q_D, *table.q_K]
+            raise UnknownNameError("body or coordinate", str(body), known)
+    return tracks
+
+
+def refuse_winches(marionette: Marionette, what: str) -> None:
+    """Raises StateError where a winch may slip."""
     upper = marionette.model.upper
     winches = [s.name for i, s in enumerate(marionette.tree.strings) if np.isfinite(upper[i])]
     if winches:
         raise StateError(
-            f"optimise: the winch of {', '.join(winches)} may slip, which is not differentiated; "
+            f"{what}: the winch of {', '.join(winches)} may slip, which is not differentiated; "
             "leave max_tension out of the puppet and give bounds of the tension"
         )
+
+
+def _check(task: Task) -> None:
+    """Raises StateError where a task is not differentiated, or starts beyond its bounds."""
+    marionette = task.marionette
+    refuse_winches(marionette, "optimise")
     if task.is_free and any(callable(x.path) or isinstance(x.path, tuple) for x in task.tracks):
         raise StateError(
             "optimise: where the duration is free, paths must be values: a path of time has no "
