@@ -116,8 +116,8 @@ class MPC:
 
     Args:
         marionette: the puppet.
-        task: a :class:`Task`, of which tracks, smoothness and bounds count and paths go along with
-            time, or targets as :func:`follow` takes them.
+        task: a :class:`Task`, of which tracks, smoothness and bounds but those of tensions count, and
+            paths go along with time; or targets as :func:`follow` takes them.
         horizon: [s].
         nodes: see above.
         bounds, smooth: where no task is given.
@@ -165,6 +165,8 @@ class MPC:
             marionette, x0, horizon, tracks, smooth or Smooth(), bounds, interval=self.interval,
             dt=dt,
         )  # fmt: skip
+        # A slack string has no derivative by which it would be pulled taut again.
+        self._task = replace(self._task, bounds=replace(self._task.bounds, tension={}))
         self._objectives: dict[tuple[int, ...], Objective] = {}
         self._most = self._task.bounds.magnitudes(marionette, "acceleration")
         self._fastest = self._task.bounds.magnitudes(marionette, "speed")

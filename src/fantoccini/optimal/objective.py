@@ -58,6 +58,7 @@ class Objective:
         driven = np.arange(self._n_z) >= 2 * n  # the others are rows
         self._low, self._high = np.where(driven, low, -np.inf), np.where(driven, high, np.inf)
         self.rows = Rows(task)
+        self._kept: tuple[tuple[float, float, int], list[Residual]] = ((0.0, 0.0, 0), [])
 
     def cost(self, nodes: Nodes, ends: Ends) -> float:
         """J."""
@@ -189,7 +190,12 @@ class Objective:
         return at_end, over_time, 0.5 * smooth.jerk / h * float(np.sum(np.square(jumps)))
 
     def _residuals(self, nodes: Nodes) -> list[Residual]:
-        return [residual_of(self.task.marionette, track, nodes) for track in self._tracks]
+        """Of the tracks; paths are evaluated once for nodes at the same times."""
+        times = (nodes.start, nodes.interval, len(nodes))
+        if self._kept[0] != times:
+            made = [residual_of(self.task.marionette, track, nodes) for track in self._tracks]
+            self._kept = times, made
+        return self._kept[1]
 
     def _add_residuals(self, nodes: Nodes, H: Array, g: Array) -> None:
         """Gauss-Newton's parts of what is tracked at the nodes."""

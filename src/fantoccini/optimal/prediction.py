@@ -56,9 +56,10 @@ class Predictions:
         n_rows = arrays["tension"].shape[1]
         tension, ok = np.empty((N, n, n_rows)), np.ones(n, dtype=bool)
         acc = np.zeros((self._n, table.n_vK))
+        advance = self._steppers.bound(arrays, interval, acc, None)
         for i in range(N):
             acc[:n] = acc_K[:, i]
-            self._steppers.advance(arrays, interval, acc, None)
+            advance()
             for name in _MOTION:
                 every[name][i + 1] = arrays[name][:n]
             tension[i] = arrays["tension"][:n]

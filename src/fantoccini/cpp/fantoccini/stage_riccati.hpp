@@ -29,8 +29,9 @@ struct StageRiccati {
   std::vector<double> M, band_values, H, D, C, C_u;  // see the accessors
   std::vector<double> diagonal, weight;              // (N, ld) added to H, (N, m) W: set before factorise
 
-  // The sizes of all arrays; H, M, D, C and C_u are 0 afterwards. May throw std::bad_alloc.
+  // The sizes of all arrays; what fills up rows is 0 afterwards. May throw std::bad_alloc.
   void resize(int stages, int states, int inputs, int rows, bool couples) {
+    if (stages == N && states == n_z && inputs == k && rows == m && couples == coupled) return;
     N = stages, n_z = states, k = inputs, m = rows, coupled = couples;
     n_x = n_z + k, n_s = coupled ? n_x : n_z;
     ld = in_eights(n_x), ld_k = in_eights(k);
@@ -74,16 +75,16 @@ struct StageRiccati {
   void find_bands() {
     constexpr int few = 8;
     std::vector<unsigned char> used(size_t(n_z) * n_x, 0);
-    for (int i = 0; i < N; ++i) {
-      for (int r = 0; r < n_z; ++r) {
-        const double* row = M_of(i) + r * ld;
-        for (int c = 0; c < n_x; ++c) used[r * n_x + c] |= row[c] != 0.0;
-      }
-    }
     n_dense = 0;
-    for (int r = 0; r < n_z; ++r) {
+    for (int r = n_z - 1; r >= 0 && n_dense == 0; --r) {
+      unsigned char* row_used = used.data() + r * n_x;
       int count = 0;
-      for (int c = 0; c < n_x; ++c) count += used[r * n_x + c];
+      for (int i = 0; i < N && count <= few; ++i) {
+        const double* row = M_of(i) + r * ld;
+        for (int c = 0; c < n_x; ++c) row_used[c] |= row[c] != 0.0;
+        count = 0;
+        for (int c = 0; c < n_x; ++c) count += row_used[c];
+      }
       if (count > few) n_dense = r + 1;
     }
     bands.clear();
