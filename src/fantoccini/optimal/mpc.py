@@ -116,8 +116,8 @@ class MPC:
 
     Args:
         marionette: the puppet.
-        task: a :class:`Task`, of which tracks, smoothness and bounds but those of tensions count, and
-            paths go along with time; or targets as :func:`follow` takes them.
+        task: a :class:`Task`, of which tracks, smoothness and bounds count, but those of tensions;
+            paths go along with time. Or targets as :func:`follow` takes them.
         horizon: [s].
         nodes: see above.
         bounds, smooth: where no task is given.
@@ -270,8 +270,10 @@ class MPC:
     def _objective(self, nodes: Nodes) -> Objective:
         """Of the tracks that count at the nodes of a prediction."""
         start, end = nodes.start, nodes.t[-1]
+
         def counts(one: Track) -> bool:
             return bool(one.start <= end + 1e-9 and one.end >= start - 1e-9)
+
         which = tuple(i for i, one in enumerate(self._task.tracks) if counts(one))
         if which not in self._objectives:
             tracks = [self._task.tracks[i] for i in which]

@@ -1,6 +1,6 @@
 """Predictions: time steps from one state under several motions of the inputs, in lanes.
 
-    x_{i+1} = F(x_i, acc_i),   x_0 given
+x_{i+1} = F(x_i, acc_i),   x_0 given
 """
 
 from __future__ import annotations
