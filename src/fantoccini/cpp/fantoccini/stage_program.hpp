@@ -208,7 +208,8 @@ class StageProgramSolver {
       after += (s.s + reach * s.ds) * (s.multiplier + reach * s.dmultiplier);
     }
     after /= double(bounds_.size() + sides_.size() + elastic_.size());
-    const double share = after / barrier, aim = std::max(share * share * share * barrier, in.barrier);
+    const double share = after / barrier, least = std::max(in.barrier, 0.1 * in.tolerance);
+    const double aim = std::max(share * share * share * barrier, least);
     for (auto* all : {&bounds_, &sides_}) {
       for (Side& b : *all) b.target = aim - b.dt * b.dmultiplier;
     }
