@@ -97,7 +97,7 @@ def test_missed_deadlines_and_skipped_intervals_are_counted(arm):
 
 
 def test_a_task_goes_along_with_time(arm):
-    """A path of time is followed beyond the horizon; tracks that do not count yet are no mistake."""
+    """A path is followed beyond the horizon; tracks that do not count yet are no mistake."""
     place = tip(arm, arm.rest())
 
     def path(t: float) -> np.ndarray:

@@ -43,9 +43,9 @@ def optimise(
 
     Sequential quadratic programming. Every iterate is an event-driven run, so the answer holds as
     it is; derivatives are those of time steps along it, through the taut strings, and steps are
-    found by an interior point method for stages (PIQP). Strings that the bounds ask to be taut
-    stay taut; the others may go slack, and the derivatives then hold for the order of events at
-    hand only. Ctrl-C ends it with the best motion so far.
+    found by Riccati's recursion, within an interior point method where bounds are in force.
+    Strings that the bounds ask to be taut stay taut; the others may go slack, and the derivatives
+    then hold for the order of events at hand only. Ctrl-C ends it with the best motion so far.
 
     Args:
         task: what is asked for.

@@ -57,7 +57,7 @@ class MPCSettings:
     """Of a unit of violation of a row, in units of the cost."""
     shares: tuple[float, ...] = (1.0, 0.5, 0.2, 0.05)
     """Of a step that are predicted."""
-    factorisations: int = 4
+    factorisations: int = 15
     """Of a program: without bounds, then steps of the interior point method."""
     barrier: float = 1e-5
     """Product of slacks and multipliers at which they may end, in units of the cost."""
