@@ -6,6 +6,8 @@
 
 #include "dense_lu.hpp"
 
+FAN_LOOPS_BEGIN
+
 namespace fan {
 
 template <int capacity>
@@ -120,3 +122,5 @@ struct DenseLdl {
 };
 
 }  // namespace fan
+
+FAN_LOOPS_END
