@@ -25,7 +25,7 @@ from .feedback import OF_EACH, STEP, advanced, follow, kicked
 
 INTERVAL = 0.02
 """Of MPC [s]."""
-HORIZON = 1.0
+HORIZON = 2.0
 """Of MPC [s]."""
 
 
@@ -46,8 +46,8 @@ def task_along(law: Feedback) -> fan.Task:
         path = run.v_D[at, v]
         tracks.append(fan.Track.velocity(name, (t, path), weight=0.3, end_weight=0.3))
     for q, v in table.scalars_K:
-        tracks.append(fan.Track.coordinate(table.q_K[q], (t, run.q_K[at, q]), weight=0.3))
-        tracks.append(fan.Track.velocity(table.v_K[v], (t, run.v_K[at, v]), weight=0.1))
+        tracks.append(fan.Track.coordinate(table.q_K[q], (t, run.q_K[at, q]), weight=0.01))
+        tracks.append(fan.Track.velocity(table.v_K[v], (t, run.v_K[at, v]), weight=0.003))
     most = dict(zip(table.v_K, bounds.acceleration, strict=True))
     fastest = dict(zip(table.v_K, bounds.speed, strict=True))
     limits = fan.Bounds(
@@ -60,7 +60,7 @@ def task_along(law: Feedback) -> fan.Task:
         },
         held=tuple(name for name, a in most.items() if not a > 0.0),
     )
-    smooth = fan.Smooth(acceleration=0.003, jerk=1e-6)
+    smooth = fan.Smooth(acceleration=3e-5, jerk=1e-7)
     return fan.Task(marionette, plan.start, HORIZON, tracks, smooth, limits, interval=INTERVAL)
 
 
