@@ -5,7 +5,7 @@ velocities (v, w), wrenches (force, torque), free joints' velocities and configu
 ``equations`` motions and wrenches are pairs (angular, linear), in the link's frame.
 """
 
-from fantoccini.contract.codes import EventCode, GoalKind, Hold, SolidKind, Solved, StepEdge
+from fantoccini.contract.codes import EventCode, GoalKind, Hold, ReachEnd, SolidKind, Solved, StepEdge
 from fantoccini.contract.constants import (
     CLOSED_GAP,
     CONSTANTS,
@@ -59,6 +59,7 @@ __all__ = [
     "Quantity",
     "SolidKind",
     "Solved",
+    "ReachEnd",
     "StepEdge",
     "Structure",
     "compiled",
