@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, Mask, MaskRows
 from fantoccini.contract import ReachEnd
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
@@ -27,7 +27,7 @@ class ReachStatus(enum.Enum):
 
     REACHED = "it is there"
     OUT_OF_REACH = "no hanging pose near by comes nearer"
-    STALLED = "the search came no nearer, but there may be nearer poses; begin elsewhere"
+    STALLED = "the search ended before it was sure; there may be nearer poses"
 
     @property
     def message(self) -> str:
@@ -50,6 +50,7 @@ class ReachProblem:
         start: where the search began.
         names: of the targets.
         places: (n, n_targets, 3) [m or rad].
+        moves: (n_targets, n_vD + n_vK) bool, the velocities that move each target.
         low, high: (n_vK + n_p,) bounds of what is chosen.
         tension_low, tension_high: (n_rows,) of rows that pull [N or N m].
         joint_low, joint_high: (n_vD,) of scalars.
@@ -59,6 +60,7 @@ class ReachProblem:
     start: State
     names: tuple[Any, ...]
     places: Array
+    moves: MaskRows
     low: Array
     high: Array
     tension_low: Array
@@ -139,7 +141,7 @@ class Reach:
         return bool(np.any(self._found.status == ReachEnd.LOST))
 
     @property
-    def reached(self) -> Array:
+    def reached(self) -> Mask:
         """(n,) bool, the poses that are at their places."""
         return self._found.status == ReachEnd.REACHED
 
@@ -238,11 +240,7 @@ class Reach:
                 v = int(c) - n_u - len(rows)
                 bound = (problem.joint_high if high else problem.joint_low)[v]
                 texts.append(self._beyond(table.v_D[v], bound, high))
-        n_strings = len(marionette.tree.strings)
-        texts += [
-            f"the limb rests on its limit {name}"
-            for name, pull in zip(rows[n_strings:], pulls[n_strings:], strict=True) if pull
-        ] if not texts else []  # fmt: skip
+        texts += self._rests_on(pulls)
         if not texts:
             texts = [
                 f"nothing that is driven moves {target_name(what)} any further along "
@@ -251,6 +249,16 @@ class Reach:
                 if np.linalg.norm(left) > 0.0
             ]
         return texts
+
+    def _rests_on(self, pulls: MaskRows) -> list[str]:
+        """The limits that carry what is to be somewhere."""
+        tree = self.problem.marionette.tree
+        moved, names, n = np.any(self.problem.moves, axis=0), tree.row_names, len(tree.strings)
+        return [
+            f"the joint's limit {names[n + i]} is met"
+            for i, limit in enumerate(tree.limits)
+            if pulls[n + i] and moved[tree.links[limit.link].v.start]
+        ]
 
     def _beyond(self, name: str, bound: float, high: bool) -> str:
         lengths = {

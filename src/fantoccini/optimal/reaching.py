@@ -22,6 +22,8 @@ What: TypeAlias = str | tuple[str, tuple[float, float, float]]
 
 _MOST_TENSION = 100.0
 """Largest tension, relative to the weight: a limb that is pulled straight asks for ever more."""
+_FARTHEST = 100.0
+"""Farthest that a driven scalar moves [m or rad]: far ends only turn a string's direction."""
 _SHORTEST = 0.01
 """Shortest length of a driven string [m]."""
 
@@ -53,7 +55,8 @@ def reach(
         start: a state that hangs at rest, from which the search begins; ``marionette.rest()`` when
             not given.
         bounds: see :class:`Bounds`; speeds, accelerations and jerks have no part. Driven strings
-            are at least 1 cm long, and tensions at most 100 times the weight, when not given.
+            are at least 1 cm long; coordinates move by 100 m or rad at most, and tensions are at most
+            100 times the weight, when not given.
         parameters: name -> lowest and highest value: numbers of the puppet that may be chosen too.
         slack: whether strings that pull at the start may go slack. Slack ones may always begin to
             pull.
@@ -84,7 +87,7 @@ def reach(
     bounds.check_start(marionette, still)
     places, arrays = _targets(marionette, targets)
     chosen = _chosen(marionette, still, bounds, parameters or {})
-    problem = ReachProblem(marionette, still, tuple(targets), places, **chosen)
+    problem = ReachProblem(marionette, still, tuple(targets), places, arrays["moves"], **chosen)
     rows = _rows(marionette, still, chosen["tension_low"])
     found = model.compiled.reach.find(
         places,
@@ -125,8 +128,9 @@ def _targets(
         links.append(bodies.index(name) if is_body else -1)
         of_coordinates.append(-1 if is_body else columns[name])
         at.append(point)
-        if is_body:
-            moves[i] = relations(tree)[0][links[-1]]
+        moves[i] = relations(tree)[0][links[-1]] if is_body else False
+        if not is_body:
+            moves[i, columns[name]] = True
         places.append(_places(name, place, is_body))
     sizes = {len(x) for x in places if len(x) != 1}
     if len(sizes) > 1:
@@ -164,9 +168,12 @@ def _chosen(
     low = np.concatenate([low_z[2 * n : 2 * n + k], model.p])
     high = np.concatenate([high_z[2 * n : 2 * n + k], model.p])
     now = {v: x0.q_K[q] for q, v in table.scalars_K}
+    for v, value in now.items():
+        low[v] = value - _FARTHEST if np.isneginf(low[v]) else low[v]
+        high[v] = value + _FARTHEST if np.isposinf(high[v]) else high[v]
     for string in tree.strings:
         if string.driven_length and (v := string.driven_length[1]) in now:
-            low[v] = min(_SHORTEST, now[v]) if np.isneginf(low[v]) else low[v]
+            low[v] = min(max(low[v], _SHORTEST), now[v])
     for name in bounds.held:
         v = table.v_K.index(name)
         low[v] = high[v] = now.get(v, 0.0)

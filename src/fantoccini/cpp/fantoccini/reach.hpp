@@ -22,7 +22,7 @@ struct ReachTolerances {
   static constexpr double first_damping = 1e-8;  // of the steps, relative to the largest curvature
   static constexpr double least_damping = 1e-12;
   static constexpr double most_damping = 1e8;
-  static constexpr double max_step = 0.1;    // of what is chosen [m or rad]
+  static constexpr double first_step = 0.1;  // the longest at first, of what is chosen [m or rad]
   static constexpr double max_turn = 0.5;    // of the pose [m or rad]
   static constexpr double least_gain = 1e-3;  // of a step, in tolerances: else it is nearest
   static constexpr double difference = 1e-4;  // of places by the parameters
@@ -100,6 +100,7 @@ class Reach {
     double damping = Tolerance::first_damping;
     int changes[room(M)] = {}, end = int(ReachEnd::STALLED), taken = 0;
     bool fresh = true;
+    longest_ = Tolerance::first_step;
     for (; taken < in->max_iterations; ++taken) {
       if (fresh) {
         look(i);
@@ -133,6 +134,7 @@ class Reach {
       }
       if (hangs && cost_ + price * passed_ < cost + price * beyond) {
         damping = larger(0.1 * damping, Tolerance::least_damping);
+        if (at_longest_) longest_ *= 2.0;
         change_row(changes);
         continue;
       }
@@ -141,6 +143,7 @@ class Reach {
       look(i);
       passed_ = passed();
       damping = larger(10.0 * damping, 1e-4);
+      longest_ = larger(0.5 * longest_, Tolerance::first_step);
       if (damping > Tolerance::most_damping) break;
     }
     count += taken;
@@ -300,7 +303,8 @@ class Reach {
     for (int a = 0; a < n_; ++a)
       for (int k = 0; k < N; ++k) pose[k] += hang_.by_u[chosen_[a] * NP + k] * qp_.d[a];
     for (int k = 0; k < N; ++k) turn = larger(fabs(pose[k]), turn);
-    const double share = 1.0 / larger(1.0, larger(most / Tolerance::max_step, turn / Tolerance::max_turn));
+    const double share = 1.0 / larger(1.0, larger(most / longest_, turn / Tolerance::max_turn));
+    at_longest_ = most >= longest_;
     auto& at = hang_.at;
     for (int j = 0; j < M; ++j)
       for (int a = 0; a < n_ && at.held[j]; ++a)
@@ -381,7 +385,8 @@ class Reach {
   const ReachArrays* in = nullptr;
   Hang hang_;
   int n_ = 0, chosen_[room(U)], joint_q_[room(N)], driven_q_[room(K)];
-  double cost_ = 0.0, passed_ = 0.0, top_ = 0.0, H_[room(U * U)], g_[room(U)];
+  bool at_longest_ = false;
+  double longest_ = 0.0, cost_ = 0.0, passed_ = 0.0, top_ = 0.0, H_[room(U * U)], g_[room(U)];
   double price_[room(U + M + N)] = {}, by_p_[room(P * 3 * max_targets)] = {};
   struct Screws {
     double poses[room(12 * Model::n_links)], screw_D[room(6 * N)], screw_K[room(6 * K)];
