@@ -79,6 +79,7 @@ class ReachEnd(Code):
     NEAREST = 1, "no hanging pose near by is nearer"
     STALLED = 2, "no step came nearer any more, or the iterations ended first"
     LOST = 3, "the puppet does not hang where it was to begin"
+    TIPS = 4, "any nearer, no pose that hangs stably is found"
 
 
 class StepEdge(Code):

@@ -305,6 +305,7 @@ STRUCTURES: tuple[Structure, ...] = (
         Field("tension", _IN, "(n_rows,)"),
         Field("held", "const unsigned char*", "(n_rows,) rows that pull"),
         Field("may_change", "const unsigned char*", "(n_rows,) rows that may begin or cease to"),
+        Field("lengths", _INT, "(n_rows,) of driven strings: place of the length in v_K; else -1"),
         Field("moved", "const unsigned char*", "(n_vK + n_p,) what is chosen"),
         Field("low", _IN, "(n_vK + n_p,) bounds of scalars"),
         Field("high", _IN, "(n_vK + n_p,)"),

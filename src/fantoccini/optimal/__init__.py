@@ -3,6 +3,7 @@
 from fantoccini.optimal.api import follow as follow, optimise as optimise
 from fantoccini.optimal.bounds import Bounds as Bounds
 from fantoccini.optimal.costs import Smooth as Smooth, Track as Track
+from fantoccini.optimal.outlook import out_of_reach as out_of_reach
 from fantoccini.optimal.reaching import reach as reach
 from fantoccini.optimal.reached import (
     Reach as Reach,

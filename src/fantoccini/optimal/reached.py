@@ -18,6 +18,8 @@ from fantoccini.runtime import Reached
 
 _SHARE = 0.01
 """Part of the largest price from which a bound is named."""
+_TAUT = 1e-6
+"""Tension from which a string pulls, relative to the weight."""
 _MOVES = 1e-9
 """Change of a dynamic coordinate by a unit of the driven ones that is rounding."""
 
@@ -27,6 +29,7 @@ class ReachStatus(enum.Enum):
 
     REACHED = "it is there"
     OUT_OF_REACH = "no hanging pose near by comes nearer"
+    TIPS = "any nearer it hangs unstably, and would tip over into another pose"
     STALLED = "the search ended before it was sure; there may be nearer poses"
 
     @property
@@ -37,7 +40,7 @@ class ReachStatus(enum.Enum):
 
 _STATUS = {
     ReachEnd.REACHED: ReachStatus.REACHED, ReachEnd.NEAREST: ReachStatus.OUT_OF_REACH,
-    ReachEnd.STALLED: ReachStatus.STALLED,
+    ReachEnd.STALLED: ReachStatus.STALLED, ReachEnd.TIPS: ReachStatus.TIPS,
 }  # fmt: skip
 
 
@@ -205,12 +208,12 @@ class Reach:
             for name, j in marionette.model.parameter_index.items()
             if problem.low[table.n_vK + j] < problem.high[table.n_vK + j]
         }
-        left = np.linalg.norm(found.left[i], axis=1)
+        left, least = np.linalg.norm(found.left[i], axis=1), _TAUT * (marionette.weight or 1.0)
         return ReachedPose(
             self.status[i], state, float(self.distance[i]),
             dict(zip(shown, left.tolist(), strict=True)), chosen,
             dict(zip(names, found.tension[i].tolist(), strict=False)),
-            tuple(name for name, pulls in zip(names, found.held[i], strict=False) if pulls),
+            tuple(name for name, pull in zip(names, found.tension[i], strict=False) if pull > least),
             tuple(v for v, m in zip(table.v_D, moves, strict=True) if not m),
             () if self.reached[i] else tuple(self._limits(i)),
         )  # fmt: skip
@@ -240,11 +243,13 @@ class Reach:
                 v = int(c) - n_u - len(rows)
                 bound = (problem.joint_high if high else problem.joint_low)[v]
                 texts.append(self._beyond(table.v_D[v], bound, high))
+        if self.status[i] is ReachStatus.TIPS:
+            texts = ["any nearer, the puppet would tip over"]
         texts += self._rests_on(pulls)
         if not texts:
             texts = [
                 f"nothing that is driven moves {target_name(what)} any further along "
-                f"({', '.join(f'{x:.2f}' for x in -left / np.linalg.norm(left))})"
+                f"({_direction(-left)})"
                 for what, left in zip(problem.names, found.left[i], strict=True)
                 if np.linalg.norm(left) > 0.0
             ]
@@ -295,3 +300,8 @@ def target_name(what: Any) -> str:
 def length(metres: float) -> str:
     """A length in words."""
     return f"{1e3 * metres:.3g} mm" if metres < 1.0 else f"{metres:.3g} m"
+
+
+def _direction(x: Array) -> str:
+    """A direction in words, without negative zeros."""
+    return ", ".join(f"{c:.2f}" for c in np.round(x / np.linalg.norm(x), 2) + 0.0)

@@ -22,6 +22,8 @@ What: TypeAlias = str | tuple[str, tuple[float, float, float]]
 
 _MOST_TENSION = 100.0
 """Largest tension, relative to the weight: a limb that is pulled straight asks for ever more."""
+_AT_REST = 1e-3
+"""Largest acceleration of a start that hangs at rest [m/s^2 or rad/s^2]."""
 _FARTHEST = 100.0
 """Farthest that a driven scalar moves [m or rad]: far ends only turn a string's direction."""
 _SHORTEST = 0.01
@@ -100,8 +102,8 @@ def reach(
     made = Reach(problem, found)
     if made.is_lost:
         raise StateError(
-            "reach: the puppet does not hang at rest at the start, or not stably; give "
-            "marionette.rest(...) as the start"
+            "reach: the puppet does not hang stably at the start: a push would make it fall; "
+            "give marionette.rest(...) as the start"
         )
     return made
 
@@ -204,7 +206,15 @@ def _chosen(
 def _rows(marionette: Marionette, x0: State, least: Array) -> dict[str, np.ndarray]:
     """Tensions at the start, which rows pull there, and which may begin or cease to."""
     model = marionette.model
-    tension = marionette.forward_dynamics(x0).tension
+    found = marionette.forward_dynamics(x0)
+    tension, lengths = found.tension, np.full(len(found.tension), -1)
+    if np.max(np.abs(found.acc_D), initial=0.0) > _AT_REST:
+        raise StateError(
+            "reach: the start does not hang at rest; give marionette.rest(...) as the start"
+        )
+    for j, string in enumerate(marionette.tree.strings):
+        if string.driven_length:
+            lengths[j] = string.driven_length[1]
     held = (tension > 1e-9 * (model.weight or 1.0)) | model.two_sided
     may_change = ~model.two_sided & ~(held & (least > 0.0))
-    return {"tension": tension, "held": held, "may_change": may_change}
+    return {"tension": tension, "held": held, "may_change": may_change, "lengths": lengths}

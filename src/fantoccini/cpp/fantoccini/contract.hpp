@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x02b2c19b3323baea;
+constexpr long long contract_digest = 0x327d483a45a879fe;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -123,6 +123,7 @@ enum class ReachEnd : int {
   NEAREST = 1,  // no hanging pose near by is nearer
   STALLED = 2,  // no step came nearer any more, or the iterations ended first
   LOST = 3,  // the puppet does not hang where it was to begin
+  TIPS = 4,  // any nearer, no pose that hangs stably is found
 };
 
 // What a fixed step is on the edge of, as bits; from LEAVES_LAW on it has no derivative.
@@ -430,6 +431,7 @@ struct ReachArrays {
   const double* tension;  // (n_rows,)
   const unsigned char* held;  // (n_rows,) rows that pull
   const unsigned char* may_change;  // (n_rows,) rows that may begin or cease to
+  const int* lengths;  // (n_rows,) of driven strings: place of the length in v_K; else -1
   const unsigned char* moved;  // (n_vK + n_p,) what is chosen
   const double* low;  // (n_vK + n_p,) bounds of scalars
   const double* high;  // (n_vK + n_p,)

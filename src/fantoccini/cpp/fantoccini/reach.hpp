@@ -6,8 +6,9 @@
 //
 // by Gauss-Newton steps within the linearised bounds (bounded_step.hpp), damped as Levenberg and
 // Marquardt do. After each step Newton's method hangs the puppet again. Where a bound of a row stops
-// the step, the row begins to pull or goes slack, if it may, and the search goes on from there. Every
-// pose begins where the one before it ended.
+// the step, the row begins to pull or goes slack, if it may, and the search goes on from there. Where
+// nothing helps any more, slack strings are wound in first: what hangs loose moves nothing. Every pose
+// begins where the one before it ended.
 #pragma once
 
 #include <cmath>
@@ -28,6 +29,7 @@ struct ReachTolerances {
   static constexpr double difference = 1e-4;  // of places by the parameters
   static constexpr double at_bound = 1e-7;    // relative tension, or gap, of a row on the edge
   static constexpr double passed = 1e-6;      // of bounds: relative tension, gap or joint
+  static constexpr double push = 0.02;        // by which strings are shortened to look farther [m]
   static constexpr int changes = 3;           // of one row on the way
   static constexpr int rounds = 30;           // of bounds that join
 };
@@ -62,17 +64,44 @@ class Reach {
         hang_.at = first;
         hang_.balance();
         end = search(i, count);
-        if (cost_ > before) {
-          hang_.at = kept;
-          hang_.balance();
-          end = search(i, count);
-        }
+        if (cost_ > before) end = again(kept, i, count);
       }
+      if (end == int(ReachEnd::NEAREST)) end = pushed(i, end, count);
       write(i, end, count);
     }
   }
 
  private:
+  // Goes on from a pose that hangs.
+  int again(const typename Hang::Pose& from, long long i, int& count) {
+    hang_.at = from;
+    hang_.balance();
+    return search(i, count);
+  }
+
+  // A limb that hangs straight moves at right angles to its string at first: the search is repeated
+  // with all strings shorter, and the better pose kept.
+  int pushed(long long i, int end, int& count) {
+    const auto kept = hang_.at;
+    const double before = cost_;
+    bool some = false;
+    for (int j = 0; j < M; ++j) {
+      const int v = in->lengths[j];
+      if (v < 0 || !in->moved[v]) continue;
+      double& length = hang_.at.q_K[driven_q_[v]];
+      const double shorter = length - Tolerance::push + (hang_.at.held[j] ? 0.0 : hang_.h[j]);
+      if (shorter < in->low[v] || shorter > in->high[v]) continue;
+      length = shorter;
+      some = true;
+    }
+    if (!some) return end;
+    if (hang_.balance()) {
+      const int other = search(i, count);
+      if (cost_ < before && passed_ <= Tolerance::passed) return other;
+    }
+    return again(kept, i, count);
+  }
+
   static double larger(double a, double b) { return a > b ? a : b; }
 
   void begin() {
@@ -99,7 +128,7 @@ class Reach {
   int search(long long i, int& count) {
     double damping = Tolerance::first_damping;
     int changes[room(M)] = {}, end = int(ReachEnd::STALLED), taken = 0;
-    bool fresh = true;
+    bool fresh = true, tightened = false;
     longest_ = Tolerance::first_step;
     for (; taken < in->max_iterations; ++taken) {
       if (fresh) {
@@ -120,6 +149,10 @@ class Reach {
           fresh = true;
           continue;
         }
+        if (!tightened && tighten()) {
+          tightened = fresh = true;
+          continue;
+        }
         if (feasible) end = int(ReachEnd::NEAREST);
         break;
       }
@@ -134,6 +167,7 @@ class Reach {
       }
       if (hangs && cost_ + price * passed_ < cost + price * beyond) {
         damping = larger(0.1 * damping, Tolerance::least_damping);
+        end = int(ReachEnd::STALLED);
         if (at_longest_) longest_ *= 2.0;
         change_row(changes);
         continue;
@@ -142,6 +176,7 @@ class Reach {
       if (!hang_.balance()) break;
       look(i);
       passed_ = passed();
+      end = hangs ? int(ReachEnd::STALLED) : int(ReachEnd::TIPS);
       damping = larger(10.0 * damping, 1e-4);
       longest_ = larger(0.5 * longest_, Tolerance::first_step);
       if (damping > Tolerance::most_damping) break;
@@ -341,6 +376,21 @@ class Reach {
     if (!hang_.factorise()) return false;
     hang_.differentiate(chosen_, n_);
     return true;
+  }
+
+  // Winds slack strings in until they just reach: their lengths then move the pose.
+  bool tighten() {
+    bool some = false;
+    for (int j = 0; j < M; ++j) {
+      const int v = in->lengths[j];
+      if (v < 0 || hang_.at.held[j] || !in->may_change[j] || !in->moved[v]) continue;
+      double& length = hang_.at.q_K[driven_q_[v]];
+      if (length + hang_.h[j] < in->low[v]) continue;
+      length += hang_.h[j];
+      hang_.at.held[j] = some = true;
+      hang_.at.tension[j] = 0.0;
+    }
+    return some && hang_.balance();
   }
 
   // How far the pose is beyond its bounds of tensions (relative to the weight), joints and rows.
