@@ -34,7 +34,8 @@ bodies:
 - {name: rod, joint: {name: pin, type: revolute, axis: [0, -1, 0]}, mass: 1.0, com: [0, 0, -0.5],
    inertia: [0.1, 0.1, 0.001]}
 strings:
-- {name: line, path: [{body: rod, at: [0, 0, -0.6]}, {driven: [x], at: [0.8, 0, 1]}], length: driven}
+- {name: line, path: [{body: rod, at: [0, 0, -0.6]}, {driven: [x], at: [0.8, 0, 1]}],
+   length: driven}
 pose: {pin: 40 deg}
 """
 LEVER = """
@@ -43,7 +44,8 @@ bodies:
 - {name: rod, joint: {name: pin, type: revolute, axis: [0, -1, 0]}, mass: 1.0, com: [0, 0, -0.5],
    inertia: [0.1, 0.1, 0.001]}
 strings:
-- {name: line, path: [{body: rod, at: [0, 0, {parameter: tie, value: -0.6}]}, {world: [0.8, 0, 0.2]}],
+- {name: line, path: [{body: rod, at: [0, 0, {parameter: tie, value: -0.6}]},
+                       {world: [0.8, 0, 0.2]}],
    length: 0.5}
 pose: {pin: 60 deg}
 """
@@ -161,14 +163,15 @@ def test_the_marionettes_hand_is_as_near_as_scipy_brings_it(marionette):
     own = ["hand_right.x", "hand_right.length"]
     columns = [marionette.coordinates.q_K.index(name) for name in own]
     held = tuple(name for name in marionette.coordinates.v_K if name not in own)
-    place = hand_of(marionette, x) + [0.0, 0.15, 0.05]
+    place = hand_of(marionette, x) + np.array([0.0, 0.15, 0.05])
     one = fan.reach(marionette, {HAND: place}, x, bounds=fan.Bounds(held=held))[0]
     assert one.status is fan.ReachStatus.OUT_OF_REACH and one.distance > 0.05
 
     def away(u: np.ndarray) -> float:
         q_K = x.q_K.copy()
         q_K[columns] = u
-        return float(np.linalg.norm(hand_of(marionette, marionette.rest(x.replace(q_K=q_K))) - place))
+        hangs = marionette.rest(x.replace(q_K=q_K))
+        return float(np.linalg.norm(hand_of(marionette, hangs) - place))
 
     options = {"xatol": 1e-4, "fatol": 1e-8, "maxfev": 150}
     best = minimize(away, x.q_K[columns], method="Nelder-Mead", options=options)
@@ -208,7 +211,8 @@ def test_a_tie_lets_a_lever_down_lowest_where_its_string_is_square_to_it():
 def test_the_place_of_a_knees_string_is_confirmed_by_a_sweep():
     """Attachment in front of the thigh, with the hand's travel given: the knee lifts highest."""
     text = (importlib.resources.files("fantoccini") / "puppets" / "marionette.yaml").read_text()
-    tied = text.replace("at: [0.018, 0, -0.115]}", "at: [{parameter: tie, value: 0.018}, 0, -0.09]}")
+    fixed, tie = "at: [0.018, 0, -0.115]}", "at: [{parameter: tie, value: 0.018}, 0, -0.09]}"
+    tied = text.replace(fixed, tie)
     made = fan.loads(tied.replace("puppet: marionette", "puppet: tied", 1))
     start = made.rest(dict(zip(made.coordinates.q_K, made.rest().q_K, strict=True)) | {
         "knee_left.length": 0.95})  # fmt: skip

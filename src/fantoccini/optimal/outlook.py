@@ -17,7 +17,7 @@ _FAR = 1e-3
 
 
 def out_of_reach(task: Task) -> list[str]:
-    """For each point that is tracked, how much nearer to its path it could hang, and why not nearer.
+    """For each point tracked, how near to its path it can hang, and why no nearer.
 
     A motion may swing farther than the puppet hangs, so this is no mistake of the task. Points
     within 1 mm of their paths are left out; so are all where the puppet does not hang at the start.

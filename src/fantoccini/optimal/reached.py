@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fantoccini.arrays import Array, Mask, MaskRows
 from fantoccini.contract import ReachEnd
@@ -184,7 +185,7 @@ class Reach:
         return self._found.tension
 
     @property
-    def iterations(self) -> Array:
+    def iterations(self) -> NDArray[np.int32]:
         """(n,) steps of the search."""
         return self._found.iterations
 
@@ -208,12 +209,13 @@ class Reach:
             for name, j in marionette.model.parameter_index.items()
             if problem.low[table.n_vK + j] < problem.high[table.n_vK + j]
         }
-        left, least = np.linalg.norm(found.left[i], axis=1), _TAUT * (marionette.weight or 1.0)
+        left = np.linalg.norm(found.left[i], axis=1)
+        least = _TAUT * (marionette.weight or 1.0)
         return ReachedPose(
             self.status[i], state, float(self.distance[i]),
             dict(zip(shown, left.tolist(), strict=True)), chosen,
             dict(zip(names, found.tension[i].tolist(), strict=False)),
-            tuple(name for name, pull in zip(names, found.tension[i], strict=False) if pull > least),
+            tuple(s for s, pull in zip(names, found.tension[i], strict=False) if pull > least),
             tuple(v for v, m in zip(table.v_D, moves, strict=True) if not m),
             () if self.reached[i] else tuple(self._limits(i)),
         )  # fmt: skip
@@ -235,7 +237,9 @@ class Reach:
             high = price[c] > 0.0
             if c < n_u:
                 names = [*table.v_K, *marionette.model.parameter_index]
-                texts.append(self._beyond(names[c], (problem.high if high else problem.low)[c], high))
+                texts.append(
+                    self._beyond(names[c], (problem.high if high else problem.low)[c], high)
+                )
             elif c < n_u + len(rows):
                 j = int(c) - n_u
                 texts.append(_of_row(problem, j, bool(pulls[j]), high))
@@ -284,7 +288,9 @@ def _of_row(problem: ReachProblem, j: int, pulls: bool, high: bool) -> str:
     if not pulls:
         return f"the string {name} comes taut" if is_string else f"the joint's limit {name} is met"
     if high:
-        return f"the string {name} would have to pull with more than {problem.tension_high[j]:.3g} N"
+        return (
+            f"the string {name} would have to pull with more than {problem.tension_high[j]:.3g} N"
+        )
     if not is_string:
         return f"the limb would leave its limit {name}"
     if problem.tension_low[j] > 0.0:

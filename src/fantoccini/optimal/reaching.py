@@ -57,8 +57,8 @@ def reach(
         start: a state that hangs at rest, from which the search begins; ``marionette.rest()`` when
             not given.
         bounds: see :class:`Bounds`; speeds, accelerations and jerks have no part. Driven strings
-            are at least 1 cm long; coordinates move by 100 m or rad at most, and tensions are at most
-            100 times the weight, when not given.
+            are at least 1 cm long; coordinates move by 100 m or rad at most, and tensions are at
+            most 100 times the weight, when not given.
         parameters: name -> lowest and highest value: numbers of the puppet that may be chosen too.
         slack: whether strings that pull at the start may go slack. Slack ones may always begin to
             pull.
@@ -154,7 +154,9 @@ def _places(name: str, place: Any, is_body: bool) -> Array:
         found = np.concatenate([found.reshape(-1, 1), free], axis=1)
     else:
         needed = "(3,) or (n, 3)" if is_body else "() or (n,)"
-        raise StateError(f"reach: the target of {name} has the shape {found.shape}; it takes {needed}")
+        raise StateError(
+            f"reach: the target of {name} has the shape {found.shape}; it takes {needed}"
+        )
     if np.any(np.isinf(found)) or np.all(np.isnan(found)):
         raise StateError(f"reach: the target of {name} has infinite numbers, or none at all")
     return found
