@@ -1,8 +1,17 @@
-"""Where can the marionette's hand go with its own string alone, and what stops it?"""
+"""Where can the marionette's hand go with its own string alone, and what stops it?
+
+Writes out/reach.csv: how near the hand comes to places ever higher above it, and the tension of its
+string there.
+"""
+
+from pathlib import Path
 
 import numpy as np
 
 import fantoccini as fan
+
+out = Path("out")
+out.mkdir(exist_ok=True)
 
 puppet = fan.puppets.marionette()
 start = puppet.rest()
@@ -11,10 +20,13 @@ pose = puppet.pose(start, "forearm_right")
 place = pose[:3, 3] + pose[:3, :3] @ hand[1]
 
 held = tuple(name for name in puppet.coordinates.v_K if not name.startswith("hand_right"))
-above = place + np.linspace(0.0, 0.6, 61)[:, None] * [0.0, 0.0, 1.0]
+higher = np.linspace(0.0, 0.6, 61)
+above = place + higher[:, None] * [0.0, 0.0, 1.0]
 found = fan.reach(puppet, {hand: above}, start, bounds=fan.Bounds(held=held))
 
 print(found)
-highest = above[found.reached][-1, 2] - place[2]
-print(f"straight up it rises by {100 * highest:.0f} cm")
+print(f"straight up it rises by {100 * higher[found.reached][-1]:.0f} cm")
 print(found[-1].summary())
+string = [s.name for s in puppet.tree.strings].index("hand_right")
+table = np.column_stack([higher, found.distance, found.tension[:, string]])
+np.savetxt(out / "reach.csv", table, fmt="%.6g", delimiter=",", header="higher,distance,tension")

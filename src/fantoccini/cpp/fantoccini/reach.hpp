@@ -354,7 +354,7 @@ class Reach {
     return hang_.balance();
   }
 
-  // Where a row's own bound stops the step and the row is on its edge, it begins to pull or goes slack.
+  // Where its own bound stops the step and a row is on its edge, it begins to pull or goes slack.
   bool change_row(int* changes) {
     int worst = -1;
     double most = 0.0;
@@ -399,7 +399,8 @@ class Reach {
     const auto& at = hang_.at;
     for (int j = 0; j < M; ++j) {
       if (at.held[j]) {
-        const double over = larger(in->tension_low[j] - at.tension[j], at.tension[j] - in->tension_high[j]);
+        const double T = at.tension[j];
+        const double over = larger(in->tension_low[j] - T, T - in->tension_high[j]);
         most = larger(over / in->weight, most);
       } else {
         most = larger(hang_.h[j], most);
