@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
@@ -18,6 +19,7 @@ from fantoccini.optimal.costs import Smooth, Track
 from fantoccini.optimal.dynamics import TimeSteps
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
+from fantoccini.optimal.outlook import out_of_reach
 from fantoccini.optimal.result import OptimalStatus, Optimum
 from fantoccini.optimal.shooting import EventRuns
 from fantoccini.optimal.sqp import Iterate, Limits, Search
@@ -121,6 +123,8 @@ def follow(
 ) -> Optimum:
     """Inputs that make parts of a puppet follow paths: the short form of :func:`optimise`.
 
+    Warns before the search where the puppet cannot hang at the paths of points; see :func:`reach`.
+
     Args:
         marionette: the puppet.
         targets: name -> path. A body's origin, or a point of it as ``(body, (x, y, z))``, follows
@@ -145,6 +149,9 @@ def follow(
         bounds = bounds.staying_taut(marionette, x0)
     h = min(max(duration / 50.0, 0.01), 0.04) if interval is None else interval
     task = Task(marionette, x0, duration, tracks, smooth or Smooth(), bounds, interval=h)
+    _check(task)
+    for text in out_of_reach(task):
+        warnings.warn(text, stacklevel=2)
     return optimise(task, **options)
 
 
