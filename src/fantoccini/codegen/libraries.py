@@ -50,6 +50,7 @@ _KINDS = {
     "step_derivatives": _Kind("step_derivatives_abi", Real(), several=True),
     "gradients": _Kind("gradients_abi", Real()),
     "variational_derivatives": _Kind("map_abi", Real(), mapped=True, columns=False),
+    "reach": _Kind("reach_abi", Real(), columns=False),
 }
 
 
@@ -90,7 +91,7 @@ def generate(equations: Equations, library: str = "model") -> Generated:
 def _programs(
     equations: Equations, library: str, names: tuple[str, ...], columns: bool
 ) -> dict[str, Program]:
-    if library in ("derivatives", "step_derivatives", "gradients"):
+    if library in ("derivatives", "step_derivatives", "gradients", "reach"):
         own = Derivatives(equations.tree).functions(library)
     elif library == "variational_derivatives":
         own = VariationalDerivatives(equations).functions(library)

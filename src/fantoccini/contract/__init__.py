@@ -5,7 +5,15 @@ velocities (v, w), wrenches (force, torque), free joints' velocities and configu
 ``equations`` motions and wrenches are pairs (angular, linear), in the link's frame.
 """
 
-from fantoccini.contract.codes import EventCode, GoalKind, Hold, SolidKind, Solved, StepEdge
+from fantoccini.contract.codes import (
+    EventCode,
+    GoalKind,
+    Hold,
+    ReachEnd,
+    SolidKind,
+    Solved,
+    StepEdge,
+)
 from fantoccini.contract.constants import (
     CLOSED_GAP,
     CONSTANTS,
@@ -57,6 +65,7 @@ __all__ = [
     "GoalKind",
     "Hold",
     "Quantity",
+    "ReachEnd",
     "SolidKind",
     "Solved",
     "StepEdge",
