@@ -229,7 +229,7 @@ class ContactPointsLanes : public ContactPoints<Model, Real> {
     if (y.kind == HALF_SPACE && has_points_in_lanes(x)) {
       double frame[9];
       for (int c = 0; c < 3; ++c) frame[c] = y.b[c];
-      this->tangents(frame);
+      add_tangents(frame);
       touch_plane_lanes(
           x, pose, y, margin, near,
           [&](int feature, const Real* at, const Real& gap, const Mask& where) {
