@@ -37,7 +37,8 @@ from fantoccini.contract.samples import (
     WINCH_AT,
     width,
 )
-from fantoccini.contract.structures import STRUCTURES, Structure
+from fantoccini.contract.structure import Structure
+from fantoccini.contract.structures import STRUCTURES
 
 __all__ = [
     "BOOKS",
