@@ -62,6 +62,12 @@ def main() -> None:
         return np.clip(nodes.acc_K[i] + gains[i] @ z, -most, most)
 
     random, found, taken = np.random.default_rng(0), {}, []
+
+    def timed(mpc: fan.MPC, x: State) -> Array:
+        acc_K = mpc.step(x)
+        taken.append(mpc.seconds)
+        return acc_K
+
     for _ in range(arguments.kicks):
         kick = random.normal(size=len(task.x0.v_D))
         x0 = task.marionette.project(
@@ -71,23 +77,23 @@ def main() -> None:
         ways = {
             "open loop": (nodes.interval, lambda x, i: nodes.acc_K[i]),
             "LQR gains": (nodes.interval, with_gains),
-            "MPC": (mpc.interval, lambda x, i: mpc.step(x)),  # noqa: B023
+            "MPC": (mpc.interval, lambda x, i: timed(mpc, x)),  # noqa: B023
         }
         for name, (interval, law) in ways.items():
             away = distances(task, x0, interval, law)
             late = away[-round(0.5 / interval) :]
             found.setdefault(name, []).append((np.max(late), np.sqrt(np.mean(np.square(away)))))
-        taken.append((mpc.latency, mpc.missed / mpc.updates))
     for name, rows in found.items():
         last, rms = np.array(rows).T
         print(
             f"{name:10} {np.sum(last < NEAR)} of {len(last)} arrive; medians: in the last half "
             f"second at most {1e3 * np.median(last):.2g} mm away, {1e3 * np.median(rms):.2g} mm RMS"
         )
-    latency, missed = np.array(taken).T
+    seconds = np.array(taken)
     print(
-        f"an update takes at most {1e3 * np.median(latency):.1f} ms (median of runs); "
-        f"{100 * np.mean(missed):.1f} % take longer than the interval"
+        f"an update takes {1e3 * np.median(seconds):.1f} ms (median), "
+        f"{1e3 * np.max(seconds):.1f} ms at most; "
+        f"{100 * np.mean(seconds > mpc.deadline):.1f} % take longer than the interval"
     )
 
 
