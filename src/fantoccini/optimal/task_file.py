@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import FileError, StateError, nearest
+from fantoccini.errors import FileError, Mistake, StateError, nearest
 from fantoccini.marionette import Marionette, link_index, refuse_contact
 from fantoccini.motion import State, rotation
 from fantoccini.motion.files import csv_columns
@@ -57,6 +57,9 @@ def load_task(
     name = os.fspath(path)
     if name in task_names() and not Path(name).exists():
         path = _FOLDER / f"{name}.yaml"
+    elif not Path(name).exists():
+        text = "found nothing here; a task file is needed, or the name of a bundled task"
+        raise FileError([Mistake(name, None, "", text + nearest(name, task_names()))])
     located = read_file(path)
     if isinstance(located.data, dict) and "task" not in located.data:
         for key, kind in (("bodies", "puppet"), ("puppets", "scene"), ("problem", "problem")):
