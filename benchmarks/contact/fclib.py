@@ -28,7 +28,7 @@ def arrays(file: Path) -> tuple[Array, Array, Array] | None:
         vectors = {key: np.array(value, dtype=float) for key, value in given["vectors"].items()}
         mu = vectors["mu"]
         if name == "fclib_local":
-            if "V" in given:  # equations between bodies beside the contacts
+            if "V" in given:  # bodies are also joined by equations
                 return None
             return _matrix(given["W"]).toarray(), vectors["q"], mu
         if "G" in given:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -23,13 +24,13 @@ AT = np.array([0.0, 0.0, -0.09])
 NEAR = 5e-3
 """Distance within which a run arrives [m]."""
 DT = 0.001
-"""Of the simulation [s]."""
+"""Time step of the simulation [s]."""
 
 
 def distances(
     task: fan.Task, x0: State, interval: float, law: Callable[[State, int], Array]
 ) -> Array:
-    """Of the hand from its path after every interval [m]; infinite where the run ends before."""
+    """Distances of the hand from its path after each interval [m]; infinite if a run ends early."""
     puppet, out = task.marionette, []
     stepper = puppet.stepper(x0, fan.TimeStepping(dt=DT))
     n = round(task.durations[1] / interval)
@@ -63,7 +64,7 @@ def main() -> None:
 
     random, found, taken = np.random.default_rng(0), {}, []
 
-    def timed(mpc: fan.MPC, x: State) -> Array:
+    def timed(mpc: fan.MPC, x: State, _: int) -> Array:
         acc_K = mpc.step(x)
         taken.append(mpc.seconds)
         return acc_K
@@ -77,7 +78,7 @@ def main() -> None:
         ways = {
             "open loop": (nodes.interval, lambda x, i: nodes.acc_K[i]),
             "LQR gains": (nodes.interval, with_gains),
-            "MPC": (mpc.interval, lambda x, i: timed(mpc, x)),  # noqa: B023
+            "MPC": (mpc.interval, partial(timed, mpc)),
         }
         for name, (interval, law) in ways.items():
             away = distances(task, x0, interval, law)

@@ -12,6 +12,7 @@ import argparse
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ from fantoccini.optimal.shooting import EventRuns
 from .piqp_stages import PiqpSolver
 
 DAMPING = 3e-4
-"""Of the Hessian, in units of the cost: the search's first."""
+"""Damping of the Hessian, in units of the cost: that of the search's first step."""
 
 
 def first_program(task: fan.Task) -> tuple[StageProgram, float]:
@@ -41,7 +42,7 @@ def first_program(task: fan.Task) -> tuple[StageProgram, float]:
 
 
 def timed(call: Callable[[], Any]) -> tuple[Any, float]:
-    """What a call gives, and how long it takes [ms]."""
+    """The result of a call, and how long it took [ms]."""
     began = time.perf_counter()
     found = call()
     return found, 1e3 * (time.perf_counter() - began)
@@ -63,8 +64,8 @@ def main() -> None:
         program, unit = first_program(task)
         own, other, taken = StageSolver(1e-8), PiqpSolver(1e-8), []
         for _ in range(turns):
-            a, own_ms = timed(lambda: own.solve(program, unit))  # noqa: B023
-            b, other_ms = timed(lambda: other.solve(program, unit))  # noqa: B023
+            a, own_ms = timed(partial(own.solve, program, unit))
+            b, other_ms = timed(partial(other.solve, program, unit))
             taken.append((own_ms, other_ms))
         exact = StageSolver(1e-13).solve(program, unit), PiqpSolver(1e-11).solve(program, unit)
         apart = np.max(np.abs(exact[0].u - exact[1][0]))

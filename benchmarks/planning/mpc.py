@@ -107,11 +107,11 @@ def main() -> None:
         far = np.median([np.inf if one is None else one.distance for one in runs])
         print(f"{name:10} {within} of {len(runs)} arrive, {clear} touch nothing, median {far:.3g}")
     taken = [one[1].latency for one in under if one is not None]
-    print(f"the longest update of a run takes {1e3 * np.median(taken):.1f} ms (median)")
+    print(f"of its last updates a run's longest takes {1e3 * np.median(taken):.1f} ms (median)")
 
 
 def attempt(way: Callable[..., Any], *given: Any) -> Any:
-    """What a way gives; None where MuJoCo's state is not finite any more."""
+    """The outcome of one control law; None if MuJoCo's state stops being finite."""
     try:
         return way(*given)
     except StateError:

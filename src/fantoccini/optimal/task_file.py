@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -254,7 +255,7 @@ def _bounds(file: BoundsFile, marionette: Marionette, check: Refusals) -> Bounds
             for name, (a, b) in given.items()
         }
         for name, span in spans.items():
-            one = Bounds(**{key: {name: span}})  # type: ignore[arg-type]
+            one = _bounds_of(key, {name: span})
             if not span[0] < span[1]:
                 text = f"found {span[0]:g} and {span[1]:g}; the first must be less"
                 check(("bounds", key, name), lambda text=text: _refuse(text))
@@ -272,7 +273,7 @@ def _bounds(file: BoundsFile, marionette: Marionette, check: Refusals) -> Bounds
         if isinstance(given, dict):
             spots = [((name,), {name: value}) for name, value in given.items()]
         for spot, value in spots:
-            one = Bounds(**{key: value})  # type: ignore[arg-type]
+            one = _bounds_of(key, value)
             check(("bounds", key, *spot), lambda one=one: one.magnitudes(marionette, key))
         return given
 
@@ -287,3 +288,8 @@ def _bounds(file: BoundsFile, marionette: Marionette, check: Refusals) -> Bounds
 
 def _refuse(message: str) -> None:
     raise StateError(message)
+
+
+def _bounds_of(key: str, value: Any) -> Bounds:
+    """Bounds of one kind alone."""
+    return Bounds(**{key: value})
