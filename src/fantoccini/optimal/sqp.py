@@ -41,7 +41,7 @@ class SearchSettings:
 
     damping: float = 3e-8
     """Least of the Hessian, in units of the cost."""
-    first_damping: float = 3e-4
+    first_damping: float = 3e-8
     damping_factor: float = 4.0
     poor: float = 0.25
     good: float = 0.75
@@ -53,6 +53,8 @@ class SearchSettings:
     price_factor: float = 4.0
     highest_price: float = 3e3
     """Of a unit of violation of a row, in units of the cost."""
+    calm: float = 3e-4
+    """Damping up to which small steps mean that a motion is settled."""
     small_steps: int = 4
     """In a row after which a motion counts as settled."""
     margin: float = 1e-5
@@ -289,7 +291,7 @@ class Search:
             saved, limits = step.phi - phi, self._limits
             is_small = abs(saved) <= limits.cost_tolerance * abs(step.phi)
             is_small = is_small and step.theta <= limits.tolerance and halving == 0
-            is_small = is_small and at.damping <= SETTINGS.first_damping
+            is_small = is_small and at.damping <= SETTINGS.calm
             self._small_steps = self._small_steps + 1 if is_small else 0
             return replace(
                 at, nodes=nodes, ends=ends, cost=cost, iterations=at.iterations + 1,
