@@ -31,7 +31,7 @@ class Shooting(Protocol):
     def linearise(self, nodes: Nodes, ends: Ends) -> LinearEnds:
         """The same ends with derivatives."""
 
-    def moved(self, nodes: Nodes, z: Array, u: Array, longer: float) -> tuple[Nodes, Ends] | None:
+    def moved(self, nodes: Nodes, z: Array, u: Array, c: Array) -> tuple[Nodes, Ends] | None:
         """The nodes after a step, and where they lead; None where there is no motion."""
 
 
@@ -95,7 +95,7 @@ class Filter:
         rounding = 1e-13 * abs(phi)
         if falls < 0.0 and (-falls) ** SETTINGS.powers[0] > theta ** SETTINGS.powers[1]:
             return now[1] <= phi + SETTINGS.decrease * falls + rounding
-        if now[0] <= margin * theta or now[1] <= phi - SETTINGS.margin * theta:
+        if now[0] <= margin * theta < theta or now[1] <= phi - SETTINGS.margin * theta:
             self._pairs.append(before)
             return True
         return theta == 0.0 and now[0] == 0.0 and now[1] <= phi + rounding
@@ -144,7 +144,7 @@ class _Step:
     """A step, and what it starts from.
 
     Attributes:
-        z, u, longer: changes of the states, the accelerations and the intervals.
+        z, u, c: changes of the states, the accelerations, and of the intervals and parameters.
         theta, phi: of the filter, at its start.
         falls: slope of phi along it.
         bend: its curvature in the program.
@@ -154,7 +154,7 @@ class _Step:
 
     z: Array
     u: Array
-    longer: float
+    c: Array
     theta: float
     phi: float
     falls: float
@@ -237,7 +237,8 @@ class Search:
             objective.take_unit(at.nodes, linear)
         damping = objective.unit * at.damping
         program = objective.program(at.nodes, linear, damping, at.force)
-        solution = self._solver.solve(program, objective.unit)
+        size = max(float(np.max(np.abs(program.g))), _LEAST)
+        solution = self._solver.solve(program, min(size, objective.unit))
         if not solution.solved:
             return None
         u, z = solution.u, solution.z[1:]
@@ -245,12 +246,11 @@ class Search:
         curved = np.einsum("nij,nj->ni", program.H, step)
         curved[1:, : u.shape[1]] += np.einsum("nij,ni->nj", program.cross[1:], step[:-1])
         curved[:-1] += np.einsum("nij,nj->ni", program.cross[1:], u[1:])
-        size = max(float(np.max(np.abs(program.g))), _LEAST)
         gap, violation = objective.end_gap(at.nodes), objective.rows.violation(at.nodes, linear)
         at.defect = float(max(np.max(np.abs(linear.e)), np.max(np.abs(gap))))
         at.passed = float(np.max(violation, initial=0.0))
         at.solution = solution
-        z, u, longer = objective.widened(solution)
+        z, u, c = objective.widened(solution)
         weight = objective.end_weight
         slope = float(np.sum(program.g * step) + (weight * gap + at.force) @ z[-1])
         price = objective.price
@@ -260,7 +260,7 @@ class Search:
         saves = -min(falls, 0.0) / max(abs(at.cost), _LEAST)
         at.stationarity = max(min(bends, 1.0), min(saves, 1.0))
         return _Step(
-            z, u, longer,
+            z, u, c,
             theta=float(np.sum(np.abs(linear.e)) + np.sum(np.abs(gap))),
             phi=at.cost + price * float(np.sum(violation)),
             falls=falls,
@@ -274,9 +274,7 @@ class Search:
         at, objective = self.best, self._objective
         for halving in range(SETTINGS.halvings):
             alpha = 0.5**halving
-            made = self._shooting.moved(
-                at.nodes, alpha * step.z, alpha * step.u, alpha * step.longer
-            )
+            made = self._shooting.moved(at.nodes, alpha * step.z, alpha * step.u, alpha * step.c)
             if made is None:
                 continue
             nodes, ends = made
