@@ -53,6 +53,8 @@ class SearchSettings:
     price_factor: float = 4.0
     highest_price: float = 3e3
     """Of a unit of violation of a row, in units of the cost."""
+    near: float = 10.0
+    """Theta up to which it may be settled, relative to the tolerance."""
     calm: float = 3e-4
     """Damping up to which small steps mean that a motion is settled."""
     small_steps: int = 4
@@ -110,8 +112,8 @@ class Iterate:
         ends: where its intervals lead.
         cost: J.
         solution: the last step, with its multipliers.
-        stationarity: of the last step, the larger of |H d| relative to the gradient, and the
-            decrease of J that its slope promises relative to J; at most 1.
+        stationarity: of the last step d, the larger of |H d|, damping included, relative to the
+            gradient, and the decrease of J that its slope promises relative to J; at most 1.
         defect: largest |e|.
         passed: largest violation of rows.
         iterations: made.
@@ -255,8 +257,9 @@ class Search:
         slope = float(np.sum(program.g * step) + (weight * gap + at.force) @ z[-1])
         price = objective.price
         falls = slope - price * float(np.sum(violation) - np.sum(solution.passed))
-        # The second part is 0 only where multipliers and bounds are complementary, too.
-        bends = float(np.max(np.abs(curved - damping * step))) / size
+        # The first part is the gradient of the Lagrangian with the step's multipliers, damping
+        # included; the second is 0 only where multipliers and bounds are complementary, too.
+        bends = float(np.max(np.abs(curved))) / size
         saves = -min(falls, 0.0) / max(abs(at.cost), _LEAST)
         at.stationarity = max(min(bends, 1.0), min(saves, 1.0))
         return _Step(
@@ -288,7 +291,7 @@ class Search:
             predicted = max(-alpha * (step.falls + 0.5 * alpha * step.bend), _LEAST)
             saved, limits = step.phi - phi, self._limits
             is_small = abs(saved) <= limits.cost_tolerance * abs(step.phi)
-            is_small = is_small and step.theta <= limits.tolerance and halving == 0
+            is_small = is_small and step.theta <= SETTINGS.near * limits.tolerance and halving == 0
             is_small = is_small and at.damping <= SETTINGS.calm
             self._small_steps = self._small_steps + 1 if is_small else 0
             return replace(
