@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from fantoccini.arrays import Array
+from fantoccini.clearance import solids
+from fantoccini.clearance.meshes import Meshes
+from fantoccini.clearance.obstacles import HalfSpace, standing
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State, Trajectory
-from fantoccini.planning import solids
-from fantoccini.planning.meshes import Meshes
-from fantoccini.planning.obstacles import HalfSpace, standing
 from fantoccini.puppet import Obstacle
 from fantoccini.runtime import Solids, default_threads
 
@@ -48,9 +48,9 @@ class Clearance:
         d = min over pairs of (distance of their cores - radii)
 
     Cores are points, segments, boxes and meshes. Distances between them are exact, but an ellipsoid
-    counts as the capsule around it (see :mod:`fantoccini.planning.solids`). A negative d says that
+    counts as the capsule around it (see :mod:`fantoccini.clearance.solids`). A negative d says that
     solids overlap, not how deep. Closed meshes are solid, open ones are surfaces (see
-    :class:`fantoccini.planning.meshes.Meshes`).
+    :class:`fantoccini.clearance.meshes.Meshes`).
 
     Attributes:
         marionette: the puppet.
