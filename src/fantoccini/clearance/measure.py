@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -110,6 +111,32 @@ class Clearance:
         strings = int(np.sum(self.solids.string_radius >= 0.0))
         of_obstacles = len(self.solids.standing) * strings + int(np.sum(~self.solids.left_out))
         return not of_obstacles and not len(self.solids.pairs)
+
+    def parts(self) -> dict[str, Clearance]:
+        """The same for every body and string alone, by its name: the clearance is their least.
+
+        A pair of bodies belongs to the later one. Those without pairs are left out.
+        """
+        whole, found = self.solids, {}
+        names = [self.marionette.tree.links[i].name for i in self._links]
+        never = np.full_like(whole.string_radius, -1.0)
+        for name in dict.fromkeys(names):
+            own = np.array([other == name for other in names])
+            found[name] = replace(
+                whole, pairs=whole.pairs[own[whole.pairs[:, 0]]],
+                left_out=whole.left_out | ~own[:, None], string_radius=never,
+            )  # fmt: skip
+        for i, string in enumerate(self.marionette.tree.strings):
+            radius = np.where(np.arange(len(never)) == i, whole.string_radius, -1.0)
+            found[f"string {string.name}"] = replace(
+                whole, pairs=whole.pairs[:0], left_out=np.ones_like(whole.left_out),
+                string_radius=radius,
+            )  # fmt: skip
+        parts = {}
+        for name, solids_of_one in found.items():
+            parts[name] = copy(self)
+            parts[name].solids = solids_of_one
+        return {name: one for name, one in parts.items() if not one.measures_nothing}
 
     def at(self, q_D: Array, q_K: Array, threads: int = 1) -> Array:
         """Clearances of configurations.
