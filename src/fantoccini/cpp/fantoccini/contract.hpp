@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x1c4d18057cdacbcb;
+constexpr long long contract_digest = 0x07333df98dfd1e2e;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -372,6 +372,23 @@ struct StepDerivativeArrays {
   const double* screws;  // as in TouchingStepArrays
   const double* by_p;  // likewise
   int* edges;  // (n,) StepEdge; added to
+};
+
+// Smooth pieces of event-driven runs, and derivatives.
+struct FlowDerivativeArrays {
+  Shared p;
+  Shared u_D;  // or null
+  const double* q_D;  // (n, n_qD) starts
+  const double* v_D;  // (n, n_vD)
+  const double* q_K;  // (n, n_qK)
+  const double* v_K;  // (n, n_vK)
+  const double* acc_K;  // (n, n_vK) constant over the piece
+  const double* length;  // (n,) of the pieces [s]
+  const int* steps;  // (n,) of a piece
+  const unsigned char* held;  // (n, n_rows) rows that are held
+  double* q_D_end;  // (n, n_qD)
+  double* v_D_end;  // (n, n_vD)
+  double* motion;  // (n, 2 n_vD, m) of (dq_D, v_D) at the end by q_D, v_D, q_K, v_K, acc_K and p
 };
 
 // A rollout of fixed steps, and the gradient of its cost.
@@ -779,6 +796,18 @@ struct Call {
     const Real* arg[] = {q_D, v_D, acc_D, q_K, v_K, acc_K, tension, &dt, p};
     Real* res[] = {at(to.r_qK), at(to.r_vK), at(to.M_DK), at(to.r_p)};
     Model::force_by_K(arg, res);
+  }
+
+  // A_D, A_K and the derivatives of h, hdot and hddot of strings and limits.
+  template <class Results>
+  FAN_FN static void rows_by(
+      const Real* q_D, const Real* v_D, const Real* acc_D, const Real* q_K,
+      const Real* v_K, const Real* acc_K, const Real* p, Results& to) {
+    const Real* arg[] = {q_D, v_D, acc_D, q_K, v_K, acc_K, p};
+    Real* res[] = {at(to.A_D), at(to.A_K), at(to.h_p), at(to.hdot_q), at(to.hdot_qK),
+        at(to.hdot_p), at(to.hddot_q), at(to.hddot_v), at(to.hddot_qK),
+        at(to.hddot_vK), at(to.hddot_p)};
+    Model::rows_by(arg, res);
   }
 
   // A_D, A_K and the derivatives of h and hdot of strings and limits.
