@@ -126,3 +126,33 @@ def test_without_problems_the_page_says_so(tmp_path):
     for folder in (None, tmp_path):
         text = problems.chapter(folder, None).section.markdown()
         assert "Not measured" in text and "--problems" in text
+
+
+def test_problems_in_fclibs_files(tmp_path):
+    """By contacts in rows, and by bodies in triplets: W = H^T M^-1 H, q = w + H^T M^-1 f."""
+    h5py = pytest.importorskip("h5py")
+    rng = np.random.default_rng(0)
+    H, mass = rng.standard_normal((4, 3)), np.array([1.0, 2.0, 0.5, 3.0])
+    f, w = rng.standard_normal(4), rng.standard_normal(3)
+    W, q = H.T @ (H / mass[:, None]), w + H.T @ (f / mass)
+
+    def write(group, name, nz, x, i, p, shape):
+        numbers = {"m": [shape[0]], "n": [shape[1]], "nz": [nz], "x": x, "i": i, "p": p}
+        for key, value in numbers.items():
+            group[f"{name}/{key}"] = np.asarray(value)
+
+    with h5py.File(tmp_path / "local.hdf5", "w") as file:
+        own = file.create_group("fclib_local")
+        write(own, "W", -2, W.ravel(), [0, 1, 2] * 3, [0, 3, 6, 9], (3, 3))
+        own["spacedim"], own["vectors/q"], own["vectors/mu"] = [3], q, [0.4]
+    with h5py.File(tmp_path / "global.hdf5", "w") as file:
+        own = file.create_group("fclib_global")
+        write(own, "M", 4, mass, range(4), range(4), (4, 4))
+        rows, columns = np.repeat(np.arange(4), 3), np.tile(np.arange(3), 4)
+        write(own, "H", 12, H.ravel(), rows, columns, (4, 3))
+        own["spacedim"], own["vectors/f"], own["vectors/w"] = [3], f, w
+        own["vectors/mu"] = [0.4]
+    for name in ("local", "global"):
+        found = problems.parsed(tmp_path / f"{name}.hdf5")
+        assert np.allclose(found.M, W, atol=1e-13) and np.allclose(found.q, q, atol=1e-13)
+        assert found.mu == [0.4] and problems.ours(found).residual < 1e-10

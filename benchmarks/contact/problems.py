@@ -95,7 +95,20 @@ class Answer:
 
 
 def parsed(file: Path) -> Problem | None:
-    """A problem of contacts in space with dense or block storage; None if it is another one."""
+    """A problem of contacts in space; None if it is another one."""
+    if file.suffix != ".hdf5":
+        return _parsed_text(file)
+    from .fclib import arrays
+
+    found = arrays(file)
+    if found is None or not 0 < len(found[2]) <= LARGEST:
+        return None
+    M, q, mu = found
+    return Problem(file, 0.5 * (M + M.T), q, mu)
+
+
+def _parsed_text(file: Path) -> Problem | None:
+    """The same in Siconos's text format, with dense or block storage."""
     words = iter(file.read_text(encoding="utf-8").split())
 
     def take(n: int) -> Array:
@@ -173,12 +186,13 @@ def siconos(problem: Problem, python: str, solver: str) -> Answer | None:
 def chapter(folder: Path | None, python: str | None) -> Chapter:
     """The section on the problems in a folder; without a folder, how to supply one."""
     title = "7. Problems of others"
-    files = sorted(folder.glob("*.dat")) if folder else []
+    files = sorted([*folder.glob("*.dat"), *folder.glob("*.hdf5")]) if folder else []
     problems = [p for f in files if not f.name.startswith(OTHERS) and (p := parsed(f))]
     if not problems:
         text = (
             "Not measured: give `python -m benchmarks.contact` a folder of problems in Siconos's "
-            "text format with `--problems`, and with `--siconos` an interpreter that has Siconos."
+            "text format, or in FCLIB's, with `--problems`, and with `--siconos` an interpreter "
+            "that has Siconos."
         )
         return Chapter(Section(title, [text]))
     rows = []
@@ -188,8 +202,8 @@ def chapter(folder: Path | None, python: str | None) -> Chapter:
         rows.append([f"{problem.name}, {len(problem.mu)}", *map(_shown, answers)])
     text = (
         "Contact problems that come with Siconos as its tests (`numerics/src/FrictionContact/test/"
-        "data`), among them some of the collection FCLIB, whose own files were not to be had; all "
-        f"that are in space, written as text, with at most {LARGEST} contacts. Iterations (of ours "
+        "data`), some of the collection FCLIB as text and some (`*.hdf5`) in its own files; all "
+        f"that are in space, with at most {LARGEST} contacts. Iterations (of ours "
         "those of Newton's method and rounds of the method of multipliers), the processor's time, "
         "and the residual of the exact law, by one formula for all: the largest g |r - P(r - u/g)| "
         f"relative to the largest |q|. All were asked for {number(TOLERANCE)}, by their own "

@@ -59,7 +59,7 @@ class Program:
         return Burst(tuple(seconds), int(points), force, depth, residual)
 
     def numbers(self, x: State, *arguments: str) -> list[float]:
-        """What the program says from a state, given these words."""
+        """The numbers that the program prints for a state and further arguments."""
         text = "\n".join(repr(float(n)) for part in self._words(x) for n in np.ravel(part))
         command = [str(self.path), *arguments]
         done = subprocess.run(command, input=text, capture_output=True, text=True, check=True)

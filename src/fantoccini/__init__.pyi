@@ -50,15 +50,21 @@ from .motion import (
     Trajectory as Trajectory,
 )
 from .optimal import (
+    MPC as MPC,
     Bounds as Bounds,
+    MPCStatus as MPCStatus,
     OptimalStatus as OptimalStatus,
     Optimum as Optimum,
+    Reach as Reach,
+    ReachedPose as ReachedPose,
+    ReachStatus as ReachStatus,
     Smooth as Smooth,
     Task as Task,
     Track as Track,
     follow as follow,
     load_task as load_task,
     optimise as optimise,
+    reach as reach,
 )
 from .perform import (
     Handle as Handle,

@@ -307,3 +307,21 @@ bodies:
 """)
     x = thrown(table, {"top.z": 0.3}, {"top.x": 1.0})
     check(table, x, 0.35, ["touch", "lift"])
+
+
+def test_five_catches_and_a_bounce_with_friction():
+    """A ball on a line that throws it back, and a floor that turns its spin."""
+    puppet = fan.loads("""
+puppet: swing
+floor: 0
+contact: {friction: 0.3, restitution: 0.5}
+bodies:
+- {name: ball, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 1}]}
+strings:
+- {name: line, path: [{body: ball}, {world: [0, 0, 1.2]}], length: 1.15, restitution: 0.8}
+""")
+    x = puppet.state()
+    q = np.concatenate([[0.35, -0.17, 1.38], x.q_D[3:]])
+    x = x.replace(q_D=q, v_D=np.array([1.5, 0.9, -1.57, -0.3, 1.5, 0.3]))
+    thrown_back = ["catch", "release"]
+    check(puppet, x, 1.83, 4 * thrown_back + ["touch", "lift", *thrown_back], bound=1e-9)

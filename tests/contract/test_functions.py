@@ -23,7 +23,7 @@ def derived(equations: Equations) -> dict:
     """All CasADi functions of a puppet."""
     names, found = contract.functions, {name: equations[name] for name in equations}
     derivatives = Derivatives(equations.tree)
-    for library in (names.DERIVATIVES, names.STEP_DERIVATIVES, names.GRADIENTS):
+    for library in (names.DERIVATIVES, names.STEP_DERIVATIVES, names.GRADIENTS, names.REACH):
         found |= derivatives.functions(library)
     found |= VariationalDerivatives(equations).functions(names.VARIATIONAL_DERIVATIVES)
     return found | Variational(equations).functions()

@@ -2,7 +2,8 @@
 // the scalar solver (cone_island.hpp).
 //
 // Every lane has a problem of its own: G = J J^T with fewer columns than rows, so that impulses are
-// redundant, some rows at a bound, some contacts left out.
+// redundant, some rows at a bound, some contacts left out. The guess is what the scalar solver finds
+// for other right sides, as that of a time step is the solution of the step before.
 //
 // stdout, one number a line with its name: what the Python side asserts.
 #include <cstdio>
@@ -27,6 +28,57 @@ std::mt19937 generator(7);
 
 double uniform(double low, double high) {
   return std::uniform_real_distribution<double>(low, high)(generator);
+}
+
+fan::ConeIsland<N> island;
+int row[N];  // of the problem, for each of the island
+
+// Gives the island what takes part of a problem; returns how many rows. `clean`: whether the rest of x
+// is 0.
+int write(const Problem& p, const double* x, bool& clean) {
+  int n = 0, contacts = 0, of[C];
+  for (int a = 0; a < S; ++a)
+    if (p.has_single[a]) row[n++] = a;
+    else clean = clean && x[a] == 0.0;
+  const int n_single = n;
+  for (int c = 0; c < C; ++c)
+    for (int d = 0; d < 3; ++d)
+      if (p.has_contact[c]) {
+        row[n++] = S + 3 * c + d;
+        if (d == 0) of[contacts++] = c;
+      } else {
+        clean = clean && x[S + 3 * c + d] == 0.0;
+      }
+  if (n == 0) return 0;
+  island.resize(n_single, contacts);
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j < n; ++j) island.G[i * island.stride + j] = p.G[row[i]][row[j]];
+    island.b[i] = p.b[row[i]];
+    island.lower[i] = row[i] < S ? p.lower[row[i]] : 0.0;
+    island.upper[i] = row[i] < S ? p.upper[row[i]] : 1e3;
+    island.x[i] = 0.0;
+  }
+  for (int c = 0; c < contacts; ++c) island.mu[c] = p.mu[of[c]];
+  return n;
+}
+
+// The residual by the scalar solver's measure, and whether what takes no part is 0.
+double residual(const Problem& p, const double* x, bool& clean) {
+  const int n = write(p, x, clean);
+  if (n == 0) return 0.0;
+  island.solve();  // sets its weights
+  for (int i = 0; i < n; ++i) island.x[i] = x[row[i]];
+  island.measure();
+  return island.residual;
+}
+
+void take_guess(Problem& out) {
+  const double nothing[N] = {};
+  bool clean = true;
+  const int n = write(out, nothing, clean);
+  for (int i = 0; i < n; ++i) island.b[i] *= 1.0 + 0.02 * uniform(-1, 1);
+  if (n > 0) island.solve();
+  for (int i = 0; i < n; ++i) out.guess[row[i]] = island.x[i];
 }
 
 Problem made(int kind) {
@@ -55,7 +107,7 @@ Problem made(int kind) {
     out.mu[c] = kind % 5 == 4 ? 0.0 : uniform(0.1, 0.5);
     out.has_contact[c] = uniform(0, 1) < 0.7;
   }
-  for (int i = 0; i < N; ++i) out.guess[i] = kind % 2 == 0 ? 0.0 : uniform(-0.1, 0.1);
+  take_guess(out);
   return out;
 }
 
@@ -121,38 +173,6 @@ Found solved(const Problem* problems, const int* who) {
     for (int i = 0; i < 3 * C; ++i) out.x[l][S + i] = cone.x[i][l];
   }
   return out;
-}
-
-// The residual by the scalar solver's measure, and whether what takes no part is 0.
-double residual(const Problem& p, const double* x, bool& clean) {
-  static fan::ConeIsland<N> island;
-  int row[N], n = 0, contacts = 0, of[C];
-  for (int a = 0; a < S; ++a)
-    if (p.has_single[a]) row[n++] = a;
-    else clean = clean && x[a] == 0.0;
-  const int n_single = n;
-  for (int c = 0; c < C; ++c)
-    for (int d = 0; d < 3; ++d)
-      if (p.has_contact[c]) {
-        row[n++] = S + 3 * c + d;
-        if (d == 0) of[contacts++] = c;
-      } else {
-        clean = clean && x[S + 3 * c + d] == 0.0;
-      }
-  if (n == 0) return 0.0;
-  island.resize(n_single, contacts);
-  for (int i = 0; i < n; ++i) {
-    for (int j = 0; j < n; ++j) island.G[i * island.stride + j] = p.G[row[i]][row[j]];
-    island.b[i] = p.b[row[i]];
-    island.lower[i] = row[i] < S ? p.lower[row[i]] : 0.0;
-    island.upper[i] = row[i] < S ? p.upper[row[i]] : 1e3;
-    island.x[i] = 0.0;
-  }
-  for (int c = 0; c < contacts; ++c) island.mu[c] = p.mu[of[c]];
-  island.solve();  // sets its weights
-  for (int i = 0; i < n; ++i) island.x[i] = x[row[i]];
-  island.measure();
-  return island.residual;
 }
 
 }  // namespace

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import casadi
 import numpy as np
 import pytest
 from scipy.optimize import LinearConstraint, minimize
@@ -58,7 +59,7 @@ def test_without_bounds_it_is_the_linear_system_of_the_conditions_of_optimality(
     zero = np.zeros((len(b), len(b)))
     kkt = np.linalg.solve(np.block([[P, A.T], [A, zero]]), np.concatenate([-c, b]))
     found = StageSolver(1e-10).solve(given)
-    assert found.solved and found.feasible
+    assert found.solved
     x = np.concatenate([found.u, found.z[1:]], axis=1).ravel()
     assert x == pytest.approx(kkt[: len(c)], abs=1e-6)
     assert found.costate.ravel() == pytest.approx(kkt[len(c) :], abs=1e-5)
@@ -145,3 +146,89 @@ def test_a_free_interval_moves_all_ends(shares: tuple[float, float]):
     for i in range(N):
         z = plain.A[i] @ z + plain.B[i] @ found.u[i, :K] + plain.e[i] + later[i] * longer
         assert found.z[i + 1, :N_Z] == pytest.approx(z, abs=1e-5)
+
+
+def crossed(given: StageProgram) -> tuple[np.ndarray, ...]:
+    """P, c, A, low, high of the same for a solver of sparse programs: x, then elastic parts."""
+    P, c, dynamics, b = dense(given)
+    m, n = given.C.shape[1], N * S
+    rows = np.zeros((N * m, n))
+    for i in range(N):
+        at = slice(m * i, m * (i + 1))
+        rows[at, S * i : S * (i + 1)] = given.C[i, :, S:]
+        if i:
+            rows[at, S * (i - 1) : S * i] += given.C[i, :, :S]
+    price, one = given.elastic.ravel(), np.eye(N * m)
+    none = np.zeros((len(b), N * m))
+    P = np.block([[P, np.zeros((n, N * m))], [np.zeros((N * m, n)), np.diag(price)]])
+    A = np.block([[dynamics, none], [rows, -one], [rows, one]])
+    inf = np.full(N * m, np.inf)
+    low = np.concatenate([b, -inf, given.row_low.ravel()])
+    high = np.concatenate([b, given.row_high.ravel(), inf])
+    return P, np.concatenate([c, price]), A, low, high
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("couples", [True, False])
+def test_solutions_are_those_of_qpoases(seed: int, couples: bool):
+    """Bounds of inputs and states, rows at a price; with and without costs between inputs."""
+    given = program(rows=2, seed=seed)
+    if not couples:
+        given.cross[:, :K] = given.H[:, :K, K:] = given.H[:, K:, :K] = 0.0
+        given.C[:, :, :K] = 0.0
+    given.low[:, :K], given.high[:, :K] = -0.15, 0.15
+    drift = np.zeros((N + 1, N_Z))  # without inputs, so that there is a solution
+    for i in range(N):
+        drift[i + 1] = given.A[i] @ drift[i] + given.e[i]
+    given.high[:, K] = drift[1:, 0] + 0.02
+    P, c, A, low, high = crossed(given)
+    m = given.C.shape[1]
+    lowest = np.concatenate([given.low.ravel(), np.zeros(N * m)])
+    highest = np.concatenate([given.high.ravel(), np.full(N * m, UNBOUNDED)])
+    sizes = {"h": casadi.DM(P).sparsity(), "a": casadi.DM(A).sparsity()}
+    options = {"print_time": False, "printLevel": "none", "terminationTolerance": 1e-14}
+    other = casadi.conic("other", "qpoases", sizes, options)
+    best = other(h=P, g=c, a=A, lba=low, uba=high, lbx=lowest, ubx=highest)
+    x = np.array(best["x"]).ravel()[: N * S].reshape(N, S)
+    found = StageSolver(1e-11).solve(given)
+    assert found.solved
+    assert np.max(np.abs(x[:, :K])) > 0.1499
+    assert found.u == pytest.approx(x[:, :K], abs=1e-8)
+    assert found.z[1:] == pytest.approx(x[:, K:], abs=1e-8)
+
+
+def test_driven_states_that_are_double_integrators_are_kept_as_bands():
+    """The same program with its states in another order, which has no rows of few entries last."""
+    random, n, k, dense_rows = np.random.default_rng(3), 8, 2, 4
+    h = 0.1
+    A, B = np.zeros((6, n + dense_rows, n + dense_rows)), np.zeros((6, n + dense_rows, k))
+    size = n + dense_rows
+    A[:, :n] = 0.3 * random.normal(size=(6, n, size))
+    B[:, :n] = random.normal(size=(6, n, k))
+    q, v = n + np.arange(k), n + k + np.arange(k)
+    A[:, q, q] = A[:, v, v] = 1.0
+    A[:, q, v], B[:, v, [0, 1]], B[:, q, [0, 1]] = h, h, 0.5 * h * h
+    s = k + size
+    root = random.normal(size=(6, s, s))
+    given = StageProgram(
+        H=root @ root.swapaxes(1, 2) + np.eye(s), g=random.normal(size=(6, s)),
+        cross=0.1 * random.normal(size=(6, s, k)), A=A, B=B, e=random.normal(size=(6, size)),
+        low=np.full((6, s), -UNBOUNDED), high=np.full((6, s), UNBOUNDED),
+        C=np.zeros((6, 0, 2 * s)), row_low=np.zeros((6, 0)), row_high=np.zeros((6, 0)),
+        elastic=np.zeros((6, 0)),
+    )  # fmt: skip
+    turned = np.arange(size)[::-1]
+    both = np.concatenate([np.arange(k), k + turned])
+    other = replace(
+        given, H=given.H[:, both][:, :, both], g=given.g[:, both], cross=given.cross[:, both],
+        A=A[:, turned][:, :, turned], B=B[:, turned], e=given.e[:, turned],
+    )  # fmt: skip
+    found, again = StageSolver(1e-10).solve(given), StageSolver(1e-10).solve(other)
+    assert found.u == pytest.approx(again.u, rel=1e-10, abs=1e-10)
+    assert found.z == pytest.approx(again.z[:, turned], rel=1e-10, abs=1e-10)
+
+
+def test_the_first_gain_is_riccatis():
+    given = replace(program(), g=np.zeros((N, S)), e=np.zeros((N, N_Z)))
+    given.cross[:, :K] = given.H[:, :K, K:] = given.H[:, K:, :K] = 0.0
+    assert StageSolver(1e-10).solve(given).gain == pytest.approx(riccati_gains(given)[0], rel=1e-10)

@@ -19,7 +19,7 @@ NEEDED = (
     "lazy-loader",
     "matplotlib",
     "numpy",
-    "piqp", "platformdirs",
+    "platformdirs",
     "pydantic",
     "rich",
     "ruamel.yaml",

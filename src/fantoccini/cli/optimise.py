@@ -12,7 +12,7 @@ from fantoccini.cli.outputs import check_extras, check_outputs, write_outputs
 from fantoccini.cli.requests import OptimiseRequest
 from fantoccini.cli.show import show_run
 from fantoccini.cli.terminal import Steps, say, table, write
-from fantoccini.optimal import OptimalStatus, Optimum, load_task, optimise, task_names
+from fantoccini.optimal import OptimalStatus, Optimum, load_task, optimise, out_of_reach, task_names
 from fantoccini.perform import Recording
 
 
@@ -33,6 +33,9 @@ def optimise_file(request: OptimiseRequest) -> None:
             if not request.quiet:
                 write(f"{request.file}: no mistakes")
             return
+        steps.step("looking for poses that reach the paths")
+        for text in out_of_reach(task):
+            say(f"fantoccini: {text}")
         done = steps.bar("optimising", float(request.iterations))
         found = optimise(
             task, tolerance=request.tolerance, cost_tolerance=request.cost_tolerance,

@@ -50,6 +50,7 @@ _KINDS = {
     "step_derivatives": _Kind("step_derivatives_abi", Real(), several=True),
     "gradients": _Kind("gradients_abi", Real()),
     "variational_derivatives": _Kind("map_abi", Real(), mapped=True, columns=False),
+    "reach": _Kind("reach_abi", Real(), columns=False),
 }
 
 
@@ -90,7 +91,7 @@ def generate(equations: Equations, library: str = "model") -> Generated:
 def _programs(
     equations: Equations, library: str, names: tuple[str, ...], columns: bool
 ) -> dict[str, Program]:
-    if library in ("derivatives", "step_derivatives", "gradients"):
+    if library in ("derivatives", "step_derivatives", "gradients", "reach"):
         own = Derivatives(equations.tree).functions(library)
     elif library == "variational_derivatives":
         own = VariationalDerivatives(equations).functions(library)
@@ -108,8 +109,8 @@ def _pushes(equations: Equations, forth: Program) -> str:
     texts = [together(whole, name, SIZES.piece) for name, whole in made.items()]
     cases = [f"    case {i}: return fan_push_{i}(L, x, y);" for i in equations.pushes]
     switch = [
-        "template <class V>",
-        "inline void fan_push(int link, const double* L, const V* x, V* y) {",
+        "template <class A, class V>",
+        "inline void fan_push(int link, const A* L, const V* x, V* y) {",
         "  switch (link) {",
         *cases,
         "    default: return fan_push_all(L, x, y);",
@@ -149,8 +150,8 @@ def _map(name: str) -> str:
 
 
 _PUSH = """\
-  template <class V>
-  static void push(int link, const double* L, const V* x, V* y) {{
+  template <class A, class V>
+  static void push(int link, const A* L, const V* x, V* y) {{
     {space}::fan_push(link, L, x, y);
   }}"""
 

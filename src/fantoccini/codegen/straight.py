@@ -222,7 +222,7 @@ def pieces(
 def together(whole: Program, name: str, longest: int) -> str:
     """The text of ``name(a, x, y)``: a function of (a, x) that is linear in x, for several x.
 
-    ``x`` and ``y`` are arrays of any type ``V`` of several numbers, ``a`` of doubles.
+    ``a`` is an array of any scalar type ``A``, ``x`` and ``y`` of any type ``V`` of several.
 
     Args:
         whole: the function's statements, with two arguments and one result.
@@ -232,16 +232,16 @@ def together(whole: Program, name: str, longest: int) -> str:
     cut, lines = _Cut(whole, longest, frozenset()), []
     for k in range(cut.n):
         lines += [
-            "template <class V>",
-            f"void {name}_{k}(const double* a, const V* x, V* y, V* w) {{",
+            "template <class A, class V>",
+            f"void {name}_{k}(const A* a, const V* x, V* y, V* w) {{",
             "  (void)a, (void)x, (void)y, (void)w;",
             *(_of_several(line) for line in cut.body(k)),
             "}",
             "",
         ]
     lines += [
-        "template <class V>",
-        f"inline void {name}(const double* a, const V* x, V* y) {{",
+        "template <class A, class V>",
+        f"inline void {name}(const A* a, const V* x, V* y) {{",
         f"  V work[{max(1, cut.n_work)}];",
         *(f"  {name}_{k}(a, x, y, work);" for k in range(cut.n)),
         "}",
@@ -255,11 +255,11 @@ _NAMES = (
 
 
 def _of_several(line: str) -> str:
-    """A line of a piece where values that do not depend on x are doubles, and others are V."""
+    """A line of a piece where values that do not depend on x are of type A, and others V."""
     for old, new in _NAMES:
         line = line.replace(old, new)
     into, value = line.strip(" ;").split(" = ", 1)
-    # Values passed to the next piece, and constant results, may be doubles: V{} + value is a V.
+    # Values passed to the next piece, and constant results, may be of type A: V{} + value is a V.
     is_double = into.startswith("w[") or (into.startswith("y[") and not value.startswith("t"))
     return f"  {into} = V{{}} + {value};" if is_double else line
 

@@ -5,7 +5,15 @@ velocities (v, w), wrenches (force, torque), free joints' velocities and configu
 ``equations`` motions and wrenches are pairs (angular, linear), in the link's frame.
 """
 
-from fantoccini.contract.codes import EventCode, GoalKind, Hold, SolidKind, Solved, StepEdge
+from fantoccini.contract.codes import (
+    EventCode,
+    GoalKind,
+    Hold,
+    ReachEnd,
+    SolidKind,
+    Solved,
+    StepEdge,
+)
 from fantoccini.contract.constants import (
     CLOSED_GAP,
     CONSTANTS,
@@ -29,7 +37,8 @@ from fantoccini.contract.samples import (
     WINCH_AT,
     width,
 )
-from fantoccini.contract.structures import STRUCTURES, Structure
+from fantoccini.contract.structure import Structure
+from fantoccini.contract.structures import STRUCTURES
 
 __all__ = [
     "BOOKS",
@@ -57,6 +66,7 @@ __all__ = [
     "GoalKind",
     "Hold",
     "Quantity",
+    "ReachEnd",
     "SolidKind",
     "Solved",
     "StepEdge",

@@ -72,6 +72,16 @@ class Solved(Code):
     NO_ROOM = 3, "more rows than the puppet has, or no memory"
 
 
+class ReachEnd(Code):
+    """How a search for the pose nearest to places ended."""
+
+    REACHED = 0, "it is there, within the tolerance"
+    NEAREST = 1, "no hanging pose near by is nearer"
+    STALLED = 2, "no step came nearer any more, or the iterations ended first"
+    LOST = 3, "the puppet does not hang where it was to begin"
+    TIPS = 4, "any nearer, no pose that hangs stably is found"
+
+
 class StepEdge(Code):
     """What a fixed step is on the edge of, as bits; from LEAVES_LAW on it has no derivative."""
 
@@ -88,9 +98,9 @@ class StepEdge(Code):
 
 
 CODES: tuple[type[Code] | type[Status], ...] = (
-    Status, EventCode, Hold, SolidKind, GoalKind, Solved, StepEdge
+    Status, EventCode, Hold, SolidKind, GoalKind, Solved, ReachEnd, StepEdge
 )  # fmt: skip
 """All codes."""
 
-SCOPED = (Solved,)
+SCOPED = (Solved, ReachEnd)
 """Codes whose members are qualified by the code's name in C++."""

@@ -18,7 +18,8 @@ from fantoccini.contract.functions import (
 from fantoccini.contract.identity import digest
 from fantoccini.contract.quantity import SIZES, Quantity
 from fantoccini.contract.samples import CONTACT, EVENT, PARTS, SAMPLE, WINCH
-from fantoccini.contract.structures import STRUCTURES, Field, Structure
+from fantoccini.contract.structure import Field, Structure
+from fantoccini.contract.structures import STRUCTURES
 from fantoccini.errors import Status
 
 HEADER = Path(__file__).resolve().parents[1] / "cpp" / "fantoccini" / "contract.hpp"

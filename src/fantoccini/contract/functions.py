@@ -16,10 +16,10 @@ from fantoccini.contract.quantity import Quantity, Shape
 MODEL, LANES, CLEARANCE, ROLLOUTS = "model", "lanes", "clearance", "rollouts"
 VARIATIONAL, VARIATIONAL_LANES, DERIVATIVES = "variational", "variational_lanes", "derivatives"
 STEP_DERIVATIVES, GRADIENTS = "step_derivatives", "gradients"
-VARIATIONAL_DERIVATIVES = "variational_derivatives"
+VARIATIONAL_DERIVATIVES, REACH = "variational_derivatives", "reach"
 LIBRARIES = (
     MODEL, LANES, CLEARANCE, ROLLOUTS, VARIATIONAL, VARIATIONAL_LANES, DERIVATIVES,
-    STEP_DERIVATIVES, GRADIENTS, VARIATIONAL_DERIVATIVES,
+    STEP_DERIVATIVES, GRADIENTS, VARIATIONAL_DERIVATIVES, REACH,
 )  # fmt: skip
 """The libraries of a puppet, each compiled when it is first needed."""
 
@@ -195,7 +195,7 @@ _DECLARED = (
             Quantity("screw_D", (6, "n_vD"), "1 or m", "of v_D: linear, then angular; world axes"),
             Quantity("screw_K", (6, "n_vK"), "1 or m", "of v_K, likewise"),
         ),
-        (MODEL, LANES, ROLLOUTS), mapped=True,
+        (MODEL, LANES, ROLLOUTS, REACH), mapped=True,
     ),
     Function(
         "forth", "y = F^-T x.", _arguments("L x"), (_Y,), (MODEL, *_STEPPING), mapped=True,
@@ -272,6 +272,22 @@ _DECLARED = (
     Function(
         "row_rates_by", "A_D, A_K and the derivatives of h and hdot of strings and limits.",
         _STATE, _BY_RATES, (STEP_DERIVATIVES, VARIATIONAL_DERIVATIVES), mapped=True,
+    ),
+    Function(
+        "hanging",
+        "Forces that do not balance at rest, r of Eq. 10, h, and their derivatives.",
+        _arguments("q_D q_K tension p"),
+        (
+            Quantity("r", ("n_vD",), _FORCE, "g + A_D^T tension, and springs"),
+            Quantity("h", ("n_rows",), "m", "of strings and limits"),
+            _derivative("r_q", "n_vD", "n_vD", "of r by tangents of q_D"),
+            _derivative("r_qK", "n_vD", "n_vK", "of r by tangents of q_K"),
+            _derivative("r_p", "n_vD", "n_p", "of r by the parameters"),
+            _derivative("A_D", "n_rows", "n_vD", "of h by tangents of q_D"),
+            _derivative("A_K", "n_rows", "n_vK", "of h by tangents of q_K"),
+            _derivative("h_p", "n_rows", "n_p", "of h by the parameters"),
+        ),
+        (REACH,),
     ),
     Function(
         "momenta_by", "M v_D + M_DK v_K + A_D^T tension and its derivatives.",

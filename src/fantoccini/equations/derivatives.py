@@ -37,7 +37,9 @@ from fantoccini.equations.symbols import Symbols
 from fantoccini.equations.system import System
 from fantoccini.tree import WORLD, Point, Role, Tree
 
-_FUNCTIONS = ("force_by_q", "force_by_v", "force_by_K", "rows_by", "row_rates_by", "step_back")
+_FUNCTIONS = (
+    "force_by_q", "force_by_v", "force_by_K", "rows_by", "row_rates_by", "step_back", "hanging",
+)  # fmt: skip
 
 
 class Derivatives:
@@ -58,6 +60,8 @@ class Derivatives:
         names = [n for n in compiled(library, self.tree.sizes) if n in _FUNCTIONS]
         if "step_back" in names:
             found = self._gradient()
+        elif "hanging" in names:
+            found = self._hanging()
         else:
             found = {**self._forces(symbols.tension), **self._rows()}
         return {name: declared(name, symbols, found) for name in names}
@@ -183,6 +187,18 @@ class Derivatives:
             result: tangents(s, self.tree, name).T @ part
             for (result, name), part in zip(names.items(), ca.vertsplit(back, cuts), strict=True)
         }
+
+    def _hanging(self) -> dict[str, ca.SX]:
+        """r and h at rest, with derivatives."""
+        s, (h, _) = self.system.symbols, self._heights()
+        moving = [s.v_D, s.v_K, s.acc_D, s.acc_K, s.dt]
+        still = [ca.SX.zeros(*x.shape) for x in moving]
+        r = ca.cse(ca.substitute([self.residual(s.tension)], moving, still)[0])
+        by = {"q_D": "q", "q_K": "qK", "p": "p"}
+        found = {f"r_{by[name]}": x for name, x in self._derivatives(r, by).items()}
+        names = {"q_D": "A_D", "q_K": "A_K", "p": "h_p"}
+        made = self._derivatives(ca.cse(h), names, backward=True)
+        return {"r": r, "h": h, **found, **{names[name]: x for name, x in made.items()}}
 
     def _heights(self) -> tuple[ca.SX, ca.SX]:
         """h and hdot (n_rows,) of strings and limits."""

@@ -21,6 +21,7 @@ from fantoccini.runtime import (
     GradientLibrary,
     Library,
     Loaded,
+    ReachLibrary,
     RolloutLibrary,
     StepDerivatives,
 )
@@ -123,6 +124,11 @@ class Compiled:
         return self._library(
             "variational_derivatives", lambda file: Functions(file, self.sized.sizes)
         )
+
+    @cached_property
+    def reach(self) -> ReachLibrary:
+        """Hanging poses nearest to places."""
+        return self._library("reach", lambda file: ReachLibrary(file, self.sized.sizes))
 
     def batch_library_of(self, method: str) -> BatchLibrary:
         """The library for batches of a method."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
@@ -18,6 +19,7 @@ from fantoccini.optimal.costs import Smooth, Track
 from fantoccini.optimal.dynamics import TimeSteps
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
+from fantoccini.optimal.outlook import out_of_reach
 from fantoccini.optimal.result import OptimalStatus, Optimum
 from fantoccini.optimal.shooting import EventRuns
 from fantoccini.optimal.sqp import Iterate, Limits, Search
@@ -43,9 +45,9 @@ def optimise(
 
     Sequential quadratic programming. Every iterate is an event-driven run, so the answer holds as
     it is; derivatives are those of time steps along it, through the taut strings, and steps are
-    found by an interior point method for stages (PIQP). Strings that the bounds ask to be taut
-    stay taut; the others may go slack, and the derivatives then hold for the order of events at
-    hand only. Ctrl-C ends it with the best motion so far.
+    found by Riccati's recursion, within an interior point method where bounds are in force.
+    Strings that the bounds ask to be taut stay taut; the others may go slack, and the derivatives
+    then hold for the order of events at hand only. Ctrl-C ends it with the best motion so far.
 
     Args:
         task: what is asked for.
@@ -121,6 +123,8 @@ def follow(
 ) -> Optimum:
     """Inputs that make parts of a puppet follow paths: the short form of :func:`optimise`.
 
+    Warns before the search where the puppet cannot hang at the paths of points; see :func:`reach`.
+
     Args:
         marionette: the puppet.
         targets: name -> path. A body's origin, or a point of it as ``(body, (x, y, z))``, follows
@@ -139,12 +143,40 @@ def follow(
         UnknownNameError: a name that is no body and no coordinate.
     """
     x0 = marionette.rest() if x0 is None else x0
+    tracks = tracks_of(marionette, targets, x0.t, duration, weight)
+    bounds = Bounds() if bounds is None else bounds
+    if not slack:
+        bounds = bounds.staying_taut(marionette, x0)
+    h = min(max(duration / 50.0, 0.01), 0.04) if interval is None else interval
+    task = Task(marionette, x0, duration, tracks, smooth or Smooth(), bounds, interval=h)
+    _check(task)
+    for text in out_of_reach(task):
+        warnings.warn(text, stacklevel=2)
+    return optimise(task, **options)
+
+
+def tracks_of(
+    marionette: Marionette,
+    targets: Mapping[str | tuple[str, tuple[float, float, float]], Target],
+    start: float,
+    duration: float,
+    weight: float,
+) -> list[Track]:
+    """Tracks of names and paths, as :func:`follow` takes them.
+
+    Args:
+        marionette, targets, weight: see there.
+        start, duration: over which arrays of values are spread [s].
+
+    Raises:
+        UnknownNameError: a name that is no body and no coordinate.
+    """
     bodies = [link.name for link in marionette.tree.links]
     table = marionette.coordinates
     tracks = []
     for name, path in targets.items():
         body, at = name if isinstance(name, tuple) else (name, (0.0, 0.0, 0.0))
-        path = _spread(path, x0.t, duration, 3 if body in bodies else 1)
+        path = _spread(path, start, duration, 3 if body in bodies else 1)
         if body in bodies:
             tracks.append(Track.point(body, path, at=at, weight=weight))
         elif name in (*table.q_D, *table.q_K):
@@ -152,24 +184,24 @@ def follow(
         else:
             known = [*bodies, *table.q_D, *table.q_K]
             raise UnknownNameError("body or coordinate", str(body), known)
-    bounds = Bounds() if bounds is None else bounds
-    if not slack:
-        bounds = bounds.staying_taut(marionette, x0)
-    h = min(max(duration / 50.0, 0.01), 0.04) if interval is None else interval
-    task = Task(marionette, x0, duration, tracks, smooth or Smooth(), bounds, interval=h)
-    return optimise(task, **options)
+    return tracks
+
+
+def refuse_winches(marionette: Marionette, what: str) -> None:
+    """Raises StateError where a winch may slip."""
+    upper = marionette.model.upper
+    winches = [s.name for i, s in enumerate(marionette.tree.strings) if np.isfinite(upper[i])]
+    if winches:
+        raise StateError(
+            f"{what}: the winch of {', '.join(winches)} may slip, which is not differentiated; "
+            "leave max_tension out of the puppet and give bounds of the tension"
+        )
 
 
 def _check(task: Task) -> None:
     """Raises StateError where a task is not differentiated, or starts beyond its bounds."""
     marionette = task.marionette
-    upper = marionette.model.upper
-    winches = [s.name for i, s in enumerate(marionette.tree.strings) if np.isfinite(upper[i])]
-    if winches:
-        raise StateError(
-            f"optimise: the winch of {', '.join(winches)} may slip, which is not differentiated; "
-            "leave max_tension out of the puppet and give bounds of the tension"
-        )
+    refuse_winches(marionette, "optimise")
     if task.is_free and any(callable(x.path) or isinstance(x.path, tuple) for x in task.tracks):
         raise StateError(
             "optimise: where the duration is free, paths must be values: a path of time has no "

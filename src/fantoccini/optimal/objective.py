@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, Indices
 from fantoccini.errors import UnknownNameError
 from fantoccini.marionette import Marionette
 from fantoccini.optimal.costs import Track
 from fantoccini.optimal.dynamics import Ends, LinearEnds
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.quadratic import UNBOUNDED, StageProgram, StageSolution
-from fantoccini.optimal.residuals import Looks, Residual, residual_of, share
+from fantoccini.optimal.residuals import Looks, NumberResidual, Residual, residual_of, share
 from fantoccini.optimal.rows import Rows
 from fantoccini.optimal.targets import values_at
 from fantoccini.optimal.task import Task
@@ -58,6 +58,7 @@ class Objective:
         driven = np.arange(self._n_z) >= 2 * n  # the others are rows
         self._low, self._high = np.where(driven, low, -np.inf), np.where(driven, high, np.inf)
         self.rows = Rows(task)
+        self._kept: tuple[tuple[float, float, int], list[Residual]] = ((0.0, 0.0, 0), [])
 
     def cost(self, nodes: Nodes, ends: Ends) -> float:
         """J."""
@@ -128,13 +129,13 @@ class Objective:
         high[-1, :k] = np.minimum(high[-1, :k], last - nodes.acc_K[-1])
         low, high = np.maximum(low, -UNBOUNDED), np.minimum(high, UNBOUNDED)
         value, row_low, row_high = self.rows.values(nodes, linear)
-        u, z, stages = self._u, self._z, np.arange(N)
+        u, z = self._u, self._z
         both = np.concatenate([u, k + z])
         of_rows = np.concatenate([both, k + n_z + both])
         made = StageProgram(
-            H[np.ix_(stages, both, both)], g[:, both], cross[np.ix_(stages, both, u)],
-            linear.A[np.ix_(stages, z, z)], linear.B[np.ix_(stages, z, u)], linear.e[:, z],
-            low[:, both], high[:, both], self.rows.by(nodes, linear)[:, :, of_rows],
+            _part(H, both, both), _part(g, both), _part(cross, both, u), _part(linear.A, z, z),
+            _part(linear.B, z, u), _part(linear.e, z), _part(low, both), _part(high, both),
+            _part(self.rows.by(nodes, linear), slice(None), of_rows),
             row_low - value, row_high - value, np.full(value.shape, self.price),
         )  # fmt: skip
         return self._freed(nodes, linear, made, damping) if self.task.is_free else made
@@ -189,16 +190,29 @@ class Objective:
         return at_end, over_time, 0.5 * smooth.jerk / h * float(np.sum(np.square(jumps)))
 
     def _residuals(self, nodes: Nodes) -> list[Residual]:
-        return [residual_of(self.task.marionette, track, nodes) for track in self._tracks]
+        """Of the tracks; paths are evaluated once for nodes at the same times."""
+        times = (nodes.start, nodes.interval, len(nodes))
+        if self._kept[0] != times:
+            made = [residual_of(self.task.marionette, track, nodes) for track in self._tracks]
+            self._kept = times, made
+        return self._kept[1]
 
     def _add_residuals(self, nodes: Nodes, H: Array, g: Array) -> None:
         """Gauss-Newton's parts of what is tracked at the nodes."""
-        looks, k = Looks(self.task.marionette, nodes), self._k
+        looks, k, dense = Looks(self.task.marionette, nodes), self._k, []
         for one in self._residuals(nodes):
-            r, J = one.value(looks)[1:], one.by(looks)[1:]
-            scaled = one.weights[1:, None, None] * J
-            H[:, k:, k:] += scaled.swapaxes(1, 2) @ J
-            g[:, k:] += np.einsum("nij,ni->nj", scaled, r)
+            r, w = one.value(looks)[1:], one.weights[1:, None]
+            if isinstance(one, NumberResidual):
+                at = k + np.array(one.columns)
+                H[:, at, at] += w
+                g[:, at] += w * r
+                continue
+            J = one.by(looks)[1:]
+            g[:, k:] += ((w * r)[:, None] @ J)[:, 0]
+            dense.append(np.sqrt(w)[..., None] * J)
+        if dense:
+            J = np.concatenate(dense, axis=1)
+            H[:, k:, k:] += J.swapaxes(1, 2) @ J
 
     def _add_smoothness(self, nodes: Nodes, H: Array, g: Array, cross: Array) -> None:
         """Accelerations, and their jumps between intervals."""
@@ -224,6 +238,17 @@ class Objective:
             cross[:, k:] += w * J_z[:, :, None] * J_u[:, None]
             H[:-1, k:, k:] += w[1:] * J_z[1:, :, None] * J_z[1:, None]
             g[:-1, k:] += (weights * r)[1:, None] * J_z[1:]
+
+
+def _part(a: Array, *places: Indices | slice) -> Array:
+    """The given places of all axes but the first; the array itself where those are all."""
+    every = [isinstance(at, slice) or len(at) == n
+             for at, n in zip(places, a.shape[1:], strict=True)]  # fmt: skip
+    if all(every):
+        return a
+    first, *second = places
+    part = a[:, first]
+    return part[:, :, second[0]] if second else part
 
 
 def _pull(marionette: Marionette, track: Track, nodes: Nodes) -> tuple[int, Array, Array]:

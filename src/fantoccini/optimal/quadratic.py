@@ -1,26 +1,24 @@
-"""Quadratic programs of stages, solved by PIQP's interior point method for them.
+"""Quadratic programs of stages, solved by an interior point method of Riccati recursions.
 
     min  sum over i of  1/2 [u_i; z_{i+1}]^T H_i [u_i; z_{i+1}] + g_i^T [...] + u_{i-1}^T D_i u_i
     z_{i+1} = A_i z_i + B_i u_i + e_i,   z_0 = 0,   bounds on all variables,
     low <= C_i [u_{i-1}; z_i; u_i; z_{i+1}] + elastic <= high
 
-A stage's variables are (u_i, z_{i+1}, elastic parts).
+The compiled method is ``cpp/fantoccini/stage_program.hpp``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import piqp
-from scipy import sparse
 
-from fantoccini.arrays import Array, Indices
+from fantoccini.arrays import Array
+from fantoccini.runtime import StagePrograms
 
 UNBOUNDED = 1e30
-"""What PIQP takes for no bound."""
-_MOST = 40
+"""A bound that is none."""
+_MOST = 60
 """Iterations of the interior point method."""
 _GOOD = 1e-5
 """Residuals of a last iterate that is taken where rounding prevents better ones."""
@@ -106,22 +104,22 @@ class StageSolution:
         z: (N + 1, n_z) changes of the states.
         costate: (N, n_z) multipliers of the dynamics.
         passed: (N, m) how far rows are passed.
+        gain: (k, n_z) how the best u_0 changes with z_0, bounds in force being kept to.
         solved: whether it is one.
-        feasible: False where the program has none.
-        iterations: of the interior point method.
+        iterations: of the interior point method, factorisations each.
     """
 
     u: Array
     z: Array
     costate: Array
     passed: Array
+    gain: Array
     solved: bool
-    feasible: bool
     iterations: int
 
 
 class StageSolver:
-    """Solves programs of one shape again and again.
+    """Solves programs, again and again in the same memory.
 
     Args:
         tolerance: of the residuals; the gap of duality may be ten times as large.
@@ -129,126 +127,43 @@ class StageSolver:
 
     def __init__(self, tolerance: float = 1e-8) -> None:
         self._tolerance = tolerance
-        self._solver: piqp.SparseSolver | None = None
-        self._shape: tuple[int, ...] = ()
+        self._programs = StagePrograms()
 
-    def solve(self, program: StageProgram, unit: float = 1.0) -> StageSolution:
+    def solve(
+        self, program: StageProgram, unit: float = 1.0, *, barrier: float = 0.0, most: int = _MOST
+    ) -> StageSolution:
         """The solution.
 
         Args:
             program: see :class:`StageProgram`.
             unit: of its cost; the tolerance is relative to it.
+            barrier: product of slacks and multipliers, in that unit, at which it may end.
+            most: factorisations.
         """
-        N, s = program.g.shape
-        k, m = program.B.shape[2], program.C.shape[1]
-        n_z, width = s - k, s + m
-        shape = (N, k, n_z, m)
-        P, c = self._hessian(program, width) / unit, np.zeros((N, width))
-        c[:, :s], c[:, s:] = program.g / unit, program.elastic / unit
-        A, b = self._dynamics(program, width)
-        low, high = np.zeros((N, width)), np.full((N, width), UNBOUNDED)
-        low[:, :s], high[:, :s] = program.low, program.high
-        G, upper = self._rows(program, width) if m else (None, None)
-        solver = self._solver
-        arguments = (P, c.ravel(), A, b, G, None, upper, low.ravel(), high.ravel())
-        if solver is None or shape != self._shape:
-            solver = self._solver = piqp.SparseSolver()
-            self._shape = shape
-            solver.settings.kkt_solver = piqp.sparse_multistage
-            settings, tolerance = solver.settings, self._tolerance
-            settings.eps_abs = settings.eps_rel = tolerance
-            settings.eps_duality_gap_abs = settings.eps_duality_gap_rel = 10.0 * tolerance
-            settings.max_iter = _MOST
-            solver.setup(*arguments)
-        else:
-            solver.update(*arguments)
-        status = solver.solve()
-        x = np.array(solver.result.x).reshape(N, width)
-        y = unit * np.array(solver.result.y)
-        z = np.concatenate([np.zeros((1, n_z)), x[:, k:s]])
-        info = solver.result.info
-        near = info.primal_res_rel < _GOOD and info.dual_res_rel < _GOOD
-        ended = status == piqp.PIQP_SOLVED or (status == piqp.PIQP_MAX_ITER_REACHED and near)
-        return StageSolution(
-            x[:, :k], z, y.reshape(N, n_z), x[:, s:],
-            ended and bool(np.all(np.isfinite(x))), status != piqp.PIQP_PRIMAL_INFEASIBLE,
-            int(info.iter),
-        )  # fmt: skip
-
-    def _hessian(self, program: StageProgram, width: int) -> sparse.csc_matrix:
-        N, s = program.g.shape
-        k = program.B.shape[2]
-        m = width - s
-        first = width * np.arange(N)
-        i, j = np.triu_indices(s)
-        rows = [(first[:, None] + i).ravel()]
-        columns = [(first[:, None] + j).ravel()]
-        values = [program.H[:, i, j].ravel()]
-        i, j = (x.ravel() for x in np.mgrid[:s, :k])
-        rows.append((first[:-1, None] + i).ravel())
-        columns.append((first[1:, None] + j).ravel())
-        values.append(program.cross[1:, i, j].ravel())
-        if m:
-            i = s + np.arange(m)
-            rows.append((first[:, None] + i).ravel())
-            columns.append(rows[-1])
-            values.append(program.elastic.ravel())
-        return _csc(values, rows, columns, (N * width, N * width))
-
-    def _dynamics(self, program: StageProgram, width: int) -> tuple[sparse.csc_matrix, Array]:
-        N, n_z, k = program.B.shape
-        at, first = n_z * np.arange(N), width * np.arange(N)
-        i, j = (x.ravel() for x in np.mgrid[:n_z, :k])
-        rows, columns = [(at[:, None] + i).ravel()], [(first[:, None] + j).ravel()]
-        values = [program.B[:, i, j].ravel()]
-        one = np.arange(n_z)
-        rows.append((at[:, None] + one).ravel())
-        columns.append((first[:, None] + k + one).ravel())
-        values.append(np.full(N * n_z, -1.0))
-        i, j = (x.ravel() for x in np.mgrid[:n_z, :n_z])
-        rows.append((at[1:, None] + i).ravel())
-        columns.append((first[:-1, None] + k + j).ravel())
-        values.append(program.A[1:, i, j].ravel())
-        b = -program.e.ravel()
-        return _csc(values, rows, columns, (N * n_z, N * width)), b
-
-    def _rows(self, program: StageProgram, width: int) -> tuple[sparse.csc_matrix, Array]:
-        """Rows twice: below the upper bound and above the lower one, less the elastic part."""
-        N = len(program.C)
         n_z, k = program.B.shape[1:]
-        s = n_z + k
-        sides = [(1.0, program.row_high), (-1.0, -program.row_low)]
-        kept = [np.flatnonzero(np.all(bound < UNBOUNDED, axis=0)) for _, bound in sides]
-        per_stage = sum(map(len, kept))
-        at, first, done = per_stage * np.arange(N), width * np.arange(N), 0
-        rows: list[Indices] = []
-        columns: list[Indices] = []
-        values: list[Array] = []
-        upper = np.zeros((N, per_stage))
-        for (sign, bound), which in zip(sides, kept, strict=True):
-            own = done + np.arange(len(which))
-            upper[:, own] = bound[:, which]
-            i, j = (x.ravel() for x in np.mgrid[: len(which), :s])
-            rows.append((at[:, None] + own[i]).ravel())
-            columns.append((first[:, None] + j).ravel())
-            values.append((sign * program.C[:, which[i], s + j]).ravel())
-            rows.append((at[1:, None] + own[i]).ravel())
-            columns.append((first[:-1, None] + j).ravel())
-            values.append((sign * program.C[1:, which[i], j]).ravel())
-            rows.append((at[:, None] + own).ravel())
-            columns.append((first[:, None] + s + which).ravel())
-            values.append(np.full(N * len(which), -1.0))
-            done += len(which)
-        G = _csc(values, rows, columns, (per_stage * N, N * width))
-        return G, upper.ravel()
-
-
-def _csc(
-    values: Sequence[Array],
-    rows: Sequence[Indices],
-    columns: Sequence[Indices],
-    shape: tuple[int, int],
-) -> sparse.csc_matrix:
-    """With the zeros that are among the values, so that the pattern stays."""
-    at = (np.concatenate(rows), np.concatenate(columns))
-    return sparse.csc_matrix((np.concatenate(values), at), shape=shape)
+        s = k + n_z
+        # Rows of z_{i+1} become those of what it comes from.
+        before, after = program.C[..., :s], program.C[..., s : s + k]
+        later = program.C[..., s + k :]
+        C = np.concatenate([before, after], axis=2)
+        shift = np.zeros(program.row_low.shape)
+        if np.any(later):
+            C[..., k:s] += later @ program.A
+            C[..., s:] += later @ program.B
+            shift = np.einsum("nmj,nj->nm", later, program.e)
+        names = ("H", "g", "cross", "A", "B", "e", "low", "high")
+        found = self._programs.solve(
+            {name: getattr(program, name) for name in names}
+            | {"C": C, "row_low": program.row_low - shift, "row_high": program.row_high - shift,
+               "price": program.elastic},
+            unit=unit, unbounded=UNBOUNDED, tolerance=self._tolerance, barrier=barrier,
+            iterations=most,
+        )  # fmt: skip
+        near = max(found.primal, found.dual, 0.1 * found.gap) < _GOOD
+        finite = bool(np.all(np.isfinite(found.u)) and np.all(np.isfinite(found.z)))
+        costate = found.costate + np.einsum("nmj,nm->nj", later, found.force)
+        z = np.concatenate([np.zeros((1, n_z)), found.z])
+        return StageSolution(
+            found.u, z, costate, found.passed, found.gain, (found.solved or near) and finite,
+            found.iterations,
+        )  # fmt: skip

@@ -6,11 +6,12 @@ import math
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import FileError, StateError, nearest
+from fantoccini.errors import FileError, Mistake, StateError, nearest
 from fantoccini.marionette import Marionette, link_index, refuse_contact
 from fantoccini.motion import State, rotation
 from fantoccini.motion.files import csv_columns
@@ -57,6 +58,9 @@ def load_task(
     name = os.fspath(path)
     if name in task_names() and not Path(name).exists():
         path = _FOLDER / f"{name}.yaml"
+    elif not Path(name).exists():
+        text = "found nothing here; a task file is needed, or the name of a bundled task"
+        raise FileError([Mistake(name, None, "", text + nearest(name, task_names()))])
     located = read_file(path)
     if isinstance(located.data, dict) and "task" not in located.data:
         for key, kind in (("bodies", "puppet"), ("puppets", "scene"), ("problem", "problem")):
@@ -251,7 +255,7 @@ def _bounds(file: BoundsFile, marionette: Marionette, check: Refusals) -> Bounds
             for name, (a, b) in given.items()
         }
         for name, span in spans.items():
-            one = Bounds(**{key: {name: span}})  # type: ignore[arg-type]
+            one = _bounds_of(key, {name: span})
             if not span[0] < span[1]:
                 text = f"found {span[0]:g} and {span[1]:g}; the first must be less"
                 check(("bounds", key, name), lambda text=text: _refuse(text))
@@ -269,7 +273,7 @@ def _bounds(file: BoundsFile, marionette: Marionette, check: Refusals) -> Bounds
         if isinstance(given, dict):
             spots = [((name,), {name: value}) for name, value in given.items()]
         for spot, value in spots:
-            one = Bounds(**{key: value})  # type: ignore[arg-type]
+            one = _bounds_of(key, value)
             check(("bounds", key, *spot), lambda one=one: one.magnitudes(marionette, key))
         return given
 
@@ -284,3 +288,8 @@ def _bounds(file: BoundsFile, marionette: Marionette, check: Refusals) -> Bounds
 
 def _refuse(message: str) -> None:
     raise StateError(message)
+
+
+def _bounds_of(key: str, value: Any) -> Bounds:
+    """Bounds of one kind alone."""
+    return Bounds(**{key: value})

@@ -16,6 +16,7 @@ from fantoccini.runtime.functions import AnyArray, Functions, Loaded, whole
 from fantoccini.runtime.gradients import GradientLibrary, GradientRun
 from fantoccini.runtime.lane_steppers import LaneSteppers
 from fantoccini.runtime.options import RunOptions
+from fantoccini.runtime.reach import MAX_TARGETS, Reached, ReachLibrary
 from fantoccini.runtime.rollouts import (
     POINT,
     POSE,
@@ -29,6 +30,7 @@ from fantoccini.runtime.rollouts import (
     Segments,
 )
 from fantoccini.runtime.solids import SOLID
+from fantoccini.runtime.stage_programs import StagePrograms
 from fantoccini.runtime.step_derivatives import StepDerivatives
 from fantoccini.runtime.structures import HeldInput
 from fantoccini.runtime.touching_steps import StepTouches, step_touches
@@ -36,6 +38,7 @@ from fantoccini.runtime.touching_steps import StepTouches, step_touches
 __all__ = [
     "BOX",
     "HALF_SPACE",
+    "MAX_TARGETS",
     "POINT",
     "POSE",
     "SEGMENT",
@@ -59,6 +62,8 @@ __all__ = [
     "Library",
     "Loaded",
     "Piece",
+    "ReachLibrary",
+    "Reached",
     "RolloutLibrary",
     "RolloutPool",
     "RolloutSettings",
@@ -66,6 +71,7 @@ __all__ = [
     "RunOptions",
     "Segments",
     "Solids",
+    "StagePrograms",
     "StepDerivatives",
     "StepTouches",
     "default_threads",

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor, wait
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -62,6 +63,12 @@ class LaneSteppers:
             acc_K: (n or 1, n_vK) accelerations held over the piece.
             u_D: (n or 1, n_vD) forces held over the piece; None for none.
         """
+        self.bound(arrays, duration, acc_K, u_D)()
+
+    def bound(
+        self, arrays: Mapping[str, AnyArray], duration: float, acc_K: Array, u_D: Array | None
+    ) -> Callable[[], None]:
+        """:meth:`advance` with these arrays, for many calls; contiguous ones may change between."""
         given = {"acc_K": acc_K, "u_D": u_D}
         held = {k: np.ascontiguousarray(x, dtype=float) for k, x in given.items() if x is not None}
         shared = {k: self._shared(x) for k, x in held.items()}
@@ -71,6 +78,10 @@ class LaneSteppers:
             winches=pointer(self._winches), **shared,
             **{name: pointer(x) for name, x in arrays.items()},
         )  # fmt: skip
+        return partial(self._advance, structure, [arrays, held])
+
+    def _advance(self, structure: ctypes.Structure, kept: list[Any]) -> None:
+        """``kept`` are the arrays that the structure points into."""
         self._dll.fan_steppers_begin(self._handle, ctypes.byref(structure))
         work = self._dll.fan_steppers_work
         if self._pool is None:

@@ -3,8 +3,8 @@
 // or a row of the unit matrix there, so that sums gain exact zeros and no lane's result depends on
 // its neighbours.
 //
-// The centre of the proximal term is the last x. From some step on, a part of the step is taken
-// where that breaks the law less. Lanes that do not get there are for the scalar solver.
+// The centre of the proximal term is the guess. Lanes that do not get there in a few steps are for the
+// scalar solver.
 #pragma once
 
 #include "cone_lanes_step.hpp"
@@ -24,13 +24,14 @@ class ConeLanes : public ConeLanesStep<Real, n_rows, n_points> {
 
   Real residual;  // as in cone.hpp
 
-  // The lanes, of those given, in which the law holds; x and s of others mean nothing.
+  // The lanes, of those given, in which the law holds. x of the others is where they got.
   FAN_FN Mask solve(const Matrix& G, const Mask& lanes) {
     G_ = &G;
     begin();
     Mask open = lanes && !(scale_ > Real(Tolerance::largest_number));
     const Mask none = Real(0.0) > Real(1.0);
     Mask done = none;
+    raise_ = top_ * Tolerance::raise;
     image(x_single, x, s_single, s);
     residual = violation(x_single, x, s_single, s) / scale_;
     for (int k = 0;; ++k) {
@@ -42,8 +43,7 @@ class ConeLanes : public ConeLanesStep<Real, n_rows, n_points> {
         open = open && !held;
       }
       if (k == Own::steps || !any(open)) return done;
-      raise_ = top_ * (k < Own::soft_steps ? Tolerance::raise : Own::raise);
-      if (k == 0 || k >= Own::soft_steps) centre();
+      if (k == 0) centre();
       this->choose(open);
       if (!any(open)) return done;
       this->assemble();
@@ -51,7 +51,7 @@ class ConeLanes : public ConeLanesStep<Real, n_rows, n_points> {
       this->substitute();
       this->spread();
       image(next_single_, next_, next_s_single_, next_s_);
-      advance(open, k >= Own::whole_steps);
+      take(open, violation(next_single_, next_, next_s_single_, next_s_) / scale_);
     }
   }
 
@@ -223,46 +223,8 @@ class ConeLanes : public ConeLanesStep<Real, n_rows, n_points> {
     residual = select(lanes, found, residual);
   }
 
-  // Takes the step, or a part of it, in these lanes.
-  FAN_FN void advance(const Mask& lanes, bool in_parts) {
-    Real found = violation(next_single_, next_, next_s_single_, next_s_) / scale_;
-    Real part = Real(1.0);
-    if (in_parts) {
-      Real tried = Real(1.0), best = found;
-      Mask looking = lanes && !(found <= residual);
-      for (int k = 0; k < Own::halvings && any(looking); ++k) {
-        tried *= 0.5;
-        const auto between = [&](const Real* from, const Real* to, int n, Real* out) {
-          for (int i = 0; i < n; ++i) out[i] = from[i] + tried * (to[i] - from[i]);
-        };
-        between(x_single, next_single_, n_single, at_single_);
-        between(s_single, next_s_single_, n_single, at_s_single_);
-        between(x, next_, 3 * n_contacts, at_);
-        between(s, next_s_, 3 * n_contacts, at_s_);
-        const Real there = violation(at_single_, at_, at_s_single_, at_s_) / scale_;
-        const Mask better = looking && !(best <= there);
-        best = select(better, there, best);
-        part = select(better, tried, part);
-        looking = looking && !(there <= residual);
-      }
-      found = best;
-    }
-    if (any(lanes && part < Real(1.0))) {
-      const auto shorten = [&](const Real* from, Real* to, int n) {
-        for (int i = 0; i < n; ++i)
-          to[i] = select(part < Real(1.0), Real(from[i] + part * (to[i] - from[i])), to[i]);
-      };
-      shorten(x_single, next_single_, n_single);
-      shorten(s_single, next_s_single_, n_single);
-      shorten(x, next_, 3 * n_contacts);
-      shorten(s, next_s_, 3 * n_contacts);
-    }
-    take(lanes, found);
-  }
-
   Real scale_;  // the largest |b_i|
   Real next_s_single_[M], next_s_[3 * C];
-  Real at_single_[M], at_s_single_[M], at_[3 * C], at_s_[3 * C];
 };
 
 }  // namespace fan

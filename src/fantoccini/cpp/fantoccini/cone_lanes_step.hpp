@@ -18,15 +18,10 @@
 namespace fan {
 
 struct ConeLanesTolerances {
-  // Raise of G's diagonal, relative to its largest entry, after some steps with that of cone_law.hpp.
-  static constexpr double raise = 1e-5;
-  static constexpr int soft_steps = 4;
-  // Steps at most, and those that are taken whole before parts of them are looked at.
-  static constexpr int steps = 16, whole_steps = 4;
+  // Steps. More are for the scalar solver: few lanes would make them, and all would pay.
+  static constexpr int steps = 3;
   // Residual that needs no refinement.
   static constexpr double refined = 1e-14;
-  // How often a step is halved.
-  static constexpr int halvings = 3;
   // Unknowns of a lane: more are for the scalar solver.
   static constexpr int most_singles = 24, most_contacts = 16;
 };

@@ -18,7 +18,7 @@ class ContactAims : public ContactSolver<Model, Real> {
 
  public:
   using Problem::C, Problem::width;
-  using typename Problem::Tolerance;
+  using typename Problem::Mask, typename Problem::Tolerance;
   using Push = ContactPush;
 
   int n[width] = {};      // points that push
@@ -73,27 +73,82 @@ class ContactAims : public ContactSolver<Model, Real> {
     chosen_[l] += near_[l][i];
   }
 
-  // Finds the points of a lane that pushed in the step before, with their impulses as the first
-  // guess; they take part.
-  FAN_FN void recall(int l) {
-    for (int i = 0, j = 0, first = 0; i < points_.n[l]; ++i) {
-      const auto& p = points_.point[l][i];
-      while (first < n[l] && push[l][first].pair < p.pair) ++first;
+  // Tells the points of a lane, in order, which of them pushed in the step before.
+  FAN_FN void recognise(int l) {
+    int j = 0;
+    const auto is_of = [&](int k, int pair) { return k >= 0 && k < n[l] && push[l][k].pair == pair; };
+    for (int i = 0; i < points_.n[l]; ++i) {
+      auto& p = points_.point[l][i];
       while (j < n[l] && earlier(push[l][j], p)) ++j;
-      const bool pushed = j < n[l] && push[l][j].pair == p.pair && push[l][j].feature == p.feature;
-      steps_[l][i] = pushed ? push[l][j].steps : 0;
-      wait_[l][i] = pushed && push[l][j].wait > 0 ? push[l][j].wait - 1 : 0;
-      near_[l][i] = pushed;
-      is_carried_[l][i] = first < n[l] && push[l][first].pair == p.pair;
+      p.before = is_of(j, p.pair) && push[l][j].feature == p.feature ? j : -1;
+      p.carried = is_of(j, p.pair) || is_of(j - 1, p.pair);
+      p.slid = false;
+      if (width == 1) continue;
+      for (int k = j; is_of(k, p.pair); ++k) p.slid = p.slid || slides(push[l][k]);
+      for (int k = j - 1; is_of(k, p.pair); --k) p.slid = p.slid || slides(push[l][k]);
+    }
+  }
+
+  FAN_FN static bool slides(const Push& push) {
+    const double *v = push.velocity, along = dot3(v, push.normal);
+    return dot3(v, v) - along * along > Tolerance::sliding_speed * Tolerance::sliding_speed;
+  }
+
+  // What pushed in the step before takes part, with its impulses as the first guess.
+  FAN_FN void recall(int l) {
+    for (int i = 0; i < points_.n[l]; ++i) {
+      const auto& p = points_.point[l][i];
+      const bool pushed = near_[l][i] = points_.has(l, i) && p.before >= 0;
+      is_carried_[l][i] = points_.has(l, i) && p.carried;
+      rebound_[l][i] = 0.0;
+      steps_[l][i] = wait_[l][i] = 0;
       if (!pushed) continue;
+      const Push& own = push[l][p.before];
+      steps_[l][i] = own.steps;
+      wait_[l][i] = own.wait > 0 ? own.wait - 1 : 0;
       for (int d = 0; d < 3; ++d)
-        lane_of(x_[3 * i + d], l) = dot3(p.frame + 3 * d, push[l][j].impulse);
+        lane_of(x_[3 * i + d], l) = dot3(p.frame + 3 * d, own.impulse);
     }
   }
 
   template <class Other>
   FAN_FN static bool earlier(const Push& a, const Other& b) {
     return a.pair < b.pair || (a.pair == b.pair && a.feature < b.feature);
+  }
+
+  // What ask() and aim() do, of the points i of all lanes. A point does not wait if the present velocity closes it,
+  // for trying again costs all lanes; unless those that carried slid, which leaves open how they
+  // share it.
+  FAN_FN void aim_lanes(int i, double whole, double recovery_speed) {
+    Real h = Real(0.0), restitution = h, is_new = h, carried = h, slid = h, there = h;
+    for (int l = 0; l < width; ++l) {
+      if (!points_.has(l, i)) continue;
+      const auto& point = points_.point[l][i];
+      lane_of(there, l) = 1.0;
+      lane_of(h, l) = -point.gap;
+      lane_of(restitution, l) = in_->restitution[point.pair];
+      lane_of(is_new, l) = steps_[l][i] == 0 ? 1.0 : 0.0;
+      lane_of(carried, l) = is_carried_[l][i] ? 1.0 : 0.0;
+      lane_of(slid, l) = point.slid ? 1.0 : 0.0;
+    }
+    const Mask here = there > Real(0.5);
+    const Real &before = before_[3 * i], &hdot = hdot_[3 * i];
+    const Real back = h / select(h > Real(0.0), Real(whole > dt_ ? whole : dt_), Real(dt_));
+    const Real parting = minimum(back, Real(recovery_speed)), rebound = restitution * hdot;
+    const Mask bounces = here && is_new > Real(0.5) && before + parting > Real(0.0) &&
+                         rebound > parting && rebound > before - hdot;
+    asked_[i] = select(here, select(bounces, rebound, parting), Real(0.0));
+    const Mask soon = hdot + parting > Real(0.0) && slid < Real(0.5);
+    const Mask waits = carried > Real(0.5) && !bounces && !soon;
+    const Mask joins = here && !waits && before + asked_[i] > Real(0.0);
+    for (int l = 0; l < width; ++l) {
+      if (!lane_of(here, l)) continue;
+      rebound_[l][i] = lane_of(bounces, l) ? lane_of(rebound, l) : 0.0;
+      parting_[l][i] = lane_of(parting, l);
+      bounces_[l] = bounces_[l] || lane_of(bounces, l);
+      near_[l][i] = near_[l][i] || lane_of(joins, l);
+      chosen_[l] += near_[l][i];
+    }
   }
 
   int steps_[width][room(C)];      // for which a point has pushed

@@ -14,6 +14,8 @@ namespace fan {
 template <class Model, class Real>
 struct ContactColumns {
   static constexpr int C = Model::n_contacts, N = Model::n_vD, M = Model::n_rows;
+  static constexpr bool in_lanes = (Traits<Real>::width > 1);
+  using Moved = std::conditional_t<in_lanes, MovedInLanes<N, Real>, MovedBy<N>>;
 
   Triple<Real> W[room(C)][room(N)];
   Triple<Real> across[room(C)][room(M)];  // products with the gathered rows that were crossed
@@ -26,7 +28,7 @@ struct ContactColumns {
   // Makes the columns of the points i < n with some[i], from their rows of A_D and what moves them.
   FAN_FN void make(
       const Evaluation<Model, Real>& eval, const Triple<Real> (*row)[room(N)],
-      const MovedBy<N>* moved, const bool* some, int n) {
+      const Moved* moved, const bool* some, int n) {
     for (int i = 0; i < n; ++i) {
       if (i >= made_) has_[i] = false;
       if (some[i] && !has_[i]) {
@@ -42,7 +44,7 @@ struct ContactColumns {
   }
 
   // The products of all columns and gathered row a.
-  FAN_FN void cross(const RowSystem<Model, Real>& rows, int a, const MovedBy<N>* moved) {
+  FAN_FN void cross(const RowSystem<Model, Real>& rows, int a, const Moved* moved) {
     for (int i = 0; i < made_; ++i) {
       if (!has_[i]) continue;
       if (rows.is_apart(a, moved[i])) across[i][a].clear();
@@ -76,8 +78,10 @@ struct ContactColumns {
 
   // w = F^-T x of three columns, x being 0 but where it is moved.
   FAN_FN static void push(
-      const Real* L, const Triple<Real>* x, const MovedBy<N>& moved, Triple<Real>* w) {
-    if constexpr (std::is_same<Real, double>::value) {
+      const Real* L, const Triple<Real>* x, const Moved& moved, Triple<Real>* w) {
+    if constexpr (in_lanes) {
+      push_lanes(L, x, moved, w);
+    } else {
       const Quad* own = reinterpret_cast<const Quad*>(x);
       Quad* out = reinterpret_cast<Quad*>(w);
       Model::push(moved.apart ? moved.link[0] : all_links, L, own, out);
@@ -86,19 +90,35 @@ struct ContactColumns {
       Model::push(moved.link[1], L, own, more);
       const int* entry = moved.entries();
       for (int j = 0; j < moved.n; ++j) out[entry[j]] += more[entry[j]];
-    } else {
-      Real own[room(N)], found[room(N)];
-      for (int d = 0; d < 3; ++d) {
-        for (int k = 0; k < N; ++k) own[k] = x[k].of[d];
-        Call<Model, Real>::forth(L, own, found);
-        for (int k = 0; k < N; ++k) w[k].of[d] = found[k];
-      }
     }
   }
 
  private:
+  // The same in lanes: link by link, what a lane's own links have, so that it depends on no
+  // neighbour.
+  FAN_FN static void push_lanes(
+      const Real* L, const Triple<Real>* x, const Moved& moved, Triple<Real>* w) {
+    const bool some_tangled = any(moved.tangled > Real(0.5));
+    if (moved.n_links == 1 && !some_tangled) return Model::push(moved.which[0], L, x, w);
+    for (int k = 0; k < N; ++k) w[k].clear();
+    Triple<Real> found[room(N)];
+    const auto take = [&](const int* begin, const int* end, const auto& lanes) {
+      for (; begin < end; ++begin)
+        for (int d = 0; d < 3; ++d)
+          w[*begin].of[d] = select(lanes, found[*begin].of[d], w[*begin].of[d]);
+    };
+    for (int j = 0; j < moved.n_links; ++j) {
+      Model::push(moved.which[j], L, x, found);
+      const int *begin = Model::moved_D_begin + moved.which[j], *entry = Model::moved_D_entry;
+      take(entry + begin[0], entry + begin[1], moved.here[j] > Real(0.5));
+    }
+    if (!some_tangled) return;
+    Model::push(all_links, L, x, found);
+    take(moved.entries(), moved.entries() + moved.n, moved.tangled > Real(0.5));
+  }
+
   // The products of the columns of points i and j <= i.
-  FAN_FN void multiply(int i, int j, const MovedBy<N>* moved) {
+  FAN_FN void multiply(int i, int j, const Moved* moved) {
     if (moved[i].is_apart(moved[j])) {
       for (int d = 0; d < 3; ++d) G_[i][j][d].clear();
       return;

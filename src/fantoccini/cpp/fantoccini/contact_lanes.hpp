@@ -22,23 +22,19 @@ class ContactLanes : public ContactProblem<Model, Real> {
   using Problem::groups_, Problem::points_, Problem::columns_, Problem::in_, Problem::near_;
   using Problem::x_, Problem::s_, Problem::b_;
 
-  // Solves the problems of these lanes; returns those that were solved. The others' impulses stay as
-  // they were.
+  // Solves the problems of these lanes; returns those that were solved. The others' impulses, those of
+  // the rows in `guess`, are a better guess than before.
   FAN_FN Mask solve_together(
-      const Mask& lanes, const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess,
-      double cap, Real* found, Real* s) {
+      const Mask& lanes, const RowSystem<Model, Real>& rows, const Mask* near, Real* guess, double cap,
+      Real* found, Real* s) {
     name_groups(lanes, rows, near);
     const LaneMatrix<Real, M, C> G{
         rows.problem.G, Complementarity<Real, M>::N, columns_.across, columns_.blocks()};
     Mask solved = lanes;
-    Real worst = Real(0.0), impulses[room(3 * C)], speeds[room(3 * C)];
+    Real worst = Real(0.0);
     for (int a = 0; a < rows.n; ++a) {
       found[a] = select(lanes, Real(0.0), found[a]);
       s[a] = select(lanes, Real(-rows.problem.b[a]), s[a]);
-    }
-    for (int i = 0; i < 3 * points_.most; ++i) {
-      impulses[i] = x_[i];
-      speeds[i] = s_[i];
     }
     for (int group = 0; group < groups_.trees(); ++group) {
       const Mask here = choose_in_lanes(group, solved, rows, guess, cap);
@@ -51,19 +47,17 @@ class ContactLanes : public ContactProblem<Model, Real> {
         const Mask own = done && of.has_single[k];
         found[of.single[k]] = select(own, of.x_single[k], found[of.single[k]]);
         s[of.single[k]] = select(own, of.s_single[k], s[of.single[k]]);
+        Real& next = guess[rows.row[of.single[k]]];
+        next = select(here && of.has_single[k], of.x_single[k], next);
       }
       for (int k = 0; k < of.n_contacts; ++k) {
-        const Mask own = done && of.has_contact[k];
+        const Mask own = here && of.has_contact[k];
         for (int d = 0; d < 3; ++d) {
-          Real &x = impulses[3 * of.contact[k] + d], &u = speeds[3 * of.contact[k] + d];
+          Real &x = x_[3 * of.contact[k] + d], &u = s_[3 * of.contact[k] + d];
           x = select(own, of.x[3 * k + d], x);
           u = select(own, of.s[3 * k + d], u);
         }
       }
-    }
-    for (int i = 0; i < 3 * points_.most; ++i) {
-      x_[i] = select(solved, impulses[i], x_[i]);
-      s_[i] = select(solved, speeds[i], s_[i]);
     }
     residual = select(solved, worst, residual);
     return solved;

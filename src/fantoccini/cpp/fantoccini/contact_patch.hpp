@@ -15,6 +15,8 @@
 #include "real.hpp"
 #include "touch.hpp"
 
+FAN_LOOPS_BEGIN
+
 namespace fan {
 
 struct ContactPatchTolerances {
@@ -258,3 +260,5 @@ class ContactPatch {
 };
 
 }  // namespace fan
+
+FAN_LOOPS_END

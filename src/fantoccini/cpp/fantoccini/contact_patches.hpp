@@ -189,18 +189,19 @@ class ContactPatches : public ContactLanes<Model, Real> {
     if (!(worst <= Tolerance::residual * scale)) return false;
     write_held(rows);
     if (!ldl_.factorise(Tolerance::least_pivot)) return false;
-    double left = unbounded;
-    for (int i = 0; i < size_; ++i) {
-      y_[i] = 0.0;
-      left_[i] = b_held_[i];
-    }
+    double left = unbounded;  // of the rows that were not left out
+    for (int i = 0; i < size_; ++i) y_[i] = 0.0;
     if (ldl_.n_left_out > 0) recall_held(rows, guess);
     for (int k = 0; k < Tolerance::rounds && left > Tolerance::rough * scale; ++k) {
-      ldl_.substitute(left_, k == 0 ? given_ : nullptr);
+      if (k == 0) ldl_.take_column(left_, given_);
+      else ldl_.substitute(left_);
       for (int i = 0; i < size_; ++i) y_[i] += left_[i];
-      left = find_left(rows);
+      find_left(rows);
+      left = 0.0;
+      for (int i = 0; i < size_; ++i)
+        if (!ldl_.is_left_out(i)) left = larger(left, left_[i]);
     }
-    worst = larger(worst, left);
+    for (int i = 0; i < size_; ++i) worst = larger(worst, left_[i]);
     if (!(worst <= Tolerance::residual * scale)) return false;
     if (worst > held_residual_ * scale) held_residual_ = worst / scale;
     for (int i = 0; i < n_single_; ++i) {
@@ -218,8 +219,8 @@ class ContactPatches : public ContactLanes<Model, Real> {
     for (int p = 0; p < n_; ++p) patch_[p].add_up(x_, given_ + first_[p]);
   }
 
-  // left = b - G y, and the speeds that are left of all gathered rows. Returns the largest |left|.
-  FAN_FN double find_left(const RowSystem<Model, Real>& rows) {
+  // left = b - G y, and the speeds that are left of all gathered rows.
+  FAN_FN void find_left(const RowSystem<Model, Real>& rows) {
     Real w[room(N)], pull[room(M)];
     for (int k = 0; k < N; ++k) w_[k] = Real(0.0);
     for (int p = 0; p < n_; ++p)
@@ -233,16 +234,14 @@ class ContactPatches : public ContactLanes<Model, Real> {
     for (int i = 0; i < n_single_; ++i) pull[single_[i]] = -y_[i];
     rows.add(pull, w);
     rows.along(w, speed_);
-    double most = 0.0;
     for (int a = 0; a < rows.n; ++a) speed_[a] += rows.problem.b[a];
-    for (int i = 0; i < n_single_; ++i) most = larger(most, left_[i] = speed_[single_[i]]);
+    for (int i = 0; i < n_single_; ++i) left_[i] = speed_[single_[i]];
     for (int p = 0; p < n_; ++p)
       for (int k = 0; k < patch_[p].rank; k += 3) {
         const Triple<Real> taken = moved_of(p).along(W_[p][k / 3], w);
         for (int i = first_[p] + k, d = 0; d < 3 && k + d < patch_[p].rank; ++i, ++d)
-          most = larger(most, left_[i] = b_held_[i] + taken[d]);
+          left_[i] = b_held_[i] + taken[d];
       }
-    return most;
   }
 
   FAN_FN const MovedBy<N>& moved_of(int p) const { return points_.moved[patch_[p].point[0]]; }
@@ -264,11 +263,11 @@ class ContactPatches : public ContactLanes<Model, Real> {
     }
   }
 
-  // G on its diagonal and to the right of it. Three numbers are written as a register of four, whose
+  // G on its diagonal and to the right of it, and b beside it. Three numbers are written as a register of four, whose
   // last, and those beyond a patch's rank, are 0 and the next ones replace.
   FAN_FN void write_held(const RowSystem<Model, Real>& rows) {
     constexpr int from = Complementarity<Real, M>::N;
-    ldl_.resize(size_);
+    ldl_.resize(size_, true);
     const int stride = ldl_.stride;
     double* G = ldl_.A;
     for (int i = 0; i < n_single_; ++i) {
@@ -300,6 +299,10 @@ class ContactPatches : public ContactLanes<Model, Real> {
             if (patch_[q].rank - 3 * half > 2) put(block[2], rank - 3 * part, to + 2 * stride);
           }
       }
+    }
+    for (int i = 0; i < size_; ++i) {
+      G[i * stride + size_] = b_held_[i];
+      for (int j = size_ + 1; j < stride; ++j) G[i * stride + j] = 0.0;
     }
   }
 
@@ -359,10 +362,10 @@ class ContactPatches : public ContactLanes<Model, Real> {
   double impulse_[room(C)][3 * max_touches];
   // Of the rows that pull, then of the patches.
   int size_ = 0;
-  double y_[padded(room(M + 3 * C))], b_held_[padded(room(M + 3 * C))];
-  double given_[padded(room(M + 3 * C))];  // of redundant rows
+  double y_[padded(room(M + 3 * C) + 1)], b_held_[padded(room(M + 3 * C) + 1)];
+  double given_[padded(room(M + 3 * C) + 1)];  // of redundant rows
   double by_forces_[room(C)][6];          // by patch
-  double left_[padded(room(M + 3 * C))];  // b - G y
+  double left_[padded(room(M + 3 * C) + 1)];  // b - G y
   Real w_[room(N)], speed_[room(M)];      // - W y of the patches; of all gathered rows
   DenseLdl<M + 3 * C> ldl_;
 };

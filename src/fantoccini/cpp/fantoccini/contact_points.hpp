@@ -2,8 +2,6 @@
 // there (contact_rows.hpp).
 #pragma once
 
-#include <new>
-
 #include "contact_rows.hpp"
 #include "near_pairs.hpp"
 
@@ -80,10 +78,12 @@ class ContactPoints : public ContactRows<Model, Real> {
     place();
   }
 
-  // The points at (q_D, q_K) over a step dt, in the lanes that are not idle.
+  // The points at (q_D, q_K) over a step dt, in the lanes that are not idle. recall(lane) then
+  // tells points what pushed in the step before.
+  template <class Recall>
   FAN_FN void find(
       const ContactArrays& in, const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
-      const Real* p, double dt, const Mask& idle) {
+      const Real* p, double dt, const Mask& idle, const Recall& recall) {
     Call<Model, Real>::screws(q_D, q_K, p, links_);
     most = 0;
     passing_within_ = 0.0;
@@ -95,6 +95,7 @@ class ContactPoints : public ContactRows<Model, Real> {
       place();
       for (int i = 0; i < L; ++i) lane_of(speed_at_start_[i], l) = speed_[i];
       look_at_near(in, dt, l);
+      recall(l);
       if (n[l] > most) most = n[l];
     }
     for (int i = 0; i < most; ++i) clear(i);

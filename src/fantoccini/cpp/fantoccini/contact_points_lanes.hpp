@@ -1,9 +1,15 @@
 // Contact points of a bundle of lanes: the links' motion, the balls around their solids, the test
-// whether lists of near pairs still hold, and the rows of A_D in all lanes at once. Pairs that are
-// near are looked at lane by lane, which places only their links.
+// whether lists of near pairs still hold, the points of boxes, capsules and spheres on half-spaces that
+// stand, and the rows of A_D in all lanes at once. Other pairs whose balls are near are looked at lane
+// by lane.
+//
+// Points have places that agree between lanes as far as they can: first those that pushed in the step
+// before, in the order of their pairs, then the others, each pair with as many places as the lane
+// that has most of its points. Columns are made of places: so few are, and those of one link each.
 #pragma once
 
 #include "contact_points.hpp"
+#include "touch_plane_lanes.hpp"
 
 namespace fan {
 
@@ -14,7 +20,7 @@ class ContactPointsLanes : public ContactPoints<Model, Real> {
  public:
   using Points::C, Points::N, Points::width, Points::n, Points::most, Points::point, Points::row;
   using Points::rate_K, Points::moved;
-  using typename Points::Mask, typename Points::Tolerance;
+  using typename Points::Mask, typename Points::Point, typename Points::Tolerance;
 
   // Takes the solids; nothing is known of where they are.
   FAN_FN void begin(const ContactArrays& in) {
@@ -23,21 +29,22 @@ class ContactPointsLanes : public ContactPoints<Model, Real> {
   }
 
   // As ContactPoints::find().
+  template <class Recall>
   FAN_FN void find(
       const ContactArrays& in, const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
-      const Real* p, double dt, const Mask& idle) {
+      const Real* p, double dt, const Mask& idle, const Recall& recall) {
     Call<Model, Real>::screws(q_D, q_K, p, links_);
     most = 0;
     passing_within_ = 0.0;
     move_all(v_D, v_K);
     place_all();
     const Mask good = known_ && hold(dt);
+    for (int l = 0; l < width; ++l) n[l] = 0;
+    look_at_listed(in, dt, good && !idle);
     for (int l = 0; l < width; ++l) {
-      n[l] = 0;
       if (lane_of(idle, l)) continue;
       if (lane_of(good, l)) {
         near_[l].serve();
-        look_at_listed(in, dt, l);
       } else {
         load(l, v_D, v_K);
         move();
@@ -45,8 +52,9 @@ class ContactPointsLanes : public ContactPoints<Model, Real> {
         this->look_at_near(in, dt, l);
         learn(l);
       }
-      if (n[l] > most) most = n[l];
+      recall(l);
     }
+    arrange(in);
     for (int i = 0; i < most; ++i) {
       this->clear(i);
       fill_all(in, i, v_K);
@@ -56,7 +64,56 @@ class ContactPointsLanes : public ContactPoints<Model, Real> {
  private:
   using Points::L, Points::NK, Points::links_, Points::near_, Points::reach_, Points::around_;
   using Points::speed_at_start_, Points::passing_within_, Points::slack_, Points::is_placed_;
-  using Points::lane_, Points::poses_, Points::has_solids, Points::load, Points::move, Points::place;
+  using Points::ball_, Points::lane_, Points::poses_, Points::has_solids, Points::load, Points::move, Points::place;
+
+  // The places of points of one key: the pair, those that pushed before the others.
+  struct Places {
+    int key, n, first;
+  };
+
+  // Gives all points their places. Where there are too many, each lane has its own in that order.
+  FAN_FN void arrange(const ContactArrays& in) {
+    Places places[room(C)];
+    int key[width][room(C)], n_places = 0, n_all = 0;
+    bool fits = true;
+    for (int l = 0; l < width; ++l)
+      for (int i = 0, same[2] = {}; i < n[l]; ++i) {
+        const int pair = point[l][i].pair, late = point[l][i].before < 0;
+        if (i == 0 || pair != point[l][i - 1].pair) same[0] = same[1] = 0;
+        const int own = key[l][i] = pair + late * int(in.n_pairs), count = ++same[late];
+        int k = 0;
+        while (k < n_places && places[k].key < own) ++k;
+        if (k == n_places || places[k].key != own) {
+          fits = fits && n_places < C;
+          if (!fits) continue;
+          for (int j = n_places++; j > k; --j) places[j] = places[j - 1];
+          places[k] = {own, 0, 0};
+        }
+        if (places[k].n < count) places[k].n = count;
+      }
+    for (int k = 0; k < n_places; ++k) {
+      places[k].first = n_all;
+      n_all += places[k].n;
+    }
+    fits = fits && n_all <= C;
+    for (int l = 0; l < width; ++l) {
+      Point own[room(C)];
+      const int n_own = n[l];
+      for (int i = 0; i < n_own; ++i) own[i] = point[l][i];
+      n[l] = 0;
+      const auto put = [&](int i) { point[l][n[l]++] = own[i]; };
+      for (int k = 0; k < n_places && fits; ++k) {
+        const int end = places[k].first + places[k].n;
+        for (int i = 0; i < n_own; ++i)
+          if (key[l][i] == places[k].key) put(i);
+        while (n[l] < end) point[l][n[l]++].pair = -1;
+      }
+      for (int late = 0; late < 2 && !fits; ++late)
+        for (int i = 0; i < n_own; ++i)
+          if ((key[l][i] >= in.n_pairs) == late) put(i);
+      if (n[l] > most) most = n[l];
+    }
+  }
 
   // As PlacedLinks::move().
   FAN_FN void move_all(const Real* v_D, const Real* v_K) {
@@ -126,71 +183,151 @@ class ContactPointsLanes : public ContactPoints<Model, Real> {
     }
   }
 
-  // Finds the points of lane l among the pairs of its list.
-  FAN_FN void look_at_listed(const ContactArrays& in, double dt, int l) {
-    const auto& near = near_[l];
-    for (int i = 0; i < L; ++i) is_placed_[i] = false;
-    poses_ = lane_;
-    const auto ready = [&](int link) {
-      if (is_placed_[link]) return;
-      for (int k = 12 * link; k < 12 * (link + 1); ++k) lane_[k] = lane_of(links_.poses[k], l);
-      this->place_link(in, link);
-    };
-    for (int j = 0; j < near.n; ++j) {
-      const int k = near.pair[j], a = in.solids[in.pairs[2 * k]].link;
-      const int b = in.solids[in.pairs[2 * k + 1]].link;
-      ready(a);
-      if (b >= 0) ready(b);
-      double speed = lane_of(speed_at_start_[a], l);
-      if (b >= 0) speed += lane_of(speed_at_start_[b], l);
-      this->look_at_placed(in, k, Tolerance::margin + Tolerance::travel * dt * speed, l);
+  // Finds the points of these lanes among the pairs of their lists, pair by pair.
+  FAN_FN void look_at_listed(const ContactArrays& in, double dt, const Mask& lanes) {
+    int at[width];
+    for (int l = 0; l < width; ++l) at[l] = lane_of(lanes, l) ? 0 : near_[l].n;
+    const int none = int(in.n_pairs);
+    for (;;) {
+      int k = none;
+      for (int l = 0; l < width; ++l)
+        if (at[l] < near_[l].n && near_[l].pair[at[l]] < k) k = near_[l].pair[at[l]];
+      if (k == none) return;
+      Real own = Real(0.0);
+      for (int l = 0; l < width; ++l)
+        if (at[l] < near_[l].n && near_[l].pair[at[l]] == k) {
+          lane_of(own, l) = 1.0;
+          ++at[l];
+        }
+      look_at_pair_in(in, k, dt, own > Real(0.5));
     }
+  }
+
+  // Finds the points of pair k in these lanes.
+  FAN_FN void look_at_pair_in(const ContactArrays& in, int k, double dt, const Mask& lanes) {
+    const int first = in.pairs[2 * k], second = in.pairs[2 * k + 1];
+    const Solid &x = in.solids[first], &y = in.solids[second];
+    const Real* pose = links_.poses + 12 * x.link;
+    Real speed = speed_at_start_[x.link], middle[3];
+    if (y.link >= 0) speed += speed_at_start_[y.link];
+    const Real margin = Tolerance::margin + (Tolerance::travel * dt) * speed;
+    place_middle(x, middle);
+    Mask near = lanes;
+    if (y.kind == HALF_SPACE) {
+      Real height = Real(0.0);
+      for (int c = 0; c < 3; ++c) height += (middle[c] - y.a[c]) * y.b[c];
+      near = near && height - ball_[first].radius < margin;
+    } else {
+      Real other[3], square = Real(0.0);
+      place_middle(y, other);
+      for (int c = 0; c < 3; ++c) square += (middle[c] - other[c]) * (middle[c] - other[c]);
+      const double own = y.link >= 0 ? ball_[second].radius : bounding_radius(y);
+      const Real reach = margin + (ball_[first].radius + own);
+      near = near && square < reach * reach;
+    }
+    if (!any(near)) return;
+    if (y.kind == HALF_SPACE && has_points_in_lanes(x)) {
+      double frame[9];
+      for (int c = 0; c < 3; ++c) frame[c] = y.b[c];
+      add_tangents(frame);
+      touch_plane_lanes(
+          x, pose, y, margin, near,
+          [&](int feature, const Real* at, const Real& gap, const Mask& where) {
+            for (int l = 0; l < width; ++l)
+              if (lane_of(where, l)) add_point(k, feature, at, gap, frame, l);
+          });
+      return;
+    }
+    for (int l = 0; l < width; ++l) {
+      if (!lane_of(near, l)) continue;
+      place_in(in, first, l);
+      if (y.link >= 0) place_in(in, second, l);
+      this->look_at_placed(in, k, lane_of(margin, l), l);
+    }
+  }
+
+  // The middle of a solid in the world.
+  FAN_FN void place_middle(const Solid& x, Real* out) const {
+    double own[3];
+    for (int c = 0; c < 3; ++c) own[c] = 0.5 * (x.a[c] + x.b[c]);
+    if (x.link >= 0) return carry_in_lanes(links_.poses + 12 * x.link, own, out);
+    for (int c = 0; c < 3; ++c) out[c] = Real(own[c]);
+  }
+
+  // Places one solid of a link as it is in lane l.
+  FAN_FN void place_in(const ContactArrays& in, int solid, int l) {
+    const Solid& x = in.solids[solid];
+    double pose[12];
+    for (int k = 0; k < 12; ++k) pose[k] = lane_of(links_.poses[12 * x.link + k], l);
+    Points::placed(x, pose, pose + 9, this->placed_[solid]);
+    for (int c = 0; c < 3; ++c)
+      ball_[solid].at[c] = 0.5 * (this->placed_[solid].a[c] + this->placed_[solid].b[c]);
+  }
+
+  // Adds a point of pair k to those of lane l.
+  FAN_FN void add_point(
+      int k, int feature, const Real* at, const Real& gap, const double* frame, int l) {
+    if (n[l] == C) {
+      this->too_many[l] = true;
+      return;
+    }
+    Point& to = point[l][n[l]++];
+    to.pair = k;
+    to.feature = feature;
+    to.region = 0;
+    to.gap = lane_of(gap, l);
+    for (int c = 0; c < 3; ++c) to.at[c] = lane_of(at[c], l);
+    for (int c = 0; c < 9; ++c) to.frame[c] = frame[c];
   }
 
   // The rows of point i of all lanes: first what moves the first bodies, then the second ones.
   FAN_FN void fill_all(const ContactArrays& in, int i, const Real* v_K) {
-    Real at[3], frame[9], sign[2][width];
-    int link[2][width], n_links[2] = {};
+    Real at[3], frame[9], sign[2][2 * width];
     for (int k = 0; k < 3; ++k) at[k] = Real(0.0);
     for (int k = 0; k < 9; ++k) frame[k] = Real(0.0);
+    auto& links = moved[i];
+    bool is_side[2][2 * width];
     for (int l = 0; l < width; ++l) {
-      if (i >= n[l]) continue;
+      if (!this->has(l, i)) continue;
       const auto& from = point[l][i];
       for (int k = 0; k < 3; ++k) lane_of(at[k], l) = from.at[k];
       for (int k = 0; k < 9; ++k) lane_of(frame[k], l) = from.frame[k];
       for (int side = 0; side < 2; ++side) {
-        const int which = in.solids[in.pairs[2 * from.pair + side]].link;
-        if (which < 0) continue;
-        int& known = n_links[side];
-        int j = 0;
-        while (j < known && link[side][j] != which) ++j;
-        if (j == known) {
-          link[side][known++] = which;
-          sign[side][j] = Real(0.0);
+        const int link = in.solids[in.pairs[2 * from.pair + side]].link;
+        if (link < 0) continue;
+        const int known = links.n_links, *begin = Model::moved_D_begin + link;
+        const int *entry = Model::moved_D_entry;
+        const int j = links.add_in(l, link, entry + begin[0], entry + begin[1]);
+        for (int s = 0; s < 2 && j == known; ++s) {
+          sign[s][j] = Real(0.0);
+          is_side[s][j] = false;
         }
         lane_of(sign[side][j], l) = side ? 1.0 : -1.0;
+        is_side[side][j] = true;
       }
     }
     for (int side = 0; side < 2; ++side)
-      for (int j = 0; j < n_links[side]; ++j)
-        add_link(i, link[side][j], sign[side][j], at, frame, v_K);
+      for (int j = 0; j < links.n_links; ++j)
+        if (is_side[side][j]) add_link(i, links.which[j], sign[side][j], at, frame, v_K);
   }
 
   FAN_FN void add_link(
       int i, int link, const Real& sign, const Real* at, const Real* frame, const Real* v_K) {
-    const int *begin = Model::moved_D_begin + link, *entry = Model::moved_D_entry;
-    moved[i].add(link, entry + begin[0], entry + begin[1]);
-    const auto add = [&](const Real* s, const Real& by, Triple<Real>& to) {
-      Real v[3];
-      cross(s + 3, at, v);
-      FAN_UNROLL for (int c = 0; c < 3; ++c) v[c] = by * (s[c] + v[c]);
-      FAN_UNROLL for (int d = 0; d < 3; ++d) to.of[d] += dot3(frame + 3 * d, v);
+    // The three directions, and their moments about the origin.
+    Real of[9], moment[9];
+    for (int k = 0; k < 9; ++k) of[k] = sign * frame[k];
+    for (int d = 0; d < 9; d += 3) cross(at, of + d, moment + d);
+    const auto speed = [&](const Real* s, int d) {  // of the point, by a screw
+      return dot3(of + 3 * d, s) + dot3(moment + 3 * d, s + 3);
     };
-    for (int j = begin[0]; j < begin[1]; ++j)
-      add(links_.screw_D + 6 * entry[j], sign, row[i][entry[j]]);
+    for (int j = Model::moved_D_begin[link]; j < Model::moved_D_begin[link + 1]; ++j) {
+      const int k = Model::moved_D_entry[j];
+      FAN_UNROLL for (int d = 0; d < 3; ++d) row[i][k].of[d] += speed(links_.screw_D + 6 * k, d);
+    }
     for (int j = Model::moved_K_begin[link]; j < Model::moved_K_begin[link + 1]; ++j) {
       const int k = Model::moved_K_entry[j];
-      add(links_.screw_K + 6 * k, sign * v_K[k], rate_K[i]);
+      FAN_UNROLL for (int d = 0; d < 3; ++d)
+        rate_K[i].of[d] += v_K[k] * speed(links_.screw_K + 6 * k, d);
     }
   }
 

@@ -9,6 +9,8 @@ struct ContactStepTolerances {
   // Share of the way to its solid, over the step, that a point goes at the speed of the start and still
   // is left to the look at the velocities after the step.
   static constexpr double share_of_way = 0.5;
+  // m/s at which a point that pushes slides rather than sticks: above what the residual leaves.
+  static constexpr double sliding_speed = 1e-9;
   // How often a step looks again for points that what was struck would pass.
   static constexpr int looks = 8;
   // Steps that an impact takes: the first ends where the solids touch, the second stops them.

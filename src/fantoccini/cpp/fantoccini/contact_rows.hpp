@@ -26,13 +26,21 @@ class ContactRows : public PlacedLinks<Model, Real> {
     int pair, feature, region;  // of ContactArrays; which of the pair's points; of Touch
     double gap, at[3];       // m
     double frame[9];         // normal, tangent, tangent
+    int before;              // which of those that pushed in the step before; -1 for none
+    bool carried, slid;      // whether any of its pair did, and, in lanes, moved across the normal
   };
 
   int n[width], most;        // points of each lane, and of the one that has most
   Point point[width][room(C)];
   Triple<Real> row[room(C)][room(N)];  // of A_D: every point's normal and tangents
   Triple<Real> rate_K[room(C)];        // A_K v_K of these rows
-  MovedBy<N> moved[room(C)];       // where a point's rows may differ from zero
+  using Moved = std::conditional_t<(width > 1), MovedInLanes<N, Real>, MovedBy<N>>;
+  Moved moved[room(C)];                // where a point's rows may differ from zero
+
+  // Whether there is a point i in a lane. Bundles leave places free; see ContactPointsLanes.
+  FAN_FN bool has(int l, int i) const {
+    return i < n[l] && (width == 1 || point[l][i].pair >= 0);
+  }
 
   // hdot of points at velocities v_D.
   class Rates {
@@ -165,7 +173,7 @@ class ContactRows : public PlacedLinks<Model, Real> {
       const int link = link_[i][side] = in.solids[in.pairs[2 * from.pair + side]].link;
       if (link < 0) continue;
       const int *begin = Model::moved_D_begin + link, *entry = Model::moved_D_entry;
-      moved[i].add(link, entry + begin[0], entry + begin[1]);
+      moved[i].add_in(l, link, entry + begin[0], entry + begin[1]);
       for (int j = Model::moved_K_begin[link]; j < Model::moved_K_begin[link + 1]; ++j) {
         const double* s = screw_K_ + 6 * Model::moved_K_entry[j];
         const double speed = v_K_[Model::moved_K_entry[j]];

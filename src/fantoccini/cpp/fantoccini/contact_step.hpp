@@ -20,13 +20,13 @@ namespace fan {
 
 template <class Model, class Real>
 class ContactStep : public ContactAims<Model, Real> {
-  using Aims = ContactAims<Model, Real>;
   using Problem = ContactProblem<Model, Real>;
+  using Aims = ContactAims<Model, Real>;
 
  public:
   using Problem::C, Problem::N, Problem::M, Problem::width, Problem::residual;
   using typename Problem::Mask, typename Problem::Tolerance;
-  using Push = ContactPush;
+  using typename Aims::Push;
   using Aims::n, Aims::push;
   using Rates = typename Problem::Points::Rates;
 
@@ -75,11 +75,12 @@ class ContactStep : public ContactAims<Model, Real> {
       double recovery_speed, const Mask& idle) {
     in_ = &in;
     dt_ = dt;
-    points_.find(in, q_D, v_D, q_K, v_K, p, dt, idle);
+    points_.find(in, q_D, v_D, q_K, v_K, p, dt, idle, [&](int l) { this->recognise(l); });
     violation = work = impact = friction = residual = Real(0.0);
     for (int l = 0; l < width; ++l) {
       chosen_[l] = 0;
       for (int i = 0; i < points_.n[l]; ++i) {
+        if (!points_.has(l, i)) continue;
         const double depth = -points_.point[l][i].gap;
         if (depth > lane_of(violation, l)) lane_of(violation, l) = depth;
       }
@@ -103,12 +104,15 @@ class ContactStep : public ContactAims<Model, Real> {
       }
     }
     for (int l = 0; l < width; ++l) this->recall(l);
-    for (int l = 0; l < width; ++l)
-      for (int i = 0; i < points_.n[l]; ++i) this->ask(l, i, whole, recovery_speed);
-    is_before_known_ = !this->all_pushed();
-    if (is_before_known_) this->know_before(eval);
-    for (int l = 0; l < width; ++l)
-      for (int i = 0; i < points_.n[l]; ++i) this->aim(l, i);
+    if constexpr (width > 1) {
+      this->know_before(eval);
+      for (int i = 0; i < points_.most; ++i) this->aim_lanes(i, whole, recovery_speed);
+    } else {
+      for (int i = 0; i < points_.n[0]; ++i) this->ask(0, i, whole, recovery_speed);
+      is_before_known_ = !this->all_pushed();
+      if (is_before_known_) this->know_before(eval);
+      for (int i = 0; i < points_.n[0]; ++i) this->aim(0, i);
+    }
     if (is_before_known_) this->know_aims();
   }
 
@@ -164,7 +168,7 @@ class ContactStep : public ContactAims<Model, Real> {
     for (int i = 0; i < points_.most; ++i) {
       const Real now = rates(i)[0];
       for (int l = 0; l < width; ++l) {
-        if (i >= points_.n[l] || near_[l][i]) continue;
+        if (!points_.has(l, i) || near_[l][i]) continue;
         const double closing = lane_of(now, l) + lane_of(asked_[i], l);
         if (!(closing > Tolerance::passing_speed)) continue;
         near_[l][i] = more = true;
@@ -180,7 +184,7 @@ class ContactStep : public ContactAims<Model, Real> {
   // is the gathered rows' hdot after the step without impulses.
   FAN_FN void settle(
       const Evaluation<Model, Real>& eval, RowSystem<Model, Real>& rows, const Mask* near,
-      const Real* guess, const Real* before, double cap, Mask& settled) {
+      Real* guess, const Real* before, double cap, Mask& settled) {
     Real found[room(M)], s[room(M)], of_lane = Real(0.0), well = Real(0.0);
     int taking_part[width];
     Real to_solve = Real(0.0), n_near = Real(0.0);

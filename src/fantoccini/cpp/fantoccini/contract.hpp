@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x07333df98dfd1e2e;
+constexpr long long contract_digest = 0x30a78fcc2117a6b7;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -115,6 +115,15 @@ enum class Solved : int {
   INFEASIBLE = 1,  // there is no solution
   UNSETTLED = 2,  // the bound on iterations was reached
   NO_ROOM = 3,  // more rows than the puppet has, or no memory
+};
+
+// How a search for the pose nearest to places ended.
+enum class ReachEnd : int {
+  REACHED = 0,  // it is there, within the tolerance
+  NEAREST = 1,  // no hanging pose near by is nearer
+  STALLED = 2,  // no step came nearer any more, or the iterations ended first
+  LOST = 3,  // the puppet does not hang where it was to begin
+  TIPS = 4,  // any nearer, no pose that hangs stably is found
 };
 
 // What a fixed step is on the edge of, as bits; from LEAVES_LAW on it has no derivative.
@@ -391,6 +400,42 @@ struct FlowDerivativeArrays {
   double* motion;  // (n, 2 n_vD, m) of (dq_D, v_D) at the end by q_D, v_D, q_K, v_K, acc_K and p
 };
 
+// A quadratic program of stages (stage_program.hpp).
+struct StageProgramArrays {
+  long long N;  // stages
+  int n_z;  // states of a stage
+  int k;  // inputs
+  int m;  // rows
+  const double* H;  // (N, k + n_z, k + n_z) of (u_i, z_{i+1})
+  const double* g;  // (N, k + n_z)
+  const double* cross;  // (N, k + n_z, k) of (u_{i-1}, z_i) with u_i
+  const double* A;  // (N, n_z, n_z)
+  const double* B;  // (N, n_z, k)
+  const double* e;  // (N, n_z)
+  const double* low;  // (N, k + n_z) bounds of (u_i, z_{i+1})
+  const double* high;  // (N, k + n_z)
+  const double* C;  // (N, m, 2 k + n_z) rows of (u_{i-1}, z_i, u_i)
+  const double* row_low;  // (N, m)
+  const double* row_high;  // (N, m)
+  const double* price;  // (N, m) of passing a row
+  double unit;  // of the cost
+  double unbounded;  // from which a bound is none
+  double tolerance;  // of the residuals; ten times as much of the barrier
+  double barrier;  // least product of slacks and multipliers
+  int most_iterations;
+  double* u;  // (N, k)
+  double* z;  // (N, n_z) of z_1 and later
+  double* costate;  // (N, n_z) multipliers of the dynamics
+  double* passed;  // (N, m) how far rows are passed
+  double* force;  // (N, m) multipliers of the rows
+  double* gain;  // (k, n_z) of u_0 by z_0 with the last factors, or null
+  int iterations;  // factorisations made
+  int solved;  // whether the tolerance was reached
+  double primal;  // residual of the bounds
+  double dual;  // residual of stationarity, relative to g
+  double gap;  // mean product of slacks and multipliers
+};
+
 // A rollout of fixed steps, and the gradient of its cost.
 struct GradientArrays {
   long long n;  // steps
@@ -422,6 +467,45 @@ struct GradientArrays {
   double* g_mean;  // (n, n_vK) by the mean accelerations
   double* g_u;  // (n, n_vD) by u_D
   double* g_p;  // (n_p,)
+};
+
+// Places, and the hanging poses nearest to them.
+struct ReachArrays {
+  long long n;  // poses
+  int n_targets;  // points and coordinates with a place in every pose
+  const int* links;  // (n_targets,) of points; -1 for coordinates
+  const int* columns;  // (n_targets,) of coordinates: the velocity, v_K after v_D
+  const double* at;  // (n_targets, 3) points in their links' frames [m]
+  const unsigned char* moves;  // (n_targets, n_vD + n_vK) velocities that move the link
+  const double* places;  // (n, n_targets, 3) NaN is free; a coordinate's value is the first
+  const double* q_D;  // (n_qD,) where the first pose begins
+  const double* q_K;  // (n_qK,)
+  const double* p;  // (n_p,)
+  const double* tension;  // (n_rows,)
+  const unsigned char* held;  // (n_rows,) rows that pull
+  const unsigned char* may_change;  // (n_rows,) rows that may begin or cease to
+  const int* lengths;  // (n_rows,) of driven strings: place of the length in v_K; else -1
+  const unsigned char* moved;  // (n_vK + n_p,) what is chosen
+  const double* low;  // (n_vK + n_p,) bounds of scalars
+  const double* high;  // (n_vK + n_p,)
+  const double* tension_low;  // (n_rows,) of rows that pull
+  const double* tension_high;  // (n_rows,)
+  const double* joint_low;  // (n_vD,) of scalars
+  const double* joint_high;  // (n_vD,)
+  double weight;  // of the puppet, as the size of forces [N]
+  double tolerance;  // of the distance [m or rad]
+  int max_iterations;
+  int* status;  // (n,) ReachEnd
+  int* iterations;  // (n,)
+  double* out_q_D;  // (n, n_qD)
+  double* out_q_K;  // (n, n_qK)
+  double* out_p;  // (n, n_p)
+  double* out_tension;  // (n, n_rows)
+  unsigned char* out_held;  // (n, n_rows)
+  double* left;  // (n, n_targets, 3) from the place to where it is; 0 where free
+  double* price;  // (n, n_vK + n_p + n_rows + n_vD) multipliers of bounds: above 0 at the high one
+  double* by;  // (n, n_vK + n_p, n_vD) derivative of q_D by what is chosen
+  unsigned char* stable;  // (n,) whether V has a minimum there
 };
 
 // Solids and pairs of them whose clearance is measured.
@@ -819,6 +903,17 @@ struct Call {
     Real* res[] = {at(to.A_D), at(to.A_K), at(to.h_p), at(to.hdot_q), at(to.hdot_qK),
         at(to.hdot_p)};
     Model::row_rates_by(arg, res);
+  }
+
+  // Forces that do not balance at rest, r of Eq. 10, h, and their derivatives.
+  template <class Results>
+  FAN_FN static void hanging(
+      const Real* q_D, const Real* q_K, const Real* tension, const Real* p,
+      Results& to) {
+    const Real* arg[] = {q_D, q_K, tension, p};
+    Real* res[] = {at(to.r), at(to.h), at(to.r_q), at(to.r_qK), at(to.r_p), at(to.A_D),
+        at(to.A_K), at(to.h_p)};
+    Model::hanging(arg, res);
   }
 
   // Gradient of z . r + y . hdot + y_h . h; r has the velocity products of v_ahead, hdot is at

@@ -10,6 +10,8 @@
 #include "touch_box_pair.hpp"
 #include "touch_hull_round.hpp"
 
+FAN_LOOPS_BEGIN
+
 namespace fan {
 
 namespace touching {
@@ -99,3 +101,5 @@ FAN_FN int touches(const PlacedSolid& x, const PlacedSolid& y, double margin, To
 }
 
 }  // namespace fan
+
+FAN_LOOPS_END

@@ -13,6 +13,8 @@
 
 #include "touch_solids.hpp"
 
+FAN_LOOPS_BEGIN
+
 namespace fan {
 
 // A point of each of two cores.
@@ -268,3 +270,5 @@ FAN_FN void touch_plane(const PlacedSolid& x, const PlacedSolid& plane, Touches&
 }
 
 }  // namespace fan
+
+FAN_LOOPS_END

@@ -4,6 +4,8 @@
 #include "contract.hpp"
 #include "distance.hpp"
 
+FAN_LOOPS_BEGIN
+
 namespace fan {
 
 struct TouchTolerances {
@@ -134,3 +136,5 @@ struct Touches {
 };
 
 }  // namespace fan
+
+FAN_LOOPS_END

@@ -27,6 +27,24 @@ struct Triple {
   FAN_FN void add_in(int lane, double by, const Quad& x) {
     FAN_UNROLL for (int d = 0; d < 3; ++d) of[d][lane] += by * x[d];
   }
+
+  // For generated functions that take several vectors at once.
+  FAN_ALWAYS_INLINE friend Triple operator+(const Triple& a, const Triple& b) {
+    return {{a.of[0] + b.of[0], a.of[1] + b.of[1], a.of[2] + b.of[2]}};
+  }
+  FAN_ALWAYS_INLINE friend Triple operator-(const Triple& a, const Triple& b) {
+    return {{a.of[0] - b.of[0], a.of[1] - b.of[1], a.of[2] - b.of[2]}};
+  }
+  FAN_ALWAYS_INLINE friend Triple operator-(const Triple& a) {
+    return {{-a.of[0], -a.of[1], -a.of[2]}};
+  }
+  FAN_ALWAYS_INLINE friend Triple operator+(const Triple& a, const Real& b) {
+    return {{a.of[0] + b, a.of[1] + b, a.of[2] + b}};
+  }
+  FAN_ALWAYS_INLINE friend Triple operator*(const Real& a, const Triple& b) {
+    return {{a * b.of[0], a * b.of[1], a * b.of[2]}};
+  }
+  FAN_ALWAYS_INLINE friend Triple operator*(const Triple& a, const Real& b) { return b * a; }
 };
 
 template <>

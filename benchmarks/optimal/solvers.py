@@ -1,0 +1,80 @@
+"""Prints how long programs of stages of the marionette take, here and with PIQP, in turns.
+
+    python -m benchmarks.optimal.solvers [--turns 10]
+
+The programs are first steps of the task ``circle``: as it is, with all 21 inputs, and with
+accelerations bounded so that many bounds are in force.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+import fantoccini as fan
+from fantoccini.optimal.dynamics import TimeSteps
+from fantoccini.optimal.nodes import Nodes
+from fantoccini.optimal.objective import Objective
+from fantoccini.optimal.quadratic import StageProgram, StageSolver
+from fantoccini.optimal.shooting import EventRuns
+
+from .piqp_stages import PiqpSolver
+
+DAMPING = 3e-4
+"""Damping of the Hessian, in units of the cost: that of the search's first step."""
+
+
+def first_program(task: fan.Task) -> tuple[StageProgram, float]:
+    """The program of a task's first step, and its unit."""
+    steps = TimeSteps(task.marionette, task.dt, 1)
+    runs = EventRuns(steps, task.marionette, task.x0)
+    made = runs.run(Nodes.still(task.marionette, task.x0, task.durations[1], task.n_intervals))
+    assert made is not None
+    objective, linear = Objective(task), runs.linearise(made[0], runs.ends(*made))
+    objective.take_unit(made[0], linear)
+    return objective.program(made[0], linear, DAMPING * objective.unit, 0.0), objective.unit
+
+
+def timed(call: Callable[[], Any]) -> tuple[Any, float]:
+    """The result of a call, and how long it took [ms]."""
+    began = time.perf_counter()
+    found = call()
+    return found, 1e3 * (time.perf_counter() - began)
+
+
+def main() -> None:
+    """Measures and prints."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--turns", type=int, default=10)
+    turns = parser.parse_args().turns
+    circle = fan.load_task("circle")
+    free = replace(circle.bounds, held=())
+    tasks = {
+        "circle": circle,
+        "21 inputs": replace(circle, bounds=free),
+        "21 inputs, bounds in force": replace(circle, bounds=replace(free, acceleration=0.3)),
+    }
+    for name, task in tasks.items():
+        program, unit = first_program(task)
+        own, other, taken = StageSolver(1e-8), PiqpSolver(1e-8), []
+        for _ in range(turns):
+            a, own_ms = timed(partial(own.solve, program, unit))
+            b, other_ms = timed(partial(other.solve, program, unit))
+            taken.append((own_ms, other_ms))
+        exact = StageSolver(1e-13).solve(program, unit), PiqpSolver(1e-11).solve(program, unit)
+        apart = np.max(np.abs(exact[0].u - exact[1][0]))
+        own_ms, other_ms = np.median(taken, axis=0)
+        print(
+            f"{name}: {own_ms:.1f} ms ({a.iterations} factorisations), PIQP {other_ms:.1f} ms "
+            f"({b[1]}), ratio {np.median([y / x for x, y in taken]):.1f}; apart {apart:.1e} m/s^2"
+        )
+
+
+if __name__ == "__main__":
+    main()

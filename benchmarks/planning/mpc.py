@@ -1,0 +1,122 @@
+"""Prints how many kicked plans arrive in MuJoCo: open loop, with LQR gains, and under MPC.
+
+    python -m benchmarks.planning.mpc [--plans 10] [--kick 2.0]
+
+MPC tracks the plan's coordinates and velocities; all have the bounds of the plan.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+import fantoccini as fan
+from fantoccini.errors import StateError, Status
+from fantoccini.exchange import MuJoCoPuppet
+from fantoccini.motion import State
+from fantoccini.planning import solve
+from fantoccini.planning.feedback import Feedback, Followed
+
+from .feedback import OF_EACH, STEP, advanced, follow, kicked
+
+INTERVAL = 0.02
+"""Of MPC [s]."""
+HORIZON = 2.0
+"""Of MPC [s]."""
+
+
+def task_along(law: Feedback) -> fan.Task:
+    """Follow a plan, within its bounds; the end counts most."""
+    plan, marionette = law.plan, law.plan.problem.marionette
+    run, table, bounds = plan.trajectory, marionette.coordinates, law.plan.rollouts.bounds
+    at = np.flatnonzero(np.append(np.diff(run.t) > 0.0, True))
+    t, tracks = run.t[at] - run.t[0] + plan.start.t, []
+    states = [plan.start.replace(q_D=run.q_D[i], q_K=run.q_K[i]) for i in at]
+    for link in marionette.tree.links:
+        turned = [marionette.pose(x, link.name)[:3, :3] for x in states]
+        path = Rotation.from_matrix(turned).as_quat(scalar_first=True)
+        signs = np.sign(np.sum(path[1:] * path[:-1], axis=1))
+        path[1:] *= np.cumprod(signs)[:, None]
+        tracks.append(fan.Track.orientation(link.name, (t, path), weight=10.0, end_weight=10.0))
+    for v, name in enumerate(table.v_D):
+        path = run.v_D[at, v]
+        tracks.append(fan.Track.velocity(name, (t, path), weight=0.3, end_weight=0.3))
+    for q, v in table.scalars_K:
+        tracks.append(fan.Track.coordinate(table.q_K[q], (t, run.q_K[at, q]), weight=0.01))
+        tracks.append(fan.Track.velocity(table.v_K[v], (t, run.v_K[at, v]), weight=0.003))
+    most = dict(zip(table.v_K, bounds.acceleration, strict=True))
+    fastest = dict(zip(table.v_K, bounds.speed, strict=True))
+    limits = fan.Bounds(
+        acceleration={name: float(a) for name, a in most.items() if a > 0.0},
+        speed={name: float(s) for name, s in fastest.items() if s > 0.0},
+        position={
+            table.q_K[q]: (float(bounds.low[q]), float(bounds.high[q]))
+            for q, _ in table.scalars_K
+            if np.isfinite(bounds.low[q]) or np.isfinite(bounds.high[q])
+        },
+        held=tuple(name for name, a in most.items() if not a > 0.0),
+    )
+    smooth = fan.Smooth(acceleration=3e-5, jerk=1e-7)
+    return fan.Task(marionette, plan.start, HORIZON, tracks, smooth, limits, interval=INTERVAL)
+
+
+def follow_mpc(law: Feedback, x0: State) -> tuple[Followed, fan.MPC]:
+    """A plan in MuJoCo under MPC, whose answers come in time."""
+    problem, interval = law.plan.problem, law.plan.rollouts.options.interval
+    mpc = fan.MPC(problem.marionette, task_along(law), HORIZON, round(HORIZON / INTERVAL))
+    puppet, states, commanded, x = MuJoCoPuppet(problem.marionette, STEP), [x0], [], x0
+    puppet.put(x0.q_D, x0.v_D)
+    end = x0.t + interval * int(np.sum(law.looks))
+    while x.t < end - 1e-9:
+        commanded.append(mpc.step(x))
+        x = advanced(puppet, x, min(INTERVAL, end - x.t), commanded[-1])
+        states.append(x)
+    whole = np.all(np.isfinite(np.concatenate([x.q_D, x.v_D])))
+    status = Status.DONE if whole else Status.NOT_FINITE
+    return Followed.of(problem, states, np.array(commanded), status), mpc
+
+
+def main() -> None:
+    """Measures and prints."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--problem", default="arm3d_boxes")
+    parser.add_argument("--plans", type=int, default=10)
+    parser.add_argument("--kick", type=float, default=2.0, help="[rad/s]")
+    parser.add_argument("--improve", type=float, default=0.5, help="[s]")
+    arguments = parser.parse_args()
+    problem = fan.load_problem(arguments.problem)
+    found = [solve(problem, seed=s, improve=arguments.improve) for s in range(arguments.plans)]
+    laws = [Feedback.along(plan) for plan in found if plan]
+    random = np.random.default_rng(0)
+    starts = [(law, kicked(problem, arguments.kick, random)) for law in laws
+              for _ in range(OF_EACH)]  # fmt: skip
+    ways = {
+        "open loop": [attempt(follow, law, x0, False) for law, x0 in starts],
+        "LQR gains": [attempt(follow, law, x0, True) for law, x0 in starts],
+    }
+    under = [attempt(follow_mpc, law, x0) for law, x0 in starts]
+    ways["MPC"] = [one and one[0] for one in under]
+    for name, runs in ways.items():
+        ended = [one for one in runs if one is not None]
+        within = sum(one.distance <= problem.tolerance for one in ended)
+        clear = sum(one.arrives for one in ended)
+        far = np.median([np.inf if one is None else one.distance for one in runs])
+        print(f"{name:10} {within} of {len(runs)} arrive, {clear} touch nothing, median {far:.3g}")
+    taken = [one[1].latency for one in under if one is not None]
+    print(f"of its last updates a run's longest takes {1e3 * np.median(taken):.1f} ms (median)")
+
+
+def attempt(way: Callable[..., Any], *given: Any) -> Any:
+    """The outcome of one control law; None if MuJoCo's state stops being finite."""
+    try:
+        return way(*given)
+    except StateError:
+        return None
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,32 @@
+"""Where can the marionette's hand go with its own string alone, and what stops it?
+
+Writes out/reach.csv: how near the hand comes to places ever higher above it, and the tension of its
+string there.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+import fantoccini as fan
+
+out = Path("out")
+out.mkdir(exist_ok=True)
+
+puppet = fan.puppets.marionette()
+start = puppet.rest()
+hand = ("forearm_right", (0.0, 0.0, -0.09))
+pose = puppet.pose(start, "forearm_right")
+place = pose[:3, 3] + pose[:3, :3] @ hand[1]
+
+held = tuple(name for name in puppet.coordinates.v_K if not name.startswith("hand_right"))
+higher = np.linspace(0.0, 0.6, 61)
+above = place + higher[:, None] * [0.0, 0.0, 1.0]
+found = fan.reach(puppet, {hand: above}, start, bounds=fan.Bounds(held=held))
+
+print(found)
+print(f"straight up it rises by {100 * higher[found.reached][-1]:.0f} cm")
+print(found[-1].summary())
+string = [s.name for s in puppet.tree.strings].index("hand_right")
+table = np.column_stack([higher, found.distance, found.tension[:, string]])
+np.savetxt(out / "reach.csv", table, fmt="%.6g", delimiter=",", header="higher,distance,tension")

@@ -1,0 +1,40 @@
+"""What a structure that Python and compiled code share is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field of a structure.
+
+    Attributes:
+        name: the same in Python and C++.
+        type: in C++: a number, an array ``double[3]``, a pointer, a structure, or a function
+            ``double(const Solid*, const Solid*)``.
+        meaning: with its shape and unit.
+    """
+
+    name: str
+    type: str
+    meaning: str = ""
+
+
+@dataclass(frozen=True)
+class Structure:
+    """A structure as C lays it out.
+
+    Attributes:
+        name: the same in Python and C++.
+        meaning: in one sentence.
+        fields: in order.
+    """
+
+    name: str
+    meaning: str
+    fields: tuple[Field, ...]
+
+
+IN, OUT, MANY, INT = "const double*", "double*", "long long", "const int*"
+"""Types of fields: arrays, and counts."""

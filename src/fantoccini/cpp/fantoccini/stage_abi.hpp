@@ -1,0 +1,23 @@
+// The C interface of programs of stages, as fantoccini.runtime loads it: of no puppet.
+#pragma once
+
+#include <new>
+
+#include "export.hpp"
+#include "stage_program.hpp"
+
+FAN_EXPORT void* fan_stage_solver_new() { return new (std::nothrow) fan::StageProgramSolver(); }
+
+FAN_EXPORT void fan_stage_solver_free(void* solver) {
+  delete static_cast<fan::StageProgramSolver*>(solver);
+}
+
+// 1 where there was no memory, else 0.
+FAN_EXPORT int fan_stage_solve(void* solver, fan::StageProgramArrays* in) {
+  try {
+    static_cast<fan::StageProgramSolver*>(solver)->solve(*in);
+  } catch (const std::bad_alloc&) {
+    return 1;
+  }
+  return 0;
+}

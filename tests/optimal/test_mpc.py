@@ -1,0 +1,149 @@
+"""Feedback by model predictive control: what it keeps, what it follows, what it counts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.errors import StateError
+
+TIP = (0.3, 0.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def arm() -> fan.Marionette:
+    return fan.puppets.arm2d()
+
+
+def tip(arm: fan.Marionette, x: fan.State) -> np.ndarray:
+    pose = arm.pose(x, "lower")
+    return pose[:3, 3] + pose[:3, :3] @ np.array(TIP)
+
+
+def kicked(arm: fan.Marionette, size: float) -> fan.State:
+    random = np.random.default_rng(4)
+    kick = random.normal(size=arm.coordinates.n_vD)
+    return arm.project(arm.rest().replace(v_D=size * kick / np.linalg.norm(kick)))
+
+
+def followed(arm: fan.Marionette, mpc: fan.MPC | None, x0: fan.State, n: int) -> fan.State:
+    stepper = arm.stepper(x0, fan.TimeStepping(dt=0.001))
+    for _ in range(n):
+        acc_K = None if mpc is None else mpc.step(stepper.state)
+        stepper.advance(0.02 if mpc is None else mpc.interval, acc_K)
+    return stepper.state
+
+
+def holding(arm: fan.Marionette, **more: object) -> fan.MPC:
+    place = tip(arm, arm.rest())
+    return fan.MPC(arm, {("lower", TIP): place}, horizon=0.6, nodes=30, **more)
+
+
+def test_a_kicked_arm_is_calm_and_in_place_long_before_it_is_without(arm):
+    x0, place = kicked(arm, 2.0), tip(arm, arm.rest())
+    left = [np.linalg.norm(tip(arm, followed(arm, mpc, x0, 75)) - place)
+            for mpc in (holding(arm), None)]  # fmt: skip
+    assert left[0] < 2e-3
+    assert left[1] > 5.0 * left[0]
+
+
+def test_an_undisturbed_arm_that_hangs_in_place_is_left_alone(arm):
+    mpc, x0 = holding(arm), arm.rest()
+    stepper = arm.stepper(x0)
+    for _ in range(5):
+        acc_K = mpc.step(stepper.state)
+        assert acc_K == pytest.approx(0.0, abs=1e-4)
+        stepper.advance(mpc.interval, acc_K)
+
+
+def test_bounds_of_inputs_are_never_left(arm):
+    bounds = fan.Bounds(acceleration=0.2, speed=0.08)
+    mpc = holding(arm, bounds=bounds)
+    stepper, most = arm.stepper(kicked(arm, 2.0)), []
+    for _ in range(40):
+        acc_K = mpc.step(stepper.state)
+        stepper.advance(mpc.interval, acc_K)
+        assert np.all(np.abs(acc_K) <= 0.2 + 1e-12)
+        assert np.all(np.abs(stepper.state.v_K) <= 0.08 * (1.0 + 1e-6))
+        most.append(np.max(np.abs(acc_K)))
+    assert max(most) > 0.19
+
+
+def test_what_holds_after_the_measurement_is_predicted(arm):
+    """The same answers where the state is older, but what was done since is known."""
+    now, late = holding(arm), holding(arm)
+    x = kicked(arm, 1.0)
+    for mpc in (now, late):
+        mpc.step(x)
+    ahead = arm.stepper(x, fan.TimeStepping(dt=0.5 * now.interval, extrapolate=False))
+    later = ahead.advance(now.interval, now.acceleration(x.t))
+    assert late.step(x, later.t) == pytest.approx(now.step(later), abs=1e-6)
+
+
+def test_missed_deadlines_and_skipped_intervals_are_counted(arm):
+    x = kicked(arm, 1.0)
+    quick, slow = holding(arm, deadline=100.0), holding(arm, deadline=1e-9)
+    for mpc in (quick, slow):
+        mpc.step(x)
+        planned = mpc.acceleration(x.t + 2.5 * mpc.interval)
+        assert planned == pytest.approx(mpc.prediction.acc_K[2])
+        mpc.step(x.replace(t=x.t + 4.0 * mpc.interval))
+        assert (mpc.updates, mpc.skipped) == (2, 3)
+        assert mpc.latency >= mpc.seconds > 0.0
+    assert (quick.missed, slow.missed) == (0, 2)
+
+
+def test_a_task_goes_along_with_time(arm):
+    """A path is followed beyond the horizon; tracks that do not count yet are no mistake."""
+    place = tip(arm, arm.rest())
+
+    def path(t: float) -> np.ndarray:
+        s = min(max(t, 0.0), 1.0)
+        return place + np.array([0.05 * s**3 * (10.0 + s * (6.0 * s - 15.0)), 0.0, 0.0])
+
+    late = fan.Track.velocity("*", 0.0, weight=1e-3, start=1.0)
+    tracks = [fan.Track.point("lower", path, at=TIP, weight=1e4), late]
+    task = fan.Task(arm, arm.rest(), 1.5, tracks, bounds=fan.Bounds(acceleration=10.0))
+    x = followed(arm, fan.MPC(arm, task, horizon=0.4, nodes=20), arm.rest(), 75)
+    assert np.linalg.norm(tip(arm, x) - path(1.5)) < 2e-3
+
+
+def test_mistakes_are_named(arm):
+    task = fan.Task(arm, arm.rest(), 1.0, [fan.Track.velocity("*")])
+    with pytest.raises(StateError, match="another puppet"):
+        fan.MPC(fan.puppets.arm2d(), task)
+    with pytest.raises(StateError, match="free"):
+        fan.MPC(arm, replace(task, duration=(1.0, 2.0)))
+    with pytest.raises(StateError, match="has an end"):
+        fan.MPC(arm, replace(task, end=arm.rest()))
+    with pytest.raises(StateError, match="before the state's time"):
+        fan.MPC(arm, task).step(arm.rest().replace(t=1.0), 0.5)
+    with pytest.raises(fan.UnknownNameError):
+        fan.MPC(arm, {"lowr": (0.0, 0.0, 0.0)})
+
+
+def test_a_marionette_draws_its_circle_after_a_kick():
+    """25 degrees of freedom, 21 inputs, 50 nodes; strings go slack on the way."""
+    task = fan.load_task("circle")
+    puppet = task.marionette
+    free = replace(task, bounds=replace(task.bounds, held=(), speed=1.5))
+    mpc = fan.MPC(puppet, free)
+    random = np.random.default_rng(1)
+    kick = random.normal(size=25)
+    stepper = puppet.stepper(
+        puppet.project(task.x0.replace(v_D=2.0 * kick / np.linalg.norm(kick))),
+        fan.TimeStepping(dt=0.001),
+    )
+    away, slack = [], 0
+    for _ in range(75):
+        x = stepper.advance(mpc.interval, mpc.step(stepper.state))
+        pose = puppet.pose(x, "forearm_right")
+        hand = pose[:3, 3] + pose[:3, :3] @ np.array([0.0, 0.0, -0.09])
+        away.append(np.linalg.norm(hand - task.tracks[0].path(x.t)))
+        slack += not np.all(x.taut[:7])
+    assert slack > 0 and max(away) > 0.01
+    assert max(away[-25:]) < 0.1 * max(away)
+    assert mpc.braked == 0

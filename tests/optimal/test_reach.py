@@ -1,0 +1,255 @@
+"""Hanging poses nearest to places, beside closed forms, SciPy and sweeps."""
+
+from __future__ import annotations
+
+import importlib.resources
+import warnings
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize, minimize_scalar
+
+import fantoccini as fan
+
+PLUMB = """
+puppet: plumb
+bodies:
+- {name: bob, joint: {type: translation, axes: [x, y, z]}, mass: 1.0}
+strings:
+- {name: line, path: [{body: bob}, {driven: [x, y], at: [0, 0, 2]}], length: driven}
+pose: {bob.z: 1.0}
+"""
+BETWEEN = """
+puppet: between
+bodies:
+- {name: bob, joint: {type: translation, axes: [x, z]}, mass: 1.0}
+strings:
+- {name: left, path: [{body: bob}, {world: [-1, 0, 0]}], length: driven}
+- {name: right, path: [{body: bob}, {world: [1, 0, 0]}], length: driven}
+pose: {bob.z: -1.0}
+"""
+ROD = """
+puppet: rod
+bodies:
+- {name: rod, joint: {name: pin, type: revolute, axis: [0, -1, 0]}, mass: 1.0, com: [0, 0, -0.5],
+   inertia: [0.1, 0.1, 0.001]}
+strings:
+- {name: line, path: [{body: rod, at: [0, 0, -0.6]}, {driven: [x], at: [0.8, 0, 1]}],
+   length: driven}
+pose: {pin: 40 deg}
+"""
+LEVER = """
+puppet: lever
+bodies:
+- {name: rod, joint: {name: pin, type: revolute, axis: [0, -1, 0]}, mass: 1.0, com: [0, 0, -0.5],
+   inertia: [0.1, 0.1, 0.001]}
+strings:
+- {name: line, path: [{body: rod, at: [0, 0, {parameter: tie, value: -0.6}]},
+                       {world: [0.8, 0, 0.2]}],
+   length: 0.5}
+pose: {pin: 60 deg}
+"""
+HAND = ("forearm_right", (0.0, 0.0, -0.09))
+
+
+@pytest.fixture(scope="module")
+def marionette() -> fan.Marionette:
+    return fan.puppets.marionette()
+
+
+def hand_of(marionette: fan.Marionette, x: fan.State) -> np.ndarray:
+    pose = marionette.pose(x, HAND[0])
+    return pose[:3, :3] @ HAND[1] + pose[:3, 3]
+
+
+def test_a_plumb_bob_hangs_straight_below_its_end():
+    plumb = fan.loads(PLUMB)
+    places = np.array([[0.3, -0.2, 0.7], [-0.5, 0.1, 1.2]])
+    found = fan.reach(plumb, {"bob": places})
+    assert found and found.distance.max() < 1e-6
+    np.testing.assert_allclose(found.q_D, places, atol=1e-6)
+    ends = np.column_stack([places[:, :2], 2.0 - places[:, 2]])
+    np.testing.assert_allclose(found.q_K, ends, atol=1e-6)
+    np.testing.assert_allclose(found.tension[:, 0], 9.81, rtol=1e-9)
+    np.testing.assert_allclose(found.by_K[0], np.diag([1.0, 1.0, -1.0]), atol=1e-9)
+    assert found[0].still == () and found[0].taut == ("line",)
+
+
+def test_what_keeps_a_bob_from_its_place_is_named():
+    plumb = fan.loads(PLUMB)
+    high = fan.reach(plumb, {"bob": [0.0, 0.0, 2.5]}, bounds=fan.Bounds(
+        position={"line.length": (0.02, 3.0)}))[0]  # fmt: skip
+    assert high.status is fan.ReachStatus.OUT_OF_REACH and not high
+    assert high.distance == pytest.approx(0.52, abs=1e-6)
+    assert high.limits == ("the string line would have to be shorter than 0.02 m",)
+    assert "bob comes no nearer than 520 mm" in high.summary()
+    held = fan.reach(plumb, {"bob": [0.4, 0.3, 1.0]}, bounds=fan.Bounds(held=("line.x",)))[0]
+    assert held.distance == pytest.approx(0.4, abs=1e-6)
+    assert held.limits == ("nothing that is driven moves bob any further along (1.00, 0.00, 0.00)",)
+
+
+def test_a_free_direction_does_not_count():
+    plumb = fan.loads(PLUMB)
+    found = fan.reach(plumb, {"bob": [np.nan, 0.3, 0.8]}, bounds=fan.Bounds(held=("line.x",)))
+    assert found and found.q_D[0] == pytest.approx([0.0, 0.3, 0.8], abs=1e-6)
+
+
+def test_two_strings_lower_a_bob_to_where_their_circles_meet():
+    between = fan.loads(BETWEEN)
+    place = np.array([0.3, 0.0, -0.7])
+    found = fan.reach(between, {"bob": place})
+    assert found
+    lengths = [np.hypot(1.3, 0.7), np.hypot(0.7, 0.7)]
+    np.testing.assert_allclose(found.q_K[0], lengths, atol=1e-6)
+
+
+@pytest.mark.parametrize("slack", [False, True])
+def test_beside_its_ends_a_bob_hangs_from_one_string(slack):
+    """Beyond x = 1 the left string would push: both pull between the ends only."""
+    between = fan.loads(BETWEEN)
+    place = np.array([1.4, 0.0, -0.7])
+    one = fan.reach(between, {"bob": place}, slack=slack)[0]
+    assert not one
+    if slack:
+        assert one.state.q_D == pytest.approx([1.0, -0.7], abs=1e-5)
+        assert one.distance == pytest.approx(0.4, abs=1e-6)
+    else:
+        least = 5e-3 * between.weight
+        assert one.tension["left"] == pytest.approx(least, rel=1e-4)
+        assert "left would pull with less than" in one.limits[0]
+
+
+def test_an_arm_reaches_as_far_as_it_is_long():
+    rod = fan.loads(ROD)
+    for place in ([1.5, 0.0, -0.8], [0.4, 0.0, -0.2]):
+        one = fan.reach(rod, {("rod", (0, 0, -1.0)): place})[0]
+        size = np.hypot(place[0], place[2])
+        assert one.distance == pytest.approx(abs(size - 1.0), abs=1e-6)
+        tip = rod.pose(one.state, "rod")[:3, 2] * -1.0
+        np.testing.assert_allclose(tip, np.array(place) / size, atol=1e-4)
+        assert one.limits[0].startswith("nothing that is driven moves rod any further")
+
+
+def test_poses_hang_and_inputs_move_them_as_told(marionette):
+    """Each pose is an equilibrium that rest finds too; dq_D/dq_K is that of rest."""
+    x = marionette.rest()
+    places = hand_of(marionette, x) + np.linspace(0, 1, 9)[:, None] * [0.03, -0.04, 0.08]
+    found = fan.reach(marionette, {HAND: places}, x)
+    assert found and found.iterations.max() <= 8
+    pose = found[4]
+    assert np.abs(marionette.forward_dynamics(pose.state).acc_D).max() < 1e-7
+    assert hand_of(marionette, pose.state) == pytest.approx(places[4], abs=1e-6)
+    again = marionette.rest(pose.state)
+    assert np.abs(marionette.difference(pose.state.q_D, again.q_D)).max() < 1e-7
+    k, step = marionette.coordinates.v_K.index("hand_right.length"), 1e-4
+    ends = []
+    for side in (step, -step):
+        q_K = pose.state.q_K.copy()
+        q_K[k] += side
+        ends.append(marionette.rest(pose.state.replace(q_K=q_K)))
+    slope = marionette.difference(ends[1].q_D, ends[0].q_D) / (2.0 * step)
+    # Legs that hang straight turn about themselves almost freely: rest leaves them as they are.
+    turns = [i for i, v in enumerate(marionette.coordinates.v_D) if v.startswith("hip")
+             and v.endswith("wz")]  # fmt: skip
+    smooth = np.setdiff1d(np.arange(25), turns)
+    assert len(smooth) == 23
+    apart = np.abs(found.by_K[4][smooth, k] - slope[smooth])
+    assert apart.max() < 1e-6 * np.abs(slope).max()
+
+
+def test_the_marionettes_hand_is_as_near_as_scipy_brings_it(marionette):
+    """A place too high for the hand's own string: SciPy over rests finds no nearer pose."""
+    x = marionette.rest()
+    own = ["hand_right.x", "hand_right.length"]
+    columns = [marionette.coordinates.q_K.index(name) for name in own]
+    held = tuple(name for name in marionette.coordinates.v_K if name not in own)
+    place = hand_of(marionette, x) + np.array([0.0, 0.15, 0.05])
+    one = fan.reach(marionette, {HAND: place}, x, bounds=fan.Bounds(held=held))[0]
+    assert one.status is fan.ReachStatus.OUT_OF_REACH and one.distance > 0.05
+
+    def away(u: np.ndarray) -> float:
+        q_K = x.q_K.copy()
+        q_K[columns] = u
+        hangs = marionette.rest(x.replace(q_K=q_K))
+        return float(np.linalg.norm(hand_of(marionette, hangs) - place))
+
+    options = {"xatol": 1e-4, "fatol": 1e-8, "maxfev": 150}
+    best = minimize(away, x.q_K[columns], method="Nelder-Mead", options=options)
+    assert one.distance == pytest.approx(best.fun, abs=2e-6)
+    assert away(one.state.q_K[columns]) == pytest.approx(one.distance, abs=1e-8)
+
+
+def test_a_knee_rises_when_its_slack_string_comes_taut(marionette):
+    x = marionette.rest()
+    assert "knee_left" not in fan.reach(marionette, {HAND: hand_of(marionette, x)}, x)[0].taut
+    knee = marionette.pose(x, "shin_left")[:3, 3]
+    one = fan.reach(marionette, {"shin_left": [np.nan, np.nan, knee[2] + 0.05]}, x,
+                    bounds=fan.Bounds(held=tuple(n for n in marionette.coordinates.v_K
+                                                 if not n.startswith("knee_left"))))[0]  # fmt: skip
+    assert one and "knee_left" in one.taut
+    assert marionette.pose(one.state, "shin_left")[2, 3] == pytest.approx(knee[2] + 0.05, abs=1e-6)
+
+
+def test_a_tie_lets_a_lever_down_lowest_where_its_string_is_square_to_it():
+    """With the string's end and length given; the tip's height by the law of cosines."""
+    lever = fan.loads(LEVER)
+    down = {("rod", (0, 0, -1.0)): [np.nan, np.nan, -9.0]}
+    one = fan.reach(lever, down, parameters={"tie": (-0.9, -0.4)})[0]
+
+    def height(a: float) -> float:
+        c = np.hypot(0.8, 0.2)
+        between = np.arccos((a * a + c * c - 0.25) / (2.0 * a * c))
+        return float(np.sin(np.arctan2(0.2, 0.8) - between))
+
+    best = minimize_scalar(height, bounds=(0.4, 0.9), method="bounded",
+                           options={"xatol": 1e-9})  # fmt: skip
+    assert best.x == pytest.approx(np.sqrt(0.68 - 0.25), abs=1e-6)
+    assert one.parameters["tie"] == pytest.approx(-best.x, abs=1e-4)
+    assert one.distance == pytest.approx(9.0 + best.fun, abs=1e-7)
+
+
+def test_the_place_of_a_knees_string_is_confirmed_by_a_sweep():
+    """Attachment in front of the thigh, with the hand's travel given: the knee lifts highest."""
+    text = (importlib.resources.files("fantoccini") / "puppets" / "marionette.yaml").read_text()
+    fixed, tie = "at: [0.018, 0, -0.115]}", "at: [{parameter: tie, value: 0.018}, 0, -0.09]}"
+    tied = text.replace(fixed, tie)
+    made = fan.loads(tied.replace("puppet: marionette", "puppet: tied", 1))
+    start = made.rest(dict(zip(made.coordinates.q_K, made.rest().q_K, strict=True)) | {
+        "knee_left.length": 0.95})  # fmt: skip
+    span, held = (0.0, 0.06), tuple(made.coordinates.v_K)
+    one = fan.reach(made, {"shin_left": [np.nan, np.nan, 9.0]}, start,
+                    bounds=fan.Bounds(held=held), parameters={"tie": span})[0]  # fmt: skip
+    ties, heights = np.linspace(*span, 17), []
+    for tie in ties:
+        other = made.with_parameters({"tie": float(tie)})
+        heights.append(other.pose(other.rest(start), "shin_left")[2, 3])
+    best = float(ties[int(np.argmax(heights))])
+    assert abs(one.parameters["tie"] - best) <= ties[1] - ties[0]
+    assert 9.0 - one.distance >= max(heights) - 1e-6
+
+
+def test_follow_tells_first_what_is_out_of_reach():
+    plumb = fan.loads(PLUMB)
+    bounds = fan.Bounds(position={"line.x": (-0.1, 0.1)})
+    told = r"bob hangs no nearer than 200 mm .* line.x would have to be above 0.1"
+    with pytest.warns(UserWarning, match=told):
+        fan.follow(plumb, {"bob": [0.3, 0.0, 1.0]}, 0.4, bounds=bounds, iterations=1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fan.follow(plumb, {"bob": [0.05, 0.0, 1.0]}, 0.4, bounds=bounds, iterations=1)
+
+
+def test_mistakes_are_named():
+    plumb = fan.loads(PLUMB)
+    with pytest.raises(fan.UnknownNameError, match="bobb"):
+        fan.reach(plumb, {"bobb": [0, 0, 1]})
+    with pytest.raises(fan.StateError, match="has the shape"):
+        fan.reach(plumb, {"bob": [0, 0]})
+    with pytest.raises(fan.StateError, match="infinite"):
+        fan.reach(plumb, {"bob": [0, 0, np.inf]})
+    with pytest.raises(fan.UnknownNameError, match="tie"):
+        fan.reach(plumb, {"bob": [0, 0, 1]}, parameters={"tie": (0, 1)})
+    falling = plumb.state({"bob.x": 0.3, "line.length": np.hypot(0.3, 1.0)})
+    with pytest.raises(fan.StateError, match="does not hang"):
+        fan.reach(plumb, {"bob": [0, 0, 1]}, falling.replace(taut=np.array([False])),
+                  bounds=fan.Bounds(held=("line.x",)), slack=True)  # fmt: skip
