@@ -46,7 +46,7 @@ _KINDS = {
     "rollouts": _Kind("rollouts_abi", WIDE, touches=True),
     "variational": _Kind("variational_abi", Real()),
     "variational_lanes": _Kind("variational_lane_abi", WIDE),
-    "derivatives": _Kind("map_abi", Real(), mapped=True, columns=False),
+    "derivatives": _Kind("derivatives_abi", Real(), mapped=True, several=True),
     "step_derivatives": _Kind("step_derivatives_abi", Real(), several=True),
     "gradients": _Kind("gradients_abi", Real()),
     "variational_derivatives": _Kind("map_abi", Real(), mapped=True, columns=False),
@@ -63,7 +63,7 @@ def generate(equations: Equations, library: str = "model") -> Generated:
     """
     kind, names = _KINDS[library], compiled(library, equations.tree.sizes)
     made = _programs(equations, library, names, kind.columns)
-    plain = library in ("derivatives", "variational_derivatives")
+    plain = library == "variational_derivatives"
     sizes = {**equations.tree.sizes, "n_packed": 0} if plain else None
     members = [_member(name, kind) for name in (*names, *["column"] * kind.columns)]
     # Contact points push along three directions each. Bundles have a width of 1 on some processors.

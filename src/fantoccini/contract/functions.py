@@ -129,7 +129,7 @@ _DECLARED = (
         "Accelerations and tensions of any active set (Eqs. 10, 11): "
         "acc_D = back(L, w0 + W lam), hddot = gamma + a0 + G lam, lam = -tension.",
         _arguments("q_D v_D q_K v_K acc_K u_D p"), _DYNAMICS,
-        (MODEL, STEP_DERIVATIVES), mapped=True, exported=True, standing=_STANDING,
+        (MODEL, DERIVATIVES), mapped=True, exported=True, standing=_STANDING,
     ),
     Function(
         "step_dynamics",
@@ -198,11 +198,11 @@ _DECLARED = (
         (MODEL, LANES, ROLLOUTS, REACH), mapped=True,
     ),
     Function(
-        "forth", "y = F^-T x.", _arguments("L x"), (_Y,), (MODEL, *_STEPPING), mapped=True,
+        "forth", "y = F^-T x.", _arguments("L x"), (_Y,), (MODEL, *_STEPPING, DERIVATIVES), mapped=True,
         exported=True,
     ),
     Function(
-        "back", "y = F^-1 x.", _arguments("L x"), (_Y,), (MODEL, *_STEPPING), mapped=True,
+        "back", "y = F^-1 x.", _arguments("L x"), (_Y,), (MODEL, *_STEPPING, DERIVATIVES), mapped=True,
         exported=True,
     ),
     Function(
@@ -267,7 +267,7 @@ _DECLARED = (
     Function(
         "rows_by", "A_D, A_K and the derivatives of h, hdot and hddot of strings and limits.",
         _arguments("q_D v_D acc_D q_K v_K acc_K p"), (*_BY_RATES, *_BY_ACCELERATIONS),
-        (DERIVATIVES, STEP_DERIVATIVES), mapped=True,
+        (DERIVATIVES,), mapped=True,
     ),
     Function(
         "row_rates_by", "A_D, A_K and the derivatives of h and hdot of strings and limits.",

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fantoccini.arrays import Array, Indices, MaskRows
+from fantoccini.arrays import Array, MaskRows
 from fantoccini.runtime.functions import AnyArray, Loaded, pointer
 from fantoccini.runtime.structures import structures
 from fantoccini.runtime.touching_steps import StepTouches, in_parts, shared
@@ -88,44 +88,4 @@ class StepDerivatives(Loaded):
             **held_points,
         )  # fmt: skip
         in_parts(self.dll.fan_step_derivatives, arrays, n, threads)
-        return out
-
-    def flow(
-        self,
-        starts: Mapping[str, Array],
-        held: MaskRows,
-        steps: Indices,
-        p: Array,
-        u_D: Array | None,
-        threads: int,
-    ) -> tuple[Array, Array, Array]:
-        """Ends (n, n_qD), (n, n_vD) and derivatives (n, 2 n_vD, m) of n smooth pieces of runs.
-
-        Args:
-            starts: q_D, v_D, q_K, v_K, acc_K (n, ...) and length (n,).
-            held: (n, n_rows) rows that are held.
-            steps: (n,) of the integration.
-            p: (1 or n, n_p) parameters.
-            u_D: (1 or n, n_vD) user forces; None for none.
-            threads: that share the work.
-        """
-        n, sizes = len(held), self.sizes
-        n_v = sizes["n_vD"]
-        m = 2 * n_v + 3 * sizes["n_vK"] + sizes["n_p"]
-        out = np.empty((n, sizes["n_qD"])), np.empty((n, n_v)), np.empty((n, 2 * n_v, m))
-        kept: list[AnyArray] = [
-            np.ascontiguousarray(held, dtype=np.uint8),
-            np.ascontiguousarray(steps, dtype=np.int32),
-        ]
-
-        def address(a: Array) -> ctypes.c_void_p:
-            kept.append(np.ascontiguousarray(a, dtype=float))
-            return pointer(kept[-1])
-
-        arrays = structures["FlowDerivativeArrays"](
-            p=shared(p, address), u_D=shared(u_D, address), held=pointer(kept[0]),
-            steps=pointer(kept[1]), q_D_end=pointer(out[0]), v_D_end=pointer(out[1]),
-            motion=pointer(out[2]), **{name: address(a) for name, a in starts.items()},
-        )  # fmt: skip
-        in_parts(self.dll.fan_flow_derivatives, arrays, n, threads)
         return out

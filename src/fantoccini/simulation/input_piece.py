@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +15,8 @@ from fantoccini.motion.polynomial import N_COEF
 
 _SAMPLED = 0.5 - 0.5 * np.cos(np.pi * (np.arange(N_COEF) + 0.5) / N_COEF)
 """Chebyshev nodes of a piece, at which variations are sampled."""
-_LAGRANGE = [(np.delete(_SAMPLED, i), s - np.delete(_SAMPLED, i)) for i, s in enumerate(_SAMPLED)]
-"""The other nodes, and the node's distances from them: Lagrange's polynomials."""
+_POWERS = np.linalg.inv(np.vander(_SAMPLED, increasing=True))
+"""From values at the nodes to coefficients of the powers of the time over the whole."""
 
 
 Inputs = tuple[Array, Array, Array, Array]
@@ -69,18 +69,19 @@ class InputPiece:
         end: float,
     ):
         self.start, self.end = start, end
-        self._places = marionette.coordinates.scalars_K
-        self._own = _evaluator(inputs, start, end)
-        first = 2 * marionette.coordinates.n_vD + len(marionette.p)
+        table = marionette.coordinates
+        self._places = table.scalars_K
+        self.inputs = _piece(inputs, start, end)
+        first = 2 * table.n_vD + len(marionette.p)
         self._variation = InputVariation.none(marionette, first + len(toward) + len(along))
         self._variation.p[:, first - len(marionette.p) : first] = np.eye(len(marionette.p))
-        self._first, self._others = first, [_evaluator(other, start, end) for other in toward]
+        self._first, self._others = first, [_piece(other, start, end) for other in toward]
         self._along = along
-        self._sampled: tuple[Array, ...] = self._samples() if toward or along else ()
+        self.powers = self._in_powers()
 
-    def at(self, t: float) -> Inputs:
-        """q_K, v_K, acc_K and u_D at a time of the piece [s]."""
-        return self._own(min(max(t, self.start), self.end))
+    def at(self, t: float | Array) -> Inputs:
+        """q_K, v_K, acc_K and u_D at times (...) of the piece [s]."""
+        return _values(self.inputs, np.clip(t, self.start, self.end))
 
     def variation(self, t: float) -> InputVariation:
         """The changes at a time of the piece [s], valid until the next call.
@@ -88,25 +89,23 @@ class InputPiece:
         Columns: by the state at the start (all 0), by the parameters, towards the other inputs,
         along the derivatives.
         """
-        out = self._variation
-        if self._sampled:
-            s = (min(max(t, self.start), self.end) - self.start) / (self.end - self.start)
-            weights = np.array([np.prod((s - rest) / scale) for rest, scale in _LAGRANGE])
-            for change, samples in zip(
-                (out.q_K, out.v_K, out.acc_K, out.u_D), self._sampled, strict=True
-            ):
-                change[:, self._first :] = np.tensordot(weights, samples, axes=1)
+        out, n = self._variation, len(self._variation.q_K)
+        s = (min(max(t, self.start), self.end) - self.start) / (self.end - self.start)
+        found = np.tensordot(s ** np.arange(N_COEF), self.powers, axes=1)
+        parts = (out.q_K, out.v_K, out.acc_K, out.u_D)
+        for change, values in zip(parts, np.split(found, [n, 2 * n, 3 * n]), strict=True):
+            change[:, self._first :] = values
         return out
 
-    def _samples(self) -> tuple[Array, ...]:
-        """Changes of q_K, v_K, acc_K, u_D at the nodes, (6, n, changes), which determine them.
+    def _in_powers(self) -> Array:
+        """(6, 3 n_vK + n_vD, changes) changes of q_K, v_K, acc_K and u_D along the inputs.
 
-        They are polynomials of the fifth degree.
+        They are polynomials of the fifth degree in the time since the start over the whole.
         """
         times = self.start + _SAMPLED * (self.end - self.start)
-        own = self._own(times)
+        own = self.at(times)
         apart = [
-            [a - mine for a, mine in zip(other(times), own, strict=True)]
+            [a - mine for a, mine in zip(_values(other, times), own, strict=True)]
             for other in self._others
         ]
         for change in apart:
@@ -115,38 +114,33 @@ class InputPiece:
                 q_K[:, v] = change[0][:, at]
             change[0] = q_K
         apart += [[*one.evaluate(times), np.zeros_like(own[3])] for one in self._along]
-        return tuple(np.stack(columns, axis=-1) for columns in zip(*apart, strict=True))
+        samples = [np.concatenate(change, axis=1) for change in apart]
+        width = 3 * len(self._variation.q_K) + len(self._variation.u_D)
+        stacked = np.stack(samples, axis=-1) if samples else np.zeros((N_COEF, width, 0))
+        return np.tensordot(_POWERS, stacked, axes=1)
 
 
-def _evaluator(
-    inputs: Input, start: float, end: float
-) -> Callable[[float | Array], Inputs]:
-    """times (...) -> (q_K, v_K, acc_K, u_D) by the polynomials between two times."""
+def _values(inputs: Input, t: float | Array) -> Inputs:
+    return *inputs.evaluate(t), inputs.evaluate_force(t)
+
+
+def _piece(inputs: Input, start: float, end: float) -> Input:
+    """The one piece of inputs between two times; where they have ended, one that holds."""
     middle = 0.5 * (start + end)
     if not inputs.start <= middle <= inputs.end:
-        q_K, v_K, acc_K = inputs.evaluate(min(max(middle, inputs.start), inputs.end))
-        u_D = np.zeros(inputs.coordinates.n_vD)
-
-        def held(t: float | Array) -> Inputs:
-            q, v, acc, u = (
-                np.broadcast_to(a, (*np.shape(t), len(a)))
-                for a in (q_K, 0.0 * v_K, 0.0 * acc_K, u_D)
-            )
-            return q, v, acc, u
-
-        return held
+        q_K = inputs.evaluate(min(max(middle, inputs.start), inputs.end))[0]
+        coef = np.zeros((1, inputs.coordinates.n_vK, N_COEF))
+        for q, v in inputs.coordinates.scalars_K:
+            coef[0, v, 0] = q_K[q]
+        breaks = np.array([start, end])
+        return dataclasses.replace(
+            inputs, breaks=breaks, coef=coef, base=q_K[None], force=None
+        )
     i = min(int(np.searchsorted(inputs.breaks, middle, "right")) - 1, len(inputs.coef) - 1)
-    force = None if inputs.force is None else inputs.force[i : i + 1]
-    piece = dataclasses.replace(
+    return dataclasses.replace(
         inputs,
         breaks=inputs.breaks[i : i + 2],
         coef=inputs.coef[i : i + 1],
         base=inputs.base[i : i + 1],
-        force=force,
+        force=None if inputs.force is None else inputs.force[i : i + 1],
     )
-
-    def at(t: float | Array) -> Inputs:
-        t = np.clip(t, piece.start, piece.end)
-        return *piece.evaluate(t), piece.evaluate_force(t)
-
-    return at

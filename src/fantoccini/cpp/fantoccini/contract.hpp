@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x30a78fcc2117a6b7;
+constexpr long long contract_digest = 0x4cb2b24546e3f4aa;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -383,21 +383,29 @@ struct StepDerivativeArrays {
   int* edges;  // (n,) StepEdge; added to
 };
 
-// Smooth pieces of event-driven runs, and derivatives.
+// A smooth piece of a run, and small changes along it.
 struct FlowDerivativeArrays {
-  Shared p;
-  Shared u_D;  // or null
-  const double* q_D;  // (n, n_qD) starts
-  const double* v_D;  // (n, n_vD)
-  const double* q_K;  // (n, n_qK)
-  const double* v_K;  // (n, n_vK)
-  const double* acc_K;  // (n, n_vK) constant over the piece
-  const double* length;  // (n,) of the pieces [s]
-  const int* steps;  // (n,) of a piece
-  const unsigned char* held;  // (n, n_rows) rows that are held
-  double* q_D_end;  // (n, n_qD)
-  double* v_D_end;  // (n, n_vD)
-  double* motion;  // (n, 2 n_vD, m) of (dq_D, v_D) at the end by q_D, v_D, q_K, v_K, acc_K and p
+  double rtol;  // of the integration of state and changes
+  double atol;  // likewise
+  double first_step;  // that is tried [s]
+  double start;  // [s]
+  long long n_times;
+  const double* times;  // (n_times,) at which to write, increasing, up to the end [s]
+  InputArrays input;  // of one piece
+  int m;  // changes: by the state, by the parameters, along the inputs
+  int n_inputs;  // those along the inputs
+  // (6, 3 n_vK + n_vD, n_inputs) changes of q_K, v_K, acc_K and u_D in powers of the time
+  // since the start over the whole
+  const double* by_inputs;
+  const double* p;
+  const unsigned char* held;  // (n_rows,) rows that are held
+  const double* q_D;  // (n_qD,) at the start
+  const double* v_D;  // (n_vD,)
+  const double* changes;  // (2 n_vD, m) of (q_D, v_D)
+  double* q_D_at;  // (n_times, n_qD)
+  double* v_D_at;  // (n_times, n_vD)
+  double* changes_at;  // (n_times, 2 n_vD, m)
+  int status;  // Status
 };
 
 // A quadratic program of stages (stage_program.hpp).

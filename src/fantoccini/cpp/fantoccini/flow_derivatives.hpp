@@ -1,188 +1,254 @@
-// Derivatives of the motion over a smooth piece of an event-driven run, with the rows that it holds:
+// Small changes Z along a smooth piece of an event-driven run, with the rows that it holds:
 //
-//   dZ_q/dt = turning(v) Z_q + Z_v,   dZ_v/dt = acc_q Z_q + acc_v Z_v + (acc_q_K, acc_v_K, acc_acc_K, acc_p) U(t)
+//   dZ_q/dt = turning(v_D) Z_q + Z_v
+//   dZ_v/dt = acc_q Z_q + acc_v Z_v + (acc_p, acc_inputs(t))
 //
-// integrated together with the state by the run's method (tableau.hpp), in equal steps. Driven
-// coordinates are scalars under a constant acceleration. The derivatives of acc_D solve
-//
-//   M dacc + A_D^T dtension = -r_d,   A_D dacc = -hddot_d
+// integrated together with the state by dop853. The stages of a step are those of the state alone: so
+// the derivatives at all of them are found first.
 #pragma once
 
+#include <cmath>
 #include <cstring>
+#include <memory>
 
-#include "evaluation.hpp"
-#include "held_factor.hpp"
-#include "lane_of.hpp"
+#include "linear_flow.hpp"
 #include "manifold.hpp"
+#include "segments.hpp"
 #include "tableau.hpp"
-#include "wide.hpp"
 
 namespace fan {
+
+struct FlowDerivativeTolerances {
+  static constexpr double safety = 0.9, least = 0.2, most = 10.0;  // of a step by the one before
+};
 
 template <class Model>
 class FlowDerivatives {
  public:
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, K = Model::n_vK, P = Model::n_p;
-  static constexpr int M = Model::n_rows, width = Traits<Wide>::width;
-  static constexpr int m = 2 * N + 3 * K + P;  // columns: q_D, v_D, q_K, v_K, acc_K, p
-  static constexpr int size = NQ + N + 2 * N * m;
+  static constexpr int M = Model::n_rows, NY = NQ + N, rows = 2 * N;
+  using Linear = LinearFlow<Model>;
+  using Tolerance = FlowDerivativeTolerances;
 
-  void find(const FlowDerivativeArrays& in, long long i) {
-    q_K_ = in.q_K + i * Model::n_qK, v_K_ = in.v_K + i * K, acc_K_ = in.acc_K + i * K;
-    p_ = in.p.first + i * in.p.stride;
-    for (int k = 0; k < N; ++k) u_D_[k] = in.u_D.first ? in.u_D.first[i * in.u_D.stride + k] : 0.0;
-    n_held_ = 0;
+  explicit FlowDerivatives(const FlowDerivativeArrays& in)
+      : in_(in), ld_(in_eights(in.m)), ld_inputs_(in_eights(in.n_inputs)), linear_(in.n_inputs),
+        points_(new FlowPoint<Model>[dop853::stages + 1]), Z_(size()), Z_at_(size()), Z_end_(size()),
+        by_state_((dop853::stages + 1) * in_state), by_rest_((dop853::stages + 1) * in_rest()),
+        inputs_(Linear::n_changes * ld_inputs_) {
+    for (auto& k : Z_rate_) k.resize(size());
     for (int r = 0; r < M; ++r)
-      if (in.held[i * M + r]) held_[n_held_++] = r;
-    for (int k = 0; k < size; ++k) y_[k] = 0.0;
-    for (int k = 0; k < NQ; ++k) y_[k] = in.q_D[i * NQ + k];
-    for (int k = 0; k < N; ++k) y_[NQ + k] = in.v_D[i * N + k];
-    for (int k = 0; k < 2 * N; ++k) y_[NQ + N + k * m + k] = 1.0;
-    const int steps = in.steps[i];
-    const double h = in.length[i] / steps;
-    for (int s = 0; s < steps; ++s) step(s * h, h);
-    for (int k = 0; k < NQ; ++k) in.q_D_end[i * NQ + k] = y_[k];
-    for (int k = 0; k < N; ++k) in.v_D_end[i * N + k] = y_[NQ + k];
-    std::memcpy(in.motion + i * 2 * N * m, y_ + NQ + N, sizeof(double) * 2 * N * m);
+      if (in.held[r]) held_[n_held_++] = r;
+    for (int j = 0; j < K; ++j) still_[j] = is_constant(in.input.coef + n_powers * j);
+    std::memcpy(y_, in.q_D, sizeof(double) * NQ);
+    std::memcpy(y_ + NQ, in.v_D, sizeof(double) * N);
+    for (int k = 0; k < rows; ++k)
+      std::memcpy(Z_.data() + k * ld_, in.changes + k * in.m, sizeof(double) * in.m);
+  }
+
+  // Writes the state and the changes at all times.
+  int advance() {
+    double t = in_.start, h = in_.first_step;
+    evaluate(0, t, y_);
+    find(0, t);
+    for (long long i = 0; i < in_.n_times; ++i) {
+      while (t < in_.times[i]) {
+        const double rest = in_.times[i] - t;
+        const bool last = h >= rest;
+        const double s = last ? rest : (2.0 * h > rest ? 0.5 * rest : h);
+        const double error = attempt(t, s);
+        const double by = Tolerance::safety * std::pow(error, -0.125);
+        if (!(error <= 1.0)) {
+          h = s * (by > Tolerance::least ? by : Tolerance::least);
+          if (!(h > 10.0 * (std::nextafter(t, in_.times[i]) - t))) return STEP_TOO_SMALL;
+          continue;
+        }
+        t = last ? in_.times[i] : t + s;
+        const double next = s * (by < Tolerance::most ? by : Tolerance::most);
+        if (next > h || s == h) h = next;
+        accept();
+      }
+      write(i);
+    }
+    return DONE;
   }
 
  private:
-  void step(double t, double h) {
-    for (int s = 0; s < dop853::stages; ++s) {
-      std::memcpy(at_, y_, sizeof(at_));
-      for (int j = 0; j < s; ++j) add(h * dop853::A[s][j], k_[j], at_);
-      rate(t + h * dop853::C[s], at_, k_[s]);
+  static constexpr int in_state = rows * Linear::height;
+
+  // Rows past the last are written by products.
+  int size() const { return (N + Linear::height) * ld_; }
+  int in_rest() const { return Linear::height * in_eights(P + in_.n_inputs); }
+
+  // The state and its rate at a stage.
+  void evaluate(int stage, double t, const double* y) {
+    FlowPoint<Model>& at = points_[stage];
+    std::memcpy(at.q_D, y, sizeof(at.q_D));
+    std::memcpy(at.v_D, y + NQ, sizeof(at.v_D));
+    const double s = t - in_.input.breaks[0];
+    motion_of<typename Model::Driven>(
+        in_.input.coef, in_.input.base, still_, s, at.q_K, at.v_K, at.acc_K);
+    for (int j = 0; j < N; ++j) {
+      double rate, second;
+      at.u_D[j] = 0.0;
+      if (in_.input.force) polynomial(in_.input.force + n_powers * j, s, at.u_D[j], rate, second);
     }
-    for (int j = 0; j < dop853::stages; ++j) add(h * dop853::B[j], k_[j], y_);
+    at.accelerate(in_.p, held_, n_held_);
+    configuration_rate(at.q_D, at.v_D, rate_[stage]);
+    std::memcpy(rate_[stage] + NQ, at.acc, sizeof(double) * N);
+  }
+
+  static void configuration_rate(const double* q, const double* v, double* rate) {
     using Space = typename Model::Dynamic;
+    for (int i = 0; i < Space::n_scalars; ++i) rate[Space::scalar_q[i]] = v[Space::scalar_v[i]];
     for (int i = 0; i < Space::n_quaternions; ++i) {
-      double* q = y_ + Space::quaternion_q[i];
-      const double r = 1.0 / std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-      for (int c = 0; c < 4; ++c) q[c] *= r;
+      const double* w = v + Space::quaternion_v[i];
+      const double turn[4] = {0.0, 0.5 * w[0], 0.5 * w[1], 0.5 * w[2]};
+      quaternion_product(q + Space::quaternion_q[i], turn, rate + Space::quaternion_q[i]);
     }
   }
 
-  static void add(double a, const double* x, double* y) {
-    if (a == 0.0) return;
-    for (int k = 0; k < size; ++k) y[k] += a * x[k];
+  // The derivatives of acc_D at a stage that is evaluated.
+  void find(int stage, double t) {
+    const double s = (t - in_.start) / (in_.times[in_.n_times - 1] - in_.start);
+    for (int k = 0; k < Linear::n_changes; ++k)
+      for (int c = 0; c < in_.n_inputs; ++c) {
+        const double* at = in_.by_inputs + k * in_.n_inputs + c;
+        double sum = 0.0;
+        for (int power = n_powers - 1; power >= 0; --power)
+          sum = sum * s + at[power * Linear::n_changes * in_.n_inputs];
+        inputs_[k * ld_inputs_ + c] = sum;
+      }
+    linear_.find(
+        points_[stage], in_.p, inputs_.data(), by_state_.data() + stage * in_state,
+        by_rest_.data() + stage * in_rest(), in_eights(P + in_.n_inputs));
   }
 
-  void rate(double t, const double* y, double* dy) {
+  // dZ/dt at a stage.
+  void change_rate(int stage, const double* Z, double* out) const {
+    std::memcpy(out, Z + N * ld_, sizeof(double) * N * ld_);
     using Space = typename Model::Dynamic;
-    using Driven = typename Model::Driven;
-    const double *q = y, *v = y + NQ, *Z = y + NQ + N;
-    double q_K[room(Model::n_qK)], v_K[room(K)];
-    for (int i = 0; i < Driven::n_scalars; ++i) {
-      const int a = Driven::scalar_q[i], b = Driven::scalar_v[i];
-      q_K[a] = q_K_[a] + t * (v_K_[b] + 0.5 * t * acc_K_[b]);
-      v_K[b] = v_K_[b] + t * acc_K_[b];
-    }
-    linearise(q, v, q_K, v_K, dy + NQ);
-    for (int i = 0; i < Space::n_scalars; ++i) dy[Space::scalar_q[i]] = v[Space::scalar_v[i]];
-    double* dZ = dy + NQ + N;
-    std::memcpy(dZ, Z + N * m, sizeof(double) * N * m);
     for (int i = 0; i < Space::n_quaternions; ++i) {
-      const double *a = q + Space::quaternion_q[i], *w = v + Space::quaternion_v[i];
-      double* out = dy + Space::quaternion_q[i];
-      out[0] = -0.5 * (a[1] * w[0] + a[2] * w[1] + a[3] * w[2]);
-      out[1] = 0.5 * (a[0] * w[0] + a[2] * w[2] - a[3] * w[1]);
-      out[2] = 0.5 * (a[0] * w[1] + a[3] * w[0] - a[1] * w[2]);
-      out[3] = 0.5 * (a[0] * w[2] + a[1] * w[1] - a[2] * w[0]);
       const int k = Space::quaternion_v[i];
-      for (int c = 0; c < m; ++c) {
-        const double x = Z[k * m + c], y1 = Z[(k + 1) * m + c], z = Z[(k + 2) * m + c];
-        dZ[k * m + c] += w[2] * y1 - w[1] * z;
-        dZ[(k + 1) * m + c] += w[0] * z - w[2] * x;
-        dZ[(k + 2) * m + c] += w[1] * x - w[0] * y1;
+      const double* w = points_[stage].v_D + k;
+      for (int r = 0; r < 3; ++r) {
+        const int a = (r + 1) % 3, b = (r + 2) % 3;
+        add_scaled(w[b], Z + (k + a) * ld_, out + (k + r) * ld_, ld_);
+        add_scaled(-w[a], Z + (k + b) * ld_, out + (k + r) * ld_, ld_);
       }
     }
+    double* lower = out + N * ld_;
+    const int direct = P + in_.n_inputs, first = in_.m - direct;
     for (int k = 0; k < N; ++k) {
-      double* out = dZ + (N + k) * m;
-      const double* a = by_acc_[k];
-      for (int c = 0; c < 2 * N; ++c) out[c] = 0.0;
-      for (int c = 0; c < K; ++c) {
-        const double q_c = a[2 * N + c], v_c = a[2 * N + K + c], a_c = a[2 * N + 2 * K + c];
-        out[2 * N + c] = q_c;
-        out[2 * N + K + c] = t * q_c + v_c;
-        out[2 * N + 2 * K + c] = 0.5 * t * t * q_c + t * v_c + a_c;
-      }
-      for (int c = 2 * N + 3 * K; c < m; ++c) out[c] = a[c];
-      for (int j = 0; j < 2 * N; ++j) {
-        const double by = a[j];
-        const double* row = Z + j * m;
-        for (int c = 0; c < m; ++c) out[c] += by * row[c];
-      }
+      std::memset(lower + k * ld_, 0, sizeof(double) * ld_);
+      std::memcpy(lower + k * ld_ + first, by_rest_.data() + stage * in_rest() + k * in_eights(direct),
+                  sizeof(double) * direct);
+    }
+    add_product(
+        rows, by_state_.data() + stage * in_state, Linear::height, Z, ld_, lower, ld_, N, in_.m);
+  }
+
+  // A step of length h. Returns the size of its error against the tolerances.
+  double attempt(double t, double h) {
+    double at[NY];
+    for (int s = 1; s < dop853::stages; ++s) {
+      combine(dop853::A[s], s, h, at);
+      evaluate(s, t + dop853::C[s] * h, at);
+    }
+    combine(dop853::B, dop853::stages, h, end_);
+    normalise_all<typename Model::Dynamic>(end_);
+    evaluate(dop853::stages, t + h, end_);
+    for (int s = 1; s <= dop853::stages; ++s) find(s, t + dop853::C[s] * h);
+    const double* k[dop853::stages];
+    for (int s = 0; s < dop853::stages; ++s) k[s] = Z_rate_[s].data();
+    change_rate(0, Z_.data(), Z_rate_[0].data());
+    for (int s = 1; s < dop853::stages; ++s) {
+      sum_of(Z_.data(), k, dop853::A[s], s, h, Z_at_.data());
+      change_rate(s, Z_at_.data(), Z_rate_[s].data());
+    }
+    sum_of(Z_.data(), k, dop853::B, dop853::stages, h, Z_end_.data());
+    return error(h, k);
+  }
+
+  void combine(const double* weights, int n, double h, double* out) const {
+    for (int j = 0; j < NY; ++j) {
+      double sum = 0.0;
+      for (int i = 0; i < n; ++i) sum += weights[i] * rate_[i][j];
+      out[j] = y_[j] + h * sum;
     }
   }
 
-  // acc_D and its derivatives by_acc_.
-  void linearise(
-      const double* q, const double* v, const double* q_K, const double* v_K, double* acc) {
-    eval_.at(q, v, q_K, v_K, acc_K_, u_D_, p_);
-    rows_.gather(eval_, v, held_, n_held_);
-    factor_.factorise(rows_.problem.G, Complementarity<double, M>::N, rows_.n);
-    double pull[room(M)], tension[room(M)] = {}, w[room(N)];
-    for (int a = 0; a < rows_.n; ++a) pull[a] = rows_.hddot[a];
-    factor_.solve(pull);
-    for (int a = 0; a < rows_.n; ++a) tension[rows_.row[a]] = pull[a], pull[a] = -pull[a];
-    for (int k = 0; k < N; ++k) w[k] = eval_.w0[k];
-    rows_.add(pull, w);
-    eval_.back(w, acc);
-    struct {
-      double *r_q, *r_v, *r_qK, *r_vK, *M_DK, *r_p;
-    } r;
-    double* at = force_;
-    r.r_q = at, at += N * N, r.r_v = at, at += N * N, r.r_qK = at, at += N * K;
-    r.r_vK = at, at += N * K, r.M_DK = at, at += N * K, r.r_p = at;
-    using Of = Call<Model, double>;
-    Of::force_by_q(q, v, acc, q_K, v_K, acc_K_, tension, 0.0, p_, r.r_q);
-    Of::force_by_v(q, v, acc, q_K, v_K, acc_K_, tension, 0.0, p_, r.r_v);
-    Of::force_by_K(q, v, acc, q_K, v_K, acc_K_, tension, 0.0, p_, r);
-    if (rows_.n) Of::rows_by(q, v, acc, q_K, v_K, acc_K_, p_, by_);
-    for (int a = 0; a < rows_.n; ++a) {
-      const int row = rows_.row[a];
-      double* out = rate_by_[a];
-      for (int k = 0; k < N; ++k) *out++ = by_.hddot_q[M * k + row];
-      for (int k = 0; k < N; ++k) *out++ = by_.hddot_v[M * k + row];
-      for (int k = 0; k < K; ++k) *out++ = by_.hddot_qK[M * k + row];
-      for (int k = 0; k < K; ++k) *out++ = by_.hddot_vK[M * k + row];
-      for (int k = 0; k < K; ++k) *out++ = by_.A_K[M * k + row];
-      for (int k = 0; k < P; ++k) *out++ = by_.hddot_p[M * k + row];
-    }
-    for (int first = 0; first < m; first += width) {
-      const int n = m - first < width ? m - first : width;
-      Wide x[room(N)], f[room(N)], y[room(M)];
-      for (int k = 0; k < N; ++k)
-        for (int l = 0; l < width; ++l) lane_of(x[k], l) = l < n ? -force_[(first + l) * N + k] : 0.0;
-      Model::forth_of(eval_.L, x, f);
-      for (int a = 0; a < rows_.n; ++a) {
-        Wide sum = Wide(0.0);
-        for (int l = 0; l < n; ++l) lane_of(sum, l) = rate_by_[a][first + l];
-        for (int k = 0; k < N; ++k) sum += rows_.column[a][k] * f[k];
-        y[a] = sum;
-      }
-      factor_.solve(y);
-      for (int a = 0; a < rows_.n; ++a)
-        for (int k = 0; k < N; ++k) f[k] -= rows_.column[a][k] * y[a];
-      Model::back_of(eval_.L, f, x);
-      for (int k = 0; k < N; ++k)
-        for (int l = 0; l < n; ++l) by_acc_[k][first + l] = lane_of(x[k], l);
+  // out = Z + h sum_i weights_i k_i
+  void sum_of(
+      const double* Z, const double* const* k, const double* weights, int n, double h,
+      double* out) const {
+    const double* from[dop853::stages];
+    double by[dop853::stages];
+    int used = 0;
+    for (int i = 0; i < n; ++i)
+      if (weights[i] != 0.0) by[used] = h * weights[i], from[used++] = k[i];
+    for (int j = 0; j < rows * ld_; j += FAN_WIDTH) {
+      Vec sum = vec(Z + j);
+      for (int i = 0; i < used; ++i) sum += by[i] * vec(from[i] + j);
+      vec(out + j) = sum;
     }
   }
 
-  const double *q_K_, *v_K_, *acc_K_, *p_;
-  double u_D_[room(N)];
-  int held_[room(M)], n_held_ = 0;
-  Evaluation<Model, double> eval_;
-  RowSystem<Model, double> rows_;
-  HeldFactor<M> factor_;
-  double y_[size], at_[size], k_[dop853::stages][size];
-  double force_[room(N * m)], rate_by_[room(M)][room(m)], by_acc_[room(N)][room(m)];
-  struct {
-    double A_D[room(M * N)], A_K[room(M * K)], h_p[room(M * P)], hdot_q[room(M * N)];
-    double hdot_qK[room(M * K)], hdot_p[room(M * P)], hddot_q[room(M * N)], hddot_v[room(M * N)];
-    double hddot_qK[room(M * K)], hddot_vK[room(M * K)], hddot_p[room(M * P)];
-  } by_;
+  // Hairer's estimate over the state and the changes.
+  double error(double h, const double* const* k) const {
+    double five = 0.0, three = 0.0;
+    const auto add = [&](double from, double to, double e5, double e3) {
+      const double size = std::fabs(from) > std::fabs(to) ? std::fabs(from) : std::fabs(to);
+      const double scale = 1.0 / (in_.atol + in_.rtol * size);
+      five += e5 * scale * e5 * scale;
+      three += e3 * scale * e3 * scale;
+    };
+    for (int j = 0; j < NY; ++j) {
+      double e5 = 0.0, e3 = 0.0;
+      for (int i = 0; i < dop853::stages; ++i) {
+        e5 += dop853::E5[i] * rate_[i][j];
+        e3 += dop853::E3[i] * rate_[i][j];
+      }
+      add(y_[j], end_[j], e5, e3);
+    }
+    for (int j = 0; j < rows * ld_; ++j) {
+      double e5 = 0.0, e3 = 0.0;
+      for (int i = 0; i < dop853::stages; ++i) {
+        e5 += dop853::E5[i] * k[i][j];
+        e3 += dop853::E3[i] * k[i][j];
+      }
+      add(Z_[j], Z_end_[j], e5, e3);
+    }
+    if (five == 0.0 && three == 0.0) return 0.0;
+    return h * five / std::sqrt((five + 0.01 * three) * (NY + rows * in_.m));
+  }
+
+  // Makes the end of the step the start of the next.
+  void accept() {
+    std::memcpy(y_, end_, sizeof(y_));
+    std::memcpy(rate_[0], rate_[dop853::stages], sizeof(rate_[0]));
+    Z_.swap(Z_end_);
+    std::memcpy(points_[0].v_D, points_[dop853::stages].v_D, sizeof(points_[0].v_D));
+    std::memcpy(by_state_.data(), by_state_.data() + dop853::stages * in_state, sizeof(double) * in_state);
+    std::memcpy(
+        by_rest_.data(), by_rest_.data() + dop853::stages * in_rest(), sizeof(double) * in_rest());
+  }
+
+  void write(long long i) const {
+    std::memcpy(in_.q_D_at + i * NQ, y_, sizeof(double) * NQ);
+    std::memcpy(in_.v_D_at + i * N, y_ + NQ, sizeof(double) * N);
+    double* out = in_.changes_at + i * rows * in_.m;
+    for (int k = 0; k < rows; ++k)
+      std::memcpy(out + k * in_.m, Z_.data() + k * ld_, sizeof(double) * in_.m);
+  }
+
+  const FlowDerivativeArrays& in_;
+  int ld_, ld_inputs_, n_held_ = 0, held_[room(M)];
+  bool still_[room(K)];
+  Linear linear_;
+  std::unique_ptr<FlowPoint<Model>[]> points_;
+  double y_[NY], end_[NY], rate_[dop853::stages + 1][NY];
+  std::vector<double> Z_, Z_at_, Z_end_, Z_rate_[dop853::stages];
+  std::vector<double> by_state_, by_rest_, inputs_;
 };
 
 }  // namespace fan
