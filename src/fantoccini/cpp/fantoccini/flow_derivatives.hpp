@@ -34,8 +34,11 @@ class FlowDerivatives {
       : in_(in), ld_(in_eights(in.m)), ld_inputs_(in_eights(in.n_inputs)), linear_(in.n_inputs),
         points_(new FlowPoint<Model>[dop853::stages + 1]), Z_(size()), Z_at_(size()), Z_end_(size()),
         by_state_((dop853::stages + 1) * in_state), by_rest_((dop853::stages + 1) * in_rest()),
-        inputs_(Linear::n_changes * ld_inputs_) {
+        powers_(n_powers * changes()), inputs_(changes()) {
     for (auto& k : Z_rate_) k.resize(size());
+    for (int j = 0; j < n_powers * Linear::n_changes; ++j)
+      std::memcpy(
+          powers_.data() + j * ld_inputs_, in.by_inputs + j * in.n_inputs, sizeof(double) * in.n_inputs);
     for (int r = 0; r < M; ++r)
       if (in.held[r]) held_[n_held_++] = r;
     for (int j = 0; j < K; ++j) still_[j] = is_constant(in.input.coef + n_powers * j);
@@ -77,6 +80,7 @@ class FlowDerivatives {
 
   // Rows past the last are written by products.
   int size() const { return (N + Linear::height) * ld_; }
+  int changes() const { return Linear::n_changes * ld_inputs_; }
   int in_rest() const { return Linear::height * in_eights(P + in_.n_inputs); }
 
   // The state and its rate at a stage.
@@ -110,14 +114,12 @@ class FlowDerivatives {
   // The derivatives of acc_D at a stage that is evaluated.
   void find(int stage, double t) {
     const double s = (t - in_.start) / (in_.times[in_.n_times - 1] - in_.start);
-    for (int k = 0; k < Linear::n_changes; ++k)
-      for (int c = 0; c < in_.n_inputs; ++c) {
-        const double* at = in_.by_inputs + k * in_.n_inputs + c;
-        double sum = 0.0;
-        for (int power = n_powers - 1; power >= 0; --power)
-          sum = sum * s + at[power * Linear::n_changes * in_.n_inputs];
-        inputs_[k * ld_inputs_ + c] = sum;
-      }
+    for (int j = 0; j < changes(); j += FAN_WIDTH) {
+      Vec sum = vec(powers_.data() + (n_powers - 1) * changes() + j);
+      for (int power = n_powers - 2; power >= 0; --power)
+        sum = sum * s + vec(powers_.data() + power * changes() + j);
+      vec(inputs_.data() + j) = sum;
+    }
     linear_.find(
         points_[stage], in_.p, inputs_.data(), by_state_.data() + stage * in_state,
         by_rest_.data() + stage * in_rest(), in_eights(P + in_.n_inputs));
@@ -158,15 +160,12 @@ class FlowDerivatives {
     normalise_all<typename Model::Dynamic>(end_);
     evaluate(dop853::stages, t + h, end_);
     for (int s = 1; s <= dop853::stages; ++s) find(s, t + dop853::C[s] * h);
-    const double* k[dop853::stages];
-    for (int s = 0; s < dop853::stages; ++s) k[s] = Z_rate_[s].data();
     change_rate(0, Z_.data(), Z_rate_[0].data());
     for (int s = 1; s < dop853::stages; ++s) {
-      sum_of(Z_.data(), k, dop853::A[s], s, h, Z_at_.data());
+      change_at(s, h);
       change_rate(s, Z_at_.data(), Z_rate_[s].data());
     }
-    sum_of(Z_.data(), k, dop853::B, dop853::stages, h, Z_end_.data());
-    return error(h, k);
+    return finish(h);
   }
 
   void combine(const double* weights, int n, double h, double* out) const {
@@ -177,49 +176,70 @@ class FlowDerivatives {
     }
   }
 
-  // out = Z + h sum_i weights_i k_i
-  void sum_of(
-      const double* Z, const double* const* k, const double* weights, int n, double h,
-      double* out) const {
+  // Z_at = Z + h sum_j A_sj k_j
+  void change_at(int stage, double h) {
     const double* from[dop853::stages];
     double by[dop853::stages];
-    int used = 0;
-    for (int i = 0; i < n; ++i)
-      if (weights[i] != 0.0) by[used] = h * weights[i], from[used++] = k[i];
-    for (int j = 0; j < rows * ld_; j += FAN_WIDTH) {
-      Vec sum = vec(Z + j);
-      for (int i = 0; i < used; ++i) sum += by[i] * vec(from[i] + j);
-      vec(out + j) = sum;
+    int n = 0;
+    for (int j = 0; j < stage; ++j)
+      if (dop853::A[stage][j] != 0.0)
+        by[n] = h * dop853::A[stage][j], from[n++] = Z_rate_[j].data();
+    // There is an even number of rows.
+    for (int j = 0; j < rows * ld_; j += 2 * FAN_WIDTH) {
+      Vec sum = vec(Z_.data() + j), next = vec(Z_.data() + j + FAN_WIDTH);
+      for (int i = 0; i < n; ++i) {
+        sum += by[i] * vec(from[i] + j);
+        next += by[i] * vec(from[i] + j + FAN_WIDTH);
+      }
+      vec(Z_at_.data() + j) = sum;
+      vec(Z_at_.data() + j + FAN_WIDTH) = next;
     }
   }
 
-  // Hairer's estimate over the state and the changes.
-  double error(double h, const double* const* k) const {
+  // The state's and the changes' end, and the size of the error by Hairer's estimate.
+  double finish(double h) {
     double five = 0.0, three = 0.0;
-    const auto add = [&](double from, double to, double e5, double e3) {
-      const double size = std::fabs(from) > std::fabs(to) ? std::fabs(from) : std::fabs(to);
-      const double scale = 1.0 / (in_.atol + in_.rtol * size);
-      five += e5 * scale * e5 * scale;
-      three += e3 * scale * e3 * scale;
-    };
-    for (int j = 0; j < NY; ++j) {
-      double e5 = 0.0, e3 = 0.0;
-      for (int i = 0; i < dop853::stages; ++i) {
-        e5 += dop853::E5[i] * rate_[i][j];
-        e3 += dop853::E3[i] * rate_[i][j];
-      }
-      add(y_[j], end_[j], e5, e3);
+    for (int j = 0; j < NY; ++j)
+      add_error(y_[j], end_[j], [&](int i) { return rate_[i][j]; }, &five, &three);
+    Wide fives = Wide(0.0), threes = Wide(0.0);
+    for (int j = 0; j < rows * ld_; j += FAN_WIDTH) {
+      const Wide from = wide(Z_.data() + j);
+      Wide rate = Wide(0.0);
+      for (int i = 0; i < dop853::stages; ++i)
+        if (dop853::B[i] != 0.0) rate += dop853::B[i] * wide(Z_rate_[i].data() + j);
+      const Wide to = from + h * rate;
+      std::memcpy(Z_end_.data() + j, &to, sizeof(Wide));
+      add_error(from, to, [&](int i) { return wide(Z_rate_[i].data() + j); }, &fives, &threes);
     }
-    for (int j = 0; j < rows * ld_; ++j) {
-      double e5 = 0.0, e3 = 0.0;
-      for (int i = 0; i < dop853::stages; ++i) {
-        e5 += dop853::E5[i] * k[i][j];
-        e3 += dop853::E3[i] * k[i][j];
-      }
-      add(Z_[j], Z_end_[j], e5, e3);
-    }
+    for (int l = 0; l < Traits<Wide>::width; ++l)
+      five += lane_of(fives, l), three += lane_of(threes, l);
     if (five == 0.0 && three == 0.0) return 0.0;
     return h * five / std::sqrt((five + 0.01 * three) * (NY + rows * in_.m));
+  }
+
+  template <class Real, class Rate>
+  void add_error(
+      const Real& from, const Real& to, const Rate& rate, Real* fives, Real* threes) const {
+    using std::abs;
+    Real five = Real(0.0), three = Real(0.0);
+    for (int i = 0; i < dop853::stages; ++i)
+      if (dop853::E3[i] != 0.0) {
+        const Real one = rate(i);
+        five += dop853::E5[i] * one;
+        three += dop853::E3[i] * one;
+      }
+    const Real a = abs(from), b = abs(to);
+    const Real scale = 1.0 / (in_.atol + in_.rtol * select(a > b, a, b));
+    five *= scale;
+    three *= scale;
+    *fives += five * five;
+    *threes += three * three;
+  }
+
+  static Wide wide(const double* from) {
+    Wide x;
+    std::memcpy(&x, from, sizeof(Wide));
+    return x;
   }
 
   // Makes the end of the step the start of the next.
@@ -248,7 +268,7 @@ class FlowDerivatives {
   std::unique_ptr<FlowPoint<Model>[]> points_;
   double y_[NY], end_[NY], rate_[dop853::stages + 1][NY];
   std::vector<double> Z_, Z_at_, Z_end_, Z_rate_[dop853::stages];
-  std::vector<double> by_state_, by_rest_, inputs_;
+  std::vector<double> by_state_, by_rest_, powers_, inputs_;
 };
 
 }  // namespace fan
