@@ -863,20 +863,22 @@ struct Call {
   FAN_FN static void force_by_q(
       const Real* q_D, const Real* v_D, const Real* acc_D, const Real* q_K,
       const Real* v_K, const Real* acc_K, const Real* tension, const Real& dt,
-      const Real* p, Real* r_q) {
+      const Real* p, Real* r_q, bool constants) {
     const Real* arg[] = {q_D, v_D, acc_D, q_K, v_K, acc_K, tension, &dt, p};
     Real* res[] = {at(r_q)};
-    Model::force_by_q(arg, res);
+    if (constants) Model::force_by_q_constants(res);
+    Model::force_by_q_varying(arg, res);
   }
 
   // Derivative of r by the dynamic velocity.
   FAN_FN static void force_by_v(
       const Real* q_D, const Real* v_D, const Real* acc_D, const Real* q_K,
       const Real* v_K, const Real* acc_K, const Real* tension, const Real& dt,
-      const Real* p, Real* r_v) {
+      const Real* p, Real* r_v, bool constants) {
     const Real* arg[] = {q_D, v_D, acc_D, q_K, v_K, acc_K, tension, &dt, p};
     Real* res[] = {at(r_v)};
-    Model::force_by_v(arg, res);
+    if (constants) Model::force_by_v_constants(res);
+    Model::force_by_v_varying(arg, res);
   }
 
   // Derivatives of r by the driven coordinates and the parameters.
@@ -884,33 +886,36 @@ struct Call {
   FAN_FN static void force_by_K(
       const Real* q_D, const Real* v_D, const Real* acc_D, const Real* q_K,
       const Real* v_K, const Real* acc_K, const Real* tension, const Real& dt,
-      const Real* p, Results& to) {
+      const Real* p, Results& to, bool constants) {
     const Real* arg[] = {q_D, v_D, acc_D, q_K, v_K, acc_K, tension, &dt, p};
     Real* res[] = {at(to.r_qK), at(to.r_vK), at(to.M_DK), at(to.r_p)};
-    Model::force_by_K(arg, res);
+    if (constants) Model::force_by_K_constants(res);
+    Model::force_by_K_varying(arg, res);
   }
 
   // A_D, A_K and the derivatives of h, hdot and hddot of strings and limits.
   template <class Results>
   FAN_FN static void rows_by(
       const Real* q_D, const Real* v_D, const Real* acc_D, const Real* q_K,
-      const Real* v_K, const Real* acc_K, const Real* p, Results& to) {
+      const Real* v_K, const Real* acc_K, const Real* p, Results& to, bool constants) {
     const Real* arg[] = {q_D, v_D, acc_D, q_K, v_K, acc_K, p};
     Real* res[] = {at(to.A_D), at(to.A_K), at(to.h_p), at(to.hdot_q), at(to.hdot_qK),
         at(to.hdot_p), at(to.hddot_q), at(to.hddot_v), at(to.hddot_qK),
         at(to.hddot_vK), at(to.hddot_p)};
-    Model::rows_by(arg, res);
+    if (constants) Model::rows_by_constants(res);
+    Model::rows_by_varying(arg, res);
   }
 
   // A_D, A_K and the derivatives of h and hdot of strings and limits.
   template <class Results>
   FAN_FN static void row_rates_by(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
-      const Real* p, Results& to) {
+      const Real* p, Results& to, bool constants) {
     const Real* arg[] = {q_D, v_D, q_K, v_K, p};
     Real* res[] = {at(to.A_D), at(to.A_K), at(to.h_p), at(to.hdot_q), at(to.hdot_qK),
         at(to.hdot_p)};
-    Model::row_rates_by(arg, res);
+    if (constants) Model::row_rates_by_constants(res);
+    Model::row_rates_by_varying(arg, res);
   }
 
   // Forces that do not balance at rest, r of Eq. 10, h, and their derivatives.

@@ -5,12 +5,12 @@
 #include <new>
 
 #include "flow_derivatives.hpp"
-#include "map_abi.hpp"
+#include "map_lanes.hpp"
 
 // Changes along a smooth piece of a run; sets its status. 1 where there was no memory, else 0.
 FAN_EXPORT int fan_flow_derivatives(fan::FlowDerivativeArrays* arrays) {
   try {
-    arrays->status = fan::FlowDerivatives<fan::Model>(*arrays).advance();
+    arrays->status = std::make_unique<fan::FlowDerivatives<fan::Model>>(*arrays)->advance();
   } catch (const std::bad_alloc&) {
     return 1;
   }

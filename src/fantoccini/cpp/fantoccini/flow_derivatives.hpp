@@ -52,7 +52,7 @@ class FlowDerivatives {
   int advance() {
     double t = in_.start, h = in_.first_step;
     evaluate(0, t, y_);
-    find(0, t);
+    find(0, 1, t, 0.0);
     for (long long i = 0; i < in_.n_times; ++i) {
       while (t < in_.times[i]) {
         const double rest = in_.times[i] - t;
@@ -111,8 +111,22 @@ class FlowDerivatives {
     }
   }
 
-  // The derivatives of acc_D at a stage that is evaluated.
-  void find(int stage, double t) {
+  // The derivatives of acc_D at n stages from one on, of a step h from t.
+  void find(int from, int n, double t, double h) {
+    constexpr int width = Traits<Wide>::width;
+    for (int first = from; first < from + n; first += width) {
+      const int some = from + n - first < width ? from + n - first : width;
+      linear_.differentiate(points_.get() + first, some, in_.p);
+      for (int stage = first; stage < first + some; ++stage) {
+        change_inputs(t + dop853::C[stage] * h);
+        linear_.find(
+            stage - first, points_[stage], inputs_.data(), by_state_.data() + stage * in_state,
+            by_rest_.data() + stage * in_rest(), in_eights(P + in_.n_inputs));
+      }
+    }
+  }
+
+  void change_inputs(double t) {
     const double s = (t - in_.start) / (in_.times[in_.n_times - 1] - in_.start);
     for (int j = 0; j < changes(); j += FAN_WIDTH) {
       Vec sum = vec(powers_.data() + (n_powers - 1) * changes() + j);
@@ -120,9 +134,6 @@ class FlowDerivatives {
         sum = sum * s + vec(powers_.data() + power * changes() + j);
       vec(inputs_.data() + j) = sum;
     }
-    linear_.find(
-        points_[stage], in_.p, inputs_.data(), by_state_.data() + stage * in_state,
-        by_rest_.data() + stage * in_rest(), in_eights(P + in_.n_inputs));
   }
 
   // dZ/dt at a stage.
@@ -159,7 +170,7 @@ class FlowDerivatives {
     combine(dop853::B, dop853::stages, h, end_);
     normalise_all<typename Model::Dynamic>(end_);
     evaluate(dop853::stages, t + h, end_);
-    for (int s = 1; s <= dop853::stages; ++s) find(s, t + dop853::C[s] * h);
+    find(1, dop853::stages, t, h);
     change_rate(0, Z_.data(), Z_rate_[0].data());
     for (int s = 1; s < dop853::stages; ++s) {
       change_at(s, h);

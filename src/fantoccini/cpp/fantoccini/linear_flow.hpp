@@ -3,11 +3,12 @@
 //   M dacc + A_D^T dtension = -r_d,   A_D dacc = -hddot_d
 //
 // r is the residual of Eq. 10, d a change of q_D, v_D or the parameters, or one along which the inputs
-// change. Columns are solved for in bundles, as many as a vector holds.
+// change. r_d and hddot_d are evaluated at several states at once; columns are solved for in bundles.
 #pragma once
 
 #include <vector>
 
+#include "derivatives_in_lanes.hpp"
 #include "evaluation.hpp"
 #include "held_factor.hpp"
 #include "lane_of.hpp"
@@ -51,20 +52,54 @@ class LinearFlow {
   using Point = FlowPoint<Model>;
 
   explicit LinearFlow(int n_inputs)
-      : n_inputs_(n_inputs), row_(in_eights(n_inputs)), force_(N * columns + 8),
-        rate_(M * columns + 8), pushed_((height + in_eights(M)) * row_) {}
+      : n_inputs_(n_inputs), row_(in_eights(n_inputs)), pushed_((height + in_eights(M)) * row_) {
+    for (auto& force : force_) force.resize(N * columns + 8);
+    for (auto& rate : rate_) rate.resize(M * columns + 8);
+  }
 
-  // Derivatives at a point.
+  // r_d and hddot_d of the held rows at n points, as many as there are lanes at most.
+  void differentiate(const Point* points, int n, const double* p) {
+    for (int l = 0; l < n; ++l) {
+      const Point& at = points[l];
+      states_.place(l, at.q_D, states_.q_D, Model::n_qD);
+      states_.place(l, at.v_D, states_.v_D, N);
+      states_.place(l, at.acc, states_.acc, N);
+      states_.place(l, at.q_K, states_.q_K, Model::n_qK);
+      states_.place(l, at.v_K, states_.v_K, K);
+      states_.place(l, at.acc_K, states_.acc_K, K);
+      states_.place(l, at.tension, states_.tension, M);
+      states_.place(l, p, states_.p, P);
+    }
+    forces_.find(states_, 0.0);
+    double* to[width];
+    for (int l = 0; l < n; ++l) to[l] = force_[l].data();
+    forces_.write(to, n);
+    const int n_rows = points[0].rows.n;
+    if (n_rows == 0) return;
+    const StatesInLanes<Model>& at = states_;
+    Call<Model, Wide>::rows_by(at.q_D, at.v_D, at.acc, at.q_K, at.v_K, at.acc_K, at.p, by_, fresh_);
+    fresh_ = false;
+    const Wide* parts[] = {by_.hddot_q, by_.hddot_v, by_.hddot_qK, by_.hddot_vK, by_.A_K,
+                           by_.hddot_p};
+    constexpr int widths[] = {N, N, K, K, K, P};
+    int c = 0;
+    for (int part = 0; part < 6; ++part)
+      for (int k = 0; k < widths[part]; ++k, ++c)
+        for (int a = 0; a < n_rows; ++a) {
+          const Wide& all = parts[part][M * k + points[0].rows.row[a]];
+          for (int l = 0; l < n; ++l) rate_[l][c * M + a] = lane_of(all, l);
+        }
+  }
+
+  // dacc at one of the points that were differentiated last, the one in a lane.
   //
-  // by_state: (2 N, height) dacc by q_D and v_D, column by column.
-  // by_rest: (N, ld) dacc by the parameters and along the inputs' changes, row by row.
+  // by_state: (2 N, height) by q_D and v_D, column by column.
+  // by_rest: (N, ld) by the parameters and along the inputs' changes, row by row.
   // inputs: (n_changes, in_eights(n_inputs)) these changes.
   void find(
-      const Point& at, const double* p, const double* inputs, double* by_state, double* by_rest,
-      int ld) {
-    differentiate(at, p);
+      int lane, const Point& at, const double* inputs, double* by_state, double* by_rest, int ld) {
     const int n = at.rows.n;
-    double *rates = rate_.data(), *forces = force_.data();
+    const double *rates = rate_[lane].data(), *forces = force_[lane].data();
     Bundle x;
     for (int first = 0; first < 2 * N + P; first += width) {
       // The parameters' columns come after those of the driven coordinates.
@@ -87,7 +122,7 @@ class LinearFlow {
           for (int k = 0; k < N; ++k) by_rest[k * ld + c - 2 * N] = lane_of(x.acc[k], l);
       }
     }
-    if (n_inputs_) along(at, inputs, by_rest + P, ld);
+    if (n_inputs_) along(lane, at, inputs, by_rest + P, ld);
   }
 
  private:
@@ -98,37 +133,14 @@ class LinearFlow {
     Wide force[room(N)], rate[room(M)], acc[room(N)];
   };
 
-  // r_d and hddot_d of the held rows, column by column.
-  void differentiate(const Point& at, const double* p) {
-    struct {
-      double *r_q, *r_v, *r_qK, *r_vK, *M_DK, *r_p;
-    } r;
-    double* to = force_.data();
-    r.r_q = to, to += N * N, r.r_v = to, to += N * N, r.r_qK = to, to += N * K;
-    r.r_vK = to, to += N * K, r.M_DK = to, to += N * K, r.r_p = to;
-    using Of = Call<Model, double>;
-    Of::force_by_q(at.q_D, at.v_D, at.acc, at.q_K, at.v_K, at.acc_K, at.tension, 0.0, p, r.r_q);
-    Of::force_by_v(at.q_D, at.v_D, at.acc, at.q_K, at.v_K, at.acc_K, at.tension, 0.0, p, r.r_v);
-    Of::force_by_K(at.q_D, at.v_D, at.acc, at.q_K, at.v_K, at.acc_K, at.tension, 0.0, p, r);
-    if (at.rows.n == 0) return;
-    Of::rows_by(at.q_D, at.v_D, at.acc, at.q_K, at.v_K, at.acc_K, p, by_);
-    const double* parts[] = {by_.hddot_q, by_.hddot_v, by_.hddot_qK, by_.hddot_vK, by_.A_K,
-                             by_.hddot_p};
-    constexpr int widths[] = {N, N, K, K, K, P};
-    double* out = rate_.data();
-    for (int part = 0; part < 6; ++part)
-      for (int k = 0; k < widths[part]; ++k, out += M)
-        for (int a = 0; a < at.rows.n; ++a) out[a] = parts[part][M * k + at.rows.row[a]];
-  }
-
   // dacc along the changes of the inputs.
-  void along(const Point& at, const double* inputs, double* out, int ld) {
+  void along(int lane, const Point& at, const double* inputs, double* out, int ld) {
     double *forces = pushed_.data(), *rates = forces + height * row_;
     std::fill(pushed_.begin(), pushed_.end(), 0.0);
-    add_product(3 * K, force_.data() + 2 * N * N, N, inputs, row_, forces, row_, N, n_inputs_);
+    add_product(3 * K, force_[lane].data() + 2 * N * N, N, inputs, row_, forces, row_, N, n_inputs_);
     const double* pushes = inputs + 3 * K * row_;
     if (at.rows.n)
-      add_product(3 * K, rate_.data() + 2 * N * M, M, inputs, row_, rates, row_, at.rows.n, n_inputs_);
+      add_product(3 * K, rate_[lane].data() + 2 * N * M, M, inputs, row_, rates, row_, at.rows.n, n_inputs_);
     for (int first = 0; first < n_inputs_; first += width) {
       Bundle x;
       for (int k = 0; k < N; ++k)
@@ -163,11 +175,14 @@ class LinearFlow {
   }
 
   int n_inputs_, row_;
-  std::vector<double> force_, rate_, pushed_;
+  std::vector<double> force_[width], rate_[width], pushed_;
+  bool fresh_ = true;
+  StatesInLanes<Model> states_;
+  ForcesInLanes<Model> forces_;
   struct {
-    double A_D[room(M * N)], A_K[room(M * K)], h_p[room(M * P)], hdot_q[room(M * N)];
-    double hdot_qK[room(M * K)], hdot_p[room(M * P)], hddot_q[room(M * N)], hddot_v[room(M * N)];
-    double hddot_qK[room(M * K)], hddot_vK[room(M * K)], hddot_p[room(M * P)];
+    Wide A_D[room(M * N)], A_K[room(M * K)], h_p[room(M * P)], hdot_q[room(M * N)];
+    Wide hdot_qK[room(M * K)], hdot_p[room(M * P)], hddot_q[room(M * N)], hddot_v[room(M * N)];
+    Wide hddot_qK[room(M * K)], hddot_vK[room(M * K)], hddot_p[room(M * P)];
   } by_;
 };
 
