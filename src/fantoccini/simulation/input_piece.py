@@ -1,4 +1,4 @@
-"""The inputs over one smooth piece of a run, and their variations."""
+"""The inputs over smooth pieces of a run, and their variations."""
 
 from __future__ import annotations
 
@@ -10,17 +10,11 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.marionette import Marionette
-from fantoccini.motion import Input, InputDerivative
-from fantoccini.motion.polynomial import N_COEF
+from fantoccini.motion import Input, InputDerivative, Inputs
+from fantoccini.motion.pieces import constants
+from fantoccini.motion.polynomial import N_COEF, shifted
 
-_SAMPLED = 0.5 - 0.5 * np.cos(np.pi * (np.arange(N_COEF) + 0.5) / N_COEF)
-"""Chebyshev nodes of a piece, at which variations are sampled."""
-_POWERS = np.linalg.inv(np.vander(_SAMPLED, increasing=True))
-"""From values at the nodes to coefficients of the powers of the time over the whole."""
-
-
-Inputs = tuple[Array, Array, Array, Array]
-"""q_K, v_K, acc_K and u_D."""
+_POWERS = np.arange(N_COEF)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,39 +43,25 @@ class InputVariation:
 
 
 class InputPiece:
-    """The inputs over one smooth piece, and the changes towards other inputs.
+    """The inputs over one smooth piece, and their changes.
 
-    Args:
-        marionette: the puppet.
-        inputs: bound inputs.
-        toward: bound inputs; a change goes from ``inputs`` towards each.
-        along: derivatives of the inputs, each a change by itself.
+    Attributes:
         start, end: of the piece, within which no input has a break [s].
+        inputs: of this piece alone.
+        powers: (6, 3 n_vK + n_vD, changes) changes of q_K, v_K, acc_K and u_D along the inputs, in
+            powers of the time since the start over the whole.
     """
 
     def __init__(
-        self,
-        marionette: Marionette,
-        inputs: Input,
-        toward: Sequence[Input],
-        along: Sequence[InputDerivative],
-        start: float,
-        end: float,
+        self, variation: InputVariation, inputs: Input, powers: Array, start: float, end: float
     ):
         self.start, self.end = start, end
-        table = marionette.coordinates
-        self._places = table.scalars_K
-        self.inputs = _piece(inputs, start, end)
-        first = 2 * table.n_vD + len(marionette.p)
-        self._variation = InputVariation.none(marionette, first + len(toward) + len(along))
-        self._variation.p[:, first - len(marionette.p) : first] = np.eye(len(marionette.p))
-        self._first, self._others = first, [_piece(other, start, end) for other in toward]
-        self._along = along
-        self.powers = self._in_powers()
+        self.inputs, self.powers, self._variation = inputs, powers, variation
 
-    def at(self, t: float | Array) -> Inputs:
-        """q_K, v_K, acc_K and u_D at times (...) of the piece [s]."""
-        return _values(self.inputs, np.clip(t, self.start, self.end))
+    def at(self, t: float) -> tuple[Array, Array, Array, Array]:
+        """q_K, v_K, acc_K and u_D at a time of the piece [s]."""
+        t = min(max(t, self.start), self.end)
+        return *self.inputs.evaluate(t), self.inputs.evaluate_force(t)
 
     def variation(self, t: float) -> InputVariation:
         """The changes at a time of the piece [s], valid until the next call.
@@ -89,39 +69,99 @@ class InputPiece:
         Columns: by the state at the start (all 0), by the parameters, towards the other inputs,
         along the derivatives.
         """
-        out, n = self._variation, len(self._variation.q_K)
-        s = (min(max(t, self.start), self.end) - self.start) / (self.end - self.start)
-        found = np.tensordot(s ** np.arange(N_COEF), self.powers, axes=1)
-        parts = (out.q_K, out.v_K, out.acc_K, out.u_D)
-        for change, values in zip(parts, np.split(found, [n, 2 * n, 3 * n]), strict=True):
-            change[:, self._first :] = values
+        out, n, m = self._variation, len(self._variation.q_K), self.powers.shape[2]
+        if m:
+            s = (min(max(t, self.start), self.end) - self.start) / (self.end - self.start)
+            found = np.tensordot(s**_POWERS, self.powers, axes=1)
+            parts = (out.q_K, out.v_K, out.acc_K, out.u_D)
+            for change, values in zip(parts, np.split(found, [n, 2 * n, 3 * n]), strict=True):
+                change[:, -m:] = values
         return out
 
-    def _in_powers(self) -> Array:
-        """(6, 3 n_vK + n_vD, changes) changes of q_K, v_K, acc_K and u_D along the inputs.
 
-        They are polynomials of the fifth degree in the time since the start over the whole.
-        """
-        times = self.start + _SAMPLED * (self.end - self.start)
-        own = self.at(times)
-        apart = [
-            [a - mine for a, mine in zip(_values(other, times), own, strict=True)]
-            for other in self._others
-        ]
-        for change in apart:
-            q_K = np.zeros_like(change[1])
-            for at, v in self._places:
-                q_K[:, v] = change[0][:, at]
-            change[0] = q_K
-        apart += [[*one.evaluate(times), np.zeros_like(own[3])] for one in self._along]
-        samples = [np.concatenate(change, axis=1) for change in apart]
-        width = 3 * len(self._variation.q_K) + len(self._variation.u_D)
-        stacked = np.stack(samples, axis=-1) if samples else np.zeros((N_COEF, width, 0))
-        return np.tensordot(_POWERS, stacked, axes=1)
+class InputChanges:
+    """The inputs of a run, and their changes.
+
+    Args:
+        marionette: the puppet.
+        inputs: bound inputs.
+        toward: bound inputs; a change goes from ``inputs`` towards each. None for none.
+        along: derivatives of the inputs, each a change by itself.
+
+    Attributes:
+        breaks: of all of them [s].
+        columns: of variations.
+    """
+
+    def __init__(
+        self,
+        marionette: Marionette,
+        inputs: Input,
+        toward: Inputs | None,
+        along: Sequence[InputDerivative],
+    ):
+        table, n_p = marionette.coordinates, len(marionette.p)
+        self._inputs, self._own = inputs, Inputs.of([inputs])
+        self._toward, self._along = toward, along
+        breaks = [self._own.breaks, *(one.breaks[None] for one in along)]
+        breaks += [] if toward is None else [toward.breaks]
+        self.breaks = np.unique(np.concatenate([found.ravel() for found in breaks]))
+        self._turns = np.setdiff1d(np.arange(table.n_vK), [v for _, v in table.scalars_K])
+        first = 2 * table.n_vD + n_p
+        self.columns = first + (0 if toward is None else len(toward)) + len(along)
+        self._variation = InputVariation.none(marionette, self.columns)
+        self._variation.p[:, first - n_p : first] = np.eye(n_p)
+
+    def piece(self, start: float, end: float) -> InputPiece:
+        """Between two times without a break between them [s]."""
+        n_v, n = len(self._variation.v_K), len(self._variation.u_D)
+        moved, pushed = [np.zeros((0, n_v, N_COEF))], [np.zeros((0, n, N_COEF))]
+        if self._toward is not None:
+            own, other = (_about(one, start, end) for one in (self._own, self._toward))
+            moved.append(other[0] - own[0])
+            moved[-1][:, self._turns] = 0.0
+            pushed.append(np.broadcast_to(other[1] - own[1], (len(other[0]), n, N_COEF)))
+        for one in self._along:
+            moved.append(_moved(one.breaks[None], one.coef[None], start, end))
+            pushed.append(np.zeros((1, n, N_COEF)))
+        # In powers of the time over the whole, q + q_1 s + ...: v = dq/ds over the whole.
+        whole = end - start
+        q_K, u_D = (np.concatenate(part) * whole**_POWERS for part in (moved, pushed))
+        v_K, acc_K = np.zeros_like(q_K), np.zeros_like(q_K)
+        v_K[..., :-1] = q_K[..., 1:] * (_POWERS[1:] / whole)
+        acc_K[..., :-1] = v_K[..., 1:] * (_POWERS[1:] / whole)
+        powers = np.concatenate([q_K, v_K, acc_K, u_D], axis=1).transpose(2, 1, 0)
+        return InputPiece(self._variation, _piece(self._inputs, start, end), powers, start, end)
 
 
-def _values(inputs: Input, t: float | Array) -> Inputs:
-    return *inputs.evaluate(t), inputs.evaluate_force(t)
+def _about(inputs: Inputs, start: float, end: float) -> tuple[Array, Array]:
+    """The polynomials of n inputs between two times, about the first: (n, n_vK or n_vD, 6)."""
+    moved = _moved(inputs.breaks, inputs.coef, start, end)
+    if inputs.force is None:
+        return moved, np.zeros((1, inputs.coordinates.n_vD, N_COEF))
+    pushed = _moved(inputs.breaks, inputs.force, start, end)
+    middle = 0.5 * (start + end)
+    pushed[~((inputs.breaks[:, 0] <= middle) & (middle <= inputs.breaks[:, -1]))] = 0.0
+    return moved, pushed
+
+
+def _moved(breaks: Array, coef: Array, start: float, end: float) -> Array:
+    """Polynomials (n, n_seg, k, 6) between two times, about the first: (n, k, 6).
+
+    Before the first break and after the last one they are constant.
+    """
+    n, n_seg = coef.shape[:2]
+    breaks = np.broadcast_to(breaks, (n, n_seg + 1))
+    first, last, every = breaks[:, 0], breaks[:, -1], np.arange(n)
+    middle = 0.5 * (start + end)
+    here = np.clip(middle, first, last)
+    lasting = (np.diff(breaks) > 0.0).sum(axis=1) - 1  # pieces at the end may last no time
+    i = np.minimum((breaks[:, :-1] <= here[:, None]).sum(axis=1) - 1, lasting)
+    held = (middle < first) | (middle > last)
+    at = np.where(held, here, start) - breaks[every, i]
+    found = shifted(coef[every, i], at)
+    found[held, :, 1:] = 0.0
+    return found
 
 
 def _piece(inputs: Input, start: float, end: float) -> Input:
@@ -129,12 +169,9 @@ def _piece(inputs: Input, start: float, end: float) -> Input:
     middle = 0.5 * (start + end)
     if not inputs.start <= middle <= inputs.end:
         q_K = inputs.evaluate(min(max(middle, inputs.start), inputs.end))[0]
-        coef = np.zeros((1, inputs.coordinates.n_vK, N_COEF))
-        for q, v in inputs.coordinates.scalars_K:
-            coef[0, v, 0] = q_K[q]
-        breaks = np.array([start, end])
+        coef, base = constants(inputs.coordinates, q_K)
         return dataclasses.replace(
-            inputs, breaks=breaks, coef=coef, base=q_K[None], force=None
+            inputs, breaks=np.array([start, end]), coef=coef[None], base=base[None], force=None
         )
     i = min(int(np.searchsorted(inputs.breaks, middle, "right")) - 1, len(inputs.coef) - 1)
     return dataclasses.replace(

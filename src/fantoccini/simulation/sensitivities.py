@@ -12,11 +12,12 @@ from fantoccini.arrays import Array, Indices, Times, check_positive
 from fantoccini.errors import InputError, Mistake, StateError
 from fantoccini.marionette import Marionette, bind_input
 from fantoccini.marionette.contact_rows import PointMode
-from fantoccini.motion import EventKind, Input, InputDerivative, State, Trajectory
+from fantoccini.motion import EventKind, Input, InputDerivative, Inputs, State, Trajectory
+from fantoccini.motion.binding import check_same_puppet
 from fantoccini.simulation.catch import Catch, Passage
 from fantoccini.simulation.contact_pieces import Change, ContactPieces, key_of, stacked
 from fantoccini.simulation.impact import Impact
-from fantoccini.simulation.input_piece import InputPiece, InputVariation
+from fantoccini.simulation.input_piece import InputChanges, InputPiece, InputVariation
 from fantoccini.simulation.run import simulate
 from fantoccini.simulation.variation import Variation
 
@@ -124,19 +125,20 @@ def sensitivity(
         )
     t_end = inputs.end if t_end is None else float(t_end)
     bound = bind_input(marionette.model, inputs, x0.q_K, x0.v_K, x0.t, t_end)
-    others = [_bound(marionette, other, bound, x0) for other in toward]
+    others = _bound(marionette, toward, bound, x0) if toward else None
     _check_along(marionette, along)
+    changes = InputChanges(marionette, bound, others, along)
     saved = np.zeros(0) if save_at is None else np.unique(np.asarray(save_at, dtype=float))
     outside = saved[~((saved >= run.t[0]) & (saved <= run.t[-1]))]
     if len(outside):
         raise ValueError(
             f"save_at has {outside[0]:g} s; it must lie between {run.t[0]:g} s and {run.t[-1]:g} s"
         )
-    pieces = _Pieces(marionette, run, bound, others, along, Variation(marionette, rtol, atol))
+    pieces = _Pieces(marionette, run, bound, changes, Variation(marionette, rtol, atol))
     records = list(pieces.records(saved))
     n, n_p = marionette.coordinates.n_vD, len(marionette.p)
     Z = np.array([Z for _, Z in records])
-    last = 2 * n + n_p + len(others)
+    last = 2 * n + n_p + len(toward)
     return Sensitivity(
         run=run,
         t=np.array([t for t, _ in records]),
@@ -148,22 +150,25 @@ def sensitivity(
     )
 
 
-def _bound(marionette: Marionette, other: Input, inputs: Input, x0: State) -> Input:
-    """Other inputs, bound at their own start; coordinates that they do not name are held."""
-    table, q_K = marionette.coordinates, np.array(x0.q_K)
-    start = other.evaluate(x0.t)[0]
+def _bound(
+    marionette: Marionette, toward: Sequence[Input], inputs: Input, x0: State
+) -> Inputs:
+    """Other inputs, each bound at its own start; coordinates that it does not name are held."""
+    table, others = marionette.coordinates, Inputs.of(toward)
+    check_same_puppet([table, others.coordinates])
+    q_K, start = np.tile(x0.q_K, (len(others), 1)), others.evaluate(x0.t)[0]
     for q, v in table.scalars_K:
-        if other.named[v]:
-            q_K[q] = start[q]
-    other = other.bound(q_K, x0.t)
-    times = np.union1d(inputs.breaks, other.breaks)
-    times = np.union1d(times, 0.5 * (times[1:] + times[:-1]))
-    for name, (q, _) in table.rotations.items():
-        ours, theirs = (x.evaluate(times)[0][:, q : q + 4] for x in (inputs, other))
-        if np.max(np.abs(np.abs(np.sum(ours * theirs, axis=1)) - 1.0)) > TOLERANCES.rotation:
-            text = "differs from that of the run; only scalar coordinates may differ in `toward`"
-            raise InputError([Mistake("toward", None, name, text)])
-    return other
+        q_K[:, q] = np.where(others.named[:, v], start[:, q], q_K[:, q])
+    others = others.bound(q_K, x0.t)
+    for other in others if table.rotations else ():
+        times = np.union1d(inputs.breaks, other.breaks)
+        times = np.union1d(times, 0.5 * (times[1:] + times[:-1]))
+        for name, (q, _) in table.rotations.items():
+            ours, theirs = (x.evaluate(times)[0][:, q : q + 4] for x in (inputs, other))
+            if np.max(np.abs(np.abs(np.sum(ours * theirs, axis=1)) - 1.0)) > TOLERANCES.rotation:
+                text = "differs from that of the run; only scalar coordinates may differ in `toward`"
+                raise InputError([Mistake("toward", None, name, text)])
+    return others
 
 
 def _check_along(marionette: Marionette, along: Sequence[InputDerivative]) -> None:
@@ -187,12 +192,11 @@ class _Pieces:
         marionette: Marionette,
         run: Trajectory,
         inputs: Input,
-        toward: Sequence[Input],
-        along: Sequence[InputDerivative],
+        changes: InputChanges,
         variation: Variation,
     ):
         self.marionette, self.run = marionette, run
-        self._inputs, self._toward, self._along = inputs, toward, along
+        self._inputs, self._changes = inputs, changes
         self._variation = variation
         self.passages: list[Passage] = []
         self._contacts = ContactPieces(marionette, run)
@@ -200,7 +204,7 @@ class _Pieces:
     def records(self, saved: Times) -> Iterator[tuple[float, Array]]:
         """(time, changes) at the start, at the times to save, around every event, at the end."""
         run, n = self.run, self.marionette.coordinates.n_vD
-        columns = 2 * n + len(self.marionette.p) + len(self._toward) + len(self._along)
+        columns = self._changes.columns
         Z, by_input = np.eye(2 * n, columns), InputVariation.none(self.marionette, columns)
         edges = np.flatnonzero(np.diff(run.t) == 0.0)
         firsts = np.concatenate([[0], edges + 1])
@@ -311,14 +315,10 @@ class _Pieces:
 
     def _between(self, start: float, end: float) -> list[InputPiece]:
         """The smooth pieces of the inputs from one time to another."""
-        breaks = [self._inputs.breaks, *(one.breaks for one in self._toward)]
-        inner = np.unique(np.concatenate([*breaks, *(one.breaks for one in self._along)]))
+        inner = self._changes.breaks
         inner = inner[(inner > start + TOLERANCES.time) & (inner < end - TOLERANCES.time)]
         times = np.concatenate([[start], inner, [end]])
-        return [
-            InputPiece(self.marionette, self._inputs, self._toward, self._along, a, b)
-            for a, b in pairwise(times)
-        ]
+        return [self._changes.piece(a, b) for a, b in pairwise(times)]
 
 
 def _widened(by_input: InputVariation, more: int) -> InputVariation:
