@@ -96,7 +96,7 @@ def generate(equations: Equations, library: str = "model") -> Generated:
         more_headers=f'#include "{_BESIDE.header}"\n' if beside else "",
         more=_SPACE.format(**vars(_BESIDE)) if beside else "",
         members="\n".join(members),
-        maps="".join(_map(equations, name, name in beside) for name in names) if kind.mapped else "",
+        maps="".join(_map(equations, n, n in beside) for n in names) if kind.mapped else "",
         abi=kind.header,
         width="1" if kind.real.type == "double" else "FAN_WIDTH",
         **vars(kind.real),

@@ -198,12 +198,12 @@ _DECLARED = (
         (MODEL, LANES, ROLLOUTS, REACH), mapped=True,
     ),
     Function(
-        "forth", "y = F^-T x.", _arguments("L x"), (_Y,), (MODEL, *_STEPPING, DERIVATIVES), mapped=True,
-        exported=True,
+        "forth", "y = F^-T x.", _arguments("L x"), (_Y,), (MODEL, *_STEPPING, DERIVATIVES),
+        mapped=True, exported=True,
     ),
     Function(
-        "back", "y = F^-1 x.", _arguments("L x"), (_Y,), (MODEL, *_STEPPING, DERIVATIVES), mapped=True,
-        exported=True,
+        "back", "y = F^-1 x.", _arguments("L x"), (_Y,), (MODEL, *_STEPPING, DERIVATIVES),
+        mapped=True, exported=True,
     ),
     Function(
         "motor_lags", "Lag of the drives that may be too weak.", _PLACE,

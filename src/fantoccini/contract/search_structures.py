@@ -87,8 +87,8 @@ SEARCHES: tuple[Structure, ...] = (
         Field("m", "int", "changes: by the state, by the parameters, along the inputs"),
         Field("n_inputs", "int", "those along the inputs"),
         Field("by_inputs", IN,
-              "(6, 3 n_vK + n_vD, n_inputs) changes of q_K, v_K, acc_K and u_D in powers of the time "
-              "since the start over the whole"),
+              "(6, 3 n_vK + n_vD, n_inputs) changes of q_K, v_K, acc_K and u_D in powers of the "
+              "time since the start over the whole"),
         Field("p", IN),
         Field("held", "const unsigned char*", "(n_rows,) rows that are held"),
         Field("q_D", IN, "(n_qD,) at the start"),

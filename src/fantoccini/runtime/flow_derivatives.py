@@ -1,4 +1,4 @@
-"""Small changes along smooth pieces of event-driven runs (``cpp/fantoccini/flow_derivatives.hpp``)."""
+"""Changes along smooth pieces of event-driven runs (``cpp/fantoccini/flow_derivatives.hpp``)."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ class DerivativeLibrary(Functions):
         """The state and its changes at some times of a smooth piece.
 
         Args:
-            start: time [s], q_D, v_D, and changes (2 n_vD, m): by the state, then by all parameters,
-                then along the inputs.
+            start: time [s], q_D, v_D, and changes (2 n_vD, m): by the state, then by all
+                parameters, then along the inputs.
             times: (n,) increasing, up to the end of the piece [s].
             inputs: of one piece.
             by_inputs: (6, 3 n_vK + n_vD, n_inputs) changes of q_K, v_K, acc_K and u_D in powers of

@@ -41,6 +41,11 @@ class InputVariation:
         sizes = (t.n_vK, t.n_vK, t.n_vK, t.n_vD, len(marionette.p))
         return cls(*(np.zeros((size, m)) for size in sizes))
 
+    def widened(self, more: int) -> InputVariation:
+        """The changes, and none in some more columns."""
+        parts = (self.q_K, self.v_K, self.acc_K, self.u_D, self.p)
+        return InputVariation(*(np.pad(part, ((0, 0), (0, more))) for part in parts))
+
 
 class InputPiece:
     """The inputs over one smooth piece, and their changes.

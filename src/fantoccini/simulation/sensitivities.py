@@ -160,13 +160,16 @@ def _bound(
     for q, v in table.scalars_K:
         q_K[:, q] = np.where(others.named[:, v], start[:, q], q_K[:, q])
     others = others.bound(q_K, x0.t)
-    for other in others if table.rotations else ():
+    if not table.rotations:
+        return others
+    for i in range(len(others)):
+        other = others[i]
         times = np.union1d(inputs.breaks, other.breaks)
         times = np.union1d(times, 0.5 * (times[1:] + times[:-1]))
         for name, (q, _) in table.rotations.items():
             ours, theirs = (x.evaluate(times)[0][:, q : q + 4] for x in (inputs, other))
             if np.max(np.abs(np.abs(np.sum(ours * theirs, axis=1)) - 1.0)) > TOLERANCES.rotation:
-                text = "differs from that of the run; only scalar coordinates may differ in `toward`"
+                text = "differs from the run's; only scalar coordinates may differ in `toward`"
                 raise InputError([Mistake("toward", None, name, text)])
     return others
 
@@ -266,8 +269,9 @@ class _Pieces:
             self.passages.append(impact.passage(acc, acc_K, Z))
             return impact.carried(Z, by_input, acc, acc_K)
         catch = Catch(self.marionette, before, after, held)
-        self.passages.append(catch.passage(acc, acc_K))
-        return catch.carried(Z, by_input, acc, acc_K)
+        Z, passage = catch.across(Z, by_input, acc, acc_K)
+        self.passages.append(passage)
+        return Z
 
     def _struck(self, i: int, catches: bool = True) -> bool:
         """Whether solids strike, or with ``catches`` rows, at the time of sample i."""
@@ -292,7 +296,7 @@ class _Pieces:
         before, after = (
             (self._held(k), these) for k, these in zip(samples, points, strict=True)
         )
-        D = stacked(np.concatenate([Z, np.eye(len(Z))], axis=1), _widened(by_input, len(Z)))
+        D = stacked(np.concatenate([Z, np.eye(len(Z))], axis=1), by_input.widened(len(Z)))
         change = Change.of(self.marionette, x, run.acc_K[i], u_D, before, after, D)
         if change is None:
             return Z
@@ -319,9 +323,3 @@ class _Pieces:
         inner = inner[(inner > start + TOLERANCES.time) & (inner < end - TOLERANCES.time)]
         times = np.concatenate([[start], inner, [end]])
         return [self._changes.piece(a, b) for a, b in pairwise(times)]
-
-
-def _widened(by_input: InputVariation, more: int) -> InputVariation:
-    """The changes, and none in some more columns."""
-    parts = (by_input.q_K, by_input.v_K, by_input.acc_K, by_input.u_D, by_input.p)
-    return InputVariation(*(np.pad(part, ((0, 0), (0, more))) for part in parts))
