@@ -94,6 +94,7 @@ class InputChanges:
         along: derivatives of the inputs, each a change by itself.
 
     Attributes:
+        inputs: those of the run.
         breaks: of all of them [s].
         columns: of variations.
     """
@@ -106,7 +107,7 @@ class InputChanges:
         along: Sequence[InputDerivative],
     ):
         table, n_p = marionette.coordinates, len(marionette.p)
-        self._inputs, self._own = inputs, Inputs.of([inputs])
+        self.inputs, self._own = inputs, Inputs.of([inputs])
         self._toward, self._along = toward, along
         breaks = [self._own.breaks, *(one.breaks[None] for one in along)]
         breaks += [] if toward is None else [toward.breaks]
@@ -129,14 +130,23 @@ class InputChanges:
         for one in self._along:
             moved.append(_moved(one.breaks[None], one.coef[None], start, end))
             pushed.append(np.zeros((1, n, N_COEF)))
-        # In powers of the time over the whole, q + q_1 s + ...: v = dq/ds over the whole.
-        whole = end - start
-        q_K, u_D = (np.concatenate(part) * whole**_POWERS for part in (moved, pushed))
-        v_K, acc_K = np.zeros_like(q_K), np.zeros_like(q_K)
-        v_K[..., :-1] = q_K[..., 1:] * (_POWERS[1:] / whole)
-        acc_K[..., :-1] = v_K[..., 1:] * (_POWERS[1:] / whole)
-        powers = np.concatenate([q_K, v_K, acc_K, u_D], axis=1).transpose(2, 1, 0)
-        return InputPiece(self._variation, _piece(self._inputs, start, end), powers, start, end)
+        powers = in_powers(np.concatenate(moved), np.concatenate(pushed), end - start)
+        return InputPiece(self._variation, one_piece(self.inputs, start, end), powers, start, end)
+
+
+def in_powers(moved: Array, pushed: Array, whole: float) -> Array:
+    """Changes of q_K, v_K, acc_K and u_D, (6, 3 n_vK + n_vD, m), as :class:`InputPiece` has them.
+
+    Args:
+        moved: (m, n_vK, 6) those of q_K in powers of the time [s].
+        pushed: (m, n_vD, 6) those of u_D.
+        whole: duration [s].
+    """
+    q_K, u_D = moved * whole**_POWERS, pushed * whole**_POWERS
+    v_K, acc_K = np.zeros_like(q_K), np.zeros_like(q_K)
+    v_K[..., :-1] = q_K[..., 1:] * (_POWERS[1:] / whole)
+    acc_K[..., :-1] = v_K[..., 1:] * (_POWERS[1:] / whole)
+    return np.concatenate([q_K, v_K, acc_K, u_D], axis=1).transpose(2, 1, 0)
 
 
 def _about(inputs: Inputs, start: float, end: float) -> tuple[Array, Array]:
@@ -169,7 +179,7 @@ def _moved(breaks: Array, coef: Array, start: float, end: float) -> Array:
     return found
 
 
-def _piece(inputs: Input, start: float, end: float) -> Input:
+def one_piece(inputs: Input, start: float, end: float) -> Input:
     """The one piece of inputs between two times; where they have ended, one that holds."""
     middle = 0.5 * (start + end)
     if not inputs.start <= middle <= inputs.end:
