@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+
 import numpy as np
 
 from fantoccini.arrays import Array, Indices
@@ -26,6 +29,28 @@ _NEAR = 1e-2
 """Gap at the end above which the motion gets no shorter [m, rad and their rates]."""
 _SHARE = 0.1
 """Of a duration by which a step may change it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """Bounds of a task in numbers; infinite where there is none.
+
+    Attributes:
+        inputs: indices of the driven velocities that move.
+        acceleration, jump, speed: (n_vK,) largest magnitudes; jumps are those of accelerations.
+        low, high: (n_vK,) of the driven coordinates.
+        places, joint_low, joint_high: dynamic coordinates with bounds, places in z.
+    """
+
+    inputs: Indices
+    acceleration: Array
+    jump: Array
+    speed: Array
+    low: Array
+    high: Array
+    places: Indices
+    joint_low: Array
+    joint_high: Array
 
 
 class Objective:
@@ -84,11 +109,13 @@ class Objective:
         """Takes the unit of the cost from a first motion."""
         program = self.program(nodes, linear, 0.0, 0.0)
         u = np.arange(len(self._u))
-        own = program.H[:, u, u]
-        curvature = float(np.max(own, initial=_LEAST))
-        unit = float(np.max(np.abs(program.g), initial=0.0))
-        unit = max(unit, self.task.time_weight * len(nodes) * self.task.is_free)
-        self.unit = unit if unit > 0.0 else curvature
+        self.unit = _unit(program.g, program.H[:, u, u], self.task.time_weight * len(nodes) * self.task.is_free)
+        self.price = _FIRST_PRICE * self.unit
+
+    def take_unit_of(self, g: Array, diagonal: Array) -> None:
+        """The same from a gradient and the diagonal of a Hessian, (N, n_vK + n_z) each."""
+        both = np.concatenate([self._u, self._k + self._z])
+        self.unit = _unit(g[:, both], diagonal[:, self._u])
         self.price = _FIRST_PRICE * self.unit
 
     def end_gap(self, nodes: Nodes) -> Array:
@@ -111,15 +138,18 @@ class Objective:
         H, g, cross = (
             np.zeros((N, k + n_z, k + n_z)), np.zeros((N, k + n_z)), np.zeros((N, k + n_z, k))
         )  # fmt: skip
-        self._add_residuals(nodes, H, g)
-        self._add_smoothness(nodes, H, g, cross)
+        J, diagonal, slope = self.squares(nodes)
+        every = np.arange(k + n_z)
+        H[:, k:, k:] += J.swapaxes(1, 2) @ J
+        H[:, every, every] += diagonal + damping
+        g += slope
+        u = np.arange(k)
+        cross[:, u, u] -= self.task.smooth.jerk / nodes.interval
         self._add_pulls(nodes, linear, H, g, cross)
         if self.task.end is not None:
             ends = k + np.arange(n_z)
             H[-1, ends, ends] += self.end_weight
             g[-1, k:] -= self.end_weight * self.end_gap(nodes) + force
-        every = np.arange(k + n_z)
-        H[:, every, every] += damping
         numbers = nodes.numbers[1:]
         low = np.concatenate([-self._acc - nodes.acc_K, self._low - numbers], axis=1)
         high = np.concatenate([self._acc - nodes.acc_K, self._high - numbers], axis=1)
@@ -149,6 +179,16 @@ class Objective:
         shortest, longest = self.longer(nodes)
         later = linear.later[:, self._z]
         return program.with_free_interval(later, slope, shortest, longest, damping)
+
+    def limits(self, interval: float) -> Limits:
+        """The bounds of accelerations, driven coordinates and joints, for intervals of a length."""
+        n = self._n_z // 2 - self._k
+        at = slice(2 * n, 2 * n + self._k)
+        rows = self.rows
+        return Limits(
+            self._u, self._acc, interval * self._jerk, self._high[at.stop :], self._low[at],
+            self._high[at], rows.places, rows.joint_low, rows.joint_high,
+        )  # fmt: skip
 
     def longer(self, nodes: Nodes) -> tuple[float, float]:
         """The least and the most by which a step may make the intervals longer [s].
@@ -197,40 +237,45 @@ class Objective:
             self._kept = times, made
         return self._kept[1]
 
-    def _add_residuals(self, nodes: Nodes, H: Array, g: Array) -> None:
-        """Gauss-Newton's parts of what is tracked at the nodes."""
-        looks, k, dense = Looks(self.task.marionette, nodes), self._k, []
+    def squares(self, nodes: Nodes) -> tuple[Array, Array, Array]:
+        """Gauss and Newton's parts of the cost, but of tensions: J^T J + diagonal, and the gradient.
+
+        Returns:
+            (N, m, n_z) J, by the states after the intervals; (N, n_vK + n_z) the diagonal and the
+            gradient, by the accelerations and these states.
+        """
+        looks, k, N, dense = Looks(self.task.marionette, nodes), self._k, len(nodes), []
+        diagonal, g = np.zeros((2, N, k + self._n_z))
         for one in self._residuals(nodes):
             r, w = one.value(looks)[1:], one.weights[1:, None]
             if isinstance(one, NumberResidual):
                 at = k + np.array(one.columns)
-                H[:, at, at] += w
+                diagonal[:, at] += w
                 g[:, at] += w * r
                 continue
             J = one.by(looks)[1:]
             g[:, k:] += ((w * r)[:, None] @ J)[:, 0]
             dense.append(np.sqrt(w)[..., None] * J)
-        if dense:
-            J = np.concatenate(dense, axis=1)
-            H[:, k:, k:] += J.swapaxes(1, 2) @ J
-
-    def _add_smoothness(self, nodes: Nodes, H: Array, g: Array, cross: Array) -> None:
-        """Accelerations, and their jumps between intervals."""
-        u, h, smooth = np.arange(self._k), nodes.interval, self.task.smooth
+        h, smooth = nodes.interval, self.task.smooth
         jumps = np.diff(nodes.acc_K, axis=0, prepend=0.0, append=0.0)
-        H[:, u, u] += h * smooth.acceleration + 2.0 * smooth.jerk / h
-        g[:, u] += h * smooth.acceleration * nodes.acc_K
-        g[:, u] += smooth.jerk / h * (jumps[:-1] - jumps[1:])
-        cross[:, u, u] -= smooth.jerk / h
+        diagonal[:, :k] += h * smooth.acceleration + 2.0 * smooth.jerk / h
+        g[:, :k] += h * smooth.acceleration * nodes.acc_K
+        g[:, :k] += smooth.jerk / h * (jumps[:-1] - jumps[1:])
+        J = np.concatenate(dense, axis=1) if dense else np.zeros((N, 0, self._n_z))
+        return J, diagonal, g
+
+    def pulls(self, nodes: Nodes, linear: LinearEnds) -> Iterator[tuple[Array, Array, Array]]:
+        """Of every tension that is tracked: weights and residuals (N,), derivatives (N, n_z + n_vK)."""
+        for track in self._pulls:
+            row, weights, path = _pull(self.task.marionette, track, nodes)
+            yield weights, linear.tension[:, row] - path, linear.pull[:, row]
 
     def _add_pulls(
         self, nodes: Nodes, linear: LinearEnds, H: Array, g: Array, cross: Array
     ) -> None:
         """Tensions that are tracked, which depend on the state and the inputs after a node."""
         k, n_z = self._k, self._n_z
-        for track in self._pulls:
-            row, weights, path = _pull(self.task.marionette, track, nodes)
-            by, r = linear.pull[:, row], linear.tension[:, row] - path
+        for weights, r, by in self.pulls(nodes, linear):
             J_z, J_u = by[:, :n_z], by[:, n_z:]
             w = weights[:, None, None]
             H[:, :k, :k] += w * J_u[:, :, None] * J_u[:, None]
@@ -238,6 +283,12 @@ class Objective:
             cross[:, k:] += w * J_z[:, :, None] * J_u[:, None]
             H[:-1, k:, k:] += w[1:] * J_z[1:, :, None] * J_z[1:, None]
             g[:-1, k:] += (weights * r)[1:, None] * J_z[1:]
+
+
+def _unit(g: Array, curvature: Array, least: float = 0.0) -> float:
+    """The largest slope, or the largest curvature where there is none."""
+    unit = max(float(np.max(np.abs(g), initial=0.0)), least)
+    return unit if unit > 0.0 else float(np.max(curvature, initial=_LEAST))
 
 
 def _part(a: Array, *places: Indices | slice) -> Array:
