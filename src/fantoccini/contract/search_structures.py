@@ -154,7 +154,7 @@ SEARCHES: tuple[Structure, ...] = (
         Field("price", "double", "of passing a bound"),
         Field("unit", "double", "of the cost"),
         Field("shift", "int", "stages by which the horizon went on since the program before; -1: anew"),
-        Field("most_iterations", "int"),
+        Field("most_stages", "int", "that may be factorised in all"),
         Field("u", OUT, "(N, n_vK) changes of the accelerations"),
         Field("decrease", "double", "of the cost"),
         Field("iterations", "int", "factorisations begun"),

@@ -43,11 +43,11 @@ class ClampedSteps:
         marionette: the puppet.
         dt: longest time step of derivatives [s].
         threads: for derivatives.
-        factorisations: of a program, at most.
+        factorisations: of a program, at most; parts of one count as such.
     """
 
     def __init__(
-        self, marionette: Marionette, dt: float, threads: int | None, factorisations: int
+        self, marionette: Marionette, dt: float, threads: int | None, factorisations: float
     ) -> None:
         self._marionette, self._steps = marionette, TimeSteps(marionette, dt, threads)
         self._threads, self._most = threads, factorisations
@@ -104,7 +104,7 @@ class ClampedSteps:
             "n_pulls": len(pulls), "n_joints": len(bounds.places),
             "jerk": objective.task.smooth.jerk / h, "h": h,
             "bounds_jerk": int(np.any(np.isfinite(bounds.jump))), "price": objective.price,
-            "unit": objective.unit, "shift": shift, "most_iterations": self._most,
+            "unit": objective.unit, "shift": shift, "most_stages": round(self._most * N),
         }  # fmt: skip
         arrays = {
             "inputs": bounds.inputs.astype(np.int32), "squares": J, "diagonal": diagonal,

@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x0eee94a3dcbc336d;
+constexpr long long contract_digest = 0x1849048e65d0eef3;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -466,7 +466,7 @@ struct StageClampArrays {
   double price;  // of passing a bound
   double unit;  // of the cost
   int shift;  // stages by which the horizon went on since the program before; -1: anew
-  int most_iterations;
+  int most_stages;  // that may be factorised in all
   double* u;  // (N, n_vK) changes of the accelerations
   double decrease;  // of the cost
   int iterations;  // factorisations begun

@@ -7,7 +7,8 @@
 // Riccati's recursion (stage_riccati.hpp). Motions are made stage by stage with inputs cut off at their
 // bounds, so that each keeps them, as in Tassa, Mansard and Todorov, ICRA 2014. Inputs that are cut off
 // are bound in the next iteration, those that pull away from their bound are freed (Hintermueller, Ito
-// and Kunisch, SIAM J. Optim. 13, 2002). Only stages up to the last that changes are factorised again.
+// and Kunisch, SIAM J. Optim. 13, 2002). Only stages up to the last that changes are factorised again,
+// within a given number in all: bounds late in the horizon are the first to be left out.
 #pragma once
 
 #include <cstring>
@@ -30,17 +31,21 @@ class ClampedStages {
     in.iterations = in.stages = in.solved = 0;
     in.decrease = 0.0;
     int last = N_ - 1;
-    while (!in.solved && in.iterations < in.most_iterations) {
-      last = std::max(last, set_elastic());
-      set_laws();
+    while (true) {
+      set_elastic(last);
+      set_laws(last);
       ++in.iterations, in.stages += last + 1;
       if (!riccati_.factorise(last)) break;
       riccati_.pull_back(gradient_.data());
-      last = move_on();
+      last = std::max(move_on(), last_elastic_change());
       const double cost = cost_of(next_);
-      in.solved = last < 0 && !elastic_changes();
       if (cost < -in.decrease) in.decrease = -cost, best_ = next_;
+      in.solved = last < 0;
+      if (in.solved || in.stages >= in.most_stages) break;
       x_ = next_;
+      // What would change later than the work that is left allows stays as it is.
+      last = std::min(last, in.most_stages - in.stages - 1);
+      std::copy_n(wanted_.begin(), size_t(last + 1) * k_, modes_.begin());
     }
     for (int i = 0; i < N_; ++i) {
       double* u = in.u + size_t(i) * in.n_inputs;
@@ -59,18 +64,18 @@ class ClampedStages {
   struct Elastic {
     int stage, place;
     bool jumps;
-    double sign, limit, force, stiffness;
+    double sign, limit, stiffness;
   };
 
   StageClampArrays* in_ = nullptr;
   StageRiccati riccati_;
   int N_ = 0, n_z_ = 0, n_d_ = 0, k_ = 0;
   std::vector<double> g_, gradient_, x_, next_, best_, diagonal_;
-  std::vector<Mode> modes_;
+  std::vector<Mode> modes_, wanted_;  // (N, k) in force, and as the last motion asks for
+  std::vector<StageLaw> later_;
   std::vector<Elastic> elastic_;
 
   double* row_of(std::vector<double>& a, int i) { return a.data() + size_t(i) * riccati_.ld; }
-  Mode& mode(int i, int j) { return modes_[size_t(i) * k_ + j]; }
 
   // Place of a number of the state in the arrays, which have all inputs.
   int from_z(int a) const {
@@ -83,7 +88,7 @@ class ClampedStages {
     const StageClampArrays& in = *in_;
     StageRiccati& r = riccati_;
     const int all = in.n_inputs, m = in.n_pulls, width = in.n_d + 2 * all;
-    if (int(in.N) != N_ || in.k != k_ || in.n_d != n_d_) modes_.clear();
+    if (int(in.N) != N_ || in.k != k_ || in.n_d != n_d_) wanted_.clear();
     N_ = int(in.N), n_d_ = in.n_d, k_ = in.k, n_z_ = n_d_ + 2 * k_;
     r.resize(N_, n_z_, k_, m, in.jerk > 0.0 || in.bounds_jerk, in.n_squares, true);
     const size_t size = size_t(N_) * r.ld;
@@ -127,28 +132,28 @@ class ClampedStages {
     for (int i = 0; i < N_; ++i) {
       for (int q = 0; q < in.n_joints; ++q) {
         const double value = in.joint[size_t(i) * in.n_joints + q];
-        elastic_.push_back({i, in.joint_places[q], false, 1.0, in.joint_high[q] - value, 0.0, 0.0});
-        elastic_.push_back({i, in.joint_places[q], false, -1.0, value - in.joint_low[q], 0.0, 0.0});
+        elastic_.push_back({i, in.joint_places[q], false, 1.0, in.joint_high[q] - value, 0.0});
+        elastic_.push_back({i, in.joint_places[q], false, -1.0, value - in.joint_low[q], 0.0});
       }
       for (int j = 0; j < k_ && in.bounds_jerk; ++j) {
         const int c = in.inputs[j];
         const double *acc = in.acc + size_t(i) * in.n_inputs + c, most = in.jerk_most[c];
         const double jump = *acc - (i ? acc[-in.n_inputs] : 0.0);
         if (!(most < 1e30)) continue;
-        elastic_.push_back({i, n_z_ + j, true, 1.0, most - jump, 0.0, 0.0});
-        elastic_.push_back({i, n_z_ + j, true, -1.0, most + jump, 0.0, 0.0});
+        elastic_.push_back({i, n_z_ + j, true, 1.0, most - jump, 0.0});
+        elastic_.push_back({i, n_z_ + j, true, -1.0, most + jump, 0.0});
       }
     }
   }
 
   // The modes of the motion before, as far as there was one.
   void begin_modes() {
-    std::vector<Mode> before(size_t(N_) * k_, kFree);
+    modes_.assign(size_t(N_) * k_, kFree);
     const size_t gone = size_t(std::max(in_->shift, 0)) * k_;
-    if (in_->shift >= 0 && gone < modes_.size()) {
-      std::copy(modes_.begin() + gone, modes_.end(), before.begin());
+    if (in_->shift >= 0 && gone < wanted_.size()) {
+      std::copy(wanted_.begin() + gone, wanted_.end(), modes_.begin());
     }
-    modes_ = before;
+    wanted_ = modes_;
   }
 
   // Number and velocity of input j before an interval of a motion.
@@ -171,53 +176,58 @@ class ClampedStages {
     if (low.value > high.value) low = high;
   }
 
-  void set_laws() {
+  // The laws of stages up to `last`; later ones stay.
+  void set_laws(int last) {
+    const std::vector<int>& first = riccati_.first_law;
+    const int begin = last + 1 < N_ ? first[last + 1] : int(riccati_.laws.size());
+    later_.assign(riccati_.laws.begin() + begin, riccati_.laws.end());
     riccati_.laws.clear();
-    for (int i = 0; i < N_; ++i) {
+    for (int i = 0; i <= last; ++i) {
       riccati_.first_law[i] = int(riccati_.laws.size());
       const double* before = i ? row_of(x_, i - 1) : nullptr;
       for (int j = 0; j < k_; ++j) {
-        if (mode(i, j) == kFree) continue;
+        const Mode mode = modes_[size_t(i) * k_ + j];
+        if (mode == kFree) continue;
         DrivenLimit low, high;
         limits(i, j, before, low, high);
-        const DrivenLimit& to = mode(i, j) == kHigh ? high : low;
+        const DrivenLimit& to = mode == kHigh ? high : low;
         const int q = n_d_ + j, v = q + k_;
         const double now = before ? to.by_q * before[q] + to.by_v * before[v] : 0.0;
         riccati_.laws.push_back({j, {q, v}, {to.by_q, to.by_v}, to.value - now});
       }
     }
-    riccati_.first_law[N_] = int(riccati_.laws.size());
+    const int moved = int(riccati_.laws.size()) - begin;
+    riccati_.laws.insert(riccati_.laws.end(), later_.begin(), later_.end());
+    for (int i = last + 1; i <= N_; ++i) riccati_.first_law[i] += moved;
   }
 
-  // The next motion, and the modes of the one after; the last stage whose modes change, or -1.
+  // The next motion and the modes that it asks for; the last stage whose modes change, or -1.
   int move_on() {
     int changes = -1;
     for (int i = 0; i < N_; ++i) {
       double *x = row_of(next_, i), *before = i ? x - riccati_.ld : nullptr;
       riccati_.best_inputs(i, before, x);
-      const int first = riccati_.first_law[i];
-      for (int j = 0, l = first; j < k_; ++j) {
+      for (int j = 0; j < k_; ++j) {
         DrivenLimit low, high;
         limits(i, j, before, low, high);
         double& u = x[n_z_ + j];
-        const Mode was = mode(i, j);
-        l += was != kFree;
         const double room = 1e-9 * (1.0 + std::fabs(u));
+        const Mode was = modes_[size_t(i) * k_ + j];
+        Mode& then = wanted_[size_t(i) * k_ + j];
+        then = was;
         if (was == kFree) {
-          if (u > high.value + room) mode(i, j) = kHigh;
-          else if (u < low.value - room) mode(i, j) = kLow;
+          if (u > high.value + room) then = kHigh;
+          else if (u < low.value - room) then = kLow;
         } else if (std::fabs(u - (was == kHigh ? high : low).value) > room) {
           changes = i;  // another bound of the same side is in force
         }
+        if (then != was) changes = i;
         u = std::min(std::max(u, low.value), high.value);
-        if (mode(i, j) != was) changes = i;
       }
-      for (int l = first; l < riccati_.first_law[i + 1]; ++l) {
-        const int j = riccati_.laws[l].input;
+      for (int l = riccati_.first_law[i]; l < riccati_.first_law[i + 1]; ++l) {
+        const size_t at = size_t(i) * k_ + riccati_.laws[l].input;
         const double slope = riccati_.slope(i, l, before, x);
-        if (slope * (mode(i, j) == kHigh ? 1.0 : -1.0) > 1e-9 * in_->unit) {
-          mode(i, j) = kFree, changes = i;
-        }
+        if ((modes_[at] == kHigh ? slope : -slope) > 1e-9 * in_->unit) wanted_[at] = kFree, changes = i;
       }
       riccati_.moved_on(i, before, x);
     }
@@ -237,30 +247,34 @@ class ClampedStages {
     force = s <= 0.0 ? 0.0 : s < ramp ? price * s / ramp : price * (1.0 + s - ramp);
   }
 
-  bool elastic_changes() {
+  // Up to where factors change with the stiffness of a bound that may be passed.
+  int reach_of(const Elastic& e) const { return std::min(e.stage + 1, N_ - 1); }
+
+  int last_elastic_change() {
+    int last = -1;
     for (const Elastic& e : elastic_) {
       double force, stiffness;
       law_of(passed(e, next_), force, stiffness);
-      if (stiffness != e.stiffness) return true;
+      if (stiffness != e.stiffness) last = std::max(last, reach_of(e));
     }
-    return false;
+    return last;
   }
 
-  // Gradient and Hessian of what passes bounds, at the motion at hand; the last stage that changes, or -1.
-  int set_elastic() {
+  // Gradient and Hessian of what passes bounds, at the motion at hand; the Hessian up to `last`.
+  void set_elastic(int last) {
     StageRiccati& r = riccati_;
-    int last = -1;
     gradient_ = g_;
     std::copy(diagonal_.begin(), diagonal_.end(), r.diagonal.begin());
     for (int i = 1; i < N_ && r.coupled; ++i) {
       for (int j = 0; j < k_; ++j) r.D_of(i)[j * r.ld + n_z_ + j] = -in_->jerk;
     }
     for (Elastic& e : elastic_) {
-      const double s = passed(e, x_), before = e.stiffness;
-      law_of(s, e.force, e.stiffness);
-      if (e.stiffness != before) last = std::max(last, std::min(e.stage + 1, N_ - 1));
-      if (e.stiffness == 0.0) continue;
-      const double slope = e.sign * (e.force - e.stiffness * (s + e.limit));
+      const double s = passed(e, x_);
+      double force, stiffness;
+      law_of(s, force, stiffness);
+      if (reach_of(e) <= last) e.stiffness = stiffness;
+      if (force == 0.0 && e.stiffness == 0.0) continue;
+      const double slope = e.sign * (force - e.stiffness * (s + e.limit));
       row_of(gradient_, e.stage)[e.place] += slope;
       row_of(r.diagonal, e.stage)[e.place] += e.stiffness;
       if (!e.jumps || e.stage == 0) continue;
@@ -268,7 +282,6 @@ class ClampedStages {
       row_of(r.diagonal, e.stage - 1)[e.place] += e.stiffness;
       r.D_of(e.stage)[(e.place - n_z_) * r.ld + e.place] -= e.stiffness;
     }
-    return last;
   }
 
   // The cost of a motion less that of no change.

@@ -53,7 +53,7 @@ struct StageRiccati {
     M.assign(size_t(N) * n_z * ld + slack, 0.0);
     H.assign(n ? 0 : size_t(N) * n_x * ld + slack, 0.0);
     squares.assign(size_t(N) * n * ld, 0.0);
-    kept_.assign(keeps ? size_t(N) * n_s * ld : 0, 0.0);
+    kept_.assign(keeps ? size_t(N + 1) * size_P() : 0, 0.0);
     laws.clear(), first_law.assign(N + 1, 0);
     D.assign(size_t(N) * k * ld, 0.0);
     C.assign(size_t(N) * m * ld, 0.0);
@@ -137,20 +137,16 @@ struct StageRiccati {
   bool factorise(int last = -1) {
     if (last < 0 || last == N - 1) {
       last = N - 1;
-      for (int j = 0; j < n_s * ld; ++j) P_[j] = 0.0;
-      for (int a = 0; a < n_s && !H.empty(); ++a) {
-        for (int b = 0; b < n_s; ++b) P_[a * ld + b] = H_of(N - 1)[a * ld + b];
-      }
-      add_squares(N - 1);
-      for (int a = 0; a < n_s; ++a) P_[a * (ld + 1)] += diagonal[size_t(N - 1) * ld + a];
-      mirror(P_.data(), ld, n_s);
-    } else {
-      std::copy_n(kept_.data() + size_t(last + 1) * n_s * ld, size_t(n_s) * ld, P_.data());
+      double* P = P_at(N);
+      std::fill_n(P, size_t(n_s) * ld, 0.0);
+      for (int a = 0; a < n_s && !H.empty(); ++a) std::copy_n(H_of(N - 1) + a * ld, n_s, P + a * ld);
+      add_squares(N - 1, P);
+      for (int a = 0; a < n_s; ++a) P[a * (ld + 1)] += diagonal[size_t(N - 1) * ld + a];
+      mirror(P, ld, n_s);
     }
     for (int i = last; i >= 0; --i) {
       value_by_dynamics(i);
       if (!eliminate(i)) return false;
-      if (i && !kept_.empty()) std::copy_n(P_.data(), size_t(n_s) * ld, kept_.data() + size_t(i) * n_s * ld);
     }
     return true;
   }
@@ -280,6 +276,11 @@ struct StageRiccati {
 
   double* values_of(int i) { return band_values.data() + size_t(i) * n_values_; }
 
+  size_t size_P() const { return size_t(ld) * ld + slack; }
+
+  // The Hessian of what is to come by the state of stage i.
+  double* P_at(int i) { return kept_.empty() ? P_.data() : kept_.data() + size_t(i) * size_P(); }
+
   // Entry (a, b) of a symmetric matrix from its lower triangle.
   double entry(const double* L, int a, int b) const { return a < b ? L[b * ld_k + a] : L[a * ld_k + b]; }
 
@@ -289,17 +290,17 @@ struct StageRiccati {
   }
 
   // J^T J of stage i in P's lower triangle.
-  void add_squares(int i) {
+  void add_squares(int i, double* P) {
     const int n = in_eights(n_s);
-    if (n_squares) add_product(n_squares, squares_of(i), ld, squares_of(i), ld, P_.data(), ld, n, n, true);
+    if (n_squares) add_product(n_squares, squares_of(i), ld, squares_of(i), ld, P, ld, n, n, true);
   }
 
   // The lower triangle of G = M^T P M, over (z_i, u_i).
   void value_by_dynamics(int i) {
-    double *T = T_.data(), *G = G_.data(), *P = P_.data();
+    double *T = T_.data(), *G = G_.data(), *P = P_at(i + 1);
     const double* M = M_of(i);
     const int n = in_eights(n_s);
-    for (int j = 0; j < n * ld; ++j) T[j] = 0.0;
+    std::fill_n(T, n * ld, 0.0);
     add_product(n_dense, P, ld, M, ld, T, ld, n, ld);
     const double* value = values_of(i);
     for (const Band& band : bands) {
@@ -316,7 +317,7 @@ struct StageRiccati {
         for (int j = n_z; j < n_x; ++j) T[a * ld + j] += P[a * ld + j];
       }
     }
-    for (int j = 0; j < ld * ld; ++j) G[j] = 0.0;
+    std::fill_n(G, ld * ld, 0.0);
     add_product(n_dense, M, ld, T, ld, G, ld, ld, ld, true);
     value = values_of(i);
     for (const Band& band : bands) {
@@ -338,7 +339,7 @@ struct StageRiccati {
 
   // Minimises over u_i: what is left in P is of the state of stage i.
   bool eliminate(int i) {
-    double *P = P_.data(), *G = G_.data();
+    double *P = P_at(i), *G = G_.data();
     double *Y = Y_.data() + size_t(i) * ld_k * ld, *L = L_.data() + size_t(i) * k * ld_k;
     const double *C = C_of(i), *Cu = Cu_of(i), *W = weight.data() + size_t(i) * m;
     double* WC = scaled_.data();
@@ -394,7 +395,7 @@ struct StageRiccati {
       if (!H.empty()) add_scaled(1.0, H_of(i - 1) + a * ld, p, in_eights(a + 1));
       p[a] += diagonal[size_t(i - 1) * ld + a];
     }
-    add_squares(i - 1);
+    add_squares(i - 1, P);
     double *minus = T_.data(), *plus = free_.data();
     int n_free = 0;
     for (int a = 0; a < k; ++a) {
@@ -406,19 +407,19 @@ struct StageRiccati {
     add_product(n_free, minus, ld, plus, ld, P, ld, n, n, true);
     add_product(m, WC, ld, C, ld, P, ld, n, n, true);
     mirror(P, ld, n_s);
-    for (int l = first_law[i]; l < first_law[i + 1]; ++l) add_law(laws[l], L, Y);
+    for (int l = first_law[i]; l < first_law[i + 1]; ++l) add_law(laws[l], L, Y, P);
     return true;
   }
 
   // What an input that follows the state adds to P.
-  void add_law(const StageLaw& law, const double* L, const double* Y) {
+  void add_law(const StageLaw& law, const double* L, const double* Y, double* P) {
     const double *y = Y + law.input * ld, own = L[law.input * (ld_k + 1)];
     for (int t = 0; t < 2; ++t) {
       const double by = law.by[t];
       if (by == 0.0) continue;
-      double* row = P_.data() + law.at[t] * ld;
+      double* row = P + law.at[t] * ld;
       add_scaled(by, y, row, in_eights(n_s));
-      for (int j = 0; j < n_s; ++j) P_[j * ld + law.at[t]] += by * y[j];
+      for (int j = 0; j < n_s; ++j) P[j * ld + law.at[t]] += by * y[j];
       for (int u = 0; u < 2; ++u) row[law.at[u]] += own * by * law.by[u];
     }
   }
