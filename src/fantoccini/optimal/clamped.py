@@ -21,6 +21,12 @@ from fantoccini.optimal.objective import Objective
 from fantoccini.runtime import ClampedOutcome, ClampedStages
 
 
+_WORK = 6.4e7
+"""Multiplications of a program: some 8 ms."""
+_LEAST, _MOST = 1.5, 20.0
+"""Whole factorisations of a program, at least and at most."""
+
+
 @dataclass(frozen=True, eq=False)
 class Slopes:
     """What the program of a step needs along a motion.
@@ -43,14 +49,11 @@ class ClampedSteps:
         marionette: the puppet.
         dt: longest time step of derivatives [s].
         threads: for derivatives.
-        factorisations: of a program, at most; parts of one count as such.
     """
 
-    def __init__(
-        self, marionette: Marionette, dt: float, threads: int | None, factorisations: float
-    ) -> None:
+    def __init__(self, marionette: Marionette, dt: float, threads: int | None) -> None:
         self._marionette, self._steps = marionette, TimeSteps(marionette, dt, threads)
-        self._threads, self._most = threads, factorisations
+        self._threads = threads
         self._stages = ClampedStages()
 
     def linearise(self, nodes: Nodes) -> Slopes:
@@ -86,6 +89,8 @@ class ClampedSteps:
             shift: intervals by which the horizon went on since the last program; -1 if it is another.
         """
         N, k, h = len(nodes), nodes.table.n_vK, nodes.interval
+        per_stage = (nodes.n_z + k) ** 2 * (nodes.n_z - 2 * k)
+        work = min(max(_WORK / per_stage, _LEAST * N), _MOST * N)
         J, diagonal, g = objective.squares(nodes)
         pulls = list(objective.pulls(nodes, slopes))
         C, W = np.zeros((N, len(pulls), nodes.n_z + k)), np.zeros((N, len(pulls)))
@@ -104,7 +109,7 @@ class ClampedSteps:
             "n_pulls": len(pulls), "n_joints": len(bounds.places),
             "jerk": objective.task.smooth.jerk / h, "h": h,
             "bounds_jerk": int(np.any(np.isfinite(bounds.jump))), "price": objective.price,
-            "unit": objective.unit, "shift": shift, "most_stages": round(self._most * N),
+            "unit": objective.unit, "shift": shift, "most_stages": round(work),
         }  # fmt: skip
         arrays = {
             "inputs": bounds.inputs.astype(np.int32), "squares": J, "diagonal": diagonal,

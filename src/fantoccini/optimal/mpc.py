@@ -57,8 +57,6 @@ class MPCSettings:
     """Of a unit of violation of a row, in units of the cost."""
     shares: tuple[float, ...] = (1.0, 0.5, 0.2, 0.05)
     """Of a step that are predicted."""
-    factorisations: float = 2.0
-    """Work of a program: one is whole, more are of the stages up to the last whose bounds change."""
     kept: int = 32
     """Updates whose inputs, and times, are remembered."""
 
@@ -167,7 +165,7 @@ class MPC:
         self._task = replace(self._task, bounds=replace(self._task.bounds, tension={}))
         self._objectives: dict[tuple[int, ...], Objective] = {}
         self._most = self._task.bounds.magnitudes(marionette, "acceleration")
-        self._steps = ClampedSteps(marionette, dt, threads, SETTINGS.factorisations)
+        self._steps = ClampedSteps(marionette, dt, threads)
         self._solved_at = math.nan
         self._predictions = Predictions(marionette, dt, len(SETTINGS.shares))
         self._plans: deque[_Plan] = deque(maxlen=SETTINGS.kept)

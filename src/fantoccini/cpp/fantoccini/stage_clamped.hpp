@@ -3,12 +3,12 @@
 //   min sum_i 1/2 x_i^T (J_i^T J_i + diag) x_i + g_i . x_i - c u_{i-1} . u_i + 1/2 |C_i (z_i, u_i)|_W^2 + prices
 //   z_{i+1} = A_i z_i + B_u u_i,   z_0 = 0,   lowest(z_i) <= u_i <= highest(z_i)
 //
-// by an active set: inputs in bounds are bound to laws of the state, the others are the best ones by
-// Riccati's recursion (stage_riccati.hpp). Motions are made stage by stage with inputs cut off at their
-// bounds, so that each keeps them, as in Tassa, Mansard and Todorov, ICRA 2014. Inputs that are cut off
-// are bound in the next iteration, those that pull away from their bound are freed (Hintermueller, Ito
-// and Kunisch, SIAM J. Optim. 13, 2002). Only stages up to the last that changes are factorised again,
-// within a given number in all: bounds late in the horizon are the first to be left out.
+// by Newton's method with an active set, as in Tassa, Mansard and Todorov, ICRA 2014: Riccati's recursion
+// (stage_riccati.hpp) decides at every stage which inputs are in bounds there and binds them to laws of
+// the state; the motion is then made stage by stage, with inputs cut off at their bounds. So every motion
+// keeps them, and the search may end after any. Later iterations factorise from the last stage on whose
+// inputs in bounds change, within a given number of stages in all: bounds late in the horizon are the
+// first that are left out.
 #pragma once
 
 #include <cstring>
@@ -30,22 +30,17 @@ class ClampedStages {
     begin_modes();
     in.iterations = in.stages = in.solved = 0;
     in.decrease = 0.0;
-    int last = N_ - 1;
-    while (true) {
-      set_elastic(last);
-      set_laws(last);
-      ++in.iterations, in.stages += last + 1;
-      if (!riccati_.factorise(last)) break;
-      riccati_.pull_back(gradient_.data());
-      last = std::max(move_on(), last_elastic_change());
-      const double cost = cost_of(next_);
-      if (cost < -in.decrease) in.decrease = -cost, best_ = next_;
-      in.solved = last < 0;
-      if (in.solved || in.stages >= in.most_stages) break;
-      x_ = next_;
-      // What would change later than the work that is left allows stays as it is.
-      last = std::min(last, in.most_stages - in.stages - 1);
-      std::copy_n(wanted_.begin(), size_t(last + 1) * k_, modes_.begin());
+    while (in.stages < in.most_stages) {
+      if (!pull_back()) break;
+      find_steps();
+      const double before = in.decrease;
+      for (double share = 1.0; share > least_share && in.decrease == before && !in.solved; share *= 0.3) {
+        in.solved = move_on(share) && share == 1.0;
+        const double cost = cost_of(next_);
+        if (cost < -in.decrease) in.decrease = -cost, best_ = next_;
+      }
+      if (in.solved || in.decrease - before <= enough * in.decrease) break;
+      x_ = best_;
     }
     for (int i = 0; i < N_; ++i) {
       double* u = in.u + size_t(i) * in.n_inputs;
@@ -60,6 +55,11 @@ class ClampedStages {
   // The cost of passing a bound by s rises to its price over a short way.
   static constexpr double ramp = 1e-3;
 
+  static constexpr double least_share = 1e-3;
+
+  // A decrease of the cost that ends the search, relative to all of it.
+  static constexpr double enough = 1e-7;
+
   // sign value <= limit, value of x_i, less that of x_{i-1} if it is a jump.
   struct Elastic {
     int stage, place;
@@ -70,9 +70,11 @@ class ClampedStages {
   StageClampArrays* in_ = nullptr;
   StageRiccati riccati_;
   int N_ = 0, n_z_ = 0, n_d_ = 0, k_ = 0;
-  std::vector<double> g_, gradient_, x_, next_, best_, diagonal_;
-  std::vector<Mode> modes_, wanted_;  // (N, k) in force, and as the last motion asks for
-  std::vector<StageLaw> later_;
+  std::vector<double> g_, gradient_, x_, next_, best_, steps_, diagonal_, pulled_;
+  std::vector<double> slope_, u_, root_, half_;
+  std::vector<int> free_;
+  std::vector<DrivenLimit> low_, high_;  // (k,) of the stage at hand
+  std::vector<Mode> modes_;              // (N, k) in which bounds inputs are
   std::vector<Elastic> elastic_;
 
   double* row_of(std::vector<double>& a, int i) { return a.data() + size_t(i) * riccati_.ld; }
@@ -88,11 +90,14 @@ class ClampedStages {
     const StageClampArrays& in = *in_;
     StageRiccati& r = riccati_;
     const int all = in.n_inputs, m = in.n_pulls, width = in.n_d + 2 * all;
-    if (int(in.N) != N_ || in.k != k_ || in.n_d != n_d_) wanted_.clear();
+    if (int(in.N) != N_ || in.k != k_ || in.n_d != n_d_) modes_.clear();
     N_ = int(in.N), n_d_ = in.n_d, k_ = in.k, n_z_ = n_d_ + 2 * k_;
     r.resize(N_, n_z_, k_, m, in.jerk > 0.0 || in.bounds_jerk, in.n_squares, true);
     const size_t size = size_t(N_) * r.ld;
-    for (auto* a : {&g_, &gradient_, &x_, &next_, &best_, &diagonal_}) a->assign(size, 0.0);
+    for (auto* a : {&g_, &gradient_, &x_, &next_, &best_, &steps_, &diagonal_}) a->assign(size, 0.0);
+    for (auto* a : {&slope_, &u_, &half_}) a->assign(k_, 0.0);
+    root_.assign(size_t(k_) * k_, 0.0), free_.assign(k_, 0);
+    low_.resize(k_), high_.resize(k_);
     std::vector<int> from(n_z_);
     for (int a = 0; a < n_z_; ++a) from[a] = from_z(a);
     for (int i = 0; i < N_; ++i) {
@@ -148,90 +153,176 @@ class ClampedStages {
 
   // The modes of the motion before, as far as there was one.
   void begin_modes() {
-    modes_.assign(size_t(N_) * k_, kFree);
-    const size_t gone = size_t(std::max(in_->shift, 0)) * k_;
-    if (in_->shift >= 0 && gone < wanted_.size()) {
-      std::copy(wanted_.begin() + gone, wanted_.end(), modes_.begin());
+    const size_t all = size_t(N_) * k_, gone = std::min(all, size_t(std::max(in_->shift, 0)) * k_);
+    if (in_->shift < 0 || modes_.size() != all) modes_.assign(all, kFree);
+    modes_.erase(modes_.begin(), modes_.begin() + gone);
+    modes_.resize(all, kFree);
+  }
+
+  // The bounds of changes of the inputs in interval i.
+  void limits(int i, const double* before) {
+    const size_t row = size_t(i) * in_->n_inputs;
+    for (int j = 0; j < k_; ++j) {
+      const int c = in_->inputs[j];
+      const double q = in_->q[row + c] + (before ? before[n_d_ + j] : 0.0);
+      const double v = in_->v[row + c] + (before ? before[n_d_ + k_ + j] : 0.0);
+      const double most = i == N_ - 1 ? in_->last_most[c] : in_->most[c];
+      const DrivenBounds bounds{most, in_->speed[c], in_->low[c], in_->high[c]};
+      low_[j] = bounds.lowest(q, v, in_->h), high_[j] = bounds.highest(q, v, in_->h);
+      low_[j].value -= in_->acc[row + c], high_[j].value -= in_->acc[row + c];
+      if (low_[j].value > high_[j].value) low_[j] = high_[j];
     }
-    wanted_ = modes_;
-  }
-
-  // Number and velocity of input j before an interval of a motion.
-  void driven_at(int i, int j, const double* before, double& q, double& v) const {
-    const int c = in_->inputs[j];
-    q = in_->q[size_t(i) * in_->n_inputs + c] + (before ? before[n_d_ + j] : 0.0);
-    v = in_->v[size_t(i) * in_->n_inputs + c] + (before ? before[n_d_ + k_ + j] : 0.0);
-  }
-
-  // The bounds of the change of input j in interval i.
-  void limits(int i, int j, const double* before, DrivenLimit& low, DrivenLimit& high) const {
-    const int c = in_->inputs[j];
-    double q, v;
-    driven_at(i, j, before, q, v);
-    const double most = i == N_ - 1 ? in_->last_most[c] : in_->most[c];
-    const DrivenBounds bounds{most, in_->speed[c], in_->low[c], in_->high[c]};
-    low = bounds.lowest(q, v, in_->h), high = bounds.highest(q, v, in_->h);
-    const double acc = in_->acc[size_t(i) * in_->n_inputs + c];
-    low.value -= acc, high.value -= acc;
-    if (low.value > high.value) low = high;
   }
 
   // The laws of stages up to `last`; later ones stay.
-  void set_laws(int last) {
-    const std::vector<int>& first = riccati_.first_law;
-    const int begin = last + 1 < N_ ? first[last + 1] : int(riccati_.laws.size());
-    later_.assign(riccati_.laws.begin() + begin, riccati_.laws.end());
-    riccati_.laws.clear();
-    for (int i = 0; i <= last; ++i) {
-      riccati_.first_law[i] = int(riccati_.laws.size());
-      const double* before = i ? row_of(x_, i - 1) : nullptr;
-      for (int j = 0; j < k_; ++j) {
-        const Mode mode = modes_[size_t(i) * k_ + j];
-        if (mode == kFree) continue;
-        DrivenLimit low, high;
-        limits(i, j, before, low, high);
-        const DrivenLimit& to = mode == kHigh ? high : low;
-        const int q = n_d_ + j, v = q + k_;
-        const double now = before ? to.by_q * before[q] + to.by_v * before[v] : 0.0;
-        riccati_.laws.push_back({j, {q, v}, {to.by_q, to.by_v}, to.value - now});
+  // Feedback laws around the motion at hand, and its inputs in bounds; false where there are none.
+  bool pull_back() {
+    StageRiccati& r = riccati_;
+    StageClampArrays& in = *in_;
+    const bool first = in.iterations == 0;
+    const int room = in.most_stages - in.stages, last = set_elastic(first ? N_ : room);
+    bool anew = false;
+    ++in.iterations, in.stages += N_ / 10;
+    for (int i = N_ - 1; i >= 0; --i) {
+      const double *x = row_of(x_, i), *before = i ? x - r.ld : nullptr;
+      limits(i, before);
+      anew = anew || first || i <= last;
+      if (!anew) {
+        pulled_ = r.from_later;
+        r.hand_on(i, gradient_.data());
+        r.hand_back(i);
+        if (i >= room || holds(i, before)) continue;
+        anew = true;
+        r.from_later = pulled_;
       }
+      ++in.stages;
+      if (i == N_ - 1) r.begin();
+      r.hand_on(i, gradient_.data());
+      r.gather(i);
+      choose(i, before, x);
+      if (!r.eliminate(i)) return false;
+      r.hand_back(i);
     }
-    const int moved = int(riccati_.laws.size()) - begin;
-    riccati_.laws.insert(riccati_.laws.end(), later_.begin(), later_.end());
-    for (int i = last + 1; i <= N_; ++i) riccati_.first_law[i] += moved;
+    return true;
   }
 
-  // The next motion and the modes that it asks for; the last stage whose modes change, or -1.
-  int move_on() {
-    int changes = -1;
+  // Whether the inputs in bounds are the right ones at a state.
+  bool holds(int i, const double* before) {
+    double* u = next_.data();
+    riccati_.best_inputs(i, before, u);
+    return is_right(i, before, u);
+  }
+
+  bool is_right(int i, const double* before, const double* x) {
+    for (int j = 0; j < k_; ++j) {
+      const double u = x[n_z_ + j], room = 1e-9 * (1.0 + std::fabs(u));
+      const Mode mode = modes_[size_t(i) * k_ + j];
+      if (mode != kLow && u > high_[j].value + room) return false;
+      if (mode != kHigh && u < low_[j].value - room) return false;
+      if (mode == kHigh && u < high_[j].value - room) return false;
+      if (mode == kLow && u > low_[j].value + room) return false;
+    }
+    for (int l = 0; l < riccati_.n_laws[i]; ++l) {
+      const int j = riccati_.laws[size_t(i) * k_ + l].input;
+      const double slope = riccati_.slope(i, l, before, x);
+      if ((modes_[size_t(i) * k_ + j] == kHigh ? slope : -slope) > 1e-9 * in_->unit) return false;
+    }
+    return true;
+  }
+
+  // The inputs in bounds that are best at a state if later ones are: min 1/2 u^T L u + slope . u.
+  void choose(int i, const double* before, const double* x) {
+    StageRiccati& r = riccati_;
+    const double *L = r.hessian_of(i), *Y = r.gain_root(i), *y = r.y_of(i);
+    Mode* modes = modes_.data() + size_t(i) * k_;
+    for (int j = 0; j < k_; ++j) {
+      slope_[j] = y[j] + (before ? dot(Y + j * r.ld, before, r.ld) : 0.0);
+      u_[j] = x[n_z_ + j];
+    }
+    for (int turn = 0; turn < 40; ++turn) {
+      solve_free(L, modes);
+      bool changes = false;
+      for (int j = k_ - 1; j >= 0; --j) {
+        double slope = slope_[j];
+        for (int b = 0; b < k_; ++b) slope += r.entry(L, j, b) * u_[b];
+        const Mode was = modes[j];
+        if (was == kFree) {
+          if (u_[j] > high_[j].value) modes[j] = kHigh;
+          else if (u_[j] < low_[j].value) modes[j] = kLow;
+        } else if ((was == kHigh ? slope : -slope) > 0.0) {
+          modes[j] = kFree;
+        }
+        changes = changes || modes[j] != was;
+        // One at a time comes to an end (Murty, Math. Program. 7, 1974).
+        if (changes && turn > 8) break;
+      }
+      if (!changes) break;
+    }
+    int n = 0;
+    for (int j = 0; j < k_; ++j) {
+      if (modes[j] == kFree) continue;
+      const DrivenLimit& to = modes[j] == kHigh ? high_[j] : low_[j];
+      const int q = n_d_ + j, v = q + k_;
+      const double now = before ? to.by_q * before[q] + to.by_v * before[v] : 0.0;
+      r.laws[size_t(i) * k_ + n++] = {j, {q, v}, {to.by_q, to.by_v}, to.value - now};
+    }
+    r.n_laws[i] = n;
+  }
+
+  // Inputs u_: those in bounds there, the others best.
+  void solve_free(const double* L, const Mode* modes) {
+    int n = 0;
+    for (int j = 0; j < k_; ++j) {
+      if (modes[j] == kFree) free_[n++] = j;
+      else u_[j] = (modes[j] == kHigh ? high_[j] : low_[j]).value;
+    }
+    for (int a = 0; a < n; ++a) {
+      double* row = root_.data() + size_t(a) * k_;
+      double sum = -slope_[free_[a]];
+      for (int j = 0; j < k_; ++j) {
+        if (modes[j] != kFree) sum -= riccati_.entry(L, free_[a], j) * u_[j];
+      }
+      for (int b = 0; b <= a; ++b) {
+        double value = riccati_.entry(L, free_[a], free_[b]);
+        const double* other = root_.data() + size_t(b) * k_;
+        for (int c = 0; c < b; ++c) value -= row[c] * other[c];
+        row[b] = b < a ? value / other[b] : std::sqrt(value);
+        if (b < a) sum -= row[b] * half_[b];
+      }
+      half_[a] = sum / row[a];
+    }
+    for (int a = n - 1; a >= 0; --a) {
+      double sum = half_[a];
+      for (int b = a + 1; b < n; ++b) sum -= root_[size_t(b) * k_ + a] * u_[free_[b]];
+      u_[free_[a]] = sum / root_[size_t(a) * (k_ + 1)];
+    }
+  }
+
+  // What the inputs would do at the motion at hand, less what they do there.
+  void find_steps() {
+    for (int i = 0; i < N_; ++i) {
+      const double *x = row_of(x_, i), *before = i ? x - riccati_.ld : nullptr;
+      double* step = row_of(steps_, i);
+      riccati_.best_inputs(i, before, step);
+      for (int j = n_z_; j < n_z_ + k_; ++j) step[j] -= x[j];
+    }
+  }
+
+  // The next motion, by a share of the steps; whether no bound is in force but those of the laws.
+  bool move_on(double share) {
+    bool right = true;
     for (int i = 0; i < N_; ++i) {
       double *x = row_of(next_, i), *before = i ? x - riccati_.ld : nullptr;
       riccati_.best_inputs(i, before, x);
+      limits(i, before);
+      right = right && share == 1.0 && is_right(i, before, x);
       for (int j = 0; j < k_; ++j) {
-        DrivenLimit low, high;
-        limits(i, j, before, low, high);
-        double& u = x[n_z_ + j];
-        const double room = 1e-9 * (1.0 + std::fabs(u));
-        const Mode was = modes_[size_t(i) * k_ + j];
-        Mode& then = wanted_[size_t(i) * k_ + j];
-        then = was;
-        if (was == kFree) {
-          if (u > high.value + room) then = kHigh;
-          else if (u < low.value - room) then = kLow;
-        } else if (std::fabs(u - (was == kHigh ? high : low).value) > room) {
-          changes = i;  // another bound of the same side is in force
-        }
-        if (then != was) changes = i;
-        u = std::min(std::max(u, low.value), high.value);
-      }
-      for (int l = riccati_.first_law[i]; l < riccati_.first_law[i + 1]; ++l) {
-        const size_t at = size_t(i) * k_ + riccati_.laws[l].input;
-        const double slope = riccati_.slope(i, l, before, x);
-        if ((modes_[at] == kHigh ? slope : -slope) > 1e-9 * in_->unit) wanted_[at] = kFree, changes = i;
+        const double u = x[n_z_ + j] - (1.0 - share) * row_of(steps_, i)[n_z_ + j];
+        x[n_z_ + j] = std::min(std::max(u, low_[j].value), high_[j].value);
       }
       riccati_.moved_on(i, before, x);
     }
-    return changes;
+    return right && !elastic_changes();
   }
 
   // How far a bound that may be passed is passed by a motion.
@@ -247,22 +338,20 @@ class ClampedStages {
     force = s <= 0.0 ? 0.0 : s < ramp ? price * s / ramp : price * (1.0 + s - ramp);
   }
 
-  // Up to where factors change with the stiffness of a bound that may be passed.
-  int reach_of(const Elastic& e) const { return std::min(e.stage + 1, N_ - 1); }
-
-  int last_elastic_change() {
-    int last = -1;
+  bool elastic_changes() {
     for (const Elastic& e : elastic_) {
       double force, stiffness;
       law_of(passed(e, next_), force, stiffness);
-      if (stiffness != e.stiffness) last = std::max(last, reach_of(e));
+      if (stiffness != e.stiffness) return true;
     }
-    return last;
+    return false;
   }
 
-  // Gradient and Hessian of what passes bounds, at the motion at hand; the Hessian up to `last`.
-  void set_elastic(int last) {
+  // Gradient and Hessian of what passes bounds, at the motion at hand, the Hessian before the stage `room`;
+  // up to where factors change, or -1.
+  int set_elastic(int room) {
     StageRiccati& r = riccati_;
+    int last = -1;
     gradient_ = g_;
     std::copy(diagonal_.begin(), diagonal_.end(), r.diagonal.begin());
     for (int i = 1; i < N_ && r.coupled; ++i) {
@@ -272,7 +361,8 @@ class ClampedStages {
       const double s = passed(e, x_);
       double force, stiffness;
       law_of(s, force, stiffness);
-      if (reach_of(e) <= last) e.stiffness = stiffness;
+      const int reach = std::min(e.stage + 1, N_ - 1);
+      if (stiffness != e.stiffness && reach < room) e.stiffness = stiffness, last = std::max(last, reach);
       if (force == 0.0 && e.stiffness == 0.0) continue;
       const double slope = e.sign * (force - e.stiffness * (s + e.limit));
       row_of(gradient_, e.stage)[e.place] += slope;
@@ -282,6 +372,7 @@ class ClampedStages {
       row_of(r.diagonal, e.stage - 1)[e.place] += e.stiffness;
       r.D_of(e.stage)[(e.place - n_z_) * r.ld + e.place] -= e.stiffness;
     }
+    return last;
   }
 
   // The cost of a motion less that of no change.
