@@ -30,16 +30,19 @@ class ClampedStages {
     begin_modes();
     in.iterations = in.stages = in.solved = 0;
     in.decrease = 0.0;
+    bool careful = false;
     while (in.stages < in.most_stages) {
-      if (!pull_back()) break;
+      if (!pull_back(careful)) break;
       find_steps();
       const double before = in.decrease;
-      for (double share = 1.0; share > least_share && in.decrease == before && !in.solved; share *= 0.3) {
+      double share = 1.0;
+      for (; share > least_share && in.decrease == before && !in.solved; share *= 0.3) {
         in.solved = move_on(share) && share == 1.0;
         const double cost = cost_of(next_);
         if (cost < -in.decrease) in.decrease = -cost, best_ = next_;
       }
-      if (in.solved || in.decrease - before <= enough * in.decrease) break;
+      if (in.solved || (careful && in.decrease - before <= enough * in.decrease)) break;
+      careful = share < 0.3;  // a whole step has not come down
       x_ = best_;
     }
     for (int i = 0; i < N_; ++i) {
@@ -74,7 +77,8 @@ class ClampedStages {
   std::vector<double> slope_, u_, root_, half_;
   std::vector<int> free_;
   std::vector<DrivenLimit> low_, high_;  // (k,) of the stage at hand
-  std::vector<Mode> modes_;              // (N, k) in which bounds inputs are
+  std::vector<Mode> modes_, wanted_;     // (N, k) in which bounds inputs are, and are to be
+  std::vector<char> wrong_;              // (N,) whether they differ
   std::vector<Elastic> elastic_;
 
   double* row_of(std::vector<double>& a, int i) { return a.data() + size_t(i) * riccati_.ld; }
@@ -157,6 +161,7 @@ class ClampedStages {
     if (in_->shift < 0 || modes_.size() != all) modes_.assign(all, kFree);
     modes_.erase(modes_.begin(), modes_.begin() + gone);
     modes_.resize(all, kFree);
+    wanted_ = modes_, wrong_.assign(N_, 0);
   }
 
   // The bounds of changes of the inputs in interval i.
@@ -175,8 +180,9 @@ class ClampedStages {
   }
 
   // The laws of stages up to `last`; later ones stay.
-  // Feedback laws around the motion at hand, and its inputs in bounds; false where there are none.
-  bool pull_back() {
+  // Feedback laws around the motion at hand, with the inputs in bounds that the motion before asked for or,
+  // to be careful, those that are best at every stage of this one. False where there are none.
+  bool pull_back(bool careful) {
     StageRiccati& r = riccati_;
     StageClampArrays& in = *in_;
     const bool first = in.iterations == 0;
@@ -191,7 +197,7 @@ class ClampedStages {
         pulled_ = r.from_later;
         r.hand_on(i, gradient_.data());
         r.hand_back(i);
-        if (i >= room || holds(i, before)) continue;
+        if (i >= room || (careful ? holds(i, before) : keeps(i))) continue;
         anew = true;
         r.from_later = pulled_;
       }
@@ -199,7 +205,9 @@ class ClampedStages {
       if (i == N_ - 1) r.begin();
       r.hand_on(i, gradient_.data());
       r.gather(i);
-      choose(i, before, x);
+      if (careful) choose(i, before, x);
+      else std::copy_n(wanted_.begin() + size_t(i) * k_, k_, modes_.begin() + size_t(i) * k_);
+      bind(i, before);
       if (!r.eliminate(i)) return false;
       r.hand_back(i);
     }
@@ -213,22 +221,33 @@ class ClampedStages {
     return is_right(i, before, u);
   }
 
+  // The same of inputs in x; asks for those that would be.
   bool is_right(int i, const double* before, const double* x) {
+    const Mode* modes = modes_.data() + size_t(i) * k_;
+    Mode* wanted = wanted_.data() + size_t(i) * k_;
+    bool right = true;
     for (int j = 0; j < k_; ++j) {
       const double u = x[n_z_ + j], room = 1e-9 * (1.0 + std::fabs(u));
-      const Mode mode = modes_[size_t(i) * k_ + j];
-      if (mode != kLow && u > high_[j].value + room) return false;
-      if (mode != kHigh && u < low_[j].value - room) return false;
-      if (mode == kHigh && u < high_[j].value - room) return false;
-      if (mode == kLow && u > low_[j].value + room) return false;
+      wanted[j] = modes[j];
+      if (modes[j] == kFree) {
+        if (u > high_[j].value + room) wanted[j] = kHigh;
+        else if (u < low_[j].value - room) wanted[j] = kLow;
+        right = right && wanted[j] == kFree;
+      } else {
+        right = right && std::fabs(u - (modes[j] == kHigh ? high_ : low_)[j].value) <= room;
+      }
     }
     for (int l = 0; l < riccati_.n_laws[i]; ++l) {
       const int j = riccati_.laws[size_t(i) * k_ + l].input;
       const double slope = riccati_.slope(i, l, before, x);
-      if ((modes_[size_t(i) * k_ + j] == kHigh ? slope : -slope) > 1e-9 * in_->unit) return false;
+      if ((modes[j] == kHigh ? slope : -slope) > 1e-9 * in_->unit) wanted[j] = kFree, right = false;
     }
-    return true;
+    wrong_[i] = !right;
+    return right;
   }
+
+  // Whether the last motion asks for no other inputs in bounds.
+  bool keeps(int i) const { return !wrong_[i]; }
 
   // The inputs in bounds that are best at a state if later ones are: min 1/2 u^T L u + slope . u.
   void choose(int i, const double* before, const double* x) {
@@ -258,6 +277,12 @@ class ClampedStages {
       }
       if (!changes) break;
     }
+  }
+
+  // The laws of the inputs that are in bounds.
+  void bind(int i, const double* before) {
+    StageRiccati& r = riccati_;
+    const Mode* modes = modes_.data() + size_t(i) * k_;
     int n = 0;
     for (int j = 0; j < k_; ++j) {
       if (modes[j] == kFree) continue;
@@ -315,7 +340,7 @@ class ClampedStages {
       double *x = row_of(next_, i), *before = i ? x - riccati_.ld : nullptr;
       riccati_.best_inputs(i, before, x);
       limits(i, before);
-      right = right && share == 1.0 && is_right(i, before, x);
+      right = (share < 1.0 || is_right(i, before, x)) && right;
       for (int j = 0; j < k_; ++j) {
         const double u = x[n_z_ + j] - (1.0 - share) * row_of(steps_, i)[n_z_ + j];
         x[n_z_ + j] = std::min(std::max(u, low_[j].value), high_[j].value);
