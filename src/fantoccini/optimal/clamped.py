@@ -94,7 +94,8 @@ class ClampedSteps:
         J, diagonal, g = objective.squares(nodes)
         pulls = list(objective.pulls(nodes, slopes))
         C, W = np.zeros((N, len(pulls), nodes.n_z + k)), np.zeros((N, len(pulls)))
-        for i, (weights, r, by) in enumerate(pulls):
+        for i, (row, weights, r) in enumerate(pulls):
+            by = slopes.pull[:, row]
             C[:, i], W[:, i] = by, weights
             g[:, :k] += (weights * r)[:, None] * by[:, nodes.n_z :]
             g[:-1, k:] += (weights * r)[1:, None] * by[1:, : nodes.n_z]

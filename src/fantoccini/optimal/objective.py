@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fantoccini.arrays import Array, Indices
 from fantoccini.errors import UnknownNameError
 from fantoccini.marionette import Marionette
+from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.costs import Track
 from fantoccini.optimal.dynamics import Ends, LinearEnds
 from fantoccini.optimal.nodes import Nodes
@@ -84,6 +85,9 @@ class Objective:
         self._low, self._high = np.where(driven, low, -np.inf), np.where(driven, high, np.inf)
         self.rows = Rows(task)
         self._kept: tuple[tuple[float, float, int], list[Residual]] = ((0.0, 0.0, 0), [])
+        self._chosen = Chosen(marionette, task.x0, task.parameters)
+        self._c = np.arange(0 if task.is_free else 1, 1 + len(self._chosen))
+        """Of all constants of a motion, the length of its intervals and the parameters."""
 
     def cost(self, nodes: Nodes, ends: Ends) -> float:
         """J."""
@@ -109,13 +113,17 @@ class Objective:
         """Takes the unit of the cost from a first motion."""
         program = self.program(nodes, linear, 0.0, 0.0)
         u = np.arange(len(self._u))
-        self.unit = _unit(program.g, program.H[:, u, u], self.task.time_weight * len(nodes) * self.task.is_free)
-        self.price = _FIRST_PRICE * self.unit
+        least = self.task.time_weight * len(nodes) * self.task.is_free
+        self._take_unit(program.g, program.H[:, u, u], least)
 
     def take_unit_of(self, g: Array, diagonal: Array) -> None:
         """The same from a gradient and the diagonal of a Hessian, (N, n_vK + n_z) each."""
         both = np.concatenate([self._u, self._k + self._z])
-        self.unit = _unit(g[:, both], diagonal[:, self._u])
+        self._take_unit(g[:, both], diagonal[:, self._u], 0.0)
+
+    def _take_unit(self, g: Array, curvature: Array, least: float) -> None:
+        unit = max(float(np.max(np.abs(g), initial=0.0)), least)
+        self.unit = unit if unit > 0.0 else float(np.max(curvature, initial=_LEAST))
         self.price = _FIRST_PRICE * self.unit
 
     def end_gap(self, nodes: Nodes) -> Array:
@@ -134,32 +142,34 @@ class Objective:
             damping: of the Hessian.
             force: (n_z,) multipliers of the end.
         """
+        if len(self._c):
+            linear = linear.widened(self._c)
         N, n_z, k = linear.B.shape
         H, g, cross = (
             np.zeros((N, k + n_z, k + n_z)), np.zeros((N, k + n_z)), np.zeros((N, k + n_z, k))
         )  # fmt: skip
-        J, diagonal, slope = self.squares(nodes)
-        every = np.arange(k + n_z)
-        H[:, k:, k:] += J.swapaxes(1, 2) @ J
-        H[:, every, every] += diagonal + damping
-        g += slope
-        u = np.arange(k)
-        cross[:, u, u] -= self.task.smooth.jerk / nodes.interval
-        self._add_pulls(nodes, linear, H, g, cross)
+        # Of the first node, which no step moves but where parameters move it.
+        Q, q = np.zeros((n_z, n_z)), np.zeros(n_z)
+        self._add_residuals(nodes, H, g, Q, q)
+        self._add_smoothness(nodes, H, g, cross)
+        self._add_pulls(nodes, linear, H, g, cross, Q, q)
         if self.task.end is not None:
-            ends = k + np.arange(n_z)
+            ends = k + np.arange(self._n_z)
             H[-1, ends, ends] += self.end_weight
-            g[-1, k:] -= self.end_weight * self.end_gap(nodes) + force
+            g[-1, ends] -= self.end_weight * self.end_gap(nodes) + force
+        every = np.arange(k + n_z)
+        H[:, every, every] += damping
         numbers = nodes.numbers[1:]
-        low = np.concatenate([-self._acc - nodes.acc_K, self._low - numbers], axis=1)
-        high = np.concatenate([self._acc - nodes.acc_K, self._high - numbers], axis=1)
+        low_c, high_c = self._bounds_of_constants(nodes)
+        low = np.concatenate([-self._acc - nodes.acc_K, self._low - numbers, low_c], axis=1)
+        high = np.concatenate([self._acc - nodes.acc_K, self._high - numbers, high_c], axis=1)
         # After the last interval the inputs go on at rest or at their speed, without acceleration.
         last = self._jerk * nodes.interval
         low[-1, :k] = np.maximum(low[-1, :k], -last - nodes.acc_K[-1])
         high[-1, :k] = np.minimum(high[-1, :k], last - nodes.acc_K[-1])
         low, high = np.maximum(low, -UNBOUNDED), np.minimum(high, UNBOUNDED)
         value, row_low, row_high = self.rows.values(nodes, linear)
-        u, z = self._u, self._z
+        u, z = self._u, np.concatenate([self._z, self._n_z + np.arange(len(self._c))])
         both = np.concatenate([u, k + z])
         of_rows = np.concatenate([both, k + n_z + both])
         made = StageProgram(
@@ -168,17 +178,24 @@ class Objective:
             _part(self.rows.by(nodes, linear), slice(None), of_rows),
             row_low - value, row_high - value, np.full(value.shape, self.price),
         )  # fmt: skip
-        return self._freed(nodes, linear, made, damping) if self.task.is_free else made
+        if not len(self._c):
+            return made
+        if self.task.is_free:
+            _, over_time, of_jumps = self._parts(nodes, linear)
+            slope = self.task.time_weight * len(nodes) + (over_time - of_jumps) / nodes.interval
+            q[self._n_z] += slope
+        start = np.concatenate([linear.start_c[:, self._c], np.eye(len(self._c))])
+        return made.with_constants(
+            start[z], _part(Q[None], z, z)[0], q[z], low_c[0], high_c[0], damping
+        )
 
-    def _freed(
-        self, nodes: Nodes, linear: LinearEnds, program: StageProgram, damping: float
-    ) -> StageProgram:
-        """The same program where the length of the intervals is free."""
-        _, over_time, of_jumps = self._parts(nodes, linear)
-        slope = self.task.time_weight * len(nodes) + (over_time - of_jumps) / nodes.interval
-        shortest, longest = self.longer(nodes)
-        later = linear.later[:, self._z]
-        return program.with_free_interval(later, slope, shortest, longest, damping)
+    def _bounds_of_constants(self, nodes: Nodes) -> tuple[Array, Array]:
+        """(N, n_c) how far the constants may change."""
+        shortest, longest = self.longer(nodes) if self.task.is_free else (0.0, 0.0)
+        low = np.append(shortest, self._chosen.low - nodes.parameters)[self._c]
+        high = np.append(longest, self._chosen.high - nodes.parameters)[self._c]
+        every = (len(nodes), len(self._c))
+        return np.broadcast_to(low, every), np.broadcast_to(high, every)
 
     def limits(self, interval: float) -> Limits:
         """The bounds of accelerations, driven coordinates and joints, for intervals of a length."""
@@ -189,6 +206,38 @@ class Objective:
             self._u, self._acc, interval * self._jerk, self._high[at.stop :], self._low[at],
             self._high[at], rows.places, rows.joint_low, rows.joint_high,
         )  # fmt: skip
+
+    def squares(self, nodes: Nodes) -> tuple[Array, Array, Array]:
+        """Gauss and Newton's parts of the cost, but of tensions: J^T J + diagonal, and the gradient.
+
+        Returns:
+            (N, m, n_z) J, by the states after the intervals; (N, n_vK + n_z) the diagonal and the
+            gradient, by the accelerations and these states.
+        """
+        looks, k, N, dense = self._looks(nodes), self._k, len(nodes), []
+        diagonal, g = np.zeros((2, N, k + self._n_z))
+        for one in self._residuals(nodes):
+            r, w = one.value(looks)[1:], one.weights[1:, None]
+            if isinstance(one, NumberResidual):
+                at = k + np.array(one.columns)
+                diagonal[:, at] += w
+                g[:, at] += w * r
+                continue
+            dense.append(np.sqrt(w)[..., None] * one.by(looks)[1:])
+            g[:, k:] += ((np.sqrt(w) * r)[:, None] @ dense[-1])[:, 0]
+        h, smooth = nodes.interval, self.task.smooth
+        jumps = np.diff(nodes.acc_K, axis=0, prepend=0.0, append=0.0)
+        diagonal[:, :k] += h * smooth.acceleration + 2.0 * smooth.jerk / h
+        g[:, :k] += h * smooth.acceleration * nodes.acc_K
+        g[:, :k] += smooth.jerk / h * (jumps[:-1] - jumps[1:])
+        J = np.concatenate(dense, axis=1) if dense else np.zeros((N, 0, self._n_z))
+        return J, diagonal, g
+
+    def pulls(self, nodes: Nodes, ends: Ends) -> Iterator[tuple[int, Array, Array]]:
+        """Of every tension that is tracked: its row, weights and residuals (N,)."""
+        for track in self._pulls:
+            row, weights, path = _pull(self.task.marionette, track, nodes)
+            yield row, weights, ends.tension[:, row] - path
 
     def longer(self, nodes: Nodes) -> tuple[float, float]:
         """The least and the most by which a step may make the intervals longer [s].
@@ -201,12 +250,17 @@ class Objective:
         least = max(shortest / N - h, -_SHARE * h) if is_near else 0.0
         return least, max(min(longest / N - h, _SHARE * h), 0.0)
 
-    def widened(self, solution: StageSolution) -> tuple[Array, Array, float]:
-        """(N + 1, n_z) and (N, n_vK) changes of all states and inputs, and of the intervals."""
+    def widened(self, solution: StageSolution) -> tuple[Array, Array, Array]:
+        """(N + 1, n_z), (N, n_vK) and (1 + n_p,) changes of states, inputs and constants."""
         N, n_u, n_z = len(solution.u), len(self._u), len(self._z)
-        z, u = np.zeros((N + 1, self._n_z)), np.zeros((N, self._k))
+        z, u, c = (
+            np.zeros((N + 1, self._n_z)),
+            np.zeros((N, self._k)),
+            np.zeros(1 + len(self._chosen)),
+        )
         z[:, self._z], u[:, self._u] = solution.z[:, :n_z], solution.u[:, :n_u]
-        return z, u, float(solution.u[0, n_u]) if self.task.is_free else 0.0
+        c[self._c] = solution.u[0, n_u:]
+        return z, u, c
 
     def widened_gains(self, K: Array) -> Array:
         """(N, n_vK, n_z) gains of all inputs and states."""
@@ -216,14 +270,13 @@ class Objective:
 
     def _parts(self, nodes: Nodes, ends: Ends) -> tuple[float, float, float]:
         """The parts of J that stay, rise and fall where intervals get longer."""
-        looks, at_end, over_time = Looks(self.task.marionette, nodes), 0.0, 0.0
+        looks, at_end, over_time = self._looks(nodes), 0.0, 0.0
         for track, one in zip(self._tracks, self._residuals(nodes), strict=True):
             squares = 0.5 * np.sum(np.square(one.value(looks)), axis=1)
             last = track.end_weight * float(squares[-1])
             at_end, over_time = at_end + last, over_time + float(one.weights @ squares) - last
-        for track in self._pulls:
-            row, weights, path = _pull(self.task.marionette, track, nodes)
-            over_time += 0.5 * float(weights @ np.square(ends.tension[:, row] - path))
+        for _, weights, r in self.pulls(nodes, ends):
+            over_time += 0.5 * float(weights @ np.square(r))
         h, smooth = nodes.interval, self.task.smooth
         over_time += 0.5 * h * smooth.acceleration * float(np.sum(np.square(nodes.acc_K)))
         jumps = np.diff(nodes.acc_K, axis=0, prepend=0.0, append=0.0)
@@ -237,45 +290,56 @@ class Objective:
             self._kept = times, made
         return self._kept[1]
 
-    def squares(self, nodes: Nodes) -> tuple[Array, Array, Array]:
-        """Gauss and Newton's parts of the cost, but of tensions: J^T J + diagonal, and the gradient.
+    def _looks(self, nodes: Nodes) -> Looks:
+        return Looks(self._chosen.marionette(nodes.parameters), nodes)
 
-        Returns:
-            (N, m, n_z) J, by the states after the intervals; (N, n_vK + n_z) the diagonal and the
-            gradient, by the accelerations and these states.
-        """
-        looks, k, N, dense = Looks(self.task.marionette, nodes), self._k, len(nodes), []
-        diagonal, g = np.zeros((2, N, k + self._n_z))
+    def _add_residuals(self, nodes: Nodes, H: Array, g: Array, Q: Array, q: Array) -> None:
+        """Gauss-Newton's parts of what is tracked at the nodes."""
+        looks, k, dense = self._looks(nodes), self._k, []
         for one in self._residuals(nodes):
-            r, w = one.value(looks)[1:], one.weights[1:, None]
+            r, w = one.value(looks), one.weights[:, None]
             if isinstance(one, NumberResidual):
-                at = k + np.array(one.columns)
-                diagonal[:, at] += w
-                g[:, at] += w * r
+                at = np.array(one.columns)
+                H[:, k + at, k + at] += w[1:]
+                g[:, k + at] += (w * r)[1:]
+                Q[at, at], q[at] = Q[at, at] + w[0], q[at] + w[0] * r[0]
                 continue
-            J = one.by(looks)[1:]
-            g[:, k:] += ((w * r)[:, None] @ J)[:, 0]
+            J = one.by(looks)
+            if len(self._c):
+                J = np.concatenate([J, self._by_constants(one, nodes)], axis=2)
+            g[:, k:] += ((w * r)[1:, None] @ J[1:])[:, 0]
+            q += w[0] * r[0] @ J[0]
             dense.append(np.sqrt(w)[..., None] * J)
-        h, smooth = nodes.interval, self.task.smooth
-        jumps = np.diff(nodes.acc_K, axis=0, prepend=0.0, append=0.0)
-        diagonal[:, :k] += h * smooth.acceleration + 2.0 * smooth.jerk / h
-        g[:, :k] += h * smooth.acceleration * nodes.acc_K
-        g[:, :k] += smooth.jerk / h * (jumps[:-1] - jumps[1:])
-        J = np.concatenate(dense, axis=1) if dense else np.zeros((N, 0, self._n_z))
-        return J, diagonal, g
+        if dense:
+            J = np.concatenate(dense, axis=1)
+            H[:, k:, k:] += J[1:].swapaxes(1, 2) @ J[1:]
+            Q += J[0].T @ J[0]
 
-    def pulls(self, nodes: Nodes, linear: LinearEnds) -> Iterator[tuple[Array, Array, Array]]:
-        """Of every tension that is tracked: weights and residuals (N,), derivatives (N, n_z + n_vK)."""
-        for track in self._pulls:
-            row, weights, path = _pull(self.task.marionette, track, nodes)
-            yield weights, linear.tension[:, row] - path, linear.pull[:, row]
+    def _by_constants(self, one: Residual, nodes: Nodes) -> Array:
+        """(N + 1, m, n_c) derivatives of a residual, by differences where parameters shape it."""
+        value = one.value(self._looks(nodes))
+        out = np.zeros((*value.shape, 1 + len(self._chosen)))
+        for i, (below, above) in enumerate(self._chosen.neighbours(nodes.parameters)):
+            ends = [one.value(self._looks(replace(nodes, parameters=p))) for p in (below, above)]
+            out[..., 1 + i] = (ends[1] - ends[0]) / (above[i] - below[i])
+        return out[..., self._c]
+
+    def _add_smoothness(self, nodes: Nodes, H: Array, g: Array, cross: Array) -> None:
+        """Accelerations, and their jumps between intervals."""
+        u, h, smooth = np.arange(self._k), nodes.interval, self.task.smooth
+        jumps = np.diff(nodes.acc_K, axis=0, prepend=0.0, append=0.0)
+        H[:, u, u] += h * smooth.acceleration + 2.0 * smooth.jerk / h
+        g[:, u] += h * smooth.acceleration * nodes.acc_K
+        g[:, u] += smooth.jerk / h * (jumps[:-1] - jumps[1:])
+        cross[:, u, u] -= smooth.jerk / h
 
     def _add_pulls(
-        self, nodes: Nodes, linear: LinearEnds, H: Array, g: Array, cross: Array
+        self, nodes: Nodes, linear: LinearEnds, H: Array, g: Array, cross: Array, Q: Array, q: Array
     ) -> None:
         """Tensions that are tracked, which depend on the state and the inputs after a node."""
-        k, n_z = self._k, self._n_z
-        for weights, r, by in self.pulls(nodes, linear):
+        k, n_z = self._k, linear.B.shape[1]
+        for row, weights, r in self.pulls(nodes, linear):
+            by = linear.pull[:, row]
             J_z, J_u = by[:, :n_z], by[:, n_z:]
             w = weights[:, None, None]
             H[:, :k, :k] += w * J_u[:, :, None] * J_u[:, None]
@@ -283,12 +347,8 @@ class Objective:
             cross[:, k:] += w * J_z[:, :, None] * J_u[:, None]
             H[:-1, k:, k:] += w[1:] * J_z[1:, :, None] * J_z[1:, None]
             g[:-1, k:] += (weights * r)[1:, None] * J_z[1:]
-
-
-def _unit(g: Array, curvature: Array, least: float = 0.0) -> float:
-    """The largest slope, or the largest curvature where there is none."""
-    unit = max(float(np.max(np.abs(g), initial=0.0)), least)
-    return unit if unit > 0.0 else float(np.max(curvature, initial=_LEAST))
+            Q += w[0] * np.outer(J_z[0], J_z[0])
+            q += weights[0] * r[0] * J_z[0]
 
 
 def _part(a: Array, *places: Indices | slice) -> Array:
