@@ -68,6 +68,7 @@ from .optimal import (
 )
 from .perform import (
     Handle as Handle,
+    Balance as Balance,
     Performance as Performance,
     Recording as Recording,
 )
