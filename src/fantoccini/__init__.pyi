@@ -67,8 +67,8 @@ from .optimal import (
     reach as reach,
 )
 from .perform import (
-    Handle as Handle,
     Balance as Balance,
+    Handle as Handle,
     Performance as Performance,
     Recording as Recording,
 )

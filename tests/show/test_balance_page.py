@@ -1,4 +1,4 @@
-"""Hands that balance a live puppet, and bodies that viewers pull at: what they do, and what is told."""
+"""Hands that balance a live puppet, and bodies that viewers pull at."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_a_body_is_pulled_at_and_let_go_while_the_hands_balance_it(page):
         viewer.until_said("updates,", 120.0)  # compiling takes its time
         assert "The hands balance it" in viewer.said
         home = tip(performance)
-        far = home + [0.3, 0.0, 0.0]
+        far = home + np.array([0.3, 0.0, 0.0])
         viewer.drag("start", BODY, home, home)
         viewer.drag("update", BODY, home, far)
         until(lambda: (tip(performance) - home)[0] > 0.01, "the arm follows the mouse")
@@ -63,11 +63,11 @@ def test_a_puppet_with_contact_says_why_not(tmp_path):
     block = fan.loads(TOY.replace("floor: 0.0", "floor: 0.0\ncontact: true"))
     with pytest.raises(StateError, match="contact"):
         fan.show(block, port=0, browser=False, wait=False, record_to=tmp_path, balance=True)
-    with fan.show(block, port=0, browser=False, wait=False, record_to=tmp_path) as page:
-        with Viewer(page.url) as viewer:
-            viewer.tick("Let the hands balance it", True)
-            viewer.until_said("contact")
-            assert page.show.balance is None
+    page = fan.show(block, port=0, browser=False, wait=False, record_to=tmp_path)
+    with page, Viewer(page.url) as viewer:
+        viewer.tick("Let the hands balance it", True)
+        viewer.until_said("contact")
+        assert page.show.balance is None
 
 
 def test_a_motion_is_not_balanced(tmp_path):

@@ -1,7 +1,7 @@
-"""One step of sequential quadratic programming in real time: derivatives and program are made and solved compiled.
+"""A step of sequential quadratic programming in real time.
 
-    min over u  of the program of :class:`Objective` along a motion,  accelerations, speeds and positions
-    of the driven coordinates within their bounds
+    min over u  of the program of :class:`Objective` along a motion,
+    accelerations, speeds and positions of the driven coordinates within their bounds
 
 The compiled method is ``cpp/fantoccini/stage_clamped.hpp``. Its motions keep the bounds after every
 factorisation, so that it may end after any.
@@ -15,12 +15,14 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.marionette import Marionette
-from fantoccini.optimal.dynamics import Ends, TimeSteps
+from fantoccini.optimal.dynamics import TimeSteps
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
-from fantoccini.runtime import ClampedOutcome, ClampedStages
+from fantoccini.optimal.quadratic import StageSolver
+from fantoccini.runtime import AnyArray, ClampedOutcome, ClampedStages
 
-
+_BARRIER, _FACTORISATIONS = 1e-5, 15
+"""Where the interior point method may end: barrier in units of the cost, and factorisations."""
 _WORK = 6.4e7
 """Multiplications of a program: some 8 ms."""
 _LEAST, _MOST = 1.5, 20.0
@@ -45,6 +47,9 @@ class Slopes:
 class ClampedSteps:
     """Steps of one puppet within bounds, again and again in the same memory.
 
+    Tasks with bounds of jerks are solved by the interior point method, whose work is not bounded
+    as tightly: a motion made stage by stage cannot keep them.
+
     Args:
         marionette: the puppet.
         dt: longest time step of derivatives [s].
@@ -54,7 +59,7 @@ class ClampedSteps:
     def __init__(self, marionette: Marionette, dt: float, threads: int | None) -> None:
         self._marionette, self._steps = marionette, TimeSteps(marionette, dt, threads)
         self._threads = threads
-        self._stages = ClampedStages()
+        self._stages, self._solver = ClampedStages(), StageSolver(1e-6)
 
     def linearise(self, nodes: Nodes) -> Slopes:
         """Derivatives of the intervals; those of the dynamic part are kept for :meth:`solve`."""
@@ -86,13 +91,13 @@ class ClampedSteps:
             nodes: the motion, as linearised last.
             slopes: from :meth:`linearise`.
             damping: of the Hessian, in units of the cost.
-            shift: intervals by which the horizon went on since the last program; -1 if it is another.
+            shift: intervals by which the horizon went on since the last program; -1: another.
         """
         N, k, h = len(nodes), nodes.table.n_vK, nodes.interval
         per_stage = (nodes.n_z + k) ** 2 * (nodes.n_z - 2 * k)
         work = min(max(_WORK / per_stage, _LEAST * N), _MOST * N)
         J, diagonal, g = objective.squares(nodes)
-        pulls = list(objective.pulls(nodes, slopes))
+        pulls = list(objective.pulls(nodes, slopes.tension))
         C, W = np.zeros((N, len(pulls), nodes.n_z + k)), np.zeros((N, len(pulls)))
         for i, (row, weights, r) in enumerate(pulls):
             by = slopes.pull[:, row]
@@ -103,22 +108,36 @@ class ClampedSteps:
             objective.take_unit_of(g, diagonal)
         diagonal += damping * objective.unit
         bounds = objective.limits(h)
+        if np.any(np.isfinite(bounds.jump)):
+            return self._of_interior_point(objective, nodes, damping)
         n = nodes.n_z - 2 * k
         numbers = nodes.numbers
         numbers_of = {
             "N": N, "n_d": n, "n_inputs": k, "k": len(bounds.inputs), "n_squares": J.shape[1],
             "n_pulls": len(pulls), "n_joints": len(bounds.places),
             "jerk": objective.task.smooth.jerk / h, "h": h,
-            "bounds_jerk": int(np.any(np.isfinite(bounds.jump))), "price": objective.price,
+            "price": objective.price,
             "unit": objective.unit, "shift": shift, "most_stages": round(work),
         }  # fmt: skip
-        arrays = {
+        arrays: dict[str, AnyArray] = {
             "inputs": bounds.inputs.astype(np.int32), "squares": J, "diagonal": diagonal,
             "g": g, "pulls": C, "pull_weight": W, "acc": nodes.acc_K, "q": numbers[:, n : n + k],
             "v": numbers[:, n + k :], "most": bounds.acceleration,
             "last_most": np.minimum(bounds.acceleration, bounds.jump), "speed": bounds.speed,
-            "low": bounds.low, "high": bounds.high, "jerk_most": bounds.jump,
+            "low": bounds.low, "high": bounds.high,
             "joint_places": bounds.places.astype(np.int32), "joint": numbers[1:, bounds.places],
             "joint_low": bounds.joint_low, "joint_high": bounds.joint_high,
         }  # fmt: skip
         return self._stages.solve(numbers_of, arrays, slopes.driven)
+
+    def _of_interior_point(
+        self, objective: Objective, nodes: Nodes, damping: float
+    ) -> ClampedOutcome:
+        linear = self._steps.linearise(nodes)
+        linear.e[:] = 0.0
+        program = objective.program(nodes, linear, damping * objective.unit, 0.0)
+        found = self._solver.solve(
+            program, objective.unit, barrier=_BARRIER, most=_FACTORISATIONS
+        )
+        u = objective.widened(found)[1]
+        return ClampedOutcome(u, np.nan, found.iterations, len(nodes) * found.iterations, found.solved)

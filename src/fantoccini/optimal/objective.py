@@ -208,7 +208,7 @@ class Objective:
         )  # fmt: skip
 
     def squares(self, nodes: Nodes) -> tuple[Array, Array, Array]:
-        """Gauss and Newton's parts of the cost, but of tensions: J^T J + diagonal, and the gradient.
+        """Gauss-Newton's J^T J + diagonal of the cost, but of tensions, and the gradient.
 
         Returns:
             (N, m, n_z) J, by the states after the intervals; (N, n_vK + n_z) the diagonal and the
@@ -233,11 +233,11 @@ class Objective:
         J = np.concatenate(dense, axis=1) if dense else np.zeros((N, 0, self._n_z))
         return J, diagonal, g
 
-    def pulls(self, nodes: Nodes, ends: Ends) -> Iterator[tuple[int, Array, Array]]:
+    def pulls(self, nodes: Nodes, tension: Array) -> Iterator[tuple[int, Array, Array]]:
         """Of every tension that is tracked: its row, weights and residuals (N,)."""
         for track in self._pulls:
             row, weights, path = _pull(self.task.marionette, track, nodes)
-            yield row, weights, ends.tension[:, row] - path
+            yield row, weights, tension[:, row] - path
 
     def longer(self, nodes: Nodes) -> tuple[float, float]:
         """The least and the most by which a step may make the intervals longer [s].
@@ -275,7 +275,7 @@ class Objective:
             squares = 0.5 * np.sum(np.square(one.value(looks)), axis=1)
             last = track.end_weight * float(squares[-1])
             at_end, over_time = at_end + last, over_time + float(one.weights @ squares) - last
-        for _, weights, r in self.pulls(nodes, ends):
+        for _, weights, r in self.pulls(nodes, ends.tension):
             over_time += 0.5 * float(weights @ np.square(r))
         h, smooth = nodes.interval, self.task.smooth
         over_time += 0.5 * h * smooth.acceleration * float(np.sum(np.square(nodes.acc_K)))
@@ -338,7 +338,7 @@ class Objective:
     ) -> None:
         """Tensions that are tracked, which depend on the state and the inputs after a node."""
         k, n_z = self._k, linear.B.shape[1]
-        for row, weights, r in self.pulls(nodes, linear):
+        for row, weights, r in self.pulls(nodes, linear.tension):
             by = linear.pull[:, row]
             J_z, J_u = by[:, :n_z], by[:, n_z:]
             w = weights[:, None, None]

@@ -1,4 +1,4 @@
-"""What acts on a performance besides the targets of its hands: pushes on bodies, and a law that moves hands."""
+"""What acts on a performance besides targets: pushes on bodies, and a law that moves the hands."""
 
 from __future__ import annotations
 

@@ -27,7 +27,8 @@ _PUSH = 0.012
 """Motion of a handle for each press of a key, relative to the puppet's size."""
 _HINT = "Drag a bead to move it, a body to pull at it."
 _HINT_WINDS = (
-    "Drag a bead to move it, a body to pull at it; Shift and drag a bead up or down to wind its string."
+    "Drag a bead to move it, a body to pull at it; Shift and drag a bead up or down winds its "
+    "string."
 )
 _KEYS = (
     "F and G choose a handle, A D W S move it, Q E wind its string, P pauses, N steps, R resets, "

@@ -1,4 +1,4 @@
-"""Bodies that viewers push: a body that is dragged is pulled towards the mouse, as by a rubber band.
+"""Bodies that viewers pull at: as by a rubber band between the body and the mouse.
 
     F = k (mouse - point),  |F| <= most
 """

@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x1849048e65d0eef3;
+constexpr long long contract_digest = 0x599cbcf94572f1ff;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -419,7 +419,7 @@ struct StageProgramArrays {
   double gap;  // mean product of slacks and multipliers
 };
 
-// Derivatives of a time step in each interval (stage_dynamics.hpp).
+// A time step in every interval (stage_dynamics.hpp).
 struct StageStepArrays {
   long long N;  // intervals
   int n_d;  // 2 n_vD
@@ -427,8 +427,7 @@ struct StageStepArrays {
   int columns;  // of motion, the first n_d + 3 k count
   int is_first;  // of the steps of an interval
   const double* motion;  // (N, n_d, columns) of (dq_D, v_D) after the step, as linearised
-  // (2 k, 3 k) of (dq_K, v_K) before the step by q_K, v_K and acc_K at the interval's start
-  Shared driven;
+  Shared driven;  // (2 k, 3 k) of (dq_K, v_K) before it by q_K, v_K and acc_K at the start
 };
 
 // A program of stages in real time (stage_clamped.hpp).
@@ -457,15 +456,13 @@ struct StageClampArrays {
   const double* speed;  // (n_vK,) largest
   const double* low;  // (n_vK,) of the numbers
   const double* high;  // (n_vK,)
-  int bounds_jerk;  // whether there are bounds of jumps
-  const double* jerk_most;  // (n_vK,) of jumps of accelerations, which may be passed
   const int* joint_places;  // (n_joints,) places in z
   const double* joint;  // (N, n_joints) values after the intervals
   const double* joint_low;  // (n_joints,)
   const double* joint_high;  // (n_joints,)
   double price;  // of passing a bound
   double unit;  // of the cost
-  int shift;  // stages by which the horizon went on since the program before; -1: anew
+  int shift;  // stages by which the horizon went on since the one before; -1: anew
   int most_stages;  // that may be factorised in all
   double* u;  // (N, n_vK) changes of the accelerations
   double decrease;  // of the cost

@@ -37,7 +37,7 @@ class ClampedStages {
       const double before = in.decrease;
       double share = 1.0;
       for (; share > least_share && in.decrease == before && !in.solved; share *= 0.3) {
-        in.solved = move_on(share) && share == 1.0;
+        in.solved = move_on(share);
         const double cost = cost_of(next_);
         if (cost < -in.decrease) in.decrease = -cost, best_ = next_;
       }
@@ -55,7 +55,7 @@ class ClampedStages {
  private:
   enum Mode : signed char { kFree, kHigh, kLow };
 
-  // The cost of passing a bound by s rises to its price over a short way.
+  // The price of passing a joint's bound is reached a little beyond it [rad or m].
   static constexpr double ramp = 1e-3;
 
   static constexpr double least_share = 1e-3;
@@ -63,11 +63,11 @@ class ClampedStages {
   // A decrease of the cost that ends the search, relative to all of it.
   static constexpr double enough = 1e-7;
 
-  // sign value <= limit, value of x_i, less that of x_{i-1} if it is a jump.
+  // sign x_i[place] <= limit, and the piece of its price's law that is in force.
   struct Elastic {
     int stage, place;
-    bool jumps;
-    double sign, limit, stiffness;
+    double sign, limit;
+    int piece, wanted;
   };
 
   StageClampArrays* in_ = nullptr;
@@ -96,7 +96,7 @@ class ClampedStages {
     const int all = in.n_inputs, m = in.n_pulls, width = in.n_d + 2 * all;
     if (int(in.N) != N_ || in.k != k_ || in.n_d != n_d_) modes_.clear();
     N_ = int(in.N), n_d_ = in.n_d, k_ = in.k, n_z_ = n_d_ + 2 * k_;
-    r.resize(N_, n_z_, k_, m, in.jerk > 0.0 || in.bounds_jerk, in.n_squares, true);
+    r.resize(N_, n_z_, k_, m, in.jerk > 0.0, in.n_squares, true);
     const size_t size = size_t(N_) * r.ld;
     for (auto* a : {&g_, &gradient_, &x_, &next_, &best_, &steps_, &diagonal_}) a->assign(size, 0.0);
     for (auto* a : {&slope_, &u_, &half_}) a->assign(k_, 0.0);
@@ -131,6 +131,9 @@ class ClampedStages {
         for (int j = 0; j < k_; ++j) to[n_z_ + j] = row[width + in.inputs[j]];
       }
     }
+    for (int i = 1; i < N_ && r.coupled; ++i) {
+      for (int j = 0; j < k_; ++j) r.D_of(i)[j * r.ld + n_z_ + j] = -in.jerk;
+    }
     r.find_bands();
     read_elastic();
   }
@@ -141,16 +144,8 @@ class ClampedStages {
     for (int i = 0; i < N_; ++i) {
       for (int q = 0; q < in.n_joints; ++q) {
         const double value = in.joint[size_t(i) * in.n_joints + q];
-        elastic_.push_back({i, in.joint_places[q], false, 1.0, in.joint_high[q] - value, 0.0});
-        elastic_.push_back({i, in.joint_places[q], false, -1.0, value - in.joint_low[q], 0.0});
-      }
-      for (int j = 0; j < k_ && in.bounds_jerk; ++j) {
-        const int c = in.inputs[j];
-        const double *acc = in.acc + size_t(i) * in.n_inputs + c, most = in.jerk_most[c];
-        const double jump = *acc - (i ? acc[-in.n_inputs] : 0.0);
-        if (!(most < 1e30)) continue;
-        elastic_.push_back({i, n_z_ + j, true, 1.0, most - jump, 0.0});
-        elastic_.push_back({i, n_z_ + j, true, -1.0, most + jump, 0.0});
+        elastic_.push_back({i, in.joint_places[q], 1.0, in.joint_high[q] - value, 0, 0});
+        elastic_.push_back({i, in.joint_places[q], -1.0, value - in.joint_low[q], 0, 0});
       }
     }
   }
@@ -186,7 +181,7 @@ class ClampedStages {
     StageRiccati& r = riccati_;
     StageClampArrays& in = *in_;
     const bool first = in.iterations == 0;
-    const int room = in.most_stages - in.stages, last = set_elastic(first ? N_ : room);
+    const int room = in.most_stages - in.stages, last = set_elastic(careful || first, first ? N_ : room);
     bool anew = false;
     ++in.iterations, in.stages += N_ / 10;
     for (int i = N_ - 1; i >= 0; --i) {
@@ -347,55 +342,45 @@ class ClampedStages {
       }
       riccati_.moved_on(i, before, x);
     }
-    return right && !elastic_changes();
+    return share == 1.0 && !elastic_changes() && right;
   }
 
   // How far a bound that may be passed is passed by a motion.
   double passed(const Elastic& e, std::vector<double>& x) {
-    const double* own = row_of(x, e.stage);
-    const double before = e.jumps && e.stage ? own[e.place - riccati_.ld] : 0.0;
-    return e.sign * (own[e.place] - before) - e.limit;
+    return e.sign * row_of(x, e.stage)[e.place] - e.limit;
   }
 
-  void law_of(double s, double& force, double& stiffness) const {
-    const double price = in_->price;
-    stiffness = s <= 0.0 ? 0.0 : s < ramp ? price / ramp : price;
-    force = s <= 0.0 ? 0.0 : s < ramp ? price * s / ramp : price * (1.0 + s - ramp);
-  }
+  // Which piece of the price's law is in force: none, the ramp, what is beyond.
+  static int piece_of(double s) { return s <= 0.0 ? 0 : s < ramp ? 1 : 2; }
 
   bool elastic_changes() {
-    for (const Elastic& e : elastic_) {
-      double force, stiffness;
-      law_of(passed(e, next_), force, stiffness);
-      if (stiffness != e.stiffness) return true;
+    bool changes = false;
+    for (Elastic& e : elastic_) {
+      e.wanted = piece_of(passed(e, next_));
+      changes = changes || e.wanted != e.piece;
     }
-    return false;
+    return changes;
   }
 
-  // Gradient and Hessian of what passes bounds, at the motion at hand, the Hessian before the stage `room`;
-  // up to where factors change, or -1.
-  int set_elastic(int room) {
+  // Gradient and Hessian of what passes bounds: of the pieces in force at the motion at hand, to be careful,
+  // else of those next to the ones before that the last whole step asks for; up to where factors change.
+  int set_elastic(bool careful, int room) {
     StageRiccati& r = riccati_;
     int last = -1;
     gradient_ = g_;
     std::copy(diagonal_.begin(), diagonal_.end(), r.diagonal.begin());
-    for (int i = 1; i < N_ && r.coupled; ++i) {
-      for (int j = 0; j < k_; ++j) r.D_of(i)[j * r.ld + n_z_ + j] = -in_->jerk;
-    }
+    const double price = in_->price;
     for (Elastic& e : elastic_) {
-      const double s = passed(e, x_);
-      double force, stiffness;
-      law_of(s, force, stiffness);
+      const int to = e.piece < e.wanted ? e.piece + 1 : e.piece > e.wanted ? e.piece - 1 : e.piece;
+      const int piece = careful ? piece_of(passed(e, x_)) : to;
       const int reach = std::min(e.stage + 1, N_ - 1);
-      if (stiffness != e.stiffness && reach < room) e.stiffness = stiffness, last = std::max(last, reach);
-      if (force == 0.0 && e.stiffness == 0.0) continue;
-      const double slope = e.sign * (force - e.stiffness * (s + e.limit));
+      if (piece != e.piece && reach < room) e.piece = piece, last = std::max(last, reach);
+      if (e.piece == 0) continue;
+      const double stiffness = e.piece == 1 ? price / ramp : price;
+      const double at_zero = e.piece == 1 ? 0.0 : price * (1.0 - ramp);
+      const double slope = e.sign * (at_zero - stiffness * e.limit);
       row_of(gradient_, e.stage)[e.place] += slope;
-      row_of(r.diagonal, e.stage)[e.place] += e.stiffness;
-      if (!e.jumps || e.stage == 0) continue;
-      row_of(gradient_, e.stage - 1)[e.place] -= slope;
-      row_of(r.diagonal, e.stage - 1)[e.place] += e.stiffness;
-      r.D_of(e.stage)[(e.place - n_z_) * r.ld + e.place] -= e.stiffness;
+      row_of(r.diagonal, e.stage)[e.place] += stiffness;
     }
     return last;
   }
