@@ -85,7 +85,8 @@ class Run(NamedTuple):
 def follow_and_stop(law: Feedback, x0: State, closed: bool) -> Run:
     """As :func:`follow`; then the hands stop."""
     followed, problem = follow(law, x0, closed), law.plan.problem
-    x = followed.states[-1]
+    last = followed.states[-1]
+    x = x0.replace(t=float(followed.t[-1]), **last.parts)
     puppet = MuJoCoPuppet(problem.marionette, STEP)
     puppet.put(x.q_D, x.v_D)
     most = law.plan.rollouts.bounds.acceleration

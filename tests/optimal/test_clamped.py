@@ -48,7 +48,7 @@ def task_of(arm: fan.Marionette, by: float, **bounds: object) -> fan.Task:
 def both(arm: fan.Marionette, task: fan.Task, nodes: Nodes):
     """The step found, the program, and its solution by the interior point method."""
     objective, steps = Objective(task), ClampedSteps(arm, 0.01, 1)
-    found = steps.solve(objective, nodes, steps.linearise(nodes), DAMPING, -1)
+    found = steps.solve(objective, nodes, steps.linearise(nodes, True), DAMPING, -1)
     linear = TimeSteps(arm, 0.01, 1).linearise(nodes)
     linear.e[:] = 0.0
     program = objective.program(nodes, linear, DAMPING * objective.unit, 0.0)
@@ -109,7 +109,7 @@ def test_every_motion_keeps_its_bounds_however_little_work_is_left(arm, monkeypa
         monkeypatch.setattr("fantoccini.optimal.clamped._LEAST", work)
         monkeypatch.setattr("fantoccini.optimal.clamped._MOST", work)
         steps = ClampedSteps(arm, 0.01, 1)
-        found = steps.solve(Objective(task), nodes, steps.linearise(nodes), DAMPING, -1)
+        found = steps.solve(Objective(task), nodes, steps.linearise(nodes, True), DAMPING, -1)
         assert found.stages <= (work + 0.2) * N
         after = motion(arm, task, nodes.acc_K + found.u)
         assert np.all(np.abs(after.acc_K) <= 2.0 + 1e-9)
@@ -133,7 +133,7 @@ def test_bounds_that_may_be_passed_cost_what_they_cost_there(arm):
 def test_bounds_of_jerks_are_kept_by_the_interior_point_method(arm):
     task = task_of(arm, 0.02, acceleration=20.0, jerk=200.0)
     nodes = motion(arm, task)
-    found, _, solution, objective = both(arm, task, nodes)
+    found, _, solution, _ = both(arm, task, nodes)
     jumps = np.diff(nodes.acc_K + found.u, axis=0, prepend=0.0)
     assert np.max(np.abs(jumps)) < 200.0 * INTERVAL + np.max(solution.passed) + 0.02
     assert np.max(np.abs(jumps)) > 3.9
@@ -144,7 +144,7 @@ def test_a_tracked_tension_is_part_of_the_program(arm):
     pull = float(arm.forward_dynamics(arm.rest()).tension[0])
     more = fan.Track.tension("hand", 1.2 * pull, weight=1.0)
     task = replace(task, x0=arm.rest(), tracks=[*task.tracks, more])
-    found, program, solution, objective = both(arm, task, motion(arm, task))
+    found, _, solution, objective = both(arm, task, motion(arm, task))
     _, u, _ = objective.widened(solution)
     assert np.max(np.abs(u)) > 0.1
     assert found.u == pytest.approx(u, abs=2e-3)
@@ -153,7 +153,7 @@ def test_a_tracked_tension_is_part_of_the_program(arm):
 def test_a_program_like_the_one_before_needs_less_work(arm):
     task = task_of(arm, 0.2, acceleration=1.0)
     nodes, steps, objective = motion(arm, task), ClampedSteps(arm, 0.01, 1), Objective(task)
-    slopes = steps.linearise(nodes)
+    slopes = steps.linearise(nodes, True)
     first = steps.solve(objective, nodes, slopes, DAMPING, -1)
     again = steps.solve(objective, nodes, slopes, DAMPING, 0)
     assert first.solved and again.solved

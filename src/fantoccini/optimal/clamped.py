@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.marionette import Marionette
+from fantoccini.marionette import Marionette, linearise_steps
 from fantoccini.optimal.dynamics import TimeSteps
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
@@ -23,8 +23,8 @@ from fantoccini.runtime import AnyArray, ClampedOutcome, ClampedStages
 
 _BARRIER, _FACTORISATIONS = 1e-5, 15
 """Where the interior point method may end: barrier in units of the cost, and factorisations."""
-_WORK = 6.4e7
-"""Multiplications of a program: some 8 ms."""
+_WORK = 5.2e7
+"""Multiplications of a program: some 7 ms."""
 _LEAST, _MOST = 1.5, 20.0
 """Whole factorisations of a program, at least and at most."""
 
@@ -35,12 +35,12 @@ class Slopes:
 
     Attributes:
         tension: (N, n_rows) just after the nodes.
-        pull: (N, n_rows, n_z + n_vK) derivatives of the tensions.
+        pull: (N, n_rows, at least n_z + n_vK) derivatives of the tensions, if asked for.
         driven: (N or 1, 2 n_vK, 3 n_vK) derivatives of the driven coordinates over the intervals.
     """
 
     tension: Array
-    pull: Array
+    pull: Array | None
     driven: Array
 
 
@@ -59,22 +59,29 @@ class ClampedSteps:
     def __init__(self, marionette: Marionette, dt: float, threads: int | None) -> None:
         self._marionette, self._steps = marionette, TimeSteps(marionette, dt, threads)
         self._threads = threads
+        self._room: Array | None = None
         self._stages, self._solver = ClampedStages(), StageSolver(1e-6)
 
-    def linearise(self, nodes: Nodes) -> Slopes:
-        """Derivatives of the intervals; those of the dynamic part are kept for :meth:`solve`."""
+    def linearise(self, nodes: Nodes, pulls: bool) -> Slopes:
+        """Derivatives of the intervals; those of the dynamic part are kept for :meth:`solve`.
+
+        Args:
+            nodes: the motion.
+            pulls: whether those of tensions are wanted.
+        """
         k = self._marionette.coordinates.n_vK
         m, dt = self._steps.steps(nodes.interval)
         x = (nodes.q_D[:-1], nodes.v_D[:-1], nodes.q_K[:-1], nodes.v_K[:-1])
         driven = np.eye(2 * k, 3 * k)[None]
         for j in range(m):
-            one = self._marionette.linearise_steps(
-                *x, nodes.acc_K, dt=dt, pull=j == 0, threads=self._threads
-            )
+            one = linearise_steps(
+                self._marionette.model, *x, nodes.acc_K, dt=dt, pull=pulls and j == 0,
+                threads=self._threads, room=self._room,
+            )  # fmt: skip
+            self._room = one.motion
             self._stages.add_step(one.motion, driven, k, j == 0)
             if j == 0:
-                assert one.pull is not None
-                tension, pull = one.tension, one.pull[..., : nodes.n_z + k]
+                tension, pull = one.tension, one.pull
             own = one.driven
             driven = own[..., : 2 * k] @ driven
             driven[..., 2 * k :] += own[..., 2 * k :]
@@ -100,7 +107,8 @@ class ClampedSteps:
         pulls = list(objective.pulls(nodes, slopes.tension))
         C, W = np.zeros((N, len(pulls), nodes.n_z + k)), np.zeros((N, len(pulls)))
         for i, (row, weights, r) in enumerate(pulls):
-            by = slopes.pull[:, row]
+            assert slopes.pull is not None
+            by = slopes.pull[:, row, : nodes.n_z + k]
             C[:, i], W[:, i] = by, weights
             g[:, :k] += (weights * r)[:, None] * by[:, nodes.n_z :]
             g[:-1, k:] += (weights * r)[1:, None] * by[1:, : nodes.n_z]
@@ -140,4 +148,5 @@ class ClampedSteps:
             program, objective.unit, barrier=_BARRIER, most=_FACTORISATIONS
         )
         u = objective.widened(found)[1]
-        return ClampedOutcome(u, np.nan, found.iterations, len(nodes) * found.iterations, found.solved)
+        n = found.iterations
+        return ClampedOutcome(u, np.nan, n, n * len(nodes), found.solved)

@@ -280,7 +280,7 @@ class MPC:
         self, objective: Objective, nodes: Nodes, ends: Ends
     ) -> tuple[Nodes, float, MPCStatus]:
         """The prediction after a step, its cost, and whether it is better."""
-        slopes = self._steps.linearise(nodes)
+        slopes = self._steps.linearise(nodes, objective.has_pulls)
         shift = self._shift(nodes.start)
         found = self._steps.solve(objective, nodes, slopes, SETTINGS.damping, shift)
         objective.price = SETTINGS.price * objective.unit
@@ -308,7 +308,7 @@ class MPC:
         still = np.zeros((1, self.nodes, self.marionette.coordinates.n_vK))
         made = self._predictions.make(self._task.x0, self._task.x0.t, self.interval, still)[0]
         if made is not None:
-            self._steps.linearise(made[0])
+            self._steps.linearise(made[0], False)
 
     def _shift(self, start: float) -> int:
         """Intervals by which the horizon went on since the last program; -1 before the first."""

@@ -105,6 +105,11 @@ class Objective:
         return float(max(np.max(part, initial=0.0) for part in parts))
 
     @property
+    def has_pulls(self) -> bool:
+        """Whether tensions are tracked."""
+        return bool(self._pulls)
+
+    @property
     def end_weight(self) -> float:
         """Of half the squares of what is left at the end; 0 where no end is asked for."""
         return _END_WEIGHT * self.unit if self.task.end is not None else 0.0
