@@ -22,7 +22,7 @@ from fantoccini.optimal.dynamics import Ends
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
 from fantoccini.optimal.task import Task
-from fantoccini.motion import Input
+from fantoccini.motion import Inputs
 from fantoccini.simulation import simulate_batch
 
 
@@ -46,6 +46,7 @@ class Settings:
     """Of gaps and of passed bounds, in the first generation and the last."""
 
 
+TAU = 0.1
 SETTINGS = Settings()
 
 
@@ -71,6 +72,8 @@ class Exploration:
         self._task, self._first, self._objective = task, first, objective
         self._rng, self._threads = np.random.default_rng(seed), threads
         self._driven = Driven.of(task)
+        n, k, T = first.table.n_vD, first.table.n_vK, first.interval * len(first)
+        self._scale = np.concatenate([np.ones(n), np.full(n, TAU * T), np.ones(k), np.full(k, TAU * T)])
         self._hats = hats(len(first), SETTINGS.knots)
 
     def run(self, verbose=False):
@@ -107,16 +110,29 @@ class Exploration:
         acc[:, :, driven.moves] = self._hats @ theta
         for _ in range(2):
             acc = driven.within(driven.ending(driven.within(acc, h), h), h)
-        inputs = [Input.segments(first.table, first.t, first.q_K[0], first.v_K[0], a) for a in acc]
+        inputs, q, v = self._inputs(acc)
         runs = simulate_batch(task.marionette, task.x0, inputs, first.t[-1], save_at=first.t, save=("q_D", "v_D", "tension", "limit_force"), threads=self._threads)
         ok = np.array([s in ARRIVED for s in runs.status]) & (runs.reached >= first.t[-1] - 1e-9)
         cost, gap, passed = (np.full(n, np.inf) for _ in range(3))
         for i in np.flatnonzero(ok):
-            q_K, v_K, _ = inputs[i].evaluate(first.t)
-            nodes = replace(first, q_D=runs.q_D[i], v_D=runs.v_D[i], q_K=q_K, v_K=v_K, acc_K=acc[i])
+            nodes = replace(first, q_D=runs.q_D[i], v_D=runs.v_D[i], q_K=q[i], v_K=v[i], acc_K=acc[i])
             tension = np.concatenate([runs.tension.values[i], runs.limit_force.values[i]], axis=1)[:-1]
             ends = Ends(np.zeros((N, nodes.n_z)), tension, tension > 0, np.ones(N, bool))
             cost[i] = self._objective.cost(nodes, ends)
-            gap[i] = np.sum(self._objective.end_gap(nodes) ** 2)
+            gap[i] = np.sum((self._scale*self._objective.end_gap(nodes)) ** 2)
             passed[i] = np.sum(self._objective.rows.violation(nodes, ends))
         return Drawn(theta, acc, cost, gap, passed)
+
+    def _inputs(self, acc):
+        """Motions of the inputs, and their (n, N + 1, ...) values and velocities at the nodes."""
+        first, table, h = self._first, self._first.table, self._first.interval
+        n, N, k = acc.shape
+        v = np.concatenate([np.zeros((n, 1, k)), np.cumsum(h * acc, axis=1)], axis=1) + first.v_K[0]
+        q = np.repeat(np.repeat(first.q_K[:1][None], N + 1, axis=1), n, axis=0)
+        for at, j in table.scalars_K:
+            q[:, 1:, at] += np.cumsum(h * 0.5 * (v[:, 1:, j] + v[:, :-1, j]), axis=1)
+        coef = np.zeros((n, N, k, 6))
+        coef[..., 1], coef[..., 2] = v[:, :-1], 0.5 * acc
+        for at, j in table.scalars_K:
+            coef[..., j, 0] = q[:, :-1, at]
+        return Inputs(table, first.t[None], coef, q[:, :-1], np.ones((1, k), bool)), q, v

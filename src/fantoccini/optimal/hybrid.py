@@ -16,10 +16,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fantoccini.arrays import Array, Indices
-from fantoccini.errors import SimulationError
-from fantoccini.marionette import Marionette
+from fantoccini.errors import ARRIVED, SimulationError
+from fantoccini.marionette import Event, Marionette
 from fantoccini.motion import Trajectory
 from fantoccini.optimal.dynamics import Ends, LinearEnds
+from fantoccini.optimal.frozen_modes import FrozenModes
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.shooting import EventRuns
 from fantoccini.simulation import simulate
@@ -28,12 +29,28 @@ from fantoccini.simulation.input_piece import InputVariation
 
 _STAGES = 5
 """Of Gauss collocation, which is of twice this order."""
+_METHOD = Event(rtol=1e-10, atol=1e-10)
 _JUMP = 1e-9
 """Change of velocity from which an event is a catch, relative to 1 or the largest velocity."""
 
 
 class HybridRuns(EventRuns):
     """Event-driven runs, with the exact derivatives of their intervals."""
+
+    def run(self, nodes: Nodes) -> tuple[Nodes, Trajectory] | None:
+        t = nodes.t
+        try:
+            run = simulate(
+                self.marionette, self.x0, nodes.inputs(), t[-1], save_at=t, effort=False,
+                throw=False, method=_METHOD
+            )  # fmt: skip
+        except SimulationError:
+            return None
+        if run.status not in ARRIVED or run.t[-1] < t[-1] - 1e-9:
+            return None
+        at = np.searchsorted(run.t, t + 1e-12, side="right") - 1
+        states = {name: getattr(run, name)[at] for name in ("q_D", "v_D", "q_K", "v_K")}
+        return replace(nodes, **states), run
 
     def linearise(self, nodes: Nodes, ends: Ends) -> LinearEnds:
         """See :class:`fantoccini.optimal.sqp.Shooting`."""
@@ -55,72 +72,67 @@ class _Intervals:
         self._marionette, self._nodes, self._run = marionette, nodes, run
         t = marionette.coordinates
         self._n, self._k = t.n_vD, t.n_vK
+        holds = np.concatenate([run.taut.values, run.limit_force.values > 0.0], axis=1)
+        self._holds = holds | marionette.model.two_sided
         self._firsts = np.searchsorted(run.t, nodes.t + 1e-12, side="right") - 1
 
     def linear(self, ends: Ends) -> LinearEnds:
         """The ends with their derivatives."""
-        nodes, n_z, k = self._nodes, self._nodes.n_z, self._k
+        nodes, run, n_z, k = self._nodes, self._run, self._nodes.n_z, self._k
         N = len(nodes)
-        A, B, later = np.zeros((N, n_z, n_z)), np.zeros((N, n_z, k)), np.zeros((N, n_z))
-        pull = np.zeros((N, ends.tension.shape[1], n_z + k))
-        carried = self._carried()
+        A, B = np.zeros((N, n_z, n_z)), np.zeros((N, n_z, k))
+        carried, last = self._carried(), np.zeros(N, dtype=int)
         for i in range(N):
             Z = np.eye(n_z, n_z + k)
-            first, last = self._firsts[i], self._firsts[i + 1]
-            for j in range(first, last):
-                Z = self._across(i, j, Z) if self._is_event(j) else carried[j][0] @ Z + carried[j][1]
+            for j in range(self._firsts[i], self._firsts[i + 1]):
+                if self._is_event(j):
+                    Z = self._across(j, Z)
+                else:
+                    by_z, by_u = carried[j]
+                    Z, last[i] = by_z @ Z, j
+                    Z[:, n_z:] += by_u
             A[i], B[i] = Z[:, :n_z], Z[:, n_z:]
-            at = self._linearised(first, nodes.acc_K[i], first)
-            by = at.pull
-            pull[i] = np.concatenate([by.q_D, by.v_D, by.q_K, by.v_K, by.acc_K], axis=1)
-            before = max(j for j in range(first, last) if not self._is_event(j))
-            x = self._run.state(before + 1)
-            acc_D = self._linearised(before + 1, nodes.acc_K[i], before).acc_D
-            later[i] = np.concatenate([x.v_D, acc_D, x.v_K, nodes.acc_K[i]])
+        starts = self._moving(self._firsts[:-1], run, nodes.acc_K, self._firsts[:-1])
+        stops = self._moving(last + 1, run, nodes.acc_K, last)
+        rates = (run.v_D[last + 1], stops.acc_D, run.v_K[last + 1], nodes.acc_K)
         return LinearEnds(
-            ends.e, ends.tension, ends.taut, ends.settled, A, B, pull, later
-        )
+            ends.e, ends.tension, ends.taut, ends.settled, A, B, starts.pull,
+            np.concatenate(rates, axis=1),
+        )  # fmt: skip
 
     def _is_event(self, j: int) -> bool:
         return bool(self._run.t[j] == self._run.t[j + 1])
 
-    def _held(self, j: int) -> Indices:
-        run = self._run
-        holds = np.concatenate([run.taut.values[j], run.limit_force.values[j] > 0.0])
-        return np.flatnonzero(holds | self._marionette.model.two_sided)
-
-    def _names(self, j: int) -> list[str]:
-        return [self._marionette.tree.row_names[r] for r in self._held(j)]
-
-    def _linearised(self, j, acc_K, mode):
-        return self._marionette.linearise(self._run.state(j), acc_K, rows=self._names(mode))
+    def _moving(self, at: Indices, run: Trajectory, acc_K: Array, modes: Indices) -> FrozenModes:
+        """At samples of a run, with the rows held that are held from other samples on."""
+        q_D, v_D, q_K, v_K = (a[at] for a in (run.q_D, run.v_D, run.q_K, run.v_K))
+        return FrozenModes.at(self._marionette, q_D, v_D, q_K, v_K, acc_K, self._holds[modes])
 
     def _carried(self) -> dict[int, tuple[Array, Array]]:
-        """The matrices of all smooth pieces, by their first sample."""
-        run, nodes = self._run, self._nodes
-        pieces = [j for j in range(len(run.t) - 1) if not self._is_event(j)]
-        c, a, b = _gauss(_STAGES)
-        starts, lasts = run.t[pieces], np.diff(run.t)[pieces]
-        times = starts[:, None] + lasts[:, None] * c
-        inner = simulate(self._marionette, run.state(0), nodes.inputs(), run.t[-1], save_at=times.ravel(), effort=False)
-        at = np.searchsorted(inner.t, times)
-        of = np.searchsorted(self._firsts, pieces, side="right") - 1
-        s, n_z, k = _STAGES, nodes.n_z, self._k
-        A, B = np.zeros((len(pieces), s, n_z, n_z)), np.zeros((len(pieces), s, n_z, k))
-        for p, j in enumerate(pieces):
-            names = self._names(j)
-            for l in range(s):
-                lin = self._marionette.linearise(inner.state(at[p, l]), nodes.acc_K[of[p]], rows=names)
-                A[p, l], B[p, l] = lin.A, lin.B
-        h = lasts[:, None, None]
-        whole = np.eye(s * n_z) - (lasts[:, None, None, None, None] * A[:, :, :, None, :] * a[None, :, None, :, None]).reshape(len(pieces), s * n_z, s * n_z)
-        K = np.linalg.solve(whole, np.concatenate([A, B], axis=3).reshape(len(pieces), s * n_z, n_z + k))
-        Z = h * np.einsum("s,psij->pij", b, K.reshape(len(pieces), s, n_z, n_z + k))
+        """What the smooth pieces make of (Z, du), by their first samples."""
+        run, nodes, n_z, k, s = self._run, self._nodes, self._nodes.n_z, self._k, _STAGES
+        pieces = np.flatnonzero(np.diff(run.t) > 0.0)
+        c, a, b = _gauss(s)
+        h, m = np.diff(run.t)[pieces], len(pieces)
+        times = (run.t[pieces, None] + h[:, None] * c).ravel()
+        inner = simulate(
+            self._marionette, run.state(0), nodes.inputs(), run.t[-1], save_at=times, effort=False, method=_METHOD
+        )
+        interval = np.searchsorted(self._firsts, pieces, side="right") - 1
+        found = self._moving(
+            np.searchsorted(inner.t, times), inner, np.repeat(nodes.acc_K[interval], s, axis=0),
+            np.repeat(pieces, s),
+        )  # fmt: skip
+        A, B = found.A.reshape(m, s, n_z, n_z), found.B.reshape(m, s, n_z, k)
+        coupled = h[:, None, None, None, None] * A[:, :, :, None] * a[:, None, :, None]
+        whole = np.eye(s * n_z) - coupled.reshape(m, s * n_z, s * n_z)
+        both = np.concatenate([A, B], axis=3).reshape(m, s * n_z, n_z + k)
+        rates = np.linalg.solve(whole, both).reshape(m, s, n_z, n_z + k)
+        Z = h[:, None, None] * np.einsum("s,psij->pij", b, rates)
         Z[:, :, :n_z] += np.eye(n_z)
-        none = np.zeros((n_z, n_z))
-        return {j: (Z[p, :, :n_z], np.concatenate([none, Z[p, :, n_z:]], axis=1)) for p, j in enumerate(pieces)}
+        return {j: (Z[p, :, :n_z], Z[p, :, n_z:]) for p, j in enumerate(pieces)}
 
-    def _across(self, i: int, j: int, Z: Array) -> Array:
+    def _across(self, j: int, Z: Array) -> Array:
         """The changes after the event between sample j and the next."""
         run, n, k = self._run, self._n, self._k
         before, after = run.state(j), run.state(j + 1)
@@ -129,7 +141,8 @@ class _Intervals:
             return Z
         none = InputVariation.none(self._marionette, Z.shape[1])
         by_input = replace(none, q_K=Z[2 * n : 2 * n + k], v_K=Z[2 * n + k :])
-        catch = Catch(self._marionette, before, after, (self._held(j), self._held(j + 1)))
+        held = np.flatnonzero(self._holds[j]), np.flatnonzero(self._holds[j + 1])
+        catch = Catch(self._marionette, before, after, held)
         acc = run.acc_D[j], run.acc_D[j + 1]
         carried = catch.carried(Z[: 2 * n], by_input, acc, run.acc_K[j])
         return np.concatenate([carried, Z[2 * n :]])
