@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 import fantoccini as fan
+from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.dynamics import TimeSteps
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
@@ -33,7 +34,7 @@ DAMPING = 3e-4
 def first_program(task: fan.Task) -> tuple[StageProgram, float]:
     """The program of a task's first step, and its unit."""
     steps = TimeSteps(task.marionette, task.dt, 1)
-    runs = EventRuns(steps, task.marionette, task.x0)
+    runs = EventRuns(steps, Chosen(task.marionette, task.x0, {}))
     made = runs.run(Nodes.still(task.marionette, task.x0, task.durations[1], task.n_intervals))
     assert made is not None
     objective, linear = Objective(task), runs.linearise(made[0], runs.ends(*made))

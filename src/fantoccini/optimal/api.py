@@ -15,6 +15,7 @@ from fantoccini.errors import SimulationError, StateError, Status, UnknownNameEr
 from fantoccini.marionette import Marionette, refuse_contact
 from fantoccini.motion import Input, State
 from fantoccini.optimal.bounds import Bounds
+from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.costs import Smooth, Track
 from fantoccini.optimal.dynamics import TimeSteps
 from fantoccini.optimal.nodes import Nodes
@@ -68,9 +69,10 @@ def optimise(
     refuse_contact(task.marionette.model, "optimise")
     began, marionette = time.perf_counter(), task.marionette
     _check(task)
-    steps = TimeSteps(marionette, task.dt, threads)
-    runs = EventRuns(steps, marionette, task.x0)
-    first = _first(task, guess)
+    chosen = Chosen(marionette, task.x0, task.parameters)
+    pulls = bool(task.bounds.tension) or any(one.kind == "tension" for one in task.tracks)
+    runs = EventRuns(TimeSteps(marionette, task.dt, threads, chosen, pulls), chosen)
+    first = _first(task, chosen, guess)
     objective = Objective(task)
     made = runs.run(first)
     if made is None:
@@ -214,10 +216,15 @@ def _check(task: Task) -> None:
     task.bounds.check_start(marionette, task.x0)
 
 
-def _first(task: Task, guess: Input | Optimum | None) -> Nodes:
+def _first(task: Task, chosen: Chosen, guess: Input | Optimum | None) -> Nodes:
     """The nodes of the first motion; of a guess its accelerations count, within their bounds."""
     N, (shortest, longest) = task.n_intervals, task.durations
     made = Nodes.still(task.marionette, task.x0, longest, N)
+    values = chosen.first
+    if isinstance(guess, Optimum):
+        values = np.array(
+            [guess.parameters.get(n, v) for n, v in zip(chosen.names, values, strict=True)]
+        )
     if isinstance(guess, Optimum):
         if len(guess.nodes) == N and guess.nodes.table is made.table:
             interval = min(max(guess.nodes.interval, shortest / N), longest / N)
@@ -227,7 +234,10 @@ def _first(task: Task, guess: Input | Optimum | None) -> Nodes:
     elif guess is not None:
         made = Nodes.of_input(task.marionette, task.x0, guess, longest, N)
     most = task.bounds.magnitudes(task.marionette, "acceleration")
-    return replace(made, acc_K=np.clip(made.acc_K, -most, most))
+    return replace(
+        made, acc_K=np.clip(made.acc_K, -most, most),
+        parameters=np.clip(values, chosen.low, chosen.high),
+    )  # fmt: skip
 
 
 def _status(at: Iterate, tolerance: float, until: float) -> OptimalStatus:

@@ -119,6 +119,7 @@ class SmoothFile(Model):
 End = Annotated[Angle | None, SIZED]
 """An end of an interval; nothing where it is open."""
 Span = Annotated[tuple[End, End], sized(2)]
+Between = Annotated[tuple[Annotated[Angle, SIZED], Annotated[Angle, SIZED]], sized(2)]
 Most = Real | dict[str, Real] | None
 
 
@@ -179,6 +180,8 @@ class TaskFile(Model):
     """Weights of accelerations and their rates."""
     bounds: BoundsFile = BoundsFile()
     """What the motion may not leave."""
+    parameters: dict[str, Between] = Field(default_factory=dict)
+    """Parameter of the puppet -> [low, high] between which it is chosen along with the motion."""
     slack: bool = False
     """Whether strings that pull at the start may go slack."""
     time_weight: Annotated[NotNegative, SIZED] = 1.0
