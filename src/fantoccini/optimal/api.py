@@ -18,6 +18,7 @@ from fantoccini.optimal.bounds import Bounds
 from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.costs import Smooth, Track
 from fantoccini.optimal.dynamics import TimeSteps
+from fantoccini.optimal.hybrid import HybridRuns
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
 from fantoccini.optimal.outlook import out_of_reach
@@ -26,10 +27,7 @@ from fantoccini.optimal.shooting import EventRuns
 from fantoccini.optimal.sqp import Iterate, Limits, Search
 from fantoccini.optimal.targets import Target
 from fantoccini.optimal.task import Task
-
-_HOLDS = 1e-3
-"""Violation of bounds, and distance from the end, up to which a motion holds [SI]."""
-
+from fantoccini.optimal.through_modes import HOLDS, ThroughModes
 
 def optimise(
     task: Task,
@@ -40,6 +38,7 @@ def optimise(
     iterations: int = 50,
     time_limit: float = 60.0,
     threads: int | None = None,
+    seed: int = 0,
     progress: Callable[[Iterate], None] | None = None,
 ) -> Optimum:
     """min J(x, acc_K) over accelerations that are constant between nodes, within bounds.
@@ -50,15 +49,18 @@ def optimise(
     Strings that the bounds ask to be taut stay taut; the others may go slack, and the derivatives
     then hold for the order of events at hand only. Ctrl-C ends it with the best motion so far.
 
+    A task that explores is searched through modes: see :mod:`fantoccini.optimal.through_modes`.
+
     Args:
         task: what is asked for.
         guess: motion of the inputs to begin with, or what was found before; they hold still when
             not given.
         tolerance: of the KKT residual.
         cost_tolerance: share of the cost; it ends after four steps that each save less.
-        iterations: at most.
+        iterations: at most; of every motion that explorations lead to.
         time_limit: at most [s].
-        threads: for derivatives; as many as there are processors when not given.
+        threads: for derivatives and batches; as many as there are processors when not given.
+        seed: of the random numbers of explorations.
         progress: called after every iteration.
 
     Raises:
@@ -71,7 +73,8 @@ def optimise(
     _check(task)
     chosen = Chosen(marionette, task.x0, task.parameters)
     pulls = bool(task.bounds.tension) or any(one.kind == "tension" for one in task.tracks)
-    runs = EventRuns(TimeSteps(marionette, task.dt, threads, chosen, pulls), chosen)
+    kind = HybridRuns if task.explore else EventRuns
+    runs = kind(TimeSteps(marionette, task.dt, threads, chosen, pulls), chosen)
     first = _first(task, chosen, guess)
     objective = Objective(task)
     made = runs.run(first)
@@ -89,18 +92,21 @@ def optimise(
             progress(now)
 
     limits = Limits(tolerance, cost_tolerance, iterations, began + time_limit)
-    search, status = Search(at, runs, objective, limits), None
+    search: Search | ThroughModes = Search(at, runs, objective, limits)
+    if isinstance(runs, HybridRuns):
+        search = ThroughModes(at, runs, objective, limits, seed)
+    status = None
     try:
         search.run(note)
     except KeyboardInterrupt:
         status = OptimalStatus.STOPPED
-    at = search.best
+    at, objective = search.best, search.objective
     made = runs.run(at.nodes)
     if made is None:
         raise SimulationError(Status.NOT_SETTLED, "the motion found cannot be simulated again")
     violation = objective.violation(at.nodes, at.ends)
     end_gap = float(np.max(np.abs(objective.end_gap(at.nodes)), initial=0.0))
-    if not max(violation, end_gap) <= _HOLDS:
+    if not max(violation, end_gap) <= HOLDS:
         status = OptimalStatus.VIOLATED
     elif status is None:
         status = _status(at, tolerance, began + time_limit)

@@ -57,6 +57,11 @@ class Driven:
         end[:, rotations] = np.nan  # their last numbers are no sums of accelerations
         return cls(np.flatnonzero(most > 0.0), start, most, low, high, end)
 
+    @property
+    def scale(self) -> Array:
+        """(n_vK,) the largest accelerations; :data:`MOST` without a bound."""
+        return np.where(np.isfinite(self.most), self.most, MOST)
+
     def within(self, acc: Array, h: float) -> Array:
         """(n, N, n_vK) accelerations as near to the given ones as the bounds let them be.
 

@@ -16,8 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fantoccini.arrays import Array, Indices
-from fantoccini.errors import ARRIVED, SimulationError
-from fantoccini.marionette import Event, Marionette
+from fantoccini.marionette import Marionette
 from fantoccini.motion import Trajectory
 from fantoccini.optimal.dynamics import Ends, LinearEnds
 from fantoccini.optimal.frozen_modes import FrozenModes
@@ -27,9 +26,8 @@ from fantoccini.simulation import simulate
 from fantoccini.simulation.catch import Catch
 from fantoccini.simulation.input_piece import InputVariation
 
-_STAGES = 5
-"""Of Gauss collocation, which is of twice this order."""
-_METHOD = Event(rtol=1e-10, atol=1e-10)
+_STAGES = 4
+"""Of Gauss collocation over a step of the run: of order 8, as the run itself."""
 _JUMP = 1e-9
 """Change of velocity from which an event is a catch, relative to 1 or the largest velocity."""
 
@@ -37,35 +35,21 @@ _JUMP = 1e-9
 class HybridRuns(EventRuns):
     """Event-driven runs, with the exact derivatives of their intervals."""
 
-    def run(self, nodes: Nodes) -> tuple[Nodes, Trajectory] | None:
-        t = nodes.t
-        try:
-            run = simulate(
-                self.marionette, self.x0, nodes.inputs(), t[-1], save_at=t, effort=False,
-                throw=False, method=_METHOD
-            )  # fmt: skip
-        except SimulationError:
-            return None
-        if run.status not in ARRIVED or run.t[-1] < t[-1] - 1e-9:
-            return None
-        at = np.searchsorted(run.t, t + 1e-12, side="right") - 1
-        states = {name: getattr(run, name)[at] for name in ("q_D", "v_D", "q_K", "v_K")}
-        return replace(nodes, **states), run
-
     def linearise(self, nodes: Nodes, ends: Ends) -> LinearEnds:
         """See :class:`fantoccini.optimal.sqp.Shooting`."""
-        made = self.run(nodes)
-        if made is None:
-            raise SimulationError
-        return _Intervals(self.marionette, *made).linear(self.ends(*made))
+        marionette = self.chosen.marionette(nodes.parameters)
+        # Without times to save it has every step of the integrator.
+        run = simulate(marionette, self.chosen.start(nodes.parameters), nodes.inputs(), nodes.t[-1],
+                       effort=False)  # fmt: skip
+        return _Intervals(marionette, nodes, run).linear(ends)
 
 
 class _Intervals:
-    """The intervals of a run, cut into smooth pieces at its events.
+    """The intervals of a run, cut into its steps, which end at its events.
 
     Args:
         marionette: the puppet.
-        nodes, run: a run, and its states at the nodes.
+        nodes, run: a run with all its steps, and its states at the nodes.
     """
 
     def __init__(self, marionette: Marionette, nodes: Nodes, run: Trajectory):
@@ -95,9 +79,10 @@ class _Intervals:
         starts = self._moving(self._firsts[:-1], run, nodes.acc_K, self._firsts[:-1])
         stops = self._moving(last + 1, run, nodes.acc_K, last)
         rates = (run.v_D[last + 1], stops.acc_D, run.v_K[last + 1], nodes.acc_K)
+        by_c, n_rows = np.concatenate(rates, axis=1)[..., None], ends.tension.shape[1]
         return LinearEnds(
-            ends.e, ends.tension, ends.taut, ends.settled, A, B, starts.pull,
-            np.concatenate(rates, axis=1),
+            ends.e, ends.tension, ends.taut, ends.settled, A, B, starts.pull, by_c,
+            np.zeros((N, n_rows, 1)), np.zeros((n_z, 1)),
         )  # fmt: skip
 
     def _is_event(self, j: int) -> bool:
@@ -116,7 +101,7 @@ class _Intervals:
         h, m = np.diff(run.t)[pieces], len(pieces)
         times = (run.t[pieces, None] + h[:, None] * c).ravel()
         inner = simulate(
-            self._marionette, run.state(0), nodes.inputs(), run.t[-1], save_at=times, effort=False, method=_METHOD
+            self._marionette, run.state(0), nodes.inputs(), run.t[-1], save_at=times, effort=False
         )
         interval = np.searchsorted(self._firsts, pieces, side="right") - 1
         found = self._moving(

@@ -82,6 +82,11 @@ class Objective:
         return float(max(np.max(part, initial=0.0) for part in parts))
 
     @property
+    def kept(self) -> tuple[Indices, Indices]:
+        """Places of the accelerations, and of the numbers of z, that programs have."""
+        return self._u, self._z
+
+    @property
     def end_weight(self) -> float:
         """Of half the squares of what is left at the end; 0 where no end is asked for."""
         return _END_WEIGHT * self.unit if self.task.end is not None else 0.0

@@ -1,0 +1,96 @@
+"""Searches through modes: explorations, each tightened, until enough motions hold."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from fantoccini.optimal.exploring import Exploration
+from fantoccini.optimal.hybrid import HybridRuns
+from fantoccini.optimal.objective import Objective
+from fantoccini.optimal.sqp import Iterate, Limits
+from fantoccini.optimal.tightening import Tightening
+
+HOLDS = 1e-3
+"""Violation of bounds, and distance from the end, up to which a motion holds [SI]."""
+
+
+class ThroughModes:
+    """The best of the motions that several explorations lead to.
+
+    ``task.explore`` explorations are made, and more while none of their motions holds, each with
+    random numbers of its own.
+
+    Attributes:
+        best: the best motion so far.
+        objective: its cost and bounds.
+
+    Args:
+        first: where explorations begin.
+        runs: makes motions.
+        objective: cost and bounds.
+        limits: of every tightening, and the time at which all ends.
+        seed: of the random numbers.
+    """
+
+    def __init__(
+        self, first: Iterate, runs: HybridRuns, objective: Objective, limits: Limits, seed: int
+    ):
+        self.best, self.objective = first, objective
+        self._runs, self._limits, self._seed = runs, limits, seed
+        self._first, self._iterations = first.nodes, 0
+
+    def run(self, progress: Callable[[Iterate], None] | None = None) -> Iterate:
+        """Explores and tightens.
+
+        Args:
+            progress: called after every generation and iteration, with the number of all so far.
+        """
+        task, attempt, held = self.objective.task, 0, 0
+        while attempt < task.explore or (not held and not self._is_late):
+            held += self._attempt(np.random.default_rng([self._seed, attempt]), progress)
+            attempt += 1
+            if self._is_late:
+                break
+        return self.best
+
+    @property
+    def _is_late(self) -> bool:
+        return time.perf_counter() > self._limits.until
+
+    def _attempt(
+        self, rng: np.random.Generator, progress: Callable[[Iterate], None] | None
+    ) -> bool:
+        """Explores once; whether its motion holds."""
+        objective, before = Objective(self.objective.task), (self.best, self.objective)
+
+        def keep(now: Iterate) -> None:
+            now = replace(now, iterations=self._iterations)
+            better = self._rank(now) <= self._rank(before[0])
+            self.best, self.objective = (now, objective) if better else before
+
+        def count(now: Iterate) -> None:
+            self._iterations += 1
+            keep(now)
+            if progress is not None:
+                progress(self.best)
+
+        found = Exploration(self._first, objective, rng, self._runs.steps.threads).run(count)
+        made = None if found is None else self._runs.run(found.nodes)
+        if made is None:
+            return False
+        ends = self._runs.ends(*made)
+        start = Iterate(made[0], ends, objective.cost(made[0], ends))
+        found = Tightening(start, self._runs, objective, self._limits).run(count)
+        keep(found)
+        return not self._rank(found)[0]
+
+    def _rank(self, at: Iterate) -> tuple[bool, float]:
+        """Whether a motion does not hold, and its cost, or what it is away from holding."""
+        gap = float(np.max(np.abs(self.objective.end_gap(at.nodes)), initial=0.0))
+        away = max(self.objective.violation(at.nodes, at.ends), gap)
+        return (True, away) if away > HOLDS else (False, at.cost)
+
