@@ -29,6 +29,7 @@ from fantoccini.optimal.targets import Target
 from fantoccini.optimal.task import Task
 from fantoccini.optimal.through_modes import HOLDS, ThroughModes
 
+
 def optimise(
     task: Task,
     guess: Input | Optimum | None = None,
@@ -126,6 +127,7 @@ def follow(
     smooth: Smooth | None = None,
     weight: float = 1e4,
     slack: bool = False,
+    explore: int = 0,
     interval: float | None = None,
     **options: Any,
 ) -> Optimum:
@@ -144,6 +146,8 @@ def follow(
         smooth: see :class:`Smooth`.
         weight: of every path [1/m^2 or 1/rad^2].
         slack: whether strings that are taut at the start may go slack.
+        explore: how many random explorations look for motions through slack strings and catches,
+            which then may go slack; see :class:`Task`.
         interval: between nodes [s]; a fiftieth of the duration, from 0.01 to 0.04, when not given.
         options: of :func:`optimise`.
 
@@ -153,10 +157,11 @@ def follow(
     x0 = marionette.rest() if x0 is None else x0
     tracks = tracks_of(marionette, targets, x0.t, duration, weight)
     bounds = Bounds() if bounds is None else bounds
-    if not slack:
+    if not slack and not explore:
         bounds = bounds.staying_taut(marionette, x0)
     h = min(max(duration / 50.0, 0.01), 0.04) if interval is None else interval
-    task = Task(marionette, x0, duration, tracks, smooth or Smooth(), bounds, interval=h)
+    task = Task(marionette, x0, duration, tracks, smooth or Smooth(), bounds, interval=h,
+                explore=explore)  # fmt: skip
     _check(task)
     for text in out_of_reach(task):
         warnings.warn(text, stacklevel=2)

@@ -2,8 +2,8 @@
 
     acc_i = clip(sum over knots of  W_ij theta_j),   theta ~ N(mean, spread^2)
 
-Accelerations are linear between knots. Each is clipped so that its interval ends within the bounds of
-speed, and at a place from which the coordinate can still stop within those of position.
+Accelerations are linear between knots. Each is clipped so that its interval ends within the bounds
+of speed, and at a place from which the coordinate can still stop within those of position.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, Indices
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.task import Task
 
@@ -32,7 +32,7 @@ class Driven:
         end: (2, n_vK) numbers and velocities asked for at the end; NaN where none are.
     """
 
-    moves: Array
+    moves: Indices
     start: Array
     most: Array
     low: Array
@@ -83,11 +83,12 @@ class Driven:
 
     def _stops(self, room: Array, h: float) -> Array:
         """The largest velocity after an interval from which there is room to stop."""
-        braking = np.where(np.isfinite(self.most) & (self.most > 0.0), self.most, 1.0)
-        ahead = np.maximum(room, 0.0) / braking
-        bounded = braking * (np.sqrt(h * h + 2.0 * ahead) - h)
-        with np.errstate(invalid="ignore"):
-            return np.where(np.isfinite(room), np.where(self.most < np.inf, bounded, room / h), np.inf)
+        free = ~np.isfinite(self.most)
+        braking = np.where(free | (self.most == 0.0), 1.0, self.most)
+        room = np.maximum(room, 0.0)
+        bounded = braking * (np.sqrt(h * h + 2.0 * room / braking) - h)
+        bounded[:, free] = room[:, free] / h
+        return bounded
 
     def ending(self, acc: Array, h: float) -> Array:
         """(n, N, n_vK) the nearest accelerations that end as asked for; bounds do not count."""

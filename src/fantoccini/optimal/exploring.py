@@ -12,12 +12,13 @@ motion and its order of events. Every motion is an event-driven run, of a compil
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, Indices
 from fantoccini.errors import ARRIVED, Status
 from fantoccini.motion import Inputs
 from fantoccini.motion.polynomial import N_COEF
@@ -77,7 +78,7 @@ class Drawn:
     gap: Array
     passed: Array
 
-    def part(self, places: Array) -> Drawn:
+    def part(self, places: Indices) -> Drawn:
         """Some of them."""
         return Drawn(*(a[places] for a in vars(self).values()))
 
@@ -96,17 +97,17 @@ class Exploration:
         objective: cost and bounds.
         rng: of the random numbers.
         threads: that simulate; as many as there are processors when None.
+        until: time of ``time.perf_counter`` at which it ends [s].
     """
 
     def __init__(
         self, first: Nodes, objective: Objective, rng: np.random.Generator,
-        threads: int | None = None,
+        threads: int | None = None, until: float = np.inf,
     ):  # fmt: skip
-        self._first, self._objective, self._rng = first, objective, rng
+        self._first, self._objective, self._rng, self._until = first, objective, rng, until
         self._threads, self._driven = threads, Driven.of(objective.task)
         n, k, T = first.table.n_vD, first.table.n_vK, first.interval * len(first)
-        ways = np.repeat([1.0, SETTINGS.moment * T] * 2, [n, n, k, k])
-        self._ways = ways
+        self._ways = np.repeat([1.0, SETTINGS.moment * T] * 2, [n, n, k, k])
         self._hats = hats(len(first), min(SETTINGS.knots, len(first)))
 
     def run(self, progress: Callable[[Iterate], None] | None = None) -> Iterate | None:
@@ -126,6 +127,8 @@ class Exploration:
         best: Drawn | None = None
         low, high = SETTINGS.price
         for g in range(SETTINGS.generations):
+            if time.perf_counter() > self._until:
+                break
             noise = self._rng.standard_normal((SETTINGS.runs, *mean.shape))
             noise[0] = 0.0
             drawn = self._simulated(mean + spread * noise)
@@ -204,8 +207,9 @@ def _inputs(first: Nodes, acc_K: Array) -> tuple[Inputs, Array, Array]:
     table, h = first.table, first.interval
     if table.quaternions_K:
         every = [replace(first, acc_K=acc).inputs() for acc in acc_K]
-        found = [one.evaluate(first.t)[:2] for one in every]
-        return Inputs.of(every), *(np.stack(part) for part in zip(*found, strict=True))
+        found = [one.evaluate(first.t) for one in every]
+        q_K, v_K = (np.stack([motion[k] for motion in found]) for k in range(2))
+        return Inputs.of(every), q_K, v_K
     n, N, k = acc_K.shape
     v_K = np.concatenate([np.zeros((n, 1, k)), np.cumsum(h * acc_K, axis=1)], axis=1) + first.v_K[0]
     q_K = np.tile(first.q_K[0], (n, N + 1, 1))

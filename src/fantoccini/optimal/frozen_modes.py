@@ -48,7 +48,7 @@ class FrozenModes:
             "q_D": q_D, "v_D": v_D, "q_K": q_K, "v_K": v_K, "acc_K": acc_K, "p": model.p,
         }  # fmt: skip
         on = library.evaluate("dynamics", **values, u_D=np.zeros(n))
-        L, n_s = on.L[:, None], len(tree.strings)
+        L = on.L[:, None]
         J = np.zeros((m, len(tree.limits), n))
         for i, limit in enumerate(tree.limits):
             place = tree.links[limit.link].v

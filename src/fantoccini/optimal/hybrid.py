@@ -11,7 +11,7 @@ an unknown of the hybrid problem, is eliminated by its guard h = 0.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -115,7 +115,7 @@ class _Intervals:
         rates = np.linalg.solve(whole, both).reshape(m, s, n_z, n_z + k)
         Z = h[:, None, None] * np.einsum("s,psij->pij", b, rates)
         Z[:, :, :n_z] += np.eye(n_z)
-        return {j: (Z[p, :, :n_z], Z[p, :, n_z:]) for p, j in enumerate(pieces)}
+        return {int(j): (Z[p, :, :n_z], Z[p, :, n_z:]) for p, j in enumerate(pieces)}
 
     def _across(self, j: int, Z: Array) -> Array:
         """The changes after the event between sample j and the next."""

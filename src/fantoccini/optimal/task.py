@@ -68,8 +68,8 @@ class Task:
             raise StateError(f"explore is {self.explore!r}; needed: how often, a whole number")
         if self.explore and self.parameters:
             raise StateError(
-                "explore and parameters do not go together: explore first, and choose the parameters "
-                "from the motion found, as a guess"
+                "explore and parameters do not go together: explore first, then choose the "
+                "parameters with the motion found as a guess"
             )
         self.marionette.model.check_state(self.x0)
         if self.end is not None:

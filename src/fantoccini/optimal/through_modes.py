@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fantoccini.marionette import refuse_contact
 from fantoccini.optimal.exploring import Exploration
 from fantoccini.optimal.hybrid import HybridRuns
 from fantoccini.optimal.objective import Objective
@@ -34,11 +35,15 @@ class ThroughModes:
         objective: cost and bounds.
         limits: of every tightening, and the time at which all ends.
         seed: of the random numbers.
+
+    Raises:
+        StateError: the puppet has contact.
     """
 
     def __init__(
         self, first: Iterate, runs: HybridRuns, objective: Objective, limits: Limits, seed: int
     ):
+        refuse_contact(objective.task.marionette.model, "exploring")
         self.best, self.objective = first, objective
         self._runs, self._limits, self._seed = runs, limits, seed
         self._first, self._iterations = first.nodes, 0
@@ -76,9 +81,11 @@ class ThroughModes:
             self._iterations += 1
             keep(now)
             if progress is not None:
-                progress(self.best)
+                progress(replace(self.best, iterations=self._iterations))
 
-        found = Exploration(self._first, objective, rng, self._runs.steps.threads).run(count)
+        found = Exploration(
+            self._first, objective, rng, self._runs.steps.threads, self._limits.until
+        ).run(count)
         made = None if found is None else self._runs.run(found.nodes)
         if made is None:
             return False

@@ -2,9 +2,9 @@
 
     phi = J + price (|x_N - end| + passed rows),   |du_j| <= radius most_j
 
-with |a| = sum of |a_i| + a_i^2 / 2, which programs of stages have as the price of their elastic rows
-(Fletcher, Practical Methods of Optimization, 14.5). A step is corrected by what the run shows it to
-miss at the end: up to some times the same program is solved with
+with |a| = sum of |a_i| + a_i^2 / 2, which programs of stages have as the price of their elastic
+rows (Fletcher, Practical Methods of Optimization, 14.5). A step is corrected by what the run shows
+it to miss at the end: up to some times the same program is solved with
 
     z_N = z_N + end - x_N(run),
 
@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fantoccini.arrays import Array
+from fantoccini.errors import SimulationError
 from fantoccini.optimal.drawn_inputs import Driven
 from fantoccini.optimal.dynamics import Ends, LinearEnds
 from fantoccini.optimal.hybrid import HybridRuns
@@ -59,6 +60,10 @@ class TighteningSettings:
     """Of the Hessian, in units of the cost."""
     small_steps: int = 4
     """In a row after which a motion counts as settled."""
+    patience: int = 40
+    """Iterations after which a motion that is still far from its end is given up."""
+    far: float = 1e-2
+    """What is left at the end, or passed of bounds, from which it is far."""
 
 
 SETTINGS = TighteningSettings()
@@ -111,15 +116,10 @@ class Tightening:
         linear: LinearEnds | None = None
         for _ in range(self._limits.iterations):
             at = self.best
-            if linear is None:
-                linear = self._runs.linearise(at.nodes, at.ends)
-                if not self._free.unit:
-                    self._free.take_unit(at.nodes, linear)
-                    self._objective.unit = self._free.unit
-                    self._free.price = SETTINGS.price * self._free.unit
-            step = self._step(linear)
+            linear = self._linearised() if linear is None else linear
+            step = None if linear is None else self._step(linear)
             at.iterations += 1
-            if step is None:
+            if linear is None or step is None:
                 at.stalled = True
                 break
             if at.kkt <= self._limits.tolerance:
@@ -132,11 +132,27 @@ class Tightening:
                 progress(self.best)
             if self._radius < SETTINGS.least_radius:
                 self.best.stalled = True
+            if self.best.iterations >= SETTINGS.patience:
+                far = max(at.defect, at.passed) > SETTINGS.far
+                self.best.stalled = self.best.stalled or far
             if self.best.stalled or self.best.settled:
                 break
             if time.perf_counter() > self._limits.until:
                 break
         return self.best
+
+    def _linearised(self) -> LinearEnds | None:
+        """The best motion with derivatives; None where a catch has none."""
+        at, free = self.best, self._free
+        try:
+            linear = self._runs.linearise(at.nodes, at.ends)
+        except SimulationError:
+            return None
+        if not free.unit:
+            free.take_unit(at.nodes, linear)
+            self._objective.unit = free.unit
+            free.price = SETTINGS.price * free.unit
+        return linear
 
     def _gap(self, nodes: Nodes) -> Array:
         return self._objective.end_gap(nodes)[self._z]
