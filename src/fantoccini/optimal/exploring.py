@@ -45,11 +45,14 @@ class ExploringSettings:
     """At the start, relative to the largest acceleration."""
     least_spread: float = 0.02
     """Below which there is nothing left to explore, likewise."""
+    near_spread: float = 0.1
+    near_generations: int = 10
+    """The same of an exploration near a motion that is almost one."""
     kept: float = 0.3
     """Of mean and spread, from one generation to the next."""
-    price: tuple[float, float] = (1.0, 100.0)
+    price: tuple[float, float] = (1e2, 1e4)
     """Of gaps and of passed bounds, in the first generation and the last."""
-    moment: float = 0.1
+    moment: float = 0.2
     """Share of the duration over which a velocity that is left counts as a way."""
     endings: int = 2
     """How often in turns a motion is led to its end, and back into its bounds."""
@@ -98,12 +101,14 @@ class Exploration:
         rng: of the random numbers.
         threads: that simulate; as many as there are processors when None.
         until: time of ``time.perf_counter`` at which it ends [s].
+        near: whether the first motion is almost one that holds.
     """
 
     def __init__(
         self, first: Nodes, objective: Objective, rng: np.random.Generator,
-        threads: int | None = None, until: float = np.inf,
+        threads: int | None = None, until: float = np.inf, near: bool = False,
     ):  # fmt: skip
+        self._near = near
         self._first, self._objective, self._rng, self._until = first, objective, rng, until
         self._threads, self._driven = threads, Driven.of(objective.task)
         n, k, T = first.table.n_vD, first.table.n_vK, first.interval * len(first)
@@ -122,11 +127,13 @@ class Exploration:
         moves = self._driven.moves
         most = self._driven.scale[moves]
         mean = np.zeros((self._hats.shape[1], len(moves)))
-        spread = SETTINGS.spread * most + 0.0 * mean
+        widest = SETTINGS.near_spread if self._near else SETTINGS.spread
+        generations = SETTINGS.near_generations if self._near else SETTINGS.generations
+        spread = widest * most + 0.0 * mean
         units: tuple[float, float] | None = None
         best: Drawn | None = None
         low, high = SETTINGS.price
-        for g in range(SETTINGS.generations):
+        for g in range(generations):
             if time.perf_counter() > self._until:
                 break
             noise = self._rng.standard_normal((SETTINGS.runs, *mean.shape))
@@ -140,7 +147,7 @@ class Exploration:
             if units is None:
                 J, gap = np.median(drawn.cost[arrived]), np.median(drawn.gap[arrived])
                 units = max(float(J), _LEAST), max(float(gap), _LEAST)
-            price = low * (high / low) ** (g / (SETTINGS.generations - 1))
+            price = low * (high / low) ** (1.0 if self._near else g / (generations - 1))
             merit = drawn.cost / units[0] + price * (drawn.gap / units[1] + drawn.passed)
             order = np.argsort(merit, kind="stable")[: min(SETTINGS.best, len(arrived))]
             best = drawn.part(order)

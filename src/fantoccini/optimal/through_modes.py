@@ -18,6 +18,9 @@ from fantoccini.optimal.tightening import Tightening
 HOLDS = 1e-3
 """Violation of bounds, and distance from the end, up to which a motion holds [SI]."""
 
+_AGAIN = 2
+"""How often an exploration goes on near a motion that was tightened and does not hold."""
+
 
 class ThroughModes:
     """The best of the motions that several explorations lead to.
@@ -69,7 +72,7 @@ class ThroughModes:
     def _attempt(
         self, rng: np.random.Generator, progress: Callable[[Iterate], None] | None
     ) -> bool:
-        """Explores once; whether its motion holds."""
+        """Explores, and again near what does not hold yet; whether a motion holds."""
         objective, before = Objective(self.objective.task), (self.best, self.objective)
 
         def keep(now: Iterate) -> None:
@@ -83,17 +86,24 @@ class ThroughModes:
             if progress is not None:
                 progress(replace(self.best, iterations=self._iterations))
 
-        found = Exploration(
-            self._first, objective, rng, self._runs.steps.threads, self._limits.until
-        ).run(count)
-        made = None if found is None else self._runs.run(found.nodes)
-        if made is None:
-            return False
-        ends = self._runs.ends(*made)
-        start = Iterate(made[0], ends, objective.cost(made[0], ends))
-        found = Tightening(start, self._runs, objective, self._limits).run(count)
-        keep(found)
-        return not self._rank(found)[0]
+        start = self._first
+        for i in range(1 + _AGAIN):
+            limits, threads = self._limits, self._runs.steps.threads
+            explored = Exploration(start, objective, rng, threads, limits.until, near=i > 0)
+            drawn = explored.run(count)
+            made = None if drawn is None else self._runs.run(drawn.nodes)
+            if made is None:
+                return False
+            ends = self._runs.ends(*made)
+            at = Iterate(made[0], ends, objective.cost(made[0], ends))
+            found = Tightening(at, self._runs, objective, limits).run(count)
+            keep(found)
+            if not self._rank(found)[0]:
+                return True
+            if self._is_late:
+                break
+            start = found.nodes
+        return False
 
     def _rank(self, at: Iterate) -> tuple[bool, float]:
         """Whether a motion does not hold, and its cost, or what it is away from holding."""
