@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 import warnings
 from collections.abc import Callable, Mapping
@@ -28,6 +29,9 @@ from fantoccini.optimal.sqp import Iterate, Limits, Search
 from fantoccini.optimal.targets import Target
 from fantoccini.optimal.task import Task
 from fantoccini.optimal.through_modes import HOLDS, ThroughModes
+
+_LOOKS = 5
+"""In every interval, at which clearances are measured in the end."""
 
 
 def optimise(
@@ -105,7 +109,7 @@ def optimise(
     made = runs.run(at.nodes)
     if made is None:
         raise SimulationError(Status.NOT_SETTLED, "the motion found cannot be simulated again")
-    violation = objective.violation(at.nodes, at.ends)
+    violation = max(objective.violation(at.nodes, at.ends), _too_near(objective, runs, at.nodes))
     end_gap = float(np.max(np.abs(objective.end_gap(at.nodes)), initial=0.0))
     if not max(violation, end_gap) <= HOLDS:
         status = OptimalStatus.VIOLATED
@@ -209,6 +213,17 @@ def refuse_winches(marionette: Marionette, what: str) -> None:
             f"{what}: the winch of {', '.join(winches)} may slip, which is not differentiated; "
             "leave max_tension out of the puppet and give bounds of the tension"
         )
+
+
+def _too_near(objective: Objective, runs: EventRuns, nodes: Nodes) -> float:
+    """How far the run comes below the least clearance anywhere, also between the nodes [m]."""
+    clear = objective.rows.clear
+    if clear is None:
+        return 0.0
+    made = runs.run(nodes.finer(_LOOKS))
+    if made is None:
+        return math.inf
+    return max(0.0, clear.margin - float(np.min(clear.whole.of(made[1]))))
 
 
 def _check(task: Task) -> None:

@@ -297,7 +297,7 @@ def _bounds(file: BoundsFile, marionette: Marionette, check: Refusals) -> Bounds
         check(("bounds", "held", j), lambda one=one: one.magnitudes(marionette, "acceleration"))
     return Bounds(
         intervals("position"), most("speed"), most("acceleration"), most("jerk"),
-        intervals("tension"), intervals("joint"), file.held,
+        intervals("tension"), intervals("joint"), file.held, file.clearance, file.own_body,
     )  # fmt: skip
 
 

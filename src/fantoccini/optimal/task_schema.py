@@ -140,6 +140,10 @@ class BoundsFile(Model):
     """Likewise [m/s^3 or rad/s^3]."""
     held: tuple[str, ...] = ()
     """Driven velocities that do not move at all."""
+    clearance: Annotated[NotNegative | None, SIZED] = None
+    """Of bodies and strings from obstacles and other puppets, at least [m]."""
+    own_body: bool = False
+    """Whether bodies of one puppet that no joint connects keep it, too."""
 
 
 def _duration(value: Any) -> Any:
