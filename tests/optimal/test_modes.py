@@ -13,7 +13,6 @@ from fantoccini.optimal import exploring
 from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.drawn_inputs import Driven
 from fantoccini.optimal.dynamics import TimeSteps
-from fantoccini.optimal.frozen_modes import FrozenModes
 from fantoccini.optimal.hybrid import HybridRuns
 from fantoccini.optimal.nodes import Nodes
 
@@ -99,44 +98,29 @@ def test_derivatives_through_releases_and_catches_are_those_of_the_run(
         assert np.max(np.abs(differences - z)) < 1e-8 * max(1.0, np.max(np.abs(z)))
 
 
-def test_frozen_modes_are_those_of_one_state(
-    arm: fan.Marionette, thrown: tuple[HybridRuns, Nodes]
-):
+def test_tensions_change_as_derivatives_say(thrown: tuple[HybridRuns, Nodes]):
+    """Of every interval, along its own acceleration; the state at its start stays."""
     runs, nodes = thrown
     run = runs.run(nodes)[1]
-    at = np.arange(0, len(run.t), 7)
-    held = run.taut.values[at]
-    assert np.any(held)
-    assert not np.all(held)
-    q_D, v_D, q_K, v_K, acc_K = (a[at] for a in (run.q_D, run.v_D, run.q_K, run.v_K, run.acc_K))
-    found = FrozenModes.at(arm, q_D, v_D, q_K, v_K, acc_K, held)
-    for k, i in enumerate(at):
-        one = arm.linearise(run.state(int(i)), acc_K[k], rows=["hand"] if held[k, 0] else [])
-        scale = np.max(np.abs(one.A))
-        assert found.A[k] == pytest.approx(one.A, abs=1e-11 * scale)
-        assert found.B[k] == pytest.approx(one.B, abs=1e-11 * scale)
-        assert found.acc_D[k] == pytest.approx(one.acc_D, abs=1e-11 * scale)
-        pull = np.concatenate(
-            [one.pull.q_D, one.pull.v_D, one.pull.q_K, one.pull.v_K, one.pull.acc_K], axis=1
-        )
-        assert found.pull[k] == pytest.approx(pull, abs=1e-11 * scale)
+    linear = runs.linearise(nodes, runs.ends(nodes, run))
+    taut = np.flatnonzero(runs.ends(nodes, run).tension[:, 0] > 0.1)
+    assert 5 < len(taut) < len(nodes)
+    for i in taut:
+        found = []
+        for step in (1e-3, -1e-3):
+            acc = nodes.acc_K.copy()
+            acc[i, 1] += step
+            moved = runs.run(replace(nodes, acc_K=acc))
+            assert moved is not None
+            found.append(runs.ends(*moved).tension[i, 0])
+        by = linear.pull[i, 0, nodes.n_z + 1]
+        assert by == pytest.approx((found[0] - found[1]) / 2e-3, rel=1e-6)
 
 
-def test_frozen_modes_turn_with_rotations_and_hold_limits_and_several_strings():
-    puppet = fan.puppets.marionette()
-    x = puppet.rest()
-    rng = np.random.default_rng(1)
-    x = puppet.project(x.replace(v_D=0.2 * rng.standard_normal(len(x.v_D))))
-    acc_K = rng.standard_normal(puppet.coordinates.n_vK)
-    rows = [*(s.name for s in puppet.tree.strings), puppet.tree.row_names[-1]]
-    held = np.isin(puppet.tree.row_names, rows)
-    found = FrozenModes.at(
-        puppet, x.q_D[None], x.v_D[None], x.q_K[None], x.v_K[None], acc_K[None], held[None]
-    )
-    one = puppet.linearise(x, acc_K, rows=rows)
-    scale = np.max(np.abs(one.A))
-    assert found.A[0] == pytest.approx(one.A, abs=1e-9 * scale)
-    assert found.B[0] == pytest.approx(one.B, abs=1e-9 * scale)
+def test_driven_rotations_are_refused_by_name():
+    bar = fan.puppets.marionette_bar()
+    with pytest.raises(fan.StateError, match="driven rotation"):
+        fan.optimise(fan.Task(bar, bar.rest(), 0.1, [], interval=0.05, explore=1))
 
 
 def test_the_arm_is_thrown_up_on_a_slack_string_and_caught(swing_up: fan.Optimum):

@@ -53,8 +53,6 @@ class Driven:
             else Nodes.still(marionette, x, 1.0, 1).numbers[0, 2 * n :].reshape(2, k)
             for x in (task.x0, task.end)
         )
-        rotations = np.setdiff1d(np.arange(k), [v for _, v in table.scalars_K])
-        end[:, rotations] = np.nan  # their last numbers are no sums of accelerations
         return cls(np.flatnonzero(most > 0.0), start, most, low, high, end)
 
     @property

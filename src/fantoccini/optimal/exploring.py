@@ -210,13 +210,11 @@ class Exploration:
 
 
 def _inputs(first: Nodes, acc_K: Array) -> tuple[Inputs, Array, Array]:
-    """Inputs of constant accelerations, and their (n, N + 1, ...) values and velocities."""
+    """Inputs of constant accelerations, and their (n, N + 1, ...) values and velocities.
+
+    All are scalars.
+    """
     table, h = first.table, first.interval
-    if table.quaternions_K:
-        every = [replace(first, acc_K=acc).inputs() for acc in acc_K]
-        found = [one.evaluate(first.t) for one in every]
-        q_K, v_K = (np.stack([motion[k] for motion in found]) for k in range(2))
-        return Inputs.of(every), q_K, v_K
     n, N, k = acc_K.shape
     v_K = np.concatenate([np.zeros((n, 1, k)), np.cumsum(h * acc_K, axis=1)], axis=1) + first.v_K[0]
     q_K = np.tile(first.q_K[0], (n, N + 1, 1))

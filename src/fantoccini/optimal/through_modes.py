@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fantoccini.errors import StateError
 from fantoccini.marionette import refuse_contact
 from fantoccini.optimal.exploring import Exploration
 from fantoccini.optimal.hybrid import HybridRuns
@@ -40,13 +41,19 @@ class ThroughModes:
         seed: of the random numbers.
 
     Raises:
-        StateError: the puppet has contact.
+        StateError: the puppet has contact, or rotations are driven.
     """
 
     def __init__(
         self, first: Iterate, runs: HybridRuns, objective: Objective, limits: Limits, seed: int
     ):
-        refuse_contact(objective.task.marionette.model, "exploring")
+        marionette = objective.task.marionette
+        refuse_contact(marionette.model, "exploring")
+        if rotations := list(marionette.coordinates.rotations):
+            raise StateError(
+                f"exploring: {', '.join(rotations)} is a driven rotation, through whose catches "
+                "motions are not differentiated; needed: scalar driven coordinates"
+            )
         self.best, self.objective = first, objective
         self._runs, self._limits, self._seed = runs, limits, seed
         self._first, self._iterations = first.nodes, 0

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import SimulationError
+from fantoccini.errors import SimulationError, StateError
 from fantoccini.optimal.drawn_inputs import Driven
 from fantoccini.optimal.dynamics import Ends, LinearEnds
 from fantoccini.optimal.hybrid import HybridRuns
@@ -146,7 +146,7 @@ class Tightening:
         at, free = self.best, self._free
         try:
             linear = self._runs.linearise(at.nodes, at.ends)
-        except SimulationError:
+        except (SimulationError, StateError):
             return None
         if not free.unit:
             free.take_unit(at.nodes, linear)
