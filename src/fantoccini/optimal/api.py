@@ -19,6 +19,7 @@ from fantoccini.optimal.bounds import Bounds
 from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.costs import Smooth, Track
 from fantoccini.optimal.dynamics import TimeSteps
+from fantoccini.optimal.exact_runs import ExactRuns
 from fantoccini.optimal.hybrid import HybridRuns
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
@@ -44,6 +45,7 @@ def optimise(
     time_limit: float = 60.0,
     threads: int | None = None,
     seed: int = 0,
+    exact: bool = False,
     progress: Callable[[Iterate], None] | None = None,
 ) -> Optimum:
     """min J(x, acc_K) over accelerations that are constant between nodes, within bounds.
@@ -66,6 +68,8 @@ def optimise(
         time_limit: at most [s].
         threads: for derivatives and batches; as many as there are processors when not given.
         seed: of the random numbers of explorations.
+        exact: take the derivatives of the event-driven run itself, through its catches, instead of
+            those of time steps: slower, but ``kkt`` is then that of the run.
         progress: called after every iteration.
 
     Raises:
@@ -76,10 +80,13 @@ def optimise(
     refuse_contact(task.marionette.model, "optimise")
     began, marionette = time.perf_counter(), task.marionette
     _check(task)
+    if exact and marionette.coordinates.rotations:
+        raise StateError("optimise: exact derivatives want driven coordinates that are scalars")
     chosen = Chosen(marionette, task.x0, task.parameters)
     pulls = bool(task.bounds.tension) or any(one.kind == "tension" for one in task.tracks)
-    kind = HybridRuns if task.explore else EventRuns
-    runs = kind(TimeSteps(marionette, task.dt, threads, chosen, pulls), chosen)
+    steps = TimeSteps(marionette, task.dt, threads, chosen, pulls)
+    kind = HybridRuns if task.explore else ExactRuns if exact else EventRuns
+    runs = kind(steps, chosen)
     first = _first(task, chosen, guess)
     objective = Objective(task)
     made = runs.run(first)
@@ -106,6 +113,9 @@ def optimise(
     except KeyboardInterrupt:
         status = OptimalStatus.STOPPED
     at, objective = search.best, search.objective
+    if isinstance(runs, ExactRuns) and runs.reasons:
+        text = f"the last derivatives were those of time steps: {runs.reasons[-1]}"
+        warnings.warn(text, stacklevel=2)
     made = runs.run(at.nodes)
     if made is None:
         raise SimulationError(Status.NOT_SETTLED, "the motion found cannot be simulated again")
