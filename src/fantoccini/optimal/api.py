@@ -20,6 +20,7 @@ from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.costs import Smooth, Track
 from fantoccini.optimal.dynamics import TimeSteps
 from fantoccini.optimal.exact_runs import ExactRuns
+from fantoccini.optimal.hybrid import HybridRuns
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
 from fantoccini.optimal.outlook import out_of_reach
@@ -28,11 +29,10 @@ from fantoccini.optimal.shooting import EventRuns
 from fantoccini.optimal.sqp import Iterate, Limits, Search
 from fantoccini.optimal.targets import Target
 from fantoccini.optimal.task import Task
+from fantoccini.optimal.through_modes import HOLDS, ThroughModes
 
 _LOOKS = 5
 """In every interval, at which clearances are measured in the end."""
-_HOLDS = 1e-3
-"""Violation of bounds, and distance from the end, up to which a motion holds [SI]."""
 
 
 def optimise(
@@ -44,6 +44,7 @@ def optimise(
     iterations: int = 50,
     time_limit: float = 60.0,
     threads: int | None = None,
+    seed: int = 0,
     exact: bool = False,
     progress: Callable[[Iterate], None] | None = None,
 ) -> Optimum:
@@ -55,15 +56,18 @@ def optimise(
     Strings that the bounds ask to be taut stay taut; the others may go slack, and the derivatives
     then hold for the order of events at hand only. Ctrl-C ends it with the best motion so far.
 
+    A task that explores is searched through modes: see :mod:`fantoccini.optimal.through_modes`.
+
     Args:
         task: what is asked for.
         guess: motion of the inputs to begin with, or what was found before; they hold still when
             not given.
         tolerance: of the KKT residual.
         cost_tolerance: share of the cost; it ends after four steps that each save less.
-        iterations: at most.
+        iterations: at most; of every motion that explorations lead to.
         time_limit: at most [s].
-        threads: for derivatives; as many as there are processors when not given.
+        threads: for derivatives and batches; as many as there are processors when not given.
+        seed: of the random numbers of explorations.
         exact: take the derivatives of the event-driven run itself, through its catches, instead of
             those of time steps: slower, but ``kkt`` is then that of the run.
         progress: called after every iteration.
@@ -81,7 +85,8 @@ def optimise(
     chosen = Chosen(marionette, task.x0, task.parameters)
     pulls = bool(task.bounds.tension) or any(one.kind == "tension" for one in task.tracks)
     steps = TimeSteps(marionette, task.dt, threads, chosen, pulls)
-    runs = ExactRuns(steps, chosen) if exact else EventRuns(steps, chosen)
+    kind = HybridRuns if task.explore else ExactRuns if exact else EventRuns
+    runs = kind(steps, chosen)
     first = _first(task, chosen, guess)
     objective = Objective(task)
     made = runs.run(first)
@@ -99,12 +104,15 @@ def optimise(
             progress(now)
 
     limits = Limits(tolerance, cost_tolerance, iterations, began + time_limit)
-    search, status = Search(at, runs, objective, limits), None
+    search: Search | ThroughModes = Search(at, runs, objective, limits)
+    if isinstance(runs, HybridRuns):
+        search = ThroughModes(at, runs, objective, limits, seed)
+    status = None
     try:
         search.run(note)
     except KeyboardInterrupt:
         status = OptimalStatus.STOPPED
-    at = search.best
+    at, objective = search.best, search.objective
     if isinstance(runs, ExactRuns) and runs.reasons:
         text = f"the last derivatives were those of time steps: {runs.reasons[-1]}"
         warnings.warn(text, stacklevel=2)
@@ -113,7 +121,7 @@ def optimise(
         raise SimulationError(Status.NOT_SETTLED, "the motion found cannot be simulated again")
     violation = max(objective.violation(at.nodes, at.ends), _too_near(objective, runs, at.nodes))
     end_gap = float(np.max(np.abs(objective.end_gap(at.nodes)), initial=0.0))
-    if not max(violation, end_gap) <= _HOLDS:
+    if not max(violation, end_gap) <= HOLDS:
         status = OptimalStatus.VIOLATED
     elif status is None:
         status = _status(at, tolerance, began + time_limit)
@@ -133,6 +141,7 @@ def follow(
     smooth: Smooth | None = None,
     weight: float = 1e4,
     slack: bool = False,
+    explore: int = 0,
     interval: float | None = None,
     **options: Any,
 ) -> Optimum:
@@ -151,6 +160,8 @@ def follow(
         smooth: see :class:`Smooth`.
         weight: of every path [1/m^2 or 1/rad^2].
         slack: whether strings that are taut at the start may go slack.
+        explore: how many random explorations look for motions through slack strings and catches,
+            which then may go slack; see :class:`Task`.
         interval: between nodes [s]; a fiftieth of the duration, from 0.01 to 0.04, when not given.
         options: of :func:`optimise`.
 
@@ -160,10 +171,11 @@ def follow(
     x0 = marionette.rest() if x0 is None else x0
     tracks = tracks_of(marionette, targets, x0.t, duration, weight)
     bounds = Bounds() if bounds is None else bounds
-    if not slack:
+    if not slack and not explore:
         bounds = bounds.staying_taut(marionette, x0)
     h = min(max(duration / 50.0, 0.01), 0.04) if interval is None else interval
-    task = Task(marionette, x0, duration, tracks, smooth or Smooth(), bounds, interval=h)
+    task = Task(marionette, x0, duration, tracks, smooth or Smooth(), bounds, interval=h,
+                explore=explore)  # fmt: skip
     _check(task)
     for text in out_of_reach(task):
         warnings.warn(text, stacklevel=2)

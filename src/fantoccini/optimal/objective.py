@@ -105,6 +105,11 @@ class Objective:
         return float(max(np.max(part, initial=0.0) for part in parts))
 
     @property
+    def kept(self) -> tuple[Indices, Indices]:
+        """Places of the accelerations, and of the numbers of z, that programs have."""
+        return self._u, self._z
+
+    @property
     def has_pulls(self) -> bool:
         """Whether tensions are tracked."""
         return bool(self._pulls)

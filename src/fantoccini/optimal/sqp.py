@@ -194,7 +194,7 @@ class Search:
 
     def __init__(self, start: Iterate, shooting: Shooting, objective: Objective, limits: Limits):
         self.best = start
-        self._shooting, self._objective, self._limits = shooting, objective, limits
+        self._shooting, self.objective, self._limits = shooting, objective, limits
         self._solver, self._filter, self._small_steps = StageSolver(), Filter(), 0
 
     def run(self, progress: Callable[[Iterate], None] | None = None) -> Iterate:
@@ -227,13 +227,13 @@ class Search:
 
     def _raise_price(self) -> None:
         """Where even the program passes rows, their price is too low, or they contradict."""
-        if self._objective.price < SETTINGS.highest_price * self._objective.unit:
-            self._objective.price *= SETTINGS.price_factor
+        if self.objective.price < SETTINGS.highest_price * self.objective.unit:
+            self.objective.price *= SETTINGS.price_factor
             self._filter, self._small_steps = Filter(), 0
 
     def _step(self) -> _Step | None:
         """A step from the best motion, whose residuals are noted; None where none was found."""
-        at, objective = self.best, self._objective
+        at, objective = self.best, self.objective
         linear = self._shooting.linearise(at.nodes, at.ends)
         if not objective.unit:
             objective.take_unit(at.nodes, linear)
@@ -274,7 +274,7 @@ class Search:
 
     def _along(self, step: _Step) -> Iterate | None:
         """The motion as far along a step as the filter accepts it."""
-        at, objective = self.best, self._objective
+        at, objective = self.best, self.objective
         for halving in range(SETTINGS.halvings):
             alpha = 0.5**halving
             made = self._shooting.moved(at.nodes, alpha * step.z, alpha * step.u, alpha * step.c)

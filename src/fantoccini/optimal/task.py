@@ -36,6 +36,8 @@ class Task:
         name: of the task, for pictures and reports.
         parameters: name -> lowest and highest value, of numbers of the puppet that are chosen along
             with the motion; see :class:`fantoccini.optimal.chosen.Chosen`.
+        explore: how many random explorations look for motions through strings that go slack and are
+            caught, and more while none of them holds; with 0 the first motion is improved.
     """
 
     marionette: Marionette
@@ -50,6 +52,7 @@ class Task:
     dt: float = 0.005
     name: str = ""
     parameters: Mapping[str, Interval] = field(default_factory=dict)
+    explore: int = 0
 
     def __post_init__(self) -> None:
         if np.ndim(self.duration) and np.shape(self.duration) != (2,):
@@ -61,6 +64,13 @@ class Task:
             raise StateError(text)
         if not all(isinstance(one, Track) for one in self.tracks):
             raise StateError(f"a task's tracks are {self.tracks!r}; needed: a list of Track")
+        if not isinstance(self.explore, int) or self.explore < 0:
+            raise StateError(f"explore is {self.explore!r}; needed: how often, a whole number")
+        if self.explore and self.parameters:
+            raise StateError(
+                "explore and parameters do not go together: explore first, then choose the "
+                "parameters with the motion found as a guess"
+            )
         self.marionette.model.check_state(self.x0)
         if self.end is not None:
             self.marionette.model.check_state(self.end)

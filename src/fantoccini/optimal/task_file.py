@@ -76,6 +76,7 @@ def load_task(
         for key, value in values.items():
             check((part, key), lambda key=key, value=value: marionette.state({key: value}))
     _check_intervals(file, check)
+    _check_exploring(file, check)
     bounds = _bounds(file.bounds, marionette, check)
     for i, track in enumerate(file.tracks):
         _check_name(track, marionette, ("tracks", i), check)
@@ -97,6 +98,7 @@ def load_task(
     return check.need((), lambda: Task(
         marionette, x0, file.duration, [track for track in tracks if track is not None], smooth,
         bounds, end, file.time_weight, file.interval, file.step, file.task, file.parameters,
+        file.explore,
     ))  # fmt: skip
 
 
@@ -235,6 +237,16 @@ def _check_intervals(file: TaskFile, check: Refusals) -> None:
         if whole / part > _MAX_INTERVALS:
             text = f"found {part:g}, of which there would be {whole / part:.3g}"
             check((key,), lambda text=text: _refuse(f"{text}; allowed: {_MAX_INTERVALS}"))
+
+
+def _check_exploring(file: TaskFile, check: Refusals) -> None:
+    """Notes what does not go together with explorations."""
+    if file.explore and not file.slack:
+        text = "it looks for motions through slack strings; needed beside it: slack: true"
+        check(("explore",), lambda: _refuse(text))
+    if file.explore and file.parameters:
+        text = "it does not go together with parameters; needed: one of them"
+        check(("explore",), lambda: _refuse(text))
 
 
 def _check_name(file: TrackFile, marionette: Marionette, spot: Spot, check: Refusals) -> None:

@@ -188,6 +188,8 @@ class TaskFile(Model):
     """Parameter of the puppet -> [low, high] between which it is chosen along with the motion."""
     slack: bool = False
     """Whether strings that pull at the start may go slack."""
+    explore: Annotated[int, Field(ge=0)] = 0
+    """How many random explorations look for motions through slack strings and catches."""
     time_weight: Annotated[NotNegative, SIZED] = 1.0
     """Cost of a second, where the duration is free [1/s]."""
     interval: Positive = 0.02
