@@ -331,5 +331,5 @@ def _check(task: Task, marionette: Marionette) -> None:
         raise StateError("MPC: the task is of another puppet")
     if task.is_free:
         raise StateError("MPC: the task's duration is free; needed: a given one")
-    if task.end is not None:
+    if task.goal is not None:
         raise StateError("MPC: the task has an end; give a Track with end_weight instead")

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from fantoccini.arrays import check_positive
-from fantoccini.errors import StateError
+from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette import Marionette
-from fantoccini.motion import State
+from fantoccini.motion import Input, State
 from fantoccini.optimal.bounds import Bounds
 from fantoccini.optimal.costs import Smooth, Track
 
@@ -30,6 +30,9 @@ class Task:
         smooth: weights of the inputs' accelerations and their rates.
         bounds: what it may not leave.
         end: the state at the end, where it is given; dynamic and driven coordinates and velocities.
+        periodic: instead: it ends as it began, but for these scalar coordinates, which have moved
+            by so much [m or rad]; ``{}`` where none have.
+        guess: motion of the inputs to begin the search with, where none is given to it.
         time_weight: cost of a second, where the duration is free [1/s].
         interval: between nodes; the inputs' accelerations are constant over it [s].
         dt: longest time step [s].
@@ -43,6 +46,8 @@ class Task:
     smooth: Smooth = field(default_factory=Smooth)
     bounds: Bounds = field(default_factory=Bounds)
     end: State | None = None
+    periodic: Mapping[str, float] | None = None
+    guess: Input | None = None
     time_weight: float = 1.0
     interval: float = 0.02
     dt: float = 0.005
@@ -59,8 +64,26 @@ class Task:
         if not all(isinstance(one, Track) for one in self.tracks):
             raise StateError(f"a task's tracks are {self.tracks!r}; needed: a list of Track")
         self.marionette.model.check_state(self.x0)
-        if self.end is not None:
-            self.marionette.model.check_state(self.end)
+        if self.end is not None and self.periodic is not None:
+            raise StateError("a task has an end and is periodic; needed: one of them")
+        if self.goal is not None:
+            self.marionette.model.check_state(self.goal)
+
+    @property
+    def goal(self) -> State | None:
+        """The state at the end, where it is given: ``end``, or the start moved by ``periodic``."""
+        if self.periodic is None:
+            return self.end
+        t = self.marionette.coordinates
+        q_D, q_K = np.array(self.x0.q_D), np.array(self.x0.q_K)
+        places = {t.q_D[q]: (q_D, q) for q, _ in t.scalars_D}
+        places |= {t.q_K[q]: (q_K, q) for q, _ in t.scalars_K}
+        for name, way in self.periodic.items():
+            if name not in places:
+                raise UnknownNameError("scalar coordinate", name, list(places))
+            q, at = places[name]
+            q[at] += way
+        return self.x0.replace(q_D=q_D, q_K=q_K)
 
     @property
     def durations(self) -> tuple[float, float]:
