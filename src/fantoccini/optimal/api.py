@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 import warnings
 from collections.abc import Callable, Mapping
@@ -15,6 +16,7 @@ from fantoccini.errors import SimulationError, StateError, Status, UnknownNameEr
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State
 from fantoccini.optimal.bounds import Bounds
+from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.costs import Smooth, Track
 from fantoccini.optimal.dynamics import TimeSteps
 from fantoccini.optimal.nodes import Nodes
@@ -26,6 +28,8 @@ from fantoccini.optimal.sqp import SETTINGS, Iterate, Limits, Search
 from fantoccini.optimal.targets import Target
 from fantoccini.optimal.task import Task
 
+_LOOKS = 5
+"""In every interval, at which clearances are measured in the end."""
 _HOLDS = 1e-3
 """Violation of bounds, and distance from the end, up to which a motion holds [SI]."""
 
@@ -76,10 +80,12 @@ def optimise(
     check_positive(tolerance=tolerance, time_limit=time_limit)
     began, marionette = time.perf_counter(), task.marionette
     _check(task)
-    steps = TimeSteps(marionette, task.dt, threads)
+    chosen = Chosen(marionette, task.x0, task.parameters)
+    pulls = bool(task.bounds.tension) or any(one.kind == "tension" for one in task.tracks)
     touches = marionette.model.contacts is not None
-    runs = (StepRuns if touches else EventRuns)(steps, marionette, task.x0)
-    first = _first(task, task.guess if guess is None else guess)
+    steps = TimeSteps(marionette, task.dt, threads, chosen, pulls)
+    runs = (StepRuns if touches else EventRuns)(steps, chosen)
+    first = _first(task, chosen, task.guess if guess is None else guess)
     objective = Objective(task)
     at = _iterate(runs, first, objective)
     if at is None:
@@ -105,7 +111,7 @@ def optimise(
     made = runs.run(at.nodes)
     if made is None:
         raise SimulationError(Status.NOT_SETTLED, "the motion found cannot be simulated again")
-    violation = objective.violation(at.nodes, at.ends)
+    violation = max(objective.violation(at.nodes, at.ends), _too_near(objective, runs, at.nodes))
     end_gap = float(np.max(np.abs(objective.end_gap(at.nodes)), initial=0.0))
     if touches and isinstance(runs, StepRuns):
         status = OptimalStatus.UNCONFIRMED
@@ -137,7 +143,7 @@ def _confirmed(
     The same where the event-driven run does not arrive in time.
     """
     began = time.perf_counter()
-    events = EventRuns(runs.steps, runs.marionette, runs.x0, max(limits.until, began + _CONFIRM))
+    events = EventRuns(runs.steps, runs.chosen, max(limits.until, began + _CONFIRM))
     made = _iterate(events, at.nodes, objective)
     if made is None:
         return runs, at
@@ -239,6 +245,17 @@ def refuse_winches(marionette: Marionette, what: str) -> None:
         )
 
 
+def _too_near(objective: Objective, runs: EventRuns, nodes: Nodes) -> float:
+    """How far the run comes below the least clearance anywhere, also between the nodes [m]."""
+    clear = objective.rows.clear
+    if clear is None:
+        return 0.0
+    made = runs.run(nodes.finer(_LOOKS))
+    if made is None:
+        return math.inf
+    return max(0.0, clear.margin - float(np.min(clear.whole.of(made[1]))))
+
+
 def _check(task: Task) -> None:
     """Raises StateError where a task is not differentiated, or starts beyond its bounds."""
     marionette = task.marionette
@@ -255,10 +272,15 @@ def _check(task: Task) -> None:
     task.bounds.check_start(marionette, task.x0)
 
 
-def _first(task: Task, guess: Input | Optimum | None) -> Nodes:
+def _first(task: Task, chosen: Chosen, guess: Input | Optimum | None) -> Nodes:
     """The nodes of the first motion; of a guess its accelerations count, within their bounds."""
     N, (shortest, longest) = task.n_intervals, task.durations
     made = Nodes.still(task.marionette, task.x0, longest, N)
+    values = chosen.first
+    if isinstance(guess, Optimum):
+        values = np.array(
+            [guess.parameters.get(n, v) for n, v in zip(chosen.names, values, strict=True)]
+        )
     if isinstance(guess, Optimum):
         if len(guess.nodes) == N and guess.nodes.table is made.table:
             interval = min(max(guess.nodes.interval, shortest / N), longest / N)
@@ -268,7 +290,10 @@ def _first(task: Task, guess: Input | Optimum | None) -> Nodes:
     elif guess is not None:
         made = Nodes.of_input(task.marionette, task.x0, guess, longest, N)
     most = task.bounds.magnitudes(task.marionette, "acceleration")
-    return replace(made, acc_K=np.clip(made.acc_K, -most, most))
+    return replace(
+        made, acc_K=np.clip(made.acc_K, -most, most),
+        parameters=np.clip(values, chosen.low, chosen.high),
+    )  # fmt: skip
 
 
 def _status(at: Iterate, tolerance: float, until: float) -> OptimalStatus:

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import ARRIVED, SimulationError
-from fantoccini.marionette import Marionette
-from fantoccini.marionette.methods import TimeStepping
-from fantoccini.motion import State, Trajectory
+from fantoccini.errors import ARRIVED, SimulationError, StateError
+from fantoccini.marionette import TimeStepping
+from fantoccini.motion import Trajectory
+from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.dynamics import Ends, LinearEnds, TimeSteps
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.simulation import simulate
@@ -26,14 +26,12 @@ class EventRuns:
 
     Attributes:
         steps: of the derivatives.
-        marionette: the puppet.
-        x0: where it starts.
+        chosen: the puppet and where it starts, by the parameters that are chosen.
         until: time of ``time.perf_counter`` at which a run is given up [s].
     """
 
     steps: TimeSteps
-    marionette: Marionette
-    x0: State
+    chosen: Chosen
     until: float = np.inf
 
     def linearise(self, nodes: Nodes, ends: Ends) -> LinearEnds:
@@ -41,20 +39,22 @@ class EventRuns:
         found = self.steps.linearise(nodes)
         return replace(found, e=ends.e, tension=ends.tension)
 
-    def moved(self, nodes: Nodes, z: Array, u: Array, longer: float) -> tuple[Nodes, Ends] | None:
+    def moved(self, nodes: Nodes, z: Array, u: Array, c: Array) -> tuple[Nodes, Ends] | None:
         """See :class:`fantoccini.optimal.sqp.Shooting`."""
-        made = self.run(nodes.moved(z, u, longer))
+        made = self.run(nodes.moved(z, u, c))
         return None if made is None else (made[0], self.ends(*made))
 
     def run(self, nodes: Nodes) -> tuple[Nodes, Trajectory] | None:
         """The run of the nodes' inputs, and its states at the nodes."""
         t = nodes.t
         try:
+            marionette = self.chosen.marionette(nodes.parameters)
+            x0 = self.chosen.start(nodes.parameters)
             run = simulate(
-                self.marionette, self.x0, nodes.inputs(), t[-1], save_at=t, effort=False,
-                throw=False, progress=self._in_time,
+                marionette, x0, nodes.inputs(), t[-1], save_at=t, effort=False, throw=False,
+                progress=self._in_time,
             )  # fmt: skip
-        except (SimulationError, TimeoutError):
+        except (SimulationError, StateError, TimeoutError):
             return None
         if run.status not in ARRIVED or run.t[-1] < t[-1] - _ROUNDING:
             return None
@@ -88,10 +88,10 @@ class StepRuns(EventRuns):
         method = TimeStepping(dt=dt, extrapolate=False)
         try:
             run = simulate(
-                self.marionette, self.x0, nodes.inputs(), nodes.t[-1], method=method, effort=False,
-                throw=False,
+                self.chosen.marionette(nodes.parameters), self.chosen.start(nodes.parameters),
+                nodes.inputs(), nodes.t[-1], method=method, effort=False, throw=False,
             )  # fmt: skip
-        except SimulationError:
+        except (SimulationError, StateError):
             return None
         if len(run) != m * len(nodes) + 1 or not np.all(np.isfinite(run.v_D[-1])):
             return None
