@@ -77,16 +77,7 @@ class Task:
         """The state at the end, where it is given: ``end``, or the start moved by ``periodic``."""
         if self.periodic is None:
             return self.end
-        t = self.marionette.coordinates
-        q_D, q_K = np.array(self.x0.q_D), np.array(self.x0.q_K)
-        places = {t.q_D[q]: (q_D, q) for q, _ in t.scalars_D}
-        places |= {t.q_K[q]: (q_K, q) for q, _ in t.scalars_K}
-        for name, way in self.periodic.items():
-            if name not in places:
-                raise UnknownNameError("scalar coordinate", name, list(places))
-            q, at = places[name]
-            q[at] += way
-        return self.x0.replace(q_D=q_D, q_K=q_K)
+        return moved(self.marionette, self.x0, self.periodic)
 
     @property
     def durations(self) -> tuple[float, float]:
@@ -104,3 +95,21 @@ class Task:
     def n_intervals(self) -> int:
         """Intervals between nodes; where the duration is free, of the longest."""
         return max(1, math.ceil(self.durations[1] / self.interval - 1e-9))
+
+
+def moved(marionette: Marionette, x: State, ways: Mapping[str, float]) -> State:
+    """A state of which scalar coordinates, dynamic or driven, have moved by so much [m or rad].
+
+    Raises:
+        UnknownNameError: a name that is no scalar coordinate.
+    """
+    t = marionette.coordinates
+    q_D, q_K = np.array(x.q_D), np.array(x.q_K)
+    places = {t.q_D[q]: (q_D, q) for q, _ in t.scalars_D}
+    places |= {t.q_K[q]: (q_K, q) for q, _ in t.scalars_K}
+    for name, way in ways.items():
+        if name not in places:
+            raise UnknownNameError("scalar coordinate", name, list(places))
+        q, at = places[name]
+        q[at] += way
+    return x.replace(q_D=q_D, q_K=q_K)
