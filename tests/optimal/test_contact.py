@@ -15,7 +15,9 @@ contact: {friction: 0.3}
 bodies:
 - {name: body, joint: {type: free}, shapes: [{type: box, size: [0.3, 0.3, 0.1], mass: 2}]}
 strings:
-- {name: line, path: [{body: body, at: [0.15, 0, 0]}, {driven: [x], at: [0.65, 0, 0.05]}], length: 0.5}
+- name: line
+  path: [{body: body, at: [0.15, 0, 0]}, {driven: [x], at: [0.65, 0, 0.05]}]
+  length: 0.5
 pose: {body.z: 0.05}
 """
 MASS, FRICTION, GRAVITY = 2.0, 0.3, 9.81

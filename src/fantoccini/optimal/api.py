@@ -148,8 +148,10 @@ def _confirmed(
     if made is None:
         return runs, at
     now = time.perf_counter()
-    own = {"nodes": made.nodes, "ends": made.ends, "cost": made.cost}
-    made = replace(at, **own, damping=SETTINGS.first_damping, stalled=False, settled=False)
+    made = replace(
+        at, nodes=made.nodes, ends=made.ends, cost=made.cost, damping=SETTINGS.first_damping,
+        stalled=False, settled=False,
+    )  # fmt: skip
     if limits.until - now > _RUNS_LEFT * (now - began):
         made = Search(made, events, objective, limits).run(note)
     return replace(events, until=np.inf), made

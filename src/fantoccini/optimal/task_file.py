@@ -92,7 +92,9 @@ def load_task(
         end = check.need(("end",), lambda: marionette.rest(goal))
     for key, way in (file.periodic or {}).items():
         check(("periodic", key), lambda key=key, way=way: moved(marionette, x0, {key: way}))
-    guess = None if file.guess is None else check(("guess",), lambda: _guess(file, located, marionette))
+    guess = None
+    if file.guess is not None:
+        guess = check(("guess",), lambda: _guess(file, located, marionette))
     check.refuse()
     if not file.slack:
         bounds = bounds.staying_taut(marionette, x0)
