@@ -125,3 +125,8 @@ def test_mistakes_of_periodic_tasks(block: fan.Marionette):
         pulled(block, 0.01, periodic={}, end=block.rest())
     with pytest.raises(fan.UnknownNameError, match=r"body\.u.*did you mean"):
         pulled(block, 0.01, periodic={"body.u": 1.0})
+
+
+def test_exact_derivatives_are_refused(block: fan.Marionette):
+    with pytest.raises(fan.StateError, match="without contact"):
+        fan.optimise(pulled(block, 0.01), exact=True)

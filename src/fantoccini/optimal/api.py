@@ -19,6 +19,7 @@ from fantoccini.optimal.bounds import Bounds
 from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.costs import Smooth, Track
 from fantoccini.optimal.dynamics import TimeSteps
+from fantoccini.optimal.exact_runs import ExactRuns
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
 from fantoccini.optimal.outlook import out_of_reach
@@ -48,6 +49,7 @@ def optimise(
     iterations: int = 50,
     time_limit: float = 60.0,
     threads: int | None = None,
+    exact: bool = False,
     progress: Callable[[Iterate], None] | None = None,
 ) -> Optimum:
     """min J(x, acc_K) over accelerations that are constant between nodes, within bounds.
@@ -71,6 +73,8 @@ def optimise(
         iterations: at most.
         time_limit: at most [s].
         threads: for derivatives; as many as there are processors when not given.
+        exact: take the derivatives of the event-driven run itself, through its catches, instead of
+            those of time steps: slower, but ``kkt`` is then that of the run.
         progress: called after every iteration.
 
     Raises:
@@ -80,11 +84,17 @@ def optimise(
     check_positive(tolerance=tolerance, time_limit=time_limit)
     began, marionette = time.perf_counter(), task.marionette
     _check(task)
+    if exact and marionette.coordinates.rotations:
+        raise StateError("optimise: exact derivatives want driven coordinates that are scalars")
     chosen = Chosen(marionette, task.x0, task.parameters)
     pulls = bool(task.bounds.tension) or any(one.kind == "tension" for one in task.tracks)
     touches = marionette.model.contacts is not None
+    if exact and touches:
+        raise StateError("optimise: exact derivatives want a puppet without contact")
     steps = TimeSteps(marionette, task.dt, threads, chosen, pulls)
-    runs = (StepRuns if touches else EventRuns)(steps, chosen)
+    runs: EventRuns = ExactRuns(steps, chosen) if exact else EventRuns(steps, chosen)
+    if touches:
+        runs = StepRuns(steps, chosen)
     first = _first(task, chosen, task.guess if guess is None else guess)
     objective = Objective(task)
     at = _iterate(runs, first, objective)
@@ -108,6 +118,9 @@ def optimise(
             runs, at = _confirmed(runs, at, objective, limits, note)
     except KeyboardInterrupt:
         at, status = search.best, OptimalStatus.STOPPED
+    if isinstance(runs, ExactRuns) and runs.reasons:
+        text = f"the last derivatives were those of time steps: {runs.reasons[-1]}"
+        warnings.warn(text, stacklevel=2)
     made = runs.run(at.nodes)
     if made is None:
         raise SimulationError(Status.NOT_SETTLED, "the motion found cannot be simulated again")

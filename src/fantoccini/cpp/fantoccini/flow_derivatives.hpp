@@ -39,6 +39,11 @@ class FlowDerivatives {
     for (int j = 0; j < n_powers * Linear::n_changes; ++j)
       std::memcpy(
           powers_.data() + j * ld_inputs_, in.by_inputs + j * in.n_inputs, sizeof(double) * in.n_inputs);
+    for (int j = 0; j < n_powers * changes(); ++j) {
+      if (powers_[j] == 0.0) continue;
+      degree_ = j / changes();
+      if (j % changes() >= n_changing_) n_changing_ = changes();
+    }
     for (int r = 0; r < M; ++r)
       if (in.held[r]) held_[n_held_++] = r;
     for (int j = 0; j < K; ++j) still_[j] = is_constant(in.input.coef + n_powers * j);
@@ -128,9 +133,9 @@ class FlowDerivatives {
 
   void change_inputs(double t) {
     const double s = (t - in_.start) / (in_.times[in_.n_times - 1] - in_.start);
-    for (int j = 0; j < changes(); j += FAN_WIDTH) {
-      Vec sum = vec(powers_.data() + (n_powers - 1) * changes() + j);
-      for (int power = n_powers - 2; power >= 0; --power)
+    for (int j = 0; j < n_changing_; j += FAN_WIDTH) {
+      Vec sum = vec(powers_.data() + degree_ * changes() + j);
+      for (int power = degree_ - 1; power >= 0; --power)
         sum = sum * s + vec(powers_.data() + power * changes() + j);
       vec(inputs_.data() + j) = sum;
     }
@@ -274,6 +279,7 @@ class FlowDerivatives {
 
   const FlowDerivativeArrays& in_;
   int ld_, ld_inputs_, n_held_ = 0, held_[room(M)];
+  int degree_ = 0, n_changing_ = 3 * K * ld_inputs_;  // of changes of the inputs that are not zero
   bool still_[room(K)];
   Linear linear_;
   std::unique_ptr<FlowPoint<Model>[]> points_;

@@ -102,25 +102,24 @@ class LinearFlow {
     const double *rates = rate_[lane].data(), *forces = force_[lane].data();
     Bundle x;
     for (int first = 0; first < 2 * N + P; first += width) {
-      // The parameters' columns come after those of the driven coordinates.
       const int count = 2 * N + P - first < width ? 2 * N + P - first : width;
-      for (int l = 0; l < count; ++l) {
-        const int c = first + l < 2 * N ? first + l : first + l + 3 * K;
-        for (int k = 0; k < N; ++k) lane_of(x.force[k], l) = -forces[c * N + k];
-        for (int a = 0; a < n; ++a) lane_of(x.rate[a], l) = rates[c * M + a];
+      const double *force[width], *rate[width];
+      for (int l = 0; l < width; ++l) {
+        // The parameters' columns come after those of the driven coordinates.
+        const int at_l = first + (l < count ? l : 0), c = at_l < 2 * N ? at_l : at_l + 3 * K;
+        force[l] = forces + c * N;
+        rate[l] = rates + c * M;
       }
-      for (int l = count; l < width; ++l) {
-        for (int k = 0; k < N; ++k) lane_of(x.force[k], l) = 0.0;
-        for (int a = 0; a < n; ++a) lane_of(x.rate[a], l) = 0.0;
-      }
+      pack(force, N, x.force);
+      pack(rate, n, x.rate);
+      for (int k = 0; k < N; ++k) x.force[k] = -x.force[k];
       solve(at, x);
-      for (int l = 0; l < count; ++l) {
-        const int c = first + l;
-        if (c < 2 * N)
-          for (int k = 0; k < N; ++k) by_state[c * height + k] = lane_of(x.acc[k], l);
-        else
-          for (int k = 0; k < N; ++k) by_rest[k * ld + c - 2 * N] = lane_of(x.acc[k], l);
-      }
+      const int by = 2 * N - first < count ? (2 * N - first > 0 ? 2 * N - first : 0) : count;
+      double* to[width];
+      for (int l = 0; l < by; ++l) to[l] = by_state + (first + l) * height;
+      unpack(x.acc, N, to, by);
+      for (int l = by; l < count; ++l)
+        for (int k = 0; k < N; ++k) by_rest[k * ld + first + l - 2 * N] = lane_of(x.acc[k], l);
     }
     if (n_inputs_) along(lane, at, inputs, by_rest + P, ld);
   }
@@ -137,7 +136,9 @@ class LinearFlow {
   void along(int lane, const Point& at, const double* inputs, double* out, int ld) {
     double *forces = pushed_.data(), *rates = forces + height * row_;
     std::fill(pushed_.begin(), pushed_.end(), 0.0);
-    add_product(3 * K, force_[lane].data() + 2 * N * N, N, inputs, row_, forces, row_, N, n_inputs_);
+    // Where driven coordinates move no mass, their accelerations act through the rows alone.
+    constexpr int acting = Model::coupled ? 3 * K : 2 * K;
+    add_product(acting, force_[lane].data() + 2 * N * N, N, inputs, row_, forces, row_, N, n_inputs_);
     const double* pushes = inputs + 3 * K * row_;
     if (at.rows.n)
       add_product(3 * K, rate_[lane].data() + 2 * N * M, M, inputs, row_, rates, row_, at.rows.n, n_inputs_);
@@ -156,15 +157,12 @@ class LinearFlow {
   void solve(const Point& at, Bundle& x) const {
     Wide w[room(N)];
     Model::forth_of(at.eval.L, x.force, w);
-    for (int a = 0; a < at.rows.n; ++a) {
-      const double* column = at.rows.column[a];
-      for (int k = 0; k < N; ++k) x.rate[a] += column[k] * w[k];
-    }
-    at.factor.solve(x.rate);
-    for (int a = 0; a < at.rows.n; ++a) {
-      const double* column = at.rows.column[a];
-      for (int k = 0; k < N; ++k) w[k] -= column[k] * x.rate[a];
-    }
+    Wide y[room(M)];
+    at.rows.along(w, y);
+    for (int a = 0; a < at.rows.n; ++a) y[a] += x.rate[a];
+    at.factor.solve(y);
+    for (int a = 0; a < at.rows.n; ++a) y[a] = -y[a];
+    at.rows.add(y, w);
     Model::back_of(at.eval.L, w, x.acc);
   }
 

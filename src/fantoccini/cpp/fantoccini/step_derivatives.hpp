@@ -174,13 +174,15 @@ class StepDerivatives {
     for (int first = begin; first < end; first += width) {
       const int n = end - first < width ? end - first : width;
       Wide x[room(N)], w[room(N)], y[room(M)];
-      for (int k = 0; k < N; ++k)
-        for (int l = 0; l < width; ++l)
-          lane_of(x[k], l) = l < n ? -force_[(first + l) * N + k] : 0.0;
+      const double* force[width];
+      for (int l = 0; l < width; ++l) force[l] = force_ + (first + (l < n ? l : 0)) * N;
+      pack(force, N, x);
+      for (int k = 0; k < N; ++k) x[k] = -x[k];
       Model::forth_of(eval_.L, x, w);
       multipliers(w, first, n, y);
-      for (int a = 0; a < rows_.n; ++a)
-        for (int k = 0; k < N; ++k) w[k] -= rows_.column[a][k] * y[a];
+      Wide opposed[room(M)];
+      for (int a = 0; a < rows_.n; ++a) opposed[a] = -y[a];
+      rows_.add(opposed, w);
       Model::back_of(eval_.L, w, x);
       for (int k = 0; k < N; ++k) put(dt * x[k], n, dv + k * m_ + first);
       for (int a = 0; pull && a < rows_.n; ++a) put(y[a], n, pull + rows_.row[a] * m_ + first);
@@ -207,11 +209,8 @@ class StepDerivatives {
 
   // y with G y = W^T w + the rows' part.
   void multipliers(const Wide* w, int first, int n, Wide* y) const {
-    for (int a = 0; a < rows_.n; ++a) {
-      Wide sum = get(rate_by_[a] + first, n);
-      for (int k = 0; k < N; ++k) sum += rows_.column[a][k] * w[k];
-      y[a] = sum;
-    }
+    rows_.along(w, y);
+    for (int a = 0; a < rows_.n; ++a) y[a] += get(rate_by_[a] + first, n);
     factor_.solve(y);
   }
 

@@ -11,7 +11,7 @@
 FAN_EXPORT int fan_step_derivatives(
     const fan::StepDerivativeArrays* in, long long first, long long last) {
   using Bundles = fan::StepBundles<fan::Model>;
-  auto* made = new (std::nothrow) Bundles();
+  auto* made = new (std::nothrow) Bundles;
   if (!made) return 1;
   for (long long i = first; i < last; i += Bundles::width)
     made->find(*in, i, last - i < Bundles::width ? int(last - i) : Bundles::width);

@@ -1,6 +1,8 @@
-// From numbers of several lanes to an array for each lane: transposes, a block of registers at a time
-// (Eklundh, IEEE Trans. Comput. C-21, 1972).
+// Between numbers of several lanes and an array for each lane: transposes, a block of registers at a
+// time (Eklundh, IEEE Trans. Comput. C-21, 1972).
 #pragma once
+
+#include <cstring>
 
 #include "lane_of.hpp"
 #include "wide.hpp"
@@ -10,7 +12,7 @@ namespace fan {
 #if defined(__GNUC__) && !defined(__clang__) && FAN_WIDTH > 1
 // Exchanges lanes l + s of `a` with lanes l of `b`, where l has no bit s.
 template <int s>
-FAN_FN void exchange(Wide* a, Wide* b) {
+FAN_ALWAYS_INLINE void exchange(Wide* a, Wide* b) {
   typedef long long Places __attribute__((vector_size(8 * FAN_WIDTH)));
   Places low, high;
   FAN_UNROLL for (int l = 0; l < FAN_WIDTH; ++l) {
@@ -23,7 +25,7 @@ FAN_FN void exchange(Wide* a, Wide* b) {
 }
 
 template <int s>
-FAN_FN void exchange_all(Wide* x) {
+FAN_ALWAYS_INLINE void exchange_all(Wide* x) {
   if constexpr (s < FAN_WIDTH) {
     FAN_UNROLL for (int i = 0; i < FAN_WIDTH; ++i)
       if (!(i & s)) exchange<s>(x + i, x + i + s);
@@ -44,10 +46,26 @@ inline void unpack(const Wide* from, int n, double* const* to, int n_lanes) {
   for (; j < n; ++j)
     for (int l = 0; l < n_lanes; ++l) to[l][j] = lane_of(from[j], l);
 }
+
+// n numbers of arrays, one for each lane.
+inline void pack(const double* const* from, int n, Wide* to) {
+  int j = 0;
+  for (; j + FAN_WIDTH <= n; j += FAN_WIDTH) {
+    FAN_UNROLL for (int l = 0; l < FAN_WIDTH; ++l) std::memcpy(to + j + l, from[l] + j, sizeof(Wide));
+    exchange_all<1>(to + j);
+  }
+  for (; j < n; ++j)
+    for (int l = 0; l < FAN_WIDTH; ++l) lane_of(to[j], l) = from[l][j];
+}
 #else
 inline void unpack(const Wide* from, int n, double* const* to, int n_lanes) {
   for (int j = 0; j < n; ++j)
     for (int l = 0; l < n_lanes; ++l) to[l][j] = lane_of(from[j], l);
+}
+
+inline void pack(const double* const* from, int n, Wide* to) {
+  for (int j = 0; j < n; ++j)
+    for (int l = 0; l < Traits<Wide>::width; ++l) lane_of(to[j], l) = from[l][j];
 }
 #endif
 
