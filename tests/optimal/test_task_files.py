@@ -242,9 +242,29 @@ def test_circles_of_free_durations_need_an_end(tmp_path):
     assert fan.load_task(written(tmp_path, CRANE + ended)).tracks[0].path.end == 2.0
 
 
-def test_puppets_with_contact_are_refused_where_they_are_named(tmp_path):
-    with pytest.raises(FileError, match=r"task\.yaml:2: puppet: .*has contact"):
-        fan.load_task(written(tmp_path, "task: t\npuppet: promenade\nduration: 1\n"))
+STAGE = "task: t\npuppet: promenade\nduration: 1\n"
+
+
+def test_puppets_with_contact_have_tasks_with_periodic_ends_and_guesses(tmp_path):
+    moves = "coordinates: {head.x: [[0, 0], [1, 0.03]]}"
+    written(tmp_path, f"name: g\nduration: 1\n{moves}\n", "g.yaml")
+    more = "periodic: {torso.x: 0.03, head.x: 0.03}\nguess: g.yaml\n"
+    task = fan.load_task(written(tmp_path, STAGE + more))
+    assert task.goal.q_K[0] - task.x0.q_K[0] == pytest.approx(0.03)
+    assert task.guess.evaluate(1.0)[0][0] == pytest.approx(0.03)
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("periodic: {torso.x: 0.03, torso.u: 0.03}", r"task\.yaml:4: periodic.torso\.u: .*torso"),
+        ("guess: nowhere.yaml", r"task\.yaml:4: guess: .*no file"),
+        ("periodic: {}\nend: {}", "both `end` and `periodic`"),
+    ],
+)
+def test_mistakes_of_periodic_ends_and_guesses(tmp_path, line, words):
+    with pytest.raises(FileError, match=words):
+        fan.load_task(written(tmp_path, f"{STAGE}{line}\n"))
 
 
 @pytest.mark.parametrize("text", [TRACK, CRANE])

@@ -100,7 +100,7 @@ def _report(found: Optimum) -> None:
     ]
     if low < high:
         lines[1] = (f"duration, of {low:g} to {high:g} [s]", lines[1][1])
-    if found.task.end is not None:
+    if found.task.goal is not None:
         lines.append(("from its end", f"{found.end_gap:.2g}"))
     lines += list(found.parameters.items())
     table("Optimum", ("", ">"), lines)
