@@ -2,9 +2,9 @@
 
     python -m benchmarks.speed.derivatives [--turns 20] [--duration 1.0] [--nodes 50]
 
-One line is the sensitivity of an event-driven run of the bundled performance by its start and along a
-change of each driven coordinate, per simulated second; one is its intervals' derivatives; one is
-``linearise_steps`` at many states. Each alternates with the run or the steps alone; the least of all
+One line is the sensitivity of an event-driven run of the bundled performance by its start and along
+a change of each driven coordinate, per simulated second; one is its intervals' derivatives; one is
+``linearise_steps`` at many states. The first two alternate with the run alone. The least of all
 turns is printed, in processor time of one thread.
 """
 
