@@ -26,24 +26,63 @@ class ContactPointsLanes : public ContactPoints<Model, Real> {
   FAN_FN void begin(const ContactArrays& in) {
     Points::begin(in);
     known_ = Real(0.0) > Real(1.0);
+    is_listed_anew_ = true;
+    n_listed_ = 0;
   }
 
-  // As ContactPoints::find().
-  template <class Recall>
-  FAN_FN void find(
+  // Begins the search at (q_D, q_K): where the links are and how they move.
+  FAN_FN void place_at(
       const ContactArrays& in, const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
-      const Real* p, double dt, const Mask& idle, const Recall& recall) {
+      const Real* p, double dt) {
     Call<Model, Real>::screws(q_D, q_K, p, links_);
-    most = 0;
-    passing_within_ = 0.0;
     move_all(v_D, v_K);
     place_all();
-    const Mask good = known_ && hold(dt);
+    good_ = known_ && hold(dt);
+    if (any(good_) && is_listed_anew_) merge_lists(in);
+  }
+
+  // Finds the points of `ground` over a step dt in these lanes. Returns those in which that is all
+  // there is.
+  template <class Ground>
+  FAN_FN Mask find_on(const ContactArrays& in, double dt, const Mask& lanes, Ground& ground) {
+    Mask alone = lanes && good_;
+    ground.clear();
+    for (int j = 0; j < n_listed_; ++j) {
+      const int k = listed_[j].pair;
+      Real margin;
+      const Mask near = near_in(in, k, dt, listed_[j].lanes && alone, margin);
+      if (!any(near)) continue;
+      const int own = in.pairs[2 * k];
+      if (ground.takes(in, k)) {
+        const Solid &x = in.solids[own], &y = in.solids[in.pairs[2 * k + 1]];
+        touch_plane_lanes(
+            x, links_.poses + 12 * x.link, y, margin, near,
+            [&](int feature, const Real* at, const Real& gap, const Mask& where) {
+              ground.add(own, feature, at, gap, where);
+            });
+        continue;
+      }
+      for (int l = 0; l < width; ++l)
+        if (lane_of(near, l) && touches_in(in, k, lane_of(margin, l), l)) alone.set(l, false);
+    }
+    for (int l = 0; l < width; ++l)
+      if (lane_of(alone, l)) near_[l].serve();
+    return alone;
+  }
+
+  // The points of these lanes, as ContactPoints::find(), after place_at().
+  template <class Recall>
+  FAN_FN void find_in(
+      const ContactArrays& in, const Real* v_D, const Real* v_K, double dt, const Mask& lanes,
+      const Recall& recall) {
+    most = 0;
+    passing_within_ = 0.0;
     for (int l = 0; l < width; ++l) n[l] = 0;
-    look_at_listed(in, dt, good && !idle);
+    if (!any(lanes)) return;
+    look_at_listed(in, dt, good_ && lanes);
     for (int l = 0; l < width; ++l) {
-      if (lane_of(idle, l)) continue;
-      if (lane_of(good, l)) {
+      if (!lane_of(lanes, l)) continue;
+      if (lane_of(good_, l)) {
         near_[l].serve();
       } else {
         load(l, v_D, v_K);
@@ -58,6 +97,18 @@ class ContactPointsLanes : public ContactPoints<Model, Real> {
     for (int i = 0; i < most; ++i) {
       this->clear(i);
       fill_all(in, i, v_K);
+    }
+  }
+
+  // A link's twist at the velocities of the step's start; the screw of a velocity; the twist of a link
+  // that nothing drives at other velocities.
+  FAN_FN const Real* twist(int link) const { return twist_of_ + 6 * link; }
+  FAN_FN const Real* screw(int k) const { return links_.screw_D + 6 * k; }
+  FAN_FN void twist_at(int link, const Real* v_D, Real* out) const {
+    for (int c = 0; c < 6; ++c) out[c] = Real(0.0);
+    for (int j = Model::moved_D_begin[link]; j < Model::moved_D_begin[link + 1]; ++j) {
+      const int k = Model::moved_D_entry[j];
+      FAN_UNROLL for (int c = 0; c < 6; ++c) out[c] += links_.screw_D[6 * k + c] * v_D[k];
     }
   }
 
@@ -173,9 +224,8 @@ class ContactPointsLanes : public ContactPoints<Model, Real> {
 
   // Takes what lane l's list of near pairs knows.
   FAN_FN void learn(int l) {
-    Real has = select(known_, Real(1.0), Real(0.0));
-    lane_of(has, l) = near_[l].is_known() ? 1.0 : 0.0;
-    known_ = has > Real(0.5);
+    known_.set(l, near_[l].is_known());
+    is_listed_anew_ = true;
     for (int link = 0; link < L && near_[l].is_known(); ++link) {
       if (!has_solids(link)) continue;
       for (int k = 0; k < 9; ++k) lane_of(old_[12 * link + k], l) = near_[l].turned(link)[k];
@@ -183,24 +233,72 @@ class ContactPointsLanes : public ContactPoints<Model, Real> {
     }
   }
 
-  // Finds the points of these lanes among the pairs of their lists, pair by pair.
-  FAN_FN void look_at_listed(const ContactArrays& in, double dt, const Mask& lanes) {
-    int at[width];
-    for (int l = 0; l < width; ++l) at[l] = lane_of(lanes, l) ? 0 : near_[l].n;
+  // A pair in the lists of some lanes.
+  struct Listed {
+    int pair;
+    Mask lanes;
+  };
+
+  // All pairs of the lists, in order.
+  FAN_FN void merge_lists(const ContactArrays& in) {
+    int at[width] = {};
     const int none = int(in.n_pairs);
+    is_listed_anew_ = false;
+    n_listed_ = 0;
     for (;;) {
       int k = none;
       for (int l = 0; l < width; ++l)
-        if (at[l] < near_[l].n && near_[l].pair[at[l]] < k) k = near_[l].pair[at[l]];
+        if (lane_of(known_, l) && at[l] < near_[l].n && near_[l].pair[at[l]] < k) k = near_[l].pair[at[l]];
       if (k == none) return;
-      Real own = Real(0.0);
+      Listed& to = listed_[n_listed_++];
+      to.pair = k;
+      to.lanes = Real(0.0) > Real(1.0);
       for (int l = 0; l < width; ++l)
-        if (at[l] < near_[l].n && near_[l].pair[at[l]] == k) {
-          lane_of(own, l) = 1.0;
+        if (lane_of(known_, l) && at[l] < near_[l].n && near_[l].pair[at[l]] == k) {
+          to.lanes.set(l, true);
           ++at[l];
         }
-      look_at_pair_in(in, k, dt, own > Real(0.5));
     }
+  }
+
+  // Finds the points of these lanes among the pairs of their lists, pair by pair.
+  FAN_FN void look_at_listed(const ContactArrays& in, double dt, const Mask& lanes) {
+    for (int j = 0; j < n_listed_; ++j) {
+      const Mask own = listed_[j].lanes && lanes;
+      if (any(own)) look_at_pair_in(in, listed_[j].pair, dt, own);
+    }
+  }
+
+  // The lanes, of those given, in which the solids of pair k are within the margin of each other as
+  // far as their balls tell.
+  FAN_FN Mask near_in(const ContactArrays& in, int k, double dt, const Mask& lanes, Real& margin) const {
+    if (!any(lanes)) return lanes;
+    const int first = in.pairs[2 * k], second = in.pairs[2 * k + 1];
+    const Solid &x = in.solids[first], &y = in.solids[second];
+    Real speed = speed_at_start_[x.link], middle[3];
+    if (y.link >= 0) speed += speed_at_start_[y.link];
+    margin = Tolerance::margin + (Tolerance::travel * dt) * speed;
+    place_middle(x, middle);
+    if (y.kind == HALF_SPACE) {
+      Real height = Real(0.0);
+      for (int c = 0; c < 3; ++c) height += (middle[c] - y.a[c]) * y.b[c];
+      return lanes && height - ball_[first].radius < margin;
+    }
+    Real other[3], square = Real(0.0);
+    place_middle(y, other);
+    for (int c = 0; c < 3; ++c) square += (middle[c] - other[c]) * (middle[c] - other[c]);
+    const double own = y.link >= 0 ? ball_[second].radius : bounding_radius(y);
+    const Real reach = margin + (ball_[first].radius + own);
+    return lanes && square < reach * reach;
+  }
+
+  // Whether pair k has points in lane l.
+  FAN_FN bool touches_in(const ContactArrays& in, int k, double margin, int l) {
+    const int first = in.pairs[2 * k], second = in.pairs[2 * k + 1];
+    Touch found[max_touches];
+    place_in(in, first, l);
+    if (in.solids[second].link >= 0) place_in(in, second, l);
+    return this->touch(in, k, margin, found) > 0;
   }
 
   // Finds the points of pair k in these lanes.
@@ -208,23 +306,8 @@ class ContactPointsLanes : public ContactPoints<Model, Real> {
     const int first = in.pairs[2 * k], second = in.pairs[2 * k + 1];
     const Solid &x = in.solids[first], &y = in.solids[second];
     const Real* pose = links_.poses + 12 * x.link;
-    Real speed = speed_at_start_[x.link], middle[3];
-    if (y.link >= 0) speed += speed_at_start_[y.link];
-    const Real margin = Tolerance::margin + (Tolerance::travel * dt) * speed;
-    place_middle(x, middle);
-    Mask near = lanes;
-    if (y.kind == HALF_SPACE) {
-      Real height = Real(0.0);
-      for (int c = 0; c < 3; ++c) height += (middle[c] - y.a[c]) * y.b[c];
-      near = near && height - ball_[first].radius < margin;
-    } else {
-      Real other[3], square = Real(0.0);
-      place_middle(y, other);
-      for (int c = 0; c < 3; ++c) square += (middle[c] - other[c]) * (middle[c] - other[c]);
-      const double own = y.link >= 0 ? ball_[second].radius : bounding_radius(y);
-      const Real reach = margin + (ball_[first].radius + own);
-      near = near && square < reach * reach;
-    }
+    Real margin;
+    const Mask near = near_in(in, k, dt, lanes, margin);
     if (!any(near)) return;
     if (y.kind == HALF_SPACE && has_points_in_lanes(x)) {
       double frame[9];
@@ -333,7 +416,10 @@ class ContactPointsLanes : public ContactPoints<Model, Real> {
 
   Real twist_of_[room(6 * L)], centre_[room(3 * L)];  // of the links and the balls around them
   Real old_[room(12 * L)];  // turns and centres at which the lists of near pairs were made
-  Mask known_;              // lanes that have a list
+  Mask known_, good_;       // lanes that have a list, and one that holds in this step
+  bool is_listed_anew_ = true;  // whether a list is another one than in listed_
+  int n_listed_ = 0;
+  Listed listed_[width * 4 * room(Model::n_links)];
 };
 
 }  // namespace fan

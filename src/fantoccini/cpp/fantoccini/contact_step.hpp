@@ -13,6 +13,7 @@
 
 #include "contact_aims.hpp"
 #include "contact_share.hpp"
+#include "ground_lanes.hpp"
 
 FAN_LOOPS_BEGIN
 
@@ -40,6 +41,7 @@ class ContactStep : public ContactAims<Model, Real> {
   // Nothing has touched anything yet.
   FAN_FN void begin(const ContactArrays& in) {
     points_.begin(in);
+    if constexpr (width > 1) ground_.begin(in);
     for (int l = 0; l < width; ++l) {
       n[l] = 0;
       points_.too_many[l] = false;
@@ -49,6 +51,7 @@ class ContactStep : public ContactAims<Model, Real> {
 
   template <class Memory>
   FAN_FN void remember(Memory& memory) {
+    write_pushes();
     memory.keep_of_lanes(n);
     memory.keep_of_lanes(push);
     memory.keep_of_lanes(points_.too_many);
@@ -56,6 +59,7 @@ class ContactStep : public ContactAims<Model, Real> {
 
   // What pushes now and was at rest has pushed for long; all else has touched nothing yet.
   FAN_FN void take_as_resting() {
+    write_pushes();
     for (int l = 0; l < width; ++l) {
       int kept = 0;
       for (int i = 0; i < n[l]; ++i) {
@@ -75,8 +79,43 @@ class ContactStep : public ContactAims<Model, Real> {
       double recovery_speed, const Mask& idle) {
     in_ = &in;
     dt_ = dt;
-    points_.find(in, q_D, v_D, q_K, v_K, p, dt, idle, [&](int l) { this->recognise(l); });
     violation = work = impact = friction = residual = Real(0.0);
+    if constexpr (width > 1) {
+      points_.place_at(in, q_D, v_D, q_K, v_K, p, dt);
+      for (int l = 0; l < width; ++l)
+        if (!lane_of(ground_.feet.kept, l) && !lane_of(idle, l)) ground_.feet.take(in, l, push[l], n[l]);
+      const Mask alone = points_.find_on(in, dt, ground_.feet.kept && !idle, ground_.feet);
+      ground_.start(points_, alone, dt, whole, recovery_speed);
+      violation = ground_.depth;
+      given_ = {&eval, v_D, v_K, whole, recovery_speed};
+      find_in(!idle && !ground_.lanes);
+    } else {
+      points_.find(in, q_D, v_D, q_K, v_K, p, dt, idle, [&](int l) { this->recognise(l); });
+      begin_with(eval, v_D, whole, recovery_speed);
+    }
+  }
+
+  // The points of what this step was given, in lanes that are not on the ground alone.
+  FAN_FN void find_in(const Mask& lanes) {
+    const auto& in = given_;
+    others_ = lanes;
+    points_.find_in(*in_, in.v_D, in.v_K, dt_, lanes, [&](int l) { this->recognise(l); });
+    if (any(lanes)) return begin_with(*in.eval, in.v_D, in.whole, in.recovery_speed);
+    looks_ = 0;
+    for (int l = 0; l < width; ++l) chosen_[l] = 0;
+  }
+
+  // Leaves what the ground's solver does not solve to the other one, which begins anew.
+  FAN_FN void leave_ground(const Mask& lanes) {
+    for (int l = 0; l < width; ++l)
+      if (lane_of(lanes, l)) n[l] = ground_.feet.give(l, push[l]);
+    ground_.leave(lanes);
+    find_in(others_ || lanes);
+  }
+
+  // What the points that were found begin with.
+  FAN_FN void begin_with(
+      const Evaluation<Model, Real>& eval, const Real* v_D, double whole, double recovery_speed) {
     for (int l = 0; l < width; ++l) {
       chosen_[l] = 0;
       for (int i = 0; i < points_.n[l]; ++i) {
@@ -122,6 +161,11 @@ class ContactStep : public ContactAims<Model, Real> {
       const Evaluation<Model, Real>& eval, const Real* v_D, const Real* acc, const Real* v_K,
       double dt, double whole, double recovery_speed, const Mask& idle) {
     const Mask lanes = !idle && points_.outruns(acc, dt);
+    if constexpr (width > 1)
+      if (any(lanes && ground_.lanes)) {
+        leave_ground(lanes && ground_.lanes);
+        return true;
+      }
     if (!any(lanes) || looks_ == Tolerance::looks) return false;
     ++looks_;
     Real v[room(N)];
@@ -157,13 +201,22 @@ class ContactStep : public ContactAims<Model, Real> {
   // Whether points take part in all lanes but these.
   FAN_FN bool take_part(const Mask& idle) const {
     for (int l = 0; l < width; ++l)
-      if (chosen_[l] == 0 && !lane_of(idle, l)) return false;
+      if (chosen_[l] == 0 && !lane_of(idle, l) && !on_ground(l)) return false;
     return true;
   }
 
   // Adds the points that would be passed at the velocity v; whether there are any.
   FAN_FN bool watch(const Real* v) {
     bool more = false;
+    if constexpr (width > 1) {
+      Mask failed = Real(0.0) > Real(1.0);
+      more = ground_.watch(points_, v, failed);
+      if (any(failed)) {
+        leave_ground(failed);
+        return true;
+      }
+      if (points_.most == 0) return more;
+    }
     Rates rates(points_, v);
     for (int i = 0; i < points_.most; ++i) {
       const Real now = rates(i)[0];
@@ -185,6 +238,15 @@ class ContactStep : public ContactAims<Model, Real> {
   FAN_FN void settle(
       const Evaluation<Model, Real>& eval, RowSystem<Model, Real>& rows, const Mask* near,
       Real* guess, const Real* before, double cap, Mask& settled) {
+    if constexpr (width > 1)
+      if (any(ground_.stands)) {
+        const Mask failed = ground_.settle(points_, eval, rows, near, guess, cap);
+        if (any(failed)) leave_ground(failed);
+        take_ground(rows, settled);
+      }
+    bool some_chosen = width == 1;
+    for (int l = 0; l < width; ++l) some_chosen = some_chosen || chosen_[l] != 0;
+    if (!some_chosen) return;
     Real found[room(M)], s[room(M)], of_lane = Real(0.0), well = Real(0.0);
     int taking_part[width];
     Real to_solve = Real(0.0), n_near = Real(0.0);
@@ -237,6 +299,7 @@ class ContactStep : public ContactAims<Model, Real> {
     for (int i = 0; i < points_.most; ++i)
       if (pushes(i)) columns_.take(i, x_ + 3 * i, points_.moved[i], w);
     if constexpr (width == 1) this->add_held(w);
+    else ground_.add(w);
   }
 
   // What the impulses take from hdot of gathered row a.
@@ -248,6 +311,7 @@ class ContactStep : public ContactAims<Model, Real> {
       sum += by[0] * x_[3 * i] + by[1] * x_[3 * i + 1] + by[2] * x_[3 * i + 2];
     }
     if constexpr (width == 1) sum += this->rate_by_held(rows, a);
+    else sum += ground_.rate_by_impulses(rows, a);
     return sum;
   }
 
@@ -255,6 +319,10 @@ class ContactStep : public ContactAims<Model, Real> {
   // 0.
   FAN_FN Real account() {
     Real struck = Real(0.0);
+    if constexpr (width > 1) {
+      residual = select(ground_.stands, ground_.residual, residual);
+      ground_.keep();
+    }
     for (int l = 0; l < width; ++l)
       for (int i = 0; i < points_.n[l]; ++i)
         if (lane_of(x_[3 * i], l) > 0.0 && strikes(l, i)) lane_of(struck, l) = 1.0;
@@ -271,6 +339,29 @@ class ContactStep : public ContactAims<Model, Real> {
       n[l] = pushes;
     }
     return struck;
+  }
+
+  // Calls f with the lane and the pair of every point that pushes.
+  template <class F>
+  void each_push(const F& f) const {
+    for (int l = 0; l < width; ++l) {
+      if constexpr (width > 1)
+        if (lane_of(ground_.feet.kept, l)) {
+          ground_.feet.each_push(l, [&](const auto& foot, int) { f(l, foot.pair); });
+          continue;
+        }
+      for (int i = 0; i < n[l]; ++i) f(l, push[l][i].pair);
+    }
+  }
+
+  // Lists what pushes of lanes on the ground, too, as the others' is.
+  FAN_FN void write_pushes() {
+    if constexpr (width > 1) {
+      auto& feet = ground_.feet;
+      for (int l = 0; l < width; ++l)
+        if (lane_of(feet.kept, l)) n[l] = feet.give(l, push[l]);
+      feet.kept = Real(0.0) > Real(1.0);
+    }
   }
 
   // What pushes at the end of the step as it is reported: where points share what they carry, the
@@ -314,6 +405,24 @@ class ContactStep : public ContactAims<Model, Real> {
   using Problem::x_, Problem::s_, Problem::b_, Problem::before_, Problem::rebound_;
   using Aims::steps_, Aims::earlier, Problem::hdot_, Problem::asked_, Problem::is_before_known_, Problem::dt_;
   using Problem::parting_, Problem::bounces_, Problem::scale_;
+
+  FAN_FN bool on_ground(int l) const {
+    if constexpr (width > 1) return lane_of(ground_.stands, l);
+    else return false;
+  }
+
+  // Takes what the ground's solver has found for the rows.
+  FAN_FN void take_ground(RowSystem<Model, Real>& rows, Mask& settled) const {
+    const Mask& here = ground_.stands;
+    auto& problem = rows.problem;
+    settled = settled || here;
+    for (int a = 0; a < rows.n; ++a) {
+      const Real& x = ground_.impulse(rows.row[a]);
+      problem.x[a] = select(here, x, problem.x[a]);
+      problem.s[a] = select(here, ground_.s(rows.row[a]), problem.s[a]);
+      problem.high[a] = problem.high[a] && !here;
+    }
+  }
 
   // Whether point i has an impulse of its own in some lane.
   FAN_FN bool pushes(int i) const {
@@ -382,6 +491,16 @@ class ContactStep : public ContactAims<Model, Real> {
     }
   }
 
+  struct NoGround {};
+  struct Given {
+    const Evaluation<Model, Real>* eval;
+    const Real *v_D, *v_K;
+    double whole, recovery_speed;
+  };
+
+  std::conditional_t<(width > 1), GroundLanes<Model, Real>, NoGround> ground_;
+  Given given_{};                  // to find() in this step
+  Mask others_;                    // lanes that are not on the ground alone
   int looks_ = 0;                  // how often was looked again
   // Of each lane's last solve in the step: how many rows and points took part, whether it went well;
   // impulses and s of the rows.
