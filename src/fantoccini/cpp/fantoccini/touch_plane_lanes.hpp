@@ -44,7 +44,7 @@ FAN_FN void touch_plane_lanes(
     const Real gap = height - (inflation(x) + plane.radius);
     const Mask here = where && gap < margin;
     if (!any(here)) return;
-    const Real down = 0.5 * (height + (inflation(x) - plane.radius));
+    const Real down = height - plane.radius;
     FAN_UNROLL for (int c = 0; c < 3; ++c) point[c] = p[c] - down * n[c];
     add(feature, point, gap, here);
   };
