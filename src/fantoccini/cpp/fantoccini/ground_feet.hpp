@@ -22,6 +22,9 @@ class GroundFeet {
   struct Point {
     // Lanes in which it is found in this step, takes part, and pushed in the step before.
     Mask here, joins, pushes;
+    // Lanes in which it would have to pull in the last solution, and in which it does no longer take part
+    // for that.
+    Mask would_pull, dropped;
     Mask rested;               // as in ContactPush
     Real at[3], gap;
     Real asked;                // m/s: the speed at which it is to part beyond stopping
@@ -62,7 +65,7 @@ class GroundFeet {
       to.link = x.link;
       to.friction = in.friction[k];
       to.restitution = in.restitution[k];
-      for (Point& p : to.point) p.here = p.joins = p.pushes = p.rested = none;
+      for (Point& p : to.point) p.here = p.joins = p.pushes = p.would_pull = p.dropped = p.rested = none;
     }
   }
 
@@ -135,7 +138,7 @@ class GroundFeet {
       own.n = 0;
       own.carried = none;
       for (Point& p : own.point) {
-        p.here = p.joins = none;
+        p.here = p.joins = p.would_pull = p.dropped = none;
         own.carried = own.carried || p.pushes;
       }
     }
@@ -189,7 +192,7 @@ class GroundFeet {
       if (known_[j] == solid) return false;
     known_[n_known_++] = solid;
     const Mask none = Real(0.0) > Real(1.0);
-    for (Point& p : foot[solid].point) p.here = p.joins = p.pushes = none;
+    for (Point& p : foot[solid].point) p.here = p.joins = p.pushes = p.would_pull = p.dropped = none;
     return true;
   }
 

@@ -51,6 +51,7 @@ class GroundLanes {
     stands = Real(0.0) > Real(1.0);
     depth = residual = Real(0.0);
     is_solved_ = false;
+    for (int r = 0; r < M; ++r) joins_[r] = leaves_[r] = Real(0.0) > Real(1.0);
     dt_ = dt;
     for (int j = 0; j < feet.n; ++j) {
       Foot& own = feet.foot[feet.found[j]];
@@ -93,16 +94,10 @@ class GroundLanes {
     if (is_solved_ && !any(stands && n_near != solved_near_)) return Real(0.0) > Real(1.0);
     is_solved_ = true;
     solved_near_ = n_near;
-    for (int k = 0; k < N; ++k) taken_[k] = Real(0.0);
-    for (int a = 0; a < rows.n; ++a) {
-      const int r = rows.row[a];
-      found_[r] = Real(0.0);
-      s_[r] = -rows.problem.b[a];
-    }
-    residual = Real(0.0);
-    Mask held = stands;
-    for (int tree = 0; tree < groups_.trees(); ++tree)
-      held = held && solve_some(tree, held, links, eval, rows, near, guess, cap);
+    Mask held;
+    int tries = 0;
+    do held = solve_trees(links, eval, rows, near, guess, cap);
+    while (++tries < most_tries && change_modes(stands && !held));
     return stands && !held;
   }
 
@@ -145,8 +140,9 @@ class GroundLanes {
                             rate(twist, p.at) + p.asked > Real(StepTolerance::passing_speed);
         if (!any(closes)) continue;
         more = true;
-        failed = failed || (closes && !(own.carried && stands));
-        p.joins = p.joins || (closes && own.carried && stands);
+        const Mask may_join = own.carried && stands && !p.dropped;
+        failed = failed || (closes && !may_join);
+        p.joins = p.joins || (closes && may_join);
         is_solved_ = false;
       }
     }
@@ -169,6 +165,55 @@ class GroundLanes {
   using Patch = GroundPatch<Model, Real>;
   using Matrix = GroundMatrix<Real>;
   static constexpr int P = Matrix::most / 3;
+  static constexpr int most_tries = 4;  // of modes; more are for the other solver
+
+  // Solves the problem of all lanes that stand in the modes at hand; returns those in which the law
+  // holds.
+  template <class Links>
+  FAN_FN Mask solve_trees(
+      const Links& links, const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
+      const Mask* near, const Real* guess, double cap) {
+    for (int k = 0; k < N; ++k) taken_[k] = Real(0.0);
+    for (int a = 0; a < rows.n; ++a) {
+      const int r = rows.row[a];
+      found_[r] = Real(0.0);
+      s_[r] = -rows.problem.b[a];
+      would_push_[r] = closes_[r] = Real(0.0) > Real(1.0);
+    }
+    residual = Real(0.0);
+    for (int j = 0; j < feet.n; ++j) {
+      Foot& own = feet.foot[feet.found[j]];
+      for (int i = 0; i < own.n; ++i) own.point[own.listed[i]].would_pull = Real(0.0) > Real(1.0);
+    }
+    Mask held = stands;
+    for (int tree = 0; tree < groups_.trees(); ++tree)
+      held = held && solve_some(tree, held, links, eval, rows, near, guess, cap);
+    return held;
+  }
+
+  // In these lanes points that would have to pull and rows that would have to push take part no
+  // longer, and rows that close do; whether there are any.
+  FAN_FN bool change_modes(const Mask& some) {
+    bool more = false;
+    if (!any(some)) return more;
+    for (int j = 0; j < feet.n; ++j) {
+      Foot& own = feet.foot[feet.found[j]];
+      for (int i = 0; i < own.n; ++i) {
+        Point& p = own.point[own.listed[i]];
+        const Mask leaves = p.would_pull && p.joins && some;
+        p.joins = p.joins && !leaves;
+        p.dropped = p.dropped || leaves;
+        more = more || any(leaves);
+      }
+    }
+    for (int r = 0; r < M; ++r) {
+      const Mask leaves = would_push_[r] && some && !leaves_[r], joins = closes_[r] && some && !joins_[r] && !leaves_[r];
+      leaves_[r] = leaves_[r] || leaves;
+      joins_[r] = joins_[r] || joins;
+      more = more || any(leaves || joins);
+    }
+    return more;
+  }
 
   // hdot of the normal of a point of a link with this twist.
   FAN_FN Real rate(const Real* twist, const Real* at) const {
@@ -209,7 +254,8 @@ class GroundLanes {
       const int r = rows.row[a];
       if (row_tree_[r] != tree) continue;
       const Mask takes_part = near[r] && some;
-      const Mask pulls = rows.two_sided[a] ? takes_part : takes_part && guess[r] > Real(0.0);
+      const Mask pulled = (guess[r] > Real(0.0) && !leaves_[r]) || joins_[r];
+      const Mask pulls = rows.two_sided[a] ? takes_part : takes_part && pulled;
       row_[n_rows_++] = a;
       pulls_[a] = pulls;
       if (any(pulls)) {
@@ -446,11 +492,14 @@ class GroundLanes {
     for (int i = 0; i < n_single_; ++i) {
       const int a = single_[i];
       const Mask within = y_[i] >= rows.problem.lower[a] && y_[i] <= rows.problem.upper[a];
+      would_push_[rows.row[a]] = has_[i] && y_[i] < rows.problem.lower[a];
       good = good && (!has_[i] || within);
     }
     for (int i = 0; i < n_rows_; ++i) {
       const int a = row_[i];
-      good = good && (!near[rows.row[a]] || pulls_[a] || speed_[a] <= Real(0.0));
+      const Mask closes = near[rows.row[a]] && !pulls_[a] && !(speed_[a] <= Real(0.0));
+      closes_[rows.row[a]] = closes;
+      good = good && !closes;
     }
     for (int p = 0; p < n_feet_; ++p) {
       Patch& own = patch_[p];
@@ -500,6 +549,9 @@ class GroundLanes {
   int n_rows_ = 0, n_single_ = 0, n_feet_ = 0, size_ = 0;
   int row_[room(M)], single_[room(M)], first_[P];
   Mask pulls_[room(M)], flat_[P];
+  // By row: lanes in which it would have to push, or closes, in the last solution, and in which it has
+  // left or joined those that pull in this step for that.
+  Mask would_push_[room(M)], closes_[room(M)], leaves_[room(M)], joins_[room(M)];
   Patch patch_[P];
   Triple<Real> W_[P][2][room(N)];
   Real at_start_[P][6], by_forces_[P][6];  // hdot of their rows, and what the forces of the step change

@@ -87,14 +87,20 @@ class GroundPatch {
   }
 
   // Shares F and T among the points: their impulses in the world. Returns the lanes in which all
-  // lie within their cones.
+  // lie within their cones. Where the centre of their forces lies beyond an edge, or the foot would
+  // have to be pulled, it tells the points that are not on that edge.
   FAN_FN Mask share(const Real* x, const double* ground) {
     using std::sqrt;
     const Real N = x[0], zero = Real(0.0), one = Real(1.0);
-    Mask good = N > zero;
+    const Mask presses = N > zero;
+    Mask good = presses;
     const Real by = one / select(good, N, one);
     const Real c[2] = {select(many, Real(-size * by * x[5]), zero), select(several, Real(size * by * x[4]), zero)};
     good = good && weigh(c);
+    for (int j = 0; j < n_; ++j) {
+      Point& own = foot->point[which_[j]];
+      own.would_pull = own.joins && (outside_[j] || !presses);
+    }
     const Real F[2] = {by * x[1], by * x[2]};
     Real inertia = zero;
     for (int j = 0; j < n_; ++j) {
@@ -248,6 +254,7 @@ class GroundPatch {
       round += select(foot->point[which_[j]].joins, area(before[j], e[j]), zero);
     const Real sense = select(round < zero, Real(-1.0), one);
     Real sum = zero;
+    Mask beyond = zero > one;
     for (int j = 0; j < n_; ++j) {
       const Mask& own = foot->point[which_[j]].joins;
       const Real one_side = sense * area(before[j], e[j]), other = sense * area(e[j], after[j]);
@@ -255,6 +262,8 @@ class GroundPatch {
       const Real whole = (one_side + other) - sense * area(before[j], after[j]);
       Real weight = whole / select(inside, Real(one_side * other), one);
       good = good && (!own || !many || (inside && weight >= zero));
+      outside_[j] = own && many && one_side > zero && other > zero;
+      beyond = beyond || (own && many && !inside);
       // Of two points the first lies at d, the other at -d.
       const Mask first = own && !begun;
       begun = begun || own;
@@ -264,8 +273,10 @@ class GroundPatch {
       weight = select(several, weight, one);
       weight_[j] = select(own, weight, zero);
       good = good && weight_[j] >= zero;
+      outside_[j] = (pair && own && !(weight_[j] >= zero)) || (!pair && outside_[j]);
       sum += weight_[j];
     }
+    for (int j = 0; j < n_; ++j) outside_[j] = outside_[j] && (beyond || pair);
     const Real scaled = one / select(sum > zero, sum, one);
     for (int j = 0; j < n_; ++j) weight_[j] *= scaled;
     return good;
@@ -278,6 +289,7 @@ class GroundPatch {
   Real turn_[9];                 // the frame in the ground's: normal and tangents
   Real d_[features][2];          // of the points from the middle, along the tangents
   Real share_;                   // one over their number
+  Mask outside_[features];
   Real weight_[features], impulse_[features][3], first_ = Real(0.0);
 };
 
