@@ -68,6 +68,8 @@ def generate(equations: Equations, library: str = "model") -> Generated:
     members = [_member(name, kind) for name in (*names, *["column"] * kind.columns)]
     # Contact points push along three directions each. Bundles have a width of 1 on some processors.
     in_threes = kind.touches and equations.tree.n_contacts > 0
+    # Lanes whose contacts are not those of the others make their steps one by one, in doubles.
+    singly = in_threes and kind.real is WIDE
     if in_threes:
         members.append(_PUSH.format(space=kind.real.space))
     templates = [_pushes(equations, made["forth"])] if in_threes else []
@@ -77,15 +79,19 @@ def generate(equations: Equations, library: str = "model") -> Generated:
             members.append(_SEVERAL.format(name=name, space=kind.real.space))
     main = _MAIN.format(
         library=library.replace("_", " "),
-        templates="\n".join([*templates, ""]) if templates else "",
         members="\n".join(members),
         maps="".join(_map(name) for name in names) if kind.mapped else "",
         abi=kind.header,
         width="1" if kind.real.type == "double" else "FAN_WIDTH",
+        functions=_FUNCTIONS.format(
+            templates="\n".join([*templates, ""]) if templates else "", **vars(kind.real)
+        ),
+        singly=_SINGLY.format(**vars(Real())) if singly else "",
+        single_members=_single_members(names) if singly else "",
         **vars(kind.real),
     )
     files = {f"{STEM}.hpp": tables_text(equations, sizes), "main.cpp": main}
-    return assembled(made, files, real=kind.real)
+    return assembled(made, files, reals=[kind.real, *[Real()] * singly])
 
 
 def _programs(
@@ -141,6 +147,25 @@ def _member(name: str, kind: _Kind) -> str:
     )
 
 
+def _single_members(names: tuple[str, ...]) -> str:
+    """The functions of a library of lanes for doubles."""
+    kind = _Kind("", Real())
+    members = [_member(name, kind) for name in (*names, "column")]
+    return "\n".join(
+        [
+            "#if FAN_WIDTH > 1",
+            "#define FAN_FUNCTION(NAME) \\",
+            "  static int NAME(const double** arg, double** res) { \\",
+            "    return scalar::fan_##NAME(arg, res, nullptr, nullptr, 0); \\",
+            "  }",
+            *members,
+            "#undef FAN_FUNCTION",
+            "#endif",
+            "",
+        ]
+    )
+
+
 def _map(name: str) -> str:
     """The definition through which Python calls a function over arrays."""
     function = FUNCTIONS[name]
@@ -161,6 +186,24 @@ _SEVERAL = """\
     {space}::fan_{name}_of(L, x, y);
   }}"""
 
+_FUNCTIONS = """\
+namespace {space} {{
+#define casadi_real {type}
+#include "model.c"
+#undef casadi_real
+{templates}}}  // namespace {space}
+"""
+
+_SINGLY = """\
+#if FAN_WIDTH > 1
+namespace {space} {{
+#define casadi_real {type}
+#include "model.c"
+#undef casadi_real
+}}  // namespace {space}
+#endif
+"""
+
 _MAIN = """\
 // A compiled puppet: its library of {library}.
 #include <cmath>
@@ -169,19 +212,15 @@ _MAIN = """\
 #include "model.hpp"
 
 namespace fan {{
-namespace {space} {{
-#define casadi_real {type}
-#include "model.c"
-#undef casadi_real
-{templates}}}  // namespace {space}
-
+{functions}{singly}
 struct Model : ModelTables {{
 #define FAN_FUNCTION(NAME)                                     \\
   static int NAME(const {type}** arg, {type}** res) {{          \\
     return {space}::fan_##NAME(arg, res, nullptr, nullptr, 0); \\
   }}
 {members}
-}};
+#undef FAN_FUNCTION
+{single_members}}};
 }}  // namespace fan
 
 #include "fantoccini/{abi}.hpp"

@@ -76,22 +76,23 @@ class Real:
 
 
 def assembled(
-    functions: dict[str, Program], files: dict[str, str], *, real: Real | None = None
+    functions: dict[str, Program], files: dict[str, str], *, reals: Sequence[Real] = (Real(),)
 ) -> Generated:
     """Functions with the files that call them; large functions in units of their own.
 
     Args:
         functions: by name.
         files: ``main.cpp`` and what else it includes.
-        real: the type they compute with; double by default.
+        reals: the types they compute with; double by default.
     """
-    text, real, units = model_text(functions), real or Real(), {}
+    text, units = model_text(functions), {}
     counts = _counted(functions)
     if sum(counts.values()) >= SIZES.separate:
         units = {
-            name.replace("pieces", "unit").replace(".c", ".cpp"): _UNIT.format(
+            name.replace("pieces", f"{real.space}_unit").replace(".c", ".cpp"): _UNIT.format(
                 pieces=name, type=real.type, space=real.space, header=real.header
             )
+            for real in reals
             for name in text
             if name.startswith("pieces")
         }

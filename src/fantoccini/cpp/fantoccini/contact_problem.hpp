@@ -7,7 +7,7 @@
 #include "cone.hpp"
 #include "contact_columns.hpp"
 #include "contact_groups.hpp"
-#include "contact_points_lanes.hpp"
+#include "contact_points.hpp"
 #include "contact_push.hpp"
 
 FAN_LOOPS_BEGIN
@@ -20,8 +20,7 @@ class ContactProblem {
   static constexpr int C = Model::n_contacts, N = Model::n_vD, S = Model::n_strings;
   static constexpr int M = Model::n_rows, width = Traits<Real>::width;
   using Mask = typename Traits<Real>::Mask;
-  using Points = std::conditional_t<
-      (Traits<Real>::width > 1), ContactPointsLanes<Model, Real>, ContactPoints<Model, Real>>;
+  using Points = ContactPoints<Model, Real>;
   using Tolerance = ContactStepTolerances;
 
   Real residual = Real(0.0);  // of the law, in the last step

@@ -7,13 +7,11 @@
 // first. As for strings, solids that overlap part at the recovery speed at most. A new contact with
 // restitution e leaves with u_n+ = -e u_n- at least, unless the forces of one step would take the
 // rebound back. With friction, or unequal e, that may add energy; all are then scaled down until
-// none is added. The problem of each lane is its own, so that no lane's result depends on its
-// neighbours.
+// none is added. Of one trajectory; for bundles of lanes see contact_lanes.hpp.
 #pragma once
 
 #include "contact_aims.hpp"
 #include "contact_share.hpp"
-#include "ground_lanes.hpp"
 
 FAN_LOOPS_BEGIN
 
@@ -41,7 +39,6 @@ class ContactStep : public ContactAims<Model, Real> {
   // Nothing has touched anything yet.
   FAN_FN void begin(const ContactArrays& in) {
     points_.begin(in);
-    if constexpr (width > 1) ground_.begin(in);
     for (int l = 0; l < width; ++l) {
       n[l] = 0;
       points_.too_many[l] = false;
@@ -51,24 +48,27 @@ class ContactStep : public ContactAims<Model, Real> {
 
   template <class Memory>
   FAN_FN void remember(Memory& memory) {
-    write_pushes();
     memory.keep_of_lanes(n);
     memory.keep_of_lanes(push);
     memory.keep_of_lanes(points_.too_many);
   }
 
   // What pushes now and was at rest has pushed for long; all else has touched nothing yet.
-  FAN_FN void take_as_resting() {
-    write_pushes();
-    for (int l = 0; l < width; ++l) {
-      int kept = 0;
-      for (int i = 0; i < n[l]; ++i) {
-        if (!push[l][i].rested) continue;
-        push[l][kept] = push[l][i];
-        push[l][kept++].steps = Tolerance::steps_of_impact + 1;
-      }
-      n[l] = kept;
-    }
+  FAN_FN void take_as_resting() { n[0] = keep_resting(push[0], n[0]); }
+
+  // Takes what pushed in the step before, and the list of near pairs; and what becomes of them.
+  template <class Near>
+  FAN_FN void take(const Push* pushes, int n_pushes, const Near& near) {
+    n[0] = n_pushes;
+    for (int i = 0; i < n_pushes; ++i) push[0][i] = pushes[i];
+    points_.near() = near;
+    points_.too_many[0] = false;
+  }
+  template <class Near>
+  FAN_FN int give(Push* pushes, Near& near) {
+    for (int i = 0; i < n[0]; ++i) pushes[i] = push[0][i];
+    near = points_.near();
+    return n[0];
   }
 
   // Finds the points at the start of a step of length dt and their speeds without impulses; eval is
@@ -79,43 +79,8 @@ class ContactStep : public ContactAims<Model, Real> {
       double recovery_speed, const Mask& idle) {
     in_ = &in;
     dt_ = dt;
+    points_.find(in, q_D, v_D, q_K, v_K, p, dt, idle, [&](int l) { this->recognise(l); });
     violation = work = impact = friction = residual = Real(0.0);
-    if constexpr (width > 1) {
-      points_.place_at(in, q_D, v_D, q_K, v_K, p, dt);
-      for (int l = 0; l < width; ++l)
-        if (!lane_of(ground_.feet.kept, l) && !lane_of(idle, l)) ground_.feet.take(in, l, push[l], n[l]);
-      const Mask alone = points_.find_on(in, dt, ground_.feet.kept && !idle, ground_.feet);
-      ground_.start(points_, alone, dt, whole, recovery_speed);
-      violation = ground_.depth;
-      given_ = {&eval, v_D, v_K, whole, recovery_speed};
-      find_in(!idle && !ground_.lanes);
-    } else {
-      points_.find(in, q_D, v_D, q_K, v_K, p, dt, idle, [&](int l) { this->recognise(l); });
-      begin_with(eval, v_D, whole, recovery_speed);
-    }
-  }
-
-  // The points of what this step was given, in lanes that are not on the ground alone.
-  FAN_FN void find_in(const Mask& lanes) {
-    const auto& in = given_;
-    others_ = lanes;
-    points_.find_in(*in_, in.v_D, in.v_K, dt_, lanes, [&](int l) { this->recognise(l); });
-    if (any(lanes)) return begin_with(*in.eval, in.v_D, in.whole, in.recovery_speed);
-    looks_ = 0;
-    for (int l = 0; l < width; ++l) chosen_[l] = 0;
-  }
-
-  // Leaves what the ground's solver does not solve to the other one, which begins anew.
-  FAN_FN void leave_ground(const Mask& lanes) {
-    for (int l = 0; l < width; ++l)
-      if (lane_of(lanes, l)) n[l] = ground_.feet.give(l, push[l]);
-    ground_.leave(lanes);
-    find_in(others_ || lanes);
-  }
-
-  // What the points that were found begin with.
-  FAN_FN void begin_with(
-      const Evaluation<Model, Real>& eval, const Real* v_D, double whole, double recovery_speed) {
     for (int l = 0; l < width; ++l) {
       chosen_[l] = 0;
       for (int i = 0; i < points_.n[l]; ++i) {
@@ -133,7 +98,7 @@ class ContactStep : public ContactAims<Model, Real> {
       scale_[l] = 1.0;
       solved_with_[l] = 0;
     }
-    if constexpr (width == 1) this->let_go();
+    this->let_go();
     if (points_.most == 0) return;
     for (int i = 0; i < points_.most; ++i) {
       const Triple<Real> start = points_.rate(i, v_D);
@@ -143,15 +108,10 @@ class ContactStep : public ContactAims<Model, Real> {
       }
     }
     for (int l = 0; l < width; ++l) this->recall(l);
-    if constexpr (width > 1) {
-      this->know_before(eval);
-      for (int i = 0; i < points_.most; ++i) this->aim_lanes(i, whole, recovery_speed);
-    } else {
-      for (int i = 0; i < points_.n[0]; ++i) this->ask(0, i, whole, recovery_speed);
-      is_before_known_ = !this->all_pushed();
-      if (is_before_known_) this->know_before(eval);
-      for (int i = 0; i < points_.n[0]; ++i) this->aim(0, i);
-    }
+    for (int i = 0; i < points_.n[0]; ++i) this->ask(0, i, whole, recovery_speed);
+    is_before_known_ = !this->all_pushed();
+    if (is_before_known_) this->know_before(eval);
+    for (int i = 0; i < points_.n[0]; ++i) this->aim(0, i);
     if (is_before_known_) this->know_aims();
   }
 
@@ -161,11 +121,6 @@ class ContactStep : public ContactAims<Model, Real> {
       const Evaluation<Model, Real>& eval, const Real* v_D, const Real* acc, const Real* v_K,
       double dt, double whole, double recovery_speed, const Mask& idle) {
     const Mask lanes = !idle && points_.outruns(acc, dt);
-    if constexpr (width > 1)
-      if (any(lanes && ground_.lanes)) {
-        leave_ground(lanes && ground_.lanes);
-        return true;
-      }
     if (!any(lanes) || looks_ == Tolerance::looks) return false;
     ++looks_;
     Real v[room(N)];
@@ -201,22 +156,13 @@ class ContactStep : public ContactAims<Model, Real> {
   // Whether points take part in all lanes but these.
   FAN_FN bool take_part(const Mask& idle) const {
     for (int l = 0; l < width; ++l)
-      if (chosen_[l] == 0 && !lane_of(idle, l) && !on_ground(l)) return false;
+      if (chosen_[l] == 0 && !lane_of(idle, l)) return false;
     return true;
   }
 
   // Adds the points that would be passed at the velocity v; whether there are any.
   FAN_FN bool watch(const Real* v) {
     bool more = false;
-    if constexpr (width > 1) {
-      Mask failed = Real(0.0) > Real(1.0);
-      more = ground_.watch(points_, v, failed);
-      if (any(failed)) {
-        leave_ground(failed);
-        return true;
-      }
-      if (points_.most == 0) return more;
-    }
     Rates rates(points_, v);
     for (int i = 0; i < points_.most; ++i) {
       const Real now = rates(i)[0];
@@ -238,42 +184,22 @@ class ContactStep : public ContactAims<Model, Real> {
   FAN_FN void settle(
       const Evaluation<Model, Real>& eval, RowSystem<Model, Real>& rows, const Mask* near,
       Real* guess, const Real* before, double cap, Mask& settled) {
-    if constexpr (width > 1)
-      if (any(ground_.stands)) {
-        const Mask failed = ground_.settle(points_, eval, rows, near, guess, cap);
-        if (any(failed)) leave_ground(failed);
-        take_ground(rows, settled);
-      }
-    bool some_chosen = width == 1;
-    for (int l = 0; l < width; ++l) some_chosen = some_chosen || chosen_[l] != 0;
-    if (!some_chosen) return;
     Real found[room(M)], s[room(M)], of_lane = Real(0.0), well = Real(0.0);
     int taking_part[width];
-    Real to_solve = Real(0.0), n_near = Real(0.0);
+    Real n_near = Real(0.0);
     for (int a = 0; a < rows.n; ++a) n_near += select(near[rows.row[a]], Real(1.0), Real(0.0));
-    for (int l = 0; l < width; ++l) {
-      taking_part[l] = chosen_[l] + int(lane_of(n_near, l));
-      if (chosen_[l] != 0 && taking_part[l] != solved_with_[l] && !bounces_[l])
-        lane_of(to_solve, l) = 1.0;
-    }
+    for (int l = 0; l < width; ++l) taking_part[l] = chosen_[l] + int(lane_of(n_near, l));
     bool held = false;  // all of it by patches
-    if constexpr (width == 1)
-      if (chosen_[0] != 0 && taking_part[0] != solved_with_[0])
-        held = this->hold(eval, rows, near, guess, cap, found, s);
+    if (chosen_[0] != 0 && taking_part[0] != solved_with_[0])
+      held = this->hold(eval, rows, near, guess, cap, found, s);
     if (!held) this->need_before(eval);
     if (!held) this->make_columns(eval, rows, near, guess);
-    const Mask tried = to_solve > Real(width > 1 ? 0.5 : 2.0);
-    Mask together = tried;
-    if constexpr (width > 1)
-      if (any(tried))
-        together = this->solve_together(together, rows, near, guess, cap, found, s);
     for (int l = 0; l < width; ++l) {
       if (chosen_[l] == 0) continue;
       if (taking_part[l] != solved_with_[l]) {
         solved_with_[l] = taking_part[l];
-        cone_.is_hard = lane_of(tried, l);
-        well_[l] = held || (width > 1 && lane_of(together, l)) ||
-                   this->bounce(l, rows, near, guess, before, cap, found, s);
+        cone_.is_hard = false;
+        well_[l] = held || this->bounce(l, rows, near, guess, before, cap, found, s);
         if (held) lane_of(residual, l) = held_residual_;
         for (int a = 0; a < rows.n; ++a) {
           lane_of(row_x_[rows.row[a]], l) = lane_of(found[a], l);
@@ -298,8 +224,7 @@ class ContactStep : public ContactAims<Model, Real> {
   FAN_FN void add(Real* w) const {
     for (int i = 0; i < points_.most; ++i)
       if (pushes(i)) columns_.take(i, x_ + 3 * i, points_.moved[i], w);
-    if constexpr (width == 1) this->add_held(w);
-    else ground_.add(w);
+    this->add_held(w);
   }
 
   // What the impulses take from hdot of gathered row a.
@@ -310,8 +235,7 @@ class ContactStep : public ContactAims<Model, Real> {
       const Triple<Real>& by = columns_.across[i][a];
       sum += by[0] * x_[3 * i] + by[1] * x_[3 * i + 1] + by[2] * x_[3 * i + 2];
     }
-    if constexpr (width == 1) sum += this->rate_by_held(rows, a);
-    else sum += ground_.rate_by_impulses(rows, a);
+    sum += this->rate_by_held(rows, a);
     return sum;
   }
 
@@ -319,10 +243,6 @@ class ContactStep : public ContactAims<Model, Real> {
   // 0.
   FAN_FN Real account() {
     Real struck = Real(0.0);
-    if constexpr (width > 1) {
-      residual = select(ground_.stands, ground_.residual, residual);
-      ground_.keep();
-    }
     for (int l = 0; l < width; ++l)
       for (int i = 0; i < points_.n[l]; ++i)
         if (lane_of(x_[3 * i], l) > 0.0 && strikes(l, i)) lane_of(struck, l) = 1.0;
@@ -341,35 +261,11 @@ class ContactStep : public ContactAims<Model, Real> {
     return struck;
   }
 
-  // Calls f with the lane and the pair of every point that pushes.
-  template <class F>
-  void each_push(const F& f) const {
-    for (int l = 0; l < width; ++l) {
-      if constexpr (width > 1)
-        if (lane_of(ground_.feet.kept, l)) {
-          ground_.feet.each_push(l, [&](const auto& foot, int) { f(l, foot.pair); });
-          continue;
-        }
-      for (int i = 0; i < n[l]; ++i) f(l, push[l][i].pair);
-    }
-  }
-
-  // Lists what pushes of lanes on the ground, too, as the others' is.
-  FAN_FN void write_pushes() {
-    if constexpr (width > 1) {
-      auto& feet = ground_.feet;
-      for (int l = 0; l < width; ++l)
-        if (lane_of(feet.kept, l)) n[l] = feet.give(l, push[l]);
-      feet.kept = Real(0.0) > Real(1.0);
-    }
-  }
-
   // What pushes at the end of the step as it is reported: where points share what they carry, the
   // impulses of least norm. Of one trajectory, not of lanes. Returns how many there are.
   int shared(
       const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
       ContactShare<M + 3 * C>& share, Push* out) {
-    static_assert(width == 1);
     int found = 0, n_out = 0;
     for (int i = 0; i < points_.n[0]; ++i) found += lane_of(x_[3 * i], 0) > 0.0;
     if (chosen_[0] == 0 || found != n[0]) {
@@ -405,24 +301,6 @@ class ContactStep : public ContactAims<Model, Real> {
   using Problem::x_, Problem::s_, Problem::b_, Problem::before_, Problem::rebound_;
   using Aims::steps_, Aims::earlier, Problem::hdot_, Problem::asked_, Problem::is_before_known_, Problem::dt_;
   using Problem::parting_, Problem::bounces_, Problem::scale_;
-
-  FAN_FN bool on_ground(int l) const {
-    if constexpr (width > 1) return lane_of(ground_.stands, l);
-    else return false;
-  }
-
-  // Takes what the ground's solver has found for the rows.
-  FAN_FN void take_ground(RowSystem<Model, Real>& rows, Mask& settled) const {
-    const Mask& here = ground_.stands;
-    auto& problem = rows.problem;
-    settled = settled || here;
-    for (int a = 0; a < rows.n; ++a) {
-      const Real& x = ground_.impulse(rows.row[a]);
-      problem.x[a] = select(here, x, problem.x[a]);
-      problem.s[a] = select(here, ground_.s(rows.row[a]), problem.s[a]);
-      problem.high[a] = problem.high[a] && !here;
-    }
-  }
 
   // Whether point i has an impulse of its own in some lane.
   FAN_FN bool pushes(int i) const {
@@ -491,16 +369,6 @@ class ContactStep : public ContactAims<Model, Real> {
     }
   }
 
-  struct NoGround {};
-  struct Given {
-    const Evaluation<Model, Real>* eval;
-    const Real *v_D, *v_K;
-    double whole, recovery_speed;
-  };
-
-  std::conditional_t<(width > 1), GroundLanes<Model, Real>, NoGround> ground_;
-  Given given_{};                  // to find() in this step
-  Mask others_;                    // lanes that are not on the ground alone
   int looks_ = 0;                  // how often was looked again
   // Of each lane's last solve in the step: how many rows and points took part, whether it went well;
   // impulses and s of the rows.

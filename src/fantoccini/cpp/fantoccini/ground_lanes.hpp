@@ -49,7 +49,8 @@ class GroundLanes {
       const Links& links, const Mask& some, double dt, double whole, double recovery_speed) {
     lanes = some;
     stands = Real(0.0) > Real(1.0);
-    depth = residual = Real(0.0);
+    depth = residual = exchanged_ = Real(0.0);
+    struck_ = stands;
     is_solved_ = false;
     for (int r = 0; r < M; ++r) joins_[r] = leaves_[r] = Real(0.0) > Real(1.0);
     dt_ = dt;
@@ -66,10 +67,8 @@ class GroundLanes {
         const Real h = -p.gap, hdot = rate(twist, p.at);
         const Real back = h / select(h > Real(0.0), Real(whole > dt ? whole : dt), Real(dt));
         p.asked = minimum(back, Real(recovery_speed));
-        const Mask stays_away = hdot < -StepTolerance::share_of_way * p.asked;
         const Mask may_bounce = hdot > Real(own.restitution > 0.0 ? 0.0 : unbounded);
-        const Mask waits = (own.carried || stays_away) && !may_bounce;
-        lanes = lanes && (!p.here || p.joins || waits);
+        lanes = lanes && (!p.here || p.joins || !may_bounce);
       }
       if (!(own.friction > 0.0)) lanes = lanes && !takes_part;
       stands = stands || takes_part;
@@ -120,7 +119,7 @@ class GroundLanes {
   }
 
   // Adds the points that would be passed at the velocity v; whether there are any. `failed` takes the
-  // lanes in which another foot would touch.
+  // lanes in which one closes that would have had to pull.
   template <class Links>
   FAN_FN bool watch(const Links& links, const Real* v, Mask& failed) {
     bool more = false;
@@ -140,25 +139,29 @@ class GroundLanes {
                             rate(twist, p.at) + p.asked > Real(StepTolerance::passing_speed);
         if (!any(closes)) continue;
         more = true;
-        const Mask may_join = own.carried && stands && !p.dropped;
-        failed = failed || (closes && !may_join);
-        p.joins = p.joins || (closes && may_join);
+        failed = failed || (closes && (p.dropped || Mask(!(Real(own.friction) > Real(0.0)))));
+        p.joins = p.joins || (closes && !p.dropped);
+        stands = stands || (closes && !p.dropped);
         is_solved_ = false;
       }
     }
     return more;
   }
 
-  // Remembers what pushes at the end of the step, by what was found.
-  FAN_FN void keep() {
+  // Remembers what pushes at the end of the step, by what was found, and books impacts. Returns the
+  // lanes in which there are any.
+  FAN_FN Mask keep(Real& impact) {
+    impact = select(struck_ && stands, exchanged_, Real(0.0));
     for (int j = 0; j < feet.n; ++j) {
       Foot& own = feet.foot[feet.found[j]];
       for (int i = 0; i < own.n; ++i) {
         Point& p = own.point[own.listed[i]];
         p.steps += select(p.steps <= Real(StepTolerance::steps_of_impact), Real(1.0), Real(0.0));
+        p.steps = select(closes(p), Real(1.0), p.steps);
       }
     }
     feet.keep(lanes);
+    return struck_ && stands;
   }
 
  private:
@@ -180,7 +183,8 @@ class GroundLanes {
       s_[r] = -rows.problem.b[a];
       would_push_[r] = closes_[r] = Real(0.0) > Real(1.0);
     }
-    residual = Real(0.0);
+    residual = exchanged_ = Real(0.0);
+    struck_ = Real(0.0) > Real(1.0);
     for (int j = 0; j < feet.n; ++j) {
       Foot& own = feet.foot[feet.found[j]];
       for (int i = 0; i < own.n; ++i) own.point[own.listed[i]].would_pull = Real(0.0) > Real(1.0);
@@ -489,6 +493,7 @@ class GroundLanes {
 
   // Narrows `good` to the lanes in which what was found obeys the law.
   FAN_FN void check(const RowSystem<Model, Real>& rows, const Mask* near, double cap, Mask& good) {
+    Mask struck = Real(0.0) > Real(1.0);
     for (int i = 0; i < n_single_; ++i) {
       const int a = single_[i];
       const Mask within = y_[i] >= rows.problem.lower[a] && y_[i] <= rows.problem.upper[a];
@@ -512,16 +517,31 @@ class GroundLanes {
         const Real by_forces = own.normal_rate(j, by_forces_[p]);
         const Real most = maximum(by_forces, Real(StepTolerance::passing_speed));
         point.rested = own.normal_rate(j, at_start_[p]) <= most;
-        const Mask strikes = (point.steps < Real(StepTolerance::steps_of_impact) && !point.rested) ||
-                             -point.asked > Real(StepTolerance::closing_speed);
-        good = good && !(point.joins && strikes);
+        const Mask strikes =
+            (point.steps < Real(StepTolerance::steps_of_impact) && !point.rested) || closes(point);
+        struck = struck || (point.joins && strikes);
       }
     }
+    struck_ = struck_ || (good && struck);
+  }
+
+  // Lanes in which a point that pushes ends the step as fast as closes its gap.
+  FAN_FN static Mask closes(const Point& p) { return -p.asked > Real(StepTolerance::closing_speed); }
+
+  // Half of what the impulses of the feet take: each acts at the mean of the velocities before and
+  // after the step, where points end as fast as they are asked to.
+  FAN_FN Real half_exchanged() const {
+    Real sum = Real(0.0);
+    for (int p = 0; p < n_feet_; ++p)
+      for (int k = 0; k < patch_[p].rank; ++k)
+        sum += y_[first_[p] + k] * (at_start_[p][k] - patch_[p].asked[k]);
+    return 0.5 * sum;
   }
 
   // Takes the solution in these lanes.
   FAN_FN void take(const Mask& good, const RowSystem<Model, Real>& rows) {
     for (int k = 0; k < N; ++k) taken_[k] += select(good, w_[k], Real(0.0));
+    exchanged_ += select(good, half_exchanged(), Real(0.0));
     for (int i = 0; i < n_rows_; ++i) {
       const int a = row_[i], r = rows.row[a];
       s_[r] = select(good, select(pulls_[a], Real(0.0), Real(-speed_[a])), s_[r]);
@@ -543,7 +563,8 @@ class GroundLanes {
   Real solved_near_;                     // rows that took part in the last solve
   ContactGroups<Model> groups_;
   int tree_[Feet::B], row_tree_[room(M)];  // of feet and rows
-  Real taken_[room(N)];                  // - W x of the feet
+  Real taken_[room(N)], exchanged_;      // of the feet: - W x, and half_exchanged()
+  Mask struck_;                          // lanes with an impact
   Real found_[room(M)], s_[room(M)];     // of the rows
   // Of the part that is solved: its rows, those that pull in some lane, its feet.
   int n_rows_ = 0, n_single_ = 0, n_feet_ = 0, size_ = 0;
