@@ -53,6 +53,7 @@ class ContactLanes {
     work = impact = friction = residual = Real(0.0);
     links_.place_at(in, q_D, v_D, q_K, v_K, p, dt);
     auto& feet = ground_.feet;
+    fresh_ = !feet.kept;
     for (int l = 0; l < width; ++l)
       if (!lane_of(feet.kept, l) && !lane_of(idle, l)) feet.take(in, l, push_[l], n_[l]);
     const Mask alone = links_.find_on(in, dt, feet.kept && !idle, feet);
@@ -142,7 +143,7 @@ class ContactLanes {
   FAN_FN void leave(const Mask& lanes) {
     if (!any(lanes)) return;
     for (int l = 0; l < width; ++l)
-      if (lane_of(lanes, l)) n_[l] = ground_.feet.give(l, push_[l]);
+      if (lane_of(lanes && !fresh_, l)) n_[l] = ground_.feet.give(l, push_[l]);
     ground_.leave(lanes);
     apart = apart || lanes;
   }
@@ -157,7 +158,8 @@ class ContactLanes {
 
   NearLanes<Model, Real> links_;
   GroundLanes<Model, Real> ground_;
-  // Of lanes that are not kept by the feet: what pushes.
+  Mask fresh_;  // lanes that were not kept by the feet at the start of the step
+  // Of these: what pushes.
   int n_[width];
   Push push_[width][room(C)];
   bool too_many_[width];

@@ -138,7 +138,7 @@ class ContactPoints : public ContactRows<Model, Real> {
   using Rows::clear, Rows::clear_row, Rows::fill;
   using Links::add_real_twists;
   using Links::L, Links::B, Links::load, Links::move, Links::place, Links::place_link;
-  using Links::separation, Links::smallest_size, Links::is_far, Links::are_far, Links::touch;
+  using Links::separation, Links::smallest_size, Links::is_far, Links::are_far, Links::touch, Links::list_near;
   using Links::links_, Links::poses_, Links::screw_D_, Links::screw_K_, Links::v_K_, Links::twist_, Links::speed_;
   using Links::reach_, Links::has_solids, Links::placed_, Links::ball_, Links::ball_of_, Links::is_placed_;
 
@@ -150,7 +150,7 @@ class ContactPoints : public ContactRows<Model, Real> {
       margin[i] = 0.5 * Tolerance::margin + Tolerance::travel * dt * speed_[i];
     if (!near.holds(poses_, ball_of_, margin, slack_)) {
       if (!near.is_due()) return look_at_all(in, dt, l);
-      list_near(in, near);
+      list_near(in, near, slack_);
       if (!near.holds(poses_, ball_of_, margin, slack_)) return look_at_all(in, dt, l);
     }
     for (int j = 0; j < near.n; ++j) {
@@ -160,27 +160,6 @@ class ContactPoints : public ContactRows<Model, Real> {
       if (b >= 0 && !is_placed_[b]) place_link(in, b);
       const double speed = speed_[a] + (b < 0 ? 0.0 : speed_[b]);
       look_at_placed(in, k, Tolerance::margin + Tolerance::travel * dt * speed, l);
-    }
-  }
-
-  // Lists the pairs that are nearer than the slack.
-  template <class Near>
-  FAN_FN void list_near(const ContactArrays& in, Near& near) {
-    near.begin(poses_, ball_of_);
-    for (int g = 0, k = 0; g < in.n_groups; ++g) {
-      const int a = in.groups[3 * g], b = in.groups[3 * g + 1], end = in.groups[3 * g + 2];
-      const bool far = b < 0 ? is_far(ball_of_[a], in.solids[-1 - b], slack_)
-                             : is_far(ball_of_[a], ball_of_[b], slack_);
-      if (far) {
-        k = end;
-        continue;
-      }
-      if (!is_placed_[a]) place_link(in, a);
-      if (b >= 0 && !is_placed_[b]) place_link(in, b);
-      for (; k < end; ++k) {
-        Touch found[max_touches];
-        if (touch(in, k, slack_, found) > 0) near.add(k);
-      }
     }
   }
 

@@ -25,10 +25,12 @@ class GroundFeet {
     // Lanes in which it would have to pull in the last solution, and in which it does no longer take part
     // for that.
     Mask would_pull, dropped;
-    Mask rested;               // as in ContactPush
     Real at[3], gap;
     Real asked;                // m/s: the speed at which it is to part beyond stopping
-    Real steps, impulse[3];    // as in ContactPush
+    Mask rested;               // as in ContactPush; this and the next ones of the last step that ended
+    Real steps, impulse[3];
+    Mask rests;                // the same of this step
+    Real found[3];
   };
 
   // A solid that may stand on the ground, alone or with others of its link.
@@ -72,11 +74,11 @@ class GroundFeet {
   // Whether the points of pair k are kept here.
   FAN_FN bool takes(const ContactArrays& in, int k) const { return foot[in.pairs[2 * k]].pair == k; }
 
-  // Takes what pushed in lane l in the step before; whether all of it stood still here.
+  // Takes what pushed in lane l in the step before; whether all of it is here.
   FAN_FN bool take(const ContactArrays& in, int l, const Push* push, int n_push) {
     kept.set(l, false);
     for (int i = 0; i < n_push; ++i)
-      if (!takes(in, push[i].pair) || slides(push[i])) return false;
+      if (!takes(in, push[i].pair)) return false;
     for (int j = 0; j < n_known_; ++j)
       for (Point& p : foot[known_[j]].point) p.pushes.set(l, false);
     for (int i = 0; i < n_push; ++i) {
@@ -167,7 +169,12 @@ class GroundFeet {
       Foot& own = foot[known_[j]];
       Mask some = Real(0.0) > Real(1.0);
       for (Point& p : own.point) {
+        p.steps = select(p.pushes, p.steps, Real(0.0));
         p.pushes = p.joins && lanes;
+        p.rested = p.rests;
+        p.steps += select(p.steps <= Real(ContactStepTolerances::steps_of_impact), Real(1.0), Real(0.0));
+        p.steps = select(closes(p), Real(1.0), p.steps);
+        for (int c = 0; c < 3; ++c) p.impulse[c] = p.found[c];
         some = some || p.pushes;
       }
       if (any(some)) known_[n_known++] = known_[j];
@@ -175,17 +182,16 @@ class GroundFeet {
     n_known_ = n_known;
   }
 
+  // Lanes in which a point that pushes ends the step as fast as closes its gap.
+  FAN_FN static Mask closes(const Point& p) {
+    return -p.asked > Real(ContactStepTolerances::closing_speed);
+  }
+
   Foot foot[B];
   double frame[9];       // the ground's normal, and two tangents
   int n = 0, found[B];   // feet with points in some lane
 
  private:
-  FAN_FN static bool slides(const Push& push) {
-    const double *v = push.velocity, along = dot3(v, push.normal);
-    return dot3(v, v) - along * along >
-           ContactStepTolerances::sliding_speed * ContactStepTolerances::sliding_speed;
-  }
-
   // Lists a foot that may have pushed; whether it was not listed.
   FAN_FN bool know(int solid) {
     for (int j = 0; j < n_known_; ++j)

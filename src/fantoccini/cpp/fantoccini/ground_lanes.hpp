@@ -61,7 +61,6 @@ class GroundLanes {
       for (int i = 0; i < own.n; ++i) {
         Point& p = own.point[own.listed[i]];
         p.joins = p.here && p.pushes;
-        p.steps = select(p.joins, p.steps, Real(0.0));
         takes_part = takes_part || p.joins;
         depth = select(p.here && lanes, maximum(Real(-p.gap), depth), depth);
         const Real h = -p.gap, hdot = rate(twist, p.at);
@@ -152,14 +151,6 @@ class GroundLanes {
   // lanes in which there are any.
   FAN_FN Mask keep(Real& impact) {
     impact = select(struck_ && stands, exchanged_, Real(0.0));
-    for (int j = 0; j < feet.n; ++j) {
-      Foot& own = feet.foot[feet.found[j]];
-      for (int i = 0; i < own.n; ++i) {
-        Point& p = own.point[own.listed[i]];
-        p.steps += select(p.steps <= Real(StepTolerance::steps_of_impact), Real(1.0), Real(0.0));
-        p.steps = select(closes(p), Real(1.0), p.steps);
-      }
-    }
     feet.keep(lanes);
     return struck_ && stands;
   }
@@ -493,17 +484,18 @@ class GroundLanes {
 
   // Narrows `good` to the lanes in which what was found obeys the law.
   FAN_FN void check(const RowSystem<Model, Real>& rows, const Mask* near, double cap, Mask& good) {
+    const Mask solved = good;
     Mask struck = Real(0.0) > Real(1.0);
     for (int i = 0; i < n_single_; ++i) {
       const int a = single_[i];
       const Mask within = y_[i] >= rows.problem.lower[a] && y_[i] <= rows.problem.upper[a];
-      would_push_[rows.row[a]] = has_[i] && y_[i] < rows.problem.lower[a];
+      would_push_[rows.row[a]] = solved && has_[i] && y_[i] < rows.problem.lower[a];
       good = good && (!has_[i] || within);
     }
     for (int i = 0; i < n_rows_; ++i) {
       const int a = row_[i];
       const Mask closes = near[rows.row[a]] && !pulls_[a] && !(speed_[a] <= Real(0.0));
-      closes_[rows.row[a]] = closes;
+      closes_[rows.row[a]] = closes && solved;
       good = good && !closes;
     }
     for (int p = 0; p < n_feet_; ++p) {
@@ -514,19 +506,17 @@ class GroundLanes {
       good = good && (!own.here || (own.share(all, feet.frame) && x[0] <= Real(cap)));
       for (int j = 0; j < own.n(); ++j) {
         Point& point = own.point(j);
+        point.would_pull = point.would_pull && solved;
         const Real by_forces = own.normal_rate(j, by_forces_[p]);
         const Real most = maximum(by_forces, Real(StepTolerance::passing_speed));
-        point.rested = own.normal_rate(j, at_start_[p]) <= most;
-        const Mask strikes =
-            (point.steps < Real(StepTolerance::steps_of_impact) && !point.rested) || closes(point);
+        point.rests = own.normal_rate(j, at_start_[p]) <= most;
+        const Mask is_new = !point.pushes || point.steps < Real(StepTolerance::steps_of_impact);
+        const Mask strikes = (is_new && !point.rests) || Feet::closes(point);
         struck = struck || (point.joins && strikes);
       }
     }
     struck_ = struck_ || (good && struck);
   }
-
-  // Lanes in which a point that pushes ends the step as fast as closes its gap.
-  FAN_FN static Mask closes(const Point& p) { return -p.asked > Real(StepTolerance::closing_speed); }
 
   // Half of what the impulses of the feet take: each acts at the mean of the velocities before and
   // after the step, where points end as fast as they are asked to.
@@ -554,7 +544,7 @@ class GroundLanes {
       for (int j = 0; j < patch_[p].n(); ++j) {
         Point& to = patch_[p].point(j);
         for (int c = 0; c < 3; ++c)
-          to.impulse[c] = select(good && to.joins, patch_[p].impulse(j)[c], to.impulse[c]);
+          to.found[c] = select(good && to.joins, patch_[p].impulse(j)[c], to.found[c]);
       }
   }
 

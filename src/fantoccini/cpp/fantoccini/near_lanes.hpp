@@ -35,6 +35,9 @@ class NearLanes : public PlacedLinks<Model, Real> {
     move_all(v_D, v_K);
     place_all();
     good_ = known_ && hold(dt);
+    for (int l = 0; l < width; ++l)
+      if (!lane_of(good_, l) && near_[l].is_due()) list_anew(in, v_D, v_K, l);
+    if (is_listed_anew_) good_ = known_ && hold(dt);
     if (any(good_) && is_listed_anew_) merge_lists(in);
   }
 
@@ -65,6 +68,15 @@ class NearLanes : public PlacedLinks<Model, Real> {
     for (int l = 0; l < width; ++l)
       if (lane_of(alone, l)) near_[l].serve();
     return alone;
+  }
+
+  // Lists the near pairs of lane l.
+  FAN_FN void list_anew(const ContactArrays& in, const Real* v_D, const Real* v_K, int l) {
+    Links::load(l, v_D, v_K);
+    Links::move();
+    Links::place();
+    Links::list_near(in, near_[l], slack_);
+    learn(l);
   }
 
   // The list of near pairs of lane l, which a step of that lane alone may make anew.

@@ -215,6 +215,27 @@ class PlacedLinks {
     return touches(x, y, margin, found);
   }
 
+  // Lists the pairs that are nearer than the slack.
+  template <class Near>
+  FAN_FN void list_near(const ContactArrays& in, Near& near, double slack) {
+    near.begin(poses_, ball_of_);
+    for (int g = 0, k = 0; g < in.n_groups; ++g) {
+      const int a = in.groups[3 * g], b = in.groups[3 * g + 1], end = in.groups[3 * g + 2];
+      const bool far = b < 0 ? is_far(ball_of_[a], in.solids[-1 - b], slack)
+                             : is_far(ball_of_[a], ball_of_[b], slack);
+      if (far) {
+        k = end;
+        continue;
+      }
+      if (!is_placed_[a]) place_link(in, a);
+      if (b >= 0 && !is_placed_[b]) place_link(in, b);
+      for (; k < end; ++k) {
+        Touch found[max_touches];
+        if (touch(in, k, slack, found) > 0) near.add(k);
+      }
+    }
+  }
+
   // m: of lists of near pairs.
   FAN_FN double slack() const {
     double sum = 0.0, n_links = 0.0;
