@@ -198,7 +198,7 @@ class ContactStep : public ContactAims<Model, Real> {
       if (chosen_[l] == 0) continue;
       if (taking_part[l] != solved_with_[l]) {
         solved_with_[l] = taking_part[l];
-        cone_.is_hard = false;
+        cone_.quick = true;
         well_[l] = held || this->bounce(l, rows, near, guess, before, cap, found, s);
         if (held) lane_of(residual, l) = held_residual_;
         for (int a = 0; a < rows.n; ++a) {
