@@ -94,7 +94,6 @@ class ContactPoints : public ContactRows<Model, Real> {
     }
     for (int i = 0; i < most; ++i) clear(i);
     for (int l = 0; l < width; ++l) {
-      if (n[l] > 0 && width > 1) load(l, v_D, v_K);
       for (int i = 0; i < n[l]; ++i) fill(in, l, i);
     }
   }
@@ -128,7 +127,6 @@ class ContactPoints : public ContactRows<Model, Real> {
     for (int l = 0; l < width; ++l) {
       if (n[l] == n_before[l]) continue;
       more = true;
-      if (width > 1) load(l, v_D, v_K);
       for (int i = n_before[l]; i < n[l]; ++i) fill(in, l, i);
     }
     return more;

@@ -61,8 +61,7 @@ class ContactProblem {
 
   // The columns of the points that take part in some lane, and their products with the rows that
   // may pull: those that pulled before, or close without impulses. The others take part where the
-  // impulses found would close them. In bundles all may pull: what one lane adds would be solved for
-  // in all of them.
+  // impulses found would close them.
   FAN_FN void make_columns(
       const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows, const Mask* near,
       const Real* guess) {
@@ -79,7 +78,7 @@ class ContactProblem {
       const int r = rows.row[a];
       if (row_held_[r]) continue;
       const Mask awake = guess[r] > Real(0.0) || problem.lower[a] < Real(0.0) || problem.b[a] > Real(0.0);
-      const Mask may_pull = width > 1 ? near[r] : near[r] && awake;
+      const Mask may_pull = near[r] && awake;
       bool some_pulls = false;
       for (int l = 0; l < width; ++l) {
         pulls_[l][r] = pulls_[l][r] || lane_of(may_pull, l);

@@ -27,6 +27,7 @@
 #include "evaluation.hpp"
 #include "position_term.hpp"
 #include "single_lanes.hpp"
+#include "speed_limit.hpp"
 #include "timestepping_tolerances.hpp"
 #include "winch.hpp"
 
@@ -94,11 +95,10 @@ struct TimeStep {
     stirred = stirred || violation > Real(Tolerance::stirred_violation);
     if constexpr (touches)
       if (solids) {
+        const auto& in = *solids;
         if constexpr (some_singly)
-          contacts.find(*solids, q_D, v_D, q_K, v_K, p, dt, whole, recovery_speed, idle);
-        else
-          contacts.find(
-              *solids, eval, q_D, v_D, q_K, v_K, p, dt, whole, recovery_speed, idle);
+          contacts.find(in, q_D, v_D, q_K, v_K, p, dt, whole, recovery_speed, idle);
+        else contacts.find(in, eval, q_D, v_D, q_K, v_K, p, dt, whole, recovery_speed, idle);
         const Real& depth = contacts.violation;
         violation = select(depth > violation, depth, violation);
       }
@@ -200,33 +200,8 @@ struct TimeStep {
     steadier = steady;
     steady = !caught;
     const Real most = select(stirred, Real(1.0), Real(Tolerance::unstirred_factor));
-    const Real pace = weighted_squares<N>(v_next, shares.of);
-    speed_bound = pace * (Tolerance::max_move_per_step * Tolerance::max_move_per_step);
-    if (any(!(dt * dt * pace < most * most)))
-      slow_down(most, dt, v_next);
+    steady = steady && !limit_speed<Model>(most, dt, v_next, speed_bound);
     if (!extrapolates) steady = Real(0.0) > Real(1.0);
-  }
-
-  // One over how far a coordinate may move in a step.
-  struct Shares {
-    double of[room(N)] = {};
-    constexpr Shares() {
-      for (int k = 0; k < N; ++k)
-        of[k] = 1.0 / (Model::turns[k] ? Tolerance::max_turn_per_step : Tolerance::max_move_per_step);
-    }
-  };
-  static constexpr Shares shares{};
-
-  // Scales down velocities so that no part of the move exceeds `most`: inputs that cannot be
-  // followed then do bounded harm.
-  FAN_FN void slow_down(const Real& most, double dt, Real* v) {
-    using std::abs;
-    Real farthest = Real(0.0);
-    for (int k = 0; k < N; ++k)
-      farthest = maximum(Real(abs(dt * v[k] * shares.of[k])), farthest);
-    const Real brake = select(farthest > most, most / farthest, Real(1.0));
-    for (int k = 0; k < N; ++k) v[k] *= brake;
-    steady = steady && !(brake < Real(1.0));
   }
 
   // The rate at which winches wind back their slip; changes the strings' h and hdot to those of
@@ -313,11 +288,11 @@ struct TimeStep {
   FAN_FN bool look_again(
       const Real* v_D, const Real* change, const Real* v_K, double dt, double recovery_speed) {
     if constexpr (touches)
-      if (solids) {
-        if constexpr (some_singly) return contacts.look_again(change, dt);
-        else return contacts.look_again(eval, v_D, change, v_K, dt, whole, recovery_speed, idle);
-      }
-    return false;
+      if (!solids) return false;
+      else if constexpr (some_singly) return contacts.look_again(change, dt);
+      else return contacts.look_again(eval, v_D, change, v_K, dt, whole, recovery_speed, idle);
+    else
+      return false;
   }
 
   FAN_FN void gather(const Real* v_D) {
@@ -413,7 +388,7 @@ struct TimeStep {
     impact = friction = Real(0.0);
     if (Model::coupled)
       for (int k = 0; k < N; ++k) work += eval.M_DK_v_K[k] * change[k];
-    Real power = forced ? mean_power(u_D, v_D, change) : Real(0.0);
+    Real power = forced ? mean_power<N>(u_D, v_D, change) : Real(0.0);
     for (int m = 0; m < Model::n_motors; ++m) {
       const int k = Model::motor_v[m];
       power += (eval.f_M[m] - eval.y_M[m] * change[k]) * (v_D[k] + 0.5 * change[k]);
@@ -444,15 +419,6 @@ struct TimeStep {
         friction = contacts.friction;
       }
     return some_caught;
-  }
-
-  // u_D . (v + v+) / 2, four sums at a time: each addition waits for the one before.
-  FAN_FN static Real mean_power(const Real* u_D, const Real* v_D, const Real* change) {
-    Real sum[4] = {Real(0.0), Real(0.0), Real(0.0), Real(0.0)};
-    unrolled_by<4, N>([&](int k, auto j) FAN_INLINE {
-      sum[j] += u_D[k] * (v_D[k] + 0.5 * change[k]);
-    });
-    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
   }
 
   // Books the catch of gathered row a in the lanes `caught`.
