@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
+from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.costs import Track
 from fantoccini.optimal.dynamics import TimeSteps
 from fantoccini.optimal.nodes import Nodes
@@ -89,16 +90,18 @@ def test_ends_by_the_length_of_intervals(crane: fan.Marionette):
     x0 = crane.rest()
     acc = np.array([[0.4, 0.0], [-0.3, 0.1], [0.2, -0.1]])
     swing = Nodes.still(crane, x0, 0.9, 3).moved(np.zeros((4, 16)), acc)
-    runs = EventRuns(TimeSteps(crane, 0.0005), crane, x0)
+    runs = EventRuns(TimeSteps(crane, 0.0005), Chosen(crane, x0, {}))
     at = runs.run(swing)
     assert at is not None
     nodes, run = at
     found = runs.linearise(nodes, runs.ends(nodes, run))
     # All intervals get longer by d: the last state moves by what `later` sums to through A.
     z = np.zeros(16)
-    for A, later in zip(found.A, found.later, strict=True):
+    for A, later in zip(found.A, found.by_c[..., 0], strict=True):
         z = A @ z + later
-    states = [runs.run(swing.moved(np.zeros((4, 16)), 0.0 * acc, d)) for d in (1e-4, -1e-4)]
+    states = [
+        runs.run(swing.moved(np.zeros((4, 16)), 0.0 * acc, np.array([d]))) for d in (1e-4, -1e-4)
+    ]
     (up, _), (down, _) = states[0], states[1]
     moved = down.between(up.q_D, up.v_D, up.q_K, up.v_K, first=0)[-1] / 2e-4
     assert z == pytest.approx(moved, abs=0.01 * np.max(np.abs(moved)))

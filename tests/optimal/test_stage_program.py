@@ -132,20 +132,37 @@ def test_gains_are_what_the_best_inputs_do_where_the_start_is_another():
         assert found.u[i] == pytest.approx(gains[i] @ states[i], abs=1e-6)
 
 
-@pytest.mark.parametrize("shares", [(0.0, 0.1), (-0.05, 0.2)])
-def test_a_free_interval_moves_all_ends(shares: tuple[float, float]):
+@pytest.mark.parametrize("highest", [5.0, -0.3])
+def test_constants_move_the_start_and_all_ends(highest: float):
+    """Two states stay what they are from the start on, which they move as well."""
     random = np.random.default_rng(9)
-    later = random.normal(size=(N, N_Z))
-    given = program().with_free_interval(later, -1.0, *shares, 1e-6)
-    found = StageSolver(1e-10).solve(given)
-    longer = found.u[0, K]
-    assert shares[0] - 1e-6 <= longer <= shares[1] + 1e-6
-    assert found.z[1:, -1] == pytest.approx(longer, abs=1e-6)
-    plain = program()
-    z = np.zeros(N_Z)
-    for i in range(N):
-        z = plain.A[i] @ z + plain.B[i] @ found.u[i, :K] + plain.e[i] + later[i] * longer
-        assert found.z[i + 1, :N_Z] == pytest.approx(z, abs=1e-5)
+    start = np.concatenate([random.normal(size=(N_Z - 2, 2)), np.eye(2)])
+    given = program(seed=3)
+    given.A[:, -2:], given.B[:, -2:], given.e[:, -2:] = np.eye(2, N_Z, N_Z - 2), 0.0, 0.0
+    given.low[:], given.high[:], given.C[:] = -UNBOUNDED, UNBOUNDED, 0.0
+    L = random.normal(size=(N_Z, N_Z))
+    Q, q = L @ L.T, random.normal(size=N_Z)
+    low, high = np.full(2, -5.0), np.array([5.0, highest])
+    found = StageSolver(1e-11).solve(given.with_constants(start, Q, q, low, high, 1e-6))
+    assert found.solved
+    c = found.u[0, K:]
+    assert np.all(c <= high + 1e-6) and (highest > 1.0) == (c[1] < highest - 1e-3)
+    assert found.z[1:, -2:] == pytest.approx(np.repeat(c[None], N, axis=0), abs=1e-6)
+
+    def cost(u: np.ndarray, c: np.ndarray) -> float:
+        z = start @ c
+        J = 0.5 * z @ Q @ z + q @ z + 5e-7 * c @ c
+        for i in range(N):
+            before = np.concatenate([u[i - 1] if i else np.zeros(K), z])
+            z = given.A[i] @ z + given.B[i] @ u[i] + given.e[i]
+            x = np.concatenate([u[i], z])
+            J += 0.5 * x @ given.H[i] @ x + given.g[i] @ x + before @ given.cross[i] @ u[i]
+        return float(J)
+
+    least = cost(found.u[:, :K], c)
+    for _ in range(100):
+        du, dc = 1e-2 * random.normal(size=(N, K)), 1e-2 * random.normal(size=2)
+        assert cost(found.u[:, :K] + du, np.minimum(c + dc, high)) > least
 
 
 def crossed(given: StageProgram) -> tuple[np.ndarray, ...]:

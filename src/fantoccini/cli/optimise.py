@@ -82,7 +82,8 @@ def _save(path: Path, found: Optimum, steps: Steps) -> None:
     task, nodes = found.task, found.nodes
     n = max(1, round(nodes.interval / task.dt))
     with writing(path):
-        Recording(task.marionette, task.x0, nodes.acc_K, nodes.interval, n).save(path)
+        start = found.run.state(0)
+        Recording(found.marionette, start, nodes.acc_K, nodes.interval, n).save(path)
 
 
 def _report(found: Optimum) -> None:
@@ -100,6 +101,7 @@ def _report(found: Optimum) -> None:
         lines[1] = (f"duration, of {low:g} to {high:g} [s]", lines[1][1])
     if found.task.end is not None:
         lines.append(("from its end", f"{found.end_gap:.2g}"))
+    lines += list(found.parameters.items())
     table("Optimum", ("", ">"), lines)
     table(
         "Distance from the paths (m, rad or their rates)",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 import warnings
 from collections.abc import Callable, Mapping
@@ -15,8 +16,10 @@ from fantoccini.errors import SimulationError, StateError, Status, UnknownNameEr
 from fantoccini.marionette import Marionette, refuse_contact
 from fantoccini.motion import Input, State
 from fantoccini.optimal.bounds import Bounds
+from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.costs import Smooth, Track
 from fantoccini.optimal.dynamics import TimeSteps
+from fantoccini.optimal.exact_runs import ExactRuns
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
 from fantoccini.optimal.outlook import out_of_reach
@@ -26,6 +29,8 @@ from fantoccini.optimal.sqp import Iterate, Limits, Search
 from fantoccini.optimal.targets import Target
 from fantoccini.optimal.task import Task
 
+_LOOKS = 5
+"""In every interval, at which clearances are measured in the end."""
 _HOLDS = 1e-3
 """Violation of bounds, and distance from the end, up to which a motion holds [SI]."""
 
@@ -39,6 +44,7 @@ def optimise(
     iterations: int = 50,
     time_limit: float = 60.0,
     threads: int | None = None,
+    exact: bool = False,
     progress: Callable[[Iterate], None] | None = None,
 ) -> Optimum:
     """min J(x, acc_K) over accelerations that are constant between nodes, within bounds.
@@ -58,6 +64,8 @@ def optimise(
         iterations: at most.
         time_limit: at most [s].
         threads: for derivatives; as many as there are processors when not given.
+        exact: take the derivatives of the event-driven run itself, through its catches, instead of
+            those of time steps: slower, but ``kkt`` is then that of the run.
         progress: called after every iteration.
 
     Raises:
@@ -68,9 +76,13 @@ def optimise(
     refuse_contact(task.marionette.model, "optimise")
     began, marionette = time.perf_counter(), task.marionette
     _check(task)
-    steps = TimeSteps(marionette, task.dt, threads)
-    runs = EventRuns(steps, marionette, task.x0)
-    first = _first(task, guess)
+    if exact and marionette.coordinates.rotations:
+        raise StateError("optimise: exact derivatives want driven coordinates that are scalars")
+    chosen = Chosen(marionette, task.x0, task.parameters)
+    pulls = bool(task.bounds.tension) or any(one.kind == "tension" for one in task.tracks)
+    steps = TimeSteps(marionette, task.dt, threads, chosen, pulls)
+    runs = ExactRuns(steps, chosen) if exact else EventRuns(steps, chosen)
+    first = _first(task, chosen, guess)
     objective = Objective(task)
     made = runs.run(first)
     if made is None:
@@ -93,10 +105,13 @@ def optimise(
     except KeyboardInterrupt:
         status = OptimalStatus.STOPPED
     at = search.best
+    if isinstance(runs, ExactRuns) and runs.reasons:
+        text = f"the last derivatives were those of time steps: {runs.reasons[-1]}"
+        warnings.warn(text, stacklevel=2)
     made = runs.run(at.nodes)
     if made is None:
         raise SimulationError(Status.NOT_SETTLED, "the motion found cannot be simulated again")
-    violation = objective.violation(at.nodes, at.ends)
+    violation = max(objective.violation(at.nodes, at.ends), _too_near(objective, runs, at.nodes))
     end_gap = float(np.max(np.abs(objective.end_gap(at.nodes)), initial=0.0))
     if not max(violation, end_gap) <= _HOLDS:
         status = OptimalStatus.VIOLATED
@@ -198,6 +213,17 @@ def refuse_winches(marionette: Marionette, what: str) -> None:
         )
 
 
+def _too_near(objective: Objective, runs: EventRuns, nodes: Nodes) -> float:
+    """How far the run comes below the least clearance anywhere, also between the nodes [m]."""
+    clear = objective.rows.clear
+    if clear is None:
+        return 0.0
+    made = runs.run(nodes.finer(_LOOKS))
+    if made is None:
+        return math.inf
+    return max(0.0, clear.margin - float(np.min(clear.whole.of(made[1]))))
+
+
 def _check(task: Task) -> None:
     """Raises StateError where a task is not differentiated, or starts beyond its bounds."""
     marionette = task.marionette
@@ -214,10 +240,15 @@ def _check(task: Task) -> None:
     task.bounds.check_start(marionette, task.x0)
 
 
-def _first(task: Task, guess: Input | Optimum | None) -> Nodes:
+def _first(task: Task, chosen: Chosen, guess: Input | Optimum | None) -> Nodes:
     """The nodes of the first motion; of a guess its accelerations count, within their bounds."""
     N, (shortest, longest) = task.n_intervals, task.durations
     made = Nodes.still(task.marionette, task.x0, longest, N)
+    values = chosen.first
+    if isinstance(guess, Optimum):
+        values = np.array(
+            [guess.parameters.get(n, v) for n, v in zip(chosen.names, values, strict=True)]
+        )
     if isinstance(guess, Optimum):
         if len(guess.nodes) == N and guess.nodes.table is made.table:
             interval = min(max(guess.nodes.interval, shortest / N), longest / N)
@@ -227,7 +258,10 @@ def _first(task: Task, guess: Input | Optimum | None) -> Nodes:
     elif guess is not None:
         made = Nodes.of_input(task.marionette, task.x0, guess, longest, N)
     most = task.bounds.magnitudes(task.marionette, "acceleration")
-    return replace(made, acc_K=np.clip(made.acc_K, -most, most))
+    return replace(
+        made, acc_K=np.clip(made.acc_K, -most, most),
+        parameters=np.clip(values, chosen.low, chosen.high),
+    )  # fmt: skip
 
 
 def _status(at: Iterate, tolerance: float, until: float) -> OptimalStatus:

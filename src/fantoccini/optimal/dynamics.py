@@ -10,12 +10,13 @@ are products of the steps' derivatives:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fantoccini.arrays import Array, Mask, MaskRows
+from fantoccini.arrays import Array, Indices, Mask, MaskRows
 from fantoccini.marionette import Marionette
+from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.nodes import Nodes
 
 
@@ -44,13 +45,30 @@ class LinearEnds(Ends):
         A: (N, n_z, n_z) by the state at the start of an interval.
         B: (N, n_z, n_vK) by its accelerations.
         pull: (N, n_rows, n_z + n_vK) derivatives of the tensions.
-        later: (N, n_z) derivatives of the ends by the length of the intervals.
+        by_c: (N, n_z, 1 + n_p) derivatives of the ends by the length of the intervals, and by the
+            parameters that are chosen.
+        pull_c: (N, n_rows, 1 + n_p) the same of the tensions.
+        start_c: (n_z, 1 + n_p) the same of the start.
     """
 
     A: Array
     B: Array
     pull: Array
-    later: Array
+    by_c: Array
+    pull_c: Array
+    start_c: Array
+
+    def widened(self, c: Indices) -> LinearEnds:
+        """The same with some constants of the motion as further states, which stay as they are."""
+        N, n_z, _ = self.B.shape
+        A = np.zeros((N, n_z + len(c), n_z + len(c)))
+        A[:, :n_z, :n_z], A[:, :n_z, n_z:] = self.A, self.by_c[..., c]
+        A[:, n_z:, n_z:] = np.eye(len(c))
+        pull = np.concatenate(
+            [self.pull[..., :n_z], self.pull_c[..., c], self.pull[..., n_z:]], axis=2
+        )
+        B, e = np.pad(self.B, ((0, 0), (0, len(c)), (0, 0))), np.pad(self.e, ((0, 0), (0, len(c))))
+        return replace(self, A=A, B=B, pull=pull, e=e)
 
 
 @dataclass(frozen=True)
@@ -61,11 +79,15 @@ class TimeSteps:
         marionette: the puppet.
         dt: the longest step [s].
         threads: that share the work; as many as there are processors when None.
+        chosen: the parameters that motions choose.
+        pulls: whether the tensions' derivatives are wanted; else they are left 0.
     """
 
     marionette: Marionette
     dt: float
     threads: int | None = None
+    chosen: Chosen | None = None
+    pulls: bool = True
 
     def steps(self, interval: float) -> tuple[int, float]:
         """How many steps an interval has, and their length [s]."""
@@ -76,31 +98,49 @@ class TimeSteps:
         """Where the intervals lead, with derivatives."""
         table, N = self.marionette.coordinates, len(nodes)
         n, k = table.n_vD, table.n_vK
+        n_x, n_s = 2 * n + 2 * k, 2 * n + 3 * k
         m, dt = self.steps(nodes.interval)
+        marionette, of_p = self.marionette, np.zeros(0, dtype=int)
+        if self.chosen:
+            marionette = self.chosen.marionette(nodes.parameters)
+            of_p = n_s + np.array(self.chosen.columns)
+        kept = np.concatenate([np.arange(n_s), of_p])
         x = (nodes.q_D[:-1], nodes.v_D[:-1], nodes.q_K[:-1], nodes.v_K[:-1])
         settled = np.ones(N, dtype=bool)
         for j in range(m):
             v_before = x[1]
-            one = self.marionette.linearise_steps(
-                *x, nodes.acc_K, dt=dt, pull=j == 0, threads=self.threads
+            one = marionette.linearise_steps(
+                *x, nodes.acc_K, dt=dt, pull=self.pulls and j == 0, threads=self.threads
             )
             x = (one.q_D, one.v_D, one.q_K, one.v_K)
             settled &= one.settled
-            by_D, by_K, by_a = np.split(one.motion[..., : 2 * n + 3 * k], [2 * n, 2 * n + 2 * k], 2)
+            by_D, by_K = one.motion[..., : 2 * n], one.motion[..., 2 * n : n_x]
             K = one.driven
             if j == 0:
-                assert one.pull is not None
-                tension, taut, pull = one.tension, one.held, one.pull[..., : 2 * n + 3 * k]
-                X = one.motion[..., : 2 * n + 3 * k].copy()
+                tension, taut = one.tension, one.held
+                pull = (
+                    np.zeros((*tension.shape, one.motion.shape[2]))
+                    if one.pull is None
+                    else one.pull
+                )
+                X = one.motion[..., kept]
                 whole = np.broadcast_to(K, (N, *K.shape[1:])).copy()
                 continue
             X = by_D @ X
-            X[..., 2 * n :] += by_K @ whole
-            X[..., 2 * n + 2 * k :] += by_a
+            X[..., 2 * n : n_s] += by_K @ whole
+            X[..., n_x:] += one.motion[..., n_x:][..., kept[n_x:] - n_x]
             whole = K[..., : 2 * k] @ whole
             whole[..., 2 * k :] += K[..., 2 * k :]
         A, B = np.zeros((N, nodes.n_z, nodes.n_z)), np.zeros((N, nodes.n_z, k))
-        A[:, : 2 * n], B[:, : 2 * n] = X[..., : 2 * n + 2 * k], X[..., 2 * n + 2 * k :]
+        A[:, : 2 * n], B[:, : 2 * n] = X[..., :n_x], X[..., n_x:n_s]
         A[:, 2 * n :, 2 * n :], B[:, 2 * n :] = whole[..., : 2 * k], whole[..., 2 * k :]
         later = np.concatenate([x[1], (x[1] - v_before) / dt, x[3], nodes.acc_K], axis=1)
-        return LinearEnds(nodes.between(*x), tension, taut, settled, A, B, pull, later)
+        by_c = np.zeros((N, nodes.n_z, 1 + len(of_p)))
+        by_c[..., 0], by_c[:, : 2 * n, 1:] = later, X[..., n_s:]
+        pull_c = np.pad(pull[..., of_p], ((0, 0), (0, 0), (1, 0)))
+        start_c = np.zeros((nodes.n_z, 1 + len(of_p)))
+        if self.chosen:
+            start_c[:, 1:] = self.chosen.start_by(nodes.parameters)
+        return LinearEnds(
+            nodes.between(*x), tension, taut, settled, A, B, pull[..., :n_s], by_c, pull_c, start_c
+        )

@@ -5,7 +5,7 @@ A change of a state is a tangent vector z = (dq_D, dv_D, dq_K, dv_K); rotations 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -25,6 +25,7 @@ class Nodes:
         interval: length of an interval [s].
         q_D, v_D, q_K, v_K: (N + 1, ...) states at the nodes.
         acc_K: (N, n_vK) accelerations of the driven coordinates.
+        parameters: (n_p,) values of the parameters that the motion chooses.
     """
 
     table: CoordinateTable
@@ -35,6 +36,7 @@ class Nodes:
     q_K: Array
     v_K: Array
     acc_K: Array
+    parameters: Array = field(default_factory=lambda: np.zeros(0))
 
     @classmethod
     def still(cls, marionette: Marionette, x0: State, duration: float, n: int) -> Nodes:
@@ -72,12 +74,12 @@ class Nodes:
         """Numbers in a change of a state."""
         return 2 * (self.table.n_vD + self.table.n_vK)
 
-    def moved(self, z: Array, u: Array, longer: float = 0.0) -> Nodes:
+    def moved(self, z: Array, u: Array, c: Array | None = None) -> Nodes:
         """The nodes moved by tangent vectors z (N + 1, n_z), the accelerations by u (N, n_vK).
 
-        And every interval longer.
+        And every interval made longer by c[0], the parameters changed by the rest of c.
         """
-        table = self.table
+        table, c = self.table, np.zeros(1 + len(self.parameters)) if c is None else c
         dq_D, dv_D, dq_K, dv_K = np.split(z, self.splits, axis=1)
         return replace(
             self,
@@ -86,7 +88,8 @@ class Nodes:
             q_K=tangent.moved(table.scalars_K, table.quaternions_K, self.q_K, dq_K),
             v_K=self.v_K + dv_K,
             acc_K=self.acc_K + u,
-            interval=self.interval + longer,
+            interval=self.interval + float(c[0]),
+            parameters=self.parameters + c[1:],
         )
 
     def between(self, q_D: Array, v_D: Array, q_K: Array, v_K: Array, first: int = 1) -> Array:
@@ -125,3 +128,10 @@ class Nodes:
     def inputs(self) -> Input:
         """The motion of the driven coordinates."""
         return Input.segments(self.table, self.t, self.q_K[0], self.v_K[0], self.acc_K)
+
+    def finer(self, parts: int) -> Nodes:
+        """The same accelerations in shorter intervals, with the states of the nodes before them."""
+        at = np.append(np.repeat(np.arange(len(self)), parts), len(self))
+        states = {name: getattr(self, name)[at] for name in ("q_D", "v_D", "q_K", "v_K")}
+        acc_K = np.repeat(self.acc_K, parts, axis=0)
+        return replace(self, interval=self.interval / parts, acc_K=acc_K, **states)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from fantoccini.arrays import Array, Indices
 from fantoccini.errors import UnknownNameError
 from fantoccini.marionette import Marionette
+from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.costs import Track
 from fantoccini.optimal.dynamics import Ends, LinearEnds
 from fantoccini.optimal.nodes import Nodes
@@ -59,6 +62,9 @@ class Objective:
         self._low, self._high = np.where(driven, low, -np.inf), np.where(driven, high, np.inf)
         self.rows = Rows(task)
         self._kept: tuple[tuple[float, float, int], list[Residual]] = ((0.0, 0.0, 0), [])
+        self._chosen = Chosen(marionette, task.x0, task.parameters)
+        self._c = np.arange(0 if task.is_free else 1, 1 + len(self._chosen))
+        """Of all constants of a motion, the length of its intervals and the parameters."""
 
     def cost(self, nodes: Nodes, ends: Ends) -> float:
         """J."""
@@ -107,29 +113,34 @@ class Objective:
             damping: of the Hessian.
             force: (n_z,) multipliers of the end.
         """
+        if len(self._c):
+            linear = linear.widened(self._c)
         N, n_z, k = linear.B.shape
         H, g, cross = (
             np.zeros((N, k + n_z, k + n_z)), np.zeros((N, k + n_z)), np.zeros((N, k + n_z, k))
         )  # fmt: skip
-        self._add_residuals(nodes, H, g)
+        # Of the first node, which no step moves but where parameters move it.
+        Q, q = np.zeros((n_z, n_z)), np.zeros(n_z)
+        self._add_residuals(nodes, H, g, Q, q)
         self._add_smoothness(nodes, H, g, cross)
-        self._add_pulls(nodes, linear, H, g, cross)
+        self._add_pulls(nodes, linear, H, g, cross, Q, q)
         if self.task.end is not None:
-            ends = k + np.arange(n_z)
+            ends = k + np.arange(self._n_z)
             H[-1, ends, ends] += self.end_weight
-            g[-1, k:] -= self.end_weight * self.end_gap(nodes) + force
+            g[-1, ends] -= self.end_weight * self.end_gap(nodes) + force
         every = np.arange(k + n_z)
         H[:, every, every] += damping
         numbers = nodes.numbers[1:]
-        low = np.concatenate([-self._acc - nodes.acc_K, self._low - numbers], axis=1)
-        high = np.concatenate([self._acc - nodes.acc_K, self._high - numbers], axis=1)
+        low_c, high_c = self._bounds_of_constants(nodes)
+        low = np.concatenate([-self._acc - nodes.acc_K, self._low - numbers, low_c], axis=1)
+        high = np.concatenate([self._acc - nodes.acc_K, self._high - numbers, high_c], axis=1)
         # After the last interval the inputs go on at rest or at their speed, without acceleration.
         last = self._jerk * nodes.interval
         low[-1, :k] = np.maximum(low[-1, :k], -last - nodes.acc_K[-1])
         high[-1, :k] = np.minimum(high[-1, :k], last - nodes.acc_K[-1])
         low, high = np.maximum(low, -UNBOUNDED), np.minimum(high, UNBOUNDED)
         value, row_low, row_high = self.rows.values(nodes, linear)
-        u, z = self._u, self._z
+        u, z = self._u, np.concatenate([self._z, self._n_z + np.arange(len(self._c))])
         both = np.concatenate([u, k + z])
         of_rows = np.concatenate([both, k + n_z + both])
         made = StageProgram(
@@ -138,17 +149,24 @@ class Objective:
             _part(self.rows.by(nodes, linear), slice(None), of_rows),
             row_low - value, row_high - value, np.full(value.shape, self.price),
         )  # fmt: skip
-        return self._freed(nodes, linear, made, damping) if self.task.is_free else made
+        if not len(self._c):
+            return made
+        if self.task.is_free:
+            _, over_time, of_jumps = self._parts(nodes, linear)
+            slope = self.task.time_weight * len(nodes) + (over_time - of_jumps) / nodes.interval
+            q[self._n_z] += slope
+        start = np.concatenate([linear.start_c[:, self._c], np.eye(len(self._c))])
+        return made.with_constants(
+            start[z], _part(Q[None], z, z)[0], q[z], low_c[0], high_c[0], damping
+        )
 
-    def _freed(
-        self, nodes: Nodes, linear: LinearEnds, program: StageProgram, damping: float
-    ) -> StageProgram:
-        """The same program where the length of the intervals is free."""
-        _, over_time, of_jumps = self._parts(nodes, linear)
-        slope = self.task.time_weight * len(nodes) + (over_time - of_jumps) / nodes.interval
-        shortest, longest = self.longer(nodes)
-        later = linear.later[:, self._z]
-        return program.with_free_interval(later, slope, shortest, longest, damping)
+    def _bounds_of_constants(self, nodes: Nodes) -> tuple[Array, Array]:
+        """(N, n_c) how far the constants may change."""
+        shortest, longest = self.longer(nodes) if self.task.is_free else (0.0, 0.0)
+        low = np.append(shortest, self._chosen.low - nodes.parameters)[self._c]
+        high = np.append(longest, self._chosen.high - nodes.parameters)[self._c]
+        every = (len(nodes), len(self._c))
+        return np.broadcast_to(low, every), np.broadcast_to(high, every)
 
     def longer(self, nodes: Nodes) -> tuple[float, float]:
         """The least and the most by which a step may make the intervals longer [s].
@@ -161,12 +179,17 @@ class Objective:
         least = max(shortest / N - h, -_SHARE * h) if is_near else 0.0
         return least, max(min(longest / N - h, _SHARE * h), 0.0)
 
-    def widened(self, solution: StageSolution) -> tuple[Array, Array, float]:
-        """(N + 1, n_z) and (N, n_vK) changes of all states and inputs, and of the intervals."""
+    def widened(self, solution: StageSolution) -> tuple[Array, Array, Array]:
+        """(N + 1, n_z), (N, n_vK) and (1 + n_p,) changes of states, inputs and constants."""
         N, n_u, n_z = len(solution.u), len(self._u), len(self._z)
-        z, u = np.zeros((N + 1, self._n_z)), np.zeros((N, self._k))
+        z, u, c = (
+            np.zeros((N + 1, self._n_z)),
+            np.zeros((N, self._k)),
+            np.zeros(1 + len(self._chosen)),
+        )
         z[:, self._z], u[:, self._u] = solution.z[:, :n_z], solution.u[:, :n_u]
-        return z, u, float(solution.u[0, n_u]) if self.task.is_free else 0.0
+        c[self._c] = solution.u[0, n_u:]
+        return z, u, c
 
     def widened_gains(self, K: Array) -> Array:
         """(N, n_vK, n_z) gains of all inputs and states."""
@@ -176,7 +199,7 @@ class Objective:
 
     def _parts(self, nodes: Nodes, ends: Ends) -> tuple[float, float, float]:
         """The parts of J that stay, rise and fall where intervals get longer."""
-        looks, at_end, over_time = Looks(self.task.marionette, nodes), 0.0, 0.0
+        looks, at_end, over_time = self._looks(nodes), 0.0, 0.0
         for track, one in zip(self._tracks, self._residuals(nodes), strict=True):
             squares = 0.5 * np.sum(np.square(one.value(looks)), axis=1)
             last = track.end_weight * float(squares[-1])
@@ -197,22 +220,39 @@ class Objective:
             self._kept = times, made
         return self._kept[1]
 
-    def _add_residuals(self, nodes: Nodes, H: Array, g: Array) -> None:
+    def _looks(self, nodes: Nodes) -> Looks:
+        return Looks(self._chosen.marionette(nodes.parameters), nodes)
+
+    def _add_residuals(self, nodes: Nodes, H: Array, g: Array, Q: Array, q: Array) -> None:
         """Gauss-Newton's parts of what is tracked at the nodes."""
-        looks, k, dense = Looks(self.task.marionette, nodes), self._k, []
+        looks, k, dense = self._looks(nodes), self._k, []
         for one in self._residuals(nodes):
-            r, w = one.value(looks)[1:], one.weights[1:, None]
+            r, w = one.value(looks), one.weights[:, None]
             if isinstance(one, NumberResidual):
-                at = k + np.array(one.columns)
-                H[:, at, at] += w
-                g[:, at] += w * r
+                at = np.array(one.columns)
+                H[:, k + at, k + at] += w[1:]
+                g[:, k + at] += (w * r)[1:]
+                Q[at, at], q[at] = Q[at, at] + w[0], q[at] + w[0] * r[0]
                 continue
-            J = one.by(looks)[1:]
-            g[:, k:] += ((w * r)[:, None] @ J)[:, 0]
+            J = one.by(looks)
+            if len(self._c):
+                J = np.concatenate([J, self._by_constants(one, nodes)], axis=2)
+            g[:, k:] += ((w * r)[1:, None] @ J[1:])[:, 0]
+            q += w[0] * r[0] @ J[0]
             dense.append(np.sqrt(w)[..., None] * J)
         if dense:
             J = np.concatenate(dense, axis=1)
-            H[:, k:, k:] += J.swapaxes(1, 2) @ J
+            H[:, k:, k:] += J[1:].swapaxes(1, 2) @ J[1:]
+            Q += J[0].T @ J[0]
+
+    def _by_constants(self, one: Residual, nodes: Nodes) -> Array:
+        """(N + 1, m, n_c) derivatives of a residual, by differences where parameters shape it."""
+        value = one.value(self._looks(nodes))
+        out = np.zeros((*value.shape, 1 + len(self._chosen)))
+        for i, (below, above) in enumerate(self._chosen.neighbours(nodes.parameters)):
+            ends = [one.value(self._looks(replace(nodes, parameters=p))) for p in (below, above)]
+            out[..., 1 + i] = (ends[1] - ends[0]) / (above[i] - below[i])
+        return out[..., self._c]
 
     def _add_smoothness(self, nodes: Nodes, H: Array, g: Array, cross: Array) -> None:
         """Accelerations, and their jumps between intervals."""
@@ -224,10 +264,10 @@ class Objective:
         cross[:, u, u] -= smooth.jerk / h
 
     def _add_pulls(
-        self, nodes: Nodes, linear: LinearEnds, H: Array, g: Array, cross: Array
+        self, nodes: Nodes, linear: LinearEnds, H: Array, g: Array, cross: Array, Q: Array, q: Array
     ) -> None:
         """Tensions that are tracked, which depend on the state and the inputs after a node."""
-        k, n_z = self._k, self._n_z
+        k, n_z = self._k, linear.B.shape[1]
         for track in self._pulls:
             row, weights, path = _pull(self.task.marionette, track, nodes)
             by, r = linear.pull[:, row], linear.tension[:, row] - path
@@ -238,6 +278,8 @@ class Objective:
             cross[:, k:] += w * J_z[:, :, None] * J_u[:, None]
             H[:-1, k:, k:] += w[1:] * J_z[1:, :, None] * J_z[1:, None]
             g[:-1, k:] += (weights * r)[1:, None] * J_z[1:]
+            Q += w[0] * np.outer(J_z[0], J_z[0])
+            q += weights[0] * r[0] * J_z[0]
 
 
 def _part(a: Array, *places: Indices | slice) -> Array:

@@ -52,46 +52,49 @@ class StageProgram:
     row_high: Array
     elastic: Array
 
-    def with_free_interval(
-        self, later: Array, slope: float, low: float, high: float, damping: float
+    def with_constants(
+        self, start: Array, Q: Array, q: Array, low: Array, high: Array, damping: float
     ) -> StageProgram:
-        """The same where all intervals are longer by the last input of the first stage.
+        """The same where the last n_c states stay what further inputs of the first stage make them.
 
-        It becomes a last state, which later stages hand on.
+        They choose z_0 = start c as well. Those whose bounds leave no room stay 0.
 
         Args:
-            later: (N, n_z) derivatives of the ends by the length of the intervals.
-            slope: of the cost.
-            low, high: bounds of the change [s].
+            start: (n_z, n_c) derivatives of z_0 by them.
+            Q, q: (n_z, n_z) and (n_z,) of the cost of z_0.
+            low, high: (n_c,) bounds.
             damping: of the Hessian.
         """
         N, n_z, k = self.B.shape
-        s = k + n_z
-        inner = np.concatenate([np.arange(k), k + 1 + np.arange(n_z)])
-        H, cross = np.zeros((N, s + 2, s + 2)), np.zeros((N, s + 2, k + 1))
+        n_c = start.shape[1]
+        is_open = high > low
+        start, of_c = start * is_open, k + np.arange(n_c)
+        inner = np.concatenate([np.arange(k), k + n_c + np.arange(n_z)])
+        s = k + n_c + n_z
+        H, cross = np.zeros((N, s, s)), np.zeros((N, s, k + n_c))
         H[np.ix_(np.arange(N), inner, inner)] = self.H
-        H[:, k, k], H[:, -1, -1] = 1.0, damping
-        H[0, k, k] = damping
+        H[:, of_c, of_c] = 1.0
+        H[0, of_c, of_c] = np.where(is_open, damping, 1.0)
+        H[0, k : k + n_c, k : k + n_c] += start.T @ Q @ start
+        across = start.T @ self.cross[0, k:]
+        H[0, k : k + n_c, :k], H[0, :k, k : k + n_c] = across, across.T
         cross[:, inner, :k] = self.cross
-        g, lowest, highest = (np.zeros((N, s + 2)) for _ in range(3))
-        g[:, inner], g[0, k] = self.g, slope
+        g, lowest, highest = (np.zeros((N, s)) for _ in range(3))
+        g[:, inner], g[0, of_c] = self.g, start.T @ q
         lowest[:], highest[:] = -UNBOUNDED, UNBOUNDED
         lowest[:, inner], highest[:, inner] = self.low, self.high
-        if high > low:
-            lowest[:, -1], highest[:, -1] = low, high
-        else:
-            H[0, k, k], g[0, k] = 1.0, 0.0
-        A, B = np.zeros((N, n_z + 1, n_z + 1)), np.zeros((N, n_z + 1, k + 1))
-        A[:, :n_z, :n_z], A[:, :n_z, -1], A[:, -1, -1] = self.A, later, 1.0
-        B[:, :n_z, :k] = self.B
-        if high > low:
-            B[0, :n_z, k], B[0, -1, k] = later[0], 1.0
-        of_rows = np.concatenate([inner, s + 2 + inner])
-        C = np.zeros((N, self.C.shape[1], 2 * (s + 2)))
-        C[:, :, of_rows] = self.C
+        # Bounds that say the same in every stage would leave their multipliers open.
+        lowest[:, s - n_c :], highest[:, s - n_c :] = -UNBOUNDED, UNBOUNDED
+        lowest[0, s - n_c :] = np.where(is_open, low, -UNBOUNDED)
+        highest[0, s - n_c :] = np.where(is_open, high, UNBOUNDED)
+        B = np.zeros((N, n_z, k + n_c))
+        B[..., :k], B[0, :, k:] = self.B, self.A[0] @ start
+        C = np.zeros((N, self.C.shape[1], 2 * s))
+        C[:, :, np.concatenate([inner, s + inner])] = self.C
+        C[0, :, s + of_c] = (self.C[0, :, k : k + n_z] @ start).T
         return StageProgram(
-            H, g, cross, A, B, np.pad(self.e, ((0, 0), (0, 1))), lowest, highest, C, self.row_low,
-            self.row_high, self.elastic,
+            H, g, cross, self.A, B, self.e, lowest, highest, C, self.row_low, self.row_high,
+            self.elastic,
         )  # fmt: skip
 
 

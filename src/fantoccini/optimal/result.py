@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from fantoccini.arrays import Array, Times
+from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, Trajectory
 from fantoccini.optimal.costs import Track
 from fantoccini.optimal.gains import riccati_gains
@@ -94,6 +95,17 @@ class Optimum:
         return self._iterate.nodes
 
     @property
+    def parameters(self) -> dict[str, float]:
+        """The values of the parameters that were chosen."""
+        names = self._runs.chosen.names
+        return dict(zip(names, self.nodes.parameters.tolist(), strict=True))
+
+    @property
+    def marionette(self) -> Marionette:
+        """The puppet, with the parameters that were chosen."""
+        return self._runs.chosen.marionette(self.nodes.parameters)
+
+    @property
     def t(self) -> Times:
         """(N + 1,) times of the nodes [s]."""
         return self.nodes.t
@@ -112,11 +124,15 @@ class Optimum:
         """
         at = self._iterate
         linear = self._runs.linearise(at.nodes, at.ends)
-        task = replace(self.task, duration=self.nodes.interval * len(self.nodes),
-                       smooth=replace(self.task.smooth, jerk=0.0))  # fmt: skip
+        task = replace(
+            self.task, marionette=self.marionette, parameters={},
+            duration=self.nodes.interval * len(self.nodes),
+            smooth=replace(self.task.smooth, jerk=0.0),
+        )  # fmt: skip
         objective = Objective(task)
-        objective.take_unit(at.nodes, linear)
-        program = objective.program(at.nodes, linear, _DAMPING * objective.unit, at.force)
+        nodes = replace(at.nodes, parameters=np.zeros(0))
+        objective.take_unit(nodes, linear)
+        program = objective.program(nodes, linear, _DAMPING * objective.unit, at.force)
         return objective.widened_gains(riccati_gains(program))
 
     def errors(self) -> dict[str, Array]:
@@ -124,7 +140,7 @@ class Optimum:
 
         Where several tracks have one name, the later ones have their kind or place as well.
         """
-        looks = Looks(self.task.marionette, self.nodes)
+        looks = Looks(self.marionette, self.nodes)
         out = {}
         for name, track in self._named():
             if track.kind == "tension":
@@ -139,7 +155,7 @@ class Optimum:
 
     def paths(self) -> dict[str, tuple[Array, Array]]:
         """Name of every body of a point that is tracked -> (N + 1, 3) its path, and where it is."""
-        looks = Looks(self.task.marionette, self.nodes)
+        looks = Looks(self.marionette, self.nodes)
         out = {}
         for name, track in self._named():
             if track.kind != "point":
@@ -178,6 +194,8 @@ class Optimum:
         lines = [f"{self.status.name}: {self.status.message}"]
         lines.append(f"cost {self.cost:.6g}, KKT residual {self.kkt:.2g}, {self.iterations} "
                      f"iterations in {self.seconds:.2f} s")  # fmt: skip
+        for name, value in self.parameters.items():
+            lines.append(f"{name} = {value:.6g}")
         for name, e in self.rms().items():
             lines.append(f"{name}: {e:.3g} from its path (root mean square)")
         if self.task.end is not None:

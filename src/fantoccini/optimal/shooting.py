@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import ARRIVED, SimulationError
-from fantoccini.marionette import Marionette
-from fantoccini.motion import State, Trajectory
+from fantoccini.errors import ARRIVED, SimulationError, StateError
+from fantoccini.motion import Trajectory
+from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.dynamics import Ends, LinearEnds, TimeSteps
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.simulation import simulate
@@ -23,28 +23,28 @@ class EventRuns:
     """One event-driven run from the start. Derivatives are those of time steps along it."""
 
     steps: TimeSteps
-    marionette: Marionette
-    x0: State
+    chosen: Chosen
 
     def linearise(self, nodes: Nodes, ends: Ends) -> LinearEnds:
         """See :class:`fantoccini.optimal.sqp.Shooting`."""
         found = self.steps.linearise(nodes)
         return replace(found, e=ends.e, tension=ends.tension)
 
-    def moved(self, nodes: Nodes, z: Array, u: Array, longer: float) -> tuple[Nodes, Ends] | None:
+    def moved(self, nodes: Nodes, z: Array, u: Array, c: Array) -> tuple[Nodes, Ends] | None:
         """See :class:`fantoccini.optimal.sqp.Shooting`."""
-        made = self.run(nodes.moved(z, u, longer))
+        made = self.run(nodes.moved(z, u, c))
         return None if made is None else (made[0], self.ends(*made))
 
     def run(self, nodes: Nodes) -> tuple[Nodes, Trajectory] | None:
         """The run of the nodes' inputs, and its states at the nodes."""
         t = nodes.t
         try:
+            marionette = self.chosen.marionette(nodes.parameters)
+            x0 = self.chosen.start(nodes.parameters)
             run = simulate(
-                self.marionette, self.x0, nodes.inputs(), t[-1], save_at=t, effort=False,
-                throw=False,
-            )  # fmt: skip
-        except SimulationError:
+                marionette, x0, nodes.inputs(), t[-1], save_at=t, effort=False, throw=False
+            )
+        except (SimulationError, StateError):
             return None
         if run.status not in ARRIVED or run.t[-1] < t[-1] - _ROUNDING:
             return None

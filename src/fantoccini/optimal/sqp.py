@@ -31,7 +31,7 @@ class Shooting(Protocol):
     def linearise(self, nodes: Nodes, ends: Ends) -> LinearEnds:
         """The same ends with derivatives."""
 
-    def moved(self, nodes: Nodes, z: Array, u: Array, longer: float) -> tuple[Nodes, Ends] | None:
+    def moved(self, nodes: Nodes, z: Array, u: Array, c: Array) -> tuple[Nodes, Ends] | None:
         """The nodes after a step, and where they lead; None where there is no motion."""
 
 
@@ -41,7 +41,7 @@ class SearchSettings:
 
     damping: float = 3e-8
     """Least of the Hessian, in units of the cost."""
-    first_damping: float = 3e-4
+    first_damping: float = 3e-8
     damping_factor: float = 4.0
     poor: float = 0.25
     good: float = 0.75
@@ -53,6 +53,10 @@ class SearchSettings:
     price_factor: float = 4.0
     highest_price: float = 3e3
     """Of a unit of violation of a row, in units of the cost."""
+    near: float = 10.0
+    """Theta up to which it may be settled, relative to the tolerance."""
+    calm: float = 3e-4
+    """Damping up to which small steps mean that a motion is settled."""
     small_steps: int = 4
     """In a row after which a motion counts as settled."""
     margin: float = 1e-5
@@ -93,7 +97,7 @@ class Filter:
         rounding = 1e-13 * abs(phi)
         if falls < 0.0 and (-falls) ** SETTINGS.powers[0] > theta ** SETTINGS.powers[1]:
             return now[1] <= phi + SETTINGS.decrease * falls + rounding
-        if now[0] <= margin * theta or now[1] <= phi - SETTINGS.margin * theta:
+        if now[0] <= margin * theta < theta or now[1] <= phi - SETTINGS.margin * theta:
             self._pairs.append(before)
             return True
         return theta == 0.0 and now[0] == 0.0 and now[1] <= phi + rounding
@@ -108,8 +112,8 @@ class Iterate:
         ends: where its intervals lead.
         cost: J.
         solution: the last step, with its multipliers.
-        stationarity: of the last step, the larger of |H d| relative to the gradient, and the
-            decrease of J that its slope promises relative to J; at most 1.
+        stationarity: of the last step d, the larger of |H d|, damping included, relative to the
+            gradient, and the decrease of J that its slope promises relative to J; at most 1.
         defect: largest |e|.
         passed: largest violation of rows.
         iterations: made.
@@ -142,7 +146,7 @@ class _Step:
     """A step, and what it starts from.
 
     Attributes:
-        z, u, longer: changes of the states, the accelerations and the intervals.
+        z, u, c: changes of the states, the accelerations, and of the intervals and parameters.
         theta, phi: of the filter, at its start.
         falls: slope of phi along it.
         bend: its curvature in the program.
@@ -152,7 +156,7 @@ class _Step:
 
     z: Array
     u: Array
-    longer: float
+    c: Array
     theta: float
     phi: float
     falls: float
@@ -235,7 +239,8 @@ class Search:
             objective.take_unit(at.nodes, linear)
         damping = objective.unit * at.damping
         program = objective.program(at.nodes, linear, damping, at.force)
-        solution = self._solver.solve(program, objective.unit)
+        size = max(float(np.max(np.abs(program.g))), _LEAST)
+        solution = self._solver.solve(program, min(size, objective.unit))
         if not solution.solved:
             return None
         u, z = solution.u, solution.z[1:]
@@ -243,22 +248,22 @@ class Search:
         curved = np.einsum("nij,nj->ni", program.H, step)
         curved[1:, : u.shape[1]] += np.einsum("nij,ni->nj", program.cross[1:], step[:-1])
         curved[:-1] += np.einsum("nij,nj->ni", program.cross[1:], u[1:])
-        size = max(float(np.max(np.abs(program.g))), _LEAST)
         gap, violation = objective.end_gap(at.nodes), objective.rows.violation(at.nodes, linear)
         at.defect = float(max(np.max(np.abs(linear.e)), np.max(np.abs(gap))))
         at.passed = float(np.max(violation, initial=0.0))
         at.solution = solution
-        z, u, longer = objective.widened(solution)
+        z, u, c = objective.widened(solution)
         weight = objective.end_weight
         slope = float(np.sum(program.g * step) + (weight * gap + at.force) @ z[-1])
         price = objective.price
         falls = slope - price * float(np.sum(violation) - np.sum(solution.passed))
-        # The second part is 0 only where multipliers and bounds are complementary, too.
-        bends = float(np.max(np.abs(curved - damping * step))) / size
+        # The first part is the gradient of the Lagrangian with the step's multipliers, damping
+        # included; the second is 0 only where multipliers and bounds are complementary, too.
+        bends = float(np.max(np.abs(curved))) / size
         saves = -min(falls, 0.0) / max(abs(at.cost), _LEAST)
         at.stationarity = max(min(bends, 1.0), min(saves, 1.0))
         return _Step(
-            z, u, longer,
+            z, u, c,
             theta=float(np.sum(np.abs(linear.e)) + np.sum(np.abs(gap))),
             phi=at.cost + price * float(np.sum(violation)),
             falls=falls,
@@ -272,9 +277,7 @@ class Search:
         at, objective = self.best, self._objective
         for halving in range(SETTINGS.halvings):
             alpha = 0.5**halving
-            made = self._shooting.moved(
-                at.nodes, alpha * step.z, alpha * step.u, alpha * step.longer
-            )
+            made = self._shooting.moved(at.nodes, alpha * step.z, alpha * step.u, alpha * step.c)
             if made is None:
                 continue
             nodes, ends = made
@@ -288,8 +291,8 @@ class Search:
             predicted = max(-alpha * (step.falls + 0.5 * alpha * step.bend), _LEAST)
             saved, limits = step.phi - phi, self._limits
             is_small = abs(saved) <= limits.cost_tolerance * abs(step.phi)
-            is_small = is_small and step.theta <= limits.tolerance and halving == 0
-            is_small = is_small and at.damping <= SETTINGS.first_damping
+            is_small = is_small and step.theta <= SETTINGS.near * limits.tolerance and halving == 0
+            is_small = is_small and at.damping <= SETTINGS.calm
             self._small_steps = self._small_steps + 1 if is_small else 0
             return replace(
                 at, nodes=nodes, ends=ends, cost=cost, iterations=at.iterations + 1,

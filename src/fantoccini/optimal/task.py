@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,7 +12,7 @@ from fantoccini.arrays import check_positive
 from fantoccini.errors import StateError
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
-from fantoccini.optimal.bounds import Bounds
+from fantoccini.optimal.bounds import Bounds, Interval
 from fantoccini.optimal.costs import Smooth, Track
 
 
@@ -34,6 +34,8 @@ class Task:
         interval: between nodes; the inputs' accelerations are constant over it [s].
         dt: longest time step [s].
         name: of the task, for pictures and reports.
+        parameters: name -> lowest and highest value, of numbers of the puppet that are chosen along
+            with the motion; see :class:`fantoccini.optimal.chosen.Chosen`.
     """
 
     marionette: Marionette
@@ -47,6 +49,7 @@ class Task:
     interval: float = 0.02
     dt: float = 0.005
     name: str = ""
+    parameters: Mapping[str, Interval] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if np.ndim(self.duration) and np.shape(self.duration) != (2,):

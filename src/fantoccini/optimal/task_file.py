@@ -16,6 +16,7 @@ from fantoccini.marionette import Marionette, link_index, refuse_contact
 from fantoccini.motion import State, rotation
 from fantoccini.motion.files import csv_columns
 from fantoccini.optimal.bounds import Bounds, Interval, Most
+from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.costs import Smooth, Track
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.residuals import residual_of
@@ -81,6 +82,8 @@ def load_task(
     check.refuse()
     x0 = check.need(("start",), lambda: marionette.rest(file.start))
     check(("bounds",), lambda: bounds.check_start(marionette, x0))
+    for name, span in file.parameters.items():
+        check(("parameters", name), lambda one={name: span}: Chosen(marionette, x0, one))
     reader = _Reader(marionette, x0, file.duration, located, check)
     tracks = [reader.track(track, ("tracks", i)) for i, track in enumerate(file.tracks)]
     check.refuse()
@@ -93,7 +96,7 @@ def load_task(
     smooth = Smooth(file.smooth.acceleration, file.smooth.jerk)
     return check.need((), lambda: Task(
         marionette, x0, file.duration, [track for track in tracks if track is not None], smooth,
-        bounds, end, file.time_weight, file.interval, file.step, file.task,
+        bounds, end, file.time_weight, file.interval, file.step, file.task, file.parameters,
     ))  # fmt: skip
 
 
@@ -282,7 +285,7 @@ def _bounds(file: BoundsFile, marionette: Marionette, check: Refusals) -> Bounds
         check(("bounds", "held", j), lambda one=one: one.magnitudes(marionette, "acceleration"))
     return Bounds(
         intervals("position"), most("speed"), most("acceleration"), most("jerk"),
-        intervals("tension"), intervals("joint"), file.held,
+        intervals("tension"), intervals("joint"), file.held, file.clearance, file.own_body,
     )  # fmt: skip
 
 

@@ -119,6 +119,7 @@ class SmoothFile(Model):
 End = Annotated[Angle | None, SIZED]
 """An end of an interval; nothing where it is open."""
 Span = Annotated[tuple[End, End], sized(2)]
+Between = Annotated[tuple[Annotated[Angle, SIZED], Annotated[Angle, SIZED]], sized(2)]
 Most = Real | dict[str, Real] | None
 
 
@@ -139,6 +140,10 @@ class BoundsFile(Model):
     """Likewise [m/s^3 or rad/s^3]."""
     held: tuple[str, ...] = ()
     """Driven velocities that do not move at all."""
+    clearance: Annotated[NotNegative | None, SIZED] = None
+    """Of bodies and strings from obstacles and other puppets, at least [m]."""
+    own_body: bool = False
+    """Whether bodies of one puppet that no joint connects keep it, too."""
 
 
 def _duration(value: Any) -> Any:
@@ -179,6 +184,8 @@ class TaskFile(Model):
     """Weights of accelerations and their rates."""
     bounds: BoundsFile = BoundsFile()
     """What the motion may not leave."""
+    parameters: dict[str, Between] = Field(default_factory=dict)
+    """Parameter of the puppet -> [low, high] between which it is chosen along with the motion."""
     slack: bool = False
     """Whether strings that pull at the start may go slack."""
     time_weight: Annotated[NotNegative, SIZED] = 1.0

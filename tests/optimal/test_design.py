@@ -1,0 +1,136 @@
+"""Parameters that are chosen along with the motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize_scalar
+
+import fantoccini as fan
+from fantoccini.optimal.chosen import Chosen
+from fantoccini.optimal.dynamics import TimeSteps
+from fantoccini.optimal.nodes import Nodes
+from fantoccini.optimal.objective import Objective
+from fantoccini.optimal.shooting import EventRuns
+
+TIE = (-0.65, -0.5)
+
+
+@pytest.fixture(scope="module")
+def lever() -> fan.Marionette:
+    return fan.loads("""
+puppet: lever
+bodies:
+- name: rod
+  joint: {name: pin, type: revolute, axis: [0, -1, 0], at: [0, 0, {parameter: hinge, value: 0}]}
+  mass: 1.0
+  com: [0, 0, -0.5]
+  inertia: [0.1, 0.1, 0.001]
+- name: bob
+  parent: rod
+  joint: {name: swing, type: revolute, axis: [0, -1, 0], at: [0, 0, -1], damping: 0.05}
+  mass: {parameter: load, value: 0.3}
+  com: [0, 0, -0.2]
+  inertia: [0.002, 0.002, 0.001]
+strings:
+- name: line
+  path: [{body: rod, at: [0, 0, {parameter: tie, value: -0.6}]}, {world: [0.8, 0, 0.2]}]
+  length: driven
+pose: {pin: 60 deg, swing: -60 deg, line.length: 0.5}
+""")
+
+
+def lifting(lever: fan.Marionette, **changes: object) -> fan.Task:
+    """The winch lets the rod's end down by 0.15 rad, and is not to accelerate much."""
+    hanging = lever.rest()
+    s = np.linspace(0, 1, 101)
+    down = 0.15 * (10 * s**3 - 15 * s**4 + 6 * s**5)
+    places = [
+        lever.pose(hanging.replace(q_D=hanging.q_D - [x, 0]), "rod") @ [0, 0, -1, 1] for x in down
+    ]
+    path = (s, np.array(places)[:, :3])
+    track = fan.Track.point("rod", path, at=(0, 0, -1), weight=100.0, end_weight=100.0)
+    task = fan.Task(lever, hanging, 1.0, [track], fan.Smooth(1e-2, 1e-6), interval=0.05, dt=0.005)
+    return replace(task, **changes)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("dt", [0.001, 0.00025])
+def test_the_cost_changes_with_parameters_as_its_program_says(lever: fan.Marionette, dt: float):
+    task = lifting(lever, parameters={"tie": TIE, "load": (0.1, 2.0), "hinge": (-0.1, 0.1)}, dt=dt)
+    bob = fan.Track.point("bob", (0.4, 0, -0.8), at=(0, 0, -0.2), weight=10.0)
+    task = replace(task, tracks=[*task.tracks, bob])
+    chosen = Chosen(lever, task.x0, task.parameters)
+    runs, objective = EventRuns(TimeSteps(lever, task.dt, 1, chosen), chosen), Objective(task)
+    acc = 0.3 * np.random.default_rng(0).normal(size=(20, 1))
+    first = replace(
+        Nodes.still(lever, task.x0, 1.0, 20), acc_K=acc, parameters=np.array([-0.55, 1.2, 0.02])
+    )
+
+    def cost(change: np.ndarray) -> float:
+        made = runs.run(replace(first, parameters=first.parameters + change))
+        assert made is not None
+        return objective.cost(made[0], runs.ends(*made))
+
+    made = runs.run(first)
+    assert made is not None
+    nodes, ends = made[0], runs.ends(*made)
+    program = objective.program(nodes, runs.linearise(nodes, ends), 0.0, 0.0)
+    n_c, n_z = 3, program.A.shape[1]
+    k = program.B.shape[2]
+    slope = np.zeros(n_c)
+    for i in range(n_c):
+        u = np.zeros((20, k))
+        u[0, k - n_c + i] = 1.0
+        z = np.zeros(n_z)
+        for j in range(20):
+            z = program.A[j] @ z + program.B[j] @ u[j]
+            slope[i] += program.g[j] @ np.concatenate([u[j], z])
+    d = 1e-4 * np.eye(n_c)
+    differences = [(cost(one) - cost(-one)) / 2e-4 for one in d]
+    assert slope == pytest.approx(differences, rel=10 * dt)
+
+
+def test_the_place_of_a_string_is_found_along_with_the_motion(lever: fan.Marionette):
+    best = fan.optimise(lifting(lever, parameters={"tie": TIE}), cost_tolerance=0.0)
+    assert best, best.summary()
+
+    def least(tie: float) -> float:
+        other = lever.with_parameters({"tie": tie})
+        # The path stays that of the puppet as it is.
+        task = replace(lifting(lever), marionette=other, x0=other.rest(lever.rest()))
+        return fan.optimise(task, cost_tolerance=0.0).cost
+
+    found = minimize_scalar(least, bounds=TIE, method="bounded", options={"xatol": 1e-4})
+    assert best.parameters["tie"] == pytest.approx(found.x, abs=2e-3)
+    assert best.cost == pytest.approx(found.fun, rel=1e-4)
+    assert (
+        dict(zip(lever.tree.parameters, best.marionette.p, strict=True))["tie"]
+        == best.parameters["tie"]
+    )
+    assert best.gains.shape == (20, 1, 6)
+    assert f"tie = {best.parameters['tie']:.6g}" in best.summary()
+    further = fan.optimise(best.task, best)
+    assert further.iterations == 0 and further.parameters == best.parameters
+    again = fan.simulate(best.marionette, best.run.state(0), best.inputs, t_end=1.0)
+    assert again.q_D[-1] == pytest.approx(best.run.q_D[-1], abs=1e-9)
+
+
+def test_a_parameter_stays_within_its_bounds(lever: fan.Marionette):
+    free = fan.optimise(lifting(lever, parameters={"tie": TIE}), cost_tolerance=0.0)
+    at = free.parameters["tie"]
+    near = (-0.65, -0.595)
+    assert at > -0.595
+    best = fan.optimise(lifting(lever, parameters={"tie": near}), cost_tolerance=0.0)
+    assert best.parameters["tie"] == pytest.approx(-0.595, abs=1e-6)
+    assert best.cost > free.cost
+
+
+def test_mistakes(lever: fan.Marionette):
+    with pytest.raises(fan.errors.UnknownNameError, match="tye"):
+        fan.optimise(lifting(lever, parameters={"tye": TIE}))
+    with pytest.raises(fan.errors.StateError, match=r"tie is -0\.6 and is to lie from -0\.5"):
+        fan.optimise(lifting(lever, parameters={"tie": (-0.5, -0.3)}))
+    with pytest.raises(fan.errors.StateError, match="chooses parameters"):
+        fan.MPC(lever, lifting(lever, parameters={"tie": TIE}))
