@@ -119,7 +119,9 @@ puppet: box
 floor: 0
 contact: {friction: 1.5}
 bodies:
-- {name: body, joint: {type: free}, shapes: [{type: box, size: [0.2, 0.3, 0.1], mass: 1}]}
+- name: body
+  joint: {type: free}
+  shapes: [{type: box, size: [0.2, 0.3, 0.1], mass: 1}]
 pose: {body.z: 0.08}
 """)
     rng, x, names = np.random.default_rng(3), box.state(), box.coordinates.v_D
