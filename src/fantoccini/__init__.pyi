@@ -67,6 +67,7 @@ from .optimal import (
     reach as reach,
 )
 from .perform import (
+    Balance as Balance,
     Handle as Handle,
     Performance as Performance,
     Recording as Recording,

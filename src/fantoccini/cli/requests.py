@@ -265,6 +265,9 @@ class ShowRequest:
     forces: Annotated[
         bool, typer.Option("--forces", help="Draw the forces of contacts in that file.")
     ] = False
+    balance: Annotated[
+        bool, typer.Option("--balance", help="Let the hands balance a live puppet.")
+    ] = False
     theme: Annotated[Theme, typer.Option(help="Theme of the page.")] = Theme.LIGHT
     host: Annotated[
         str,

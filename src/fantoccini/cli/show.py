@@ -38,9 +38,11 @@ def show_file(request: ShowRequest) -> None:
             done = steps.bar(f"writing {request.html}", 1.0)
             write_motion(subject, request.html, request.theme.value, done, request.forces)
             return
+        if request.balance and subject.run is not None:
+            fail("applies to a live puppet, not to a motion", "--balance")
         steps.step("opening the page")
         theme, folder = request.theme.value, request.record_to
-        page = open_page(subject, theme, request.host, request.port, folder)
+        page = open_page(subject, theme, request.host, request.port, folder, request.balance)
     _serve(page, request)
 
 

@@ -46,7 +46,7 @@ from fantoccini.marionette.redundant import (
 )
 from fantoccini.marionette.rollout_gradient import Rollout, RolloutGradient
 from fantoccini.marionette.step_linearisation import StepLinearisation
-from fantoccini.marionette.step_partials import StepLinearisations
+from fantoccini.marionette.step_partials import StepLinearisations, linearise_steps
 from fantoccini.marionette.stepper import Stepper
 from fantoccini.marionette.stepper_batch import StepperBatch
 
@@ -98,6 +98,7 @@ __all__ = [
     "energies",
     "first_excess_tension",
     "input_warnings",
+    "linearise_steps",
     "link_index",
     "load",
     "loads",

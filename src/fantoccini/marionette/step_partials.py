@@ -124,8 +124,12 @@ def linearise_steps(
     pull: bool = False,
     threads: int | None = None,
     method: str = "timestepping",
+    room: Array | None = None,
 ) -> StepLinearisations:
-    """One time step from each of n states; see :meth:`Marionette.linearise_steps`."""
+    """One time step from each of n states; see :meth:`Marionette.linearise_steps`.
+
+    ``room``, the ``motion`` of an earlier call, is written over where it has the right size.
+    """
     check_positive(dt=dt)
     if method not in ("timestepping", "variational"):
         raise StateError(f"method is {method!r}; it must be 'timestepping' or 'variational'")
@@ -164,7 +168,7 @@ def linearise_steps(
     found = model.compiled.step_derivatives.find(
         {name: x[name] for name in ("q_D", "v_D", "q_K")} | {"tension": tension} | along,
         held, values, force, dt=dt, recovery_speed=options.recovery_speed, forces=forces,
-        pull=pull, threads=threads, touches=touches,
+        pull=pull, threads=threads, touches=touches, room=room,
     )  # fmt: skip
     _chain_rotations(model, driven, found.motion)
     if found.pull is not None:

@@ -24,12 +24,12 @@ from fantoccini.marionette import Marionette, refuse_contact
 from fantoccini.motion import State
 from fantoccini.optimal.api import refuse_winches, tracks_of
 from fantoccini.optimal.bounds import Bounds
+from fantoccini.optimal.clamped import ClampedSteps
 from fantoccini.optimal.costs import Smooth, Track
-from fantoccini.optimal.dynamics import Ends, TimeSteps
+from fantoccini.optimal.dynamics import Ends
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
 from fantoccini.optimal.prediction import Predictions
-from fantoccini.optimal.quadratic import StageSolution, StageSolver
 from fantoccini.optimal.targets import Target
 from fantoccini.optimal.task import Task
 
@@ -57,10 +57,6 @@ class MPCSettings:
     """Of a unit of violation of a row, in units of the cost."""
     shares: tuple[float, ...] = (1.0, 0.5, 0.2, 0.05)
     """Of a step that are predicted."""
-    factorisations: int = 15
-    """Of a program: without bounds, then steps of the interior point method."""
-    barrier: float = 1e-5
-    """Product of slacks and multipliers at which they may end, in units of the cost."""
     kept: int = 32
     """Updates whose inputs, and times, are remembered."""
 
@@ -169,16 +165,16 @@ class MPC:
         self._task = replace(self._task, bounds=replace(self._task.bounds, tension={}))
         self._objectives: dict[tuple[int, ...], Objective] = {}
         self._most = self._task.bounds.magnitudes(marionette, "acceleration")
-        self._fastest = self._task.bounds.magnitudes(marionette, "speed")
-        self._steps = TimeSteps(marionette, dt, threads)
+        self._steps = ClampedSteps(marionette, dt, threads)
+        self._solved_at = math.nan
         self._predictions = Predictions(marionette, dt, len(SETTINGS.shares))
-        self._solver = StageSolver(1e-6)
         self._plans: deque[_Plan] = deque(maxlen=SETTINGS.kept)
         self._times: deque[float] = deque(maxlen=SETTINGS.kept)
         self.status: MPCStatus | None = None
         self.prediction: Nodes | None = None
         self.cost, self.seconds = math.nan, 0.0
         self.updates = self.kept = self.braked = self.missed = self.skipped = 0
+        self._load()
 
     def __repr__(self) -> str:
         status = "not begun" if self.status is None else self.status.name
@@ -284,19 +280,15 @@ class MPC:
         self, objective: Objective, nodes: Nodes, ends: Ends
     ) -> tuple[Nodes, float, MPCStatus]:
         """The prediction after a step, its cost, and whether it is better."""
-        linear = replace(self._steps.linearise(nodes), tension=ends.tension)
-        linear.e[:] = 0.0
-        if not objective.unit:
-            objective.take_unit(nodes, linear)
-            objective.price = SETTINGS.price * objective.unit
+        slopes = self._steps.linearise(nodes, objective.has_pulls)
+        shift = self._shift(nodes.start)
+        found = self._steps.solve(objective, nodes, slopes, SETTINGS.damping, shift)
+        objective.price = SETTINGS.price * objective.unit
         before = self._merit(objective, nodes, ends)
-        program = objective.program(nodes, linear, SETTINGS.damping * objective.unit, 0.0)
-        solution = self._solver.solve(
-            program, objective.unit, barrier=SETTINGS.barrier, most=SETTINGS.factorisations
-        )
-        if not np.all(np.isfinite(solution.u)):
+        if not np.all(np.isfinite(found.u)):
             return nodes, before, MPCStatus.KEPT
-        tries = self._tries(objective, nodes, solution)
+        shares = np.array(SETTINGS.shares)[:, None, None]
+        tries = np.clip(nodes.acc_K + shares * found.u, -self._most, self._most)
         first = State(
             nodes.start, nodes.q_D[0], nodes.v_D[0], nodes.q_K[0], nodes.v_K[0],
             np.zeros(ends.taut.shape[1], bool),
@@ -311,11 +303,19 @@ class MPC:
         status = MPCStatus.KEPT if best is nodes else MPCStatus.IMPROVED
         return best, least, status
 
-    def _tries(self, objective: Objective, nodes: Nodes, solution: StageSolution) -> Array:
-        """(n, N, n_vK) accelerations after shares of a step, within their bounds."""
-        _, u, _ = objective.widened(solution)
-        shares = np.array(SETTINGS.shares)[:, None, None]
-        return np.clip(nodes.acc_K + shares * u, -self._most, self._most)
+    def _load(self) -> None:
+        """Loads and compiles what updates call, so that the first one is in time, too."""
+        still = np.zeros((1, self.nodes, self.marionette.coordinates.n_vK))
+        made = self._predictions.make(self._task.x0, self._task.x0.t, self.interval, still)[0]
+        if made is not None:
+            self._steps.linearise(made[0], False)
+
+    def _shift(self, start: float) -> int:
+        """Intervals by which the horizon went on since the last program; -1 before the first."""
+        before, self._solved_at = self._solved_at, start
+        if math.isnan(before):
+            return -1
+        return max(0, round((start - before) / self.interval))
 
     def _merit(self, objective: Objective, nodes: Nodes, ends: Ends) -> float:
         passed = float(np.sum(objective.rows.violation(nodes, ends)))

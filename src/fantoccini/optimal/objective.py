@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,6 +30,28 @@ _NEAR = 1e-2
 """Gap at the end above which the motion gets no shorter [m, rad and their rates]."""
 _SHARE = 0.1
 """Of a duration by which a step may change it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """Bounds of a task in numbers; infinite where there is none.
+
+    Attributes:
+        inputs: indices of the driven velocities that move.
+        acceleration, jump, speed: (n_vK,) largest magnitudes; jumps are those of accelerations.
+        low, high: (n_vK,) of the driven coordinates.
+        places, joint_low, joint_high: dynamic coordinates with bounds, places in z.
+    """
+
+    inputs: Indices
+    acceleration: Array
+    jump: Array
+    speed: Array
+    low: Array
+    high: Array
+    places: Indices
+    joint_low: Array
+    joint_high: Array
 
 
 class Objective:
@@ -82,6 +105,11 @@ class Objective:
         return float(max(np.max(part, initial=0.0) for part in parts))
 
     @property
+    def has_pulls(self) -> bool:
+        """Whether tensions are tracked."""
+        return bool(self._pulls)
+
+    @property
     def end_weight(self) -> float:
         """Of half the squares of what is left at the end; 0 where no end is asked for."""
         return _END_WEIGHT * self.unit if self.task.end is not None else 0.0
@@ -90,11 +118,17 @@ class Objective:
         """Takes the unit of the cost from a first motion."""
         program = self.program(nodes, linear, 0.0, 0.0)
         u = np.arange(len(self._u))
-        own = program.H[:, u, u]
-        curvature = float(np.max(own, initial=_LEAST))
-        unit = float(np.max(np.abs(program.g), initial=0.0))
-        unit = max(unit, self.task.time_weight * len(nodes) * self.task.is_free)
-        self.unit = unit if unit > 0.0 else curvature
+        least = self.task.time_weight * len(nodes) * self.task.is_free
+        self._take_unit(program.g, program.H[:, u, u], least)
+
+    def take_unit_of(self, g: Array, diagonal: Array) -> None:
+        """The same from a gradient and the diagonal of a Hessian, (N, n_vK + n_z) each."""
+        both = np.concatenate([self._u, self._k + self._z])
+        self._take_unit(g[:, both], diagonal[:, self._u], 0.0)
+
+    def _take_unit(self, g: Array, curvature: Array, least: float) -> None:
+        unit = max(float(np.max(np.abs(g), initial=0.0)), least)
+        self.unit = unit if unit > 0.0 else float(np.max(curvature, initial=_LEAST))
         self.price = _FIRST_PRICE * self.unit
 
     def end_gap(self, nodes: Nodes) -> Array:
@@ -168,6 +202,48 @@ class Objective:
         every = (len(nodes), len(self._c))
         return np.broadcast_to(low, every), np.broadcast_to(high, every)
 
+    def limits(self, interval: float) -> Limits:
+        """The bounds of accelerations, driven coordinates and joints, for intervals of a length."""
+        n = self._n_z // 2 - self._k
+        at = slice(2 * n, 2 * n + self._k)
+        rows = self.rows
+        return Limits(
+            self._u, self._acc, interval * self._jerk, self._high[at.stop :], self._low[at],
+            self._high[at], rows.places, rows.joint_low, rows.joint_high,
+        )  # fmt: skip
+
+    def squares(self, nodes: Nodes) -> tuple[Array, Array, Array]:
+        """Gauss-Newton's J^T J + diagonal of the cost, but of tensions, and the gradient.
+
+        Returns:
+            (N, m, n_z) J, by the states after the intervals; (N, n_vK + n_z) the diagonal and the
+            gradient, by the accelerations and these states.
+        """
+        looks, k, N, dense = self._looks(nodes), self._k, len(nodes), []
+        diagonal, g = np.zeros((2, N, k + self._n_z))
+        for one in self._residuals(nodes):
+            r, w = one.value(looks)[1:], one.weights[1:, None]
+            if isinstance(one, NumberResidual):
+                at = k + np.array(one.columns)
+                diagonal[:, at] += w
+                g[:, at] += w * r
+                continue
+            dense.append(np.sqrt(w)[..., None] * one.by(looks)[1:])
+            g[:, k:] += ((np.sqrt(w) * r)[:, None] @ dense[-1])[:, 0]
+        h, smooth = nodes.interval, self.task.smooth
+        jumps = np.diff(nodes.acc_K, axis=0, prepend=0.0, append=0.0)
+        diagonal[:, :k] += h * smooth.acceleration + 2.0 * smooth.jerk / h
+        g[:, :k] += h * smooth.acceleration * nodes.acc_K
+        g[:, :k] += smooth.jerk / h * (jumps[:-1] - jumps[1:])
+        J = np.concatenate(dense, axis=1) if dense else np.zeros((N, 0, self._n_z))
+        return J, diagonal, g
+
+    def pulls(self, nodes: Nodes, tension: Array) -> Iterator[tuple[int, Array, Array]]:
+        """Of every tension that is tracked: its row, weights and residuals (N,)."""
+        for track in self._pulls:
+            row, weights, path = _pull(self.task.marionette, track, nodes)
+            yield row, weights, tension[:, row] - path
+
     def longer(self, nodes: Nodes) -> tuple[float, float]:
         """The least and the most by which a step may make the intervals longer [s].
 
@@ -204,9 +280,8 @@ class Objective:
             squares = 0.5 * np.sum(np.square(one.value(looks)), axis=1)
             last = track.end_weight * float(squares[-1])
             at_end, over_time = at_end + last, over_time + float(one.weights @ squares) - last
-        for track in self._pulls:
-            row, weights, path = _pull(self.task.marionette, track, nodes)
-            over_time += 0.5 * float(weights @ np.square(ends.tension[:, row] - path))
+        for _, weights, r in self.pulls(nodes, ends.tension):
+            over_time += 0.5 * float(weights @ np.square(r))
         h, smooth = nodes.interval, self.task.smooth
         over_time += 0.5 * h * smooth.acceleration * float(np.sum(np.square(nodes.acc_K)))
         jumps = np.diff(nodes.acc_K, axis=0, prepend=0.0, append=0.0)
@@ -268,9 +343,8 @@ class Objective:
     ) -> None:
         """Tensions that are tracked, which depend on the state and the inputs after a node."""
         k, n_z = self._k, linear.B.shape[1]
-        for track in self._pulls:
-            row, weights, path = _pull(self.task.marionette, track, nodes)
-            by, r = linear.pull[:, row], linear.tension[:, row] - path
+        for row, weights, r in self.pulls(nodes, linear.tension):
+            by = linear.pull[:, row]
             J_z, J_u = by[:, :n_z], by[:, n_z:]
             w = weights[:, None, None]
             H[:, :k, :k] += w * J_u[:, :, None] * J_u[:, None]

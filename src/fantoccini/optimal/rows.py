@@ -19,6 +19,8 @@ class Rows:
 
     Attributes:
         clear: the rows of clearances.
+        places: of the dynamic coordinates in z.
+        joint_low, joint_high: their bounds.
 
     Args:
         task: see :class:`Task`.
@@ -32,8 +34,8 @@ class Rows:
         self._jerks = np.flatnonzero(np.isfinite(self._jerk) & (self._jerk > 0.0))
         low, high = task.bounds.intervals(marionette)
         bounded = np.isfinite(low[: 2 * n]) | np.isfinite(high[: 2 * n])
-        self._places = np.flatnonzero(bounded)
-        self._low, self._high = low[self._places], high[self._places]
+        self.places = np.flatnonzero(bounded)
+        self.joint_low, self.joint_high = low[self.places], high[self.places]
         clearance = task.bounds.clearance
         self.clear = None
         if clearance is not None:
@@ -43,10 +45,10 @@ class Rows:
         """(N, m) their values, and (m,) their bounds."""
         jumps = np.diff(nodes.acc_K, axis=0, prepend=0.0)[:, self._jerks]
         most = self._jerk[self._jerks] * nodes.interval
-        numbers = nodes.numbers[1:, self._places]
+        numbers = nodes.numbers[1:, self.places]
         value = np.concatenate([ends.tension[:, self._taut], jumps, numbers], axis=1)
-        low = np.concatenate([self._least, -most, self._low])
-        high = np.concatenate([self._most, most, self._high])
+        low = np.concatenate([self._least, -most, self.joint_low])
+        high = np.concatenate([self._most, most, self.joint_high])
         if self.clear:
             value = np.concatenate([value, self.clear.value(nodes)], axis=1)
             low = np.append(low, np.full(len(self.clear), self.clear.margin))
@@ -61,13 +63,13 @@ class Rows:
     def by(self, nodes: Nodes, linear: LinearEnds) -> Array:
         """(N, m, 2 (n_vK + n_z)) derivatives by (u_{i-1}, z_i, u_i, z_{i+1})."""
         N, n_z, k = linear.B.shape
-        n_taut, n_jerks, n_places = len(self._taut), len(self._jerks), len(self._places)
+        n_taut, n_jerks, n_places = len(self._taut), len(self._jerks), len(self.places)
         s, n_clear = k + n_z, len(self.clear) if self.clear else 0
         C = np.zeros((N, n_taut + n_jerks + n_places + n_clear, 2 * s))
         C[:, :n_taut, k : s + k] = linear.pull[:, self._taut]
         row = n_taut + np.arange(n_jerks)
         C[:, row, self._jerks], C[:, row, s + self._jerks] = -1.0, 1.0
-        C[:, n_taut + n_jerks + np.arange(n_places), s + k + self._places] = 1.0
+        C[:, n_taut + n_jerks + np.arange(n_places), s + k + self.places] = 1.0
         if self.clear:
             C[:, -n_clear:, s + k : s + k + nodes.n_z] = self.clear.by(nodes)
         return C

@@ -1,7 +1,8 @@
 """Live performances of puppets, and recordings of them."""
 
+from fantoccini.perform.balance import Balance
 from fantoccini.perform.handle import Handle
 from fantoccini.perform.performance import Performance
 from fantoccini.perform.recording import Recording
 
-__all__ = ["Handle", "Performance", "Recording"]
+__all__ = ["Balance", "Handle", "Performance", "Recording"]

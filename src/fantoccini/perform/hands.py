@@ -33,6 +33,19 @@ class Limits(NamedTuple):
 LIMITS = Limits()
 
 
+class HandBounds(NamedTuple):
+    """Bounds of driven coordinates by name, so narrow that hands of several stay within theirs.
+
+    Attributes:
+        position: of driven lengths, lowest and highest [m].
+        speed, acceleration: largest magnitudes.
+    """
+
+    position: dict[str, tuple[float, float]]
+    speed: dict[str, float]
+    acceleration: dict[str, float]
+
+
 @dataclass(frozen=True, eq=False)
 class Hands:
     """The groups of driven coordinates that move together, and their bounds.
@@ -103,6 +116,20 @@ class Hands:
                 low, high = ranges[chain.name]
                 ranges[chain.name] = _shortest(marionette, chain, x, low, dt), high
         return ranges
+
+    def each(self) -> HandBounds:
+        """Bounds of every driven coordinate."""
+        table = self.marionette.coordinates
+        share = 1.0 / np.sqrt(np.bincount(self.group, minlength=len(self.speed)))[self.group]
+        speed, acceleration = self.speed[self.group] * share, self.acceleration[self.group] * share
+        scalars = {q for q, _ in table.scalars_K}
+        position = {
+            table.q_K[q]: self.lengths[name] for name, (q, _) in self.winch.items() if q in scalars
+        }
+        return HandBounds(
+            position, dict(zip(table.v_K, map(float, speed), strict=True)),
+            dict(zip(table.v_K, map(float, acceleration), strict=True)),
+        )  # fmt: skip
 
     def handle(self, name: str) -> Handle:
         """The handle of that name."""

@@ -8,7 +8,6 @@ from threading import RLock
 import numpy as np
 
 from fantoccini.arrays import Array, ConfigK, Quaternion, Vec3, check_positive
-from fantoccini.contract import EVENT_AT
 from fantoccini.errors import StateError, Status
 from fantoccini.marionette import Marionette, Stepper, check_start
 from fantoccini.motion import ContactPoints, State
@@ -16,7 +15,9 @@ from fantoccini.perform import change
 from fantoccini.perform.grip import TOLERANCES, Holding, gripped
 from fantoccini.perform.handle import Handle, Place, place_of, wanted
 from fantoccini.perform.hands import Hands
+from fantoccini.perform.outside import Steered, forces_of
 from fantoccini.perform.recording import Recorder, Recording
+from fantoccini.perform.reports import Reports
 
 SPEED = 1.5
 """Default bound on the speed of handles and winches [m/s]: a brisk hand."""
@@ -24,14 +25,12 @@ ACCELERATION = 10.0
 """Default bound on their acceleration [m/s^2]: about that of gravity."""
 STEP = 0.0005
 """Default time step [s]; with twice as much, a limb that whirls at 100 rad/s gains energy."""
-_REPORT_TIME = 1.0
-"""Time for which a stopped hand or a weak motor is reported [s]."""
 _NO_POSES = np.zeros((0, 3, 4))
 _ROUNDED_TICKS = 1e-6
 """Part of a tick that a duration may miss by rounding and still complete the tick."""
 
 
-class Performance:
+class Performance(Steered):
     """A puppet in somebody's hands: targets go in, the state comes out, tick by tick.
 
     The hands follow their targets in the least time that bounded speed and acceleration allow
@@ -83,9 +82,9 @@ class Performance:
         self.dt = self.tick / self._steps
         self._recorder: Recorder | None = None
         self._ended: tuple[Recording | None, str] | None = None
-        self._stopped: tuple[float, str] | None = None
         self._remainder = 0.0
-        self._weak: dict[str, float] = {}  # name of a drive -> when its motor last was too weak [s]
+        self._reports = Reports()
+        self._law, self._pushes = None, {}
         if x0 is None:
             x0 = change.hanging(marionette)
         check_start(marionette.model, x0, "timestepping")
@@ -152,13 +151,7 @@ class Performance:
         """Handles and strings that cannot follow their targets, and why."""
         with self._lock:
             found = self._holding.messages(self.slip)
-            if self._stopped and self.t - self._stopped[0] < _REPORT_TIME:
-                for name in dict.fromkeys(self._hands.names):
-                    found.setdefault(name, []).append(f"hand was stopped: {self._stopped[1]}")
-            for name, t in self._weak.items():
-                if self.t - t < _REPORT_TIME:
-                    found.setdefault(name, []).append("its motor is too weak for this")
-            return {name: "; ".join(texts) for name, texts in found.items()}
+            return self._reports.added(found, self.t, self._hands.names)
 
     # -- hands -------------------------------------------------------------------------------
 
@@ -192,9 +185,10 @@ class Performance:
 
         Raises:
             UnknownNameError: no handle is called that.
-            StateError: a position or orientation that is none.
+            StateError: a position or orientation that is none, or a law moves the hands.
         """
         with self._lock:
+            self._refuse_targets()
             handle, found = self._hands.handle(name), []
             for h in (*self._hands.carriers(handle), handle):
                 about = self._wanted[h.q], self._poses(h), position, wxyz
@@ -207,9 +201,10 @@ class Performance:
 
         Raises:
             UnknownNameError: no string with a driven length is called that.
-            StateError: the length is not a finite number.
+            StateError: the length is not a finite number, or a law moves the hands.
         """
         with self._lock:
+            self._refuse_targets()
             place = self._hands.length_place(string)
             if not np.isfinite(length):
                 raise StateError(f"{string}: found {length}; a length is a finite number")
@@ -252,7 +247,8 @@ class Performance:
         """Returns to the start, with the hands there and at rest."""
         with self._lock:
             self._end_recording("the puppet was set back to its start")
-            self._stopped, self._remainder = None, 0.0
+            self._remainder = 0.0
+            self._reports.clear()
             if self._x0 is None:
                 self._x0 = change.hanging(self.marionette)
             self._take(self.marionette, self._x0)
@@ -317,6 +313,7 @@ class Performance:
     def record(self) -> None:
         """Starts a recording; drops an earlier one that :meth:`stop` has not returned."""
         with self._lock:
+            self._pushes.clear()  # a recording keeps none
             x = change.permitted(self.performed, self._x.replace(t=0.0))
             self._restart(x)
             self._recorder = Recorder(self._stepper, self.tick)
@@ -370,7 +367,9 @@ class Performance:
             lengths: string -> its range [m]; by default about the lengths of the state.
         """
         self.marionette = marionette
-        self._weak.clear()
+        self._reports.forget_motors()
+        self.let(None)
+        self._pushes.clear()
         self.grip = self._grip_of(marionette)
         self._performed = gripped(marionette, self.grip)
         if lengths is None:
@@ -392,29 +391,26 @@ class Performance:
         """Advances by a tick; if the stepper fails, stops the hands and starts a new one."""
         with self._lock:
             x, stepper = self._x, self._stepper
-            velocity = self._hands.wanted_velocity(x, self._wanted, self.tick)
+            if self._law is None:
+                velocity = self._hands.wanted_velocity(x, self._wanted, self.tick)
+            else:
+                asked = self._law.acceleration(x.replace(t=self.t))
+                velocity = self._hands.bounded(x.v_K + self.tick * asked)
+                self._wanted = np.array(x.q_K)
             velocity = self._holding.hold(x, stepper.tension, velocity)
             acc_K = self._hands.bounded_acceleration(velocity, x.v_K, self.tick)
-            stepper.advance(self.tick, acc_K, throw=False)
+            u_D = forces_of(self.marionette, x, self._pushes)
+            stepper.advance(self.tick, acc_K, u_D=u_D, throw=False)
             if stepper.arrived:
                 if self._recorder is not None:
                     self._recorder.add(acc_K, stepper)
-                self._note_weak_motors()
+                self._reports.note_motors(self.t, self.marionette.tree, stepper)
                 return
             self._stop_hands(stepper.status)
 
-    def _note_weak_motors(self) -> None:
-        """Notes the drives whose motors the last tick overloaded."""
-        tree = self.marionette.tree
-        if not tree.watched:
-            return
-        for index in self._stepper.events[:, EVENT_AT["row"]].astype(int) - tree.n_rows:
-            if 0 <= index < len(tree.watched):
-                self._weak[tree.watched[index].name.rsplit(".", 1)[0]] = self.t
-
     def _stop_hands(self, status: Status) -> None:
         """Continues from the last accepted state with the hands at rest."""
-        self._stopped = (self.t, status.message)
+        self._reports.stop(self.t, status.message)
         self._end_recording(f"the hands were stopped: {status.message}")
         still = self._x.replace(v_K=np.zeros_like(self._x.v_K))
         for x in (change.permitted(self._performed, still), still.replace(v_D=0.0 * still.v_D)):

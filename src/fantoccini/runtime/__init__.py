@@ -2,6 +2,7 @@
 
 from fantoccini.runtime import memory
 from fantoccini.runtime.batch import Batch, BatchLibrary, default_threads
+from fantoccini.runtime.clamped_stages import ClampedOutcome, ClampedStages
 from fantoccini.runtime.clearance import (
     BOX,
     HALF_SPACE,
@@ -49,6 +50,8 @@ __all__ = [
     "AnyArray",
     "Batch",
     "BatchLibrary",
+    "ClampedOutcome",
+    "ClampedStages",
     "ClearanceLibrary",
     "Complementarity",
     "Contacts",

@@ -56,7 +56,7 @@ class StagePrograms:
     """
 
     def __init__(self) -> None:
-        self._dll = _library()
+        self._dll = stage_library()
         made = self._dll.fan_stage_solver_new()
         if not made:
             raise MemoryError("no memory for a program of stages")
@@ -106,11 +106,12 @@ class StagePrograms:
 
 
 @cache
-def _library() -> ctypes.CDLL:
+def stage_library() -> ctypes.CDLL:
     """The library, which is the same for all puppets; from the cache or made now."""
     key = build.fingerprint("programs of stages", str(digest()))
     source = build.Source({"main.cpp": _MAIN}, "main.cpp")
     folder = build.obtain(key, lambda: source)
     dll = ctypes.CDLL(str(folder / build.LIBRARY))
     dll.fan_stage_solver_new.restype = ctypes.c_void_p
+    dll.fan_clamped_stages_new.restype = ctypes.c_void_p
     return dll

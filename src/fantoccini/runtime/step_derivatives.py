@@ -45,6 +45,7 @@ class StepDerivatives(Loaded):
         pull: bool,
         threads: int,
         touches: StepTouches | None = None,
+        room: Array | None = None,
     ) -> StepPartials:
         """The derivatives of n steps.
 
@@ -60,12 +61,16 @@ class StepDerivatives(Loaded):
             pull: also of the tensions.
             threads: that share the work.
             touches: what touches in the steps; its ``edges`` are added to. None: nothing.
+            room: for ``motion``, where it is kept from call to call: new pages cost more than the
+                derivatives.
         """
         n, sizes = len(held), self.sizes
         n_v, n_k = sizes["n_vD"], sizes["n_vK"]
         m = 2 * n_v + 3 * n_k + (n_v if forces else 0) + sizes["n_p"]
+        if room is None or room.shape != (n, 2 * n_v, m):
+            room = np.empty((n, 2 * n_v, m))
         out = StepPartials(
-            np.empty((n, n_v)), np.empty((n, 2 * n_v, m)),
+            np.empty((n, n_v)), room,
             np.empty((n, sizes["n_rows"], m)) if pull else None,
         )  # fmt: skip
         kept: list[AnyArray] = [np.ascontiguousarray(held, dtype=np.uint8)]

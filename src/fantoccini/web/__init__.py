@@ -37,6 +37,7 @@ def show(
     browser: bool = True,
     wait: bool | None = None,
     record_to: str | os.PathLike[str] = ".",
+    balance: bool = False,
 ) -> Page: ...
 
 
@@ -61,6 +62,7 @@ def show(
     wait: bool | None = None,
     record_to: str | os.PathLike[str] = ".",
     forces: bool = False,
+    balance: bool = False,
 ) -> Page | Path:
     """Shows something in the browser.
 
@@ -75,13 +77,16 @@ def show(
         wait: block until Ctrl-C; by default in scripts, and not at a prompt or in a notebook.
         record_to: folder for recordings.
         forces: with ``html``, draw the forces of contacts; a page has a box for them.
+        balance: let the hands balance a live puppet; the page has a box for it.
 
     Returns:
         The page, to close it; with ``html`` the path of the file.
 
     Raises:
         FileError: the file cannot be shown, or there is no folder ``record_to``.
-        ValueError: ``what`` cannot be shown, or not as a file; or there are no forces to draw.
+        ValueError: ``what`` cannot be shown, or not as a file; or there are no forces to draw,
+            or nothing to balance.
+        StateError: hands cannot balance this puppet.
     """
     from fantoccini.web import page
 
@@ -90,7 +95,9 @@ def show(
         return page.write(subject, html, theme, forces=forces)
     if forces:
         raise ValueError("forces are for html=FILE; a page has a box that shows them")
-    opened = page.open_page(subject, theme, host, port, Path(record_to))
+    if balance and subject.run is not None:
+        raise ValueError("hands can balance a puppet that is live, not a motion")
+    opened = page.open_page(subject, theme, host, port, Path(record_to), balance)
     if browser:
         opened.server.open_browser()
     if page.is_script() if wait is None else wait:

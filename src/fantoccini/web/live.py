@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fantoccini.errors import FantocciniError
-from fantoccini.perform import Performance
+from fantoccini.perform import Balance, Performance
 from fantoccini.view.geometry import Geometry, force_arrows, geometry_at
 from fantoccini.view.theme import Theme
 from fantoccini.web import pad
@@ -24,6 +24,7 @@ from fantoccini.web.live_panel import LivePanel
 from fantoccini.web.loop import REFRESH, PageLoop
 from fantoccini.web.moment import Moment, moment_at
 from fantoccini.web.nodes import SceneNodes
+from fantoccini.web.pushes import Pushes
 from fantoccini.web.recorder import Recorder
 from fantoccini.web.server import Server
 from fantoccini.web.viser_private import Handler
@@ -60,6 +61,7 @@ class Live(PageLoop):
         performance: the puppet with hands on its strings.
         nodes: what the page shows.
         controls: what a viewer moves.
+        pushes: what a viewer pulls at.
         panel: buttons, sliders, numbers.
         recorder: records the performance.
         holder: who holds the strings.
@@ -104,6 +106,7 @@ class Live(PageLoop):
         server.viser.on_client_disconnect(lambda client: self.holder.leave(client.client_id))
 
     def _finish(self) -> None:
+        self.performance.let(None)
         self.recorder.finish()
 
     # -- what viewers do -----------------------------------------------------------------------
@@ -137,8 +140,23 @@ class Live(PageLoop):
 
     def reset(self) -> None:
         """Returns to the start."""
+        balanced = self.balance is not None
         self.performance.reset()
         self._past.clear()
+        self.let_balance(balanced)
+
+    @property
+    def balance(self) -> Balance | None:
+        """The law of the hands while they balance the puppet."""
+        law = self.performance.law
+        return law if isinstance(law, Balance) else None
+
+    def let_balance(self, wanted: bool) -> None:
+        """Lets the hands balance the puppet where it is, or gives them back to their targets."""
+        try:
+            self.performance.let(Balance(self.performance, threaded=True) if wanted else None)
+        finally:
+            self.panel.show_balance(self.balance is not None)
 
     def record(self) -> None:
         """Starts a recording, or ends and writes it."""
@@ -198,6 +216,7 @@ class Live(PageLoop):
     def _frame(self, now: float, duration: float) -> None:
         self._follow_pads(duration)
         if not self.paused:
+            self.pushes.update(self._poses())
             self.performance.advance(duration * self.factor)
         moment = self._moment()
         self._remember(now, moment)
@@ -215,6 +234,10 @@ class Live(PageLoop):
         self.server.viser.flush()
         self.recorder.poll()
         self._poll_file(now)
+
+    def _poses(self) -> np.ndarray:
+        x = self.performance.state
+        return np.asarray(self.performance.marionette.poses(x.q_D, x.q_K))
 
     def _moment(self) -> Moment:
         p = self.performance
@@ -284,11 +307,16 @@ class Live(PageLoop):
             self.nodes.view("three-quarter"), self.act,
             lambda: self.panel.drag_winds, self.holder.leave, self.panel.lengths,
         )  # fmt: skip
+        self.pushes = Pushes(
+            self.server.viser, self.performance, self.nodes, self.theme, self.act,
+            self.holder.leave,
+        )  # fmt: skip
         self.panel.set_up(self.controls)
         self.nodes.show(self._moment())
 
     def _clear(self) -> None:
         self.controls.remove()
+        self.pushes.remove()
         self.panel.clear()
         self.nodes.clear()
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 
-from fantoccini.perform import Performance
+from fantoccini.perform import Balance, Performance
 from fantoccini.view.theme import Theme, to_hex
 from fantoccini.web.controls import WARNING, Controls
 from fantoccini.web.holder import Holder, HolderLine, Viewer
@@ -25,8 +25,11 @@ Node = TypeVar("Node")
 SPEEDS = {"1": 1.0, "1/2": 0.5, "1/4": 0.25, "1/8": 0.125, "1/16": 0.0625}
 _PUSH = 0.012
 """Motion of a handle for each press of a key, relative to the puppet's size."""
-_HINT = "Drag a bead to move it."
-_HINT_WINDS = "Drag a bead to move it; Shift and drag up or down winds its string."
+_HINT = "Drag a bead to move it, a body to pull at it."
+_HINT_WINDS = (
+    "Drag a bead to move it, a body to pull at it; Shift and drag a bead up or down winds its "
+    "string."
+)
 _KEYS = (
     "F and G choose a handle, A D W S move it, Q E wind its string, P pauses, N steps, R resets, "
     "T records, 1 to 4 and the arrow keys turn the camera. A gamepad works too."
@@ -45,6 +48,9 @@ class LiveActions(Protocol):
     paused: bool
     factor: float
 
+    @property
+    def balance(self) -> Balance | None: ...
+    def let_balance(self, wanted: bool) -> None: ...
     def act(self, viewer: Viewer | None, do: Callable[[], object]) -> bool: ...
     def later(self, viewer: Viewer | None, do: Callable[[], None]) -> bool: ...
     def pause(self) -> None: ...
@@ -80,6 +86,10 @@ class LivePanel:
         self._pause = gui.add_button("Pause", icon="player-pause")
         steps = gui.add_button_group("Time", ("Step", "Reset"))
         self._record = gui.add_button("Record", icon="player-record", color="red")
+        self._balance = gui.add_checkbox(
+            "Let the hands balance it", False, hint="They bring it back to where it is now"
+        )
+        self._balance.on_update(self._set_balance)
         with gui.add_folder("Speed and view", expand_by_default=False):
             self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1")
             self._views = Views(gui, lambda: live.nodes, self._touches)
@@ -159,6 +169,11 @@ class LivePanel:
         self._pause.label = "Go on" if paused else "Pause"
         self._pause.icon = "player-play" if paused else "player-pause"
 
+    def show_balance(self, on: bool) -> None:
+        """Ticks the box where the hands balance the puppet."""
+        if self._balance.value != on:
+            self._balance.value = on
+
     def show_mistakes(self, mistakes: tuple[str, ...]) -> None:
         """Shows the errors in the puppet's file."""
         self._mistakes.visible = bool(mistakes)
@@ -207,6 +222,8 @@ class LivePanel:
             recorded = f"&#9679; recording {live.recorder.time:.1f} s"
             clock += f' &ensp;<span style="color:{_RED}">{recorded}</span>'
         lines = [f"<div>{clock}</div>"]
+        if live.balance is not None:
+            lines.append(f"<div>The hands balance it: {text(live.balance.about)}</div>")
         lines += [
             f'<div style="color:{_RED}">{text(name)}: {text(why)}</div>'
             for name, why in lagging.items()
@@ -224,6 +241,13 @@ class LivePanel:
         if event.client_id is not None:
             name = event.target.value
             self._live.later(None, lambda: self._live.controls.select(name))
+
+    def _set_balance(self, event: Any) -> None:
+        if event.client_id is None:
+            return
+        live, wanted = self._live, self._balance.value
+        if not live.later(event.client_id, lambda: live.let_balance(wanted)):
+            self._balance.value = not wanted
 
     def _set_speed(self, event: Any) -> None:
         if event.client_id is None:

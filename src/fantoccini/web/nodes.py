@@ -51,6 +51,9 @@ class View:
 class SceneNodes:
     """The viser nodes that show a geometry on a page.
 
+    Attributes:
+        bodies: meshes of every link that has any, by its index.
+
     Args:
         server: of viser.
         geometry: puppet, strings, floor, obstacles.
@@ -72,6 +75,7 @@ class SceneNodes:
         self._quantum = quantum
         self._nodes: list[viser.SceneNodeHandle] = []
         self._links: dict[int, viser.FrameHandle] = {}
+        self.bodies: dict[int, list[viser.MeshHandle]] = {}
         with server.atomic():
             self._set_up_world()
             self._set_up_links()
@@ -172,7 +176,7 @@ class SceneNodes:
             name = f"/puppet/{link.name}"
             self._links[k] = self.server.scene.add_frame(name, show_axes=False)
             self._nodes.append(self._links[k])
-            self._meshes(name, carried)
+            self.bodies[k] = self._meshes(name, carried)
 
     def _meshes(self, name: str, solids: list[Solid]) -> list[viser.MeshHandle]:
         """Adds one mesh for each colour and kind of shading."""

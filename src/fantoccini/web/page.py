@@ -15,7 +15,7 @@ from types import FrameType
 from typing import Any
 
 from fantoccini import puppets
-from fantoccini.errors import FileError, Mistake
+from fantoccini.errors import FantocciniError, FileError, Mistake
 from fantoccini.marionette import Marionette, load
 from fantoccini.motion import Trajectory
 from fantoccini.motion.npz import ABOUT, UNREADABLE, about_of, read
@@ -234,7 +234,12 @@ def write(
 
 
 def open_page(
-    subject: Subject, theme: str, host: str, port: int, record_to: Path = Path(".")
+    subject: Subject,
+    theme: str,
+    host: str,
+    port: int,
+    record_to: Path = Path("."),
+    balance: bool = False,
 ) -> Page:
     """Serves a page.
 
@@ -244,8 +249,10 @@ def open_page(
         host: address to listen on.
         port: first port to try.
         record_to: folder for recordings.
+        balance: let the hands balance a live puppet.
 
     Raises:
+        StateError: hands cannot balance this puppet.
         FileError: there is no such folder for recordings.
         ServerError: the address cannot be used.
     """
@@ -263,6 +270,12 @@ def open_page(
         live = Live(performance, look, record_to.absolute(), subject.file)
         server = Server(title, look, host, port, SCRIPT, live.handlers)
         live.open(server)
+        if balance:
+            try:
+                live.let_balance(True)
+            except FantocciniError:
+                server.stop()
+                raise
         shown = live
     shown.start()
     return Page(server, shown)

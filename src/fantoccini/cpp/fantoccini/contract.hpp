@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x4cb2b24546e3f4aa;
+constexpr long long contract_digest = 0x4e8f8c953c76d83a;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -442,6 +442,58 @@ struct StageProgramArrays {
   double primal;  // residual of the bounds
   double dual;  // residual of stationarity, relative to g
   double gap;  // mean product of slacks and multipliers
+};
+
+// A time step in every interval (stage_dynamics.hpp).
+struct StageStepArrays {
+  long long N;  // intervals
+  int n_d;  // 2 n_vD
+  int k;  // n_vK
+  int columns;  // of motion, the first n_d + 3 k count
+  int is_first;  // of the steps of an interval
+  const double* motion;  // (N, n_d, columns) of (dq_D, v_D) after the step, as linearised
+  Shared driven;  // (2 k, 3 k) of (dq_K, v_K) before it by q_K, v_K and acc_K at the start
+};
+
+// A program of stages in real time (stage_clamped.hpp).
+struct StageClampArrays {
+  long long N;  // stages
+  int n_d;  // 2 n_vD
+  int n_inputs;  // n_vK; n_z = n_d + 2 n_vK
+  int k;  // inputs that take part
+  const int* inputs;  // (k,) which
+  int n_squares;  // rows of J
+  int n_pulls;  // rows of C
+  int n_joints;  // numbers of the state with bounds that may be passed
+  Shared driven;  // (2 n_vK, 3 n_vK) of (dq_K, v_K) after the interval
+  const double* squares;  // (N, n_squares, n_z) J of z_{i+1}
+  const double* diagonal;  // (N, n_vK + n_z) of (u_i, z_{i+1})
+  const double* g;  // (N, n_vK + n_z)
+  double jerk;  // c: less u_{i-1} . u_i times this
+  const double* pulls;  // (N, n_pulls, n_z + n_vK) C of (z_i, u_i)
+  const double* pull_weight;  // (N, n_pulls) W
+  double h;  // length of an interval [s]
+  const double* acc;  // (N, n_vK) at which changes begin
+  const double* q;  // (N + 1, n_vK) numbers of the driven coordinates
+  const double* v;  // (N + 1, n_vK)
+  const double* most;  // (n_vK,) of accelerations
+  const double* last_most;  // (n_vK,) of the last acceleration
+  const double* speed;  // (n_vK,) largest
+  const double* low;  // (n_vK,) of the numbers
+  const double* high;  // (n_vK,)
+  const int* joint_places;  // (n_joints,) places in z
+  const double* joint;  // (N, n_joints) values after the intervals
+  const double* joint_low;  // (n_joints,)
+  const double* joint_high;  // (n_joints,)
+  double price;  // of passing a bound
+  double unit;  // of the cost
+  int shift;  // stages by which the horizon went on since the one before; -1: anew
+  int most_stages;  // that may be factorised in all
+  double* u;  // (N, n_vK) changes of the accelerations
+  double decrease;  // of the cost
+  int iterations;  // factorisations begun
+  int stages;  // factorised in all
+  int solved;  // whether bounds in force are the right ones
 };
 
 // A rollout of fixed steps, and the gradient of its cost.

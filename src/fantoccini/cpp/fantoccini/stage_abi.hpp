@@ -4,6 +4,7 @@
 #include <new>
 
 #include "export.hpp"
+#include "stage_clamped.hpp"
 #include "stage_program.hpp"
 
 FAN_EXPORT void* fan_stage_solver_new() { return new (std::nothrow) fan::StageProgramSolver(); }
@@ -16,6 +17,32 @@ FAN_EXPORT void fan_stage_solver_free(void* solver) {
 FAN_EXPORT int fan_stage_solve(void* solver, fan::StageProgramArrays* in) {
   try {
     static_cast<fan::StageProgramSolver*>(solver)->solve(*in);
+  } catch (const std::bad_alloc&) {
+    return 1;
+  }
+  return 0;
+}
+
+FAN_EXPORT void* fan_clamped_stages_new() { return new (std::nothrow) fan::ClampedStages(); }
+
+FAN_EXPORT void fan_clamped_stages_free(void* solver) {
+  delete static_cast<fan::ClampedStages*>(solver);
+}
+
+// Adds a time step to the intervals; 1 where there was no memory, else 0.
+FAN_EXPORT int fan_clamped_stages_step(void* solver, const fan::StageStepArrays* in) {
+  try {
+    static_cast<fan::ClampedStages*>(solver)->dynamics.add(*in);
+  } catch (const std::bad_alloc&) {
+    return 1;
+  }
+  return 0;
+}
+
+// Of the steps added since the first; 1 where there was no memory, else 0.
+FAN_EXPORT int fan_clamped_stages_solve(void* solver, fan::StageClampArrays* in) {
+  try {
+    static_cast<fan::ClampedStages*>(solver)->solve(*in);
   } catch (const std::bad_alloc&) {
     return 1;
   }

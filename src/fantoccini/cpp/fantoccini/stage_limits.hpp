@@ -1,0 +1,44 @@
+// How far the acceleration of a driven coordinate may go in an interval, so that it stays within its bounds
+// of acceleration, speed and position then and later:
+//
+//   |u| <= a,   |v + h u| <= s,   v + h u <= w(q, v),   w^2 / (2 a) = high - q - h (v + w) / 2
+//
+// w is the speed after the interval from which it can still stop at its bound.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+namespace fan {
+
+// A bound of u with its derivatives by q and v.
+struct DrivenLimit {
+  double value, by_q, by_v;
+};
+
+struct DrivenBounds {
+  double acceleration, speed, low, high;
+
+  DrivenLimit highest(double q, double v, double h) const {
+    DrivenLimit to = {acceleration, 0.0, 0.0};
+    if ((speed - v) / h < to.value) to = {(speed - v) / h, 0.0, -1.0 / h};
+    const double a = std::min(acceleration, 1e6), half = 0.5 * a * h, room = high - q - 0.5 * h * v;
+    if (room < 1e30 && acceleration > 0.0) {
+      const double root = std::sqrt(std::max(half * half + 2.0 * a * room, 0.0));
+      const double u = (root - half - v) / h;
+      if (u < to.value) {
+        const double by = root > 0.1 * half ? -a / root : 0.0;
+        to = {u, by / h, (0.5 * h * by - 1.0) / h};
+      }
+    }
+    // What comes from outside of its bounds returns as fast as it may.
+    return to.value < -acceleration ? DrivenLimit{-acceleration, 0.0, 0.0} : to;
+  }
+
+  DrivenLimit lowest(double q, double v, double h) const {
+    const DrivenLimit mirrored = DrivenBounds{acceleration, speed, -high, -low}.highest(-q, -v, h);
+    return {-mirrored.value, mirrored.by_q, mirrored.by_v};
+  }
+};
+
+}  // namespace fan

@@ -1,0 +1,161 @@
+"""Steps within bounds in real time, beside the interior point method on the same programs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.optimal.clamped import ClampedSteps
+from fantoccini.optimal.dynamics import TimeSteps
+from fantoccini.optimal.nodes import Nodes
+from fantoccini.optimal.objective import Objective
+from fantoccini.optimal.prediction import Predictions
+from fantoccini.optimal.quadratic import StageProgram, StageSolver
+
+TIP = (0.3, 0.0, 0.0)
+INTERVAL, N, DAMPING = 0.02, 40, 1e-5
+
+
+@pytest.fixture(scope="module")
+def arm() -> fan.Marionette:
+    return fan.puppets.arm2d()
+
+
+def motion(arm: fan.Marionette, task: fan.Task, acc_K: np.ndarray | None = None) -> Nodes:
+    """The prediction from the task's start."""
+    if acc_K is None:
+        acc_K = np.zeros((N, arm.coordinates.n_vK))
+    made = Predictions(arm, 0.01, 1).make(task.x0, 0.0, INTERVAL, acc_K[None])[0]
+    assert made is not None
+    return made[0]
+
+
+def task_of(arm: fan.Marionette, by: float, **bounds: object) -> fan.Task:
+    """The tip is to be elsewhere, after a kick."""
+    x0 = arm.project(arm.rest().replace(v_D=[1.0, -1.5]))
+    pose = arm.pose(arm.rest(), "lower")
+    place = pose[:3, 3] + pose[:3, :3] @ np.array(TIP) + [by, 0.0, 0.0]
+    tracks = [
+        fan.Track.point("lower", place, at=TIP, weight=1e3, end_weight=10.0),
+        fan.Track.velocity("*", weight=1e-2),
+    ]
+    return fan.Task(arm, x0, N * INTERVAL, tracks, bounds=fan.Bounds(**bounds), interval=INTERVAL)
+
+
+def both(arm: fan.Marionette, task: fan.Task, nodes: Nodes):
+    """The step found, the program, and its solution by the interior point method."""
+    objective, steps = Objective(task), ClampedSteps(arm, 0.01, 1)
+    found = steps.solve(objective, nodes, steps.linearise(nodes, True), DAMPING, -1)
+    linear = TimeSteps(arm, 0.01, 1).linearise(nodes)
+    linear.e[:] = 0.0
+    program = objective.program(nodes, linear, DAMPING * objective.unit, 0.0)
+    solution = StageSolver(1e-9).solve(program, objective.unit)
+    assert solution.solved
+    return found, program, solution, objective
+
+
+def decrease(program: StageProgram, u: np.ndarray) -> float:
+    """Of the cost of a program without rows, by the sum over its stages."""
+    total, z, before = 0.0, np.zeros(program.A.shape[1]), np.zeros(u.shape[1])
+    for i, own in enumerate(u):
+        coupled = np.concatenate([before, z]) @ program.cross[i] @ own if i else 0.0
+        z = program.A[i] @ z + program.B[i] @ own
+        x = np.concatenate([own, z])
+        total -= 0.5 * x @ program.H[i] @ x + program.g[i] @ x + coupled
+        before = own
+    return float(total)
+
+
+@pytest.mark.parametrize("by", (0.02, 0.2))
+@pytest.mark.parametrize(
+    "bounds",
+    ({}, {"acceleration": 1.0}, {"acceleration": 2.0, "speed": 0.1},
+     {"acceleration": 3.0, "speed": 0.3, "held": ("hand.length",)}),
+)  # fmt: skip
+def test_the_step_is_that_of_the_interior_point_method(arm, by, bounds):
+    task = task_of(arm, by, **bounds)
+    found, program, solution, objective = both(arm, task, motion(arm, task))
+    _, u, _ = objective.widened(solution)
+    assert found.decrease == pytest.approx(decrease(program, solution.u), rel=1e-4)
+    assert found.u == pytest.approx(u, abs=0.02 * np.max(np.abs(u)))
+    if "held" in bounds:
+        assert np.all(found.u[:, arm.coordinates.v_K.index("hand.length")] == 0.0)
+    else:
+        assert decrease(program, found.u) == pytest.approx(found.decrease, rel=1e-9)
+
+
+def test_steps_from_a_motion_in_its_bounds_are_as_good(arm):
+    """Inputs of the motion before are where they may be and pull away from there."""
+    task = task_of(arm, 0.2, acceleration=2.0, speed=0.15)
+    random = np.random.default_rng(3)
+    acc_K = np.zeros((N, 2))
+    for j in range(2):  # runs into the bound of speed, and back
+        sign = random.choice([-1.0, 1.0])
+        acc_K[:3, j], acc_K[20:26, j] = sign * 2.0, -sign * 2.0
+    nodes = motion(arm, task, acc_K)
+    found, program, solution, _ = both(arm, task, nodes)
+    assert found.decrease == pytest.approx(decrease(program, solution.u), rel=1e-4)
+
+
+def test_every_motion_keeps_its_bounds_however_little_work_is_left(arm, monkeypatch):
+    task = task_of(arm, 0.4, acceleration=2.0, speed=0.3, position={"hand.x": (0.2, 0.52)})
+    nodes = motion(arm, task)
+    place = arm.coordinates.v_K.index("hand.x")
+    last = 0.0
+    for work in (1.0, 1.5, 3.0, 20.0):
+        monkeypatch.setattr("fantoccini.optimal.clamped._LEAST", work)
+        monkeypatch.setattr("fantoccini.optimal.clamped._MOST", work)
+        steps = ClampedSteps(arm, 0.01, 1)
+        found = steps.solve(Objective(task), nodes, steps.linearise(nodes, True), DAMPING, -1)
+        assert found.stages <= (work + 0.2) * N
+        after = motion(arm, task, nodes.acc_K + found.u)
+        assert np.all(np.abs(after.acc_K) <= 2.0 + 1e-9)
+        assert np.all(np.abs(after.v_K) <= 0.3 + 1e-9)
+        assert np.all(after.q_K[:, place] <= 0.52 + 1e-9)
+        assert found.decrease >= last > -1.0
+        last = found.decrease
+    assert np.max(after.q_K[:, place]) > 0.51
+
+
+def test_bounds_that_may_be_passed_cost_what_they_cost_there(arm):
+    free = task_of(arm, 0.2, acceleration=20.0)
+    task = task_of(arm, 0.2, acceleration=20.0, joint={"elbow": (0.2, 1.55)})
+    nodes = motion(arm, task)
+    found, _, solution, objective = both(arm, task, nodes)
+    _, u, _ = objective.widened(solution)
+    assert np.max(np.abs(u - both(arm, free, nodes)[0].u)) > 1.0
+    assert found.u == pytest.approx(u, abs=0.05 * np.max(np.abs(u)))
+
+
+def test_bounds_of_jerks_are_kept_by_the_interior_point_method(arm):
+    task = task_of(arm, 0.02, acceleration=20.0, jerk=200.0)
+    nodes = motion(arm, task)
+    found, _, solution, _ = both(arm, task, nodes)
+    jumps = np.diff(nodes.acc_K + found.u, axis=0, prepend=0.0)
+    assert np.max(np.abs(jumps)) < 200.0 * INTERVAL + np.max(solution.passed) + 0.02
+    assert np.max(np.abs(jumps)) > 3.9
+
+
+def test_a_tracked_tension_is_part_of_the_program(arm):
+    task = task_of(arm, 0.0, acceleration=5.0)
+    pull = float(arm.forward_dynamics(arm.rest()).tension[0])
+    more = fan.Track.tension("hand", 1.2 * pull, weight=1.0)
+    task = replace(task, x0=arm.rest(), tracks=[*task.tracks, more])
+    found, _, solution, objective = both(arm, task, motion(arm, task))
+    _, u, _ = objective.widened(solution)
+    assert np.max(np.abs(u)) > 0.1
+    assert found.u == pytest.approx(u, abs=2e-3)
+
+
+def test_a_program_like_the_one_before_needs_less_work(arm):
+    task = task_of(arm, 0.2, acceleration=1.0)
+    nodes, steps, objective = motion(arm, task), ClampedSteps(arm, 0.01, 1), Objective(task)
+    slopes = steps.linearise(nodes, True)
+    first = steps.solve(objective, nodes, slopes, DAMPING, -1)
+    again = steps.solve(objective, nodes, slopes, DAMPING, 0)
+    assert first.solved and again.solved
+    assert again.iterations == 1 < first.iterations
+    assert again.u == pytest.approx(first.u, abs=1e-6)

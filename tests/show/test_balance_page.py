@@ -1,0 +1,85 @@
+"""Hands that balance a live puppet, and bodies that viewers pull at."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.show.browser import chrome, picture, until, words
+from tests.show.toys import TOY
+from tests.show.viewer import Viewer
+
+import fantoccini as fan
+from fantoccini.errors import StateError
+
+BODY = "/puppet/lower/0"
+
+
+@pytest.fixture
+def page(tmp_path):
+    made = fan.show(
+        fan.puppets.arm2d(), port=0, browser=False, wait=False, record_to=tmp_path, balance=True
+    )
+    yield made
+    made.close()
+
+
+def tip(performance) -> np.ndarray:
+    pose = performance.marionette.pose(performance.state, "lower")
+    return pose[:3, 3] + pose[:3, :3] @ [0.1, 0.0, 0.0]
+
+
+def test_a_body_is_pulled_at_and_let_go_while_the_hands_balance_it(page):
+    live = page.show
+    performance = live.performance
+    with Viewer(page.url) as viewer:
+        viewer.until_said("updates,", 120.0)  # compiling takes its time
+        assert "The hands balance it" in viewer.said
+        home = tip(performance)
+        far = home + np.array([0.3, 0.0, 0.0])
+        viewer.drag("start", BODY, home, home)
+        viewer.drag("update", BODY, home, far)
+        until(lambda: (tip(performance) - home)[0] > 0.01, "the arm follows the mouse")
+        assert live.holder.viewer is not None
+        push = performance._pushes["lower"]
+        assert np.linalg.norm(push.force) <= 0.5 * performance.marionette.weight * (1.0 + 1e-9)
+        viewer.drag("end", BODY, home, far)
+        until(lambda: not performance._pushes, "it is let go")
+        until(lambda: live.holder.viewer is None, "the strings are free")
+        until(lambda: np.linalg.norm(tip(performance) - home) < 5e-3, "it is back")
+
+
+def test_the_box_gives_the_hands_back_and_a_reset_keeps_them_balancing(page):
+    live = page.show
+    with Viewer(page.url) as viewer:
+        live.later(None, live.reset)
+        until(lambda: live.balance is not None, "hands that still balance")
+        viewer.tick("Let the hands balance it", False)
+        until(lambda: live.balance is None, "hands with targets")
+        viewer.tick("Let the hands balance it", True)
+        until(lambda: live.balance is not None, "hands that balance")
+
+
+def test_a_puppet_with_contact_says_why_not(tmp_path):
+    block = fan.loads(TOY.replace("floor: 0.0", "floor: 0.0\ncontact: true"))
+    with pytest.raises(StateError, match="contact"):
+        fan.show(block, port=0, browser=False, wait=False, record_to=tmp_path, balance=True)
+    page = fan.show(block, port=0, browser=False, wait=False, record_to=tmp_path)
+    with page, Viewer(page.url) as viewer:
+        viewer.tick("Let the hands balance it", True)
+        viewer.until_said("contact")
+        assert page.show.balance is None
+
+
+def test_a_motion_is_not_balanced(tmp_path):
+    arm = fan.puppets.arm2d()
+    run = fan.simulate(arm, arm.rest(), t_end=0.1)
+    with pytest.raises(ValueError, match="live"):
+        fan.show(run, port=0, browser=False, wait=False, record_to=tmp_path, balance=True)
+
+
+def test_the_page_tells_it(page):
+    with chrome() as browser:
+        page.show.panel._views._shadows.value = False
+        browser.get(page.url)
+        until(lambda: "updates" in words(browser), "the page tells of updates", 120.0)
+        picture(browser, "balance")
