@@ -113,7 +113,7 @@ def test_a_step_of_a_lane_is_that_of_a_single_run(stage):
 
 
 def test_a_box_that_lands_and_rocks_in_lanes_is_that_of_a_single_run():
-    """From corner to edge to face: the same motion, impacts and ledger in 150 steps, under the law."""
+    """From corner to edge to face: the same motion, impacts and ledger in 150 steps."""
     box = fan.loads("""
 puppet: box
 floor: 0
