@@ -19,8 +19,7 @@ from fantoccini.optimal.bounds import Bounds
 from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.costs import Smooth, Track
 from fantoccini.optimal.dynamics import TimeSteps
-from fantoccini.optimal.exact_runs import ExactRuns
-from fantoccini.optimal.hybrid import HybridRuns
+from fantoccini.optimal.hybrid import ExactRuns, HybridRuns
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
 from fantoccini.optimal.outlook import out_of_reach
@@ -118,7 +117,7 @@ def optimise(
     until = began + time_limit
     limits = Limits(tolerance, cost_tolerance, iterations, until)
     search: Search | ThroughModes = Search(at, runs, objective, limits)
-    if isinstance(runs, HybridRuns):
+    if task.explore and isinstance(runs, HybridRuns):
         search = ThroughModes(at, runs, objective, limits, seed)
     status = None
     try:

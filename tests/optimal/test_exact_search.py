@@ -10,7 +10,7 @@ import pytest
 import fantoccini as fan
 from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.dynamics import TimeSteps
-from fantoccini.optimal.exact_runs import ExactRuns
+from fantoccini.optimal.hybrid import ExactRuns
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
 
@@ -37,7 +37,9 @@ def test_the_gradient_through_catches_is_that_of_differences(arm: fan.Marionette
     """J by accelerations and by the length of the intervals, along a run that is caught twice."""
     values = {"shoulder": -0.2, "elbow": 0.6, "hand.length": 0.95, "v:elbow": 0.5}
     x0 = arm.project(arm.state(values | {"v:shoulder": -0.3}))
-    task = replace(reaching(arm, x0), duration=(0.6, 1.0))
+    task = reaching(arm, x0)
+    pull = fan.Track.tension("hand", 2.0, weight=0.01)
+    task = replace(task, duration=(0.6, 1.0), tracks=[*task.tracks, pull])
     chosen = Chosen(arm, x0, {})
     runs, objective = ExactRuns(TimeSteps(arm, 0.005, 1, chosen), chosen), Objective(task)
     acc = np.zeros((16, 2))
