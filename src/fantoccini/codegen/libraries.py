@@ -20,6 +20,8 @@ WIDE = Real("fan::Wide", "wide", "fantoccini/wide.hpp")
 
 _BESIDE = replace(WIDE, stem="wide")
 """The same beside functions of doubles."""
+_SINGLE = replace(Real(), stem="single")
+"""Doubles beside lanes: those whose contacts are not those of the others make steps one by one."""
 _IN_LANES = ("force_by_q", "force_by_v", "force_by_K", "rows_by", "row_rates_by")
 """Functions that libraries ``with_lanes`` evaluate at several states at once."""
 
@@ -85,16 +87,24 @@ def generate(equations: Equations, library: str = "model") -> Generated:
     in_threes = kind.touches and equations.tree.n_contacts > 0
     if in_threes:
         members.append(_PUSH.format(space=kind.real.space))
+    singly = in_threes and kind.real is WIDE
+    if singly:
+        single = [_member(name, _SINGLE, kind.mapped) for name in (*own, "column")]
+        members += [_SEVERAL_LANES, *single, "#endif"]
     templates = [_pushes(equations, made["forth"])] if in_threes else []
     if kind.several:
         for name in ("forth", "back"):
             templates.append(together(made[name], f"fan_{name}_of", SIZES.piece))
             members.append(_SEVERAL.format(name=name, space=kind.real.space))
+    more = _SPACE.format(**vars(_BESIDE)) if beside else ""
+    if singly:
+        more = f"{_SEVERAL_LANES}\n{_SPACE.format(**vars(_SINGLE))}#endif\n"
+    parts = {kind.real: made} | ({_BESIDE: beside} if beside else {})
     main = _MAIN.format(
         library=library.replace("_", " "),
         templates="\n".join([*templates, ""]) if templates else "",
         more_headers=f'#include "{_BESIDE.header}"\n' if beside else "",
-        more=_SPACE.format(**vars(_BESIDE)) if beside else "",
+        more=more,
         members="\n".join(members),
         maps="".join(_map(equations, n, n in beside) for n in names) if kind.mapped else "",
         abi=kind.header,
@@ -102,7 +112,7 @@ def generate(equations: Equations, library: str = "model") -> Generated:
         **vars(kind.real),
     )
     files = {f"{STEM}.hpp": tables_text(equations, sizes), "main.cpp": main}
-    return assembled({kind.real: made, **({_BESIDE: beside} if beside else {})}, files)
+    return assembled(parts | ({_SINGLE: made} if singly else {}), files)
 
 
 def _programs(
@@ -185,6 +195,8 @@ _SEVERAL = """\
   static void {name}_of(const double* L, const V* x, V* y) {{
     {space}::fan_{name}_of(L, x, y);
   }}"""
+
+_SEVERAL_LANES = "#if FAN_WIDTH > 1"
 
 _SPACE = """\
 namespace {space} {{
