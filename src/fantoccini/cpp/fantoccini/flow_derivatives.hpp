@@ -35,6 +35,7 @@ class FlowDerivatives {
         points_(new FlowPoint<Model>[dop853::stages + 1]), Z_(size()), Z_at_(size()), Z_end_(size()),
         by_state_((dop853::stages + 1) * in_state), by_rest_((dop853::stages + 1) * in_rest()),
         powers_(n_powers * changes()), inputs_(changes()) {
+    rate_.resize((dop853::stages + 1) * NY);
     for (auto& k : Z_rate_) k.resize(size());
     for (int j = 0; j < n_powers * Linear::n_changes; ++j)
       std::memcpy(
@@ -97,13 +98,14 @@ class FlowDerivatives {
     motion_of<typename Model::Driven>(
         in_.input.coef, in_.input.base, still_, s, at.q_K, at.v_K, at.acc_K);
     for (int j = 0; j < N; ++j) {
-      double rate, second;
+      double speed, second;
       at.u_D[j] = 0.0;
-      if (in_.input.force) polynomial(in_.input.force + n_powers * j, s, at.u_D[j], rate, second);
+      if (in_.input.force) polynomial(in_.input.force + n_powers * j, s, at.u_D[j], speed, second);
     }
     at.accelerate(in_.p, held_, n_held_);
-    configuration_rate(at.q_D, at.v_D, rate_[stage]);
-    std::memcpy(rate_[stage] + NQ, at.acc, sizeof(double) * N);
+    double* rate = rate_.data() + stage * NY;
+    configuration_rate(at.q_D, at.v_D, rate);
+    std::memcpy(rate + NQ, at.acc, sizeof(double) * N);
   }
 
   static void configuration_rate(const double* q, const double* v, double* rate) {
@@ -187,7 +189,7 @@ class FlowDerivatives {
   void combine(const double* weights, int n, double h, double* out) const {
     for (int j = 0; j < NY; ++j) {
       double sum = 0.0;
-      for (int i = 0; i < n; ++i) sum += weights[i] * rate_[i][j];
+      for (int i = 0; i < n; ++i) sum += weights[i] * rate_[i * NY + j];
       out[j] = y_[j] + h * sum;
     }
   }
@@ -216,7 +218,7 @@ class FlowDerivatives {
   double finish(double h) {
     double five = 0.0, three = 0.0;
     for (int j = 0; j < NY; ++j)
-      add_error(y_[j], end_[j], [&](int i) { return rate_[i][j]; }, &five, &three);
+      add_error(y_[j], end_[j], [&](int i) { return rate_[i * NY + j]; }, &five, &three);
     Wide fives = Wide(0.0), threes = Wide(0.0);
     for (int j = 0; j < rows * ld_; j += FAN_WIDTH) {
       const Wide from = wide(Z_.data() + j);
@@ -261,7 +263,7 @@ class FlowDerivatives {
   // Makes the end of the step the start of the next.
   void accept() {
     std::memcpy(y_, end_, sizeof(y_));
-    std::memcpy(rate_[0], rate_[dop853::stages], sizeof(rate_[0]));
+    std::memcpy(rate_.data(), rate_.data() + dop853::stages * NY, sizeof(y_));
     Z_.swap(Z_end_);
     std::memcpy(points_[0].v_D, points_[dop853::stages].v_D, sizeof(points_[0].v_D));
     std::memcpy(by_state_.data(), by_state_.data() + dop853::stages * in_state, sizeof(double) * in_state);
@@ -283,7 +285,8 @@ class FlowDerivatives {
   bool still_[room(K)];
   Linear linear_;
   std::unique_ptr<FlowPoint<Model>[]> points_;
-  double y_[NY], end_[NY], rate_[dop853::stages + 1][NY];
+  double y_[NY], end_[NY];
+  std::vector<double> rate_;  // (stages + 1, NY); g++ 12 takes such a member for aligned without AVX
   std::vector<double> Z_, Z_at_, Z_end_, Z_rate_[dop853::stages];
   std::vector<double> by_state_, by_rest_, powers_, inputs_;
 };
