@@ -200,7 +200,8 @@ struct TimeStep {
     steadier = steady;
     steady = !caught;
     const Real most = select(stirred, Real(1.0), Real(Tolerance::unstirred_factor));
-    steady = steady && !limit_speed<Model>(most, dt, v_next, speed_bound);
+    const Mask braked = limit_speed<Model>(most, dt, v_next, speed_bound);  // always, steady or not
+    steady = steady && !braked;
     if (!extrapolates) steady = Real(0.0) > Real(1.0);
   }
 
