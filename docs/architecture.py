@@ -28,6 +28,7 @@ PACKAGES = {
     "marionette": "The model (tree, parameters, winches, libraries), its algorithms, the facade.",
     "puppets": "The bundled puppets, and performances for them.",
     "simulation": "Runs, batches and their sensitivities.",
+    "clearance": "Distances of a puppet from obstacles, from other puppets and from itself.",
     "optimal": "Optimal control: the motion of least cost within bounds, event-driven.",
     "reduction": "Compares the mixed model with the puppet on drives (the paper's Section VI).",
     "sweeps": "One study over many cases, on threads or a Ray cluster, with a store.",

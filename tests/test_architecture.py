@@ -42,6 +42,7 @@ ORDER = (
     "marionette",
     "puppets",  # the bundled puppets: beside the modules, for users of `marionette`
     "simulation",
+    "clearance",
     "optimal",
     "reduction",
     "sweeps",
@@ -77,7 +78,7 @@ ONLY_IN = {
     "ray": {"sweeps"},
     "mujoco": {"exchange"},
     "coacd": {"runtime"},  # convex pieces
-    "coal": {"planning", "runtime"},  # exact meshes; how well pieces fit them
+    "coal": {"clearance", "runtime"},  # exact meshes; how well pieces fit them
     "pyvista": {"view"},
     "viser": {"web"},
 }

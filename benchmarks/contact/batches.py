@@ -40,8 +40,8 @@ def chapter(made: list[Pair], turns: int, trajectories: int) -> Chapter:
         f"as many of two, each with small velocities of its own, on {THREADS} threads, in turns, "
         f"{turns} of them, by the clock. Ours: one call of `fan.simulate_batch` in Python; MuJoCo: "
         "`mujoco.rollout` with the fastest setting and a pool of threads. Lanes share the "
-        "equations, the strings' rows, the columns of contact points and Newton's method; each "
-        "looks at its near pairs, and at what Newton's method leaves unsolved, by itself."
+        "equations, and those that stand also the law; lanes in which feet slide or something else "
+        "touches make their steps by themselves."
     )
     ratios = [[goal.what, *spread(goal.measured, times)] for goal in goals]
     table = Table(["trajectories a second", "median", "min", "max"], rows)

@@ -1,9 +1,11 @@
-"""Prints how long programs of stages of the marionette take, here and with PIQP, in turns.
+"""Prints how long programs of stages of the marionette take, here and elsewhere, in turns.
 
     python -m benchmarks.optimal.solvers [--turns 10]
 
 The programs are first steps of the task ``circle``: as it is, with all 21 inputs, and with
-accelerations bounded so that many bounds are in force.
+accelerations bounded so that many bounds are in force. PIQP solves them as they are; HPIPM and
+OSQP, as CasADi brings them, without bounds of tensions. HPIPM is given the fewest iterations after
+which its inputs are within 1e-4 m/s^2 of the solution.
 """
 
 from __future__ import annotations
@@ -25,10 +27,13 @@ from fantoccini.optimal.objective import Objective
 from fantoccini.optimal.quadratic import StageProgram, StageSolver
 from fantoccini.optimal.shooting import EventRuns
 
+from .casadi_stages import CasadiSolver
 from .piqp_stages import PiqpSolver
 
 DAMPING = 3e-4
 """Damping of the Hessian, in units of the cost: that of the search's first step."""
+NEAR = 1e-4
+"""Of inputs that count as found [m/s^2]."""
 
 
 def first_program(task: fan.Task) -> tuple[StageProgram, float]:
@@ -74,6 +79,31 @@ def main() -> None:
         print(
             f"{name}: {own_ms:.1f} ms ({a.iterations} factorisations), PIQP {other_ms:.1f} ms "
             f"({b[1]}), ratio {np.median([y / x for x, y in taken]):.1f}; apart {apart:.1e} m/s^2"
+        )
+        others(replace(task, bounds=replace(task.bounds, tension={})), turns)
+
+
+def others(task: fan.Task, turns: int) -> None:
+    """Prints the times of HPIPM and OSQP beside our own."""
+    program, unit = first_program(task)
+    exact = StageSolver(1e-13).solve(program, unit).u
+    own = StageSolver(1e-8)
+    for other, limits in (("hpipm", (1, 2, 4, 8, 12, 16, 24, 32, 60)), ("osqp", (0,))):
+        for limit in limits:
+            solver = CasadiSolver(other, program, limit)
+            apart = float(np.max(np.abs(solver.solve(program, unit)[0] - exact)))
+            if apart < NEAR:
+                break
+        taken = []
+        for _ in range(turns):
+            ms = timed(partial(own.solve, program, unit))[1]
+            taken.append((ms, solver.solve(program, unit)[1]))
+        own_ms, other_ms = np.median(taken, axis=0)
+        ratio = np.median([y / x for x, y in taken])
+        its = f" ({limit})" if limit else ""
+        print(
+            f"  without tensions: {own_ms:.1f} ms, {other.upper()} {other_ms:.1f} ms{its}, ratio "
+            f"{ratio:.1f}; apart {apart:.1e} m/s^2"
         )
 
 

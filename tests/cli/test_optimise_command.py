@@ -75,7 +75,7 @@ def test_a_task_is_solved_drawn_and_written(task, tmp_path) -> None:
 
 
 def test_tasks_are_listed_and_the_schema_printed() -> None:
-    assert fantoccini("optimise").stdout.split() == ["circle", "crane"]
+    assert fantoccini("optimise").stdout.split() == ["circle", "crane", "swing_up"]
     schema = fantoccini("schema", "task")
     assert schema.exit_code == 0 and '"tracks"' in schema.stdout
 
@@ -120,7 +120,7 @@ def test_ctrl_c_keeps_the_best_motion(task, monkeypatch) -> None:
     ("arguments", "message"),
     [
         (("cran",), "the name of a bundled task; did you mean 'crane'?"),
-        (("ball",), "the names are circle, crane"),
+        (("ball",), "the names are circle, crane, swing_up"),
         (("ring.yaml", "--tolerance", "0"), "not a positive number"),
         (("ring.yaml", "--iterations", "0"), "iterations"),
         (("ring.yaml", "--time-limit", "-1"), "not a positive number"),

@@ -110,3 +110,31 @@ def test_a_step_of_a_lane_is_that_of_a_single_run(stage):
                 assert max(one.contact_residual[1], lanes.contact_residual[i, 1]) < LAW, (k, i)
                 several += 1
     assert touched > 8 and exact > 5 and several <= 1
+
+
+def test_a_box_that_lands_and_rocks_in_lanes_is_that_of_a_single_run():
+    """From corner to edge to face: the same motion, impacts and ledger in 150 steps."""
+    box = fan.loads("""
+puppet: box
+floor: 0
+contact: {friction: 1.5}
+bodies:
+- name: body
+  joint: {type: free}
+  shapes: [{type: box, size: [0.2, 0.3, 0.1], mass: 1}]
+pose: {body.z: 0.08}
+""")
+    rng, x, names = np.random.default_rng(3), box.state(), box.coordinates.v_D
+    starts = []
+    for i in range(8):
+        v = np.zeros(len(names))
+        v[names.index("body.z")] = -0.2 * (i % 2)
+        v[3:] = 0.4 * rng.normal(size=len(names) - 3) * (i > 1)
+        starts.append(x.replace(v_D=v))
+    lanes = stepped(box, starts, 150)
+    assert np.nanmax(lanes.contact_residual) < LAW
+    for i, start in enumerate(starts):
+        one = fan.simulate(box, start, t_end=150 * DT, method=fan.TimeStepping(dt=DT))
+        assert np.allclose(lanes.v_D[i], one.v_D, rtol=0, atol=1e-8), i
+        assert lanes.ledger.values[i] == pytest.approx(one.ledger.values, abs=1e-8), i
+        assert one.ledger["impact"][-1] > 1e-3

@@ -182,7 +182,9 @@ def test_the_gap_is_certain(program: Path, kinds: tuple[str, str]) -> None:
     for (x, y), found in zip(pairs, touches(program, pairs, MARGIN), strict=True):
         t = min(found.touches, key=lambda t: t.gap)
         assert np.linalg.norm(t.normal) == pytest.approx(1, abs=1e-12)
-        on_x, on_y = t.point + t.normal * t.gap / 2, t.point - t.normal * t.gap / 2
+        # Half way between the surfaces, but on that of a half-space.
+        part = 1.0 if kinds[1] == "half-space" else 0.5
+        on_x, on_y = t.point + t.normal * t.gap * part, t.point - t.normal * t.gap * (1 - part)
         held = -x.reach(-t.normal) - y.reach(t.normal)
         off.append(max(abs(x.off_surface(on_x)), abs(y.off_surface(on_y))))
         loose.append(abs(held - t.gap))
@@ -219,7 +221,7 @@ def test_closed_forms(program: Path) -> None:
     low = np.hypot(0.3 * sine, 0.1 * cosine)
     beside = (0.3**2 - 0.1**2) * sine * cosine / low
     cases = [
-        (sphere([1, 2, 1.2], 0.19), plane, [1, 2, 1.005], [0, 0, 1], 0.01),
+        (sphere([1, 2, 1.2], 0.19), plane, [1, 2, 1], [0, 0, 1], 0.01),
         (sphere([1, 0, 0], 0.5), sphere([0, 0, 0], 0.6), [0.55, 0, 0], [1, 0, 0], -0.1),
         (sphere([0.1, 0, 0.3], 0.1), box([0, 0, 0], [0.2] * 3), [0.1, 0, 0.2], [0, 0, 1], 0),
         (sphere([0.19, 0, 0], 0.1), box([0, 0, 0], [0.2] * 3), [0.145, 0, 0], [1, 0, 0], -0.11),
@@ -230,7 +232,7 @@ def test_closed_forms(program: Path) -> None:
         ),
         (
             ellipsoid([0, 0, 1.3], [0.3, 0.1, 0.1], tilted), plane,
-            [beside, 0, 1 + (0.3 - low) / 2], [0, 0, 1], 0.3 - low,
+            [beside, 0, 1], [0, 0, 1], 0.3 - low,
         ),
         (
             ellipsoid([0, 0, 0.25], [0.3, 0.2, 0.1]), sphere([0, 0, 0], 0.12),
@@ -454,6 +456,6 @@ def test_round_boxes_are_inflated(program: Path) -> None:
         for x, z in ((rounded, y), (y, rounded)):
             (found,) = touches(program, [(x, z)], 0.1)
             assert found.gap == pytest.approx(gap, abs=1e-12)
-            assert np.allclose(found.points[:, 2], 0.17 if y is not plane else -0.17, atol=1e-12)
+            assert np.allclose(found.points[:, 2], 0.17 if y is not plane else -0.2, atol=1e-12)
     (found,) = touches(program, [(rounded, ellipsoid([0, 0, 0.25], [0.1, 0.2, 0.05]))], 0.1)
     assert found.gap == pytest.approx(0.06, abs=1e-12)

@@ -332,10 +332,3 @@ def test_tasks_that_are_none(arm: fan.Marionette):
         fan.Task(arm, x0, 1.0, [], interval=0.0)
 
 
-def test_contact_is_refused_by_name():
-    puppet = fan.loads(
-        SMALL_CRANE.replace("puppet: small_crane", "puppet: c\nfloor: -3.0\ncontact: true")
-    )
-    task = fan.Task(puppet, puppet.rest(), 1.0, [fan.Track.coordinate("bob.x", 0.1)])
-    with pytest.raises(fan.StateError, match="optimise"):
-        fan.optimise(task)

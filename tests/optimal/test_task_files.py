@@ -59,10 +59,13 @@ def written(folder, text: str, name: str = "task.yaml"):
 
 
 def test_bundled_tasks_are_as_they_say():
-    assert set(task_names()) == {"circle", "crane"}
+    assert set(task_names()) == {"circle", "crane", "swing_up"}
     crane = fan.load_task("crane")
     assert crane.name == "crane" and crane.is_free and crane.end is not None
     assert crane.x0.q_K[0] == -1.0 and crane.end.q_K[0] == 1.0
+    swing_up = fan.load_task("swing_up")
+    assert swing_up.explore == 1 and not swing_up.bounds.tension
+    assert np.degrees(swing_up.end.q_D) == pytest.approx([151.6, -107.5], abs=0.1)
     circle = fan.load_task("circle")
     path = np.array([circle.tracks[0].path(t) for t in np.linspace(0.0, 2.0, 101)])
     assert np.ptp(path[:, 1]) == pytest.approx(0.1, rel=1e-3)
@@ -198,6 +201,8 @@ MISTAKES = [
     (TRACK, ("{hand.x: 5.0}", "{hand.y: 5.0}"), 22, "bounds.acceleration", "'hand.x'"),
     (TRACK, ("held: [hand.x]", "held: [hand.y]"), 23, "bounds.held[0]", "'hand.x'"),
     (TRACK, ("interval: 0.05", "interval: 1.0e-6"), 24, "interval", "allowed: 10000"),
+    (CRANE, ("slack: true", "explore: 1"), 7, "explore", "needed beside it: slack: true"),
+    (CRANE, ("slack: true", "slack: true\nexplore: -1"), 8, "explore", "greater than or equal"),
 ]  # fmt: skip
 
 
@@ -237,9 +242,29 @@ def test_circles_of_free_durations_need_an_end(tmp_path):
     assert fan.load_task(written(tmp_path, CRANE + ended)).tracks[0].path.end == 2.0
 
 
-def test_puppets_with_contact_are_refused_where_they_are_named(tmp_path):
-    with pytest.raises(FileError, match=r"task\.yaml:2: puppet: .*has contact"):
-        fan.load_task(written(tmp_path, "task: t\npuppet: promenade\nduration: 1\n"))
+STAGE = "task: t\npuppet: promenade\nduration: 1\n"
+
+
+def test_puppets_with_contact_have_tasks_with_periodic_ends_and_guesses(tmp_path):
+    moves = "coordinates: {head.x: [[0, 0], [1, 0.03]]}"
+    written(tmp_path, f"name: g\nduration: 1\n{moves}\n", "g.yaml")
+    more = "periodic: {torso.x: 0.03, head.x: 0.03}\nguess: g.yaml\n"
+    task = fan.load_task(written(tmp_path, STAGE + more))
+    assert task.goal.q_K[0] - task.x0.q_K[0] == pytest.approx(0.03)
+    assert task.guess.evaluate(1.0)[0][0] == pytest.approx(0.03)
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("periodic: {torso.x: 0.03, torso.u: 0.03}", r"task\.yaml:4: periodic.torso\.u: .*torso"),
+        ("guess: nowhere.yaml", r"task\.yaml:4: guess: .*no file"),
+        ("periodic: {}\nend: {}", "both `end` and `periodic`"),
+    ],
+)
+def test_mistakes_of_periodic_ends_and_guesses(tmp_path, line, words):
+    with pytest.raises(FileError, match=words):
+        fan.load_task(written(tmp_path, f"{STAGE}{line}\n"))
 
 
 @pytest.mark.parametrize("text", [TRACK, CRANE])

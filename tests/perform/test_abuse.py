@@ -43,7 +43,7 @@ def abused(live: fan.Performance, throws: int, ticks: int, seed: int) -> float:
             for part in (x.q_D, x.v_D, x.q_K, x.v_K, x.slip, live.tension):
                 assert np.all(np.isfinite(part))
             gained = max(gained, sum(energies(marionette.model, x)) - before)
-            assert live._stopped is None
+            assert live._reports.stopped is None
             assert np.all(reach.lengths(x.v_K, hands.group, n) <= hands.speed * (1 + 1e-9))
             if not marionette.coordinates.quaternions_K:
                 change = reach.lengths(x.v_K - v_K, hands.group, n) / live.tick

@@ -36,11 +36,12 @@ def optimise_file(request: OptimiseRequest) -> None:
         steps.step("looking for poses that reach the paths")
         for text in out_of_reach(task):
             say(f"fantoccini: {text}")
-        done = steps.bar("optimising", float(request.iterations))
+        tries = max(1, 2 * task.explore)  # an exploration, and what tightens its motion
+        done = steps.bar("optimising", float(request.iterations * tries))
         found = optimise(
             task, tolerance=request.tolerance, cost_tolerance=request.cost_tolerance,
             iterations=request.iterations, time_limit=request.time_limit, threads=request.threads,
-            progress=lambda at: done(float(at.iterations)),
+            seed=request.seed, progress=lambda at: done(float(at.iterations)),
         )  # fmt: skip
         _write(request, found, steps)
     if not request.quiet:
@@ -99,7 +100,7 @@ def _report(found: Optimum) -> None:
     ]
     if low < high:
         lines[1] = (f"duration, of {low:g} to {high:g} [s]", lines[1][1])
-    if found.task.end is not None:
+    if found.task.goal is not None:
         lines.append(("from its end", f"{found.end_gap:.2g}"))
     lines += list(found.parameters.items())
     table("Optimum", ("", ">"), lines)

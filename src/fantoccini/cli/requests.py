@@ -229,6 +229,7 @@ class OptimiseRequest(PictureOptions):
     threads: Annotated[
         int | None, typer.Option(min=1, help="Number of threads; one per processor by default.")
     ] = None
+    seed: Annotated[int, typer.Option(min=0, help="Seed of explorations.")] = 0
     out: Out = None
     picture: Annotated[
         Path | None,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import prod
 
 from fantoccini.codegen.model import SIZES, STEM, Generated, Real, assembled, programs, tables_text
 from fantoccini.codegen.straight import Program, program, together
@@ -17,6 +18,13 @@ from fantoccini.equations import (
 WIDE = Real("fan::Wide", "wide", "fantoccini/wide.hpp")
 """As many doubles as a processor's vector holds: one trajectory or configuration for each lane."""
 
+_BESIDE = replace(WIDE, stem="wide")
+"""The same beside functions of doubles."""
+_SINGLE = replace(Real(), stem="single")
+"""Doubles beside lanes: those whose contacts are not those of the others make steps one by one."""
+_IN_LANES = ("force_by_q", "force_by_v", "force_by_K", "rows_by", "row_rates_by")
+"""Functions that libraries ``with_lanes`` evaluate at several states at once."""
+
 
 @dataclass(frozen=True)
 class _Kind:
@@ -29,6 +37,7 @@ class _Kind:
         columns: whether it has ``column``.
         touches: whether it makes time steps with contact.
         several: whether it has ``forth`` and ``back`` of several vectors at once.
+        with_lanes: whether it evaluates derivatives at several states at once.
     """
 
     header: str
@@ -37,6 +46,7 @@ class _Kind:
     columns: bool = True
     touches: bool = False
     several: bool = False
+    with_lanes: bool = False
 
 
 _KINDS = {
@@ -46,8 +56,10 @@ _KINDS = {
     "rollouts": _Kind("rollouts_abi", WIDE, touches=True),
     "variational": _Kind("variational_abi", Real()),
     "variational_lanes": _Kind("variational_lane_abi", WIDE),
-    "derivatives": _Kind("map_abi", Real(), mapped=True, columns=False),
-    "step_derivatives": _Kind("step_derivatives_abi", Real(), several=True),
+    "derivatives": _Kind(
+        "derivatives_abi", Real(), mapped=True, several=True, with_lanes=True
+    ),
+    "step_derivatives": _Kind("step_derivatives_abi", Real(), several=True, with_lanes=True),
     "gradients": _Kind("gradients_abi", Real()),
     "variational_derivatives": _Kind("map_abi", Real(), mapped=True, columns=False),
     "reach": _Kind("reach_abi", Real(), columns=False),
@@ -63,29 +75,44 @@ def generate(equations: Equations, library: str = "model") -> Generated:
     """
     kind, names = _KINDS[library], compiled(library, equations.tree.sizes)
     made = _programs(equations, library, names, kind.columns)
-    plain = library in ("derivatives", "variational_derivatives")
+    plain = library == "variational_derivatives"
     sizes = {**equations.tree.sizes, "n_packed": 0} if plain else None
-    members = [_member(name, kind) for name in (*names, *["column"] * kind.columns)]
+    beside = {name: made.pop(name) for name in list(made) if kind.with_lanes and name in _IN_LANES}
+    own = [name for name in names if name not in beside]
+    members = [
+        _member(name, kind.real, kind.mapped) for name in (*own, *["column"] * kind.columns)
+    ]
+    members += [_member(name, _BESIDE, kind.mapped) for name in beside]
     # Contact points push along three directions each. Bundles have a width of 1 on some processors.
     in_threes = kind.touches and equations.tree.n_contacts > 0
     if in_threes:
         members.append(_PUSH.format(space=kind.real.space))
+    singly = in_threes and kind.real is WIDE
+    if singly:
+        single = [_member(name, _SINGLE, kind.mapped) for name in (*own, "column")]
+        members += [_SEVERAL_LANES, *single, "#endif"]
     templates = [_pushes(equations, made["forth"])] if in_threes else []
     if kind.several:
         for name in ("forth", "back"):
             templates.append(together(made[name], f"fan_{name}_of", SIZES.piece))
             members.append(_SEVERAL.format(name=name, space=kind.real.space))
+    more = _SPACE.format(**vars(_BESIDE)) if beside else ""
+    if singly:
+        more = f"{_SEVERAL_LANES}\n{_SPACE.format(**vars(_SINGLE))}#endif\n"
+    parts = {kind.real: made} | ({_BESIDE: beside} if beside else {})
     main = _MAIN.format(
         library=library.replace("_", " "),
         templates="\n".join([*templates, ""]) if templates else "",
+        more_headers=f'#include "{_BESIDE.header}"\n' if beside else "",
+        more=more,
         members="\n".join(members),
-        maps="".join(_map(name) for name in names) if kind.mapped else "",
+        maps="".join(_map(equations, n, n in beside) for n in names) if kind.mapped else "",
         abi=kind.header,
         width="1" if kind.real.type == "double" else "FAN_WIDTH",
         **vars(kind.real),
     )
     files = {f"{STEM}.hpp": tables_text(equations, sizes), "main.cpp": main}
-    return assembled(made, files, real=kind.real)
+    return assembled(parts | ({_SINGLE: made} if singly else {}), files)
 
 
 def _programs(
@@ -120,33 +147,41 @@ def _pushes(equations: Equations, forth: Program) -> str:
     return "\n".join([*texts, together(forth, "fan_push_all", SIZES.piece), *switch, ""])
 
 
-def _member(name: str, kind: _Kind) -> str:
+def _member(name: str, real: Real, mapped: bool) -> str:
     """A function as a member of the C++ struct ``Model``."""
-    space, type_ = kind.real.space, kind.real.type
+    space, type_ = real.space, real.type
     if name == "column":
         return (
             f"  static void column(int which, const {type_}** arg, {type_}** res) {{\n"
             f"    {space}::fan_column(which, arg, res);\n  }}"
         )
-    if not FUNCTIONS[name].standing:
-        return f"  FAN_FUNCTION({name})"
-    whole = [f"  FAN_FUNCTION({name})"] if kind.mapped else []
-    constants = f"static void {name}_constants({type_}** res)"
-    return "\n".join(
-        [
-            *whole,
-            f"  FAN_FUNCTION({name}_varying)",
-            f"  {constants} {{ {space}::fan_{name}_constants(res); }}",
-        ]
-    )
+    varying = [name] if mapped or not FUNCTIONS[name].standing else []
+    lines = []
+    if FUNCTIONS[name].standing:
+        varying.append(f"{name}_varying")
+        constants = f"static void {name}_constants({type_}** res)"
+        lines.append(f"  {constants} {{ {space}::fan_{name}_constants(res); }}")
+    lines += [
+        f"  static int {one}(const {type_}** arg, {type_}** res) {{\n"
+        f"    return {space}::fan_{one}(arg, res, nullptr, nullptr, 0);\n  }}"
+        for one in varying
+    ]
+    return "\n".join(lines)
 
 
-def _map(name: str) -> str:
+def _map(equations: Equations, name: str, in_lanes: bool) -> str:
     """The definition through which Python calls a function over arrays."""
     function = FUNCTIONS[name]
     if not function.mapped:
         return ""
-    return f"FAN_MAP({name}, {len(function.arguments)}, {len(function.results)})\n"
+    if not in_lanes:
+        return f"FAN_MAP({name}, {len(function.arguments)}, {len(function.results)})\n"
+    sizes = equations.tree.sizes
+    widths = (
+        ", ".join(str(prod(q.dimensions(sizes))) for q in quantities)
+        for quantities in (function.arguments, function.results)
+    )
+    return "FAN_MAP_IN_LANES({}, ({}), ({}))\n".format(name, *widths)
 
 
 _PUSH = """\
@@ -161,12 +196,22 @@ _SEVERAL = """\
     {space}::fan_{name}_of(L, x, y);
   }}"""
 
+_SEVERAL_LANES = "#if FAN_WIDTH > 1"
+
+_SPACE = """\
+namespace {space} {{
+#define casadi_real {type}
+#include "{stem}.c"
+#undef casadi_real
+}}  // namespace {space}
+"""
+
 _MAIN = """\
 // A compiled puppet: its library of {library}.
 #include <cmath>
 
 #include "{header}"
-#include "model.hpp"
+{more_headers}#include "model.hpp"
 
 namespace fan {{
 namespace {space} {{
@@ -174,12 +219,8 @@ namespace {space} {{
 #include "model.c"
 #undef casadi_real
 {templates}}}  // namespace {space}
-
+{more}
 struct Model : ModelTables {{
-#define FAN_FUNCTION(NAME)                                     \\
-  static int NAME(const {type}** arg, {type}** res) {{          \\
-    return {space}::fan_##NAME(arg, res, nullptr, nullptr, 0); \\
-  }}
 {members}
 }};
 }}  // namespace fan

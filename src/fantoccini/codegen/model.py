@@ -7,7 +7,7 @@ parallel. The text depends on the equations alone.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 from typing import NamedTuple
@@ -68,34 +68,37 @@ class Real:
         type: in C++.
         space: namespace inside ``fan`` that holds the functions.
         header: where the type is declared.
+        stem: of the names of the files that hold them.
     """
 
     type: str = "double"
     space: str = "scalar"
     header: str = "fantoccini/elementary.hpp"
+    stem: str = STEM
 
 
-def assembled(
-    functions: dict[str, Program], files: dict[str, str], *, real: Real | None = None
-) -> Generated:
+def assembled(parts: Mapping[Real, dict[str, Program]], files: dict[str, str]) -> Generated:
     """Functions with the files that call them; large functions in units of their own.
 
     Args:
-        functions: by name.
+        parts: functions by name, for each type that they compute with.
         files: ``main.cpp`` and what else it includes.
-        real: the type they compute with; double by default.
     """
-    text, real, units = model_text(functions), real or Real(), {}
-    counts = _counted(functions)
-    if sum(counts.values()) >= SIZES.separate:
-        units = {
+    texts, units, counts = dict[str, str](), dict[str, str](), dict[str, int]()
+    for real, functions in parts.items():
+        text = model_text(functions, stem=real.stem)
+        counts |= _counted(functions)
+        texts |= text
+        units |= {
             name.replace("pieces", "unit").replace(".c", ".cpp"): _UNIT.format(
                 pieces=name, type=real.type, space=real.space, header=real.header
             )
             for name in text
-            if name.startswith("pieces")
+            if "pieces" in name
         }
-    return Generated({**text, **units, **files}, "main.cpp", tuple(units), counts)
+    if sum(counts.values()) < SIZES.separate:
+        units = {}
+    return Generated(texts | units | files, "main.cpp", tuple(units), counts)
 
 
 def programs(
@@ -129,7 +132,9 @@ def _is_column(name: str) -> bool:
     return name.startswith("column_")
 
 
-def model_text(functions: dict[str, Program], longest: int = SIZES.piece) -> dict[str, str]:
+def model_text(
+    functions: dict[str, Program], longest: int = SIZES.piece, stem: str = STEM
+) -> dict[str, str]:
     """The functions as C, to be included where ``casadi_real`` is defined.
 
     ``model.c`` declares the pieces, includes them unless ``FAN_APART`` is defined, and defines the
@@ -138,6 +143,7 @@ def model_text(functions: dict[str, Program], longest: int = SIZES.piece) -> dic
     Args:
         functions: by name.
         longest: arithmetic statements of a piece, at most.
+        stem: of the files' names, if it is another.
 
     Returns:
         File name -> text.
@@ -147,7 +153,8 @@ def model_text(functions: dict[str, Program], longest: int = SIZES.piece) -> dic
         for name, whole in functions.items()
     }
     files = dealt([piece for cut in made.values() for piece in cut.pieces], SIZES.file)
-    names = [f"pieces{k}.c" for k in range(len(files))]
+    first = "" if stem == STEM else f"{stem}_"
+    names = [f"{first}pieces{k}.c" for k in range(len(files))]
     declarations = [line for cut in made.values() for line in cut.declarations]
     definitions = [cut.definition for cut in made.values()] + [_switch(functions)]
     text = _MODEL.format(
@@ -155,7 +162,7 @@ def model_text(functions: dict[str, Program], longest: int = SIZES.piece) -> dic
         includes="\n".join(f'#include "{name}"' for name in names),
         definitions="\n\n".join(definitions),
     )
-    return {f"{STEM}.c": text} | dict(zip(names, files, strict=True))
+    return {f"{stem}.c": text} | dict(zip(names, files, strict=True))
 
 
 def _standing(name: str) -> tuple[str, ...]:

@@ -10,7 +10,6 @@ from fantoccini.contract.codes import CODES, SCOPED, Code, Hold
 from fantoccini.contract.constants import CONSTANTS
 from fantoccini.contract.functions import (
     COLUMN,
-    DERIVATIVES,
     FUNCTIONS,
     VARIATIONAL_DERIVATIVES,
     Function,
@@ -27,8 +26,7 @@ HEADER = Path(__file__).resolve().parents[1] / "cpp" / "fantoccini" / "contract.
 
 def header() -> str:
     """The text of ``contract.hpp``."""
-    mapped = {DERIVATIVES, VARIATIONAL_DERIVATIVES}
-    called = [f for f in FUNCTIONS.values() if set(f.libraries) - mapped]
+    called = [f for f in FUNCTIONS.values() if set(f.libraries) - {VARIATIONAL_DERIVATIVES}]
     return _HEADER.format(
         digest=f"0x{digest():016x}",
         sizes=_filled("Sizes::", list(SIZES), "      "),

@@ -129,7 +129,7 @@ _DECLARED = (
         "Accelerations and tensions of any active set (Eqs. 10, 11): "
         "acc_D = back(L, w0 + W lam), hddot = gamma + a0 + G lam, lam = -tension.",
         _arguments("q_D v_D q_K v_K acc_K u_D p"), _DYNAMICS,
-        (MODEL,), mapped=True, exported=True, standing=_STANDING,
+        (MODEL, DERIVATIVES), mapped=True, exported=True, standing=_STANDING,
     ),
     Function(
         "step_dynamics",
@@ -198,12 +198,12 @@ _DECLARED = (
         (MODEL, LANES, ROLLOUTS, REACH), mapped=True,
     ),
     Function(
-        "forth", "y = F^-T x.", _arguments("L x"), (_Y,), (MODEL, *_STEPPING), mapped=True,
-        exported=True,
+        "forth", "y = F^-T x.", _arguments("L x"), (_Y,), (MODEL, *_STEPPING, DERIVATIVES),
+        mapped=True, exported=True,
     ),
     Function(
-        "back", "y = F^-1 x.", _arguments("L x"), (_Y,), (MODEL, *_STEPPING), mapped=True,
-        exported=True,
+        "back", "y = F^-1 x.", _arguments("L x"), (_Y,), (MODEL, *_STEPPING, DERIVATIVES),
+        mapped=True, exported=True,
     ),
     Function(
         "motor_lags", "Lag of the drives that may be too weak.", _PLACE,
@@ -250,7 +250,8 @@ _DECLARED = (
     ),
     *(
         Function(
-            f"force_by_{by}", purpose, _FULL, results, (DERIVATIVES, STEP_DERIVATIVES), mapped=True
+            f"force_by_{by}", purpose, _FULL, results, (DERIVATIVES, STEP_DERIVATIVES), mapped=True,
+            standing=tuple(result.name for result in results),
         )
         for by, purpose, results in (
             ("q", "Derivative of Eq. 10's residual r by the dynamic configuration.",
@@ -268,10 +269,12 @@ _DECLARED = (
         "rows_by", "A_D, A_K and the derivatives of h, hdot and hddot of strings and limits.",
         _arguments("q_D v_D acc_D q_K v_K acc_K p"), (*_BY_RATES, *_BY_ACCELERATIONS),
         (DERIVATIVES,), mapped=True,
+        standing=tuple(q.name for q in (*_BY_RATES, *_BY_ACCELERATIONS)),
     ),
     Function(
         "row_rates_by", "A_D, A_K and the derivatives of h and hdot of strings and limits.",
         _STATE, _BY_RATES, (STEP_DERIVATIVES, VARIATIONAL_DERIVATIVES), mapped=True,
+        standing=tuple(q.name for q in _BY_RATES),
     ),
     Function(
         "hanging",

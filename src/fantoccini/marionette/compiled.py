@@ -17,6 +17,7 @@ from fantoccini.puppet import Puppet
 from fantoccini.runtime import (
     BatchLibrary,
     ClearanceLibrary,
+    DerivativeLibrary,
     Functions,
     GradientLibrary,
     Library,
@@ -103,9 +104,10 @@ class Compiled:
         return self._library("variational_lanes", self._lanes)
 
     @cached_property
-    def derivatives(self) -> Functions:
-        """The derivatives of the model."""
-        return self._library("derivatives", lambda file: Functions(file, self.sized.sizes))
+    def derivatives(self) -> DerivativeLibrary:
+        """The derivatives of the model, and of the smooth pieces of event-driven runs."""
+        load = DerivativeLibrary
+        return self._library("derivatives", lambda file: load(file, self.sized.sizes))
 
     @cached_property
     def step_derivatives(self) -> StepDerivatives:

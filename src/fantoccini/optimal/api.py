@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 import warnings
 from collections.abc import Callable, Mapping
@@ -12,23 +13,30 @@ import numpy as np
 
 from fantoccini.arrays import check_positive
 from fantoccini.errors import SimulationError, StateError, Status, UnknownNameError
-from fantoccini.marionette import Marionette, refuse_contact
+from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State
 from fantoccini.optimal.bounds import Bounds
 from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.costs import Smooth, Track
 from fantoccini.optimal.dynamics import TimeSteps
+from fantoccini.optimal.hybrid import ExactRuns, HybridRuns
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
 from fantoccini.optimal.outlook import out_of_reach
 from fantoccini.optimal.result import OptimalStatus, Optimum
-from fantoccini.optimal.shooting import EventRuns
-from fantoccini.optimal.sqp import Iterate, Limits, Search
+from fantoccini.optimal.shooting import EventRuns, StepRuns
+from fantoccini.optimal.sqp import SETTINGS, Iterate, Limits, Search
 from fantoccini.optimal.targets import Target
 from fantoccini.optimal.task import Task
+from fantoccini.optimal.through_modes import HOLDS, ThroughModes
 
-_HOLDS = 1e-3
-"""Violation of bounds, and distance from the end, up to which a motion holds [SI]."""
+_LOOKS = 5
+"""In every interval, at which clearances are measured in the end."""
+
+_CONFIRM = 60.0
+"""Time that an event-driven run of the answer has at least [s]."""
+_RUNS_LEFT = 20.0
+"""Event-driven runs for which there must be time to improve the answer by them."""
 
 
 def optimise(
@@ -40,6 +48,8 @@ def optimise(
     iterations: int = 50,
     time_limit: float = 60.0,
     threads: int | None = None,
+    seed: int = 0,
+    exact: bool = False,
     progress: Callable[[Iterate], None] | None = None,
 ) -> Optimum:
     """min J(x, acc_K) over accelerations that are constant between nodes, within bounds.
@@ -50,37 +60,53 @@ def optimise(
     Strings that the bounds ask to be taut stay taut; the others may go slack, and the derivatives
     then hold for the order of events at hand only. Ctrl-C ends it with the best motion so far.
 
+    A task that explores is searched through modes: see :mod:`fantoccini.optimal.through_modes`.
+
+    Of puppets with contact the iterates are runs of time steps at first, whose derivatives hold
+    for the points that stick, slide or are open there. The answer is run event-driven, and goes on
+    being improved so where that takes less than a twentieth of the time that is left.
+
     Args:
         task: what is asked for.
-        guess: motion of the inputs to begin with, or what was found before; they hold still when
-            not given.
+        guess: motion of the inputs to begin with, or what was found before; that of the task when
+            not given, and where it has none they hold still.
         tolerance: of the KKT residual.
         cost_tolerance: share of the cost; it ends after four steps that each save less.
-        iterations: at most.
+        iterations: at most; of every motion that explorations lead to.
         time_limit: at most [s].
-        threads: for derivatives; as many as there are processors when not given.
+        threads: for derivatives and batches; as many as there are processors when not given.
+        seed: of the random numbers of explorations.
+        exact: take the derivatives of the event-driven run itself, through its catches, instead of
+            those of time steps: slower, but ``kkt`` is then that of the run.
         progress: called after every iteration.
 
     Raises:
-        StateError, UnknownNameError: the task is not well defined, or the puppet has contact.
+        StateError, UnknownNameError: the task is not well defined.
         SimulationError: the first motion cannot be simulated.
     """
     check_positive(tolerance=tolerance, time_limit=time_limit)
-    refuse_contact(task.marionette.model, "optimise")
     began, marionette = time.perf_counter(), task.marionette
     _check(task)
+    if exact and marionette.coordinates.rotations:
+        raise StateError("optimise: exact derivatives want driven coordinates that are scalars")
     chosen = Chosen(marionette, task.x0, task.parameters)
     pulls = bool(task.bounds.tension) or any(one.kind == "tension" for one in task.tracks)
-    runs = EventRuns(TimeSteps(marionette, task.dt, threads, chosen, pulls), chosen)
-    first = _first(task, chosen, guess)
+    touches = marionette.model.contacts is not None
+    if exact and touches:
+        raise StateError("optimise: exact derivatives want a puppet without contact")
+    steps = TimeSteps(marionette, task.dt, threads, chosen, pulls)
+    runs: EventRuns = ExactRuns(steps, chosen) if exact else EventRuns(steps, chosen)
+    if touches:
+        runs = StepRuns(steps, chosen)
+    if task.explore:
+        runs = HybridRuns(steps, chosen)
+    first = _first(task, chosen, task.guess if guess is None else guess)
     objective = Objective(task)
-    made = runs.run(first)
-    if made is None:
+    at = _iterate(runs, first, objective)
+    if at is None:
         raise StateError(
             "the first motion cannot be simulated; give a guess whose run arrives at its end"
         )
-    ends = runs.ends(*made)
-    at = Iterate(made[0], ends, objective.cost(made[0], ends))
     curve = [(time.perf_counter() - began, at.cost)]
 
     def note(now: Iterate) -> None:
@@ -88,26 +114,69 @@ def optimise(
         if progress is not None:
             progress(now)
 
-    limits = Limits(tolerance, cost_tolerance, iterations, began + time_limit)
-    search, status = Search(at, runs, objective, limits), None
+    until = began + time_limit
+    limits = Limits(tolerance, cost_tolerance, iterations, until)
+    search: Search | ThroughModes = Search(at, runs, objective, limits)
+    if task.explore and isinstance(runs, HybridRuns):
+        search = ThroughModes(at, runs, objective, limits, seed)
+    status = None
     try:
-        search.run(note)
+        at = search.run(note)
+        if touches:
+            runs, at = _confirmed(runs, at, objective, limits, note)
     except KeyboardInterrupt:
-        status = OptimalStatus.STOPPED
-    at = search.best
+        at, status = search.best, OptimalStatus.STOPPED
+    objective = search.objective
+    if isinstance(runs, ExactRuns) and runs.reasons:
+        text = f"the last derivatives were those of time steps: {runs.reasons[-1]}"
+        warnings.warn(text, stacklevel=2)
     made = runs.run(at.nodes)
     if made is None:
         raise SimulationError(Status.NOT_SETTLED, "the motion found cannot be simulated again")
-    violation = objective.violation(at.nodes, at.ends)
+    violation = max(objective.violation(at.nodes, at.ends), _too_near(objective, runs, at.nodes))
     end_gap = float(np.max(np.abs(objective.end_gap(at.nodes)), initial=0.0))
-    if not max(violation, end_gap) <= _HOLDS:
+    if touches and isinstance(runs, StepRuns):
+        status = OptimalStatus.UNCONFIRMED
+    elif not max(violation, end_gap) <= HOLDS:
         status = OptimalStatus.VIOLATED
     elif status is None:
-        status = _status(at, tolerance, began + time_limit)
+        status = _status(at, tolerance, until)
     return Optimum(
         task, status, made[1], at.nodes.inputs(), at.cost, at.kkt, at.stationarity, violation,
         end_gap, at.iterations, time.perf_counter() - began, tuple(curve), at, objective, runs,
     )  # fmt: skip
+
+
+def _iterate(runs: EventRuns, nodes: Nodes, objective: Objective) -> Iterate | None:
+    """The motion of the nodes' inputs; None where there is none."""
+    made = runs.run(nodes)
+    if made is None:
+        return None
+    ends = runs.ends(*made)
+    return Iterate(made[0], ends, objective.cost(made[0], ends))
+
+
+def _confirmed(
+    runs: EventRuns, at: Iterate, objective: Objective, limits: Limits,
+    note: Callable[[Iterate], None],
+) -> tuple[EventRuns, Iterate]:  # fmt: skip
+    """The motion of time steps as an event-driven run, improved where there is time for it.
+
+    The same where the event-driven run does not arrive in time.
+    """
+    began = time.perf_counter()
+    events = EventRuns(runs.steps, runs.chosen, max(limits.until, began + _CONFIRM))
+    made = _iterate(events, at.nodes, objective)
+    if made is None:
+        return runs, at
+    now = time.perf_counter()
+    made = replace(
+        at, nodes=made.nodes, ends=made.ends, cost=made.cost, damping=SETTINGS.first_damping,
+        stalled=False, settled=False,
+    )  # fmt: skip
+    if limits.until - now > _RUNS_LEFT * (now - began):
+        made = Search(made, events, objective, limits).run(note)
+    return replace(events, until=np.inf), made
 
 
 def follow(
@@ -120,6 +189,7 @@ def follow(
     smooth: Smooth | None = None,
     weight: float = 1e4,
     slack: bool = False,
+    explore: int = 0,
     interval: float | None = None,
     **options: Any,
 ) -> Optimum:
@@ -138,6 +208,8 @@ def follow(
         smooth: see :class:`Smooth`.
         weight: of every path [1/m^2 or 1/rad^2].
         slack: whether strings that are taut at the start may go slack.
+        explore: how many random explorations look for motions through slack strings and catches,
+            which then may go slack; see :class:`Task`.
         interval: between nodes [s]; a fiftieth of the duration, from 0.01 to 0.04, when not given.
         options: of :func:`optimise`.
 
@@ -147,10 +219,11 @@ def follow(
     x0 = marionette.rest() if x0 is None else x0
     tracks = tracks_of(marionette, targets, x0.t, duration, weight)
     bounds = Bounds() if bounds is None else bounds
-    if not slack:
+    if not slack and not explore:
         bounds = bounds.staying_taut(marionette, x0)
     h = min(max(duration / 50.0, 0.01), 0.04) if interval is None else interval
-    task = Task(marionette, x0, duration, tracks, smooth or Smooth(), bounds, interval=h)
+    task = Task(marionette, x0, duration, tracks, smooth or Smooth(), bounds, interval=h,
+                explore=explore)  # fmt: skip
     _check(task)
     for text in out_of_reach(task):
         warnings.warn(text, stacklevel=2)
@@ -198,6 +271,17 @@ def refuse_winches(marionette: Marionette, what: str) -> None:
             f"{what}: the winch of {', '.join(winches)} may slip, which is not differentiated; "
             "leave max_tension out of the puppet and give bounds of the tension"
         )
+
+
+def _too_near(objective: Objective, runs: EventRuns, nodes: Nodes) -> float:
+    """How far the run comes below the least clearance anywhere, also between the nodes [m]."""
+    clear = objective.rows.clear
+    if clear is None:
+        return 0.0
+    made = runs.run(nodes.finer(_LOOKS))
+    if made is None:
+        return math.inf
+    return max(0.0, clear.margin - float(np.min(clear.whole.of(made[1]))))
 
 
 def _check(task: Task) -> None:

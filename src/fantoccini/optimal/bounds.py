@@ -38,6 +38,9 @@ class Bounds:
         tension: string -> lowest and highest tension [N]; (0.1, inf) stays taut.
         joint: dynamic scalar coordinate -> lowest and highest value [rad or m].
         held: names of driven velocities that do not move at all.
+        clearance: of bodies and strings from obstacles, and of bodies of different puppets from one
+            another, at least [m]; not looked at where it is None.
+        own_body: whether bodies of one puppet that no joint connects keep that clearance, too.
     """
 
     position: Mapping[str, Interval] = field(default_factory=dict)
@@ -47,6 +50,8 @@ class Bounds:
     tension: Mapping[str, Interval] = field(default_factory=dict)
     joint: Mapping[str, Interval] = field(default_factory=dict)
     held: tuple[str, ...] = ()
+    clearance: float | None = None
+    own_body: bool = False
 
     def magnitudes(self, marionette: Marionette, kind: str) -> Array:
         """(n_vK,) speed, acceleration or jerk of every driven velocity."""

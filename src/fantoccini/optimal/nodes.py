@@ -128,3 +128,10 @@ class Nodes:
     def inputs(self) -> Input:
         """The motion of the driven coordinates."""
         return Input.segments(self.table, self.t, self.q_K[0], self.v_K[0], self.acc_K)
+
+    def finer(self, parts: int) -> Nodes:
+        """The same accelerations in shorter intervals, with the states of the nodes before them."""
+        at = np.append(np.repeat(np.arange(len(self)), parts), len(self))
+        states = {name: getattr(self, name)[at] for name in ("q_D", "v_D", "q_K", "v_K")}
+        acc_K = np.repeat(self.acc_K, parts, axis=0)
+        return replace(self, interval=self.interval / parts, acc_K=acc_K, **states)

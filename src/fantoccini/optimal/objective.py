@@ -22,6 +22,8 @@ from fantoccini.optimal.task import Task
 
 _END_WEIGHT = 100.0
 """Of the squares of what is left at the end, beside its multipliers; in units of the cost."""
+_WEIGHT_FACTOR = 4.0
+_LARGEST_END_WEIGHT = 1e6
 _FIRST_PRICE = 0.3
 """Of a unit of violation of a row, in units of the cost."""
 _LEAST = 1e-12
@@ -83,7 +85,7 @@ class Objective:
         low, high = task.bounds.intervals(marionette)
         driven = np.arange(self._n_z) >= 2 * n  # the others are rows
         self._low, self._high = np.where(driven, low, -np.inf), np.where(driven, high, np.inf)
-        self.rows = Rows(task)
+        self.rows, self._goal, self._end_weight = Rows(task), task.goal, _END_WEIGHT
         self._kept: tuple[tuple[float, float, int], list[Residual]] = ((0.0, 0.0, 0), [])
         self._chosen = Chosen(marionette, task.x0, task.parameters)
         self._c = np.arange(0 if task.is_free else 1, 1 + len(self._chosen))
@@ -105,6 +107,11 @@ class Objective:
         return float(max(np.max(part, initial=0.0) for part in parts))
 
     @property
+    def kept(self) -> tuple[Indices, Indices]:
+        """Places of the accelerations, and of the numbers of z, that programs have."""
+        return self._u, self._z
+
+    @property
     def has_pulls(self) -> bool:
         """Whether tensions are tracked."""
         return bool(self._pulls)
@@ -112,7 +119,11 @@ class Objective:
     @property
     def end_weight(self) -> float:
         """Of half the squares of what is left at the end; 0 where no end is asked for."""
-        return _END_WEIGHT * self.unit if self.task.end is not None else 0.0
+        return self._end_weight * self.unit if self._goal is not None else 0.0
+
+    def stiffen_end(self) -> None:
+        """Raises the weight of the end: steps close its gap too slowly."""
+        self._end_weight = min(_WEIGHT_FACTOR * self._end_weight, _LARGEST_END_WEIGHT)
 
     def take_unit(self, nodes: Nodes, linear: LinearEnds) -> None:
         """Takes the unit of the cost from a first motion."""
@@ -133,9 +144,7 @@ class Objective:
 
     def end_gap(self, nodes: Nodes) -> Array:
         """(n_z,) the change that would bring the last node to the end that is asked for."""
-        if self.task.end is None:
-            return np.zeros(nodes.n_z)
-        return nodes.gap_at_end(self.task.end)
+        return np.zeros(nodes.n_z) if self._goal is None else nodes.gap_at_end(self._goal)
 
     def program(
         self, nodes: Nodes, linear: LinearEnds, damping: float, force: Array | float
@@ -158,7 +167,7 @@ class Objective:
         self._add_residuals(nodes, H, g, Q, q)
         self._add_smoothness(nodes, H, g, cross)
         self._add_pulls(nodes, linear, H, g, cross, Q, q)
-        if self.task.end is not None:
+        if self._goal is not None:
             ends = k + np.arange(self._n_z)
             H[-1, ends, ends] += self.end_weight
             g[-1, ends] -= self.end_weight * self.end_gap(nodes) + force

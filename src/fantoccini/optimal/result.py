@@ -36,6 +36,7 @@ class OptimalStatus(enum.Enum):
     TIMEOUT = "the time ended first; this is the best motion so far"
     STOPPED = "it was interrupted; this is the best motion so far"
     VIOLATED = "the motion leaves its bounds, or does not reach its end"
+    UNCONFIRMED = "time steps make this motion, but an event-driven run of its inputs does not end"
 
     @property
     def message(self) -> str:
@@ -46,6 +47,8 @@ class OptimalStatus(enum.Enum):
 @dataclass(frozen=True, eq=False)
 class Optimum:
     """The best motion found, as an event-driven run. True where it holds its bounds and its end.
+
+    Where ``status`` is ``UNCONFIRMED``, which with contact it may be, all is of time steps.
 
     Attributes:
         task: what was asked for.
@@ -81,7 +84,7 @@ class Optimum:
     _runs: EventRuns
 
     def __bool__(self) -> bool:
-        return self.status is not OptimalStatus.VIOLATED
+        return self.status not in (OptimalStatus.VIOLATED, OptimalStatus.UNCONFIRMED)
 
     def __repr__(self) -> str:
         return (
@@ -198,7 +201,7 @@ class Optimum:
             lines.append(f"{name} = {value:.6g}")
         for name, e in self.rms().items():
             lines.append(f"{name}: {e:.3g} from its path (root mean square)")
-        if self.task.end is not None:
+        if self.task.goal is not None:
             lines.append(f"ends within {self.end_gap:.2g} of the state asked for")
         if self.violation:
             lines.append(f"bounds passed by {self.violation:.3g}")

@@ -1,4 +1,4 @@
-"""Rows of a motion that may be passed at a price: tensions, jerks and dynamic coordinates.
+"""Rows of a motion that may be passed at a price: tensions, jerks, joints, clearances.
 
 low <= r_i(u_{i-1}, z_i, u_i, z_{i+1}) <= high
 """
@@ -8,15 +8,17 @@ from __future__ import annotations
 import numpy as np
 
 from fantoccini.arrays import Array
+from fantoccini.optimal.clear_rows import ClearRows
 from fantoccini.optimal.dynamics import Ends, LinearEnds
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.task import Task
 
 
 class Rows:
-    """The rows of a task: tensions with bounds, then jerks, then dynamic coordinates.
+    """The rows of a task: tensions with bounds, then jerks, dynamic coordinates and clearances.
 
     Attributes:
+        clear: the rows of clearances.
         places: of the dynamic coordinates in z.
         joint_low, joint_high: their bounds.
 
@@ -34,6 +36,10 @@ class Rows:
         bounded = np.isfinite(low[: 2 * n]) | np.isfinite(high[: 2 * n])
         self.places = np.flatnonzero(bounded)
         self.joint_low, self.joint_high = low[self.places], high[self.places]
+        clearance = task.bounds.clearance
+        self.clear = None
+        if clearance is not None:
+            self.clear = ClearRows(marionette, clearance, task.bounds.own_body)
 
     def values(self, nodes: Nodes, ends: Ends) -> tuple[Array, Array, Array]:
         """(N, m) their values, and (m,) their bounds."""
@@ -43,6 +49,10 @@ class Rows:
         value = np.concatenate([ends.tension[:, self._taut], jumps, numbers], axis=1)
         low = np.concatenate([self._least, -most, self.joint_low])
         high = np.concatenate([self._most, most, self.joint_high])
+        if self.clear:
+            value = np.concatenate([value, self.clear.value(nodes)], axis=1)
+            low = np.append(low, np.full(len(self.clear), self.clear.margin))
+            high = np.append(high, np.full(len(self.clear), np.inf))
         return value, low, high
 
     def violation(self, nodes: Nodes, ends: Ends) -> Array:
@@ -54,12 +64,14 @@ class Rows:
         """(N, m, 2 (n_vK + n_z)) derivatives by (u_{i-1}, z_i, u_i, z_{i+1})."""
         N, n_z, k = linear.B.shape
         n_taut, n_jerks, n_places = len(self._taut), len(self._jerks), len(self.places)
-        s = k + n_z
-        C = np.zeros((N, n_taut + n_jerks + n_places, 2 * s))
+        s, n_clear = k + n_z, len(self.clear) if self.clear else 0
+        C = np.zeros((N, n_taut + n_jerks + n_places + n_clear, 2 * s))
         C[:, :n_taut, k : s + k] = linear.pull[:, self._taut]
         row = n_taut + np.arange(n_jerks)
         C[:, row, self._jerks], C[:, row, s + self._jerks] = -1.0, 1.0
         C[:, n_taut + n_jerks + np.arange(n_places), s + k + self.places] = 1.0
+        if self.clear:
+            C[:, -n_clear:, s + k : s + k + nodes.n_z] = self.clear.by(nodes)
         return C
 
     def n_slack(self, ends: Ends) -> int:

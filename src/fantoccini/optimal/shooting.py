@@ -1,13 +1,15 @@
-"""How motions are made: as one event-driven run."""
+"""How motions are made: as one event-driven run, or as one run of time steps."""
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import ARRIVED, SimulationError, StateError
+from fantoccini.marionette import TimeStepping
 from fantoccini.motion import Trajectory
 from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.dynamics import Ends, LinearEnds, TimeSteps
@@ -20,10 +22,17 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class EventRuns:
-    """One event-driven run from the start. Derivatives are those of time steps along it."""
+    """One event-driven run from the start. Derivatives are those of time steps along it.
+
+    Attributes:
+        steps: of the derivatives.
+        chosen: the puppet and where it starts, by the parameters that are chosen.
+        until: time of ``time.perf_counter`` at which a run is given up [s].
+    """
 
     steps: TimeSteps
     chosen: Chosen
+    until: float = np.inf
 
     def linearise(self, nodes: Nodes, ends: Ends) -> LinearEnds:
         """See :class:`fantoccini.optimal.sqp.Shooting`."""
@@ -42,15 +51,21 @@ class EventRuns:
             marionette = self.chosen.marionette(nodes.parameters)
             x0 = self.chosen.start(nodes.parameters)
             run = simulate(
-                marionette, x0, nodes.inputs(), t[-1], save_at=t, effort=False, throw=False
-            )
-        except (SimulationError, StateError):
+                marionette, x0, nodes.inputs(), t[-1], save_at=t, effort=False, throw=False,
+                progress=self._in_time,
+            )  # fmt: skip
+        except (SimulationError, StateError, TimeoutError):
             return None
         if run.status not in ARRIVED or run.t[-1] < t[-1] - _ROUNDING:
             return None
         at = np.searchsorted(run.t, t + 1e-12, side="right") - 1
         states = {name: getattr(run, name)[at] for name in ("q_D", "v_D", "q_K", "v_K")}
         return replace(nodes, **states), run
+
+    def _in_time(self, _: float) -> None:
+        """Raises TimeoutError once the time is over."""
+        if time.perf_counter() > self.until:
+            raise TimeoutError
 
     def ends(self, nodes: Nodes, run: Trajectory) -> Ends:
         """Its intervals, which meet the nodes."""
@@ -59,3 +74,32 @@ class EventRuns:
         tension = np.concatenate([run.tension.values[at], run.limit_force.values[at]], axis=1)
         e = np.zeros((N, nodes.n_z))
         return Ends(e, tension, tension > 0.0, np.ones(N, dtype=bool))
+
+
+@dataclass(frozen=True)
+class StepRuns(EventRuns):
+    """One run of the same time steps that are differentiated: for puppets with contact.
+
+    Each landing is many events, and a motion on the way to the best one may jam; steps go on.
+    """
+
+    def run(self, nodes: Nodes) -> tuple[Nodes, Trajectory] | None:
+        m, dt = self.steps.steps(nodes.interval)
+        method = TimeStepping(dt=dt, extrapolate=False)
+        try:
+            run = simulate(
+                self.chosen.marionette(nodes.parameters), self.chosen.start(nodes.parameters),
+                nodes.inputs(), nodes.t[-1], method=method, effort=False, throw=False,
+            )  # fmt: skip
+        except (SimulationError, StateError):
+            return None
+        if len(run) != m * len(nodes) + 1 or not np.all(np.isfinite(run.v_D[-1])):
+            return None
+        states = {name: getattr(run, name)[::m] for name in ("q_D", "v_D", "q_K", "v_K")}
+        return replace(nodes, **states), run
+
+    def ends(self, nodes: Nodes, run: Trajectory) -> Ends:
+        m, _ = self.steps.steps(nodes.interval)
+        tension = np.concatenate([run.tension.values, run.limit_force.values], axis=1)[1::m]
+        e = np.zeros((len(nodes), nodes.n_z))
+        return Ends(e, tension, tension > 0.0, np.ones(len(nodes), dtype=bool))

@@ -63,6 +63,8 @@ class SearchSettings:
     """Share of theta by which theta, or J, must be better."""
     powers: tuple[float, float] = (2.3, 1.1)
     """Of the predicted decrease, and of theta against which it is weighed."""
+    closes: float = 0.5
+    """Share of theta that a step may leave before the weight of the end is raised."""
     most: float = 10.0
     """Largest theta, relative to 1 or to that of the start."""
 
@@ -150,6 +152,8 @@ class _Step:
         theta, phi: of the filter, at its start.
         falls: slope of phi along it.
         bend: its curvature in the program.
+        merit: phi and what the end costs, at its start.
+        merit_falls: slope of the merit along it.
         force: multipliers of the end, after it.
         passes: how far its program passes rows.
     """
@@ -161,6 +165,8 @@ class _Step:
     phi: float
     falls: float
     bend: float
+    merit: float
+    merit_falls: float
     force: Array | float
     passes: float
 
@@ -194,7 +200,7 @@ class Search:
 
     def __init__(self, start: Iterate, shooting: Shooting, objective: Objective, limits: Limits):
         self.best = start
-        self._shooting, self._objective, self._limits = shooting, objective, limits
+        self._shooting, self.objective, self._limits = shooting, objective, limits
         self._solver, self._filter, self._small_steps = StageSolver(), Filter(), 0
 
     def run(self, progress: Callable[[Iterate], None] | None = None) -> Iterate:
@@ -227,13 +233,13 @@ class Search:
 
     def _raise_price(self) -> None:
         """Where even the program passes rows, their price is too low, or they contradict."""
-        if self._objective.price < SETTINGS.highest_price * self._objective.unit:
-            self._objective.price *= SETTINGS.price_factor
+        if self.objective.price < SETTINGS.highest_price * self.objective.unit:
+            self.objective.price *= SETTINGS.price_factor
             self._filter, self._small_steps = Filter(), 0
 
     def _step(self) -> _Step | None:
         """A step from the best motion, whose residuals are noted; None where none was found."""
-        at, objective = self.best, self._objective
+        at, objective = self.best, self.objective
         linear = self._shooting.linearise(at.nodes, at.ends)
         if not objective.unit:
             objective.take_unit(at.nodes, linear)
@@ -254,9 +260,10 @@ class Search:
         at.solution = solution
         z, u, c = objective.widened(solution)
         weight = objective.end_weight
-        slope = float(np.sum(program.g * step) + (weight * gap + at.force) @ z[-1])
         price = objective.price
-        falls = slope - price * float(np.sum(violation) - np.sum(solution.passed))
+        rows_fall = price * float(np.sum(violation) - np.sum(solution.passed))
+        merit_falls = float(np.sum(program.g * step)) - rows_fall
+        falls = merit_falls + float((weight * gap + at.force) @ z[-1])
         # The first part is the gradient of the Lagrangian with the step's multipliers, damping
         # included; the second is 0 only where multipliers and bounds are complementary, too.
         bends = float(np.max(np.abs(curved))) / size
@@ -265,16 +272,18 @@ class Search:
         return _Step(
             z, u, c,
             theta=float(np.sum(np.abs(linear.e)) + np.sum(np.abs(gap))),
-            phi=at.cost + price * float(np.sum(violation)),
+            phi=(phi := at.cost + price * float(np.sum(violation))),
             falls=falls,
             bend=float(np.sum(step * curved)),
+            merit=phi + _of_end(gap, weight, at.force),
+            merit_falls=merit_falls,
             force=at.force + weight * (gap - z[-1]),
             passes=float(np.max(solution.passed, initial=0.0)),
         )  # fmt: skip
 
     def _along(self, step: _Step) -> Iterate | None:
         """The motion as far along a step as the filter accepts it."""
-        at, objective = self.best, self._objective
+        at, objective = self.best, self.objective
         for halving in range(SETTINGS.halvings):
             alpha = 0.5**halving
             made = self._shooting.moved(at.nodes, alpha * step.z, alpha * step.u, alpha * step.c)
@@ -285,21 +294,31 @@ class Search:
                 continue  # what is slack has no derivative by which it would be pulled taut again
             cost = objective.cost(nodes, ends)
             phi = cost + objective.price * float(np.sum(objective.rows.violation(nodes, ends)))
-            theta = float(np.sum(np.abs(ends.e)) + np.sum(np.abs(objective.end_gap(nodes))))
+            gap = objective.end_gap(nodes)
+            theta = float(np.sum(np.abs(ends.e)) + np.sum(np.abs(gap)))
             if not self._filter.accepts((step.theta, step.phi), (theta, phi), alpha * step.falls):
                 continue
-            predicted = max(-alpha * (step.falls + 0.5 * alpha * step.bend), _LEAST)
-            saved, limits = step.phi - phi, self._limits
-            is_small = abs(saved) <= limits.cost_tolerance * abs(step.phi)
+            merit = phi + _of_end(gap, objective.end_weight, at.force)
+            predicted = max(-alpha * (step.merit_falls + 0.5 * alpha * step.bend), _LEAST)
+            limits = self._limits
+            is_small = abs(step.phi - phi) <= limits.cost_tolerance * abs(step.phi)
             is_small = is_small and step.theta <= SETTINGS.near * limits.tolerance and halving == 0
             is_small = is_small and at.damping <= SETTINGS.calm
             self._small_steps = self._small_steps + 1 if is_small else 0
+            if theta > SETTINGS.closes * step.theta > limits.tolerance:
+                objective.stiffen_end()
             return replace(
                 at, nodes=nodes, ends=ends, cost=cost, iterations=at.iterations + 1,
-                force=step.force, damping=_damping(at.damping, alpha, saved / predicted),
+                force=step.force,
+                damping=_damping(at.damping, alpha, (step.merit - merit) / predicted),
                 settled=self._small_steps == SETTINGS.small_steps,
             )  # fmt: skip
         return None
+
+
+def _of_end(gap: Array, weight: float, force: Array | float) -> float:
+    """What is left at the end costs: weight/2 |gap|^2 + force . gap."""
+    return float(np.sum(0.5 * weight * np.square(gap) + force * gap))
 
 
 def _damping(damping: float, alpha: float, gain: float) -> float:

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fantoccini.arrays import check_positive
-from fantoccini.errors import StateError
+from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette import Marionette
-from fantoccini.motion import State
+from fantoccini.motion import Input, State
 from fantoccini.optimal.bounds import Bounds, Interval
 from fantoccini.optimal.costs import Smooth, Track
 
@@ -30,12 +30,17 @@ class Task:
         smooth: weights of the inputs' accelerations and their rates.
         bounds: what it may not leave.
         end: the state at the end, where it is given; dynamic and driven coordinates and velocities.
+        periodic: instead: it ends as it began, but for these scalar coordinates, which have moved
+            by so much [m or rad]; ``{}`` where none have.
+        guess: motion of the inputs to begin the search with, where none is given to it.
         time_weight: cost of a second, where the duration is free [1/s].
         interval: between nodes; the inputs' accelerations are constant over it [s].
         dt: longest time step [s].
         name: of the task, for pictures and reports.
         parameters: name -> lowest and highest value, of numbers of the puppet that are chosen along
             with the motion; see :class:`fantoccini.optimal.chosen.Chosen`.
+        explore: how many random explorations look for motions through strings that go slack and are
+            caught, and more while none of them holds; with 0 the first motion is improved.
     """
 
     marionette: Marionette
@@ -45,11 +50,14 @@ class Task:
     smooth: Smooth = field(default_factory=Smooth)
     bounds: Bounds = field(default_factory=Bounds)
     end: State | None = None
+    periodic: Mapping[str, float] | None = None
+    guess: Input | None = None
     time_weight: float = 1.0
     interval: float = 0.02
     dt: float = 0.005
     name: str = ""
     parameters: Mapping[str, Interval] = field(default_factory=dict)
+    explore: int = 0
 
     def __post_init__(self) -> None:
         if np.ndim(self.duration) and np.shape(self.duration) != (2,):
@@ -61,9 +69,25 @@ class Task:
             raise StateError(text)
         if not all(isinstance(one, Track) for one in self.tracks):
             raise StateError(f"a task's tracks are {self.tracks!r}; needed: a list of Track")
+        if not isinstance(self.explore, int) or self.explore < 0:
+            raise StateError(f"explore is {self.explore!r}; needed: how often, a whole number")
+        if self.explore and self.parameters:
+            raise StateError(
+                "explore and parameters do not go together: explore first, then choose the "
+                "parameters with the motion found as a guess"
+            )
         self.marionette.model.check_state(self.x0)
-        if self.end is not None:
-            self.marionette.model.check_state(self.end)
+        if self.end is not None and self.periodic is not None:
+            raise StateError("a task has an end and is periodic; needed: one of them")
+        if self.goal is not None:
+            self.marionette.model.check_state(self.goal)
+
+    @property
+    def goal(self) -> State | None:
+        """The state at the end, where it is given: ``end``, or the start moved by ``periodic``."""
+        if self.periodic is None:
+            return self.end
+        return moved(self.marionette, self.x0, self.periodic)
 
     @property
     def durations(self) -> tuple[float, float]:
@@ -81,3 +105,21 @@ class Task:
     def n_intervals(self) -> int:
         """Intervals between nodes; where the duration is free, of the longest."""
         return max(1, math.ceil(self.durations[1] / self.interval - 1e-9))
+
+
+def moved(marionette: Marionette, x: State, ways: Mapping[str, float]) -> State:
+    """A state of which scalar coordinates, dynamic or driven, have moved by so much [m or rad].
+
+    Raises:
+        UnknownNameError: a name that is no scalar coordinate.
+    """
+    t = marionette.coordinates
+    q_D, q_K = np.array(x.q_D), np.array(x.q_K)
+    places = {t.q_D[q]: (q_D, q) for q, _ in t.scalars_D}
+    places |= {t.q_K[q]: (q_K, q) for q, _ in t.scalars_K}
+    for name, way in ways.items():
+        if name not in places:
+            raise UnknownNameError("scalar coordinate", name, list(places))
+        q, at = places[name]
+        q[at] += way
+    return x.replace(q_D=q_D, q_K=q_K)

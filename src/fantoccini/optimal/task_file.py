@@ -12,8 +12,8 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import FileError, Mistake, StateError, nearest
-from fantoccini.marionette import Marionette, link_index, refuse_contact
-from fantoccini.motion import State, rotation
+from fantoccini.marionette import Marionette, link_index
+from fantoccini.motion import Input, State, rotation
 from fantoccini.motion.files import csv_columns
 from fantoccini.optimal.bounds import Bounds, Interval, Most
 from fantoccini.optimal.chosen import Chosen
@@ -22,7 +22,7 @@ from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.residuals import residual_of
 from fantoccini.optimal.shapes import Circle
 from fantoccini.optimal.targets import Target
-from fantoccini.optimal.task import Task
+from fantoccini.optimal.task import Task, moved
 from fantoccini.optimal.task_schema import BoundsFile, CircleFile, TaskFile, TrackFile
 from fantoccini.puppet.located import Located, read_file, shown, validate
 from fantoccini.puppet.refusals import Refusals
@@ -71,11 +71,11 @@ def load_task(
     file = validate(TaskFile, located)
     marionette = puppet_of(file.puppet, located, progress)
     check = Refusals(located)
-    check(("puppet",), lambda: refuse_contact(marionette.model, "optimise"))
     for part, values in (("start", file.start), ("end", file.end or {})):
         for key, value in values.items():
             check((part, key), lambda key=key, value=value: marionette.state({key: value}))
     _check_intervals(file, check)
+    _check_exploring(file, check)
     bounds = _bounds(file.bounds, marionette, check)
     for i, track in enumerate(file.tracks):
         _check_name(track, marionette, ("tracks", i), check)
@@ -91,13 +91,29 @@ def load_task(
     if file.end is not None:
         goal = {**file.start, **file.end}
         end = check.need(("end",), lambda: marionette.rest(goal))
+    for key, way in (file.periodic or {}).items():
+        check(("periodic", key), lambda key=key, way=way: moved(marionette, x0, {key: way}))
+    guess = None
+    if file.guess is not None:
+        guess = check(("guess",), lambda: _guess(file, located, marionette))
+    check.refuse()
     if not file.slack:
         bounds = bounds.staying_taut(marionette, x0)
     smooth = Smooth(file.smooth.acceleration, file.smooth.jerk)
     return check.need((), lambda: Task(
         marionette, x0, file.duration, [track for track in tracks if track is not None], smooth,
-        bounds, end, file.time_weight, file.interval, file.step, file.task, file.parameters,
+        bounds, end, time_weight=file.time_weight, interval=file.interval, dt=file.step,
+        name=file.task, parameters=file.parameters, explore=file.explore, periodic=file.periodic,
+        guess=guess,
     ))  # fmt: skip
+
+
+def _guess(file: TaskFile, located: Located, marionette: Marionette) -> Input:
+    """The motion of a performance file beside a task file."""
+    path = located.beside(str(file.guess))
+    if path is None:
+        raise StateError(f"found {shown(file.guess)}: no file in this one's folder")
+    return Input.load(marionette, path)
 
 
 class _Reader:
@@ -237,6 +253,16 @@ def _check_intervals(file: TaskFile, check: Refusals) -> None:
             check((key,), lambda text=text: _refuse(f"{text}; allowed: {_MAX_INTERVALS}"))
 
 
+def _check_exploring(file: TaskFile, check: Refusals) -> None:
+    """Notes what does not go together with explorations."""
+    if file.explore and not file.slack:
+        text = "it looks for motions through slack strings; needed beside it: slack: true"
+        check(("explore",), lambda: _refuse(text))
+    if file.explore and file.parameters:
+        text = "it does not go together with parameters; needed: one of them"
+        check(("explore",), lambda: _refuse(text))
+
+
 def _check_name(file: TrackFile, marionette: Marionette, spot: Spot, check: Refusals) -> None:
     """Notes a name that the puppet does not have."""
     name, kind = getattr(file, file.kind), file.kind
@@ -285,7 +311,7 @@ def _bounds(file: BoundsFile, marionette: Marionette, check: Refusals) -> Bounds
         check(("bounds", "held", j), lambda one=one: one.magnitudes(marionette, "acceleration"))
     return Bounds(
         intervals("position"), most("speed"), most("acceleration"), most("jerk"),
-        intervals("tension"), intervals("joint"), file.held,
+        intervals("tension"), intervals("joint"), file.held, file.clearance, file.own_body,
     )  # fmt: skip
 
 

@@ -140,6 +140,10 @@ class BoundsFile(Model):
     """Likewise [m/s^3 or rad/s^3]."""
     held: tuple[str, ...] = ()
     """Driven velocities that do not move at all."""
+    clearance: Annotated[NotNegative | None, SIZED] = None
+    """Of bodies and strings from obstacles and other puppets, at least [m]."""
+    own_body: bool = False
+    """Whether bodies of one puppet that no joint connects keep it, too."""
 
 
 def _duration(value: Any) -> Any:
@@ -172,6 +176,9 @@ class TaskFile(Model):
     """Coordinate -> value: the puppet hangs at rest with the driven ones there."""
     end: dict[str, Value] | None = None
     """Coordinate -> value: it ends at rest with the driven ones there; others as at the start."""
+    periodic: dict[str, Angle] | None = None
+    """Instead: it ends as it began, but for these scalar coordinates, which have moved by so much
+    [m or rad]; `{}` where none have."""
     duration: Duration
     """Of the motion, or [shortest, longest] [s]."""
     tracks: tuple[TrackFile, ...] = ()
@@ -182,14 +189,24 @@ class TaskFile(Model):
     """What the motion may not leave."""
     parameters: dict[str, Between] = Field(default_factory=dict)
     """Parameter of the puppet -> [low, high] between which it is chosen along with the motion."""
+    guess: str | None = None
+    """A performance file beside this one: the motion that the search begins with."""
     slack: bool = False
     """Whether strings that pull at the start may go slack."""
+    explore: Annotated[int, Field(ge=0)] = 0
+    """How many random explorations look for motions through slack strings and catches."""
     time_weight: Annotated[NotNegative, SIZED] = 1.0
     """Cost of a second, where the duration is free [1/s]."""
     interval: Positive = 0.02
     """For which driven accelerations are constant [s]."""
     step: Positive = 0.005
     """Longest time step of the derivatives [s]."""
+
+    @model_validator(mode="after")
+    def _ends_once(self) -> TaskFile:
+        if self.end is not None and self.periodic is not None:
+            raise mistake("found both `end` and `periodic`; needed: one of them at most")
+        return self
 
 
 def task_schema() -> dict[str, Any]:

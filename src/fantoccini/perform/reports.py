@@ -13,15 +13,19 @@ _TIME = 1.0
 
 
 class Reports:
-    """Of one performance, by its time [s]."""
+    """Of one performance, by its time [s].
+
+    Attributes:
+        stopped: when all hands were stopped last, and why; None where they were not.
+    """
 
     def __init__(self) -> None:
-        self._stopped: tuple[float, str] | None = None
+        self.stopped: tuple[float, str] | None = None
         self._weak: dict[str, float] = {}  # name of a drive -> when its motor last was too weak
 
     def clear(self) -> None:
         """Forgets everything."""
-        self._stopped = None
+        self.stopped = None
         self._weak.clear()
 
     def forget_motors(self) -> None:
@@ -30,7 +34,7 @@ class Reports:
 
     def stop(self, t: float, why: str) -> None:
         """All hands were stopped."""
-        self._stopped = (t, why)
+        self.stopped = (t, why)
 
     def note_motors(self, t: float, tree: Tree, stepper: Stepper) -> None:
         """Notes the drives whose motors the last tick overloaded."""
@@ -50,9 +54,9 @@ class Reports:
             t: now.
             names: of all hands.
         """
-        if self._stopped and t - self._stopped[0] < _TIME:
+        if self.stopped and t - self.stopped[0] < _TIME:
             for name in dict.fromkeys(names):
-                found.setdefault(name, []).append(f"hand was stopped: {self._stopped[1]}")
+                found.setdefault(name, []).append(f"hand was stopped: {self.stopped[1]}")
         for name, at in self._weak.items():
             if t - at < _TIME:
                 found.setdefault(name, []).append("its motor is too weak for this")

@@ -1,12 +1,11 @@
 """Planning: inputs that take a puppet to a goal among obstacles."""
 
+from fantoccini.clearance import Clearance, HalfSpace, Nearest
 from fantoccini.planning.api import plan, solve
 from fantoccini.planning.check import Check
-from fantoccini.planning.clearance import Clearance, Nearest
 from fantoccini.planning.feedback import Feedback, Followed
 from fantoccini.planning.goals import Goal
 from fantoccini.planning.objective import OBJECTIVES, Objective
-from fantoccini.planning.obstacles import HalfSpace
 from fantoccini.planning.options import PLANNERS, SearchOptions
 from fantoccini.planning.planners import EST2007, Explore
 from fantoccini.planning.polish import Polish, PolishStatus

@@ -6,11 +6,11 @@ import contextlib
 from collections.abc import Iterable, Mapping
 from typing import Any, Unpack
 
+from fantoccini.clearance import HalfSpace
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.planning.goals import GoalLike
 from fantoccini.planning.objective import Objective
-from fantoccini.planning.obstacles import HalfSpace
 from fantoccini.planning.options import SearchKeywords, SearchOptions
 from fantoccini.planning.planners import Planner
 from fantoccini.planning.problem import Problem

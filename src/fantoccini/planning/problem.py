@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 
 from fantoccini.arrays import ConfigK, check_not_negative
+from fantoccini.clearance import Clearance, HalfSpace, standing
 from fantoccini.marionette import Marionette, check_start
 from fantoccini.motion import State
-from fantoccini.planning.clearance import Clearance
 from fantoccini.planning.feasible import out_of_reach, too_far_to_touch
 from fantoccini.planning.goals import Goal, GoalLike
 from fantoccini.planning.guidance import guidance
 from fantoccini.planning.objective import Objective
-from fantoccini.planning.obstacles import HalfSpace, standing
 from fantoccini.planning.pushing import push_of
 from fantoccini.planning.rollouts import Bounds, RolloutOptions, Rollouts
 from fantoccini.planning.state_arrays import StateArrays

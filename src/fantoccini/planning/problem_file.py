@@ -9,11 +9,11 @@ from typing import Annotated, Any, Literal, NoReturn
 
 from pydantic import Field, model_validator
 
+from fantoccini.clearance import HalfSpace, Standing
 from fantoccini.errors import FileError
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.planning.goals import Goal
-from fantoccini.planning.obstacles import HalfSpace, Standing
 from fantoccini.planning.problem import Problem
 from fantoccini.planning.rollouts import Bounds, RolloutOptions, whole_looks
 from fantoccini.planning.touches import touching

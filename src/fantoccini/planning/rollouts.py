@@ -10,9 +10,9 @@ from typing import TypeVar
 import numpy as np
 
 from fantoccini.arrays import Array, Indices, MaskRows, check_not_negative, check_positive
+from fantoccini.clearance import Clearance
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette import Marionette
-from fantoccini.planning.clearance import Clearance
 from fantoccini.planning.goals import Goal
 from fantoccini.planning.state_arrays import StateArrays
 from fantoccini.runtime import Funnel, RolloutPool, RolloutSettings, Segments

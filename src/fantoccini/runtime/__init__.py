@@ -13,6 +13,7 @@ from fantoccini.runtime.clearance import (
 from fantoccini.runtime.compiled import Complementarity, Library, Piece, Run
 from fantoccini.runtime.contacts import Contacts
 from fantoccini.runtime.external import ExternalRun
+from fantoccini.runtime.flow_derivatives import DerivativeLibrary, FlowChanges
 from fantoccini.runtime.functions import AnyArray, Functions, Loaded, whole
 from fantoccini.runtime.gradients import GradientLibrary, GradientRun
 from fantoccini.runtime.lane_steppers import LaneSteppers
@@ -54,7 +55,9 @@ __all__ = [
     "ClearanceLibrary",
     "Complementarity",
     "Contacts",
+    "DerivativeLibrary",
     "ExternalRun",
+    "FlowChanges",
     "Functions",
     "Funnel",
     "GoalNumbers",

@@ -110,13 +110,19 @@ class Catch:
             len(self.caught) == 1 and np.sum(touching) == 1 and not np.any(stays & ~was & ~strikes)
         )
 
-    def passage(self, acc: tuple[Array, Array], acc_K: Array) -> Passage:
-        """The catch with its saltation matrix; arguments as of :meth:`carried`."""
-        m = 2 * len(self._before.v_D)
-        none = InputVariation.none(self._marionette, m)
-        jump = self.carried(np.eye(m), none, acc, acc_K)
+    def across(
+        self, Z: Array, by_input: InputVariation, acc: tuple[Array, Array], acc_K: Array
+    ) -> tuple[Array, Passage]:
+        """Changes after the catch, and the catch with its saltation matrix.
+
+        Arguments are those of :meth:`carried`.
+        """
+        m, n = Z.shape[1], len(Z)
+        both = np.concatenate([Z, np.eye(n)], axis=1)
+        found = self.carried(both, by_input.widened(n), acc, acc_K)
         names = tuple(self._marionette.tree.row_names[i] for i in self.caught)
-        return Passage(self._before.t, names, self.speed, jump, self.sharp)
+        passage = Passage(self._before.t, names, self.speed, found[:, m:], self.sharp)
+        return found[:, :m], passage
 
     def carried(
         self, Z: Array, by_input: InputVariation, acc: tuple[Array, Array], acc_K: Array

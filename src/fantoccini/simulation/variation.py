@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fantoccini.arrays import Array, Indices
+from fantoccini.arrays import Array, Indices, Times
 from fantoccini.errors import SimulationError, Status
 from fantoccini.marionette import Evaluation, Marionette
 from fantoccini.marionette.contact_rows import ContactRows, HeldRows, PointMode
@@ -30,6 +30,8 @@ from fantoccini.simulation.catch import rate_change
 from fantoccini.simulation.contact_pieces import stacked
 from fantoccini.simulation.input_piece import InputPiece, InputVariation
 
+FIRST_STEP = 0.01
+"""That is tried in a piece [s]."""
 MAX_ERROR = 1e-6
 """Largest distance of the integration from the run, relative to 1 or to the state."""
 
@@ -104,14 +106,38 @@ class Variation:
         rows: Indices,
         Z: Array,
         piece: InputPiece,
-        times: Array,
+        times: Times,
         points: Sequence[PointMode] = (),
     ) -> tuple[Array, Array]:
         """The state and the changes at some times of a piece with these rows and points held.
 
         Returns:
             (len(times), n_qD + n_vD) and (len(times), 2 n_vD, m).
+
+        Raises:
+            SimulationError: steps became too small.
         """
+        if points:
+            return self._along_with(x, rows, Z, piece, times, points)
+        model = self.marionette.model
+        held = np.isin(np.arange(model.tree.n_rows), rows)
+        found = model.compiled.derivatives.flow(
+            (x.t, x.q_D, x.v_D, Z), times, piece.inputs, piece.powers, held, model.p,
+            rtol=self._rtol, atol=self._atol, first_step=FIRST_STEP,
+        )  # fmt: skip
+        if found.status is not Status.DONE:
+            raise SimulationError(found.status, f"after t = {x.t:.6g} s")
+        return np.concatenate([found.q_D, found.v_D], axis=1), found.changes
+
+    def _along_with(
+        self,
+        x: State,
+        rows: Indices,
+        Z: Array,
+        piece: InputPiece,
+        times: Array,
+        points: Sequence[PointMode],
+    ) -> tuple[Array, Array]:
         n_q, n, m = self._table.n_qD, self._table.n_vD, Z.shape[1]
         names = [self.marionette.tree.row_names[i] for i in rows]
 

@@ -43,7 +43,7 @@ struct ConeProblem : private ConeIsland<capacity> {
   using Island::resize, Island::n_single, Island::n_contacts, Island::n, Island::stride;
   using Island::G, Island::b, Island::lower, Island::upper, Island::mu, Island::slides;
   using Island::along, Island::x, Island::s;
-  bool is_hard = false;  // Newton's method has failed on it: others go first
+  bool quick = false;  // whether few steps from the guess are made before another start is tried
   // The largest g |x - P(x - s / g)| of a row (a speed), relative to the largest |b_i|.
   using Island::residual;
   using Island::find_s;
@@ -106,7 +106,7 @@ struct ConeProblem : private ConeIsland<capacity> {
         held[i] = one.G[i * (one.stride + 1)];
         one.G[i * (one.stride + 1)] += yielding;
       }
-    const bool solved = one.solve(is_hard);
+    const bool solved = one.solve(quick);
     if (yielding > 0.0) {
       for (int i = 0; i < one.n; ++i) one.G[i * (one.stride + 1)] = held[i];
       one.measure();

@@ -17,24 +17,26 @@ struct ConeIsland : ConeEquations<capacity> {
   int iterations = 0, rounds = 0;
 
   // Whether the law holds, up to the residual. If not, x is the best that was found within the
-  // bounds. `is_hard`: steps from the guess were tried, and the method of multipliers is next.
-  FAN_FN bool solve(bool is_hard = false) {
+  // bounds. `quick`: after few steps from the guess damped ones and few rounds of the method of
+  // multipliers are tried, as is best for many problems that are mostly easy.
+  FAN_FN bool solve(bool quick = false) {
     iterations = rounds = 0;
     residual = best_residual_ = unbounded;
     weigh();
     const bool guessed = take_guess();
     for (int i = 0; i < n; ++i) best_[i] = x[i];
-    bool done = is_hard ? damped() : newton(Tolerance::raise, Tolerance::steps, Tolerance::steps);
+    const int steps = quick ? Tolerance::quick_steps : Tolerance::steps;
+    bool done = newton(Tolerance::raise, steps, steps) || (quick && damped());
     if (!done && guessed) {
       for (int i = 0; i < n; ++i) x[i] = 0.0;
-      done = !is_hard && newton(Tolerance::raise, Tolerance::steps, Tolerance::steps);
+      done = !quick && newton(Tolerance::raise, steps, steps);
     }
-    const int attempts = is_hard ? Tolerance::hard_attempts : Tolerance::attempts;
-    const int rounds_of_first = is_hard ? Tolerance::hard_rounds : Tolerance::rounds;
-    const int patience = is_hard ? Tolerance::hard_patience : Tolerance::patience;
+    const int attempts = quick ? Tolerance::quick_attempts : Tolerance::attempts;
+    const int rounds_of_first = quick ? Tolerance::quick_rounds : Tolerance::rounds;
+    const int patience = quick ? Tolerance::quick_patience : Tolerance::patience;
     for (int k = 0; k < attempts && !done; ++k) {
       multipliers(rounds_of_first << k);
-      done = (is_hard && damped()) || newton(Tolerance::firm_raise, patience, Tolerance::firm_steps);
+      done = (quick && damped()) || newton(Tolerance::firm_raise, patience, Tolerance::firm_steps);
     }
     if (done) return true;
     for (int i = 0; i < n; ++i) x[i] = best_[i];

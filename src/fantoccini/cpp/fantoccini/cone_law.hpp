@@ -36,14 +36,14 @@ struct ConeTolerances {
   // Attempts with a start by the method of multipliers; rounds of the first, doubled each time.
   static constexpr int attempts = 5;
   static constexpr int rounds = 100;
-  // Where steps from the guess were tried elsewhere: damped ones, their raise, and how often one is
-  // halved.
+  // Of quick solves: steps from the guess, then damped ones, their raise, and how often one is halved.
+  static constexpr int quick_steps = 8;
   static constexpr int damped_steps = 8, halvings = 3;
   static constexpr double damping = 1e-5;
   // The method of multipliers then: few rounds are often enough.
-  static constexpr int hard_attempts = 9;
-  static constexpr int hard_rounds = 8;
-  static constexpr int hard_patience = 8;
+  static constexpr int quick_attempts = 9;
+  static constexpr int quick_rounds = 8;
+  static constexpr int quick_patience = 8;
   // The method's penalty and its hold on the last x, relative to g; its over-relaxation.
   static constexpr double penalty = 0.1;
   static constexpr double hold = 1e-8;

@@ -9,11 +9,7 @@ FAN_LOOPS_BEGIN
 namespace fan {
 
 template <class Model, class Real>
-using ContactSolver = std::conditional_t<
-    (Traits<Real>::width > 1), ContactLanes<Model, Real>, ContactPatches<Model, Real>>;
-
-template <class Model, class Real>
-class ContactAims : public ContactSolver<Model, Real> {
+class ContactAims : public ContactPatches<Model, Real> {
   using Problem = ContactProblem<Model, Real>;
 
  public:
@@ -34,7 +30,7 @@ class ContactAims : public ContactSolver<Model, Real> {
   // the velocities of the start, and none can bounce: what takes part then is left to watch(). Of one
   // trajectory.
   FAN_FN bool all_pushed() const {
-    bool all = width == 1;
+    bool all = true;
     for (int i = 0; i < points_.n[0]; ++i) {
       const double hdot = lane_of(hdot_[3 * i], 0), way = -parting_[0][i];
       const bool stays_away = hdot < Tolerance::share_of_way * way;
@@ -83,7 +79,6 @@ class ContactAims : public ContactSolver<Model, Real> {
       p.before = is_of(j, p.pair) && push[l][j].feature == p.feature ? j : -1;
       p.carried = is_of(j, p.pair) || is_of(j - 1, p.pair);
       p.slid = false;
-      if (width == 1) continue;
       for (int k = j; is_of(k, p.pair); ++k) p.slid = p.slid || slides(push[l][k]);
       for (int k = j - 1; is_of(k, p.pair); --k) p.slid = p.slid || slides(push[l][k]);
     }
@@ -114,41 +109,6 @@ class ContactAims : public ContactSolver<Model, Real> {
   template <class Other>
   FAN_FN static bool earlier(const Push& a, const Other& b) {
     return a.pair < b.pair || (a.pair == b.pair && a.feature < b.feature);
-  }
-
-  // What ask() and aim() do, of the points i of all lanes. A point does not wait if the present velocity closes it,
-  // for trying again costs all lanes; unless those that carried slid, which leaves open how they
-  // share it.
-  FAN_FN void aim_lanes(int i, double whole, double recovery_speed) {
-    Real h = Real(0.0), restitution = h, is_new = h, carried = h, slid = h, there = h;
-    for (int l = 0; l < width; ++l) {
-      if (!points_.has(l, i)) continue;
-      const auto& point = points_.point[l][i];
-      lane_of(there, l) = 1.0;
-      lane_of(h, l) = -point.gap;
-      lane_of(restitution, l) = in_->restitution[point.pair];
-      lane_of(is_new, l) = steps_[l][i] == 0 ? 1.0 : 0.0;
-      lane_of(carried, l) = is_carried_[l][i] ? 1.0 : 0.0;
-      lane_of(slid, l) = point.slid ? 1.0 : 0.0;
-    }
-    const Mask here = there > Real(0.5);
-    const Real &before = before_[3 * i], &hdot = hdot_[3 * i];
-    const Real back = h / select(h > Real(0.0), Real(whole > dt_ ? whole : dt_), Real(dt_));
-    const Real parting = minimum(back, Real(recovery_speed)), rebound = restitution * hdot;
-    const Mask bounces = here && is_new > Real(0.5) && before + parting > Real(0.0) &&
-                         rebound > parting && rebound > before - hdot;
-    asked_[i] = select(here, select(bounces, rebound, parting), Real(0.0));
-    const Mask soon = hdot + parting > Real(0.0) && slid < Real(0.5);
-    const Mask waits = carried > Real(0.5) && !bounces && !soon;
-    const Mask joins = here && !waits && before + asked_[i] > Real(0.0);
-    for (int l = 0; l < width; ++l) {
-      if (!lane_of(here, l)) continue;
-      rebound_[l][i] = lane_of(bounces, l) ? lane_of(rebound, l) : 0.0;
-      parting_[l][i] = lane_of(parting, l);
-      bounces_[l] = bounces_[l] || lane_of(bounces, l);
-      near_[l][i] = near_[l][i] || lane_of(joins, l);
-      chosen_[l] += near_[l][i];
-    }
   }
 
   int steps_[width][room(C)];      // for which a point has pushed

@@ -2,8 +2,6 @@
 // Delassus matrix of a time step.
 #pragma once
 
-#include <type_traits>
-
 #include "evaluation.hpp"
 #include "moved_by.hpp"
 
@@ -14,8 +12,7 @@ namespace fan {
 template <class Model, class Real>
 struct ContactColumns {
   static constexpr int C = Model::n_contacts, N = Model::n_vD, M = Model::n_rows;
-  static constexpr bool in_lanes = (Traits<Real>::width > 1);
-  using Moved = std::conditional_t<in_lanes, MovedInLanes<N, Real>, MovedBy<N>>;
+  using Moved = MovedBy<N>;
 
   Triple<Real> W[room(C)][room(N)];
   Triple<Real> across[room(C)][room(M)];  // products with the gathered rows that were crossed
@@ -55,9 +52,6 @@ struct ContactColumns {
   // The products of column d of point i and those of point j <= i.
   FAN_FN const Triple<Real>& row_of_block(int i, int j, int d) const { return G_[i][j][d]; }
 
-  // row_of_block() of all points: by i and j.
-  FAN_FN const Triple<Real> (*blocks() const)[room(C)][3] { return G_; }
-
   // The product of columns d and e.
   FAN_FN Real G(int d, int e) const {
     return d < e ? G_[e / 3][d / 3][e % 3][d % 3] : G_[d / 3][e / 3][d % 3][e % 3];
@@ -79,44 +73,17 @@ struct ContactColumns {
   // w = F^-T x of three columns, x being 0 but where it is moved.
   FAN_FN static void push(
       const Real* L, const Triple<Real>* x, const Moved& moved, Triple<Real>* w) {
-    if constexpr (in_lanes) {
-      push_lanes(L, x, moved, w);
-    } else {
-      const Quad* own = reinterpret_cast<const Quad*>(x);
-      Quad* out = reinterpret_cast<Quad*>(w);
-      Model::push(moved.apart ? moved.link[0] : all_links, L, own, out);
-      if (moved.link[1] < 0 || !moved.apart) return;
-      Quad more[room(N)];
-      Model::push(moved.link[1], L, own, more);
-      const int* entry = moved.entries();
-      for (int j = 0; j < moved.n; ++j) out[entry[j]] += more[entry[j]];
-    }
+    const Quad* own = reinterpret_cast<const Quad*>(x);
+    Quad* out = reinterpret_cast<Quad*>(w);
+    Model::push(moved.apart ? moved.link[0] : all_links, L, own, out);
+    if (moved.link[1] < 0 || !moved.apart) return;
+    Quad more[room(N)];
+    Model::push(moved.link[1], L, own, more);
+    const int* entry = moved.entries();
+    for (int j = 0; j < moved.n; ++j) out[entry[j]] += more[entry[j]];
   }
 
  private:
-  // The same in lanes: link by link, what a lane's own links have, so that it depends on no
-  // neighbour.
-  FAN_FN static void push_lanes(
-      const Real* L, const Triple<Real>* x, const Moved& moved, Triple<Real>* w) {
-    const bool some_tangled = any(moved.tangled > Real(0.5));
-    if (moved.n_links == 1 && !some_tangled) return Model::push(moved.which[0], L, x, w);
-    for (int k = 0; k < N; ++k) w[k].clear();
-    Triple<Real> found[room(N)];
-    const auto take = [&](const int* begin, const int* end, const auto& lanes) {
-      for (; begin < end; ++begin)
-        for (int d = 0; d < 3; ++d)
-          w[*begin].of[d] = select(lanes, found[*begin].of[d], w[*begin].of[d]);
-    };
-    for (int j = 0; j < moved.n_links; ++j) {
-      Model::push(moved.which[j], L, x, found);
-      const int *begin = Model::moved_D_begin + moved.which[j], *entry = Model::moved_D_entry;
-      take(entry + begin[0], entry + begin[1], moved.here[j] > Real(0.5));
-    }
-    if (!some_tangled) return;
-    Model::push(all_links, L, x, found);
-    take(moved.entries(), moved.entries() + moved.n, moved.tangled > Real(0.5));
-  }
-
   // The products of the columns of points i and j <= i.
   FAN_FN void multiply(int i, int j, const Moved* moved) {
     if (moved[i].is_apart(moved[j])) {

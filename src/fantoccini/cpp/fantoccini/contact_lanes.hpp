@@ -1,138 +1,168 @@
-// The contacts of a bundle of lanes: an attempt at the problems of all lanes at once (cone_lanes.hpp)
-// before each is solved by itself. Lanes whose groups differ take part in what belongs to the same
-// first tree.
+// Contacts of a time step of a bundle of lanes, with the interface of contact_step.hpp: those of lanes
+// that stand on the ground alone are solved here, all at once (ground_lanes.hpp). Other lanes are
+// `apart`: they take no part here, and make their steps one by one (single_lanes.hpp).
 #pragma once
 
-#include <type_traits>
-
-#include "cone_lanes.hpp"
-#include "contact_problem.hpp"
+#include "contact_step.hpp"
+#include "ground_lanes.hpp"
+#include "near_lanes.hpp"
 
 namespace fan {
 
 template <class Model, class Real>
-class ContactLanes : public ContactProblem<Model, Real> {
-  using Problem = ContactProblem<Model, Real>;
-
+class ContactLanes {
  public:
-  using Problem::C, Problem::M, Problem::width, Problem::residual;
-  using typename Problem::Mask;
+  static constexpr int N = Model::n_vD, M = Model::n_rows, C = Model::n_contacts;
+  static constexpr int width = Traits<Real>::width;
+  using Mask = typename Traits<Real>::Mask;
+  using Push = ContactPush;
 
- protected:
-  using Problem::groups_, Problem::points_, Problem::columns_, Problem::in_, Problem::near_;
-  using Problem::x_, Problem::s_, Problem::b_;
+  Real violation, work, impact, friction;  // depth; energies of the step
+  Real residual = Real(0.0);               // of the law, in the last step
+  Mask apart = Real(0.0) > Real(1.0);      // lanes that are not solved here
 
-  // Solves the problems of these lanes; returns those that were solved. The others' impulses, those of
-  // the rows in `guess`, are a better guess than before.
-  FAN_FN Mask solve_together(
-      const Mask& lanes, const RowSystem<Model, Real>& rows, const Mask* near, Real* guess, double cap,
-      Real* found, Real* s) {
-    name_groups(lanes, rows, near);
-    const LaneMatrix<Real, M, C> G{
-        rows.problem.G, Complementarity<Real, M>::N, columns_.across, columns_.blocks()};
-    Mask solved = lanes;
-    Real worst = Real(0.0);
+  // Nothing has touched anything yet.
+  FAN_FN void begin(const ContactArrays& in) {
+    links_.begin(in);
+    ground_.begin(in);
+    for (int l = 0; l < width; ++l) {
+      n_[l] = 0;
+      too_many_[l] = false;
+    }
+  }
+
+  bool too_many(int lane) const { return too_many_[lane]; }
+
+  template <class Memory>
+  FAN_FN void remember(Memory& memory) {
+    list_pushes();
+    memory.keep_of_lanes(n_);
+    memory.keep_of_lanes(push_);
+    memory.keep_of_lanes(too_many_);
+  }
+
+  // As ContactStep's, of the lanes that are not apart.
+  FAN_FN void take_as_resting() {
+    list_pushes();
+    for (int l = 0; l < width; ++l) n_[l] = keep_resting(push_[l], n_[l]);
+  }
+
+  FAN_FN void find(
+      const ContactArrays& in, const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
+      const Real* p, double dt, double whole, double recovery_speed, const Mask& idle) {
+    work = impact = friction = residual = Real(0.0);
+    links_.place_at(in, q_D, v_D, q_K, v_K, p, dt);
+    auto& feet = ground_.feet;
+    fresh_ = !feet.kept;
+    for (int l = 0; l < width; ++l)
+      if (!lane_of(feet.kept, l) && !lane_of(idle, l)) feet.take(in, l, push_[l], n_[l]);
+    const Mask alone = links_.find_on(in, dt, feet.kept && !idle, feet);
+    ground_.start(links_, alone, dt, whole, recovery_speed);
+    violation = ground_.depth;
+    apart = !idle && !ground_.lanes;
+  }
+
+  // Leaves lanes whose links impulses have made faster than the margins of find() allow for; whether
+  // there are any.
+  FAN_FN bool look_again(const Real* acc, double dt) {
+    const Mask fast = ground_.lanes && links_.outruns(acc, dt);
+    leave(fast);
+    return any(fast);
+  }
+
+  // Whether points take part in all lanes but these.
+  FAN_FN bool take_part(const Mask& idle) const { return !any(!(ground_.stands || idle)); }
+
+  // Adds the points that would be passed at the velocity v; whether there are any.
+  FAN_FN bool watch(const Real* v) {
+    Mask failed = Real(0.0) > Real(1.0);
+    const bool more = ground_.watch(links_, v, failed);
+    leave(failed);
+    return more;
+  }
+
+  // As ContactStep's.
+  FAN_FN void settle(
+      const Evaluation<Model, Real>& eval, RowSystem<Model, Real>& rows, const Mask* near,
+      Real* guess, double cap, Mask& settled) {
+    if (!any(ground_.stands)) return;
+    leave(ground_.settle(links_, eval, rows, near, guess, cap));
+    const Mask& here = ground_.stands;
+    auto& problem = rows.problem;
+    settled = settled || here;
     for (int a = 0; a < rows.n; ++a) {
-      found[a] = select(lanes, Real(0.0), found[a]);
-      s[a] = select(lanes, Real(-rows.problem.b[a]), s[a]);
+      const int r = rows.row[a];
+      problem.x[a] = select(here, ground_.impulse(r), problem.x[a]);
+      problem.s[a] = select(here, ground_.s(r), problem.s[a]);
+      problem.high[a] = problem.high[a] && !here;
     }
-    for (int group = 0; group < groups_.trees(); ++group) {
-      const Mask here = choose_in_lanes(group, solved, rows, guess, cap);
-      if (!any(here)) continue;
-      const Mask done = cone_lanes_.solve(G, here);
-      solved = solved && (done || !here);
-      const auto& of = cone_lanes_;
-      worst = select(here && of.residual > worst, of.residual, worst);
-      for (int k = 0; k < of.n_single; ++k) {
-        const Mask own = done && of.has_single[k];
-        found[of.single[k]] = select(own, of.x_single[k], found[of.single[k]]);
-        s[of.single[k]] = select(own, of.s_single[k], s[of.single[k]]);
-        Real& next = guess[rows.row[of.single[k]]];
-        next = select(here && of.has_single[k], of.x_single[k], next);
-      }
-      for (int k = 0; k < of.n_contacts; ++k) {
-        const Mask own = here && of.has_contact[k];
-        for (int d = 0; d < 3; ++d) {
-          Real &x = x_[3 * of.contact[k] + d], &u = s_[3 * of.contact[k] + d];
-          x = select(own, of.x[3 * k + d], x);
-          u = select(own, of.s[3 * k + d], u);
-        }
-      }
+  }
+
+  // w <- w - W x over the points.
+  FAN_FN void add(Real* w) const { ground_.add(w); }
+
+  // What the impulses take from hdot of gathered row a.
+  FAN_FN Real rate_by_impulses(const RowSystem<Model, Real>& rows, int a) const {
+    return ground_.rate_by_impulses(rows, a);
+  }
+
+  // The energies of the step, and what pushes at its end. Returns 1 in lanes with an impact, else 0.
+  FAN_FN Real account() {
+    residual = select(ground_.stands, ground_.residual, Real(0.0));
+    const Mask struck = ground_.keep(impact);
+    for (int l = 0; l < width; ++l)
+      if (!lane_of(apart, l)) n_[l] = 0;
+    return select(struck, Real(1.0), Real(0.0));
+  }
+
+  // Calls f with the lane and the pair of every point that pushes.
+  template <class F>
+  void each_push(const F& f) const {
+    for (int l = 0; l < width; ++l) {
+      if (lane_of(ground_.feet.kept, l))
+        ground_.feet.each_push(l, [&](const auto& foot, int) { f(l, foot.pair); });
+      else
+        for (int i = 0; i < n_[l]; ++i) f(l, push_[l][i].pair);
     }
-    residual = select(solved, worst, residual);
-    return solved;
+  }
+
+  // Gives the contacts of a lane that is apart to a step of its own, and takes what that makes of
+  // them.
+  FAN_FN void give(int l, ContactStep<Model, double>& to) {
+    to.take(push_[l], n_[l], links_.near(l));
+  }
+  FAN_FN void take(int l, ContactStep<Model, double>& from) {
+    n_[l] = from.give(push_[l], links_.near(l));
+    too_many_[l] = from.too_many(0);
+    lane_of(residual, l) = from.residual;
+    links_.learn(l);
   }
 
  private:
-  // Names the groups of the points and rows that take part in these lanes; -1 for others.
-  FAN_FN void name_groups(
-      const Mask& lanes, const RowSystem<Model, Real>& rows, const Mask* near) {
-    for (int l = 0; l < width; ++l) {
-      const bool here = lane_of(lanes, l);
-      groups_.begin();
-      for (int i = 0; i < points_.most; ++i) {
-        point_group_[i][l] = -1;
-        if (!here || i >= points_.n[l] || !near_[l][i]) continue;
-        const int pair = points_.point[l][i].pair, *solids = in_->pairs + 2 * pair;
-        lane_of(mu_[i], l) = in_->friction[pair];
-        point_group_[i][l] =
-            groups_.joined(in_->solids[solids[0]].link, in_->solids[solids[1]].link);
-      }
-      for (int a = 0; a < rows.n; ++a)
-        row_group_[a][l] =
-            here && lane_of(near[rows.row[a]], l) ? groups_.named(groups_.of_row(rows.row[a])) : -1;
-      for (int i = 0; i < points_.most; ++i)
-        if (point_group_[i][l] >= 0) point_group_[i][l] = groups_.named(point_group_[i][l]);
-    }
+  // These lanes go on apart.
+  FAN_FN void leave(const Mask& lanes) {
+    if (!any(lanes)) return;
+    for (int l = 0; l < width; ++l)
+      if (lane_of(lanes && !fresh_, l)) n_[l] = ground_.feet.give(l, push_[l]);
+    ground_.leave(lanes);
+    apart = apart || lanes;
   }
 
-  FAN_FN static Mask are(const int* names, int group, const Mask& lanes) {
-    Real out = Real(0.0);
-    for (int l = 0; l < width; ++l) lane_of(out, l) = names[l] == group ? 1.0 : 0.0;
-    return lanes && out > Real(0.5);
+  // Lists what pushes of lanes on the ground, too, as the others' is.
+  FAN_FN void list_pushes() {
+    auto& feet = ground_.feet;
+    for (int l = 0; l < width; ++l)
+      if (lane_of(feet.kept, l)) n_[l] = feet.give(l, push_[l]);
+    feet.kept = Real(0.0) > Real(1.0);
   }
 
-  // Gives cone_lanes_ the rows and points of one group; returns the lanes that have any.
-  FAN_FN Mask choose_in_lanes(
-      int group, const Mask& lanes, const RowSystem<Model, Real>& rows, const Real* guess,
-      double cap) {
-    auto& to = cone_lanes_;
-    Mask some = Real(0.0) > Real(1.0);
-    to.n_single = to.n_contacts = 0;
-    to.most = Real(cap);
-    for (int a = 0; a < rows.n; ++a) {
-      const Mask own = are(row_group_[a], group, lanes);
-      if (!any(own)) continue;
-      some = some || own;
-      const int k = to.n_single++;
-      to.single[k] = a;
-      to.has_single[k] = own;
-      to.b_single[k] = rows.problem.b[a];
-      to.lower[k] = rows.problem.lower[a];
-      to.upper[k] = rows.problem.upper[a];
-      to.x_single[k] = guess[rows.row[a]];
-    }
-    for (int i = 0; i < points_.most; ++i) {
-      const Mask own = are(point_group_[i], group, lanes);
-      if (!any(own)) continue;
-      some = some || own;
-      const int k = to.n_contacts++;
-      to.contact[k] = i;
-      to.has_contact[k] = own;
-      to.mu[k] = select(own, mu_[i], Real(0.0));
-      for (int d = 0; d < 3; ++d) {
-        to.b[3 * k + d] = b_[3 * i + d];
-        to.x[3 * k + d] = x_[3 * i + d];
-      }
-    }
-    return some;
-  }
-
-  struct Alone {};
-  std::conditional_t<(width > 1), ConeLanes<Real, M, C>, Alone> cone_lanes_;
-  // By point and row, and lane.
-  int point_group_[room(C)][width], row_group_[room(M)][width];
-  Real mu_[room(C)];
+  NearLanes<Model, Real> links_;
+  GroundLanes<Model, Real> ground_;
+  Mask fresh_;  // lanes that were not kept by the feet at the start of the step
+  // Of these: what pushes.
+  int n_[width];
+  Push push_[width][room(C)];
+  bool too_many_[width];
 };
 
 }  // namespace fan

@@ -6,11 +6,11 @@
 //
 // over the strings that pull and each patch's F and T. They are the law's where strings pull, the
 // other ones do not close, and each patch's F and T lie within its points' cones. Otherwise the group
-// is left to the cones' solver. Of one trajectory; bundles of lanes have none.
+// is left to the cones' solver. Of one trajectory; for bundles of lanes see ground_lanes.hpp.
 #pragma once
 
-#include "contact_lanes.hpp"
 #include "contact_patch.hpp"
+#include "contact_problem.hpp"
 
 FAN_LOOPS_BEGIN
 
@@ -24,15 +24,13 @@ struct ContactPatchesTolerances {
   // is accepted.
   static constexpr double rough = 1e-13;
   static constexpr double residual = 1e-11;
-  // m/s below which a point stands still: above what the law's residual leaves of its speed.
-  static constexpr double still = 1e-8;
   // Steps without an attempt after one that failed.
-  static constexpr int wait = 8;
+  static constexpr int wait = 1;
 };
 
 template <class Model, class Real>
-class ContactPatches : public ContactLanes<Model, Real> {
-  using Base = ContactLanes<Model, Real>;
+class ContactPatches : public ContactProblem<Model, Real> {
+  using Base = ContactProblem<Model, Real>;
 
  public:
   using Base::C, Base::N, Base::M, Base::width;
@@ -114,11 +112,10 @@ class ContactPatches : public ContactLanes<Model, Real> {
     for (int g = 0; g < groups_.n; ++g) sticks_[g] = sticks_[g] && has_points[g];
   }
 
-  // Whether point i stands still on what carried it, or another point of its pair, before.
+  // Whether what carried point i, or another point of its pair, in the step before stood still.
   FAN_FN bool stuck(int i) const {
-    const double p = hdot_[3 * i + 1], q = hdot_[3 * i + 2];
-    return is_carried_[0][i] && wait_[0][i] == 0 && in_->friction[points_.point[0][i].pair] > 0.0 &&
-           p * p + q * q < Tolerance::still * Tolerance::still;
+    const auto& point = points_.point[0][i];
+    return is_carried_[0][i] && wait_[0][i] == 0 && in_->friction[point.pair] > 0.0 && !point.slid;
   }
 
   FAN_FN bool hold_group(

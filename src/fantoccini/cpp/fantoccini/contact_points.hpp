@@ -42,13 +42,7 @@ class ContactPoints : public ContactRows<Model, Real> {
   // Takes the solids; nothing is known of where they are.
   FAN_FN void begin(const ContactArrays& in) {
     Links::begin(in);
-    double sum = 0.0, n_links = 0.0;
-    for (int i = 0; i < L; ++i) {
-      if (!has_solids(i)) continue;
-      sum += Links::around_[i].radius;
-      n_links += 1.0;
-    }
-    slack_ = n_links > 0.0 ? NearPairsTolerances::slack * sum / n_links : 0.0;
+    slack_ = Links::slack();
     for (int l = 0; l < width; ++l) near_[l].forget();
   }
 
@@ -100,33 +94,17 @@ class ContactPoints : public ContactRows<Model, Real> {
     }
     for (int i = 0; i < most; ++i) clear(i);
     for (int l = 0; l < width; ++l) {
-      if (n[l] > 0 && width > 1) load(l, v_D, v_K);
       for (int i = 0; i < n[l]; ++i) fill(in, l, i);
     }
   }
 
-  // The lanes in which some link may go farther than the margins of find() allow for, if the step
-  // dt changes the velocities by dv_D. Each link may gain half of the fixed part over the step, as
-  // the other one of a pair may, and its own part of what they travel.
+  // As PlacedLinks::outruns(), by the margins of find().
   FAN_FN Mask outruns(const Real* dv_D, double dt) const {
-    const double fixed = 0.5 * Tolerance::margin / dt;
-    RealTwist twist[room(L)];
-    add_real_twists(dv_D, twist);
-    Mask out = Real(0.0) > Real(1.0);
-    for (int i = 0; i < L; ++i) {
-      if (reach_[i] == 0.0) continue;
-      const Real *u = twist[i].linear, *w = twist[i].angular, *r = links_.poses + 12 * i + 9;
-      const Real v[3] = {
-          u[0] + w[1] * r[2] - w[2] * r[1], u[1] + w[2] * r[0] - w[0] * r[2],
-          u[2] + w[0] * r[1] - w[1] * r[0]};
-      const Real spare = fixed + (Tolerance::travel - 1.0) * speed_at_start_[i];
-      // (a + b)^2 <= 2 (a^2 + b^2)
-      const Real square = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) +
-                          (w[0] * w[0] + w[1] * w[1] + w[2] * w[2]) * (reach_[i] * reach_[i]);
-      out = out || 2.0 * square > spare * spare;
-    }
-    return out;
+    return Links::outruns(dv_D, dt, speed_at_start_, Tolerance::margin, Tolerance::travel);
   }
+
+  // The list of near pairs.
+  FAN_FN auto& near() { return near_[0]; }
 
   // Adds the points that the velocities v_D would pass in a step dt from what find() was given, in
   // some lanes. Returns whether there are any.
@@ -149,7 +127,6 @@ class ContactPoints : public ContactRows<Model, Real> {
     for (int l = 0; l < width; ++l) {
       if (n[l] == n_before[l]) continue;
       more = true;
-      if (width > 1) load(l, v_D, v_K);
       for (int i = n_before[l]; i < n[l]; ++i) fill(in, l, i);
     }
     return more;
@@ -159,7 +136,7 @@ class ContactPoints : public ContactRows<Model, Real> {
   using Rows::clear, Rows::clear_row, Rows::fill;
   using Links::add_real_twists;
   using Links::L, Links::B, Links::load, Links::move, Links::place, Links::place_link;
-  using Links::separation, Links::smallest_size, Links::is_far, Links::are_far;
+  using Links::separation, Links::smallest_size, Links::is_far, Links::are_far, Links::touch, Links::list_near;
   using Links::links_, Links::poses_, Links::screw_D_, Links::screw_K_, Links::v_K_, Links::twist_, Links::speed_;
   using Links::reach_, Links::has_solids, Links::placed_, Links::ball_, Links::ball_of_, Links::is_placed_;
 
@@ -171,7 +148,7 @@ class ContactPoints : public ContactRows<Model, Real> {
       margin[i] = 0.5 * Tolerance::margin + Tolerance::travel * dt * speed_[i];
     if (!near.holds(poses_, ball_of_, margin, slack_)) {
       if (!near.is_due()) return look_at_all(in, dt, l);
-      list_near(in, near);
+      list_near(in, near, slack_);
       if (!near.holds(poses_, ball_of_, margin, slack_)) return look_at_all(in, dt, l);
     }
     for (int j = 0; j < near.n; ++j) {
@@ -182,36 +159,6 @@ class ContactPoints : public ContactRows<Model, Real> {
       const double speed = speed_[a] + (b < 0 ? 0.0 : speed_[b]);
       look_at_placed(in, k, Tolerance::margin + Tolerance::travel * dt * speed, l);
     }
-  }
-
-  // Lists the pairs that are nearer than the slack.
-  template <class Near>
-  FAN_FN void list_near(const ContactArrays& in, Near& near) {
-    near.begin(poses_, ball_of_);
-    for (int g = 0, k = 0; g < in.n_groups; ++g) {
-      const int a = in.groups[3 * g], b = in.groups[3 * g + 1], end = in.groups[3 * g + 2];
-      const bool far = b < 0 ? is_far(ball_of_[a], in.solids[-1 - b], slack_)
-                             : is_far(ball_of_[a], ball_of_[b], slack_);
-      if (far) {
-        k = end;
-        continue;
-      }
-      if (!is_placed_[a]) place_link(in, a);
-      if (b >= 0 && !is_placed_[b]) place_link(in, b);
-      for (; k < end; ++k) {
-        Touch found[max_touches];
-        if (touch(in, k, slack_, found) > 0) near.add(k);
-      }
-    }
-  }
-
-  // The points of pair k, whose solids are placed, with a gap below a margin; returns how many.
-  FAN_FN int touch(const ContactArrays& in, int k, double margin, Touch* found) {
-    const int a = in.pairs[2 * k], b = in.pairs[2 * k + 1];
-    const Solid &x = placed_[a], &y = b < B ? placed_[b] : in.solids[b];
-    if (b < B ? is_far(ball_[a], ball_[b], margin) : is_far(ball_[a], y, margin)) return 0;
-    if (are_far(x, y, margin)) return 0;
-    return touches(x, y, margin, found);
   }
 
   // Finds the points of lane l.

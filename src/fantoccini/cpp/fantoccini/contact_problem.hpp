@@ -7,7 +7,7 @@
 #include "cone.hpp"
 #include "contact_columns.hpp"
 #include "contact_groups.hpp"
-#include "contact_points_lanes.hpp"
+#include "contact_points.hpp"
 #include "contact_push.hpp"
 
 FAN_LOOPS_BEGIN
@@ -20,8 +20,7 @@ class ContactProblem {
   static constexpr int C = Model::n_contacts, N = Model::n_vD, S = Model::n_strings;
   static constexpr int M = Model::n_rows, width = Traits<Real>::width;
   using Mask = typename Traits<Real>::Mask;
-  using Points = std::conditional_t<
-      (Traits<Real>::width > 1), ContactPointsLanes<Model, Real>, ContactPoints<Model, Real>>;
+  using Points = ContactPoints<Model, Real>;
   using Tolerance = ContactStepTolerances;
 
   Real residual = Real(0.0);  // of the law, in the last step
@@ -62,8 +61,7 @@ class ContactProblem {
 
   // The columns of the points that take part in some lane, and their products with the rows that
   // may pull: those that pulled before, or close without impulses. The others take part where the
-  // impulses found would close them. In bundles all may pull: what one lane adds would be solved for
-  // in all of them.
+  // impulses found would close them.
   FAN_FN void make_columns(
       const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows, const Mask* near,
       const Real* guess) {
@@ -80,7 +78,7 @@ class ContactProblem {
       const int r = rows.row[a];
       if (row_held_[r]) continue;
       const Mask awake = guess[r] > Real(0.0) || problem.lower[a] < Real(0.0) || problem.b[a] > Real(0.0);
-      const Mask may_pull = width > 1 ? near[r] : near[r] && awake;
+      const Mask may_pull = near[r] && awake;
       bool some_pulls = false;
       for (int l = 0; l < width; ++l) {
         pulls_[l][r] = pulls_[l][r] || lane_of(may_pull, l);

@@ -1,6 +1,8 @@
 // What a time step finds out about contacts: the points that push, and the tolerances that decide.
 #pragma once
 
+#include "real.hpp"
+
 namespace fan {
 
 struct ContactStepTolerances {
@@ -39,6 +41,17 @@ struct ContactPush {
   bool rested;               // at the start of the step: the forces of one step closed it
   double gap, at[3], normal[3], impulse[3], velocity[3];
 };
+
+// Of what pushes, leaves what was at rest, as if it had pushed for long; returns how many these are.
+FAN_FN int keep_resting(ContactPush* push, int n) {
+  int kept = 0;
+  for (int i = 0; i < n; ++i) {
+    if (!push[i].rested) continue;
+    push[kept] = push[i];
+    push[kept++].steps = ContactStepTolerances::steps_of_impact + 1;
+  }
+  return kept;
+}
 
 // In the place of ContactStep for puppets that touch nothing.
 struct NoContacts {};

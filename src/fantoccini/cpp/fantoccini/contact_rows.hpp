@@ -34,12 +34,11 @@ class ContactRows : public PlacedLinks<Model, Real> {
   Point point[width][room(C)];
   Triple<Real> row[room(C)][room(N)];  // of A_D: every point's normal and tangents
   Triple<Real> rate_K[room(C)];        // A_K v_K of these rows
-  using Moved = std::conditional_t<(width > 1), MovedInLanes<N, Real>, MovedBy<N>>;
-  Moved moved[room(C)];                // where a point's rows may differ from zero
+  MovedBy<N> moved[room(C)];                // where a point's rows may differ from zero
 
-  // Whether there is a point i in a lane. Bundles leave places free; see ContactPointsLanes.
+  // Whether there is a point i in a lane.
   FAN_FN bool has(int l, int i) const {
-    return i < n[l] && (width == 1 || point[l][i].pair >= 0);
+    return i < n[l];
   }
 
   // hdot of points at velocities v_D.
@@ -59,17 +58,13 @@ class ContactRows : public PlacedLinks<Model, Real> {
     FAN_FN Triple<Real> change(int i) {
       Triple<Real> out;
       out.clear();
-      if constexpr (width > 1) {
-        out = of_.moved[i].along(of_.row[i], v_D_);
-      } else {
-        for (int side = 0; side < 2; ++side) {
-          const int link = of_.link_[i][side];
-          if (link < 0) continue;
-          if (!is_known_[link]) of_.turn(link, v_D_, twist_[link]);
-          is_known_[link] = true;
-          const auto& by = twist_[link];
-          out.add(side ? 1.0 : -1.0, {of_.form_[i].speed(by.linear, by.angular)});
-        }
+      for (int side = 0; side < 2; ++side) {
+        const int link = of_.link_[i][side];
+        if (link < 0) continue;
+        if (!is_known_[link]) of_.turn(link, v_D_, twist_[link]);
+        is_known_[link] = true;
+        const auto& by = twist_[link];
+        out.add(side ? 1.0 : -1.0, {of_.form_[i].speed(by.linear, by.angular)});
       }
       return out;
     }
@@ -77,7 +72,7 @@ class ContactRows : public PlacedLinks<Model, Real> {
    private:
     const ContactRows& of_;
     const Real* v_D_;
-    typename Links::Twist twist_[width == 1 ? room(Links::L) : 1];  // of the links that were asked for
+    typename Links::Twist twist_[room(Links::L)];  // of the links that were asked for
     bool is_known_[room(Links::L)];
   };
 
@@ -85,15 +80,10 @@ class ContactRows : public PlacedLinks<Model, Real> {
   FAN_FN Triple<Real> rate(int i, const Real* v_D) const {
     Triple<Real> out;
     out.clear();
-    if constexpr (width > 1) {
-      out = rate_K[i];
-      out.add(Real(1.0), moved[i].along(row[i], v_D));
-    } else {
-      for (int side = 0; side < 2; ++side) {
-        const int link = link_[i][side];
-        if (link >= 0)
-          out.add(side ? 1.0 : -1.0, {form_[i].speed(twist_[link].linear, twist_[link].angular)});
-      }
+    for (int side = 0; side < 2; ++side) {
+      const int link = link_[i][side];
+      if (link >= 0)
+        out.add(side ? 1.0 : -1.0, {form_[i].speed(twist_[link].linear, twist_[link].angular)});
     }
     return out;
   }
@@ -103,11 +93,9 @@ class ContactRows : public PlacedLinks<Model, Real> {
 
   // Writes point i's row if it is not there.
   FAN_FN void need_row(const ContactArrays& in, int i) {
-    if constexpr (width == 1) {
-      if (is_written_[i]) return;
-      is_written_[i] = true;
-      write(in, 0, point[0][i].pair, form_[i], moved[i], row[i]);
-    }
+    if (is_written_[i]) return;
+    is_written_[i] = true;
+    write(in, 0, point[0][i].pair, form_[i], moved[i], row[i]);
   }
 
   // The rows of three directions at a point of a pair, and those that turn about them, in metres of
@@ -157,30 +145,27 @@ class ContactRows : public PlacedLinks<Model, Real> {
     moved[i].clear();
     rate_K[i].clear();
     is_written_[i] = false;
-    if (width > 1) clear_row(row[i]);
   }
 
   FAN_FN static void clear_row(Triple<Real>* out) {
     for (int k = 0; k < N; ++k) out[k].clear();
   }
 
-  // What moves lane l's point i, and the rows of lanes.
+  // What moves lane l's point i.
   FAN_FN void fill(const ContactArrays& in, int l, int i) {
     const Point& from = point[l][i];
-    Form& form = form_[width == 1 ? i : 0];
-    form = Form(from.frame, from.at);
+    const Form& form = form_[i] = Form(from.frame, from.at);
     for (int side = 0; side < 2; ++side) {
       const int link = link_[i][side] = in.solids[in.pairs[2 * from.pair + side]].link;
       if (link < 0) continue;
       const int *begin = Model::moved_D_begin + link, *entry = Model::moved_D_entry;
-      moved[i].add_in(l, link, entry + begin[0], entry + begin[1]);
+      moved[i].add(link, entry + begin[0], entry + begin[1]);
       for (int j = Model::moved_K_begin[link]; j < Model::moved_K_begin[link + 1]; ++j) {
         const double* s = screw_K_ + 6 * Model::moved_K_entry[j];
         const double speed = v_K_[Model::moved_K_entry[j]];
         rate_K[i].add_in(l, side ? speed : -speed, form.speed(s, s + 3));
       }
     }
-    if constexpr (width > 1) write(in, l, from.pair, form, moved[i], row[i]);
   }
 
  private:
@@ -201,8 +186,8 @@ class ContactRows : public PlacedLinks<Model, Real> {
   FAN_FN void write(
       const ContactArrays& in, int l, int pair, const Form& form, const MovedBy<N>& by,
       Triple<Real>* out) const {
-    const bool fresh = width == 1 && by.apart;
-    if (width == 1 && !fresh) clear_row(out);
+    const bool fresh = by.apart;
+    if (!fresh) clear_row(out);
     for (int side = 0; side < 2; ++side) {
       const int link = in.solids[in.pairs[2 * pair + side]].link;
       if (link < 0) continue;
@@ -216,7 +201,7 @@ class ContactRows : public PlacedLinks<Model, Real> {
   }
 
   // Of one trajectory.
-  Form form_[width == 1 ? room(C) : 1];
+  Form form_[room(C)];
   int link_[room(C)][2];
   bool is_written_[room(C)];
 };

@@ -7,8 +7,7 @@
 // first. As for strings, solids that overlap part at the recovery speed at most. A new contact with
 // restitution e leaves with u_n+ = -e u_n- at least, unless the forces of one step would take the
 // rebound back. With friction, or unequal e, that may add energy; all are then scaled down until
-// none is added. The problem of each lane is its own, so that no lane's result depends on its
-// neighbours.
+// none is added. Of one trajectory; for bundles of lanes see contact_lanes.hpp.
 #pragma once
 
 #include "contact_aims.hpp"
@@ -55,16 +54,21 @@ class ContactStep : public ContactAims<Model, Real> {
   }
 
   // What pushes now and was at rest has pushed for long; all else has touched nothing yet.
-  FAN_FN void take_as_resting() {
-    for (int l = 0; l < width; ++l) {
-      int kept = 0;
-      for (int i = 0; i < n[l]; ++i) {
-        if (!push[l][i].rested) continue;
-        push[l][kept] = push[l][i];
-        push[l][kept++].steps = Tolerance::steps_of_impact + 1;
-      }
-      n[l] = kept;
-    }
+  FAN_FN void take_as_resting() { n[0] = keep_resting(push[0], n[0]); }
+
+  // Takes what pushed in the step before, and the list of near pairs; and what becomes of them.
+  template <class Near>
+  FAN_FN void take(const Push* pushes, int n_pushes, const Near& near) {
+    n[0] = n_pushes;
+    for (int i = 0; i < n_pushes; ++i) push[0][i] = pushes[i];
+    points_.near() = near;
+    points_.too_many[0] = false;
+  }
+  template <class Near>
+  FAN_FN int give(Push* pushes, Near& near) {
+    for (int i = 0; i < n[0]; ++i) pushes[i] = push[0][i];
+    near = points_.near();
+    return n[0];
   }
 
   // Finds the points at the start of a step of length dt and their speeds without impulses; eval is
@@ -94,7 +98,7 @@ class ContactStep : public ContactAims<Model, Real> {
       scale_[l] = 1.0;
       solved_with_[l] = 0;
     }
-    if constexpr (width == 1) this->let_go();
+    this->let_go();
     if (points_.most == 0) return;
     for (int i = 0; i < points_.most; ++i) {
       const Triple<Real> start = points_.rate(i, v_D);
@@ -104,15 +108,10 @@ class ContactStep : public ContactAims<Model, Real> {
       }
     }
     for (int l = 0; l < width; ++l) this->recall(l);
-    if constexpr (width > 1) {
-      this->know_before(eval);
-      for (int i = 0; i < points_.most; ++i) this->aim_lanes(i, whole, recovery_speed);
-    } else {
-      for (int i = 0; i < points_.n[0]; ++i) this->ask(0, i, whole, recovery_speed);
-      is_before_known_ = !this->all_pushed();
-      if (is_before_known_) this->know_before(eval);
-      for (int i = 0; i < points_.n[0]; ++i) this->aim(0, i);
-    }
+    for (int i = 0; i < points_.n[0]; ++i) this->ask(0, i, whole, recovery_speed);
+    is_before_known_ = !this->all_pushed();
+    if (is_before_known_) this->know_before(eval);
+    for (int i = 0; i < points_.n[0]; ++i) this->aim(0, i);
     if (is_before_known_) this->know_aims();
   }
 
@@ -187,31 +186,20 @@ class ContactStep : public ContactAims<Model, Real> {
       Real* guess, const Real* before, double cap, Mask& settled) {
     Real found[room(M)], s[room(M)], of_lane = Real(0.0), well = Real(0.0);
     int taking_part[width];
-    Real to_solve = Real(0.0), n_near = Real(0.0);
+    Real n_near = Real(0.0);
     for (int a = 0; a < rows.n; ++a) n_near += select(near[rows.row[a]], Real(1.0), Real(0.0));
-    for (int l = 0; l < width; ++l) {
-      taking_part[l] = chosen_[l] + int(lane_of(n_near, l));
-      if (chosen_[l] != 0 && taking_part[l] != solved_with_[l] && !bounces_[l])
-        lane_of(to_solve, l) = 1.0;
-    }
+    for (int l = 0; l < width; ++l) taking_part[l] = chosen_[l] + int(lane_of(n_near, l));
     bool held = false;  // all of it by patches
-    if constexpr (width == 1)
-      if (chosen_[0] != 0 && taking_part[0] != solved_with_[0])
-        held = this->hold(eval, rows, near, guess, cap, found, s);
+    if (chosen_[0] != 0 && taking_part[0] != solved_with_[0])
+      held = this->hold(eval, rows, near, guess, cap, found, s);
     if (!held) this->need_before(eval);
     if (!held) this->make_columns(eval, rows, near, guess);
-    const Mask tried = to_solve > Real(width > 1 ? 0.5 : 2.0);
-    Mask together = tried;
-    if constexpr (width > 1)
-      if (any(tried))
-        together = this->solve_together(together, rows, near, guess, cap, found, s);
     for (int l = 0; l < width; ++l) {
       if (chosen_[l] == 0) continue;
       if (taking_part[l] != solved_with_[l]) {
         solved_with_[l] = taking_part[l];
-        cone_.is_hard = lane_of(tried, l);
-        well_[l] = held || (width > 1 && lane_of(together, l)) ||
-                   this->bounce(l, rows, near, guess, before, cap, found, s);
+        cone_.quick = true;
+        well_[l] = held || this->bounce(l, rows, near, guess, before, cap, found, s);
         if (held) lane_of(residual, l) = held_residual_;
         for (int a = 0; a < rows.n; ++a) {
           lane_of(row_x_[rows.row[a]], l) = lane_of(found[a], l);
@@ -236,7 +224,7 @@ class ContactStep : public ContactAims<Model, Real> {
   FAN_FN void add(Real* w) const {
     for (int i = 0; i < points_.most; ++i)
       if (pushes(i)) columns_.take(i, x_ + 3 * i, points_.moved[i], w);
-    if constexpr (width == 1) this->add_held(w);
+    this->add_held(w);
   }
 
   // What the impulses take from hdot of gathered row a.
@@ -247,7 +235,7 @@ class ContactStep : public ContactAims<Model, Real> {
       const Triple<Real>& by = columns_.across[i][a];
       sum += by[0] * x_[3 * i] + by[1] * x_[3 * i + 1] + by[2] * x_[3 * i + 2];
     }
-    if constexpr (width == 1) sum += this->rate_by_held(rows, a);
+    sum += this->rate_by_held(rows, a);
     return sum;
   }
 
@@ -278,7 +266,6 @@ class ContactStep : public ContactAims<Model, Real> {
   int shared(
       const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
       ContactShare<M + 3 * C>& share, Push* out) {
-    static_assert(width == 1);
     int found = 0, n_out = 0;
     for (int i = 0; i < points_.n[0]; ++i) found += lane_of(x_[3 * i], 0) > 0.0;
     if (chosen_[0] == 0 || found != n[0]) {

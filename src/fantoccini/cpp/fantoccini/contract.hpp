@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x599cbcf94572f1ff;
+constexpr long long contract_digest = 0x4e8f8c953c76d83a;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -381,6 +381,31 @@ struct StepDerivativeArrays {
   const double* screws;  // as in TouchingStepArrays
   const double* by_p;  // likewise
   int* edges;  // (n,) StepEdge; added to
+};
+
+// A smooth piece of a run, and small changes along it.
+struct FlowDerivativeArrays {
+  double rtol;  // of the integration of state and changes
+  double atol;  // likewise
+  double first_step;  // that is tried [s]
+  double start;  // [s]
+  long long n_times;
+  const double* times;  // (n_times,) at which to write, increasing, up to the end [s]
+  InputArrays input;  // of one piece
+  int m;  // changes: by the state, by the parameters, along the inputs
+  int n_inputs;  // those along the inputs
+  // (6, 3 n_vK + n_vD, n_inputs) changes of q_K, v_K, acc_K and u_D in powers of the time
+  // since the start over the whole
+  const double* by_inputs;
+  const double* p;
+  const unsigned char* held;  // (n_rows,) rows that are held
+  const double* q_D;  // (n_qD,) at the start
+  const double* v_D;  // (n_vD,)
+  const double* changes;  // (2 n_vD, m) of (q_D, v_D)
+  double* q_D_at;  // (n_times, n_qD)
+  double* v_D_at;  // (n_times, n_vD)
+  double* changes_at;  // (n_times, 2 n_vD, m)
+  int status;  // Status
 };
 
 // A quadratic program of stages (stage_program.hpp).
@@ -890,20 +915,22 @@ struct Call {
   FAN_FN static void force_by_q(
       const Real* q_D, const Real* v_D, const Real* acc_D, const Real* q_K,
       const Real* v_K, const Real* acc_K, const Real* tension, const Real& dt,
-      const Real* p, Real* r_q) {
+      const Real* p, Real* r_q, bool constants) {
     const Real* arg[] = {q_D, v_D, acc_D, q_K, v_K, acc_K, tension, &dt, p};
     Real* res[] = {at(r_q)};
-    Model::force_by_q(arg, res);
+    if (constants) Model::force_by_q_constants(res);
+    Model::force_by_q_varying(arg, res);
   }
 
   // Derivative of r by the dynamic velocity.
   FAN_FN static void force_by_v(
       const Real* q_D, const Real* v_D, const Real* acc_D, const Real* q_K,
       const Real* v_K, const Real* acc_K, const Real* tension, const Real& dt,
-      const Real* p, Real* r_v) {
+      const Real* p, Real* r_v, bool constants) {
     const Real* arg[] = {q_D, v_D, acc_D, q_K, v_K, acc_K, tension, &dt, p};
     Real* res[] = {at(r_v)};
-    Model::force_by_v(arg, res);
+    if (constants) Model::force_by_v_constants(res);
+    Model::force_by_v_varying(arg, res);
   }
 
   // Derivatives of r by the driven coordinates and the parameters.
@@ -911,21 +938,36 @@ struct Call {
   FAN_FN static void force_by_K(
       const Real* q_D, const Real* v_D, const Real* acc_D, const Real* q_K,
       const Real* v_K, const Real* acc_K, const Real* tension, const Real& dt,
-      const Real* p, Results& to) {
+      const Real* p, Results& to, bool constants) {
     const Real* arg[] = {q_D, v_D, acc_D, q_K, v_K, acc_K, tension, &dt, p};
     Real* res[] = {at(to.r_qK), at(to.r_vK), at(to.M_DK), at(to.r_p)};
-    Model::force_by_K(arg, res);
+    if (constants) Model::force_by_K_constants(res);
+    Model::force_by_K_varying(arg, res);
+  }
+
+  // A_D, A_K and the derivatives of h, hdot and hddot of strings and limits.
+  template <class Results>
+  FAN_FN static void rows_by(
+      const Real* q_D, const Real* v_D, const Real* acc_D, const Real* q_K,
+      const Real* v_K, const Real* acc_K, const Real* p, Results& to, bool constants) {
+    const Real* arg[] = {q_D, v_D, acc_D, q_K, v_K, acc_K, p};
+    Real* res[] = {at(to.A_D), at(to.A_K), at(to.h_p), at(to.hdot_q), at(to.hdot_qK),
+        at(to.hdot_p), at(to.hddot_q), at(to.hddot_v), at(to.hddot_qK),
+        at(to.hddot_vK), at(to.hddot_p)};
+    if (constants) Model::rows_by_constants(res);
+    Model::rows_by_varying(arg, res);
   }
 
   // A_D, A_K and the derivatives of h and hdot of strings and limits.
   template <class Results>
   FAN_FN static void row_rates_by(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
-      const Real* p, Results& to) {
+      const Real* p, Results& to, bool constants) {
     const Real* arg[] = {q_D, v_D, q_K, v_K, p};
     Real* res[] = {at(to.A_D), at(to.A_K), at(to.h_p), at(to.hdot_q), at(to.hdot_qK),
         at(to.hdot_p)};
-    Model::row_rates_by(arg, res);
+    if (constants) Model::row_rates_by_constants(res);
+    Model::row_rates_by_varying(arg, res);
   }
 
   // Forces that do not balance at rest, r of Eq. 10, h, and their derivatives.

@@ -160,8 +160,9 @@ struct RowSystem {
     gather_from(leading, e, v_D, rows);
   }
 
-  // w <- w + W y over the rows.
-  FAN_FN void add(const Real* y, Real* w) const { add_from(0, y, w); }
+  // w <- w + W y over the rows; in lanes of V several vectors at once.
+  template <class V>
+  FAN_FN void add(const V* y, V* w) const { add_from(0, y, w); }
 
   // w = dt w0 + W y, after gather_leading().
   FAN_FN void push(const Eval& e, double dt, const Real* y, Real* w) const {
@@ -184,11 +185,12 @@ struct RowSystem {
     return of.n == 0 || moved.n == 0 || of[of.n - 1] < entry[0] || entry[moved.n - 1] < of[0];
   }
 
-  // W^T w over the rows, two sums at a time: each addition waits for the one before.
-  FAN_FN void along(const Real* w, Real* out) const {
+  // W^T w over the rows, likewise; two sums at a time: each addition waits for the one before.
+  template <class V>
+  FAN_FN void along(const V* w, V* out) const {
     for (int a = 0; a < n; ++a) {
       const Entries of = entries(row[a]);
-      Real even = Real(0.0), odd = Real(0.0);
+      V even = V(0.0), odd = V(0.0);
       int j = 0;
       for (; j + 2 <= of.n; j += 2) {
         even += column[a][of[j]] * w[of[j]];
@@ -232,9 +234,10 @@ struct RowSystem {
     }
   }
 
-  FAN_FN void add_from(int first, const Real* y, Real* w) const {
+  template <class V>
+  FAN_FN void add_from(int first, const V* y, V* w) const {
     for (int a = first; a < n; ++a) {
-      if (!any(y[a] != Real(0.0))) continue;
+      if (!any(y[a] != V(0.0))) continue;
       const Entries of = entries(row[a]);
       for (int j = 0; j < of.n; ++j) w[of[j]] += column[a][of[j]] * y[a];
     }

@@ -26,6 +26,7 @@ struct LaneMask {
   Bits bits;
 
   bool operator[](int lane) const { return bits[lane] != 0; }
+  void set(int lane, bool value) { bits[lane] = value ? -1 : 0; }
 
   FAN_LANE_OP LaneMask operator&&(const LaneMask& a, const LaneMask& b) { return {a.bits & b.bits}; }
   FAN_LANE_OP LaneMask operator||(const LaneMask& a, const LaneMask& b) { return {a.bits | b.bits}; }
@@ -41,6 +42,9 @@ struct LaneMask<8> {
   unsigned char bits;
 
   bool operator[](int lane) const { return bits >> lane & 1; }
+  void set(int lane, bool value) {
+    bits = static_cast<unsigned char>((bits & ~(1 << lane)) | (value << lane));
+  }
 
   FAN_LANE_OP LaneMask operator&&(LaneMask a, LaneMask b) { return made(a.bits & b.bits); }
   FAN_LANE_OP LaneMask operator||(LaneMask a, LaneMask b) { return made(a.bits | b.bits); }

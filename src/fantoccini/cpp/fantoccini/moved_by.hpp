@@ -3,16 +3,13 @@
 // every sum.
 #pragma once
 
-#include <type_traits>
-
-#include "lane_of.hpp"
 #include "triple.hpp"
 
 FAN_LOOPS_BEGIN
 
 namespace fan {
 
-// In order; those of some lane.
+// In order.
 template <int n_vD>
 struct MovedBy {
   int n = 0;
@@ -29,9 +26,7 @@ struct MovedBy {
     apart = true;
   }
 
-  // Adds those of a link, listed in order, to what is there. Of one trajectory there is one lane.
-  FAN_FN void add_in(int, int which, const int* begin, const int* end) { add(which, begin, end); }
-
+  // Adds those of a link, listed in order, to what is there.
   FAN_FN void add(int which, const int* begin, const int* end) {
     if (begin == end) return;
     link[1] = link[0];
@@ -72,8 +67,7 @@ struct MovedBy {
     return apart ? same : n;
   }
 
-  // The product of three rows with v, in two sums: each addition waits for the one before. In lanes
-  // a velocity's sum depends on itself alone, not on what else moves the point in other lanes.
+  // The product of three rows with v, in two sums: each addition waits for the one before.
   template <class Real>
   FAN_FN Triple<Real> along(const Triple<Real>* row, const Real* v) const {
     const int* entry = entries();
@@ -81,8 +75,6 @@ struct MovedBy {
     even.clear();
     odd.clear();
     int j = 0;
-    if constexpr (!std::is_same<Real, double>::value)
-      for (; j < n; ++j) (entry[j] % 2 ? odd : even).add(v[entry[j]], row[entry[j]]);
     for (; j + 2 <= n; j += 2) {
       even.add(v[entry[j]], row[entry[j]]);
       odd.add(v[entry[j + 1]], row[entry[j + 1]]);
@@ -109,46 +101,6 @@ struct MovedBy {
  private:
   const int* listed_ = nullptr;  // of one link; of several in merged_
   int merged_[room(n_vD)];
-};
-
-// The same of a bundle of lanes, each with links of its own.
-template <int n_vD, class Real>
-struct MovedInLanes : MovedBy<n_vD> {
-  static constexpr int width = Traits<Real>::width;
-
-  int n_links = 0;
-  int which[2 * width];      // the links that move it in some lane
-  Real here[2 * width];      // 1 in lanes that have the link
-  Real tangled = Real(0.0);  // 1 in lanes whose two links have velocities in common
-
-  FAN_FN void clear() {
-    MovedBy<n_vD>::clear();
-    n_links = 0;
-    tangled = Real(0.0);
-    for (int l = 0; l < width; ++l) has_one_[l] = false;
-  }
-
-  // Adds a link, and its velocities listed in order, in one lane; returns its place in `which`.
-  FAN_FN int add_in(int lane, int link, const int* begin, const int* end) {
-    int j = 0;
-    while (j < n_links && which[j] != link) ++j;
-    if (j == n_links) {
-      which[n_links++] = link;
-      here[j] = Real(0.0);
-      this->add(link, begin, end);
-    }
-    lane_of(here[j], lane) = 1.0;
-    if (begin == end) return j;
-    if (has_one_[lane] && end[-1] >= low_[lane] && *begin <= high_[lane]) lane_of(tangled, lane) = 1.0;
-    has_one_[lane] = true;
-    low_[lane] = *begin;
-    high_[lane] = end[-1];
-    return j;
-  }
-
- private:
-  bool has_one_[width] = {};         // whether a lane has a link that velocities move,
-  int low_[width], high_[width];     // and the first and last of these
 };
 
 }  // namespace fan

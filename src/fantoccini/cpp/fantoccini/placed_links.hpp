@@ -6,6 +6,7 @@
 
 #include "evaluation.hpp"
 #include "lane_of.hpp"
+#include "near_pairs.hpp"
 #include "space.hpp"
 #include "touch.hpp"
 #include "triple.hpp"
@@ -203,6 +204,72 @@ class PlacedLinks {
       FAN_UNROLL for (int j = 0; j < 3; ++j)
         to.R[3 * j + c] = R[c] * from.R[3 * j] + R[3 + c] * from.R[3 * j + 1] +
                           R[6 + c] * from.R[3 * j + 2];
+  }
+
+  // The points of pair k, whose solids are placed, with a gap below a margin; returns how many.
+  FAN_FN int touch(const ContactArrays& in, int k, double margin, Touch* found) {
+    const int a = in.pairs[2 * k], b = in.pairs[2 * k + 1];
+    const Solid &x = placed_[a], &y = b < B ? placed_[b] : in.solids[b];
+    if (b < B ? is_far(ball_[a], ball_[b], margin) : is_far(ball_[a], y, margin)) return 0;
+    if (are_far(x, y, margin)) return 0;
+    return touches(x, y, margin, found);
+  }
+
+  // Lists the pairs that are nearer than the slack.
+  template <class Near>
+  FAN_FN void list_near(const ContactArrays& in, Near& near, double slack) {
+    near.begin(poses_, ball_of_);
+    for (int g = 0, k = 0; g < in.n_groups; ++g) {
+      const int a = in.groups[3 * g], b = in.groups[3 * g + 1], end = in.groups[3 * g + 2];
+      const bool far = b < 0 ? is_far(ball_of_[a], in.solids[-1 - b], slack)
+                             : is_far(ball_of_[a], ball_of_[b], slack);
+      if (far) {
+        k = end;
+        continue;
+      }
+      if (!is_placed_[a]) place_link(in, a);
+      if (b >= 0 && !is_placed_[b]) place_link(in, b);
+      for (; k < end; ++k) {
+        Touch found[max_touches];
+        if (touch(in, k, slack, found) > 0) near.add(k);
+      }
+    }
+  }
+
+  // m: of lists of near pairs.
+  FAN_FN double slack() const {
+    double sum = 0.0, n_links = 0.0;
+    for (int i = 0; i < L; ++i) {
+      if (!has_solids(i)) continue;
+      sum += around_[i].radius;
+      n_links += 1.0;
+    }
+    return n_links > 0.0 ? NearPairsTolerances::slack * sum / n_links : 0.0;
+  }
+
+  // The lanes in which some link may go farther than margins allow for that are this margin and so
+  // many times what links travel at `speed`, if the step dt changes the velocities by dv_D. Each link
+  // may gain half of the fixed part over the step, as the other one of a pair may, and its own part of
+  // what they travel.
+  FAN_FN typename Traits<Real>::Mask outruns(
+      const Real* dv_D, double dt, const Real* speed, double margin, double travel) const {
+    const double fixed = 0.5 * margin / dt;
+    RealTwist twist[room(L)];
+    add_real_twists(dv_D, twist);
+    typename Traits<Real>::Mask out = Real(0.0) > Real(1.0);
+    for (int i = 0; i < L; ++i) {
+      if (reach_[i] == 0.0) continue;
+      const Real *u = twist[i].linear, *w = twist[i].angular, *r = links_.poses + 12 * i + 9;
+      const Real v[3] = {
+          u[0] + w[1] * r[2] - w[2] * r[1], u[1] + w[2] * r[0] - w[0] * r[2],
+          u[2] + w[0] * r[1] - w[1] * r[0]};
+      const Real spare = fixed + (travel - 1.0) * speed[i];
+      // (a + b)^2 <= 2 (a^2 + b^2)
+      const Real square = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) +
+                          (w[0] * w[0] + w[1] * w[1] + w[2] * w[2]) * (reach_[i] * reach_[i]);
+      out = out || 2.0 * square > spare * spare;
+    }
+    return out;
   }
 
   // How far apart the balls around the two links, or a link and a solid that stands, of a group are.

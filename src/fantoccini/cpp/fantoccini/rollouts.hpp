@@ -186,9 +186,7 @@ class Rollouts {
   // Calls `f` with the lane and the pair of every point that pushes.
   template <class F>
   void each_push(const F& f) {
-    if constexpr (TimeStep<Model, Real>::touches)
-      for (int l = 0; l < width; ++l)
-        for (int i = 0; i < led_.at.contacts.n[l]; ++i) f(l, led_.at.contacts.push[l][i].pair);
+    if constexpr (TimeStep<Model, Real>::touches) led_.at.contacts.each_push(f);
   }
 
   // Checks every lane; whether any is still in its segment.

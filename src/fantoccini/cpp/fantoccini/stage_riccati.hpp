@@ -14,19 +14,9 @@
 #include <vector>
 
 #include "row_products.hpp"
+#include "stage_laws.hpp"
 
 namespace fan {
-
-// Entries (row + j, column + j), j < length, of (A B) of all stages.
-struct Band {
-  int row, column, length;
-};
-
-// u_input = value + sum over t of by[t] z_i[at[t]].
-struct StageLaw {
-  int input, at[2];
-  double by[2], value;
-};
 
 struct StageRiccati {
   int N = 0, n_z = 0, k = 0, m = 0;

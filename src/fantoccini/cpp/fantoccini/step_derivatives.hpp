@@ -6,14 +6,16 @@
 //
 //   dv+ = dv + dt dacc,   dq+ = Exp(-dt v+) dq + J_r(dt v+) dt dv+
 //
-// r is the residual of Eq. 10 with the velocity products of the start, d any of the above. Columns are
-// solved for in bundles, as many as a vector holds. Where solids touch, the points that push are held
+// r is the residual of Eq. 10 with the velocity products of the start, d any of the above. Its
+// derivatives are evaluated at several nodes at once (step_bundles.hpp); columns are solved for in
+// bundles, as many as a vector holds. Where solids touch, the points that push are held
 // in their modes beside the rows (modes_of_step.hpp).
 #pragma once
 
 #include <cstring>
 #include <type_traits>
 
+#include "derivatives_in_lanes.hpp"
 #include "evaluation.hpp"
 #include "held_factor.hpp"
 #include "modes_of_step.hpp"
@@ -28,20 +30,46 @@ class StepDerivatives {
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, K = Model::n_vK, P = Model::n_p;
   static constexpr int S = Model::n_strings, M = Model::n_rows, width = Traits<Wide>::width;
 
-  // Node i of the arrays.
-  void find(const StepDerivativeArrays& in, long long i) {
+  // Begins with node i of the arrays; its place among the states is a lane's.
+  void begin(const StepDerivativeArrays& in, long long i, int lane, StatesInLanes<Model>* states) {
     forces_ = in.forces != 0;
     m_ = 2 * N + 3 * K + (forces_ ? N : 0) + P;
     evaluate(in, i);
     hold(in, i);
-    differentiate(in, i);
+    states->place(lane, q_D_, states->q_D, NQ);
+    states->place(lane, v_D_, states->v_D, N);
+    states->place(lane, acc_, states->acc, N);
+    states->place(lane, q_K_, states->q_K, Model::n_qK);
+    states->place(lane, rate_, states->v_K, K);
+    states->place(lane, mean_, states->acc_K, K);
+    states->place(lane, tension_, states->tension, M);
+    states->place(lane, p_, states->p, P);
+  }
+
+  // For the derivatives of r, column by column; those by the parameters begin at `by_p`.
+  double* force(int* by_p) {
+    double* push = force_ + N * (2 * N + 3 * K);
+    *by_p = int(push - force_) + (forces_ ? N * N : 0);
+    for (int k = 0; forces_ && k < N * N; ++k) push[k] = k % (N + 1) == 0 ? -1.0 : 0.0;
+    return force_;
+  }
+
+  const double* v_next() const { return v_next_; }
+  bool holds() const { return rows_.n > 0; }
+
+  // Ends with it, given the derivatives of r and, in a lane, of hdot after the step.
+  template <class Rows>
+  void end(const StepDerivativeArrays& in, long long i, int lane, const Rows& by) {
+    if (holds()) take(lane, by, 1.0 / in.dt, in.recovery_speed);
+    // Solved for where it stays near: the results of many nodes are larger than a cache.
     double* motion = in.motion + i * 2 * N * m_;
     double* pull = in.pull ? in.pull + i * M * m_ : nullptr;
-    if (!solve_in_modes(in, i, motion + N * m_, pull)) solve(in.dt, motion + N * m_, pull);
-    for (int k = 0; k < N; ++k) motion[(N + k) * m_ + N + k] += 1.0;
-    chain(in.dt, motion + N * m_, N);
+    if (!solve_in_modes(in, i, dv_, pull)) solve(in.dt, dv_, pull);
+    for (int k = 0; k < N; ++k) dv_[k * m_ + N + k] += 1.0;
+    chain(in.dt, dv_, N);
     if (pull) chain(in.dt, pull, M);
-    move(in.dt, motion);
+    move(in.dt, dv_, motion);
+    std::memcpy(motion + N * m_, dv_, sizeof(double) * N * m_);
   }
 
  private:
@@ -93,41 +121,22 @@ class StepDerivatives {
     factor_.factorise(rows_.problem.G, Complementarity<double, M>::N, rows_.n);
   }
 
-  // r_d (force_) and the rows' part (rate_by_), column by column.
-  void differentiate(const StepDerivativeArrays& in, long long i) {
-    double* at = force_;
-    struct {
-      double *r_q, *r_v, *r_qK, *r_vK, *M_DK, *r_p;
-    } r;
-    r.r_q = at, at += N * N;
-    r.r_v = at, at += N * N;
-    r.r_qK = at, at += N * K;
-    r.r_vK = at, at += N * K;
-    r.M_DK = at, at += N * K;
-    if (forces_) {
-      for (int k = 0; k < N * N; ++k) at[k] = k % (N + 1) == 0 ? -1.0 : 0.0;
-      at += N * N;
-    }
-    r.r_p = at;
-    using Of = Call<Model, double>;
-    Of::force_by_q(q_D_, v_D_, acc_, q_K_, rate_, mean_, tension_, in.dt, p_, r.r_q);
-    Of::force_by_v(q_D_, v_D_, acc_, q_K_, rate_, mean_, tension_, in.dt, p_, r.r_v);
-    Of::force_by_K(q_D_, v_D_, acc_, q_K_, rate_, mean_, tension_, in.dt, p_, r);
-    if (rows_.n == 0) return;
-    Of::row_rates_by(q_D_, v_next_, q_K_, rate_, p_, by_);
-    const double shorter = 1.0 / in.dt;
+  // The rows' part (rate_by_), column by column.
+  template <class Rows>
+  void take(int lane, const Rows& by, double per_step, double recovery_speed) {
     for (int a = 0; a < rows_.n; ++a) {
       const int row = rows_.row[a];
       const double h = eval_.height(row), size = rows_.two_sided[a] ? fabs(h) : h;
-      const double gap = size * shorter < in.recovery_speed ? shorter : 0.0;
+      const double gap = size * per_step < recovery_speed ? per_step : 0.0;
+      const auto of = [&](const Wide* all, int k) { return lane_of(all[M * k + row], lane); };
       double* out = rate_by_[a];
-      for (int k = 0; k < N; ++k) *out++ = by_.hdot_q[M * k + row] + gap * by_.A_D[M * k + row];
-      for (int k = 0; k < N; ++k) *out++ = by_.A_D[M * k + row];
-      for (int k = 0; k < K; ++k) *out++ = by_.hdot_qK[M * k + row] + gap * by_.A_K[M * k + row];
-      for (int k = 0; k < K; ++k) *out++ = by_.A_K[M * k + row];
+      for (int k = 0; k < N; ++k) *out++ = of(by.hdot_q, k) + gap * of(by.A_D, k);
+      for (int k = 0; k < N; ++k) *out++ = of(by.A_D, k);
+      for (int k = 0; k < K; ++k) *out++ = of(by.hdot_qK, k) + gap * of(by.A_K, k);
+      for (int k = 0; k < K; ++k) *out++ = of(by.A_K, k);
       for (int k = 0; k < K + (forces_ ? N : 0); ++k) *out++ = 0.0;
-      for (int k = 0; k < P; ++k) *out++ = by_.hdot_p[M * k + row] + gap * by_.h_p[M * k + row];
-      for (int k = 0; k < m_; ++k) rate_by_[a][k] *= shorter;
+      for (int k = 0; k < P; ++k) *out++ = of(by.hdot_p, k) + gap * of(by.h_p, k);
+      for (int k = 0; k < m_; ++k) rate_by_[a][k] *= per_step;
     }
   }
 
@@ -165,13 +174,15 @@ class StepDerivatives {
     for (int first = begin; first < end; first += width) {
       const int n = end - first < width ? end - first : width;
       Wide x[room(N)], w[room(N)], y[room(M)];
-      for (int k = 0; k < N; ++k)
-        for (int l = 0; l < width; ++l)
-          lane_of(x[k], l) = l < n ? -force_[(first + l) * N + k] : 0.0;
+      const double* force[width];
+      for (int l = 0; l < width; ++l) force[l] = force_ + (first + (l < n ? l : 0)) * N;
+      pack(force, N, x);
+      for (int k = 0; k < N; ++k) x[k] = -x[k];
       Model::forth_of(eval_.L, x, w);
       multipliers(w, first, n, y);
-      for (int a = 0; a < rows_.n; ++a)
-        for (int k = 0; k < N; ++k) w[k] -= rows_.column[a][k] * y[a];
+      Wide opposed[room(M)];
+      for (int a = 0; a < rows_.n; ++a) opposed[a] = -y[a];
+      rows_.add(opposed, w);
       Model::back_of(eval_.L, w, x);
       for (int k = 0; k < N; ++k) put(dt * x[k], n, dv + k * m_ + first);
       for (int a = 0; pull && a < rows_.n; ++a) put(y[a], n, pull + rows_.row[a] * m_ + first);
@@ -198,11 +209,8 @@ class StepDerivatives {
 
   // y with G y = W^T w + the rows' part.
   void multipliers(const Wide* w, int first, int n, Wide* y) const {
-    for (int a = 0; a < rows_.n; ++a) {
-      Wide sum = get(rate_by_[a] + first, n);
-      for (int k = 0; k < N; ++k) sum += rows_.column[a][k] * w[k];
-      y[a] = sum;
-    }
+    rows_.along(w, y);
+    for (int a = 0; a < rows_.n; ++a) y[a] += get(rate_by_[a] + first, n);
     factor_.solve(y);
   }
 
@@ -216,10 +224,9 @@ class StepDerivatives {
     }
   }
 
-  // dq (N, m), above dv.
-  void move(double dt, double* dq) const {
+  // dq (N, m).
+  void move(double dt, const double* dv, double* dq) const {
     using Space = typename Model::Dynamic;
-    const double* dv = dq + N * m_;
     for (int i = 0; i < Space::n_scalars; ++i) {
       const int k = Space::scalar_v[i];
       for (int c = 0; c < m_; c += width) {
@@ -254,12 +261,8 @@ class StepDerivatives {
   Evaluation<Model, double> eval_;
   RowSystem<Model, double> rows_;
   HeldFactor<M> factor_;
-  double force_[room(N * most)], rate_by_[room(M)][room(most)];
+  double force_[room(N * most)], rate_by_[room(M)][room(most)], dv_[room(N * most)];
   std::conditional_t<touches, ModesOfStep<Model>, NoContacts> modes_;
-  struct {
-    double A_D[room(M * N)], A_K[room(M * K)], h_p[room(M * P)], hdot_q[room(M * N)];
-    double hdot_qK[room(M * K)], hdot_p[room(M * P)];
-  } by_;
 };
 
 }  // namespace fan

@@ -5,14 +5,16 @@
 #include <new>
 
 #include "export.hpp"
-#include "step_derivatives.hpp"
+#include "step_bundles.hpp"
 
 // The nodes [first, last) of the arrays; 1 where there was no memory, else 0.
 FAN_EXPORT int fan_step_derivatives(
     const fan::StepDerivativeArrays* in, long long first, long long last) {
-  auto* made = new (std::nothrow) fan::StepDerivatives<fan::Model>();
+  using Bundles = fan::StepBundles<fan::Model>;
+  auto* made = new (std::nothrow) Bundles;
   if (!made) return 1;
-  for (long long i = first; i < last; ++i) made->find(*in, i);
+  for (long long i = first; i < last; i += Bundles::width)
+    made->find(*in, i, last - i < Bundles::width ? int(last - i) : Bundles::width);
   delete made;
   return 0;
 }

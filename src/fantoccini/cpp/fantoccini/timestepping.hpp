@@ -24,9 +24,10 @@
 
 #include <type_traits>
 
-#include "contact_step.hpp"
 #include "evaluation.hpp"
 #include "position_term.hpp"
+#include "single_lanes.hpp"
+#include "speed_limit.hpp"
 #include "timestepping_tolerances.hpp"
 #include "winch.hpp"
 
@@ -43,7 +44,10 @@ struct TimeStep {
 
   Evaluation<Model, Real> eval;
   Rows rows;
-  std::conditional_t<touches, ContactStep<Model, Real>, NoContacts> contacts;
+  // Whether lanes may make steps of their own, for their contacts.
+  static constexpr bool some_singly = touches && (Traits<Real>::width > 1);
+  using Contacts = std::conditional_t<some_singly, ContactLanes<Model, Real>, ContactStep<Model, Real>>;
+  std::conditional_t<touches, Contacts, NoContacts> contacts;
   const ContactArrays* solids = nullptr;  // null: nothing touches anything
   double whole = 0.0;        // s: the run's step; the last one may be shorter
   bool forced = true;        // otherwise u_D is 0
@@ -71,6 +75,8 @@ struct TimeStep {
     some_near_ = limits_pull_ = limits_pulled_ = true;
     if constexpr (touches)
       if (solids) contacts.begin(*solids);
+    if constexpr (some_singly)
+      if (solids) singles_.ready(options);
   }
 
   // Steps from q_D, v_D to q_next, v_next, which are other arrays. (q_K, v_K, acc_K) are the inputs
@@ -80,6 +86,8 @@ struct TimeStep {
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
       const Real* u_D, double dt, double recovery_speed, double cap, const Winches<S>& winches,
       const Real* p, Real* q_next, Real* v_next) {
+    if constexpr (some_singly)
+      if (solids) singles_.save(*this);
     evaluate(q_D, v_D, q_K, v_K, acc_K, u_D, dt, p);
     wind(winches, dt);
     violation = maximum(largest_of<M - S>([&](int i) FAN_INLINE { return eval.h_limit[i]; }), Real(0.0));
@@ -87,13 +95,32 @@ struct TimeStep {
     stirred = stirred || violation > Real(Tolerance::stirred_violation);
     if constexpr (touches)
       if (solids) {
-        contacts.find(
-            *solids, eval, q_D, v_D, q_K, v_K, p, dt, whole, recovery_speed, idle);
+        const auto& in = *solids;
+        if constexpr (some_singly)
+          contacts.find(in, q_D, v_D, q_K, v_K, p, dt, whole, recovery_speed, idle);
+        else contacts.find(in, eval, q_D, v_D, q_K, v_K, p, dt, whole, recovery_speed, idle);
         const Real& depth = contacts.violation;
         violation = select(depth > violation, depth, violation);
       }
     respond(v_D, v_K, u_D, dt, recovery_speed, cap, winches, v_next);
     retract<typename Model::Dynamic>(q_D, v_next, dt, q_next);
+    if constexpr (some_singly)
+      if (any(apart()))
+        singles_.step(
+            *this, apart(), q_D, v_D, q_K, v_K, acc_K, u_D, dt, recovery_speed, cap, winches, p,
+            q_next, v_next);
+  }
+
+  // Whether gathered row a closes faster than the forces of a step dt move it.
+  FAN_FN Mask closes_fast(int a, double dt) const {
+    const Real forced = dt * rows.kick[a];
+    return rows.hdot[a] > maximum(forced, Real(0.0)) + Real(Tolerance::catching_speed);
+  }
+
+  // The same of row r in the last step of lanes that made it by themselves.
+  FAN_FN Mask closed_fast_singly(int r) const {
+    if constexpr (some_singly) return singles_.fast[r] && apart();
+    else return Real(0.0) > Real(1.0);
   }
 
   template <class Memory>
@@ -124,6 +151,18 @@ struct TimeStep {
   }
 
  private:
+  template <class, class>
+  friend class SingleLanes;
+
+  // Lanes that make the step by themselves.
+  FAN_FN Mask apart() const {
+    if constexpr (some_singly) return solids ? contacts.apart : Real(0.0) > Real(1.0);
+    else return Real(0.0) > Real(1.0);
+  }
+
+  // Lanes in which nothing takes part here.
+  FAN_FN Mask away() const { return idle || apart(); }
+
   FAN_OUT_OF_LINE void evaluate(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
       const Real* u_D, double dt, const Real* p) {
@@ -161,33 +200,8 @@ struct TimeStep {
     steadier = steady;
     steady = !caught;
     const Real most = select(stirred, Real(1.0), Real(Tolerance::unstirred_factor));
-    const Real pace = weighted_squares<N>(v_next, shares.of);
-    speed_bound = pace * (Tolerance::max_move_per_step * Tolerance::max_move_per_step);
-    if (any(!(dt * dt * pace < most * most)))
-      slow_down(most, dt, v_next);
+    steady = steady && !limit_speed<Model>(most, dt, v_next, speed_bound);
     if (!extrapolates) steady = Real(0.0) > Real(1.0);
-  }
-
-  // One over how far a coordinate may move in a step.
-  struct Shares {
-    double of[room(N)] = {};
-    constexpr Shares() {
-      for (int k = 0; k < N; ++k)
-        of[k] = 1.0 / (Model::turns[k] ? Tolerance::max_turn_per_step : Tolerance::max_move_per_step);
-    }
-  };
-  static constexpr Shares shares{};
-
-  // Scales down velocities so that no part of the move exceeds `most`: inputs that cannot be
-  // followed then do bounded harm.
-  FAN_FN void slow_down(const Real& most, double dt, Real* v) {
-    using std::abs;
-    Real farthest = Real(0.0);
-    for (int k = 0; k < N; ++k)
-      farthest = maximum(Real(abs(dt * v[k] * shares.of[k])), farthest);
-    const Real brake = select(farthest > most, most / farthest, Real(1.0));
-    for (int k = 0; k < N; ++k) v[k] *= brake;
-    steady = steady && !(brake < Real(1.0));
   }
 
   // The rate at which winches wind back their slip; changes the strings' h and hdot to those of
@@ -233,7 +247,8 @@ struct TimeStep {
   // would be passed at the present velocity. Each lane has its own, so that its result does not
   // depend on its neighbours.
   FAN_FN void watch_first(const Real* v_D, double dt) {
-    for (int r = 0; r < S; ++r) near_[r] = !idle;
+    const Mask here = !away();
+    for (int r = 0; r < S; ++r) near_[r] = here;
     Real rate[room(M - S)];
     eval.limit_rates(v_D, rate);
     const auto ahead = [&](int i) FAN_INLINE { return Real(eval.h_limit[i] + dt * rate[i]); };
@@ -241,7 +256,7 @@ struct TimeStep {
       return;
     some_near_ = false;
     for (int i = 0; i < M - S; ++i) {
-      near_[S + i] = !idle && (taut[S + i] || ahead(i) > Real(0.0));
+      near_[S + i] = here && (taut[S + i] || ahead(i) > Real(0.0));
       some_near_ = some_near_ || any(near_[S + i]);
     }
   }
@@ -259,7 +274,7 @@ struct TimeStep {
     if (any(largest_of<M - S>(closing) > Real(-Tolerance::surely_not)))
       for (int i = 0; i < M - S; ++i) {
         const Mask passes =
-            !idle && !near_[S + i] && closing(i) > Real(Tolerance::passing_speed);
+            !away() && !near_[S + i] && closing(i) > Real(Tolerance::passing_speed);
         if (!any(passes)) continue;
         near_[S + i] = near_[S + i] || passes;
         some_near_ = more = true;
@@ -273,8 +288,9 @@ struct TimeStep {
   FAN_FN bool look_again(
       const Real* v_D, const Real* change, const Real* v_K, double dt, double recovery_speed) {
     if constexpr (touches)
-      return solids &&
-             contacts.look_again(eval, v_D, change, v_K, dt, whole, recovery_speed, idle);
+      if (!solids) return false;
+      else if constexpr (some_singly) return contacts.look_again(change, dt);
+      else return contacts.look_again(eval, v_D, change, v_K, dt, whole, recovery_speed, idle);
     else
       return false;
   }
@@ -304,9 +320,10 @@ struct TimeStep {
       double dt, double recovery_speed, double cap, const Winches<S>& winches, Real* change) {
     auto& problem = rows.problem;
     const PositionTerm<Real> term(dt, whole, recovery_speed);
+    const Mask here = !away();
     const auto pose = [&](auto a) FAN_INLINE {
       const int r = a < Rows::leading ? int(a) : rows.row[a];
-      const Mask takes_part = near_[r];
+      const Mask takes_part = near_[r] && here;
       before_[a] = rows.hdot[a] + dt * rows.kick[a];
       const Real h = eval.height(r);
       const Real closing = before_[a] + (is_wire(r) ? term.of_wire(h) : term(h));
@@ -320,7 +337,7 @@ struct TimeStep {
     unrolled<0, Rows::leading>(pose);
     for (int a = Rows::leading; a < rows.n; ++a) pose(a);
     if (all_touch()) leave_to_contacts();
-    else settled = rows.problem.solve_firmly(idle);
+    else settled = rows.problem.solve_firmly(away());
     if constexpr (touches)
       if (solids) touch(dt, cap);
     Real w[room(N)];
@@ -331,18 +348,18 @@ struct TimeStep {
     eval.back(w, change);
   }
 
-  // Whether contacts take part in every lane that has not stopped: the rows' problem is then part
+  // Whether contacts take part in every lane that is not away: the rows' problem is then part
   // of theirs.
   FAN_FN bool all_touch() const {
     if constexpr (touches)
-      return solids && contacts.take_part(idle);
+      return solids && contacts.take_part(away());
     else
       return false;
   }
 
   // Lanes that have stopped are without impulses.
   FAN_FN void leave_to_contacts() {
-    settled = idle;
+    settled = away();
     for (int a = 0; a < rows.n; ++a) rows.problem.x[a] = rows.problem.s[a] = Real(0.0);
   }
 
@@ -350,7 +367,8 @@ struct TimeStep {
   FAN_FN void touch(double dt, double cap) {
     Real guess[room(M)];
     for (int r = 0; r < M; ++r) guess[r] = tension[r] * dt;
-    contacts.settle(eval, rows, near_, guess, before_, dt * cap, settled);
+    if constexpr (some_singly) contacts.settle(eval, rows, near_, guess, dt * cap, settled);
+    else contacts.settle(eval, rows, near_, guess, before_, dt * cap, settled);
   }
 
   // Tensions, the active set and the step's entries of the ledger. Returns the lanes in which a row
@@ -370,7 +388,7 @@ struct TimeStep {
     impact = friction = Real(0.0);
     if (Model::coupled)
       for (int k = 0; k < N; ++k) work += eval.M_DK_v_K[k] * change[k];
-    Real power = forced ? mean_power(u_D, v_D, change) : Real(0.0);
+    Real power = forced ? mean_power<N>(u_D, v_D, change) : Real(0.0);
     for (int m = 0; m < Model::n_motors; ++m) {
       const int k = Model::motor_v[m];
       power += (eval.f_M[m] - eval.y_M[m] * change[k]) * (v_D[k] + 0.5 * change[k]);
@@ -403,15 +421,6 @@ struct TimeStep {
     return some_caught;
   }
 
-  // u_D . (v + v+) / 2, four sums at a time: each addition waits for the one before.
-  FAN_FN static Real mean_power(const Real* u_D, const Real* v_D, const Real* change) {
-    Real sum[4] = {Real(0.0), Real(0.0), Real(0.0), Real(0.0)};
-    unrolled_by<4, N>([&](int k, auto j) FAN_INLINE {
-      sum[j] += u_D[k] * (v_D[k] + 0.5 * change[k]);
-    });
-    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
-  }
-
   // Books the catch of gathered row a in the lanes `caught`.
   FAN_FN void book_catch(int a, const Mask& caught) {
     if (!any(caught)) return;
@@ -425,6 +434,7 @@ struct TimeStep {
     impact -= select(caught, Real(pull_[a] * lost), Real(0.0));
   }
 
+  std::conditional_t<some_singly, SingleLanes<Model, Real>, NoContacts> singles_;
   Real accs_[2][room(N)] = {};  // of the last two steps
   int acc_at_ = 0;              // which is that of the last one
   bool gives_way_ = false;  // whether a string has slipped in some lane, or may

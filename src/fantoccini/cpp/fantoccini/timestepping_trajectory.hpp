@@ -126,13 +126,10 @@ struct TimeSteppingTrajectory {
   // Rows that pull at the start are held, but for those that close faster than the forces of a step
   // move them: these are caught from the first step on.
   FAN_FN void hold() {
-    for (int r = 0; r < M; ++r) at.held[r] = at.taut[r];
+    for (int r = 0; r < M; ++r) at.held[r] = at.taut[r] && !at.closed_fast_singly(r);
     for (int a = 0; a < at.rows.n; ++a) {
-      const Real forced = opt.dt * at.rows.kick[a];
-      const Real most = select(forced > Real(0.0), forced, Real(0.0)) +
-                        Real(TimeSteppingTolerances::catching_speed);
       const int r = at.rows.row[a];
-      at.held[r] = at.held[r] && !(at.rows.hdot[a] > most);
+      at.held[r] = at.held[r] && !at.closes_fast(a, opt.dt);
     }
     for (int r = 0; r < M; ++r) at.pulled[r] = at.held[r];
   }

@@ -1,5 +1,5 @@
-// Boxes, capsules and spheres of a bundle of lanes against a half-space that stands: touch_plane() of
-// touch_segments.hpp in all lanes at once. The face of a box that looks most into the half-space is
+// Boxes, capsules, spheres and ellipsoids of a bundle of lanes against a half-space that stands:
+// touch_plane() of touch_segments.hpp in all lanes at once. The face of a box that looks most into the half-space is
 // chosen by masks.
 #pragma once
 
@@ -10,7 +10,7 @@ namespace fan {
 
 // Whether touch_plane_lanes() has points for a solid.
 FAN_FN bool has_points_in_lanes(const Solid& x) {
-  return x.kind == BOX || (x.kind == SEGMENT && !is_ellipsoid(x));
+  return x.kind == BOX || x.kind == SEGMENT;
 }
 
 // A link's point in the world, from the link's pose (12 numbers).
@@ -18,6 +18,17 @@ template <class Real>
 FAN_FN void carry_in_lanes(const Real* pose, const double* own, Real* out) {
   FAN_UNROLL for (int c = 0; c < 3; ++c)
     out[c] = pose[9 + c] + pose[c] * own[0] + pose[3 + c] * own[1] + pose[6 + c] * own[2];
+}
+
+// The same of an axis; returns its part along n.
+template <class Real>
+FAN_FN Real axis_in_lanes(const Real* pose, const double* own, const double* n, Real* out) {
+  Real along = Real(0.0);
+  FAN_UNROLL for (int c = 0; c < 3; ++c) {
+    out[c] = pose[c] * own[0] + pose[3 + c] * own[1] + pose[6 + c] * own[2];
+    along += out[c] * n[c];
+  }
+  return along;
 }
 
 // Calls add(feature, point, gap, lanes) for every point of x, in the frame of a link that is posed,
@@ -30,14 +41,30 @@ FAN_FN void touch_plane_lanes(
     const double* n = plane.b;
     Real height = Real(0.0), point[3];
     FAN_UNROLL for (int c = 0; c < 3; ++c) height += (p[c] - plane.a[c]) * n[c];
-    const Real gap = height - (x.radius + plane.radius);
+    const Real gap = height - (inflation(x) + plane.radius);
     const Mask here = where && gap < margin;
     if (!any(here)) return;
-    const Real down = 0.5 * (height + (x.radius - plane.radius));
+    const Real down = height - plane.radius;
     FAN_UNROLL for (int c = 0; c < 3; ++c) point[c] = p[c] - down * n[c];
     add(feature, point, gap, here);
   };
   Real at[3];
+  if (is_ellipsoid(x)) {
+    using std::sqrt;
+    const double least = DistanceTolerances::min_length;
+    double centre[3];
+    for (int c = 0; c < 3; ++c) centre[c] = 0.5 * (x.a[c] + x.b[c]);
+    carry_in_lanes(pose, centre, at);
+    Real axis[9], up[3], square = Real(0.0);
+    for (int k = 0; k < 3; ++k) {
+      up[k] = axis_in_lanes(pose, x.R + 3 * k, plane.b, axis + 3 * k);
+      square += up[k] * up[k] * (x.half[k] * x.half[k]);
+    }
+    const Real reach = sqrt(square), by = Real(1.0) / select(reach > Real(least), reach, Real(least));
+    for (int k = 0; k < 3; ++k)
+      for (int c = 0; c < 3; ++c) at[c] -= (x.half[k] * x.half[k]) * (up[k] * by) * axis[3 * k + c];
+    return above(0, at, lanes);
+  }
   carry_in_lanes(pose, x.a, at);
   if (x.kind == SEGMENT) {
     above(0, at, lanes);
@@ -48,13 +75,8 @@ FAN_FN void touch_plane_lanes(
   using std::abs;
   Real edge[9], up[3];  // half edges; how far they go up
   for (int k = 0; k < 3; ++k) {
-    const double* own = x.R + 3 * k;
-    up[k] = Real(0.0);
-    for (int c = 0; c < 3; ++c) {
-      const Real along = pose[c] * own[0] + pose[3 + c] * own[1] + pose[6 + c] * own[2];
-      up[k] += along * plane.b[c];
-      edge[3 * k + c] = x.half[k] * along;
-    }
+    up[k] = axis_in_lanes(pose, x.R + 3 * k, plane.b, edge + 3 * k);
+    for (int c = 0; c < 3; ++c) edge[3 * k + c] = x.half[k] * edge[3 * k + c];
   }
   const Mask second = abs(up[1]) > abs(up[0]);
   const Mask third = abs(up[2]) > select(second, Real(abs(up[1])), Real(abs(up[0])));

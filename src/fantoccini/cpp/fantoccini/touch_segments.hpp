@@ -217,12 +217,13 @@ FAN_FN void touch_segments(const PlacedSolid& x, const PlacedSolid& y, Touches& 
   }
 }
 
-// Adds p of a solid and the point below it on the plane of a half-space.
+// Adds the point below p of a solid on the plane of a half-space. So all points of a flat sole lie in
+// one plane whatever their gaps: a sole that closes these can stick with all of them.
 FAN_FN void add_above(const double* p, const PlacedSolid& plane, int feature, Touches& to) {
   double from[3], q[3];
   difference3(p, plane.a, from);
   along3(p, -dot3(from, plane.b), plane.b, q);
-  to.add(p, q, plane.b, feature);
+  to.add(p, q, plane.b, feature, 0, true);
 }
 
 // The corners of the face that looks most into the half-space. Bit k of a feature is the side of

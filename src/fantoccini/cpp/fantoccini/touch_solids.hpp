@@ -115,9 +115,11 @@ struct Touches {
   double margin, x_radius, y_radius;  // the radii by which the cores are inflated
   int n = 0;
 
-  // Adds the point between p of the first core and q of the second, if it is near enough.
+  // Adds the point half way between p of the first core and q of the second, or where they are to be
+  // on its surface the second's, if it is near enough.
   FAN_FN void add(
-      const double* p, const double* q, const double* normal, int feature, int region = 0) {
+      const double* p, const double* q, const double* normal, int feature, int region = 0,
+      bool on_second = false) {
     double apart[3];
     difference3(p, q, apart);
     const double gap = dot3(apart, normal) - x_radius - y_radius;
@@ -125,8 +127,10 @@ struct Touches {
     int place = n++;
     for (; place > 0 && out[place - 1].feature > feature; --place) out[place] = out[place - 1];
     Touch& to = out[place];
+    const double part = on_second ? 0.0 : 0.5;
     for (int k = 0; k < 3; ++k) {
-      to.point[k] = 0.5 * (p[k] + q[k] + normal[k] * (y_radius - x_radius));
+      const double own = p[k] - normal[k] * x_radius, other = q[k] + normal[k] * y_radius;
+      to.point[k] = other + part * (own - other);
       to.normal[k] = normal[k];
     }
     to.gap = gap;

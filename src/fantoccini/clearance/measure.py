@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from fantoccini.arrays import Array
+from fantoccini.clearance import solids
+from fantoccini.clearance.meshes import Meshes
+from fantoccini.clearance.obstacles import HalfSpace, standing
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State, Trajectory
-from fantoccini.planning import solids
-from fantoccini.planning.meshes import Meshes
-from fantoccini.planning.obstacles import HalfSpace, standing
 from fantoccini.puppet import Obstacle
 from fantoccini.runtime import Solids, default_threads
 
@@ -48,9 +49,9 @@ class Clearance:
         d = min over pairs of (distance of their cores - radii)
 
     Cores are points, segments, boxes and meshes. Distances between them are exact, but an ellipsoid
-    counts as the capsule around it (see :mod:`fantoccini.planning.solids`). A negative d says that
+    counts as the capsule around it (see :mod:`fantoccini.clearance.solids`). A negative d says that
     solids overlap, not how deep. Closed meshes are solid, open ones are surfaces (see
-    :class:`fantoccini.planning.meshes.Meshes`).
+    :class:`fantoccini.clearance.meshes.Meshes`).
 
     Attributes:
         marionette: the puppet.
@@ -110,6 +111,32 @@ class Clearance:
         strings = int(np.sum(self.solids.string_radius >= 0.0))
         of_obstacles = len(self.solids.standing) * strings + int(np.sum(~self.solids.left_out))
         return not of_obstacles and not len(self.solids.pairs)
+
+    def parts(self) -> dict[str, Clearance]:
+        """The same for every body and string alone, by its name: the clearance is their least.
+
+        A pair of bodies belongs to the later one. Those without pairs are left out.
+        """
+        whole, found = self.solids, {}
+        names = [self.marionette.tree.links[i].name for i in self._links]
+        never = np.full_like(whole.string_radius, -1.0)
+        for name in dict.fromkeys(names):
+            own = np.array([other == name for other in names])
+            found[name] = replace(
+                whole, pairs=whole.pairs[own[whole.pairs[:, 0]]],
+                left_out=whole.left_out | ~own[:, None], string_radius=never,
+            )  # fmt: skip
+        for i, string in enumerate(self.marionette.tree.strings):
+            radius = np.where(np.arange(len(never)) == i, whole.string_radius, -1.0)
+            found[f"string {string.name}"] = replace(
+                whole, pairs=whole.pairs[:0], left_out=np.ones_like(whole.left_out),
+                string_radius=radius,
+            )  # fmt: skip
+        parts = {}
+        for name, solids_of_one in found.items():
+            parts[name] = copy(self)
+            parts[name].solids = solids_of_one
+        return {name: one for name, one in parts.items() if not one.measures_nothing}
 
     def at(self, q_D: Array, q_K: Array, threads: int = 1) -> Array:
         """Clearances of configurations.

@@ -2,15 +2,15 @@
 
 All are exact except ellipsoids: against anything but half-spaces they count as the capsule around
 them, so that a clearance is never overestimated. A mesh is its bounding box in the axes of its body
-and its number in :class:`fantoccini.planning.meshes.Meshes`.
+and its number in :class:`fantoccini.clearance.meshes.Meshes`.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from fantoccini.planning.meshes import Meshes
-from fantoccini.planning.obstacles import HalfSpace
+from fantoccini.clearance.meshes import Meshes
+from fantoccini.clearance.obstacles import HalfSpace
 from fantoccini.puppet import Obstacle, Shape
 from fantoccini.puppet.shapes import Mesh
 from fantoccini.runtime import solids

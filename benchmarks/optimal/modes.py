@@ -1,0 +1,102 @@
+"""Prints how often the arm's swing-up is found from a cold start, by seed and by method.
+
+    python -m benchmarks.optimal.modes [--seeds 20] [--methods]
+
+Inputs hold still at first; seeds are those of the random motions of the explorations. With
+--methods, what follows one exploration is compared: the search of taut motions, with derivatives of
+time steps and with exact ones, and the search in a trust region.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+import fantoccini as fan
+from fantoccini.optimal.chosen import Chosen
+from fantoccini.optimal.dynamics import TimeSteps
+from fantoccini.optimal.exploring import Exploration
+from fantoccini.optimal.hybrid import HybridRuns
+from fantoccini.optimal.nodes import Nodes
+from fantoccini.optimal.objective import Objective
+from fantoccini.optimal.shooting import EventRuns
+from fantoccini.optimal.sqp import Iterate, Limits, Search
+from fantoccini.optimal.through_modes import HOLDS
+from fantoccini.optimal.tightening import Tightening
+
+LIMITS = Limits(tolerance=1e-6, cost_tolerance=1e-6, iterations=100)
+METHODS: dict[str, tuple[type[EventRuns], Callable[..., Search | Tightening]]] = {
+    "filter, time steps": (EventRuns, Search),
+    "filter, exact": (HybridRuns, Search),
+    "trust region, exact": (HybridRuns, Tightening),
+}
+
+
+def slack(run: fan.Trajectory) -> float:
+    """How long the string is slack [s]."""
+    return float(np.sum(np.diff(run.t) * (run.tension["hand"][:-1] == 0.0)))
+
+
+def by_seed(task: fan.Task, seeds: int) -> None:
+    """Whole searches."""
+    found = []
+    for seed in range(seeds):
+        best = fan.optimise(
+            task, seed=seed, cost_tolerance=LIMITS.cost_tolerance, iterations=LIMITS.iterations,
+            threads=1, time_limit=300.0,
+        )  # fmt: skip
+        again = fan.simulate(task.marionette, task.x0, best.inputs, best.run.t[-1])
+        off = max(np.max(np.abs(again.q_D[-1] - task.end.q_D)), np.max(np.abs(again.v_D[-1])))
+        found.append(bool(best) and off < HOLDS)
+        print(f"seed {seed:2}: {best}, end within {off:.1e}, slack {slack(best.run):.2f} s")
+    print(f"found: {sum(found)} of {seeds}")
+
+
+def by_method(task: fan.Task, seeds: int) -> None:
+    """What follows one exploration."""
+    marionette, chosen = task.marionette, Chosen(task.marionette, task.x0, {})
+    first = Nodes.still(marionette, task.x0, task.durations[1], task.n_intervals)
+    costs: dict[str, list[float]] = {name: [] for name in METHODS}
+    seconds = dict.fromkeys(METHODS, 0.0)
+    for seed in range(seeds):
+        rng = np.random.default_rng([seed, 0])
+        drawn = Exploration(first, Objective(task), rng, 1).run()
+        for name, (kind, search) in METHODS.items():
+            runs = kind(TimeSteps(marionette, task.dt, 1, chosen), chosen)
+            objective = Objective(task)
+            nodes, run = runs.run(drawn.nodes)
+            ends = runs.ends(nodes, run)
+            began = time.perf_counter()
+            at = Iterate(nodes, ends, objective.cost(nodes, ends))
+            best = search(at, runs, objective, LIMITS).run()
+            seconds[name] += time.perf_counter() - began
+            off = np.max(np.abs(objective.end_gap(best.nodes)))
+            held = max(off, objective.violation(best.nodes, best.ends)) <= HOLDS
+            costs[name].append(best.cost if held else np.inf)
+    for name, J in costs.items():
+        held = np.isfinite(J)
+        print(
+            f"{name:20} holds: {np.sum(held)} of {seeds}, median cost "
+            f"{np.median(np.array(J)[held]) if np.any(held) else np.nan:.4g}, "
+            f"{seconds[name] / seeds:.2f} s each"
+        )
+
+
+def main() -> None:
+    """Measures and prints."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--methods", action="store_true", help="compare methods instead")
+    arguments = parser.parse_args()
+    task = fan.load_task("swing_up")
+    cold = fan.optimise(replace(task, explore=0), iterations=LIMITS.iterations)
+    print(f"without exploration: {cold}")
+    (by_method if arguments.methods else by_seed)(task, arguments.seeds)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,94 @@
+"""Prints what derivatives cost beside what they are derivatives of, for the marionette.
+
+    python -m benchmarks.speed.derivatives [--turns 20] [--duration 1.0] [--nodes 50]
+
+One line is the sensitivity of an event-driven run of the bundled performance by its start and along
+a change of each driven coordinate, per simulated second; one is its intervals' derivatives; one is
+``linearise_steps`` at many states. The first two alternate with the run alone. The least of all
+turns is printed, in processor time of one thread.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+import fantoccini as fan
+from fantoccini.demo import performance
+from fantoccini.motion import InputDerivative
+from fantoccini.simulation.intervals import interval_derivatives
+
+PER_SECOND = 20.0
+"""What a sensitivity may cost [ms] for a simulated second."""
+PER_NODE = 15.0
+"""What the derivatives of a step may cost [us]."""
+INTERVALS = 50
+"""Of a second."""
+
+
+def least(turns: int, *calls: Callable[[], object]) -> list[float]:
+    """The least processor time of each call in alternating turns [s]."""
+    best = [np.inf] * len(calls)
+    for _ in range(turns + 1):
+        for i, call in enumerate(calls):
+            start = time.thread_time()
+            call()
+            best[i] = min(best[i], time.thread_time() - start)
+    return best
+
+
+def main() -> None:
+    """Measures and prints."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--turns", type=int, default=20)
+    parser.add_argument("--duration", type=float, default=1.0, help="of the run [s]")
+    parser.add_argument("--nodes", type=int, default=50)
+    arguments = parser.parse_args()
+    puppet, duration = fan.puppets.marionette(), arguments.duration
+    table = puppet.coordinates
+    x0, inputs, _ = performance(puppet)
+    ramps = np.zeros((table.n_vK, 1, table.n_vK, 6))
+    ramps[:, 0, :, 1] = np.eye(table.n_vK)
+    ends = np.array([0.0, duration])
+    along = [InputDerivative(table, ends, ramp, "", True) for ramp in ramps]
+    run, found = least(
+        arguments.turns,
+        lambda: fan.simulate(puppet, x0, inputs, duration, effort=False),
+        lambda: fan.sensitivity(puppet, x0, inputs, duration, along=along),
+    )
+    print(
+        f"sensitivity by the start and along {len(along)} inputs: {1e3 * found / duration:.1f} ms "
+        f"for a simulated second (at most {PER_SECOND:g}), {found / run:.1f} runs of "
+        f"{1e3 * run / duration:.2f} ms"
+    )
+    n = round(INTERVALS * duration)
+    acc_K = np.gradient(inputs.evaluate(np.linspace(0.0, duration, n))[1], duration / n, axis=0)
+    pieces = fan.Input.segments(
+        puppet, np.linspace(0.0, duration, n + 1), x0.q_K, np.zeros(table.n_vK), acc_K
+    )
+    trajectory = fan.simulate(puppet, x0, pieces, duration, effort=False)
+    run, found = least(
+        arguments.turns,
+        lambda: fan.simulate(puppet, x0, pieces, duration, effort=False),
+        lambda: interval_derivatives(puppet, trajectory, pieces),
+    )
+    print(
+        f"A, B of {n} intervals of such a run, with {len(trajectory.events)} events: "
+        f"{1e3 * found / duration:.1f} ms for a simulated second, {found / run:.1f} runs"
+    )
+    chosen = np.linspace(0, len(trajectory.t) - 1, arguments.nodes).astype(int)
+    states = [getattr(trajectory, name)[chosen] for name in ("q_D", "v_D", "q_K", "v_K", "acc_K")]
+    (found,) = least(
+        arguments.turns, lambda: puppet.linearise_steps(*states, dt=0.01, threads=1)
+    )
+    print(
+        f"linearise_steps at {arguments.nodes} states: {1e6 * found / arguments.nodes:.1f} us each "
+        f"(at most {PER_NODE:g})"
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,18 @@
+// The C interface of a puppet's derivatives. The translation unit that includes this defines
+// `fan::Model` first.
+#pragma once
+
+#include <new>
+
+#include "flow_derivatives.hpp"
+#include "map_lanes.hpp"
+
+// Changes along a smooth piece of a run; sets its status. 1 where there was no memory, else 0.
+FAN_EXPORT int fan_flow_derivatives(fan::FlowDerivativeArrays* arrays) {
+  try {
+    arrays->status = std::make_unique<fan::FlowDerivatives<fan::Model>>(*arrays)->advance();
+  } catch (const std::bad_alloc&) {
+    return 1;
+  }
+  return 0;
+}

@@ -1,0 +1,116 @@
+"""Motions that keep clear of obstacles, and of the puppet's own body."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.clearance import Clearance
+from fantoccini.optimal.clear_rows import ClearRows
+from fantoccini.optimal.nodes import Nodes
+
+POST, RADIUS = np.array([0.9, 0.0, -0.9]), 0.1 + 0.05
+
+
+@pytest.fixture(scope="module")
+def arm() -> fan.Marionette:
+    """A rod on a string, and a ball that swings at its end, near a post."""
+    return fan.loads("""
+puppet: arm
+bodies:
+- name: rod
+  joint: {name: pin, type: revolute, axis: [0, -1, 0]}
+  mass: 1.0
+  com: [0, 0, -0.5]
+  inertia: [0.1, 0.1, 0.001]
+  shapes: [{type: capsule, from: [0, 0, 0], to: [0, 0, -1], radius: 0.03}]
+- name: ball
+  parent: rod
+  joint: {name: swing, type: revolute, axis: [0, -1, 0], at: [0, 0, -1], damping: 0.05}
+  mass: 0.3
+  com: [0, 0, -0.2]
+  inertia: [0.002, 0.002, 0.001]
+  shapes: [{type: sphere, at: [0, 0, -0.2], radius: 0.05}]
+strings:
+- name: line
+  path: [{body: rod, at: [0, 0, -0.6]}, {driven: [x, z], at: [0.8, 0, 0.2]}]
+  length: driven
+pose: {pin: 60 deg, swing: -60 deg, line.length: 0.5}
+obstacles:
+- {name: post, type: sphere, at: [0.9, 0, -0.9], radius: 0.1}
+""")
+
+
+def lowering(arm: fan.Marionette, **bounds: object) -> fan.Task:
+    """The ball goes down past the post, to a place where it would touch it."""
+    x0 = arm.rest()
+    at = (arm.pose(x0, "ball") @ [0, 0, -0.2, 1])[:3]
+    goal = at + np.array([0.12, 0.0, -0.25])
+    tracks = [
+        fan.Track.point("ball", goal, at=(0, 0, -0.2), weight=10, end_weight=1e3),
+        fan.Track.velocity("*", 0.0, weight=0.1, end_weight=10.0),
+    ]
+    limits = fan.Bounds(acceleration=10.0, **bounds).staying_taut(arm, x0)  # type: ignore[arg-type]
+    return fan.Task(arm, x0, 2.0, tracks, fan.Smooth(1e-2, 1e-5), limits, interval=0.04, dt=0.01)
+
+
+def test_clearances_of_all_parts_are_those_of_the_whole():
+    puppet = fan.puppets.marionette_bar()
+    whole = Clearance(puppet, [{"name": "b", "type": "box", "size": [0.2, 0.2, 0.2],
+                                "at": [0.3, 0, 0.5]}], self_collision=True)  # fmt: skip
+    parts = whole.parts()
+    rest = puppet.rest()
+    random = np.random.default_rng(1)
+    q_D = np.repeat(rest.q_D[None], 50, axis=0)
+    scalars = [q for q, _ in puppet.coordinates.scalars_D]
+    q_D[:, scalars] += 0.3 * random.normal(size=(50, len(scalars)))
+    each = np.array([part.at(q_D, rest.q_K) for part in parts.values()])
+    assert len(parts) > 5 and np.min(each, axis=0) == pytest.approx(whole.at(q_D, rest.q_K))
+    assert any(name.startswith("string ") for name in parts)
+
+
+def test_values_and_derivatives_are_those_of_two_spheres(arm: fan.Marionette):
+    rows = ClearRows(arm, 0.02, own_body=False)
+    nodes = Nodes.still(arm, arm.rest().replace(q_D=np.array([0.9, -0.6])), 1.0, 2)
+    j = rows.names.index("ball")
+    pin, swing = nodes.q_D[1]
+
+    def place(pin: float, swing: float) -> np.ndarray:
+        turned = np.array([np.sin(pin + swing), 0.0, -np.cos(pin + swing)])
+        return np.array([np.sin(pin), 0.0, -np.cos(pin)]) + 0.2 * turned
+
+    off = place(pin, swing) - POST
+    assert rows.value(nodes)[0, j] == pytest.approx(np.linalg.norm(off) - RADIUS, abs=1e-12)
+    normal = off / np.linalg.norm(off)
+    along = np.array([np.cos(pin + swing), 0.0, np.sin(pin + swing)])
+    by_pin = np.array([np.cos(pin), 0.0, np.sin(pin)]) + 0.2 * along
+    assert rows.value(nodes)[0, j] < 0.1
+    expected = [normal @ by_pin, normal @ (0.2 * along)]
+    assert rows.by(nodes)[0, j, :2] == pytest.approx(expected, abs=1e-5)
+    assert not np.any(rows.by(nodes)[0, j, 2:])
+
+
+def test_a_ball_goes_round_a_post(arm: fan.Marionette):
+    heedless = fan.optimise(lowering(arm))
+    assert np.min(Clearance(arm).of(heedless.run)) < -0.01
+    best = fan.optimise(lowering(arm, clearance=0.02))
+    assert best, best.summary()
+    assert best.cost > heedless.cost
+    dense = fan.simulate(arm, best.task.x0, best.inputs, t_end=2.0)
+    assert np.min(Clearance(arm).of(dense)) >= 0.02 - 1e-3
+    assert np.min(Clearance(arm).of(best.run)) == pytest.approx(0.02, abs=1e-4)
+
+
+def test_a_motion_that_begins_too_near_is_violated(arm: fan.Marionette):
+    best = fan.optimise(lowering(arm, clearance=0.4), iterations=5)
+    assert not best and best.status is fan.OptimalStatus.VIOLATED
+    assert best.violation > 0.01
+
+
+def test_bodies_of_one_puppet_keep_apart_where_asked():
+    puppet = fan.puppets.marionette()
+    nodes = Nodes.still(puppet, puppet.rest(), 1.0, 1)
+    j = ClearRows(puppet, 0.01, own_body=True).names.index("forearm_right")
+    found = [ClearRows(puppet, 0.01, own_body=one).value(nodes)[0, j] for one in (True, False)]
+    assert found[0] < found[1]

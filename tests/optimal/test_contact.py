@@ -1,0 +1,132 @@
+"""Optimal control with contact: a block pulled over a floor, against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.optimal import shooting
+
+BLOCK = """
+puppet: block
+floor: 0
+contact: {friction: 0.3}
+bodies:
+- {name: body, joint: {type: free}, shapes: [{type: box, size: [0.3, 0.3, 0.1], mass: 2}]}
+strings:
+- name: line
+  path: [{body: body, at: [0.15, 0, 0]}, {driven: [x], at: [0.65, 0, 0.05]}]
+  length: 0.5
+pose: {body.z: 0.05}
+"""
+MASS, FRICTION, GRAVITY = 2.0, 0.3, 9.81
+WAY, SPEED, N, T = 0.4, 0.5, 25, 1.0
+WEIGHTS = 1e3, 1e2
+
+
+@pytest.fixture(scope="module")
+def block() -> fan.Marionette:
+    return fan.loads(BLOCK)
+
+
+def pulled(block: fan.Marionette, dt: float, **options) -> fan.Task:
+    """The block is to be 0.4 m farther after a second, at 0.5 m/s, with little acceleration."""
+    place, speed = WEIGHTS
+    return fan.Task(
+        block, block.rest(), T,
+        [fan.Track.coordinate("body.x", WAY, weight=0.0, end_weight=place),
+         fan.Track.velocity("body.x", SPEED, weight=0.0, end_weight=speed)],
+        fan.Smooth(1.0, 0.0), fan.Bounds(tension={"line": (0.1, np.inf)}), interval=T / N, dt=dt,
+        guess=fan.Input.waypoints(block, {"line.x": [(0, 0.65), (2 * T, 0.65 + 2 * WAY)]}),
+        **options,
+    )  # fmt: skip
+
+
+def closed_form() -> tuple[np.ndarray, float]:
+    """The accelerations and cost of a point mass that the string takes along, by least squares."""
+    h, (place, speed) = T / N, WEIGHTS
+    way, rate = h * h * (N - np.arange(N) - 0.5), np.full(N, h)
+    H = h * np.eye(N) + place * np.outer(way, way) + speed * np.outer(rate, rate)
+    acc = np.linalg.solve(H, place * WAY * way + speed * SPEED * rate)
+    cost = 0.5 * h * acc @ acc + 0.5 * place * (way @ acc - WAY) ** 2
+    return acc, cost + 0.5 * speed * (rate @ acc - SPEED) ** 2
+
+
+@pytest.fixture(scope="module", params=[0.01, 0.005])
+def found(request, block: fan.Marionette) -> tuple[float, fan.Optimum]:
+    return request.param, fan.optimise(pulled(block, request.param), cost_tolerance=0.0)
+
+
+def test_a_block_is_pulled_with_least_effort(found):
+    dt, best = found
+    acc, cost = closed_form()
+    assert best.status is fan.OptimalStatus.SOLVED, best.summary()
+    # The motion is event-driven, so no cost is below the least; derivatives are of time steps.
+    assert -1e-9 < best.cost / cost - 1.0 < 2.0 * dt**2
+    assert np.max(np.abs(best.nodes.acc_K[:, 0] - acc)) < 5.0 * dt
+
+
+def test_it_is_confirmed_by_an_event_driven_run_that_pulls_against_friction(found):
+    _, best = found
+    run = best.run
+    assert run.method == "event"
+    at = np.searchsorted(run.t, best.t[1:-1] + 1e-12, side="right") - 1
+    expected = MASS * (best.nodes.acc_K[1:, 0] + FRICTION * GRAVITY)
+    assert np.max(np.abs(run.tension["line"][at] - expected)) < 1e-6
+
+
+def test_an_answer_whose_event_driven_run_does_not_end_is_not_confirmed(
+    block: fan.Marionette, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(shooting.EventRuns, "_in_time", late)
+    best = fan.optimise(pulled(block, 0.01), iterations=3)
+    assert best.status is fan.OptimalStatus.UNCONFIRMED
+    assert not best
+    assert best.run.method == "timestepping"
+
+
+def late(runs: shooting.EventRuns, _: float) -> None:
+    raise TimeoutError
+
+
+def test_the_derivatives_are_those_of_the_time_steps_of_the_search(block: fan.Marionette):
+    """A step of the inputs changes the run as A and B say, through sticking and sliding."""
+    from fantoccini.optimal.chosen import Chosen
+    from fantoccini.optimal.dynamics import TimeSteps
+    from fantoccini.optimal.nodes import Nodes
+
+    task = pulled(block, 0.01)
+    chosen = Chosen(block, task.x0, {})
+    runs = shooting.StepRuns(TimeSteps(block, 0.01, 1, chosen, True), chosen)
+    nodes, run = runs.run(Nodes.of_input(block, task.x0, task.guess, T, N))
+    linear = runs.linearise(nodes, runs.ends(nodes, run))
+    du = 1e-5 * np.sin(np.arange(N))[:, None]
+    z = np.zeros((N + 1, nodes.n_z))
+    for i in range(N):
+        z[i + 1] = linear.A[i] @ z[i] + linear.B[i] @ du[i]
+    ends = [runs.run(nodes.moved(0.0 * z, sign * du))[0] for sign in (1.0, -1.0)]
+    found = ends[1].between(ends[0].q_D, ends[0].v_D, ends[0].q_K, ends[0].v_K, first=0) / 2.0
+    assert np.max(np.abs(found - z)) < 1e-4 * np.max(np.abs(z))
+
+
+def test_periodic_ends_are_the_start_moved(block: fan.Marionette):
+    task = pulled(block, 0.01, periodic={"body.x": WAY, "line.x": WAY})
+    goal, x0 = task.goal, task.x0
+    assert goal is not None
+    assert goal.q_K[0] == pytest.approx(x0.q_K[0] + WAY)
+    assert goal.q_D[0] == pytest.approx(x0.q_D[0] + WAY)
+    assert np.array_equal(goal.q_D[1:], x0.q_D[1:])
+    assert np.array_equal(goal.v_D, x0.v_D)
+
+
+def test_mistakes_of_periodic_tasks(block: fan.Marionette):
+    with pytest.raises(fan.StateError, match="needed: one of them"):
+        pulled(block, 0.01, periodic={}, end=block.rest())
+    with pytest.raises(fan.UnknownNameError, match=r"body\.u.*did you mean"):
+        pulled(block, 0.01, periodic={"body.u": 1.0})
+
+
+def test_exact_derivatives_are_refused(block: fan.Marionette):
+    with pytest.raises(fan.StateError, match="without contact"):
+        fan.optimise(pulled(block, 0.01), exact=True)

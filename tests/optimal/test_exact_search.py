@@ -1,0 +1,109 @@
+"""Searches with the derivatives of event-driven runs themselves, through catches."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.optimal.chosen import Chosen
+from fantoccini.optimal.dynamics import TimeSteps
+from fantoccini.optimal.hybrid import ExactRuns
+from fantoccini.optimal.nodes import Nodes
+from fantoccini.optimal.objective import Objective
+
+TIP = (0.3, 0.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def arm() -> fan.Marionette:
+    return fan.puppets.arm2d()
+
+
+def reaching(arm: fan.Marionette, x0: fan.State) -> fan.Task:
+    """The tip goes up by 3 cm and stays there, calmly."""
+    pose = arm.pose(arm.rest(), "lower")
+    goal = pose[:3, 3] + pose[:3, :3] @ np.array(TIP) + np.array([0.0, 0.0, 0.03])
+    tracks = [
+        fan.Track.point("lower", goal, at=TIP, weight=100.0, end_weight=100.0),
+        fan.Track.velocity("*", 0.0, weight=0.1, end_weight=1.0),
+    ]
+    return fan.Task(arm, x0, 0.8, tracks, fan.Smooth(1e-3, 1e-6), interval=0.05)
+
+
+def test_the_gradient_through_catches_is_that_of_differences(arm: fan.Marionette):
+    """J by accelerations and by the length of the intervals, along a run that is caught twice."""
+    values = {"shoulder": -0.2, "elbow": 0.6, "hand.length": 0.95, "v:elbow": 0.5}
+    x0 = arm.project(arm.state(values | {"v:shoulder": -0.3}))
+    task = reaching(arm, x0)
+    pull = fan.Track.tension("hand", 2.0, weight=0.01)
+    task = replace(task, duration=(0.6, 1.0), tracks=[*task.tracks, pull])
+    chosen = Chosen(arm, x0, {})
+    runs, objective = ExactRuns(TimeSteps(arm, 0.005, 1, chosen), chosen), Objective(task)
+    acc = np.zeros((16, 2))
+    acc[:, arm.coordinates.v_K.index("hand.length")] = [-5] * 5 + [6] * 8 + [0] * 3
+    first = replace(Nodes.still(arm, x0, 0.8, 16), acc_K=acc)
+
+    def cost(nodes: Nodes) -> float:
+        made = runs.run(nodes)
+        assert made is not None
+        return objective.cost(made[0], runs.ends(*made))
+
+    made = runs.run(first)
+    assert made is not None
+    caught = [event for event in made[1].events if event.kind is fan.EventKind.CATCH]
+    assert len(caught) >= 2
+    nodes, ends = made[0], runs.ends(*made)
+    program = objective.program(nodes, runs.linearise(nodes, ends), 0.0, 0.0)
+    assert not runs.reasons
+    costate = np.zeros(program.A.shape[1])
+    slopes = np.zeros((16, program.B.shape[2]))
+    for i in reversed(range(16)):
+        k = program.B.shape[2]
+        costate = costate + program.g[i, k:]
+        slopes[i] = program.g[i, :k] + costate @ program.B[i]
+        costate = costate @ program.A[i]
+    step = 1e-4
+    for i in (0, 4, 9, 13):
+        for j in range(2):
+            change = np.zeros_like(acc)
+            change[i, j] = step
+            ends_of_step = [cost(replace(first, acc_K=acc + s * change)) for s in (1.0, -1.0)]
+            slope = (ends_of_step[0] - ends_of_step[1]) / (2.0 * step)
+            assert slopes[i, j] == pytest.approx(slope, abs=1e-6 * np.max(np.abs(slopes)))
+    longer = [cost(replace(first, interval=0.05 + s * 1e-6)) for s in (1.0, -1.0)]
+    slope = (longer[0] - longer[1]) / 2e-6
+    assert slopes[0, -1] == pytest.approx(slope, rel=1e-5)
+
+
+def test_it_ends_at_the_optimum_of_the_run_itself(arm: fan.Marionette):
+    task = reaching(arm, arm.rest())
+    steps = fan.optimise(task, cost_tolerance=0.0)
+    best = fan.optimise(task, cost_tolerance=0.0, exact=True)
+    assert best.status is fan.OptimalStatus.SOLVED
+    assert best.cost < steps.cost
+    # Where the run is optimal, its cost rises with the square of any change.
+    random = np.random.default_rng(0)
+    chosen = Chosen(arm, task.x0, {})
+    runs, objective = ExactRuns(TimeSteps(arm, 0.005, 1, chosen), chosen), Objective(task)
+    for _ in range(5):
+        u = random.normal(size=best.nodes.acc_K.shape)
+        costs = []
+        for size in (-1e-2, 1e-2, -2e-2, 2e-2):
+            made = runs.run(replace(best.nodes, acc_K=best.nodes.acc_K + size * u))
+            assert made is not None
+            costs.append(objective.cost(made[0], runs.ends(*made)) - best.cost)
+        assert min(costs) > 0.0
+        assert abs(costs[1] - costs[0]) < 0.05 * (costs[1] + costs[0])
+        assert costs[2] + costs[3] == pytest.approx(4.0 * (costs[0] + costs[1]), rel=0.05)
+
+
+def test_driven_rotations_are_refused():
+    puppet = fan.puppets.marionette_bar()
+    if not puppet.coordinates.rotations:
+        pytest.skip("its bar does not turn")
+    task = fan.Task(puppet, puppet.rest(), 0.1, [fan.Track.velocity("*", 0.0)])
+    with pytest.raises(fan.errors.StateError, match="scalars"):
+        fan.optimise(task, exact=True)
