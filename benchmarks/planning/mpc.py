@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,6 +30,8 @@ INTERVAL = 0.02
 """Of MPC [s]."""
 HORIZON = 2.0
 """Of MPC [s]."""
+ALONG, AT_END = 0.2, 10.0
+"""Factors of weights along a plan, and from its end on."""
 LATER = 1.0
 """After a plan's end, runs are looked at again [s]."""
 
@@ -52,6 +55,12 @@ def task_along(law: Feedback) -> fan.Task:
     for q, v in table.scalars_K:
         tracks.append(fan.Track.coordinate(table.q_K[q], (t, run.q_K[at, q]), weight=0.01))
         tracks.append(fan.Track.velocity(table.v_K[v], (t, run.v_K[at, v]), weight=0.003))
+    # A kick costs time that the plan does not have: arriving counts more than its way there.
+    end = t[-1] - 0.5 * INTERVAL
+    tracks = [
+        *(weighed(one, AT_END, start=end) for one in tracks if one.kind != "coordinate"),
+        *(weighed(one, ALONG) for one in tracks),
+    ]
     most = dict(zip(table.v_K, bounds.acceleration, strict=True))
     fastest = dict(zip(table.v_K, bounds.speed, strict=True))
     limits = fan.Bounds(
@@ -66,6 +75,12 @@ def task_along(law: Feedback) -> fan.Task:
     )
     smooth = fan.Smooth(acceleration=3e-5, jerk=1e-7)
     return fan.Task(marionette, plan.start, HORIZON, tracks, smooth, limits, interval=INTERVAL)
+
+
+def weighed(track: fan.Track, by: float, **more: float) -> fan.Track:
+    """A track with other weights."""
+    weights = {"weight": by * track.weight, "end_weight": by * track.end_weight}
+    return replace(track, **weights, **more)
 
 
 class Run(NamedTuple):

@@ -79,8 +79,9 @@ def test_the_step_is_that_of_the_interior_point_method(arm, by, bounds):
     task = task_of(arm, by, **bounds)
     found, program, solution, objective = both(arm, task, motion(arm, task))
     _, u, _ = objective.widened(solution)
-    assert found.decrease == pytest.approx(decrease(program, solution.u), rel=1e-4)
-    assert found.u == pytest.approx(u, abs=0.02 * np.max(np.abs(u)))
+    assert found.decrease == pytest.approx(decrease(program, solution.u), rel=1e-5)
+    if found.solved:  # else it ended where the cost is flat
+        assert found.u == pytest.approx(u, abs=0.02 * np.max(np.abs(u)))
     if "held" in bounds:
         assert np.all(found.u[:, arm.coordinates.v_K.index("hand.length")] == 0.0)
     else:

@@ -23,7 +23,7 @@ from fantoccini.runtime import AnyArray, ClampedOutcome, ClampedStages
 
 _BARRIER, _FACTORISATIONS = 1e-5, 15
 """Where the interior point method may end: barrier in units of the cost, and factorisations."""
-_WORK = 5.2e7
+_WORK = 4.8e7
 """Multiplications of a program: some 7 ms."""
 _LEAST, _MOST = 1.5, 20.0
 """Whole factorisations of a program, at least and at most."""
