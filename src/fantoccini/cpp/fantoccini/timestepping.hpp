@@ -200,7 +200,7 @@ struct TimeStep {
     steadier = steady;
     steady = !caught;
     const Real most = select(stirred, Real(1.0), Real(Tolerance::unstirred_factor));
-    const Mask braked = limit_speed<Model>(most, dt, v_next, speed_bound);  // always, steady or not
+    const Mask braked = limit_speed<Model>(most, dt, v_next, speed_bound);
     steady = steady && !braked;
     if (!extrapolates) steady = Real(0.0) > Real(1.0);
   }
@@ -292,8 +292,7 @@ struct TimeStep {
       if (!solids) return false;
       else if constexpr (some_singly) return contacts.look_again(change, dt);
       else return contacts.look_again(eval, v_D, change, v_K, dt, whole, recovery_speed, idle);
-    else
-      return false;
+    else return false;
   }
 
   FAN_FN void gather(const Real* v_D) {
