@@ -84,7 +84,7 @@ def main() -> None:
 
 
 def others(task: fan.Task, turns: int) -> None:
-    """Prints the times of HPIPM and OSQP beside our own."""
+    """Prints how long HPIPM, OSQP and our own solver take."""
     program, unit = first_program(task)
     exact = StageSolver(1e-13).solve(program, unit).u
     own = StageSolver(1e-8)

@@ -1,4 +1,4 @@
-"""Prints what derivatives cost beside what they are derivatives of, for the marionette.
+"""Prints the cost of derivatives beside that of the runs and steps themselves, for the marionette.
 
     python -m benchmarks.speed.derivatives [--turns 20] [--duration 1.0] [--nodes 50]
 
@@ -22,11 +22,11 @@ from fantoccini.motion import InputDerivative
 from fantoccini.simulation.intervals import interval_derivatives
 
 PER_SECOND = 20.0
-"""What a sensitivity may cost [ms] for a simulated second."""
+"""Longest wanted time of a sensitivity for a simulated second [ms]."""
 PER_NODE = 15.0
-"""What the derivatives of a step may cost [us]."""
+"""Longest wanted time of the derivatives of a step [us]."""
 INTERVALS = 50
-"""Of a second."""
+"""In a second."""
 
 
 def least(turns: int, *calls: Callable[[], object]) -> list[float]:
