@@ -25,8 +25,19 @@ _NOT_ARITHMETIC = (ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT)
 INVERSE_ROOT = -1
 """Operation that CasADi does not have: 1 / sqrt(x)."""
 
-_OWN = {INVERSE_ROOT: "inverse_root({})", ca.OP_ATAN: "arctangent({})"}
-"""Functions of ``elementary.hpp``."""
+_OWN = {
+    INVERSE_ROOT: "inverse_root({})",
+    ca.OP_ATAN: "arctangent({})",
+    ca.OP_LT: "one_if({} < {})",
+    ca.OP_LE: "one_if({} <= {})",
+    ca.OP_EQ: "one_if({} == {})",
+    ca.OP_NE: "one_if({} != {})",
+    ca.OP_AND: "one_if({} != 0.0 && {} != 0.0)",
+    ca.OP_OR: "one_if({} != 0.0 || {} != 0.0)",
+    ca.OP_NOT: "one_if({} == 0.0)",
+    ca.OP_IF_ELSE_ZERO: "zero_unless({} != 0.0, {})",
+}
+"""Functions of the runtime, for doubles and lanes: a comparison of lanes is no number yet."""
 
 
 @dataclass(frozen=True)

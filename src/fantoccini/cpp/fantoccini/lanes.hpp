@@ -156,6 +156,17 @@ __attribute__((always_inline)) inline Lanes<width> select(
     return Lanes<width>::of(mask.bits ? yes.v : no.v);
 }
 
+// As in elementary.hpp.
+template <int width>
+__attribute__((always_inline)) inline Lanes<width> one_if(const LaneMask<width>& condition) {
+  return select(condition, Lanes<width>(1.0), Lanes<width>(0.0));
+}
+template <int width, class Number>
+__attribute__((always_inline)) inline Lanes<width> zero_unless(
+    const LaneMask<width>& condition, const Number& x) {
+  return select(condition, Lanes<width>(x), Lanes<width>(0.0));
+}
+
 // a where a > b or a < b, else b: one operation instead of two that wait for each other.
 template <int width>
 __attribute__((always_inline)) inline Lanes<width> maximum(
