@@ -42,7 +42,7 @@ obstacles:
 """)
 
 
-def lowering(arm: fan.Marionette, **bounds: object) -> fan.Task:
+def lowering(arm: fan.Marionette, clearance: float | None = None) -> fan.Task:
     """The ball goes down past the post, to a place where it would touch it."""
     x0 = arm.rest()
     at = (arm.pose(x0, "ball") @ [0, 0, -0.2, 1])[:3]
@@ -51,7 +51,7 @@ def lowering(arm: fan.Marionette, **bounds: object) -> fan.Task:
         fan.Track.point("ball", goal, at=(0, 0, -0.2), weight=10, end_weight=1e3),
         fan.Track.velocity("*", 0.0, weight=0.1, end_weight=10.0),
     ]
-    limits = fan.Bounds(acceleration=10.0, **bounds).staying_taut(arm, x0)  # type: ignore[arg-type]
+    limits = fan.Bounds(acceleration=10.0, clearance=clearance).staying_taut(arm, x0)
     return fan.Task(arm, x0, 2.0, tracks, fan.Smooth(1e-2, 1e-5), limits, interval=0.04, dt=0.01)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 import fantoccini as fan
+from fantoccini.optimal.bounds import Interval
 from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.dynamics import TimeSteps
 from fantoccini.optimal.nodes import Nodes
@@ -42,7 +44,7 @@ pose: {pin: 60 deg, swing: -60 deg, line.length: 0.5}
 """)
 
 
-def lifting(lever: fan.Marionette, **changes: object) -> fan.Task:
+def lifting(lever: fan.Marionette, parameters: Mapping[str, Interval] | None = None) -> fan.Task:
     """The winch lets the rod's end down by 0.15 rad, and is not to accelerate much."""
     hanging = lever.rest()
     s = np.linspace(0, 1, 101)
@@ -52,15 +54,17 @@ def lifting(lever: fan.Marionette, **changes: object) -> fan.Task:
     ]
     path = (s, np.array(places)[:, :3])
     track = fan.Track.point("rod", path, at=(0, 0, -1), weight=100.0, end_weight=100.0)
-    task = fan.Task(lever, hanging, 1.0, [track], fan.Smooth(1e-2, 1e-6), interval=0.05, dt=0.005)
-    return replace(task, **changes)  # type: ignore[arg-type]
+    smooth = fan.Smooth(1e-2, 1e-6)
+    return fan.Task(
+        lever, hanging, 1.0, [track], smooth, interval=0.05, dt=0.005, parameters=parameters or {}
+    )
 
 
 @pytest.mark.parametrize("dt", [0.001, 0.00025])
 def test_the_cost_changes_with_parameters_as_its_program_says(lever: fan.Marionette, dt: float):
-    task = lifting(lever, parameters={"tie": TIE, "load": (0.1, 2.0), "hinge": (-0.1, 0.1)}, dt=dt)
+    task = lifting(lever, parameters={"tie": TIE, "load": (0.1, 2.0), "hinge": (-0.1, 0.1)})
     bob = fan.Track.point("bob", (0.4, 0, -0.8), at=(0, 0, -0.2), weight=10.0)
-    task = replace(task, tracks=[*task.tracks, bob])
+    task = replace(task, tracks=[*task.tracks, bob], dt=dt)
     chosen = Chosen(lever, task.x0, task.parameters)
     runs, objective = EventRuns(TimeSteps(lever, task.dt, 1, chosen), chosen), Objective(task)
     acc = 0.3 * np.random.default_rng(0).normal(size=(20, 1))

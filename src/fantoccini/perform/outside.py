@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from threading import RLock
 from typing import NamedTuple, Protocol
@@ -70,7 +71,7 @@ def forces_of(marionette: Marionette, x: State, pushes: Mapping[str, Push]) -> V
     return marionette.wrench_forces(x, wrenches)
 
 
-class Steered:
+class Steered(ABC):
     """A performance as what acts on it from outside sees it."""
 
     marionette: Marionette
@@ -80,9 +81,9 @@ class Steered:
     _pushes: dict[str, Push]
 
     @property
+    @abstractmethod
     def recording(self) -> bool:
         """Whether what happens is recorded."""
-        raise NotImplementedError
 
     @property
     def bounds(self) -> HandBounds:
