@@ -75,6 +75,15 @@ def shortest() -> float:
     return float(found[1])
 
 
+def test_the_bundled_crane_settles_at_the_time_of_a_longer_search():
+    """Bounds that begin and end to hold make steps that are cut; what those promise counts then."""
+    task = fan.load_task("crane")
+    best = fan.optimise(task)
+    assert best and best.status is fan.OptimalStatus.SETTLED, best.summary()
+    longer = fan.optimise(task, cost_tolerance=0.0, iterations=60)
+    assert best.cost == pytest.approx(longer.cost, rel=1e-4)
+
+
 def test_a_crane_goes_from_rest_to_rest_in_the_least_time(crane: fan.Marionette):
     there = crane.rest({"line.x": WAY})
     task = fan.Task(

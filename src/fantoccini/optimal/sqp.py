@@ -301,9 +301,11 @@ class Search:
             merit = phi + _of_end(gap, objective.end_weight, at.force)
             predicted = max(-alpha * (step.merit_falls + 0.5 * alpha * step.bend), _LEAST)
             limits = self._limits
-            is_small = abs(step.phi - phi) <= limits.cost_tolerance * abs(step.phi)
-            is_small = is_small and step.theta <= SETTINGS.near * limits.tolerance and halving == 0
-            is_small = is_small and at.damping <= SETTINGS.calm
+            little = limits.cost_tolerance * abs(step.phi)
+            is_small = abs(step.phi - phi) <= little and at.damping <= SETTINGS.calm
+            is_small = is_small and step.theta <= SETTINGS.near * limits.tolerance
+            # A step that was cut saves little anyway: what it promised must have been little.
+            is_small = is_small and (halving == 0 or abs(step.falls) <= little)
             self._small_steps = self._small_steps + 1 if is_small else 0
             if theta > SETTINGS.closes * step.theta > limits.tolerance:
                 objective.stiffen_end()
