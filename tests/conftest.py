@@ -29,16 +29,26 @@ LONG = (
 """The files that take longest, which go first: one that begins last is waited for."""
 
 QUICK = (
+    "contact/",
+    "cross/test_mechanisms.py",
     "cross/test_reeling_pendulum.py",
-    "drives/test_drive_files.py",
-    "drives/test_drive_hands.py",
-    "drives/test_drive_laws.py",
-    "drives/test_drive_names.py",
-    "drives/test_drives.py",
-    "drives/test_rest.py",
-    "drives/test_weak_motors.py",
+    "cross/test_string_pendulum.py",
+    "cross/test_two_strings.py",
+    "drives/",
     "laws/test_chains.py",
+    "laws/test_redundant.py",
     "laws/test_restitution.py",
+    "motion/test_files.py",
+    "motion/test_trajectory.py",
+    "optimal/test_clear_rows.py",
+    "optimal/test_contact.py",
+    "optimal/test_design.py",
+    "plan/test_damaged_plans.py",
+    "plan/test_plan_files.py",
+    "plan/test_touching_plans.py",
+    "puppet/test_chain.py",
+    "puppet/test_shapes.py",
+    "puppet/test_winches.py",
     "runs/test_cable_robot.py",
     "runs/test_events.py",
     "runs/test_integrators.py",
@@ -47,9 +57,17 @@ QUICK = (
     "runs/test_soundness.py",
     "runs/test_timestepping.py",
     "runs/test_winch_runs_out.py",
+    "scene/test_scene_files.py",
+    "scene/test_scene_planning.py",
     "show/test_motion_page.py",
+    "show/test_page.py",
+    "variational/test_laws.py",
+    "variational/test_standing_still.py",
+    "view/test_forces.py",
+    "view/test_pictures.py",
 )
-"""Files whose puppets are small and their own: compiling takes far longer than running them.
+"""Files and folders whose puppets are small and their own: compiling takes far longer than running
+them.
 
 They are compiled with -Og, in half the time. Bundled and random puppets, and all that is about bits
 or speed, stay with the product's -O2; ``FANTOCCINI_CXXFLAGS=-O2 make test`` compiles all so.
@@ -61,7 +79,7 @@ def quickly_compiled(request):
     """Adds the flag for the files in QUICK, unless who runs the tests has chosen flags."""
     name = request.path.relative_to(Path(__file__).parent).as_posix()
     with pytest.MonkeyPatch.context() as patch:
-        if name in QUICK and not os.environ.get("FANTOCCINI_CXXFLAGS"):
+        if name.startswith(QUICK) and not os.environ.get("FANTOCCINI_CXXFLAGS"):
             patch.setenv("FANTOCCINI_CXXFLAGS", "-Og")
         yield
 
