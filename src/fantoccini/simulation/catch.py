@@ -75,7 +75,8 @@ class Catch:
         self._marionette, self._before = marionette, before
         self._at = at = Evaluation.of(marionette.model, before)
         wires, n_rows = marionette.model.two_sided, marionette.tree.n_rows
-        was, stays = (np.isin(np.arange(n_rows), rows) for rows in held)
+        was, stays = np.zeros((2, n_rows), dtype=bool)
+        was[held[0]] = stays[held[1]] = True
         scale = marionette.model.row_scales(before.q_D, before.q_K)
         closed = np.abs(at.h) <= TOLERANCES.start_gap * scale
         rows = np.flatnonzero(was | closed | wires)

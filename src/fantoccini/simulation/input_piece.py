@@ -45,7 +45,10 @@ class InputVariation:
     def widened(self, more: int) -> InputVariation:
         """The changes, and none in some more columns."""
         parts = (self.q_K, self.v_K, self.acc_K, self.u_D, self.p)
-        return InputVariation(*(np.pad(part, ((0, 0), (0, more))) for part in parts))
+        out = [np.zeros((len(part), part.shape[1] + more)) for part in parts]
+        for wide, part in zip(out, parts, strict=True):
+            wide[:, : part.shape[1]] = part
+        return InputVariation(*out)
 
 
 class InputPiece:

@@ -87,6 +87,10 @@ class RunChanges:
         self._variation = variation
         self.passages: list[Passage] = []
         self._contacts = ContactPieces(self.marionette, run)
+        self._times = {
+            kind: {event.t for event in run.events if event.kind is kind}
+            for kind in (EventKind.TOUCH, EventKind.CATCH)
+        }
 
     def records(
         self, saved: Times, start: int = 0, end: int | None = None
@@ -130,13 +134,15 @@ class RunChanges:
                     states, changes = self._variation.along(x, held, Z, piece, times, points)
                     yield from zip(inside, changes[:-1], strict=True)
                     Z = changes[-1]
+                    if piece is pieces[-1]:
+                        break
                     q_D, v_D = np.split(states[-1], [len(x.q_D)])
                     q_K, v_K, *_ = piece.at(piece.end)
                     x = x.replace(t=piece.end, q_D=q_D, v_D=v_D, q_K=q_K, v_K=v_K)
-                    if piece is not pieces[-1] and piece.end in saved:
+                    if piece.end in saved:
                         yield piece.end, Z
-                self._variation.check(states[-1], run.state(b))
-                by_input = pieces[-1].variation(x.t)
+                self._variation.check(states[-1], run.t[b], run.q_D[b], run.v_D[b])
+                by_input = pieces[-1].variation(pieces[-1].end)
             yield run.t[last], Z
 
     def _across(
@@ -167,8 +173,8 @@ class RunChanges:
 
     def _struck(self, i: int, catches: bool = True) -> bool:
         """Whether solids strike, or with ``catches`` rows, at the time of sample i."""
-        kinds = (EventKind.TOUCH, EventKind.CATCH) if catches else (EventKind.TOUCH,)
-        return any(e.kind in kinds and e.t == self.run.t[i] for e in self.run.events)
+        t = float(self.run.t[i])
+        return t in self._times[EventKind.TOUCH] or (catches and t in self._times[EventKind.CATCH])
 
     def _changed(
         self,
