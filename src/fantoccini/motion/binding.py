@@ -74,9 +74,10 @@ def bound(
     same = np.maximum(
         place[:, of_q], joints.TOLERANCES.place * np.maximum(1.0, np.abs(q_here))
     )
-    for q, _ in table.quaternions_K:
-        mine, theirs, spot = q_here[:, q : q + 4], q_K[:, q : q + 4], slice(q, q + 4)
-        turned = named_q[:, q] & ((mine * theirs).sum(axis=-1) < 0)
+    for at, _ in table.quaternions_K:
+        spot = slice(at, at + 4)
+        mine, theirs = q_here[:, spot], q_K[:, spot]
+        turned = named_q[:, at] & ((mine * theirs).sum(axis=-1) < 0)
         base[:, :, spot] *= np.where(turned, -1.0, 1.0)[:, None, None]
         away[:, spot] = np.linalg.norm(rotation.between(theirs, mine), axis=-1)[:, None]
         same[:, spot] = joints.TOLERANCES.place
