@@ -154,12 +154,12 @@ class RunChanges:
     ) -> Array:
         """The changes after the event between sample i and the next."""
         run = self.run
-        before, after = run.state(i), run.state(i + 1)
-        size = max(1.0, np.max(np.abs(before.v_D), initial=0.0))
+        size = max(1.0, np.max(np.abs(run.v_D[i]), initial=0.0))
         stops = self._contacts.touches(i) and not self._struck(i)
         most = TOLERANCES.stop if stops else TOLERANCES.jump
-        if np.max(np.abs(after.v_D - before.v_D), initial=0.0) <= most * size:
+        if np.max(np.abs(run.v_D[i + 1] - run.v_D[i]), initial=0.0) <= most * size:
             return self._changed(i, Z, by_input, (i, i + 1), points)
+        before, after = run.state(i), run.state(i + 1)
         held = self._held(i), self._held(i + 1)
         acc, acc_K = (run.acc_D[i], run.acc_D[i + 1]), run.acc_K[i]
         if self._contacts.touches(i) or self._contacts.touches(i + 1) or self._struck(i, False):
