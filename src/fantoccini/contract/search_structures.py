@@ -79,7 +79,7 @@ SEARCHES: tuple[Structure, ...] = (
     Structure("FlowDerivativeArrays", "A smooth piece of a run, and small changes along it.", (
         Field("rtol", "double", "of the integration of state and changes"),
         Field("atol", "double", "likewise"),
-        Field("first_step", "double", "that is tried [s]"),
+        Field("step", "double", "that is tried first, and at the end would be tried next [s]"),
         Field("start", "double", "[s]"),
         Field("n_times", MANY),
         Field("times", IN, "(n_times,) at which to write, increasing, up to the end [s]"),

@@ -67,9 +67,8 @@ class Evaluation:
             factor = library.evaluate("step_dynamics", **at, v_ahead=x.v_D, dt=dt)
         n_l = len(tree.limits)
         J = np.zeros((n_l, table.n_vD))
-        for i, limit in enumerate(tree.limits):
-            place = tree.links[limit.link].v
-            J[i, place] = on.J_limit[: place.stop - place.start, i]
+        limit, axis, velocity = tree.limit_entries
+        J[limit, velocity] = on.J_limit[axis, limit]
         W_l = library.evaluate("forth", L=factor.L, x=J).y if n_l else J
         # A winch that rewinds slip brakes before it stops.
         speed = model.winches[:, WINCH_AT["rewind_speed"]]

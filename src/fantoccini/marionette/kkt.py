@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from fantoccini.arrays import Array, Indices
@@ -25,6 +27,11 @@ class KKTSystem:
         kept = s > DEPENDENT_ROWS * np.max(s, initial=0.0)
         self._u, self._s, self._v = u[:, kept], s[kept], vt[kept].T
 
+    @cached_property
+    def _moved(self) -> Array:
+        """(n_vD, len(rows)) M^-1 A_D^T."""
+        return self._at.back(self._W.T).T
+
     def solve(self, force: Array, rate: Array) -> tuple[Array, Array]:
         """x (n_vD, m) and y (len(rows), m) with M x + A_D^T y = -force and A_D x = -rate.
 
@@ -38,3 +45,12 @@ class KKTSystem:
         inner = self._u.T @ w + (self._v.T @ rate) / self._s[:, None]
         y = self._v @ (inner / self._s[:, None])
         return self._at.back((w - self._W @ y).T).T, y
+
+    def nearest(self, rate: Array) -> Array:
+        """x (n_vD, m) with A_D x = -rate, the smallest in the metric of M.
+
+        Args:
+            rate: (len(rows), m).
+        """
+        y = self._v @ ((self._v.T @ rate) / (self._s * self._s)[:, None])
+        return -(self._moved @ y)

@@ -226,9 +226,17 @@ def derivatives_at(
     return found
 
 
-def row_derivatives_at(model: Model, x: State) -> dict[str, Array]:
-    """Compiled derivatives of h and hdot at a state, by their names."""
+def row_derivatives_at(model: Model, x: State, v_D: Array | None = None) -> dict[str, Array]:
+    """Compiled derivatives of h and hdot at a state, by their names.
+
+    Args:
+        model: the puppet.
+        x: the state.
+        v_D: (..., n_vD) other velocities there; results are (..., *shape) then.
+    """
     values = model.at(x) | {"acc_D": np.zeros_like(x.v_D), "acc_K": np.zeros_like(x.v_K)}
+    if v_D is not None:
+        values["v_D"] = v_D
     return model.compiled.derivatives.at("rows_by", values)
 
 

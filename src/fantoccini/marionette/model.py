@@ -215,8 +215,11 @@ class Model:
 
     def run_options(self, **changes: Any) -> RunOptions:
         """Run options scaled to this puppet, with some changed."""
-        options = Event().options | TimeStepping().options
-        options |= {
+        return RunOptions(**(self._scaled_options | changes))
+
+    @cached_property
+    def _scaled_options(self) -> dict[str, Any]:
+        return Event().options | TimeStepping().options | {
             "first_step": LIMITS.first_step,
             "tension_cap": self.tension_cap,
             "energy_scale": max(self.reference_force, 1e-9),
@@ -226,8 +229,7 @@ class Model:
             "max_events": LIMITS.max_events,
             "save_steps": True,
             "contacts": self.contacts,
-        }
-        return RunOptions(**(options | changes))
+        }  # fmt: skip
 
     # -- rows --------------------------------------------------------------------------------
 

@@ -106,7 +106,8 @@ class StepLinearisations:
         """(n or 1, 2 n_vK, 3 n_vK): (dq_K, dv_K) after the steps by q_K, v_K and acc_K."""
         t = self.coordinates
         n, k = t.n_vD, t.n_vK
-        return np.array([one.state(n, 0)[:, 2 * n : 2 * n + 3 * k] for one in self._driven])
+        steps = self._driven or (DrivenStep((), np.zeros(k), np.zeros(k), self.dt),)
+        return np.array([one.state(n, 0)[:, 2 * n : 2 * n + 3 * k] for one in steps])
 
 
 def linearise_steps(
@@ -142,11 +143,11 @@ def linearise_steps(
     force = None if u_D is None else np.atleast_2d(vectors("u_D", u_D, table.n_vD))
     values = model.p[None] if p is None else np.atleast_2d(vectors("p", p, len(model.p)))
     n = max(*map(len, starts.values()), len(acc), len(values), 1 if force is None else len(force))
-    x = {name: _repeated(a, n) for name, a in starts.items()}
+    x = {name: _rows(a, n) for name, a in starts.items()}
     threads = default_threads() if threads is None else threads
     options = model.run_options(dt=dt, extrapolate=False)
     driven = _driven_steps(model, x["v_K"], acc, dt)
-    along = {"rate": x["v_K"] + 0.5 * dt * acc, "mean": _repeated(acc, n)}
+    along = {"rate": x["v_K"] + 0.5 * dt * acc, "mean": _rows(acc, n)}
     if table.quaternions_K:
         along = {k: np.array([getattr(one, k) for one in driven]) for k in along}
     if method == "variational":
@@ -155,7 +156,7 @@ def linearise_steps(
         return _variational(model, discrete, driven, forces, pull, dt)
     made: _Lanes | StepTouches
     if options.contacts is None:
-        own = _repeated(values, n)
+        own = _rows(values, n)
         touches, made = None, _Lanes.of(model, options, x, acc, force, own, threads)
     else:
         touches = made = step_touches(
@@ -174,14 +175,14 @@ def linearise_steps(
     if found.pull is not None:
         _chain_rotations(model, driven, found.pull)
     meant = x["v_D"] + dt * found.acc_D
-    size = 1.0 + np.max(np.abs(made.v_D), axis=1, initial=0.0)
-    apart = np.max(np.abs(meant - made.v_D), axis=1, initial=0.0)
+    size = 1.0 + np.abs(made.v_D).max(axis=1, initial=0.0)
+    apart = np.abs(meant - made.v_D).max(axis=1, initial=0.0)
     none = np.zeros(n, dtype=np.int32)
     edges, n_points = (none, none) if touches is None else (touches.edges, touches.n_points)
-    ended = (made.status == Status.DONE) & (apart <= SHORTENED * size)
+    ended = (made.status == Status.DONE.value) & (apart <= SHORTENED * size)
     return StepLinearisations(
         **{name: getattr(made, name) for name in widths}, tension=tension, held=held,
-        motion=found.motion, pull=found.pull, settled=ended & (edges < StepEdge.LEAVES_LAW),
+        motion=found.motion, pull=found.pull, settled=ended & (edges < StepEdge.LEAVES_LAW.value),
         edges=edges, n_contacts=n_points, dt=dt, coordinates=table, _driven=driven,
     )  # fmt: skip
 
@@ -202,8 +203,8 @@ class _Lanes(NamedTuple):
         u_D: Array | None, p: Array, threads: int,
     ) -> _Lanes:  # fmt: skip
         n, tree = len(p), model.tree
-        made: dict[str, AnyArray] = {name: a.copy() for name, a in x.items()} | {
-            "fresh": np.ones(n, dtype=np.uint8), "p": p,
+        made: dict[str, AnyArray] = {name: np.array(a, order="C") for name, a in x.items()} | {
+            "fresh": np.ones(n, dtype=np.uint8), "p": np.ascontiguousarray(p),
             "slip": np.zeros((n, len(tree.strings))), "tension": np.zeros((n, tree.n_rows)),
             "taut": np.zeros((n, tree.n_rows), dtype=np.bool_), "books": np.zeros((n, 5)),
             "violation": np.zeros(n), "advanced": np.zeros(n),
@@ -239,18 +240,18 @@ def _variational(
     )  # fmt: skip
 
 
-def _repeated(rows: Array, n: int) -> Array:
-    """(n, ...) a copy in C order of n rows, or of one n times."""
-    return np.array(np.broadcast_to(rows, (n, rows.shape[1])), order="C")
+def _rows(rows: Array, n: int) -> Array:
+    """(n, ...) of n rows, or of one."""
+    return rows if len(rows) == n else np.broadcast_to(rows, (n, rows.shape[1]))
 
 
 def _driven_steps(
     model: Model, v_K: Array, acc_K: Array, dt: float
 ) -> tuple[DrivenStep, ...]:
-    """The driven coordinates over every step; one for all where nothing turns."""
+    """The driven coordinates over every step; none where nothing turns."""
     quaternions = model.coordinates.quaternions_K
     if not quaternions:
-        v_K, acc_K = v_K[:1], acc_K[:1]
+        return ()
     rows = np.broadcast_to(acc_K, v_K.shape)
     return tuple(DrivenStep(quaternions, v, a, dt) for v, a in zip(v_K, rows, strict=True))
 

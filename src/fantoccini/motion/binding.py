@@ -52,52 +52,68 @@ def bound(
     Raises:
         InputError: a named coordinate does not start where its state is.
     """
-    findings, coef, base = Findings(), np.array(coef), np.array(base)
+    findings = Findings()
+    of_q = np.zeros(table.n_qK, dtype=np.intp)  # the velocity of each number of a configuration
+    for q, v in pieces.channel_names(table).values():
+        of_q[q] = v.start
+    named_q, (q_s, v_s) = named[:, of_q], table.places_K
+    coef = np.where(named[:, None, :, None], coef, 0.0)
+    base = np.where(named_q[:, None], base, q_K[:, None])
+    coef[:, :, v_s, 0] = np.where(named[:, None, v_s], coef[:, :, v_s, 0], q_K[:, None, q_s])
     move, differs = np.zeros(named.shape), np.zeros(len(coef), dtype=bool)
+    move[:, v_s] = np.where(named[:, v_s], (q_K - q_here)[:, q_s], 0.0)
     if speeds is not None:
         v_here, v_K = np.where(named, speeds[0], 0.0), speeds[1]
         differs = np.any(np.abs(v_K - v_here) > joints.TOLERANCES.rounded_speed, axis=1)
-    names = pieces.channel_names(table)
-    for name, (q, v) in names.items():
-        mask = named[:, v.start]
-        free = np.flatnonzero(~mask)
-        coef[free[:, None], :, np.arange(v.start, v.stop)] = 0.0
-        base[free, :, q] = q_K[free, None, q]
-        if name in table.rotations:
-            turned = mask & ((q_here[:, q] * q_K[:, q]).sum(axis=-1) < 0)
-            base[:, :, q] *= np.where(turned, -1.0, 1.0)[:, None, None]
-        else:
-            coef[free, :, v.start, 0] = q_K[free, q]
-            move[:, v.start] = np.where(mask, (q_K - q_here)[:, q.start], 0.0)
     differs |= ~np.all(np.abs(move) <= joints.TOLERANCES.rounded_place, axis=1)
     # Tolerances are computed only where there is a difference: batches are large.
     place, speed = np.zeros(named.shape), np.zeros(named.shape)
     own = breaks[differs] if len(breaks) > 1 else breaks
     place[differs], speed[differs] = joints.tolerances(table, own, coef[differs])
-    for name, (q, v) in names.items():
-        mine, theirs, mask = q_here[:, q], q_K[:, q], named[:, v.start]
-        for i in np.flatnonzero(~np.all(np.isfinite(theirs), axis=1))[:1]:
-            findings.add((*which(i, len(coef)), name), f"is {_text(theirs[i])} in the start state")
-        if name in table.rotations:
-            away = np.linalg.norm(rotation.between(theirs, mine), axis=-1)
-            same = np.full(len(coef), joints.TOLERANCES.place)
-        else:
-            away = np.abs(mine - theirs)[:, 0]
-            same = np.maximum(
-                place[:, v.start], joints.TOLERANCES.place * np.maximum(1.0, np.abs(mine[:, 0]))
-            )
-        for i in np.flatnonzero(mask & ~(away <= same))[:1]:
-            here, there = _text(mine[i]), _text(theirs[i])
-            findings.add(
-                (*which(i, len(coef)), name),
-                f"is {here} in the inputs at t = {t:g} s, but {there} in the start state; "
-                f"start from a state with {name} = {here}, or let the inputs begin at {there}",
-            )
+    away = np.abs(q_here - q_K)
+    same = np.maximum(
+        place[:, of_q], joints.TOLERANCES.place * np.maximum(1.0, np.abs(q_here))
+    )
+    for at, _ in table.quaternions_K:
+        spot = slice(at, at + 4)
+        mine, theirs = q_here[:, spot], q_K[:, spot]
+        turned = named_q[:, at] & ((mine * theirs).sum(axis=-1) < 0)
+        base[:, :, spot] *= np.where(turned, -1.0, 1.0)[:, None, None]
+        away[:, spot] = np.linalg.norm(rotation.between(theirs, mine), axis=-1)[:, None]
+        same[:, spot] = joints.TOLERANCES.place
+    strange, off = ~np.isfinite(q_K), named_q & ~(away <= same)
+    if np.any(strange) or np.any(off):
+        for name, (q, _) in pieces.channel_names(table).items():
+            _note_start(findings, name, (q_here[:, q], q_K[:, q]), strange[:, q], off[:, q], t)
     findings.raise_any()
     if speeds is not None and np.any(differs):
         v_K = np.where(np.abs(v_K - v_here) <= speed, v_K, v_here)
         _begin(table, breaks, coef, base, t, np.flatnonzero(differs), move, v_K)
     return coef, base
+
+
+def _note_start(
+    findings: Findings, name: str, places: tuple[Array, Array], strange: Mask, off: Mask, t: float
+) -> None:
+    """Notes where a coordinate is not finite in a start state, or begins elsewhere in its inputs.
+
+    Args:
+        findings: to add to.
+        name: of the coordinate.
+        places: (n, 1 or 4) of the inputs and of the start states.
+        strange, off: (n, 1 or 4) where that is so.
+        t: the start [s].
+    """
+    n = len(off)
+    for i in np.flatnonzero(np.any(strange, axis=1))[:1]:
+        findings.add((*which(i, n), name), f"is {_text(places[1][i])} in the start state")
+    for i in np.flatnonzero(off[:, 0])[:1]:
+        here, there = (_text(place[i]) for place in places)
+        findings.add(
+            (*which(i, n), name),
+            f"is {here} in the inputs at t = {t:g} s, but {there} in the start state; "
+            f"start from a state with {name} = {here}, or let the inputs begin at {there}",
+        )
 
 
 def check_same_puppet(tables: Sequence[CoordinateTable]) -> None:

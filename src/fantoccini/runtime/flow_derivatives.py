@@ -21,12 +21,14 @@ class FlowChanges(NamedTuple):
         q_D, v_D: (n, ...) the states.
         changes: (n, 2 n_vD, m) of (q_D, v_D).
         status: ``DONE``, or ``STEP_TOO_SMALL``: the times that were not reached hold nothing.
+        step: that would be tried next [s].
     """
 
     q_D: Array
     v_D: Array
     changes: Array
     status: Status
+    step: float
 
 
 class DerivativeLibrary(Functions):
@@ -43,7 +45,7 @@ class DerivativeLibrary(Functions):
         *,
         rtol: float,
         atol: float,
-        first_step: float,
+        step: float,
     ) -> FlowChanges:
         """The state and its changes at some times of a smooth piece.
 
@@ -57,13 +59,13 @@ class DerivativeLibrary(Functions):
             held: (n_rows,) bool, the rows that are held.
             p: (n_p,) parameters.
             rtol, atol: of the integration.
-            first_step: that is tried [s].
+            step: that is tried first [s].
         """
         t, q_D, v_D, changes = start
         n, sizes = len(times), self.sizes
         out = FlowChanges(
             np.empty((n, sizes["n_qD"])), np.empty((n, sizes["n_vD"])),
-            np.empty((n, *changes.shape)), Status.DONE,
+            np.empty((n, *changes.shape)), Status.DONE, step,
         )  # fmt: skip
         given = {"q_D": q_D, "v_D": v_D, "changes": changes, "times": times, "p": p}
         kept = {name: np.ascontiguousarray(a, dtype=float) for name, a in given.items()}
@@ -71,7 +73,7 @@ class DerivativeLibrary(Functions):
         rows = np.ascontiguousarray(held, dtype=np.uint8)
         structure, read = input_arrays(inputs)
         arrays = structures["FlowDerivativeArrays"](
-            rtol=rtol, atol=atol, first_step=first_step, start=t, n_times=n, input=structure,
+            rtol=rtol, atol=atol, step=step, start=t, n_times=n, input=structure,
             m=changes.shape[1], n_inputs=by_inputs.shape[2], held=pointer(rows),
             q_D_at=pointer(out.q_D), v_D_at=pointer(out.v_D), changes_at=pointer(out.changes),
             **{name: pointer(a) for name, a in kept.items()},
@@ -80,4 +82,4 @@ class DerivativeLibrary(Functions):
         del read  # which the structure points into
         if failed:
             raise MemoryError(f"no memory for {changes.shape[1]} changes")
-        return out._replace(status=Status(arrays.status))
+        return out._replace(status=Status(arrays.status), step=arrays.step)

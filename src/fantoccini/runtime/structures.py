@@ -21,6 +21,7 @@ UNLIMITED = 1e300
 _FITS_ALL = 2**31 - 1
 """The largest number that fits every integer of a structure."""
 _INTEGERS = (ctypes.c_int, ctypes.c_longlong)
+_set = ctypes.Structure.__setattr__
 _NUMBERS = {"int": ctypes.c_int, "long long": ctypes.c_longlong, "double": ctypes.c_double}
 
 
@@ -38,7 +39,7 @@ class Numbers(ctypes.Structure):
         kind = self._integers.get(name)
         if kind is not None and (value.__class__ is not int or not 0 <= value <= _FITS_ALL):
             value = whole(name, value, kind)
-        super().__setattr__(name, value)
+        _set(self, name, value)
 
 
 def _made() -> dict[str, type[ctypes.Structure]]:

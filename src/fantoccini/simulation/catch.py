@@ -75,7 +75,8 @@ class Catch:
         self._marionette, self._before = marionette, before
         self._at = at = Evaluation.of(marionette.model, before)
         wires, n_rows = marionette.model.two_sided, marionette.tree.n_rows
-        was, stays = (np.isin(np.arange(n_rows), rows) for rows in held)
+        was, stays = np.zeros((2, n_rows), dtype=bool)
+        was[held[0]] = stays[held[1]] = True
         scale = marionette.model.row_scales(before.q_D, before.q_K)
         closed = np.abs(at.h) <= TOLERANCES.start_gap * scale
         rows = np.flatnonzero(was | closed | wires)
@@ -91,8 +92,8 @@ class Catch:
         kick, impulse = self._system.solve(still, stopped[self._rows, None])
         self._kick, self._impulse = kick[:, 0], np.zeros(n_rows)
         self._impulse[self._rows] = impulse[:, 0]
-        self._after = after.replace(v_D=before.v_D + self._kick)
-        off = np.abs(self._after.v_D - after.v_D) / (1.0 + np.abs(after.v_D))
+        self._v_after = before.v_D + self._kick
+        off = np.abs(self._v_after - after.v_D) / (1.0 + np.abs(after.v_D))
         if not found.solved or np.max(off, initial=0.0) > VELOCITY_ERROR:
             raise SimulationError(
                 Status.NOT_SETTLED,
@@ -136,9 +137,9 @@ class Catch:
             acc_K: (n_vK,) driven acceleration before it.
         """
         x, n, p = self._before, len(self._before.v_D), by_input.p
-        before, after = (
-            row_derivatives_at(self._marionette.model, side) for side in (x, self._after)
-        )
+        sides = np.stack([x.v_D, self._v_after])
+        found = row_derivatives_at(self._marionette.model, x, sides)
+        before, after = ({name: part[i] for name, part in found.items()} for i in (0, 1))
         q_D, v_D, q_K, v_K = Z[:n], Z[n:], by_input.q_K, by_input.v_K
         late = np.zeros((1, Z.shape[1]))
         if self._guard is not None:
@@ -153,7 +154,7 @@ class Catch:
         rate += restitution_change(self._marionette, self._at) @ p
         force = force_change(self._marionette, x, self._kick, self._impulse, q_D, q_K, p)
         v_D = v_D + self._system.solve(force, rate[self._rows])[0]
-        q_D = q_D - self._after.v_D[:, None] * late
+        q_D = q_D - self._v_after[:, None] * late
         return np.concatenate([q_D, v_D - acc[1][:, None] * late])
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 
@@ -44,7 +45,10 @@ class InputVariation:
     def widened(self, more: int) -> InputVariation:
         """The changes, and none in some more columns."""
         parts = (self.q_K, self.v_K, self.acc_K, self.u_D, self.p)
-        return InputVariation(*(np.pad(part, ((0, 0), (0, more))) for part in parts))
+        out = [np.zeros((len(part), part.shape[1] + more)) for part in parts]
+        for wide, part in zip(out, parts, strict=True):
+            wide[:, : part.shape[1]] = part
+        return InputVariation(*out)
 
 
 class InputPiece:
@@ -108,8 +112,12 @@ class InputChanges:
     ):
         table, n_p = marionette.coordinates, len(marionette.p)
         self.inputs, self._own = inputs, Inputs.of([inputs])
-        self._toward, self._along = toward, along
-        breaks = [self._own.breaks, *(one.breaks[None] for one in along)]
+        self._toward = toward
+        # Derivatives with the same breaks are moved together.
+        alike = groupby(along, key=lambda one: one.breaks.tobytes())
+        groups = [list(group) for _, group in alike]
+        self._along = [(g[0].breaks[None], np.array([one.coef for one in g])) for g in groups]
+        breaks = [self._own.breaks, *(found for found, _ in self._along)]
         breaks += [] if toward is None else [toward.breaks]
         self.breaks = np.unique(np.concatenate([found.ravel() for found in breaks]))
         self._turns = np.setdiff1d(np.arange(table.n_vK), [v for _, v in table.scalars_K])
@@ -127,9 +135,9 @@ class InputChanges:
             moved.append(other[0] - own[0])
             moved[-1][:, self._turns] = 0.0
             pushed.append(np.broadcast_to(other[1] - own[1], (len(other[0]), n, N_COEF)))
-        for one in self._along:
-            moved.append(_moved(one.breaks[None], one.coef[None], start, end))
-            pushed.append(np.zeros((1, n, N_COEF)))
+        for breaks, coef in self._along:
+            moved.append(_moved(breaks, coef, start, end))
+            pushed.append(np.zeros((len(coef), n, N_COEF)))
         powers = in_powers(np.concatenate(moved), np.concatenate(pushed), end - start)
         return InputPiece(self._variation, one_piece(self.inputs, start, end), powers, start, end)
 

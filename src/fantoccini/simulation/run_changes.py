@@ -87,6 +87,10 @@ class RunChanges:
         self._variation = variation
         self.passages: list[Passage] = []
         self._contacts = ContactPieces(self.marionette, run)
+        self._times = {
+            kind: {event.t for event in run.events if event.kind is kind}
+            for kind in (EventKind.TOUCH, EventKind.CATCH)
+        }
 
     def records(
         self, saved: Times, start: int = 0, end: int | None = None
@@ -130,13 +134,15 @@ class RunChanges:
                     states, changes = self._variation.along(x, held, Z, piece, times, points)
                     yield from zip(inside, changes[:-1], strict=True)
                     Z = changes[-1]
+                    if piece is pieces[-1]:
+                        break
                     q_D, v_D = np.split(states[-1], [len(x.q_D)])
                     q_K, v_K, *_ = piece.at(piece.end)
                     x = x.replace(t=piece.end, q_D=q_D, v_D=v_D, q_K=q_K, v_K=v_K)
-                    if piece is not pieces[-1] and piece.end in saved:
+                    if piece.end in saved:
                         yield piece.end, Z
-                self._variation.check(states[-1], run.state(b))
-                by_input = pieces[-1].variation(x.t)
+                self._variation.check(states[-1], run.t[b], run.q_D[b], run.v_D[b])
+                by_input = pieces[-1].variation(pieces[-1].end)
             yield run.t[last], Z
 
     def _across(
@@ -148,12 +154,12 @@ class RunChanges:
     ) -> Array:
         """The changes after the event between sample i and the next."""
         run = self.run
-        before, after = run.state(i), run.state(i + 1)
-        size = max(1.0, np.max(np.abs(before.v_D), initial=0.0))
+        size = max(1.0, np.max(np.abs(run.v_D[i]), initial=0.0))
         stops = self._contacts.touches(i) and not self._struck(i)
         most = TOLERANCES.stop if stops else TOLERANCES.jump
-        if np.max(np.abs(after.v_D - before.v_D), initial=0.0) <= most * size:
+        if np.max(np.abs(run.v_D[i + 1] - run.v_D[i]), initial=0.0) <= most * size:
             return self._changed(i, Z, by_input, (i, i + 1), points)
+        before, after = run.state(i), run.state(i + 1)
         held = self._held(i), self._held(i + 1)
         acc, acc_K = (run.acc_D[i], run.acc_D[i + 1]), run.acc_K[i]
         if self._contacts.touches(i) or self._contacts.touches(i + 1) or self._struck(i, False):
@@ -167,8 +173,8 @@ class RunChanges:
 
     def _struck(self, i: int, catches: bool = True) -> bool:
         """Whether solids strike, or with ``catches`` rows, at the time of sample i."""
-        kinds = (EventKind.TOUCH, EventKind.CATCH) if catches else (EventKind.TOUCH,)
-        return any(e.kind in kinds and e.t == self.run.t[i] for e in self.run.events)
+        t = float(self.run.t[i])
+        return t in self._times[EventKind.TOUCH] or (catches and t in self._times[EventKind.CATCH])
 
     def _changed(
         self,

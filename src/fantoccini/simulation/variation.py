@@ -31,7 +31,7 @@ from fantoccini.simulation.contact_pieces import stacked
 from fantoccini.simulation.input_piece import InputPiece, InputVariation
 
 FIRST_STEP = 0.01
-"""That is tried in a piece [s]."""
+"""That is tried at the start of a run; each piece begins with the step of the one before [s]."""
 MAX_ERROR = 1e-6
 """Largest distance of the integration from the run, relative to 1 or to the state."""
 
@@ -46,7 +46,7 @@ class Variation:
 
     def __init__(self, marionette: Marionette, rtol: float, atol: float):
         self.marionette = marionette
-        self._rtol, self._atol = rtol, atol
+        self._rtol, self._atol, self._step = rtol, atol, FIRST_STEP
         self._table = marionette.coordinates
 
     def projected(
@@ -65,13 +65,12 @@ class Variation:
             return self._projected_with(x, rows, Z, by_input, points)
         n, found = len(x.v_D), row_derivatives_at(self.marionette.model, x)
         system = KKTSystem(Evaluation.of(self.marionette.model, x), rows)
-        still = np.zeros((n, Z.shape[1]))
         Z_q, Z_v = Z[:n], Z[n:]
         gap = found["A_D"] @ Z_q + found["A_K"] @ by_input.q_K + found["h_p"] @ by_input.p
-        Z_q = Z_q + system.solve(still, gap[rows])[0]
+        Z_q = Z_q + system.nearest(gap[rows])
         rate = rate_change(found, Z_q, by_input.q_K, by_input.v_K, by_input.p)
         rate = rate + found["A_D"] @ Z_v
-        Z_v = Z_v + system.solve(still, rate[rows])[0]
+        Z_v = Z_v + system.nearest(rate[rows])
         return np.concatenate([Z_q, Z_v])
 
     def _projected_with(
@@ -120,11 +119,13 @@ class Variation:
         if points:
             return self._along_with(x, rows, Z, piece, times, points)
         model = self.marionette.model
-        held = np.isin(np.arange(model.tree.n_rows), rows)
+        held = np.zeros(model.tree.n_rows, dtype=bool)
+        held[rows] = True
         found = model.compiled.derivatives.flow(
             (x.t, x.q_D, x.v_D, Z), times, piece.inputs, piece.powers, held, model.p,
-            rtol=self._rtol, atol=self._atol, first_step=FIRST_STEP,
+            rtol=self._rtol, atol=self._atol, step=self._step,
         )  # fmt: skip
+        self._step = found.step
         if found.status is not Status.DONE:
             raise SimulationError(found.status, f"after t = {x.t:.6g} s")
         return np.concatenate([found.q_D, found.v_D], axis=1), found.changes
@@ -166,14 +167,14 @@ class Variation:
         y = found.y.T
         return y[:, : n_q + n], y[:, n_q + n :].reshape(-1, 2 * n, m)
 
-    def check(self, reached: Array, x: State) -> None:
-        """Raises SimulationError unless the integration ended at the run's state."""
-        run = np.concatenate([x.q_D, x.v_D])
+    def check(self, reached: Array, t: float, q_D: Array, v_D: Array) -> None:
+        """Raises SimulationError unless the integration ended at the run's state at t [s]."""
+        run = np.concatenate([q_D, v_D])
         apart = np.max(np.abs(reached - run) / (1.0 + np.abs(run)))
         if not apart < MAX_ERROR:
             raise SimulationError(
                 Status.NOT_SETTLED,
-                f"the run and its linearisation are {apart:.2g} apart at t = {x.t:.6g} s",
+                f"the run and its linearisation are {apart:.2g} apart at t = {t:.6g} s",
             )
 
     def _configuration_rate(self, q_D: Array, v_D: Array) -> Array:

@@ -328,10 +328,18 @@ class Tree:
             if self.n_contacts else 0,
         }  # fmt: skip
 
-    @property
+    @cached_property
     def row_names(self) -> tuple[str, ...]:
         """Names of the one-sided rows: strings, then limits."""
         return tuple(r.name for r in self.strings) + tuple(r.name for r in self.limits)
+
+    @cached_property
+    def limit_entries(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The limits' entries of A_D: limits, axes of their joints, and places in v_D."""
+        places = [self.links[limit.link].v for limit in self.limits]
+        found = [(i, k - v.start, k) for i, v in enumerate(places) for k in range(v.start, v.stop)]
+        limit, axis, velocity = np.array(found, dtype=np.intp).reshape(-1, 3).T
+        return limit, axis, velocity
 
     @property
     def motor_places(self) -> list[int]:
@@ -343,7 +351,7 @@ class Tree:
         """Drives whose motor may be too weak to follow the command."""
         return tuple(d for d in self.drives if d.command and d.drive.motor is not None)
 
-    @property
+    @cached_property
     def blamable(self) -> tuple[str, ...]:
         """Names that a run's status may blame: rows, then watched drives."""
         return (*self.row_names, *(row.name for row in self.watched))

@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x4e8f8c953c76d83a;
+constexpr long long contract_digest = 0x792731db5717b163;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -387,7 +387,7 @@ struct StepDerivativeArrays {
 struct FlowDerivativeArrays {
   double rtol;  // of the integration of state and changes
   double atol;  // likewise
-  double first_step;  // that is tried [s]
+  double step;  // that is tried first, and at the end would be tried next [s]
   double start;  // [s]
   long long n_times;
   const double* times;  // (n_times,) at which to write, increasing, up to the end [s]

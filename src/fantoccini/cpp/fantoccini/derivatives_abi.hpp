@@ -7,10 +7,12 @@
 #include "flow_derivatives.hpp"
 #include "map_lanes.hpp"
 
-// Changes along a smooth piece of a run; sets its status. 1 where there was no memory, else 0.
+// Changes along a smooth piece of a run; sets its status and step. 1 where there was no memory, else 0.
 FAN_EXPORT int fan_flow_derivatives(fan::FlowDerivativeArrays* arrays) {
   try {
-    arrays->status = std::make_unique<fan::FlowDerivatives<fan::Model>>(*arrays)->advance();
+    const auto flow = std::make_unique<fan::FlowDerivatives<fan::Model>>(*arrays);
+    arrays->status = flow->advance();
+    arrays->step = flow->step();
   } catch (const std::bad_alloc&) {
     return 1;
   }

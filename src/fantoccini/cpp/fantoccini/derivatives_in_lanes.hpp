@@ -46,13 +46,11 @@ class ForcesInLanes {
     fresh_ = false;
   }
 
-  // The first n lanes, each to an array of its own; those by p begin at by_p of it.
-  void write(double* const* to, int n, int by_p = before_p) const {
-    unpack(columns_, before_p, to, n);
-    double* rest[Traits<Wide>::width];
-    for (int l = 0; l < n; ++l) rest[l] = to[l] + by_p;
-    unpack(columns_ + before_p, N * P, rest, n);
-  }
+  // The first n lanes, each to an array of its own.
+  void write(double* const* to, int n) const { unpack(columns_, before_p + N * P, to, n); }
+
+  // The column by the k-th of all these quantities, N numbers.
+  const Wide* column(int k) const { return columns_ + N * k; }
 
  private:
   bool fresh_ = true;  // constant entries are yet to be written

@@ -20,6 +20,7 @@ namespace fan {
 
 struct FlowDerivativeTolerances {
   static constexpr double safety = 0.9, least = 0.2, most = 10.0;  // of a step by the one before
+  static constexpr double least_error = 1e-4;  // that tells how errors grow
 };
 
 template <class Model>
@@ -31,7 +32,7 @@ class FlowDerivatives {
   using Tolerance = FlowDerivativeTolerances;
 
   explicit FlowDerivatives(const FlowDerivativeArrays& in)
-      : in_(in), ld_(in_eights(in.m)), ld_inputs_(in_eights(in.n_inputs)), linear_(in.n_inputs),
+      : in_(in), ld_(in_eights(in.m)), ld_inputs_(in_eights(in.n_inputs)), step_(in.step), linear_(in.n_inputs),
         points_(new FlowPoint<Model>[dop853::stages + 1]), Z_(size()), Z_at_(size()), Z_end_(size()),
         by_state_((dop853::stages + 1) * in_state), by_rest_((dop853::stages + 1) * in_rest()),
         powers_(n_powers * changes()), inputs_(changes()) {
@@ -56,24 +57,23 @@ class FlowDerivatives {
 
   // Writes the state and the changes at all times.
   int advance() {
-    double t = in_.start, h = in_.first_step;
+    double t = in_.start;
     evaluate(0, t, y_);
     find(0, 1, t, 0.0);
     for (long long i = 0; i < in_.n_times; ++i) {
       while (t < in_.times[i]) {
         const double rest = in_.times[i] - t;
-        const bool last = h >= rest;
-        const double s = last ? rest : (2.0 * h > rest ? 0.5 * rest : h);
+        const bool last = step_ >= rest;
+        const double s = last ? rest : (2.0 * step_ > rest ? 0.5 * rest : step_);
         const double error = attempt(t, s);
-        const double by = Tolerance::safety * std::pow(error, -0.125);
         if (!(error <= 1.0)) {
-          h = s * (by > Tolerance::least ? by : Tolerance::least);
-          if (!(h > 10.0 * (std::nextafter(t, in_.times[i]) - t))) return STEP_TOO_SMALL;
+          step_ = s * std::fmax(factor(error), Tolerance::least);
+          if (!(step_ > 10.0 * (std::nextafter(t, in_.times[i]) - t))) return STEP_TOO_SMALL;
           continue;
         }
         t = last ? in_.times[i] : t + s;
-        const double next = s * (by < Tolerance::most ? by : Tolerance::most);
-        if (next > h || s == h) h = next;
+        const double next = s * std::fmin(factor(error) * trend(error, s), Tolerance::most);
+        if (next > step_ || s == step_) step_ = next;
         accept();
       }
       write(i);
@@ -81,8 +81,23 @@ class FlowDerivatives {
     return DONE;
   }
 
+  // The step that would be tried next.
+  double step() const { return step_; }
+
  private:
   static constexpr int in_state = rows * Linear::height;
+
+  // By how much a step may differ from one with this error.
+  static double factor(double error) { return Tolerance::safety * std::pow(error, -0.125); }
+
+  // By how much the next step is to be shorter because errors grow from step to step (Gustafsson, ACM
+  // Trans. Math. Softw. 20, 1994); for a step that is accepted.
+  double trend(double error, double s) {
+    const double per_step = std::pow(std::fmax(error, Tolerance::least_error), 0.125) / s;
+    const double before = error_per_step_;
+    error_per_step_ = per_step;
+    return before > 0.0 && before < per_step ? before / per_step : 1.0;
+  }
 
   // Rows past the last are written by products.
   int size() const { return (N + Linear::height) * ld_; }
@@ -283,6 +298,7 @@ class FlowDerivatives {
   int ld_, ld_inputs_, n_held_ = 0, held_[room(M)];
   int degree_ = 0, n_changing_ = 3 * K * ld_inputs_;  // of changes of the inputs that are not zero
   bool still_[room(K)];
+  double step_, error_per_step_ = 0.0;
   Linear linear_;
   std::unique_ptr<FlowPoint<Model>[]> points_;
   double y_[NY], end_[NY];

@@ -1,7 +1,7 @@
 // Calls over whole arrays of generated functions that are computed in lanes: several states at once.
 #pragma once
 
-#include <vector>
+#include <memory>
 
 #include "lane_of.hpp"
 #include "map_abi.hpp"
@@ -18,14 +18,14 @@ void map_in_lanes(
   int total = 0;
   for (int i = 0; i < n_arg; ++i) total += arg_width[i];
   for (int i = 0; i < n_res; ++i) total += res_width[i];
-  std::vector<Wide> held(total + 1);
+  const std::unique_ptr<Wide[]> held(new Wide[total + 1]);
   const Wide* a[n_arg];
-  Wide *r[n_res], *next = held.data();
+  Wide *r[n_res], *next = held.get();
   for (int i = 0; i < n_arg; ++i) a[i] = next, next += arg_width[i];
   for (int i = 0; i < n_res; ++i) r[i] = next, next += res_width[i];
   constexpr int width = Traits<Wide>::width;
   for (long long first = 0; first < n; first += width) {
-    Wide* to = held.data();
+    Wide* to = held.get();
     for (int i = 0; i < n_arg; ++i)
       for (int j = 0; j < arg_width[i]; ++j, ++to)
         for (int l = 0; l < width; ++l) {

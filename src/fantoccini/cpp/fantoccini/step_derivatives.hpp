@@ -12,13 +12,13 @@
 // in their modes beside the rows (modes_of_step.hpp).
 #pragma once
 
-#include <cstring>
 #include <type_traits>
 
 #include "derivatives_in_lanes.hpp"
 #include "evaluation.hpp"
 #include "held_factor.hpp"
 #include "modes_of_step.hpp"
+#include "step_columns.hpp"
 #include "step_turn.hpp"
 #include "wide.hpp"
 
@@ -30,10 +30,13 @@ class StepDerivatives {
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, K = Model::n_vK, P = Model::n_p;
   static constexpr int S = Model::n_strings, M = Model::n_rows, width = Traits<Wide>::width;
 
+  using Columns = StepColumns<Model>;
+
+  Columns columns;
+
   // Begins with node i of the arrays; its place among the states is a lane's.
   void begin(const StepDerivativeArrays& in, long long i, int lane, StatesInLanes<Model>* states) {
-    forces_ = in.forces != 0;
-    m_ = 2 * N + 3 * K + (forces_ ? N : 0) + P;
+    columns.set(in.forces != 0);
     evaluate(in, i);
     hold(in, i);
     states->place(lane, q_D_, states->q_D, NQ);
@@ -46,34 +49,39 @@ class StepDerivatives {
     states->place(lane, p_, states->p, P);
   }
 
-  // For the derivatives of r, column by column; those by the parameters begin at `by_p`.
-  double* force(int* by_p) {
-    double* push = force_ + N * (2 * N + 3 * K);
-    *by_p = int(push - force_) + (forces_ ? N * N : 0);
-    for (int k = 0; forces_ && k < N * N; ++k) push[k] = k % (N + 1) == 0 ? -1.0 : 0.0;
-    return force_;
-  }
+  // In bundles: for the derivatives of r, and for those of the held rows, A_D v+ + A_K rate + ...
+  Wide* force() { return change_; }
+  Wide* rate() { return rate_by_; }
 
   const double* v_next() const { return v_next_; }
-  bool holds() const { return rows_.n > 0; }
+  // Where a row is among those that are held; -1 where it is not.
+  int place(int row) const { return place_[row]; }
+  // The derivative of min(h/dt, recovery speed) by h, of a row that is held.
+  double gap(int row, double per_step, double recovery_speed) const {
+    const double h = eval_.height(row), size = rows_.two_sided[place_[row]] ? fabs(h) : h;
+    return size * per_step < recovery_speed ? per_step : 0.0;
+  }
 
-  // Ends with it, given the derivatives of r and, in a lane, of hdot after the step.
-  template <class Rows>
-  void end(const StepDerivativeArrays& in, long long i, int lane, const Rows& by) {
-    if (holds()) take(lane, by, 1.0 / in.dt, in.recovery_speed);
+  // Ends with it, given these derivatives.
+  void end(const StepDerivativeArrays& in, long long i) {
+    double* motion = in.motion + i * 2 * N * columns.n;
+    double* pull = in.pull ? in.pull + i * M * columns.n : nullptr;
     // Solved for where it stays near: the results of many nodes are larger than a cache.
-    double* motion = in.motion + i * 2 * N * m_;
-    double* pull = in.pull ? in.pull + i * M * m_ : nullptr;
-    if (!solve_in_modes(in, i, dv_, pull)) solve(in.dt, dv_, pull);
-    for (int k = 0; k < N; ++k) dv_[k * m_ + N + k] += 1.0;
-    chain(in.dt, dv_, N);
-    if (pull) chain(in.dt, pull, M);
-    move(in.dt, dv_, motion);
-    std::memcpy(motion + N * m_, dv_, sizeof(double) * N * m_);
+    Wide* dv = solve_in_modes(in, i, pull);
+    if (!dv) {
+      dv = change_;
+      for (int b = 0; b < columns.n_bundles; ++b)
+        if (columns.acts(b)) solve(in.dt, b, pull);
+    }
+    chain(in.dt, dv, N, N);
+    for (int k = 0; k < N; ++k) columns.at(dv, N, N + k, k) += 1.0;
+    for (int k = 0; k < N; ++k)
+      columns.write(motion + (N + k) * columns.n, [&](int b) FAN_INLINE { return dv[b * N + k]; });
+    move(in.dt, dv, motion);
+    if (pull) write_pull(in.dt, pull);
   }
 
  private:
-  static constexpr int most = 3 * N + 3 * K + P;  // columns
   static constexpr bool touches = Model::n_contacts > 0;
 
   void evaluate(const StepDerivativeArrays& in, long long i) {
@@ -118,150 +126,100 @@ class StepDerivatives {
     rows_.gather_more(eval_, v_D_, list, n);
     if constexpr (touches)
       if (in.n_points) modes_.move(v_D_, v_next_, rate_);
+    for (int r = 0; r < M; ++r) place_[r] = -1;
+    for (int a = 0; a < rows_.n; ++a) place_[rows_.row[a]] = a;
     factor_.factorise(rows_.problem.G, Complementarity<double, M>::N, rows_.n);
   }
 
-  // The rows' part (rate_by_), column by column.
-  template <class Rows>
-  void take(int lane, const Rows& by, double per_step, double recovery_speed) {
-    for (int a = 0; a < rows_.n; ++a) {
-      const int row = rows_.row[a];
-      const double h = eval_.height(row), size = rows_.two_sided[a] ? fabs(h) : h;
-      const double gap = size * per_step < recovery_speed ? per_step : 0.0;
-      const auto of = [&](const Wide* all, int k) { return lane_of(all[M * k + row], lane); };
-      double* out = rate_by_[a];
-      for (int k = 0; k < N; ++k) *out++ = of(by.hdot_q, k) + gap * of(by.A_D, k);
-      for (int k = 0; k < N; ++k) *out++ = of(by.A_D, k);
-      for (int k = 0; k < K; ++k) *out++ = of(by.hdot_qK, k) + gap * of(by.A_K, k);
-      for (int k = 0; k < K; ++k) *out++ = of(by.A_K, k);
-      for (int k = 0; k < K + (forces_ ? N : 0); ++k) *out++ = 0.0;
-      for (int k = 0; k < P; ++k) *out++ = of(by.hdot_p, k) + gap * of(by.h_p, k);
-      for (int k = 0; k < m_; ++k) rate_by_[a][k] *= per_step;
-    }
-  }
-
-  // dv (N, m): dt dacc.
-  void solve(double dt, double* dv, double* pull) {
-    if (pull)
-      for (int k = 0; k < M * m_; ++k) pull[k] = 0.0;
-    // Where driven coordinates move no mass, dv_K/dt has no part in the step.
-    const int mean = 2 * N + 2 * K, after = mean + K;
-    if (Model::coupled) {
-      solve(dt, 0, m_, dv, pull);
-    } else {
-      for (int k = 0; k < N; ++k)
-        for (int c = mean; c < after; ++c) dv[k * m_ + c] = 0.0;
-      solve(dt, 0, mean, dv, pull);
-      solve(dt, after, m_, dv, pull);
-    }
-  }
-
-  // The same where solids touch; false where none do.
-  bool solve_in_modes(const StepDerivativeArrays& in, long long i, double* dv, double* pull) {
+  // dt dacc where solids touch; null where none do.
+  Wide* solve_in_modes(const StepDerivativeArrays& in, long long i, double* pull) {
     if constexpr (touches) {
-      const int n_points = in.n_points ? in.n_points[i] : 0;
-      if (n_points == 0) return false;
-      for (int k = 0; pull && k < M * m_; ++k) pull[k] = 0.0;
-      const StepColumns of{force_, m_, dv, pull};
-      in.edges[i] |= modes_.solve(eval_, rows_, rate_by_, of);
-      return true;
+      if (!in.n_points || in.n_points[i] == 0) return nullptr;
+      in.edges[i] |=
+          modes_.solve(eval_, rows_, columns, change_, rate_by_, pull ? pull_ : nullptr);
+      return modes_.found();
     }
-    return false;
+    return nullptr;
   }
 
-  // The columns [begin, end).
-  void solve(double dt, int begin, int end, double* dv, double* pull) const {
-    for (int first = begin; first < end; first += width) {
-      const int n = end - first < width ? end - first : width;
-      Wide x[room(N)], w[room(N)], y[room(M)];
-      const double* force[width];
-      for (int l = 0; l < width; ++l) force[l] = force_ + (first + (l < n ? l : 0)) * N;
-      pack(force, N, x);
-      for (int k = 0; k < N; ++k) x[k] = -x[k];
-      Model::forth_of(eval_.L, x, w);
-      multipliers(w, first, n, y);
-      Wide opposed[room(M)];
-      for (int a = 0; a < rows_.n; ++a) opposed[a] = -y[a];
-      rows_.add(opposed, w);
-      Model::back_of(eval_.L, w, x);
-      for (int k = 0; k < N; ++k) put(dt * x[k], n, dv + k * m_ + first);
-      for (int a = 0; pull && a < rows_.n; ++a) put(y[a], n, pull + rows_.row[a] * m_ + first);
-    }
-  }
-
-  // How many columns from c on a bundle has.
-  int columns_from(int c) const { return m_ - c < width ? m_ - c : width; }
-
-  static Wide get(const double* from, int n) {
-    Wide x = Wide(0.0);
-    if (n == width) std::memcpy(&x, from, sizeof(Wide));
-    else
-      for (int l = 0; l < n; ++l) lane_of(x, l) = from[l];
-    return x;
-  }
-
-  // The first n lanes.
-  static void put(const Wide& x, int n, double* out) {
-    if (n == width) std::memcpy(out, &x, sizeof(Wide));
-    else
-      for (int l = 0; l < n; ++l) out[l] = lane_of(x, l);
-  }
-
-  // y with G y = W^T w + the rows' part.
-  void multipliers(const Wide* w, int first, int n, Wide* y) const {
+  // Replaces the derivatives of r in a bundle by dt dacc.
+  void solve(double dt, int b, const double* pull) {
+    Wide *x = change_ + b * N, w[room(N)], y[room(M)];
+    for (int k = 0; k < N; ++k) x[k] = -x[k];
+    Model::forth_of(eval_.L, x, w);
+    // G y = W^T w + the rows' part
     rows_.along(w, y);
-    for (int a = 0; a < rows_.n; ++a) y[a] += get(rate_by_[a] + first, n);
+    for (int a = 0; a < rows_.n; ++a) y[a] += rate_by_[b * M + a];
     factor_.solve(y);
+    for (int a = 0; pull && a < rows_.n; ++a) pull_[b * M + a] = y[a];
+    for (int a = 0; a < rows_.n; ++a) y[a] = -y[a];
+    rows_.add(y, w);
+    Model::back_of(eval_.L, w, x);
+    for (int k = 0; k < N; ++k) x[k] = dt * x[k];
   }
 
-  // From rate and mean to v_K and acc_K of scalars, in n rows of columns: rate = v_K + dt/2 acc_K, mean = acc_K.
-  void chain(double dt, double* columns, int n) const {
+  // From rate and mean to v_K and acc_K of scalars, in n numbers of bundles of `height`:
+  // rate = v_K + dt/2 acc_K, mean = acc_K.
+  void chain(double dt, Wide* bundles, int height, int n) const {
     using Space = typename Model::Driven;
-    for (int k = 0; k < n; ++k) {
-      double *rate = columns + k * m_ + 2 * N + K, *mean = rate + K;
-      for (int i = 0; i < Space::n_scalars; ++i)
-        mean[Space::scalar_v[i]] += 0.5 * dt * rate[Space::scalar_v[i]];
+    Wide half[room(Columns::bundles_of(K))] = {};
+    for (int i = 0; i < Space::n_scalars; ++i)
+      lane_of(half[Space::scalar_v[i] / width], Space::scalar_v[i] % width) = 0.5 * dt;
+    for (int j = 0; j < Columns::bundles_of(K); ++j) {
+      const Wide* rate = bundles + (Columns::bundle[Columns::BY_V_K] + j) * height;
+      Wide* mean = bundles + (Columns::bundle[Columns::BY_ACC_K] + j) * height;
+      for (int k = 0; k < n; ++k)
+        mean[k] = Model::coupled ? mean[k] + half[j] * rate[k] : half[j] * rate[k];
+    }
+  }
+
+  // The rows of the tensions; 0 for those that are not held.
+  void write_pull(double dt, double* pull) {
+    chain(dt, pull_, M, rows_.n);
+    for (int r = 0; r < M; ++r) {
+      double* out = pull + r * columns.n;
+      if (place_[r] < 0)
+        for (int c = 0; c < columns.n; ++c) out[c] = 0.0;
+      else
+        columns.write(out, [&](int b) FAN_INLINE { return pull_[b * M + place_[r]]; });
     }
   }
 
   // dq (N, m).
-  void move(double dt, const double* dv, double* dq) const {
+  void move(double dt, const Wide* dv, double* dq) const {
     using Space = typename Model::Dynamic;
+    const int m = columns.n;
     for (int i = 0; i < Space::n_scalars; ++i) {
       const int k = Space::scalar_v[i];
-      for (int c = 0; c < m_; c += width) {
-        const int n = columns_from(c);
-        put(dt * get(dv + k * m_ + c, n), n, dq + k * m_ + c);
-      }
-      dq[k * m_ + k] += 1.0;
+      columns.write(dq + k * m, [&](int b) FAN_INLINE { return dt * dv[b * N + k]; });
+      dq[k * m + k] += 1.0;
     }
     for (int i = 0; i < Space::n_quaternions; ++i) {
       const int k = Space::quaternion_v[i];
       double phi[3], J[9], R[9];
       for (int c = 0; c < 3; ++c) phi[c] = dt * v_next_[k + c];
       step_turn(phi, J, R);
-      for (int c = 0; c < m_; c += width) {
-        const int n = columns_from(c);
-        Wide turn[3];
-        for (int r = 0; r < 3; ++r) turn[r] = dt * get(dv + (k + r) * m_ + c, n);
-        for (int r = 0; r < 3; ++r)
-          put(J[3 * r] * turn[0] + J[3 * r + 1] * turn[1] + J[3 * r + 2] * turn[2], n,
-              dq + (k + r) * m_ + c);
+      for (int r = 0; r < 3; ++r) {
+        columns.write(dq + (k + r) * m, [&](int b) FAN_INLINE {
+          const Wide* turn = dv + b * N + k;
+          return J[3 * r] * (dt * turn[0]) + J[3 * r + 1] * (dt * turn[1]) +
+                 J[3 * r + 2] * (dt * turn[2]);
+        });
+        for (int c = 0; c < 3; ++c) dq[(k + r) * m + k + c] += R[3 * r + c];
       }
-      for (int r = 0; r < 3; ++r)
-        for (int c = 0; c < 3; ++c) dq[(k + r) * m_ + k + c] += R[3 * r + c];
     }
   }
 
   const double *q_D_, *v_D_, *q_K_, *rate_, *mean_, *tension_, *p_;
   double* acc_;
-  bool forces_ = false;
-  int m_ = 0;
   double v_next_[room(N)];
+  int place_[room(M)];
   Evaluation<Model, double> eval_;
   RowSystem<Model, double> rows_;
   HeldFactor<M> factor_;
-  double force_[room(N * most)], rate_by_[room(M)][room(most)], dv_[room(N * most)];
+  // In bundles: the derivatives of r and then dt dacc, those of the rows, and those of the tensions.
+  Wide change_[room(Columns::most * N)], rate_by_[room(Columns::most * M)];
+  Wide pull_[room(Columns::most * M)];
   std::conditional_t<touches, ModesOfStep<Model>, NoContacts> modes_;
 };
 

@@ -47,6 +47,18 @@ inline void unpack(const Wide* from, int n, double* const* to, int n_lanes) {
     for (int l = 0; l < n_lanes; ++l) to[l][j] = lane_of(from[j], l);
 }
 
+// n numbers of as many arrays as there are lanes, turned round: number j of array i goes to lane i of
+// number j of array l, from its lane l, for the first n_lanes.
+inline void turn(const Wide* const* from, int n, Wide* const* to, int n_lanes) {
+  for (int j = 0; j < n; ++j) {
+    Wide x[FAN_WIDTH];
+    FAN_UNROLL for (int i = 0; i < FAN_WIDTH; ++i) x[i] = from[i][j];
+    exchange_all<1>(x);
+    FAN_UNROLL for (int l = 0; l < FAN_WIDTH; ++l)
+      if (l < n_lanes) to[l][j] = x[l];
+  }
+}
+
 // n numbers of arrays, one for each lane.
 inline void pack(const double* const* from, int n, Wide* to) {
   int j = 0;
@@ -61,6 +73,12 @@ inline void pack(const double* const* from, int n, Wide* to) {
 inline void unpack(const Wide* from, int n, double* const* to, int n_lanes) {
   for (int j = 0; j < n; ++j)
     for (int l = 0; l < n_lanes; ++l) to[l][j] = lane_of(from[j], l);
+}
+
+inline void turn(const Wide* const* from, int n, Wide* const* to, int n_lanes) {
+  for (int j = 0; j < n; ++j)
+    for (int l = 0; l < n_lanes; ++l)
+      for (int i = 0; i < Traits<Wide>::width; ++i) lane_of(to[l][j], i) = lane_of(from[i][j], l);
 }
 
 inline void pack(const double* const* from, int n, Wide* to) {
