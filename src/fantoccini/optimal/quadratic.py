@@ -172,11 +172,11 @@ class StageSolver:
         z = np.concatenate([np.zeros((1, n_z)), found.z])
         return StageSolution(
             found.u, z, costate, found.passed, found.gain, (found.solved or near) and finite,
-            found.iterations, unit * found.gap * sides(program),
+            found.iterations, unit * found.gap * _sides(program),
         )  # fmt: skip
 
 
-def sides(program: StageProgram) -> int:
+def _sides(program: StageProgram) -> int:
     """How many slacks a program has: of its bounds, and of its rows with what passes them."""
     lows, highs = (program.low, program.row_low), (program.high, program.row_high)
     return int(

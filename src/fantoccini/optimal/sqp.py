@@ -276,7 +276,8 @@ class Search:
         bends = float(np.max(np.abs(curved))) / size
         saves = -min(falls, 0.0) / max(abs(at.cost), _LEAST)
         left = solution.gap / max(abs(at.cost), _LEAST)
-        most, finer = SETTINGS.gap_share * max(saves, self._limits.tolerance), self._solver.tolerance
+        most = SETTINGS.gap_share * max(saves, self._limits.tolerance)
+        finer = self._solver.tolerance
         if left > most and finer > SETTINGS.finest:
             finer *= SETTINGS.gap_share * most / left
             self._solver = StageSolver(max(finer, SETTINGS.finest))
