@@ -4,11 +4,13 @@
 
 VENV := .venv
 OLDER := .venv-mujoco317
+CROCODDYL := .venv-crocoddyl
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
 .PHONY: demo show test test-portable gallery docs architecture bench bench-plan
 .PHONY: soak soak-crowds soak-rests strings-report growth-report long-runs-report stage-report
+.PHONY: optimal-peers
 .PHONY: reduction-report reports lint wheel clean
 .NOTPARALLEL:
 
@@ -64,6 +66,10 @@ strings-report: $(VENV)/stamp-test
 stage-report: $(VENV)/stamp-bench
 	$(BIN)/python -m benchmarks.contact $(SICONOS)
 
+# Optimal control beside Crocoddyl, and derivatives of steps beside MuJoCo.
+optimal-peers: $(VENV)/stamp-bench $(CROCODDYL)/stamp
+	$(BIN)/python -m benchmarks.optimal.peers
+
 growth-report: $(VENV)/stamp-bench
 	$(BIN)/python -m benchmarks.growth
 
@@ -83,7 +89,7 @@ wheel: $(VENV)/stamp-test
 	$(BIN)/python -m build --wheel --outdir dist
 
 clean:
-	rm -rf $(VENV) $(OLDER) build dist out .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(OLDER) $(CROCODDYL) build dist out .pytest_cache .ruff_cache .hypothesis
 	find src tests -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(VENV)/stamp-venv:
@@ -111,4 +117,11 @@ $(VENV)/stamp-bench: pyproject.toml $(VENV)/stamp-venv
 $(OLDER)/stamp: $(VENV)/stamp-venv
 	$(BIN)/python -m venv --clear $(OLDER)
 	$(OLDER)/bin/python -m pip install --quiet --disable-pip-version-check 'mujoco==3.17.*'
+	touch $@
+
+# Crocoddyl 3.2.1 is built for Pinocchio 4.0; with 4.1 it loads and computes nonsense.
+$(CROCODDYL)/stamp: $(VENV)/stamp-venv
+	$(BIN)/python -m venv --clear $(CROCODDYL)
+	$(CROCODDYL)/bin/python -m pip install --quiet --disable-pip-version-check \
+		'crocoddyl==3.2.1' 'pin==4.0.0' scipy
 	touch $@

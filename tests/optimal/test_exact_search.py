@@ -100,6 +100,38 @@ def test_it_ends_at_the_optimum_of_the_run_itself(arm: fan.Marionette):
         assert costs[2] + costs[3] == pytest.approx(4.0 * (costs[0] + costs[1]), rel=0.05)
 
 
+def test_inputs_off_their_bounds_have_no_slope_and_the_others_push_outwards():
+    puppet = fan.loads("""
+puppet: cart
+bodies:
+- {name: cart, joint: {type: translation, axes: [x], driven: true}}
+- {name: rod, parent: cart, joint: {type: revolute, axis: [0, -1, 0]}, mass: 1.0,
+   com: [0, 0, -0.8], inertia: [0.1, 0.1, 0.01]}
+""")
+    goal = {"cart.x": 1.0, "rod": 0.0}
+    tracks = [
+        *(fan.Track.coordinate(n, q, weight=0.0, end_weight=100.0) for n, q in goal.items()),
+        *(fan.Track.velocity(n, weight=0.0, end_weight=100.0) for n in goal),
+    ]
+    bounds = fan.Bounds(acceleration=2.0)
+    task = fan.Task(puppet, puppet.state(), 2.0, tracks, fan.Smooth(1.0, 0.0), bounds, interval=0.1)
+    best = fan.optimise(task, tolerance=1e-9, cost_tolerance=0.0, threads=1, exact=True)
+    assert best.status is fan.OptimalStatus.SOLVED
+
+    def cost(u: np.ndarray) -> float:
+        inputs = replace(best.nodes, acc_K=u[:, None]).inputs()
+        run = fan.simulate(puppet, task.x0, inputs, 2.0)
+        left = [run.q_K[-1, 0] - 1.0, run.v_K[-1, 0], run.q_D[-1, 0], run.v_D[-1, 0]]
+        return 0.5 * 0.1 * float(u @ u) + 50.0 * float(np.square(left).sum())
+
+    u, h = best.nodes.acc_K[:, 0], 1e-4
+    assert cost(u) == pytest.approx(best.cost, rel=1e-12)
+    slope = np.array([cost(u + h * e) - cost(u - h * e) for e in np.eye(len(u))]) / (2.0 * h)
+    room = np.where(slope < 0.0, 2.0 - u, 2.0 + u)
+    assert np.sum(room < 1e-6) == 4
+    assert np.max(np.abs(slope * room)) < 1e-8
+
+
 def test_driven_rotations_are_refused():
     puppet = fan.puppets.marionette_bar()
     if not puppet.coordinates.rotations:

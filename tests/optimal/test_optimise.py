@@ -81,6 +81,7 @@ def test_the_bundled_crane_settles_at_the_time_of_a_longer_search():
     best = fan.optimise(task)
     assert best and best.status is fan.OptimalStatus.SETTLED, best.summary()
     longer = fan.optimise(task, cost_tolerance=0.0, iterations=60)
+    assert longer.status is fan.OptimalStatus.SOLVED, longer.summary()
     assert best.cost == pytest.approx(longer.cost, rel=1e-4)
 
 

@@ -110,6 +110,8 @@ class StageSolution:
         gain: (k, n_z) how the best u_0 changes with z_0, bounds in force being kept to.
         solved: whether it is one.
         iterations: of the interior point method, factorisations each.
+        gap: sum of the products of slacks and multipliers, in the unit of the cost: what it may
+            cost more than the least.
     """
 
     u: Array
@@ -119,17 +121,19 @@ class StageSolution:
     gain: Array
     solved: bool
     iterations: int
+    gap: float
 
 
 class StageSolver:
     """Solves programs, again and again in the same memory.
 
     Args:
-        tolerance: of the residuals; the gap of duality may be ten times as large.
+        tolerance: of the residuals; the mean product of slacks and multipliers may be ten times
+            as large.
     """
 
     def __init__(self, tolerance: float = 1e-8) -> None:
-        self._tolerance = tolerance
+        self.tolerance = tolerance
         self._programs = StagePrograms()
 
     def solve(
@@ -159,7 +163,7 @@ class StageSolver:
             {name: getattr(program, name) for name in names}
             | {"C": C, "row_low": program.row_low - shift, "row_high": program.row_high - shift,
                "price": program.elastic},
-            unit=unit, unbounded=UNBOUNDED, tolerance=self._tolerance, barrier=barrier,
+            unit=unit, unbounded=UNBOUNDED, tolerance=self.tolerance, barrier=barrier,
             iterations=most,
         )  # fmt: skip
         near = max(found.primal, found.dual, 0.1 * found.gap) < _GOOD
@@ -168,5 +172,15 @@ class StageSolver:
         z = np.concatenate([np.zeros((1, n_z)), found.z])
         return StageSolution(
             found.u, z, costate, found.passed, found.gain, (found.solved or near) and finite,
-            found.iterations,
+            found.iterations, unit * found.gap * _sides(program),
         )  # fmt: skip
+
+
+def _sides(program: StageProgram) -> int:
+    """How many slacks a program has: of its bounds, and of its rows with what passes them."""
+    lows, highs = (program.low, program.row_low), (program.high, program.row_high)
+    return int(
+        sum(np.sum(low > -UNBOUNDED) for low in lows)
+        + sum(np.sum(high < UNBOUNDED) for high in highs)
+        + program.row_low.size
+    )

@@ -67,6 +67,11 @@ class SearchSettings:
     """Share of theta that a step may leave before the weight of the end is raised."""
     most: float = 10.0
     """Largest theta, relative to 1 or to that of the start."""
+    gap_share: float = 0.1
+    """Gap of a program up to which its step is taken, of what that saves, or of the tolerance;
+    a finer one leaves this share of it."""
+    finest: float = 1e-13
+    """Least tolerance of programs."""
 
 
 SETTINGS = SearchSettings()
@@ -115,7 +120,8 @@ class Iterate:
         cost: J.
         solution: the last step, with its multipliers.
         stationarity: of the last step d, the larger of |H d|, damping included, relative to the
-            gradient, and the decrease of J that its slope promises relative to J; at most 1.
+            gradient, and the decrease of J that its slope promises, with the gap that its program
+            was left with, relative to J; at most 1.
         defect: largest |e|.
         passed: largest violation of rows.
         iterations: made.
@@ -265,10 +271,18 @@ class Search:
         merit_falls = float(np.sum(program.g * step)) - rows_fall
         falls = merit_falls + float((weight * gap + at.force) @ z[-1])
         # The first part is the gradient of the Lagrangian with the step's multipliers, damping
-        # included; the second is 0 only where multipliers and bounds are complementary, too.
+        # included. A step that ends short of a bound, as the interior point method does, may
+        # save nothing although the bound is not reached: so what it left counts with the second.
         bends = float(np.max(np.abs(curved))) / size
         saves = -min(falls, 0.0) / max(abs(at.cost), _LEAST)
-        at.stationarity = max(min(bends, 1.0), min(saves, 1.0))
+        left = solution.gap / max(abs(at.cost), _LEAST)
+        most = SETTINGS.gap_share * max(saves, self._limits.tolerance)
+        finer = self._solver.tolerance
+        if left > most and finer > SETTINGS.finest:
+            finer *= SETTINGS.gap_share * most / left
+            self._solver = StageSolver(max(finer, SETTINGS.finest))
+            return self._step()
+        at.stationarity = max(min(bends, 1.0), min(saves + left, 1.0))
         return _Step(
             z, u, c,
             theta=float(np.sum(np.abs(linear.e)) + np.sum(np.abs(gap))),

@@ -1,0 +1,173 @@
+"""Optimal control problems that Crocoddyl and MuJoCo can express too, written once for all.
+
+    min  w/2 integral |acc_K|^2 dt  +  W/2 |q(T) - goal|^2  +  W_v/2 |v(T)|^2
+
+over accelerations of the hand that are constant in every interval, from rest at q = 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+import fantoccini as fan
+
+Vector = tuple[float, float, float]
+
+SMOOTH = 1.0
+"""w, of the hand's accelerations [s^4/m^2]."""
+END = 1e2
+"""W and W_v, of what is left at the end [1/m^2, s^2/m^2 and the like]."""
+
+
+@dataclass(frozen=True)
+class Link:
+    """A body on a hinge.
+
+    Attributes:
+        name: of the body and of its hinge.
+        parent: its index among the links; -1 is the hand.
+        axis, at: of the hinge, in the parent's frame [m].
+        mass, com, inertia: [kg], [m] and, about the centre of mass, [kg m^2].
+    """
+
+    name: str
+    parent: int
+    axis: Vector
+    at: Vector
+    mass: float
+    com: Vector
+    inertia: Vector
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Links that hang from a hand, and where the hand is to take them, from rest to rest.
+
+    Attributes:
+        name: of the problem.
+        axes: along which the hand moves.
+        links: parents first.
+        goal: (n_inputs,) of the hand; the hinges are to be at 0 [m].
+        duration, intervals: of the motion [s].
+        acceleration: the largest of the hand [m/s^2].
+        rope: whether the first link is a rope, of massless frame, whose mass hangs at ``com``.
+    """
+
+    name: str
+    axes: str
+    links: Sequence[Link]
+    goal: tuple[float, ...]
+    duration: float
+    intervals: int
+    acceleration: float = np.inf
+    rope: bool = False
+
+    @property
+    def interval(self) -> float:
+        """[s]."""
+        return self.duration / self.intervals
+
+    def marionette(self) -> fan.Marionette:
+        """The puppet; a rope is a string, whose end turns about the hand and is free to rise."""
+        lines = [
+            f"puppet: {self.name}", "bodies:",
+            f"- {{name: hand, joint: {{type: translation, axes: [{', '.join(self.axes)}], "
+            "driven: true}}",
+        ]  # fmt: skip
+        names = ["hand", *(one.name for one in self.links)]
+        for i, one in enumerate(self.links):
+            parent, at, com, weighs = names[one.parent + 1], one.at, one.com, True
+            if self.rope and i == 0:
+                # A frame that turns, and in it the hook, which can come nearer to the hand.
+                com, weighs = (0.0, 0.0, 0.0), False
+            elif self.rope and one.parent == 0:
+                parent, at = "hook", (0.0, 0.0, 0.0)
+            solid = f", mass: {one.mass}, com: {list(com)}, inertia: {list(one.inertia)}"
+            lines.append(
+                f"- {{name: {one.name}, parent: {parent}, joint: {{type: revolute, "
+                f"axis: {list(one.axis)}, at: {list(at)}}}{solid if weighs else ''}}}"
+            )
+            if not weighs:
+                lines.append(
+                    f"- {{name: hook, parent: {one.name}, joint: {{type: prismatic, "
+                    f"axis: [0, 0, 1], at: {list(one.com)}}}{solid}}}"
+                )
+        if self.rope:
+            length = -self.links[0].com[2]
+            lines += [
+                "strings:",
+                "- {name: rope, path: [{body: hook, at: [0, 0, 0]}, {body: hand, at: [0, 0, 0]}], "
+                f"length: {length}}}",
+            ]
+        return fan.loads("\n".join(lines))
+
+    def task(self, marionette: fan.Marionette, dt: float) -> fan.Task:
+        """The problem as ours; derivatives by time steps of dt."""
+        t = marionette.coordinates
+        hand = dict(zip(t.q_K, self.goal, strict=True))
+        hinges = dict.fromkeys((one.name for one in self.links), 0.0)
+        tracks = [
+            fan.Track.coordinate(name, value, weight=0.0, end_weight=END)
+            for name, value in {**hand, **hinges}.items()
+        ] + [
+            fan.Track.velocity(name, 0.0, weight=0.0, end_weight=END)
+            for name in (*hand, *hinges)
+        ]  # fmt: skip
+        bounds = fan.Bounds(acceleration=self.acceleration)
+        if self.rope:
+            weight = 9.81 * sum(one.mass for one in self.links)
+            bounds = replace(bounds, tension={"rope": (0.01 * weight, np.inf)})
+        x0 = marionette.state(dict.fromkeys((*t.q_D, *t.q_K), 0.0))
+        return fan.Task(
+            marionette, x0, self.duration, tracks, fan.Smooth(SMOOTH, 0.0), bounds,
+            interval=self.interval, dt=dt, name=self.name,
+        )  # fmt: skip
+
+    def told(self) -> dict[str, object]:
+        """For the peers, in JSON's words."""
+        return {
+            "axes": self.axes, "goal": self.goal, "interval": self.interval,
+            "intervals": self.intervals, "smooth": SMOOTH, "end": END,
+            "acceleration": self.acceleration if np.isfinite(self.acceleration) else None,
+            "links": [vars(one) for one in self.links],
+        }  # fmt: skip
+
+
+def puppet(intervals: int = 100) -> Problem:
+    """A trunk with two arms and two legs on 22 hinges, hung from a hand: 25 degrees of freedom."""
+    links: list[Link] = []
+
+    def limb(name: str, n: int, parent: int, first: Vector, long: float, mass: float) -> int:
+        """Index of the last of n links that hang on a parent, hinges about y and x in turns."""
+        for k in range(n):
+            axis = (1.0, 0.0, 0.0) if k % 2 else (0.0, 1.0, 0.0)
+            at = (0.0, 0.0, -long) if k else first
+            thin = mass * long**2 / 12
+            inertia = (thin, 0.9 * thin, 0.3 * thin)
+            com = (0.0, 0.0, -long / 2)
+            links.append(Link(f"{name}{k}", parent, axis, at, mass, com, inertia))
+            parent = len(links) - 1
+        return parent
+
+    # Depth first: Pinocchio's derivatives take subtrees to be contiguous.
+    down = -0.12
+    chest = limb("chest", 2, -1, (0.0, 0.0, 0.0), 0.12, 0.3)
+    for side, y in (("left", 0.1), ("right", -0.1)):
+        limb(f"arm_{side}", 4, chest, (0.0, y, down), 0.15, 0.1)
+    hips = limb("trunk", 4, chest, (0.0, 0.0, down), 0.12, 0.3)
+    for side, y in (("left", 0.1), ("right", -0.1)):
+        limb(f"leg_{side}", 4, hips, (0.0, y, down), 0.2, 0.2)
+    return Problem("puppet", "xyz", links, (0.3, 0.15, 0.05), 2.0, intervals)
+
+
+def crane(intervals: int = 60) -> Problem:
+    """A trolley, a hook on a rope, and a load that turns on the hook; the trolley in its bounds."""
+    down, across = (0.0, 0.0, -2.5), (0.0, -1.0, 0.0)
+    links = [
+        Link("swing", -1, across, (0.0, 0.0, 0.0), 30.0, down, (2.0, 2.0, 2.0)),
+        Link("load", 0, across, down, 250.0, (0.0, 0.0, -0.6), (30.0, 30.0, 20.0)),
+    ]
+    return Problem("crane", "x", links, (2.0,), 3.0, intervals, acceleration=1.5, rope=True)
