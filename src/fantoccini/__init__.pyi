@@ -60,6 +60,8 @@ from .optimal import (
     ReachStatus as ReachStatus,
     Smooth as Smooth,
     Task as Task,
+    Touch as Touch,
+    Touched as Touched,
     Track as Track,
     follow as follow,
     load_task as load_task,

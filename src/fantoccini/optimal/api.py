@@ -91,12 +91,12 @@ def optimise(
         raise StateError("optimise: exact derivatives want driven coordinates that are scalars")
     chosen = Chosen(marionette, task.x0, task.parameters)
     pulls = bool(task.bounds.tension) or any(one.kind == "tension" for one in task.tracks)
-    touches = marionette.model.contacts is not None
-    if exact and touches:
+    has_contact = marionette.model.contacts is not None
+    if exact and has_contact:
         raise StateError("optimise: exact derivatives want a puppet without contact")
     steps = TimeSteps(marionette, task.dt, threads, chosen, pulls)
     runs: EventRuns = ExactRuns(steps, chosen) if exact else EventRuns(steps, chosen)
-    if touches:
+    if has_contact:
         runs = StepRuns(steps, chosen)
     if task.explore:
         runs = HybridRuns(steps, chosen)
@@ -122,7 +122,7 @@ def optimise(
     status = None
     try:
         at = search.run(note)
-        if touches:
+        if has_contact:
             runs, at = _confirmed(runs, at, objective, limits, note)
     except KeyboardInterrupt:
         at, status = search.best, OptimalStatus.STOPPED
@@ -135,15 +135,16 @@ def optimise(
         raise SimulationError(Status.NOT_SETTLED, "the motion found cannot be simulated again")
     violation = max(objective.violation(at.nodes, at.ends), _too_near(objective, runs, at.nodes))
     end_gap = float(np.max(np.abs(objective.end_gap(at.nodes)), initial=0.0))
-    if touches and isinstance(runs, StepRuns):
+    touched = objective.touches.along(made[1], at.nodes.parameters)
+    if has_contact and isinstance(runs, StepRuns):
         status = OptimalStatus.UNCONFIRMED
-    elif not max(violation, end_gap) <= HOLDS:
+    elif not max(violation, end_gap, *(one.distance for one in touched)) <= HOLDS:
         status = OptimalStatus.VIOLATED
     elif status is None:
         status = _status(at, tolerance, until)
     return Optimum(
         task, status, made[1], at.nodes.inputs(), at.cost, at.kkt, at.stationarity, violation,
-        end_gap, at.iterations, time.perf_counter() - began, tuple(curve), at, objective, runs,
+        end_gap, touched, at.iterations, time.perf_counter() - began, tuple(curve), at, objective, runs,
     )  # fmt: skip
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from fantoccini.arrays import Array, Times
 from fantoccini.marionette import Marionette
-from fantoccini.motion import Input, State, tangent
+from fantoccini.motion import Input, State, Trajectory, tangent
 from fantoccini.tree import CoordinateTable
 
 
@@ -26,6 +26,7 @@ class Nodes:
         q_D, v_D, q_K, v_K: (N + 1, ...) states at the nodes.
         acc_K: (N, n_vK) accelerations of the driven coordinates.
         parameters: (n_p,) values of the parameters that the motion chooses.
+        run: the run that passes the nodes, where they are those of one.
     """
 
     table: CoordinateTable
@@ -37,6 +38,7 @@ class Nodes:
     v_K: Array
     acc_K: Array
     parameters: Array = field(default_factory=lambda: np.zeros(0))
+    run: Trajectory | None = None
 
     @classmethod
     def still(cls, marionette: Marionette, x0: State, duration: float, n: int) -> Nodes:
@@ -90,6 +92,7 @@ class Nodes:
             acc_K=self.acc_K + u,
             interval=self.interval + float(c[0]),
             parameters=self.parameters + c[1:],
+            run=None,
         )
 
     def between(self, q_D: Array, v_D: Array, q_K: Array, v_K: Array, first: int = 1) -> Array:
@@ -134,4 +137,5 @@ class Nodes:
         at = np.append(np.repeat(np.arange(len(self)), parts), len(self))
         states = {name: getattr(self, name)[at] for name in ("q_D", "v_D", "q_K", "v_K")}
         acc_K = np.repeat(self.acc_K, parts, axis=0)
-        return replace(self, interval=self.interval / parts, acc_K=acc_K, **states)
+        interval = self.interval / parts
+        return replace(self, interval=interval, acc_K=acc_K, run=None, **states)

@@ -21,6 +21,7 @@ from fantoccini.optimal.shooting import EventRuns
 from fantoccini.optimal.sqp import Iterate
 from fantoccini.optimal.targets import values_at
 from fantoccini.optimal.task import Task
+from fantoccini.optimal.touch import Touched
 
 _DAMPING = 1e-6
 """Of the Hessian of gains, in units of the cost."""
@@ -35,7 +36,7 @@ class OptimalStatus(enum.Enum):
     ITERATIONS = "the iterations ended first; this is the best motion so far"
     TIMEOUT = "the time ended first; this is the best motion so far"
     STOPPED = "it was interrupted; this is the best motion so far"
-    VIOLATED = "the motion leaves its bounds, or does not reach its end"
+    VIOLATED = "the motion leaves its bounds, or does not reach its end or a place"
     UNCONFIRMED = "time steps make this motion, but an event-driven run of its inputs does not end"
 
     @property
@@ -46,7 +47,7 @@ class OptimalStatus(enum.Enum):
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """The best motion found, as an event-driven run. True where it holds its bounds and its end.
+    """The best motion found, as an event-driven run. True where it holds its bounds and arrives.
 
     Where ``status`` is ``UNCONFIRMED``, which with contact it may be, all is of time steps.
 
@@ -62,6 +63,7 @@ class Optimum:
             relative to the gradient, and of the decrease that the slope promises, relative to J.
         violation: how far the run is beyond its bounds [N, m, rad or their rates].
         end_gap: how far it ends from the end asked for [m, rad or their rates].
+        touched: how near the run came to the places of the task's touches, and when.
         iterations: made.
         seconds: they took [s].
         curve: (seconds, cost) after every iteration.
@@ -76,6 +78,7 @@ class Optimum:
     stationarity: float
     violation: float
     end_gap: float
+    touched: tuple[Touched, ...]
     iterations: int
     seconds: float
     curve: tuple[tuple[float, float], ...]
@@ -201,6 +204,7 @@ class Optimum:
             lines.append(f"{name} = {value:.6g}")
         for name, e in self.rms().items():
             lines.append(f"{name}: {e:.3g} from its path (root mean square)")
+        lines += [str(one) for one in self.touched]
         if self.task.goal is not None:
             lines.append(f"ends within {self.end_gap:.2g} of the state asked for")
         if self.violation:

@@ -3,9 +3,10 @@
 Every iteration linearises all intervals and residuals, solves a program of stages for a step
 (u, z), and goes along it until a filter accepts the pair
 
-    theta = |e|_1 + |x_N - end|_1,   phi = J + price of passed rows
+    theta = |e|_1 + |gap|_1,   phi = J + price of passed rows
 
-(Waechter and Biegler, Math. Program. 106, 2006): one of them must be better than in all iterations
+with the gap x_N - end and what touches are off their places (Waechter and Biegler, Math. Program.
+106, 2006): one of them must be better than in all iterations
 before in which theta was reduced.
 """
 
@@ -64,7 +65,7 @@ class SearchSettings:
     powers: tuple[float, float] = (2.3, 1.1)
     """Of the predicted decrease, and of theta against which it is weighed."""
     closes: float = 0.5
-    """Share of theta that a step may leave before the weight of the end is raised."""
+    """Share of theta that a step may leave before the weight of the gap is raised."""
     most: float = 10.0
     """Largest theta, relative to 1 or to that of the start."""
 
@@ -119,7 +120,7 @@ class Iterate:
         defect: largest |e|.
         passed: largest violation of rows.
         iterations: made.
-        force: (n_z,) multipliers of the end.
+        force: (n_z + 3 T,) multipliers of the gap.
         damping: of the Hessian of the next step, in units of the cost.
         stalled, settled: whether no step helps any more, or hardly.
     """
@@ -152,9 +153,9 @@ class _Step:
         theta, phi: of the filter, at its start.
         falls: slope of phi along it.
         bend: its curvature in the program.
-        merit: phi and what the end costs, at its start.
+        merit: phi and what the gap costs, at its start.
         merit_falls: slope of the merit along it.
-        force: multipliers of the end, after it.
+        force: multipliers of the gap, after it.
         passes: how far its program passes rows.
     """
 
@@ -254,16 +255,16 @@ class Search:
         curved = np.einsum("nij,nj->ni", program.H, step)
         curved[1:, : u.shape[1]] += np.einsum("nij,ni->nj", program.cross[1:], step[:-1])
         curved[:-1] += np.einsum("nij,nj->ni", program.cross[1:], u[1:])
-        gap, violation = objective.end_gap(at.nodes), objective.rows.violation(at.nodes, linear)
+        gap, violation = objective.gap(at.nodes), objective.rows.violation(at.nodes, linear)
         at.defect = float(max(np.max(np.abs(linear.e)), np.max(np.abs(gap))))
         at.passed = float(np.max(violation, initial=0.0))
         at.solution = solution
         z, u, c = objective.widened(solution)
-        weight = objective.end_weight
+        weight, closed = objective.end_weight, objective.closed(at.nodes, z, c, at.force)
         price = objective.price
         rows_fall = price * float(np.sum(violation) - np.sum(solution.passed))
         merit_falls = float(np.sum(program.g * step)) - rows_fall
-        falls = merit_falls + float((weight * gap + at.force) @ z[-1])
+        falls = merit_falls + float((weight * gap + at.force) @ closed)
         # The first part is the gradient of the Lagrangian with the step's multipliers, damping
         # included; the second is 0 only where multipliers and bounds are complementary, too.
         bends = float(np.max(np.abs(curved))) / size
@@ -275,9 +276,9 @@ class Search:
             phi=(phi := at.cost + price * float(np.sum(violation))),
             falls=falls,
             bend=float(np.sum(step * curved)),
-            merit=phi + _of_end(gap, weight, at.force),
+            merit=phi + _of_gap(gap, weight, at.force),
             merit_falls=merit_falls,
-            force=at.force + weight * (gap - z[-1]),
+            force=at.force + weight * (gap - closed),
             passes=float(np.max(solution.passed, initial=0.0)),
         )  # fmt: skip
 
@@ -292,13 +293,15 @@ class Search:
             nodes, ends = made
             if objective.rows.n_slack(ends) > objective.rows.n_slack(at.ends):
                 continue  # what is slack has no derivative by which it would be pulled taut again
+            if objective.touches.leaps(at.nodes, nodes):
+                continue
             cost = objective.cost(nodes, ends)
             phi = cost + objective.price * float(np.sum(objective.rows.violation(nodes, ends)))
-            gap = objective.end_gap(nodes)
+            gap = objective.gap(nodes)
             theta = float(np.sum(np.abs(ends.e)) + np.sum(np.abs(gap)))
             if not self._filter.accepts((step.theta, step.phi), (theta, phi), alpha * step.falls):
                 continue
-            merit = phi + _of_end(gap, objective.end_weight, at.force)
+            merit = phi + _of_gap(gap, objective.end_weight, at.force)
             predicted = max(-alpha * (step.merit_falls + 0.5 * alpha * step.bend), _LEAST)
             limits = self._limits
             is_small = abs(step.phi - phi) <= limits.cost_tolerance * abs(step.phi)
@@ -316,8 +319,8 @@ class Search:
         return None
 
 
-def _of_end(gap: Array, weight: float, force: Array | float) -> float:
-    """What is left at the end costs: weight/2 |gap|^2 + force . gap."""
+def _of_gap(gap: Array, weight: float, force: Array | float) -> float:
+    """What the gap costs: weight/2 |gap|^2 + force . gap."""
     return float(np.sum(0.5 * weight * np.square(gap) + force * gap))
 
 

@@ -1,0 +1,291 @@
+"""Touches of a motion on a grid: how far they are off, and what programs of stages have for them.
+
+The moment t of a touch is an unknown that is eliminated. Of the distance r(x) at the moment of
+nearest approach, a step dx of the states around it leaves
+
+    min over dt of |r + J dx + v dt|^2 + rho^2 dt^2 = (r + J dx)^T S (r + J dx)
+    S = 1 - v v^T / (v.v + rho^2),   rho = |r| / (share of the window)
+
+with the point's velocity v: what is across its path alone, where it is near. The limit rho keeps a
+point that is far, or slow, from being promised what lies beyond the window. At an end of the window
+S = 1, unless the augmented Lagrangian falls into the window.
+
+Distances are those of the run. For the derivatives, coordinates between nodes are cubic in time,
+through the positions and velocities there. As the interval of a moment leads from the state z_i
+before it to the state after it,
+
+    r + J_0 z_i + J_1 z_{i+1} = r + J_1 e_i + (J_0 + J_1 A_i) z_i + J_1 B_i u_i
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fantoccini.arrays import Array, Indices, Times
+from fantoccini.marionette import Marionette, link_index
+from fantoccini.motion import Trajectory, rotation, tangent
+from fantoccini.optimal.chosen import Chosen
+from fantoccini.optimal.dynamics import LinearEnds
+from fantoccini.optimal.moments import Off, Window, nearest
+from fantoccini.optimal.nodes import Nodes
+from fantoccini.optimal.task import Task
+from fantoccini.optimal.touch import Touched
+
+_STEP = 1e-6
+"""Of differences [m, rad, their rates, and shares of an interval]."""
+_LOOKS = 6
+"""In every interval, at which distances are measured first."""
+_SHARE = 0.25
+"""Of a window by which a step moves a moment at most."""
+
+States = tuple[Array, Array, Array, Array]
+"""q_D, v_D, q_K and v_K, (n, ...) each."""
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """Where touches are along a motion.
+
+    Attributes:
+        t: (T,) times [s].
+        room: (T,) lengths of their windows [s].
+        at: (T,) the intervals.
+        edge: (T,) -1 or 1 where a moment is at the first or the last time that it may be at, NaN
+            where these are one.
+        r: (T, 3) from the places to the points [m].
+        v: (T, 3) velocities of the points [m/s].
+        by: (T, 3, 2 n_z + 1 + n_p) derivatives by the states before and after, the length of the
+            intervals and the parameters.
+    """
+
+    t: Times
+    room: Times
+    at: Indices
+    edge: Array
+    r: Array
+    v: Array
+    by: Array
+
+    def across(self, weight: float, force: Array) -> Array:
+        """(T, 3, 3) S.
+
+        Args:
+            weight: of half the squares of the distances.
+            force: (T, 3) their multipliers.
+        """
+        slope = np.sum((weight * self.r - force) * self.v, axis=1)
+        is_free = (self.edge == 0.0) | (slope * self.edge > 0.0)
+        rho = np.linalg.norm(self.r, axis=1) / (_SHARE * self.room)
+        size = np.sum(np.square(self.v), axis=1) + np.square(rho)
+        share = is_free / np.where(size > 0.0, size, 1.0)
+        outer = self.v[:, :, None] * self.v[:, None]
+        return np.asarray(np.eye(3) - share[:, None, None] * outer)
+
+
+class Touches:
+    """The touches of a task.
+
+    Args:
+        task: see :class:`Task`.
+        chosen: parameters along with the motion.
+    """
+
+    def __init__(self, task: Task, chosen: Chosen):
+        model = task.marionette.model
+        self._touches, self._chosen = task.touches, chosen
+        self._links = [link_index(model, touch.body) for touch in task.touches]
+        self._places = np.array([touch.place for touch in task.touches], float).reshape(-1, 3)
+        self._points = np.array([touch.at for touch in task.touches], float).reshape(-1, 3)
+        self._kept: tuple[Nodes | None, Moments | None] = (None, None)
+
+    def __len__(self) -> int:
+        return len(self._touches)
+
+    def gap(self, nodes: Nodes) -> Array:
+        """(3 T,) from the points to the places at the moments of nearest approach [m]."""
+        return -np.ravel(self.moments(nodes).r) if len(self) else np.zeros(0)
+
+    def closed(self, nodes: Nodes, z: Array, c: Array, weight: float, force: Array) -> Array:
+        """(3 T,) how much of the gap a step closes, to first order.
+
+        Args:
+            nodes, weight, force: see :meth:`add`.
+            z, c: (N + 1, n_z) and (1 + n_p,) changes of the states and the constants.
+        """
+        if not len(self):
+            return np.zeros(0)
+        at = self.moments(nodes)
+        moved = np.concatenate([z[at.at], z[at.at + 1], np.tile(c, (len(self), 1))], axis=1)
+        S = at.across(weight, force.reshape(-1, 3))
+        return np.ravel(S @ (at.by @ moved[..., None]))
+
+    def leaps(self, before: Nodes, after: Nodes) -> bool:
+        """Whether a moment moves too far in a step: to another way past its place."""
+        if not len(self):
+            return False
+        a, b = self.moments(before), self.moments(after)
+        return bool(np.any(np.abs(b.t - a.t) > _SHARE * a.room))
+
+    def add(
+        self, nodes: Nodes, linear: LinearEnds, c: Indices, weight: float, force: Array,
+        H: Array, g: Array, cross: Array, Q: Array, q: Array,
+    ) -> None:  # fmt: skip
+        """Adds weight/2 r^T S r - force . r to a program.
+
+        Args:
+            nodes, linear: the motion, whose states go on with some of its constants.
+            c: which.
+            weight: of half the squares.
+            force: (3 T,) multipliers.
+            H, g, cross, Q, q: see :meth:`Objective.program`.
+        """
+        if not len(self):
+            return
+        at, k, n_z = self.moments(nodes), linear.B.shape[2], nodes.n_z
+        forces = force.reshape(-1, 3)
+        S = at.across(weight, forces)
+        for j, i in enumerate(at.at):
+            J_0 = np.pad(at.by[j, :, :n_z], ((0, 0), (0, len(c))))
+            J_1 = np.concatenate([at.by[j, :, n_z : 2 * n_z], at.by[j][:, 2 * n_z + c]], axis=1)
+            J_z, J_u = J_0 + J_1 @ linear.A[i], J_1 @ linear.B[i]
+            slope = S[j] @ (weight * (at.r[j] + J_1 @ linear.e[i]) - forces[j])
+            bend = weight * S[j]
+            H[i, :k, :k] += J_u.T @ bend @ J_u
+            g[i, :k] += J_u.T @ slope
+            cross[i, k:] += J_z.T @ bend @ J_u
+            square, first = (Q, q) if i == 0 else (H[i - 1, k:, k:], g[i - 1, k:])
+            square += J_z.T @ bend @ J_z
+            first += J_z.T @ slope
+
+    def along(self, run: Trajectory, parameters: Array) -> tuple[Touched, ...]:
+        """How near a run comes to the places, and when."""
+        if not len(self):
+            return ()
+        off = self._along(run, parameters)
+        step = (run.t[-1] - run.t[0]) / (_LOOKS * len(run))
+        times, _ = nearest(off, self._windows(run.t[0], run.t[-1]), step)
+        far = [float(np.linalg.norm(off(k, times[k : k + 1]))) for k in range(len(self))]
+        return tuple(map(Touched, self._touches, times.tolist(), far))
+
+    def _along(self, run: Trajectory, parameters: Array) -> Off:
+        """How far touches are off along a run."""
+        marionette, first, last = self._chosen.marionette(parameters), run.t[0], run.t[-1]
+
+        def off(k: int, times: Times) -> Array:
+            found = run.resample(np.clip(times, first, last))
+            return self._off(k, marionette, found.q_D, found.q_K)
+
+        return off
+
+    def moments(self, nodes: Nodes) -> Moments:
+        """The moments of nearest approach, with derivatives."""
+        if self._kept[0] is not nodes or self._kept[1] is None:
+            self._kept = nodes, self._made(nodes)
+        assert self._kept[1] is not None
+        return self._kept[1]
+
+    def _made(self, nodes: Nodes) -> Moments:
+        h, N, n = nodes.interval, len(nodes), len(self)
+        off = self._along_nodes(nodes) if nodes.run is None else self._along(
+            nodes.run, nodes.parameters
+        )  # fmt: skip
+        end = nodes.start + N * h
+        windows = self._windows(nodes.start, end)
+        times, edge = nearest(off, windows, h / _LOOKS)
+        at = np.clip(((times - nodes.start) / h).astype(int), 0, N - 1)
+        share = (times - nodes.start) / h - at
+        by = np.zeros((n, 3, 2 * nodes.n_z + 1 + len(self._chosen)))
+        r, v = np.zeros((2, n, 3))
+        for k in range(n):
+            moves_on = times[k] >= end  # with the end of the motion
+            r[k] = off(k, times[k : k + 1])[0]
+            v[k], by[k] = self._by(k, nodes, int(at[k]), float(share[k]), moves_on)
+        room = np.array([max(window.high - window.low, h) for window in windows])
+        return Moments(times, room, at, edge, r, v, by)
+
+    def _along_nodes(self, nodes: Nodes) -> Off:
+        """How far touches are off along the curve between nodes."""
+        marionette = self._chosen.marionette(nodes.parameters)
+        states: States = (nodes.q_D, nodes.v_D, nodes.q_K, nodes.v_K)
+
+        def off(k: int, times: Times) -> Array:
+            share = (times - nodes.start) / nodes.interval
+            at = np.clip(share.astype(int), 0, len(nodes) - 1)
+            before, after = (tuple(a[at + later] for a in states) for later in (0, 1))
+            q_D, q_K = _between(nodes, before, after, nodes.interval, share - at)
+            return self._off(k, marionette, q_D, q_K)
+
+        return off
+
+    def _windows(self, start: float, end: float) -> list[Window]:
+        """Those of the touches, within a motion."""
+        return [
+            Window(
+                min(max(touch.between[0], start), end), max(min(touch.between[1], end), start),
+                touch.in_turn,
+            )
+            for touch in self._touches
+        ]  # fmt: skip
+
+    def _by(
+        self, k: int, nodes: Nodes, i: int, share: float, moves_on: bool
+    ) -> tuple[Array, Array]:
+        """v and the derivatives of r, by central differences of the interval's two states."""
+        marionette = self._chosen.marionette(nodes.parameters)
+        h, n_z, step = nodes.interval, nodes.n_z, _STEP
+        z = np.zeros((4 * n_z + 5, 2 * n_z))
+        z[: 2 * n_z], z[2 * n_z : 4 * n_z] = step * np.eye(2 * n_z), -step * np.eye(2 * n_z)
+        shares, hs = np.full(len(z), share), np.full(len(z), h)
+        shares[-5:-3] += [step, -step]
+        hs[-3:-1] += [step * h, -step * h]
+        if not moves_on:  # the moment stays, and nodes pass it
+            shares[-3:-1] = (i + share) * h / hs[-3:-1] - i
+        before, after = _moved(nodes, i, z[:, :n_z]), _moved(nodes, i + 1, z[:, n_z:])
+        q_D, q_K = _between(nodes, before, after, hs, shares)
+        off = self._off(k, marionette, q_D, q_K)
+        by = np.zeros((3, 2 * n_z + 1 + len(self._chosen)))
+        by[:, : 2 * n_z] = (off[: 2 * n_z] - off[2 * n_z : 4 * n_z]).T / (2.0 * step)
+        by[:, 2 * n_z] = (off[-3] - off[-2]) / (2.0 * step * h)
+        for j, (below, above) in enumerate(self._chosen.neighbours(nodes.parameters)):
+            ends = [self._off(k, self._chosen.marionette(p), q_D[-1:], q_K[-1:])[0]
+                    for p in (below, above)]  # fmt: skip
+            by[:, 2 * n_z + 1 + j] = (ends[1] - ends[0]) / (above[j] - below[j])
+        return (off[-5] - off[-4]) / (2.0 * step * h), by
+
+    def _off(self, k: int, marionette: Marionette, q_D: Array, q_K: Array) -> Array:
+        """(n, 3) from the place to the point at some configurations."""
+        pose = marionette.poses(q_D, q_K)[:, self._links[k]]
+        return np.asarray(pose[:, :, :3] @ self._points[k] + pose[:, :, 3] - self._places[k])
+
+
+def _moved(nodes: Nodes, i: int, z: Array) -> States:
+    """The state of a node moved by tangent vectors (n, n_z)."""
+    dq_D, dv_D, dq_K, dv_K = np.split(z, nodes.splits, axis=1)
+    t = nodes.table
+    return (
+        tangent.moved(t.scalars_D, t.quaternions_D, nodes.q_D[i], dq_D), nodes.v_D[i] + dv_D,
+        tangent.moved(t.scalars_K, t.quaternions_K, nodes.q_K[i], dq_K), nodes.v_K[i] + dv_K,
+    )  # fmt: skip
+
+
+def _between(
+    nodes: Nodes, before: States, after: States, h: Array | float, share: Array
+) -> tuple[Array, Array]:
+    """(n, n_qD) and (n, n_qK) between states h apart, cubic through places and velocities."""
+    t = nodes.table
+    s, h = share[:, None], np.broadcast_to(h, share.shape)[:, None]
+    out = []
+    for scalars, quaternions, q, v, p, w in (
+        (t.scalars_D, t.quaternions_D, *before[:2], *after[:2]),
+        (t.scalars_K, t.quaternions_K, *before[2:], *after[2:]),
+    ):
+        way, w = tangent.between(scalars, quaternions, q, p, v.shape[1]), w.copy()
+        for _, at in quaternions:
+            turn = slice(at, at + 3)
+            rate = rotation.right_jacobian_inverse(way[:, turn]) @ w[:, turn, None]
+            w[:, turn] = rate[..., 0]
+        move = (3.0 - 2.0 * s) * s**2 * way + h * s * ((1.0 - s) ** 2 * v - s * (1.0 - s) * w)
+        out.append(tangent.moved(scalars, quaternions, q, move))
+    return out[0], out[1]
