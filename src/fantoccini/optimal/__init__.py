@@ -13,6 +13,6 @@ from fantoccini.optimal.reached import (
 from fantoccini.optimal.reaching import reach as reach
 from fantoccini.optimal.result import OptimalStatus as OptimalStatus, Optimum as Optimum
 from fantoccini.optimal.task import Task as Task
-from fantoccini.optimal.touch import Touch as Touch, Touched as Touched
 from fantoccini.optimal.task_file import load_task as load_task, task_names as task_names
 from fantoccini.optimal.task_schema import task_schema as task_schema
+from fantoccini.optimal.touch import Touch as Touch, Touched as Touched

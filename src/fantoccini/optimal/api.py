@@ -144,7 +144,8 @@ def optimise(
         status = _status(at, tolerance, until)
     return Optimum(
         task, status, made[1], at.nodes.inputs(), at.cost, at.kkt, at.stationarity, violation,
-        end_gap, touched, at.iterations, time.perf_counter() - began, tuple(curve), at, objective, runs,
+        end_gap, touched, at.iterations, time.perf_counter() - began, tuple(curve), at, objective,
+        runs,
     )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from fantoccini.arrays import Array, Times
 Off: TypeAlias = Callable[[int, Times], Array]
 """(n, 3) how far the k-th touch is off its place at some times [m]."""
 _EVEN = 1e-10
-"""Of the square of the way to the middle, by which equally near moments are told apart [m^2]."""
+"""Of the square of a share of the window, by which equally near moments are told apart [m^2]."""
 _AT_EDGE = 1e-9
 """Of a window [s]."""
 _STEP = 1e-6
@@ -36,7 +36,8 @@ class Window:
 def nearest(off: Off, windows: Sequence[Window], step: float) -> tuple[Times, Array]:
     """The moments of least distance.
 
-    Where a point stands still, so that all moments are as near, touches are spread evenly.
+    Where a point stands still, so that all moments are as near, touches are spread evenly, in the
+    order that they have.
 
     Args:
         off: see :data:`Off`.
@@ -58,11 +59,12 @@ def nearest(off: Off, windows: Sequence[Window], step: float) -> tuple[Times, Ar
 
 def _chain(off: Off, windows: Sequence[Window], chain: range, step: float) -> Array:
     """(2, n) times and edges of touches that come one after another: dynamic programming."""
-    times, ways = [], []
-    for j, k in enumerate(chain):
+    times: list[Times] = []
+    ways: list[Array] = []
+    for k in chain:
         low, high = windows[k].low, windows[k].high
         t = np.linspace(low, high, max(9, int(np.ceil((high - low) / step)) + 1))
-        middle = (j + 1) / (len(chain) + 1)
+        middle = (k + 1) / (len(windows) + 1)
         share = np.linspace(0.0, 1.0, len(t)) - middle
         cost = np.sum(np.square(off(k, t)), axis=1) + _EVEN * np.square(share)
         if times:

@@ -6,6 +6,7 @@ A change of a state is a tangent vector z = (dq_D, dv_D, dq_K, dv_K); rotations 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -44,8 +45,10 @@ class Nodes:
     def still(cls, marionette: Marionette, x0: State, duration: float, n: int) -> Nodes:
         """The state x0 at every node, with inputs at rest or going on at their velocity."""
         table, h = marionette.coordinates, duration / n
-        every = {name: np.repeat(getattr(x0, name)[None], n + 1, axis=0)
-                 for name in ("q_D", "v_D", "q_K", "v_K")}  # fmt: skip
+        every: dict[str, Any] = {
+            name: np.repeat(getattr(x0, name)[None], n + 1, axis=0)
+            for name in ("q_D", "v_D", "q_K", "v_K")
+        }
         on = (h * np.arange(n + 1))[:, None] * x0.v_K
         every["q_K"] = tangent.moved(table.scalars_K, table.quaternions_K, every["q_K"], on)
         return cls(table, x0.t, h, **every, acc_K=np.zeros((n, table.n_vK)))

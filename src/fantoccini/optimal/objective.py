@@ -157,18 +157,22 @@ class Objective:
         """(n_z + 3 T,) the same, and what would bring the points that touch to their places."""
         return np.concatenate([self.end_gap(nodes), self.touches.gap(nodes)])
 
-    def closed(self, nodes: Nodes, z: Array, c: Array, force: Array | float) -> Array:
-        """(n_z + 3 T,) how much of the gap a step closes, to first order.
+    def closed(
+        self, nodes: Nodes, z: Array, c: Array, force: Array | float
+    ) -> tuple[Array, Array]:
+        """(n_z + 3 T,) how much of the gap a step closes, and the multipliers after it.
 
         Args:
             nodes, force: see :meth:`program`.
             z, c: (N + 1, n_z) and (1 + n_p,) changes of the states and the constants.
         """
         at_end = np.zeros(nodes.n_z) if self._goal is None else z[-1]
-        force = self._forces(force)[1]
-        return np.concatenate(
-            [at_end, self.touches.closed(nodes, z, c, self.end_weight, force)]
-        )
+        weight, forces = self.end_weight, np.concatenate(self._forces(force))
+        closed, on = self.touches.closed(nodes, z, c, weight, forces[self._n_z :])
+        closed = np.concatenate([at_end, closed])
+        left = self.gap(nodes) - closed
+        left[self._n_z :] -= on
+        return closed, forces + weight * left
 
     def _forces(self, force: Array | float) -> tuple[Array, Array]:
         """(n_z,) and (3 T,) multipliers of the end and of touches."""

@@ -260,7 +260,7 @@ class Search:
         at.passed = float(np.max(violation, initial=0.0))
         at.solution = solution
         z, u, c = objective.widened(solution)
-        weight, closed = objective.end_weight, objective.closed(at.nodes, z, c, at.force)
+        weight, (closed, force) = objective.end_weight, objective.closed(at.nodes, z, c, at.force)
         price = objective.price
         rows_fall = price * float(np.sum(violation) - np.sum(solution.passed))
         merit_falls = float(np.sum(program.g * step)) - rows_fall
@@ -278,7 +278,7 @@ class Search:
             bend=float(np.sum(step * curved)),
             merit=phi + _of_gap(gap, weight, at.force),
             merit_falls=merit_falls,
-            force=at.force + weight * (gap - closed),
+            force=force,
             passes=float(np.max(solution.passed, initial=0.0)),
         )  # fmt: skip
 

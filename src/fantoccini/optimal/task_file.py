@@ -23,7 +23,8 @@ from fantoccini.optimal.residuals import residual_of
 from fantoccini.optimal.shapes import Circle
 from fantoccini.optimal.targets import Target
 from fantoccini.optimal.task import Task, moved
-from fantoccini.optimal.task_schema import BoundsFile, CircleFile, TaskFile, TrackFile
+from fantoccini.optimal.task_schema import BoundsFile, CircleFile, TaskFile, TouchFile, TrackFile
+from fantoccini.optimal.touch import Touch, check_windows
 from fantoccini.puppet.located import Located, read_file, shown, validate
 from fantoccini.puppet.refusals import Refusals
 from fantoccini.puppet.values import rotation_vector_quaternion
@@ -86,6 +87,7 @@ def load_task(
         check(("parameters", name), lambda one={name: span}: Chosen(marionette, x0, one))
     reader = _Reader(marionette, x0, file.duration, located, check)
     tracks = [reader.track(track, ("tracks", i)) for i, track in enumerate(file.tracks)]
+    touches = [reader.touch(touch, ("touches", i)) for i, touch in enumerate(file.touches)]
     check.refuse()
     end = None
     if file.end is not None:
@@ -104,7 +106,7 @@ def load_task(
         marionette, x0, file.duration, [track for track in tracks if track is not None], smooth,
         bounds, end, time_weight=file.time_weight, interval=file.interval, dt=file.step,
         name=file.task, parameters=file.parameters, explore=file.explore, periodic=file.periodic,
-        guess=guess,
+        guess=guess, touches=[touch for touch in touches if touch is not None],
     ))  # fmt: skip
 
 
@@ -132,6 +134,7 @@ class _Reader:
     ):  # fmt: skip
         self._marionette, self._x0, self._duration = marionette, x0, duration
         self._located, self._check = located, check
+        self._touches: list[Touch] = []
 
     def track(self, file: TrackFile, spot: Spot) -> Track | None:
         """The track; None where it has mistakes."""
@@ -149,6 +152,32 @@ class _Reader:
             if self._check(spot, lambda: residual_of(self._marionette, made, still)) is None:
                 return None
         return made
+
+    def touch(self, file: TouchFile, spot: Spot) -> Touch | None:
+        """The touch; None where it has mistakes."""
+        place = self._check((*spot, "point"), lambda: self._place(file.point, file.at))
+        if place is None:
+            return None
+        goal = place + np.array(file.by) if file.place is None else np.array(file.place)
+        made = self._check((*spot, "between"), lambda: self._touch(file, goal))
+        if made is not None:
+            self._touches.append(made)
+        return made
+
+    def _touch(self, file: TouchFile, place: Array) -> Touch:
+        """A touch that has a time after those before it."""
+        low, high = file.between
+        between = (-math.inf if low is None else low, math.inf if high is None else high)
+        made = Touch(file.point, place, file.at, between, file.in_turn)
+        end = self._x0.t + float(np.max(self._duration))
+        check_windows([*self._touches, made], self._x0.t, end)
+        return made
+
+    def _place(self, body: str, at: tuple[float, ...]) -> Array:
+        """(3,) where a point of a body is at the start."""
+        link = link_index(self._marionette.model, body)
+        pose = self._marionette.poses(self._x0.q_D[None], self._x0.q_K[None])[0, link]
+        return np.asarray(pose[:, :3] @ np.array(at) + pose[:, 3])
 
     def _path(self, file: TrackFile, spot: Spot) -> Target | None:
         """Its path; None where it has mistakes."""
@@ -172,7 +201,7 @@ class _Reader:
         return times, _continuous(kind, np.array(good))
 
     def _circle(self, file: TrackFile, circle: CircleFile) -> Circle:
-        marionette, x0 = self._marionette, self._x0
+        x0 = self._x0
         start = x0.t if file.start is None else max(file.start, x0.t)
         if file.end is None and not isinstance(self._duration, float):
             raise StateError(
@@ -181,10 +210,8 @@ class _Reader:
         end = file.end if file.end is not None else x0.t + float(np.max(self._duration))
         if end <= start:
             raise StateError(f"it would end at {end:g} s, before it starts at {start:g} s")
-        link = link_index(marionette.model, getattr(file, file.kind))
-        pose = marionette.poses(x0.q_D[None], x0.q_K[None])[0, link]
-        place = pose[:, :3] @ np.array(file.at) + pose[:, 3]
-        centre = place + circle.by if circle.centre is None else np.array(circle.centre)
+        place = self._place(getattr(file, file.kind), file.at)
+        centre = place + np.array(circle.by) if circle.centre is None else np.array(circle.centre)
         normal = np.array(circle.normal)
         return Circle.near(place, centre, normal, circle.radius, circle.turns, start, end)
 
@@ -258,9 +285,10 @@ def _check_exploring(file: TaskFile, check: Refusals) -> None:
     if file.explore and not file.slack:
         text = "it looks for motions through slack strings; needed beside it: slack: true"
         check(("explore",), lambda: _refuse(text))
-    if file.explore and file.parameters:
-        text = "it does not go together with parameters; needed: one of them"
-        check(("explore",), lambda: _refuse(text))
+    for key in ("parameters", "touches"):
+        if file.explore and getattr(file, key):
+            text = f"it does not go together with {key}; needed: one of them"
+            check(("explore",), lambda text=text: _refuse(text))
 
 
 def _check_name(file: TrackFile, marionette: Marionette, spot: Spot, check: Refusals) -> None:

@@ -107,6 +107,30 @@ class TrackFile(Model):
         return next(key for key in KINDS if getattr(self, key) is not None)
 
 
+class TouchFile(Model):
+    """A place that a point of a body passes at a time that is found."""
+
+    point: str
+    """The body."""
+    at: Place = (0.0, 0.0, 0.0)
+    """The point in the body's frame [m]."""
+    place: Place | None = None
+    """The place in the world [m]."""
+    by: Place | None = None
+    """The place, from where the point is at the start, instead of `place` [m]."""
+    between: tuple[Sized | None, Sized | None] = (None, None)
+    """First and last time [s]; null where it is open."""
+    in_turn: bool = False
+    """Whether it comes no earlier than the touch before it."""
+
+    @model_validator(mode="after")
+    def _is_somewhere(self) -> TouchFile:
+        if (self.place is None) == (self.by is None):
+            found = "neither `place` nor `by`" if self.by is None else "both `place` and `by`"
+            raise mistake(f"found {found}; needed: one of them")
+        return self
+
+
 class SmoothFile(Model):
     """Weights of the driven accelerations and their rates."""
 
@@ -183,6 +207,8 @@ class TaskFile(Model):
     """Of the motion, or [shortest, longest] [s]."""
     tracks: tuple[TrackFile, ...] = ()
     """What follows which paths."""
+    touches: tuple[TouchFile, ...] = ()
+    """Places that points pass at times that are found."""
     smooth: SmoothFile = SmoothFile()
     """Weights of accelerations and their rates."""
     bounds: BoundsFile = BoundsFile()

@@ -65,10 +65,15 @@ class Touched:
         return f"{self.touch} at {self.t:.4f} s within {self.distance:.2g} m"
 
 
-def check_order(touches: Sequence[Touch]) -> None:
-    """Raises StateError where a touch in turn would have to come before the one ahead of it."""
+def check_windows(touches: Sequence[Touch], start: float, end: float) -> None:
+    """Raises StateError where a touch has no time within a motion, or in its turn."""
     earliest = -math.inf
     for touch in touches:
+        if touch.between[1] <= start or touch.between[0] >= end:
+            raise StateError(
+                f"{touch} between {touch.between[0]:g} s and {touch.between[1]:g} s; the motion "
+                f"is from {start:g} s to {end:g} s"
+            )
         earliest = max(earliest if touch.in_turn else -math.inf, touch.between[0])
         if touch.between[1] <= earliest:
             raise StateError(

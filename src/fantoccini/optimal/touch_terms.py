@@ -1,14 +1,20 @@
 """Touches of a motion on a grid: how far they are off, and what programs of stages have for them.
 
-The moment t of a touch is an unknown that is eliminated. Of the distance r(x) at the moment of
-nearest approach, a step dx of the states around it leaves
+The moment t of a touch is an unknown that is eliminated. Of the augmented Lagrangian
 
-    min over dt of |r + J dx + v dt|^2 + rho^2 dt^2 = (r + J dx)^T S (r + J dx)
-    S = 1 - v v^T / (v.v + rho^2),   rho = |r| / (share of the window)
+    L = weight/2 |r|^2 - force . r,   f = weight r - force
 
-with the point's velocity v: what is across its path alone, where it is near. The limit rho keeps a
-point that is far, or slow, from being promised what lies beyond the window. At an end of the window
-S = 1, unless the augmented Lagrangian falls into the window.
+of the distance r at the moment of nearest approach, a step that moves the point by a, and its
+velocity v by b, leaves
+
+    min over dt of f . (a + v dt) + weight/2 |a + v dt|^2 - force . (b dt + acc dt^2 / 2)
+                   + rho dt^2 / 2
+    = f . a - f . v w . (a, b) / s + 1/2 (a, b)^T K (a, b),   K = weight (1, 0) - w w^T / s
+    w = (weight v, -force),   s = weight |v|^2 - force . acc + rho
+
+so that where it is near, what is across its path alone counts. Of K the part that is not negative
+is taken. rho = weight (|r| / share of the window)^2 keeps a point that is far, or slow, from being
+promised what lies beyond the window. At an end of the window dt = 0, unless L falls into it.
 
 Distances are those of the run. For the derivatives, coordinates between nodes are cubic in time,
 through the positions and velocities there. As the interval of a moment leads from the state z_i
@@ -19,7 +25,7 @@ before it to the state after it,
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -33,15 +39,38 @@ from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.task import Task
 from fantoccini.optimal.touch import Touched
 
-_STEP = 1e-6
-"""Of differences [m, rad, their rates, and shares of an interval]."""
+_STEP = 1e-5
+"""Of differences [m, rad and their rates, and of intervals, relative to their length]."""
+_MOMENT = 1e-3
+"""Of differences of time, relative to an interval."""
 _LOOKS = 6
 """In every interval, at which distances are measured first."""
 _SHARE = 0.25
 """Of a window by which a step moves a moment at most."""
+_LEFT = 0.5
+"""Of the time between touches in turn, which a step leaves at least."""
 
 States = tuple[Array, Array, Array, Array]
 """q_D, v_D, q_K and v_K, (n, ...) each."""
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """slope . d + 1/2 d^T bend d of the changes d of a point and, scaled, of its velocity.
+
+    Attributes:
+        by: (6, 2 n_z + 1 + n_p) their derivatives, as in :class:`Moments`.
+        bend: (6, 6), not negative.
+        slope: (6,).
+        closed: (3, 2 n_z + 1 + n_p) derivatives of what a step closes of the distance.
+        on: (3,) what the moment's own move closes of it.
+    """
+
+    by: Array
+    bend: Array
+    slope: Array
+    closed: Array
+    on: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +85,9 @@ class Moments:
             where these are one.
         r: (T, 3) from the places to the points [m].
         v: (T, 3) velocities of the points [m/s].
-        by: (T, 3, 2 n_z + 1 + n_p) derivatives by the states before and after, the length of the
-            intervals and the parameters.
+        acc: (T, 3) their accelerations [m/s^2].
+        by, v_by: (T, 3, 2 n_z + 1 + n_p) derivatives of r and v by the states before and after, the
+            length of the intervals and the parameters.
     """
 
     t: Times
@@ -66,22 +96,37 @@ class Moments:
     edge: Array
     r: Array
     v: Array
+    acc: Array
     by: Array
+    v_by: Array
 
-    def across(self, weight: float, force: Array) -> Array:
-        """(T, 3, 3) S.
+    def model(self, weight: float, force: Array) -> list[Model]:
+        """What programs have for the touches.
 
         Args:
             weight: of half the squares of the distances.
             force: (T, 3) their multipliers.
         """
-        slope = np.sum((weight * self.r - force) * self.v, axis=1)
-        is_free = (self.edge == 0.0) | (slope * self.edge > 0.0)
-        rho = np.linalg.norm(self.r, axis=1) / (_SHARE * self.room)
-        size = np.sum(np.square(self.v), axis=1) + np.square(rho)
-        share = is_free / np.where(size > 0.0, size, 1.0)
-        outer = self.v[:, :, None] * self.v[:, None]
-        return np.asarray(np.eye(3) - share[:, None, None] * outer)
+        out = []
+        for j, (r, v) in enumerate(zip(self.r, self.v, strict=True)):
+            f, scale = weight * r - force[j], _SHARE * self.room[j]
+            bend, way, slope = np.zeros((6, 6)), np.zeros(6), np.append(f, np.zeros(3))
+            on = np.zeros(3)
+            bend[:3, :3] = weight * np.eye(3)
+            if self.edge[j] == 0.0 or (f @ v) * self.edge[j] > 0.0:
+                size = weight * (v @ v + r @ r / scale**2) + max(-force[j] @ self.acc[j], 0.0)
+                if size > 0.0:
+                    across = np.append(weight * v, -force[j] / scale)
+                    way = across / size
+                    bend -= np.outer(across, way)
+                    slope -= way * (f @ v)
+                    on = -v * (f @ v) / size
+            values, vectors = np.linalg.eigh(bend)
+            bend = (vectors * np.maximum(values, 0.0)) @ vectors.T
+            both = np.concatenate([self.by[j], scale * self.v_by[j]])
+            closed = self.by[j] - np.outer(v, way @ both)
+            out.append(Model(both, bend, slope, closed, on))
+        return out
 
 
 class Touches:
@@ -107,26 +152,31 @@ class Touches:
         """(3 T,) from the points to the places at the moments of nearest approach [m]."""
         return -np.ravel(self.moments(nodes).r) if len(self) else np.zeros(0)
 
-    def closed(self, nodes: Nodes, z: Array, c: Array, weight: float, force: Array) -> Array:
-        """(3 T,) how much of the gap a step closes, to first order.
+    def closed(
+        self, nodes: Nodes, z: Array, c: Array, weight: float, force: Array
+    ) -> tuple[Array, Array]:
+        """(3 T,) how much of the gap a step closes, and what moments that move without it do.
 
         Args:
             nodes, weight, force: see :meth:`add`.
             z, c: (N + 1, n_z) and (1 + n_p,) changes of the states and the constants.
         """
         if not len(self):
-            return np.zeros(0)
+            return np.zeros(0), np.zeros(0)
         at = self.moments(nodes)
         moved = np.concatenate([z[at.at], z[at.at + 1], np.tile(c, (len(self), 1))], axis=1)
-        S = at.across(weight, force.reshape(-1, 3))
-        return np.ravel(S @ (at.by @ moved[..., None]))
+        models = at.model(weight, force.reshape(-1, 3))
+        closed = [one.closed @ d for one, d in zip(models, moved, strict=True)]
+        return np.ravel(closed), np.ravel([one.on for one in models])
 
     def leaps(self, before: Nodes, after: Nodes) -> bool:
         """Whether a moment moves too far in a step: to another way past its place."""
         if not len(self):
             return False
         a, b = self.moments(before), self.moments(after)
-        return bool(np.any(np.abs(b.t - a.t) > _SHARE * a.room))
+        in_turn = np.array([touch.in_turn for touch in self._touches[1:]], dtype=bool)
+        meets = in_turn & (np.diff(b.t) < _LEFT * np.diff(a.t))
+        return bool(np.any(np.abs(b.t - a.t) > _SHARE * a.room) or np.any(meets))
 
     def add(
         self, nodes: Nodes, linear: LinearEnds, c: Indices, weight: float, force: Array,
@@ -144,14 +194,11 @@ class Touches:
         if not len(self):
             return
         at, k, n_z = self.moments(nodes), linear.B.shape[2], nodes.n_z
-        forces = force.reshape(-1, 3)
-        S = at.across(weight, forces)
-        for j, i in enumerate(at.at):
-            J_0 = np.pad(at.by[j, :, :n_z], ((0, 0), (0, len(c))))
-            J_1 = np.concatenate([at.by[j, :, n_z : 2 * n_z], at.by[j][:, 2 * n_z + c]], axis=1)
+        for i, one in zip(at.at, at.model(weight, force.reshape(-1, 3)), strict=True):
+            J_0 = np.pad(one.by[:, :n_z], ((0, 0), (0, len(c))))
+            J_1 = np.concatenate([one.by[:, n_z : 2 * n_z], one.by[:, 2 * n_z + c]], axis=1)
             J_z, J_u = J_0 + J_1 @ linear.A[i], J_1 @ linear.B[i]
-            slope = S[j] @ (weight * (at.r[j] + J_1 @ linear.e[i]) - forces[j])
-            bend = weight * S[j]
+            bend, slope = one.bend, one.slope + one.bend @ (J_1 @ linear.e[i])
             H[i, :k, :k] += J_u.T @ bend @ J_u
             g[i, :k] += J_u.T @ slope
             cross[i, k:] += J_z.T @ bend @ J_u
@@ -196,14 +243,15 @@ class Touches:
         times, edge = nearest(off, windows, h / _LOOKS)
         at = np.clip(((times - nodes.start) / h).astype(int), 0, N - 1)
         share = (times - nodes.start) / h - at
-        by = np.zeros((n, 3, 2 * nodes.n_z + 1 + len(self._chosen)))
-        r, v = np.zeros((2, n, 3))
+        by, v_by = np.zeros((2, n, 3, 2 * nodes.n_z + 1 + len(self._chosen)))
+        r, v, acc = np.zeros((3, n, 3))
         for k in range(n):
             moves_on = times[k] >= end  # with the end of the motion
             r[k] = off(k, times[k : k + 1])[0]
-            v[k], by[k] = self._by(k, nodes, int(at[k]), float(share[k]), moves_on)
+            found = self._by(k, nodes, int(at[k]), float(share[k]), moves_on)
+            v[k], acc[k], by[k], v_by[k] = found
         room = np.array([max(window.high - window.low, h) for window in windows])
-        return Moments(times, room, at, edge, r, v, by)
+        return Moments(times, room, at, edge, r, v, acc, by, v_by)
 
     def _along_nodes(self, nodes: Nodes) -> Off:
         """How far touches are off along the curve between nodes."""
@@ -231,28 +279,35 @@ class Touches:
 
     def _by(
         self, k: int, nodes: Nodes, i: int, share: float, moves_on: bool
-    ) -> tuple[Array, Array]:
-        """v and the derivatives of r, by central differences of the interval's two states."""
-        marionette = self._chosen.marionette(nodes.parameters)
-        h, n_z, step = nodes.interval, nodes.n_z, _STEP
-        z = np.zeros((4 * n_z + 5, 2 * n_z))
-        z[: 2 * n_z], z[2 * n_z : 4 * n_z] = step * np.eye(2 * n_z), -step * np.eye(2 * n_z)
-        shares, hs = np.full(len(z), share), np.full(len(z), h)
-        shares[-5:-3] += [step, -step]
-        hs[-3:-1] += [step * h, -step * h]
-        if not moves_on:  # the moment stays, and nodes pass it
-            shares[-3:-1] = (i + share) * h / hs[-3:-1] - i
+    ) -> tuple[Array, Array, Array, Array]:
+        """v, acc and the derivatives of r and v, by central differences of the interval's states.
+
+        Args:
+            k: the touch.
+            nodes: the motion.
+            i, share: the interval, and how far along it.
+            moves_on: whether the moment moves with the nodes, where intervals get longer.
+        """
+        h, n_z, n_c = nodes.interval, nodes.n_z, 1 + len(self._chosen)
+        z = np.zeros((4 * n_z + 3, 2 * n_z))
+        z[: 2 * n_z], z[2 * n_z : 4 * n_z] = _STEP * np.eye(2 * n_z), -_STEP * np.eye(2 * n_z)
+        hs = np.full(len(z), h)
+        hs[-3:-1] *= [1.0 + _STEP, 1.0 - _STEP]
+        shares = np.full(len(z), share) if moves_on else (i + share) * h / hs - i
         before, after = _moved(nodes, i, z[:, :n_z]), _moved(nodes, i + 1, z[:, n_z:])
-        q_D, q_K = _between(nodes, before, after, hs, shares)
-        off = self._off(k, marionette, q_D, q_K)
-        by = np.zeros((3, 2 * n_z + 1 + len(self._chosen)))
-        by[:, : 2 * n_z] = (off[: 2 * n_z] - off[2 * n_z : 4 * n_z]).T / (2.0 * step)
-        by[:, 2 * n_z] = (off[-3] - off[-2]) / (2.0 * step * h)
-        for j, (below, above) in enumerate(self._chosen.neighbours(nodes.parameters)):
-            ends = [self._off(k, self._chosen.marionette(p), q_D[-1:], q_K[-1:])[0]
-                    for p in (below, above)]  # fmt: skip
-            by[:, 2 * n_z + 1 + j] = (ends[1] - ends[0]) / (above[j] - below[j])
-        return (off[-5] - off[-4]) / (2.0 * step * h), by
+        off, by = np.zeros((3, len(z), 3)), np.zeros((3, 3, 2 * n_z + n_c))
+        for j, later in enumerate((-_MOMENT, 0.0, _MOMENT)):
+            q_D, q_K = _between(nodes, before, after, hs, shares + later * h / hs)
+            off[j] = self._off(k, self._chosen.marionette(nodes.parameters), q_D, q_K)
+            by[j, :, : 2 * n_z] = (off[j, : 2 * n_z] - off[j, 2 * n_z : 4 * n_z]).T / (2.0 * _STEP)
+            by[j, :, 2 * n_z] = (off[j, -3] - off[j, -2]) / (2.0 * _STEP * h)
+            for m, (below, above) in enumerate(self._chosen.neighbours(nodes.parameters)):
+                ends = [self._off(k, self._chosen.marionette(p), q_D[-1:], q_K[-1:])[0]
+                        for p in (below, above)]  # fmt: skip
+                by[j, :, 2 * n_z + 1 + m] = (ends[1] - ends[0]) / (above[m] - below[m])
+        gap = _MOMENT * h
+        v, acc = (off[2, -1] - off[0, -1]) / (2.0 * gap), off[2, -1] + off[0, -1] - 2.0 * off[1, -1]
+        return v, acc / gap**2, by[1], (by[2] - by[0]) / (2.0 * gap)
 
     def _off(self, k: int, marionette: Marionette, q_D: Array, q_K: Array) -> Array:
         """(n, 3) from the place to the point at some configurations."""
