@@ -90,7 +90,8 @@ def optimise(
     if exact and marionette.coordinates.rotations:
         raise StateError("optimise: exact derivatives want driven coordinates that are scalars")
     chosen = Chosen(marionette, task.x0, task.parameters)
-    pulls = bool(task.bounds.tension) or any(one.kind == "tension" for one in task.tracks)
+    pulls = bool(task.bounds.tension or task.bounds.force)
+    pulls = pulls or any(one.kind == "tension" for one in task.tracks)
     has_contact = marionette.model.contacts is not None
     if exact and has_contact:
         raise StateError("optimise: exact derivatives want a puppet without contact")

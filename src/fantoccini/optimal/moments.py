@@ -18,8 +18,6 @@ Off: TypeAlias = Callable[[int, Times], Array]
 """(n, 3) how far the k-th touch is off its place at some times [m]."""
 _EVEN = 1e-10
 """Of the square of a share of the window, by which equally near moments are told apart [m^2]."""
-_AT_EDGE = 1e-9
-"""Of a window [s]."""
 _STEP = 1e-6
 """Of differences of time [s]."""
 
@@ -33,7 +31,7 @@ class Window:
     in_turn: bool
 
 
-def nearest(off: Off, windows: Sequence[Window], step: float) -> tuple[Times, Array]:
+def nearest(off: Off, windows: Sequence[Window], step: float) -> Times:
     """The moments of least distance.
 
     Where a point stands still, so that all moments are as near, touches are spread evenly, in the
@@ -45,20 +43,19 @@ def nearest(off: Off, windows: Sequence[Window], step: float) -> tuple[Times, Ar
         step: between the times that are looked at first [s].
 
     Returns:
-        (T,) times, and (T,) -1 or 1 for those at the low or the high end of what they may be, NaN
-        where both are one.
+        (T,) times.
     """
-    found = np.zeros((2, len(windows)))
+    found = np.zeros(len(windows))
     first = 0
     for k in range(1, len(windows) + 1):
         if k == len(windows) or not windows[k].in_turn:
-            found[:, first:k] = _chain(off, windows, range(first, k), step)
+            found[first:k] = _chain(off, windows, range(first, k), step)
             first = k
-    return found[0], found[1]
+    return found
 
 
-def _chain(off: Off, windows: Sequence[Window], chain: range, step: float) -> Array:
-    """(2, n) times and edges of touches that come one after another: dynamic programming."""
+def _chain(off: Off, windows: Sequence[Window], chain: range, step: float) -> Times:
+    """(n,) times of touches that come one after another: dynamic programming."""
     times: list[Times] = []
     ways: list[Array] = []
     for k in chain:
@@ -78,18 +75,16 @@ def _chain(off: Off, windows: Sequence[Window], chain: range, step: float) -> Ar
         place = int(np.argmin(np.where(t <= latest, cost, np.inf)))
         latest = t[place]
         chosen.append((latest, t[1] - t[0]))
-    out, earliest = np.zeros((2, len(chain))), -np.inf
+    out, earliest = np.zeros(len(chain)), -np.inf
     for j, (k, (t, gap)) in enumerate(zip(chain, reversed(chosen), strict=True)):
         low = max(windows[k].low, earliest)
-        out[:, j] = _refined(off, k, t, gap, low, max(low, windows[k].high))
-        earliest = out[0, j]
+        out[j] = _refined(off, k, t, gap, low, max(low, windows[k].high))
+        earliest = out[j]
     return out
 
 
-def _refined(
-    off: Off, k: int, t: float, gap: float, low: float, high: float
-) -> tuple[float, float]:
-    """The stationary moment near a time, and at which end of low to high it is."""
+def _refined(off: Off, k: int, t: float, gap: float, low: float, high: float) -> float:
+    """The stationary moment near a time, or the end of low to high that is nearest."""
     a, b = max(t - gap, low), min(t + gap, high)
     if a >= b:
         t = min(max(t, low), high)
@@ -103,9 +98,7 @@ def _refined(
             t = b
         else:  # it stands still, or is farthest between
             t = min((a, min(max(t, a), b), b), key=lambda x: _square(off, k, x, t))
-    if high - low <= 2.0 * _AT_EDGE:
-        return t, np.nan
-    return t, float(t >= high - _AT_EDGE) - float(t <= low + _AT_EDGE)
+    return float(t)
 
 
 def _square(off: Off, k: int, time: float, middle: float) -> float:

@@ -28,6 +28,7 @@ class Nodes:
         acc_K: (N, n_vK) accelerations of the driven coordinates.
         parameters: (n_p,) values of the parameters that the motion chooses.
         run: the run that passes the nodes, where they are those of one.
+        moments: near which touches are looked for [s].
     """
 
     table: CoordinateTable
@@ -40,6 +41,7 @@ class Nodes:
     acc_K: Array
     parameters: Array = field(default_factory=lambda: np.zeros(0))
     run: Trajectory | None = None
+    moments: Times | None = None
 
     @classmethod
     def still(cls, marionette: Marionette, x0: State, duration: float, n: int) -> Nodes:

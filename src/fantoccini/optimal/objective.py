@@ -89,12 +89,13 @@ class Objective:
         low, high = task.bounds.intervals(marionette)
         driven = np.arange(self._n_z) >= 2 * n  # the others are rows
         self._low, self._high = np.where(driven, low, -np.inf), np.where(driven, high, np.inf)
-        self.rows, self._goal, self._end_weight = Rows(task), task.goal, _END_WEIGHT
+        self._goal, self._end_weight = task.goal, _END_WEIGHT
         self._kept: tuple[tuple[float, float, int], list[Residual]] = ((0.0, 0.0, 0), [])
         self._chosen = Chosen(marionette, task.x0, task.parameters)
         self.touches = Touches(task, self._chosen)
         self._c = np.arange(0 if task.is_free else 1, 1 + len(self._chosen))
         """Of all constants of a motion, the length of its intervals and the parameters."""
+        self.rows = Rows(task, self._chosen, self._c)
 
     def cost(self, nodes: Nodes, ends: Ends) -> float:
         """J."""

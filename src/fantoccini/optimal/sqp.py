@@ -241,6 +241,8 @@ class Search:
     def _step(self) -> _Step | None:
         """A step from the best motion, whose residuals are noted; None where none was found."""
         at, objective = self.best, self.objective
+        if len(objective.touches):
+            at.nodes = objective.touches.marked(at.nodes)
         linear = self._shooting.linearise(at.nodes, at.ends)
         if not objective.unit:
             objective.take_unit(at.nodes, linear)
@@ -293,8 +295,6 @@ class Search:
             nodes, ends = made
             if objective.rows.n_slack(ends) > objective.rows.n_slack(at.ends):
                 continue  # what is slack has no derivative by which it would be pulled taut again
-            if objective.touches.leaps(at.nodes, nodes):
-                continue
             cost = objective.cost(nodes, ends)
             phi = cost + objective.price * float(np.sum(objective.rows.violation(nodes, ends)))
             gap = objective.gap(nodes)

@@ -75,6 +75,11 @@ class Task:
         if not all(isinstance(one, Touch) for one in self.touches):
             raise StateError(f"a task's touches are {self.touches!r}; needed: a list of Touch")
         check_windows(self.touches, self.x0.t, self.x0.t + high)
+        if self.explore and self.bounds.force:
+            raise StateError(
+                "explore and bounds of forces do not go together: explore first, then give the "
+                "motion found as a guess"
+            )
         if self.explore and self.touches:
             raise StateError(
                 "explore and touches do not go together: explore first, then give the motion found "

@@ -285,8 +285,11 @@ def _check_exploring(file: TaskFile, check: Refusals) -> None:
     if file.explore and not file.slack:
         text = "it looks for motions through slack strings; needed beside it: slack: true"
         check(("explore",), lambda: _refuse(text))
-    for key in ("parameters", "touches"):
-        if file.explore and getattr(file, key):
+    for key, value in (
+        ("parameters", file.parameters), ("touches", file.touches),
+        ("bounds.force", file.bounds.force),
+    ):  # fmt: skip
+        if file.explore and value:
             text = f"it does not go together with {key}; needed: one of them"
             check(("explore",), lambda text=text: _refuse(text))
 
@@ -318,6 +321,8 @@ def _bounds(file: BoundsFile, marionette: Marionette, check: Refusals) -> Bounds
                 check(("bounds", key, name), lambda text=text: _refuse(text))
             elif key == "tension":
                 check(("bounds", key, name), lambda one=one: one.tensions(marionette))
+            elif key == "force":
+                check(("bounds", key, name), lambda one=one: one.forces(marionette))
             else:
                 check(("bounds", key, name), lambda one=one: one.intervals(marionette))
         return spans
@@ -340,6 +345,7 @@ def _bounds(file: BoundsFile, marionette: Marionette, check: Refusals) -> Bounds
     return Bounds(
         intervals("position"), most("speed"), most("acceleration"), most("jerk"),
         intervals("tension"), intervals("joint"), file.held, file.clearance, file.own_body,
+        intervals("force"),
     )  # fmt: skip
 
 

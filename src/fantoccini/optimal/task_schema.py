@@ -156,6 +156,8 @@ class BoundsFile(Model):
     """Dynamic scalar coordinate -> [low, high] [rad or m]."""
     tension: dict[str, Span] = Field(default_factory=dict)
     """String -> [low, high] [N]."""
+    force: dict[str, Span] = Field(default_factory=dict)
+    """Driven velocity -> [low, high] of the force that drives it [N or N m]."""
     speed: Most = None
     """Of all driven coordinates, or by name [m/s or rad/s]."""
     acceleration: Most = None

@@ -15,6 +15,8 @@ velocity v by b, leaves
 so that where it is near, what is across its path alone counts. Of K the part that is not negative
 is taken. rho = weight (|r| / share of the window)^2 keeps a point that is far, or slow, from being
 promised what lies beyond the window. At an end of the window dt = 0, unless L falls into it.
+Moments are looked for near those of the iterate before, so that they do not leap to another way
+past a place.
 
 Distances are those of the run. For the derivatives, coordinates between nodes are cubic in time,
 through the positions and velocities there. As the interval of a moment leads from the state z_i
@@ -25,7 +27,8 @@ before it to the state after it,
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import itertools
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,8 +50,10 @@ _LOOKS = 6
 """In every interval, at which distances are measured first."""
 _SHARE = 0.25
 """Of a window by which a step moves a moment at most."""
-_LEFT = 0.5
-"""Of the time between touches in turn, which a step leaves at least."""
+_NEARER = 0.25
+"""Of the time between two moments, by which either may come nearer to the other in a step."""
+_AT_EDGE = 1e-9
+"""Of a window [s]."""
 
 States = tuple[Array, Array, Array, Array]
 """q_D, v_D, q_K and v_K, (n, ...) each."""
@@ -143,7 +148,7 @@ class Touches:
         self._links = [link_index(model, touch.body) for touch in task.touches]
         self._places = np.array([touch.place for touch in task.touches], float).reshape(-1, 3)
         self._points = np.array([touch.at for touch in task.touches], float).reshape(-1, 3)
-        self._kept: tuple[Nodes | None, Moments | None] = (None, None)
+        self._kept: tuple[Nodes, Moments] | None = None
 
     def __len__(self) -> int:
         return len(self._touches)
@@ -169,14 +174,11 @@ class Touches:
         closed = [one.closed @ d for one, d in zip(models, moved, strict=True)]
         return np.ravel(closed), np.ravel([one.on for one in models])
 
-    def leaps(self, before: Nodes, after: Nodes) -> bool:
-        """Whether a moment moves too far in a step: to another way past its place."""
-        if not len(self):
-            return False
-        a, b = self.moments(before), self.moments(after)
-        in_turn = np.array([touch.in_turn for touch in self._touches[1:]], dtype=bool)
-        meets = in_turn & (np.diff(b.t) < _LEFT * np.diff(a.t))
-        return bool(np.any(np.abs(b.t - a.t) > _SHARE * a.room) or np.any(meets))
+    def marked(self, nodes: Nodes) -> Nodes:
+        """The same nodes, whose steps look for moments near those of these nodes."""
+        at = self.moments(nodes)
+        self._kept = replace(nodes, moments=at.t), at
+        return self._kept[0]
 
     def add(
         self, nodes: Nodes, linear: LinearEnds, c: Indices, weight: float, force: Array,
@@ -212,7 +214,7 @@ class Touches:
             return ()
         off = self._along(run, parameters)
         step = (run.t[-1] - run.t[0]) / (_LOOKS * len(run))
-        times, _ = nearest(off, self._windows(run.t[0], run.t[-1]), step)
+        times = nearest(off, self._windows(run.t[0], run.t[-1]), step)
         far = [float(np.linalg.norm(off(k, times[k : k + 1]))) for k in range(len(self))]
         return tuple(map(Touched, self._touches, times.tolist(), far))
 
@@ -228,9 +230,8 @@ class Touches:
 
     def moments(self, nodes: Nodes) -> Moments:
         """The moments of nearest approach, with derivatives."""
-        if self._kept[0] is not nodes or self._kept[1] is None:
+        if self._kept is None or self._kept[0] is not nodes:
             self._kept = nodes, self._made(nodes)
-        assert self._kept[1] is not None
         return self._kept[1]
 
     def _made(self, nodes: Nodes) -> Moments:
@@ -240,7 +241,11 @@ class Touches:
         )  # fmt: skip
         end = nodes.start + N * h
         windows = self._windows(nodes.start, end)
-        times, edge = nearest(off, windows, h / _LOOKS)
+        low, high = np.array([(window.low, window.high) for window in windows]).T
+        room = np.maximum(high - low, h)
+        times = nearest(off, self._near(nodes, windows, _SHARE * room), h / _LOOKS)
+        edge = 1.0 * (times >= high - _AT_EDGE) - 1.0 * (times <= low + _AT_EDGE)
+        edge[high - low <= 2.0 * _AT_EDGE] = np.nan
         at = np.clip(((times - nodes.start) / h).astype(int), 0, N - 1)
         share = (times - nodes.start) / h - at
         by, v_by = np.zeros((2, n, 3, 2 * nodes.n_z + 1 + len(self._chosen)))
@@ -250,7 +255,6 @@ class Touches:
             r[k] = off(k, times[k : k + 1])[0]
             found = self._by(k, nodes, int(at[k]), float(share[k]), moves_on)
             v[k], acc[k], by[k], v_by[k] = found
-        room = np.array([max(window.high - window.low, h) for window in windows])
         return Moments(times, room, at, edge, r, v, acc, by, v_by)
 
     def _along_nodes(self, nodes: Nodes) -> Off:
@@ -276,6 +280,29 @@ class Touches:
             )
             for touch in self._touches
         ]  # fmt: skip
+
+    def _near(self, nodes: Nodes, windows: list[Window], room: Times) -> list[Window]:
+        """What windows leave near the moments before, if there are.
+
+        Moments in turn, and those of one point, stay apart.
+        """
+        t = nodes.moments
+        if t is None:
+            return windows
+        low, high = t - room, t + room
+        for j, k in itertools.combinations(range(len(t)), 2):
+            one, other = self._touches[j], self._touches[k]
+            if (one.body, one.at) == (other.body, other.at) or (k == j + 1 and other.in_turn):
+                early, late = (j, k) if t[j] <= t[k] else (k, j)
+                nearer = _NEARER * (t[late] - t[early])
+                high[early] = min(high[early], t[early] + nearer)
+                low[late] = max(low[late], t[late] - nearer)
+        return [
+            Window(
+                min(max(a, window.low), window.high), max(min(b, window.high), window.low), False
+            )
+            for window, a, b in zip(windows, low, high, strict=True)
+        ]
 
     def _by(
         self, k: int, nodes: Nodes, i: int, share: float, moves_on: bool
