@@ -52,6 +52,7 @@ from .motion import (
 from .optimal import (
     MPC as MPC,
     Bounds as Bounds,
+    Clip as Clip,
     MPCStatus as MPCStatus,
     OptimalStatus as OptimalStatus,
     Optimum as Optimum,

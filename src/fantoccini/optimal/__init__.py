@@ -2,6 +2,7 @@
 
 from fantoccini.optimal.api import follow as follow, optimise as optimise
 from fantoccini.optimal.bounds import Bounds as Bounds
+from fantoccini.optimal.clip import Clip as Clip
 from fantoccini.optimal.costs import Smooth as Smooth, Track as Track
 from fantoccini.optimal.mpc import MPC as MPC, MPCStatus as MPCStatus
 from fantoccini.optimal.outlook import out_of_reach as out_of_reach

@@ -17,6 +17,7 @@ from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State
 from fantoccini.optimal.bounds import Bounds
 from fantoccini.optimal.chosen import Chosen
+from fantoccini.optimal.clip import Clip
 from fantoccini.optimal.costs import Smooth, Track
 from fantoccini.optimal.dynamics import TimeSteps
 from fantoccini.optimal.hybrid import ExactRuns, HybridRuns
@@ -204,7 +205,8 @@ def follow(
         marionette: the puppet.
         targets: name -> path. A body's origin, or a point of it as ``(body, (x, y, z))``, follows
             places [m]; a coordinate follows values. A path is a value, a function of time, a pair
-            of times and values, or an array (T, ...) that is spread evenly over the duration.
+            of times and values, a :class:`Clip`, or an array (T, ...) that is spread evenly over
+            the duration.
         duration: of the motion [s].
         x0: where it starts; hanging at rest when not given.
         bounds: see :class:`Bounds`.
@@ -291,7 +293,9 @@ def _check(task: Task) -> None:
     """Raises StateError where a task is not differentiated, or starts beyond its bounds."""
     marionette = task.marionette
     refuse_winches(marionette, "optimise")
-    if task.is_free and any(callable(x.path) or isinstance(x.path, tuple) for x in task.tracks):
+    if task.is_free and any(
+        callable(x.path) or isinstance(x.path, (tuple, Clip)) for x in task.tracks
+    ):
         raise StateError(
             "optimise: where the duration is free, paths must be values: a path of time has no "
             "derivative by the duration here"
@@ -340,7 +344,9 @@ def _status(at: Iterate, tolerance: float, until: float) -> OptimalStatus:
 
 def _spread(path: Target, start: float, duration: float, width: int) -> Target:
     """An array of many values as a pair of times and values."""
-    if callable(path) or (isinstance(path, tuple) and len(path) == 2 and np.ndim(path[0]) == 1):
+    if isinstance(path, Clip) or callable(path):
+        return path
+    if isinstance(path, tuple) and len(path) == 2 and np.ndim(path[0]) == 1:
         return path
     values = np.asarray(path, dtype=float)
     if values.size <= width or values.ndim == 0:

@@ -15,9 +15,15 @@ from fantoccini.optimal.costs import Track
 from fantoccini.optimal.dynamics import Ends, LinearEnds
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.quadratic import UNBOUNDED, StageProgram, StageSolution
-from fantoccini.optimal.residuals import Looks, NumberResidual, Residual, residual_of, share
+from fantoccini.optimal.residuals import (
+    Looks,
+    NumberResidual,
+    Residual,
+    path_of,
+    residual_of,
+    share,
+)
 from fantoccini.optimal.rows import Rows
-from fantoccini.optimal.targets import values_at
 from fantoccini.optimal.task import Task
 from fantoccini.optimal.touch_terms import Touches
 
@@ -418,6 +424,6 @@ def _pull(marionette: Marionette, track: Track, nodes: Nodes) -> tuple[int, Arra
     names = [s.name for s in marionette.tree.strings]
     if track.name not in names:
         raise UnknownNameError("string", track.name, names)
-    path = values_at(f"the tension of {track.name}", track.path, nodes.t[:-1], 1)[:, 0]
+    path = path_of(marionette, track, nodes.t[:-1])[:, 0]
     counts = share(track, nodes.t[:-1])
     return names.index(track.name), track.weight * nodes.interval * counts, path

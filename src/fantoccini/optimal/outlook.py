@@ -10,7 +10,7 @@ from fantoccini.motion import State
 from fantoccini.optimal.costs import Track
 from fantoccini.optimal.reached import length
 from fantoccini.optimal.reaching import reach
-from fantoccini.optimal.targets import values_at
+from fantoccini.optimal.residuals import path_of
 from fantoccini.optimal.task import Task
 
 _SAMPLES = 25
@@ -45,7 +45,7 @@ def _of_track(task: Task, track: Track, start: State) -> str:
     if track.kind != "point" or not last > first or not track.weight + track.end_weight > 0.0:
         return ""
     t = np.linspace(first, last, _SAMPLES) if track.weight > 0.0 else np.array([last])
-    places = values_at(f"the path of {track.name}", track.path, t, 3)
+    places = path_of(task.marionette, track, t)
     return _off(task, start, track.name, track.at, places, "its path", t)
 
 

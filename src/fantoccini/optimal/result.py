@@ -16,10 +16,9 @@ from fantoccini.optimal.costs import Track
 from fantoccini.optimal.gains import riccati_gains
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
-from fantoccini.optimal.residuals import Looks, residual_of
+from fantoccini.optimal.residuals import Looks, path_of, residual_of
 from fantoccini.optimal.shooting import EventRuns
 from fantoccini.optimal.sqp import Iterate
-from fantoccini.optimal.targets import values_at
 from fantoccini.optimal.task import Task
 from fantoccini.optimal.touch import Touched
 
@@ -181,8 +180,7 @@ class Optimum:
 
     def target(self, track: Track) -> Array:
         """(N + 1, m) the path of a track at the nodes."""
-        width = {"point": 3, "orientation": 4}.get(track.kind, 1)
-        return values_at(f"the path of {track.name}", track.path, self.t, width)
+        return path_of(self.task.marionette, track, self.t)
 
     def plot(self, path: str | Path, **options: Any) -> Path:
         """Draws the puppet with the paths of its points, its errors, tensions and inputs.

@@ -13,17 +13,25 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.errors import FileError, Mistake, StateError, nearest
 from fantoccini.marionette import Marionette, link_index
-from fantoccini.motion import Input, State, rotation
+from fantoccini.motion import Input, State, Trajectory, rotation
 from fantoccini.motion.files import csv_columns
 from fantoccini.optimal.bounds import Bounds, Interval, Most
 from fantoccini.optimal.chosen import Chosen
+from fantoccini.optimal.clip import Clip
 from fantoccini.optimal.costs import Smooth, Track
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.residuals import residual_of
 from fantoccini.optimal.shapes import Circle
 from fantoccini.optimal.targets import Target
 from fantoccini.optimal.task import Task, moved
-from fantoccini.optimal.task_schema import BoundsFile, CircleFile, TaskFile, TouchFile, TrackFile
+from fantoccini.optimal.task_schema import (
+    BoundsFile,
+    CircleFile,
+    RunFile,
+    TaskFile,
+    TouchFile,
+    TrackFile,
+)
 from fantoccini.optimal.touch import Touch, check_windows
 from fantoccini.puppet.located import Located, read_file, shown, validate
 from fantoccini.puppet.refusals import Refusals
@@ -188,6 +196,9 @@ class _Reader:
         if file.csv is not None:
             name = file.csv
             return check((*spot, "csv"), lambda: self._csv(kind, name))
+        if file.run is not None:
+            clip = file.run
+            return check((*spot, "run"), lambda: self._run(file, clip))
         if file.values is None:
             return check((*spot, "value"), lambda: _number(kind, file.value))
         values = [
@@ -214,6 +225,15 @@ class _Reader:
         centre = place + np.array(circle.by) if circle.centre is None else np.array(circle.centre)
         normal = np.array(circle.normal)
         return Circle.near(place, centre, normal, circle.radius, circle.turns, start, end)
+
+    def _run(self, file: TrackFile, given: RunFile) -> Clip:
+        path = self._located.beside(given.file)
+        if path is None:
+            raise StateError(f"found {shown(given.file)}: no file in this one's folder")
+        clip = Clip(Trajectory.load(path), given.of, given.begin, given.speed, given.by)
+        now = np.array([self._x0.t])
+        clip.values(self._marionette, file.kind, getattr(file, file.kind), file.at, now)
+        return clip
 
     def _csv(self, kind: str, name: str) -> tuple[Array, Array]:
         file = self._located.beside(name)

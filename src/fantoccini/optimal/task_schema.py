@@ -22,7 +22,7 @@ from fantoccini.puppet.values import (
     sized,
 )
 
-PATHS = ("value", "values", "csv", "circle")
+PATHS = ("value", "values", "csv", "circle", "run")
 """Keys of which a track has one: its path."""
 
 
@@ -46,6 +46,21 @@ class CircleFile(Model):
             found = "neither `centre` nor `by`" if self.by is None else "both `centre` and `by`"
             raise mistake(f"found {found}; needed: one of them")
         return self
+
+
+class RunFile(Model):
+    """What a saved run did."""
+
+    file: str
+    """The run: an npz file beside this one, as `simulate --out` writes it."""
+    of: str | None = None
+    """Name in the run of what is followed, where it has another one there."""
+    begin: Sized | None = None
+    """Time at which the run begins; its own first time by default [s]."""
+    speed: Annotated[Positive, SIZED] = 1.0
+    """Of its time."""
+    by: Place = (0.0, 0.0, 0.0)
+    """Added to the places of points [m]."""
 
 
 class TrackFile(Model):
@@ -74,6 +89,8 @@ class TrackFile(Model):
     of an orientation, otherwise `value`."""
     circle: CircleFile | None = None
     """A circle of a point."""
+    run: RunFile | None = None
+    """What a saved run did."""
     weight: Annotated[NotNegative, SIZED] = 1.0
     """Of the integral of the square of what is left."""
     end_weight: Annotated[NotNegative, SIZED] = 0.0
