@@ -174,6 +174,51 @@ def test_an_arm_passes_a_place_at_the_best_time(arm: fan.Marionette):
     assert best.touched[0].distance < 1e-6
 
 
+def test_parameters_are_chosen_along_with_touches():
+    """Beside SciPy's minimum over searches with the parameter fixed."""
+    lever = fan.loads("""
+puppet: lever
+bodies:
+- name: rod
+  joint: {name: pin, type: revolute, axis: [0, -1, 0]}
+  mass: 1.0
+  com: [0, 0, -0.5]
+  inertia: [0.1, 0.1, 0.001]
+strings:
+- name: line
+  path: [{body: rod, at: [0, 0, {parameter: tie, value: -0.6}]}, {world: [0.8, 0, 0.2]}]
+  length: driven
+pose: {pin: 60 deg, line.length: 0.5}
+""")
+    x0 = lever.rest()
+    place = lever.pose(x0.replace(q_D=x0.q_D - 0.15), "rod") @ [0, 0, -1, 1]
+    task = fan.Task(
+        lever, x0, 0.6, [fan.Track.velocity("*", weight=0.1)], fan.Smooth(1e-2, 1e-6),
+        interval=0.05, touches=[fan.Touch("rod", place[:3], (0, 0, -1))],
+        parameters={"tie": (-0.75, -0.5)},
+    )  # fmt: skip
+
+    def cost(tie: float) -> float:
+        one = lever.with_parameters({"tie": tie})
+        fixed = replace(task, marionette=one, x0=one.rest(x0), parameters={})
+        found = fan.optimise(fixed, cost_tolerance=1e-4)
+        assert found, found.summary()
+        return found.cost
+
+    best = fan.optimise(task, cost_tolerance=1e-4)
+    assert best, best.summary()
+    other = minimize_scalar(cost, bounds=(-0.75, -0.5), method="bounded", options={"maxiter": 8})
+    assert best.cost == pytest.approx(other.fun, rel=2e-3)
+    assert best.parameters["tie"] == pytest.approx(other.x, abs=0.01)
+
+
+def test_it_goes_on_from_what_was_found_and_has_gains(pen: fan.Marionette):
+    first = fan.optimise(drawing(pen, [fan.Touch("pen", (0.3, 0.0, 0.2))]), iterations=6)
+    again = fan.optimise(first.task, first)
+    assert again.cost <= first.cost + 1e-2 and again.kkt < first.kkt
+    assert first.gains.shape == (N, 2, 6) and np.all(np.isfinite(first.gains))
+
+
 def test_a_place_that_is_missed_is_violated(arm: fan.Marionette):
     x0 = arm.rest()
     task = fan.Task(
