@@ -52,6 +52,7 @@ from .motion import (
 from .optimal import (
     MPC as MPC,
     Bounds as Bounds,
+    Clip as Clip,
     MPCStatus as MPCStatus,
     OptimalStatus as OptimalStatus,
     Optimum as Optimum,
@@ -60,6 +61,8 @@ from .optimal import (
     ReachStatus as ReachStatus,
     Smooth as Smooth,
     Task as Task,
+    Touch as Touch,
+    Touched as Touched,
     Track as Track,
     follow as follow,
     load_task as load_task,

@@ -42,6 +42,25 @@ def task(tmp_path, monkeypatch):
     return "ring.yaml"
 
 
+def test_touches_are_told_with_their_times(task, tmp_path) -> None:
+    """And what the command saved is a path of another task."""
+    touch = "touches: [{point: lower, at: [0.3, 0, 0], by: [0.03, 0, 0.03]}]\n"
+    head = "task: dab\npuppet: arm2d\nduration: 0.8\ninterval: 0.05\n"
+    weights = 'tracks: [{velocity: "*", value: 0, weight: 0.01}]\nsmooth: {acceleration: 0.01}\n'
+    (tmp_path / "dab.yaml").write_text(head + weights + touch)
+    result = fantoccini("optimise", "dab.yaml", "--out", "dab.npz")
+    assert result.exit_code == 0, result.stderr
+    assert "Touches" in result.stdout and "distance [m]" in result.stdout
+    clip = "tracks: [{point: lower, at: [0.3, 0, 0], weight: 1.0e+4, run: {file: dab.npz}}]\n"
+    (tmp_path / "again.yaml").write_text(head.replace("dab", "again") + clip)
+    result = fantoccini("optimise", "again.yaml", "--out", "again.npz")
+    assert result.exit_code == 0, result.stderr
+    runs = [fan.Trajectory.load(name).resample(np.linspace(0, 0.8, 9)) for name in
+            ("dab.npz", "again.npz")]  # fmt: skip
+    assert runs[1].q_D == pytest.approx(runs[0].q_D, abs=0.01)
+    assert np.ptp(runs[0].q_D[:, 1]) > 0.05
+
+
 def test_a_task_is_solved_drawn_and_written(task, tmp_path) -> None:
     result = fantoccini(
         "optimise", task, "--picture", "ring.png", "--save", "best.npz", "--out", "run.npz",

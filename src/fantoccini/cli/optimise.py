@@ -110,6 +110,15 @@ def _report(found: Optimum) -> None:
         [(name, found.rms()[name], float(e.max())) for name, e in found.errors().items()],
     )
     table(
+        "Touches",
+        ("", "place", "time [s]>", "distance [m]>"),
+        [
+            (one.touch.body, ", ".join(f"{x:.4g}" for x in one.touch.place), f"{one.t:.4f}",
+             f"{one.distance:.2g}")
+            for one in found.touched
+        ],
+    )  # fmt: skip
+    table(
         "Strings",
         ("name", "min [N]>", "max [N]>"),
         [(name, float(T.min()), float(T.max())) for name, T in found.run.tension.items()],

@@ -17,6 +17,7 @@ from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State
 from fantoccini.optimal.bounds import Bounds
 from fantoccini.optimal.chosen import Chosen
+from fantoccini.optimal.clip import Clip
 from fantoccini.optimal.costs import Smooth, Track
 from fantoccini.optimal.dynamics import TimeSteps
 from fantoccini.optimal.hybrid import ExactRuns, HybridRuns
@@ -90,13 +91,14 @@ def optimise(
     if exact and marionette.coordinates.rotations:
         raise StateError("optimise: exact derivatives want driven coordinates that are scalars")
     chosen = Chosen(marionette, task.x0, task.parameters)
-    pulls = bool(task.bounds.tension) or any(one.kind == "tension" for one in task.tracks)
-    touches = marionette.model.contacts is not None
-    if exact and touches:
+    pulls = bool(task.bounds.tension or task.bounds.force)
+    pulls = pulls or any(one.kind == "tension" for one in task.tracks)
+    has_contact = marionette.model.contacts is not None
+    if exact and has_contact:
         raise StateError("optimise: exact derivatives want a puppet without contact")
     steps = TimeSteps(marionette, task.dt, threads, chosen, pulls)
     runs: EventRuns = ExactRuns(steps, chosen) if exact else EventRuns(steps, chosen)
-    if touches:
+    if has_contact:
         runs = StepRuns(steps, chosen)
     if task.explore:
         runs = HybridRuns(steps, chosen)
@@ -122,7 +124,7 @@ def optimise(
     status = None
     try:
         at = search.run(note)
-        if touches:
+        if has_contact:
             runs, at = _confirmed(runs, at, objective, limits, note)
     except KeyboardInterrupt:
         at, status = search.best, OptimalStatus.STOPPED
@@ -135,15 +137,17 @@ def optimise(
         raise SimulationError(Status.NOT_SETTLED, "the motion found cannot be simulated again")
     violation = max(objective.violation(at.nodes, at.ends), _too_near(objective, runs, at.nodes))
     end_gap = float(np.max(np.abs(objective.end_gap(at.nodes)), initial=0.0))
-    if touches and isinstance(runs, StepRuns):
+    touched = objective.touches.along(made[1], at.nodes.parameters)
+    if has_contact and isinstance(runs, StepRuns):
         status = OptimalStatus.UNCONFIRMED
-    elif not max(violation, end_gap) <= HOLDS:
+    elif not max(violation, end_gap, *(one.distance for one in touched)) <= HOLDS:
         status = OptimalStatus.VIOLATED
     elif status is None:
         status = _status(at, tolerance, until)
     return Optimum(
         task, status, made[1], at.nodes.inputs(), at.cost, at.kkt, at.stationarity, violation,
-        end_gap, at.iterations, time.perf_counter() - began, tuple(curve), at, objective, runs,
+        end_gap, touched, at.iterations, time.perf_counter() - began, tuple(curve), at, objective,
+        runs,
     )  # fmt: skip
 
 
@@ -201,7 +205,8 @@ def follow(
         marionette: the puppet.
         targets: name -> path. A body's origin, or a point of it as ``(body, (x, y, z))``, follows
             places [m]; a coordinate follows values. A path is a value, a function of time, a pair
-            of times and values, or an array (T, ...) that is spread evenly over the duration.
+            of times and values, a :class:`Clip`, or an array (T, ...) that is spread evenly over
+            the duration.
         duration: of the motion [s].
         x0: where it starts; hanging at rest when not given.
         bounds: see :class:`Bounds`.
@@ -288,7 +293,9 @@ def _check(task: Task) -> None:
     """Raises StateError where a task is not differentiated, or starts beyond its bounds."""
     marionette = task.marionette
     refuse_winches(marionette, "optimise")
-    if task.is_free and any(callable(x.path) or isinstance(x.path, tuple) for x in task.tracks):
+    if task.is_free and any(
+        callable(x.path) or isinstance(x.path, (tuple, Clip)) for x in task.tracks
+    ):
         raise StateError(
             "optimise: where the duration is free, paths must be values: a path of time has no "
             "derivative by the duration here"
@@ -337,7 +344,9 @@ def _status(at: Iterate, tolerance: float, until: float) -> OptimalStatus:
 
 def _spread(path: Target, start: float, duration: float, width: int) -> Target:
     """An array of many values as a pair of times and values."""
-    if callable(path) or (isinstance(path, tuple) and len(path) == 2 and np.ndim(path[0]) == 1):
+    if isinstance(path, Clip) or callable(path):
+        return path
+    if isinstance(path, tuple) and len(path) == 2 and np.ndim(path[0]) == 1:
         return path
     values = np.asarray(path, dtype=float)
     if values.size <= width or values.ndim == 0:

@@ -36,6 +36,8 @@ class Bounds:
         speed, acceleration, jerk: largest magnitudes of the driven velocities and their rates, by
             name of the velocity or for all; unlimited by default.
         tension: string -> lowest and highest tension [N]; (0.1, inf) stays taut.
+        force: driven velocity -> lowest and highest force that drives it, as a run's ``effort`` [N
+            or N m].
         joint: dynamic scalar coordinate -> lowest and highest value [rad or m].
         held: names of driven velocities that do not move at all.
         clearance: of bodies and strings from obstacles, and of bodies of different puppets from one
@@ -52,6 +54,7 @@ class Bounds:
     held: tuple[str, ...] = ()
     clearance: float | None = None
     own_body: bool = False
+    force: Mapping[str, Interval] = field(default_factory=dict)
 
     def magnitudes(self, marionette: Marionette, kind: str) -> Array:
         """(n_vK,) speed, acceleration or jerk of every driven velocity."""
@@ -120,15 +123,28 @@ class Bounds:
     def tensions(self, marionette: Marionette) -> tuple[list[int], Array, Array]:
         """Rows of strings with bounds, the lowest and the highest tensions."""
         names = [s.name for s in marionette.tree.strings]
-        rows = [_place("string", name, names) for name in self.tension]
-        for name, pair in self.tension.items():
-            if np.shape(pair) != (2,) or not pair[0] < pair[1]:
-                raise StateError(
-                    f"the tension of {name} is bounded by {pair!r}; needed: "
-                    "a lower and a higher one"
-                )
-        pairs = np.array(list(self.tension.values()), dtype=float).reshape(-1, 2)
-        return rows, pairs[:, 0], pairs[:, 1]
+        return _intervals("tension", "string", self.tension, names)
+
+    def forces(self, marionette: Marionette) -> tuple[list[int], Array, Array]:
+        """Places of driven velocities with bounds of force, the lowest and the highest forces."""
+        if self.force and marionette.model.contacts is not None:
+            raise StateError("bounds of forces want a puppet without contact")
+        names = marionette.coordinates.v_K
+        return _intervals("force", "driven velocity", self.force, names)
+
+
+def _intervals(
+    kind: str, what: str, given: Mapping[str, Interval], names: Sequence[str]
+) -> tuple[list[int], Array, Array]:
+    """Places of names, and their lowest and highest values."""
+    rows = [_place(what, name, names) for name in given]
+    for name, pair in given.items():
+        if np.shape(pair) != (2,) or not pair[0] < pair[1]:
+            raise StateError(
+                f"the {kind} of {name} is bounded by {pair!r}; needed: a lower and a higher one"
+            )
+    pairs = np.array(list(given.values()), dtype=float).reshape(-1, 2)
+    return rows, pairs[:, 0], pairs[:, 1]
 
 
 def _place(what: str, name: str, names: Sequence[str]) -> int:

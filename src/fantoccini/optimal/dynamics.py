@@ -45,17 +45,20 @@ class LinearEnds(Ends):
         A: (N, n_z, n_z) by the state at the start of an interval.
         B: (N, n_z, n_vK) by its accelerations.
         pull: (N, n_rows, n_z + n_vK) derivatives of the tensions.
+        acc: (N, n_vD, n_z + n_vK) derivatives of the accelerations just after the nodes.
         by_c: (N, n_z, 1 + n_p) derivatives of the ends by the length of the intervals, and by the
             parameters that are chosen.
-        pull_c: (N, n_rows, 1 + n_p) the same of the tensions.
+        pull_c, acc_c: (N, n_rows or n_vD, 1 + n_p) the same of the tensions and accelerations.
         start_c: (n_z, 1 + n_p) the same of the start.
     """
 
     A: Array
     B: Array
     pull: Array
+    acc: Array
     by_c: Array
     pull_c: Array
+    acc_c: Array
     start_c: Array
 
     def widened(self, c: Indices) -> LinearEnds:
@@ -64,11 +67,12 @@ class LinearEnds(Ends):
         A = np.zeros((N, n_z + len(c), n_z + len(c)))
         A[:, :n_z, :n_z], A[:, :n_z, n_z:] = self.A, self.by_c[..., c]
         A[:, n_z:, n_z:] = np.eye(len(c))
-        pull = np.concatenate(
-            [self.pull[..., :n_z], self.pull_c[..., c], self.pull[..., n_z:]], axis=2
+        pull, acc = (
+            np.concatenate([by[..., :n_z], by_c[..., c], by[..., n_z:]], axis=2)
+            for by, by_c in ((self.pull, self.pull_c), (self.acc, self.acc_c))
         )
         B, e = np.pad(self.B, ((0, 0), (0, len(c)), (0, 0))), np.pad(self.e, ((0, 0), (0, len(c))))
-        return replace(self, A=A, B=B, pull=pull, e=e)
+        return replace(self, A=A, B=B, pull=pull, acc=acc, e=e)
 
 
 @dataclass(frozen=True)
@@ -124,6 +128,9 @@ class TimeSteps:
                     else one.pull
                 )
                 X = one.motion[..., kept]
+                acc = one.motion[:, n : 2 * n].copy()
+                acc[:, np.arange(n), n + np.arange(n)] -= 1.0
+                acc /= dt
                 whole = np.broadcast_to(K, (N, *K.shape[1:])).copy()
                 continue
             X = by_D @ X
@@ -137,10 +144,11 @@ class TimeSteps:
         later = np.concatenate([x[1], (x[1] - v_before) / dt, x[3], nodes.acc_K], axis=1)
         by_c = np.zeros((N, nodes.n_z, 1 + len(of_p)))
         by_c[..., 0], by_c[:, : 2 * n, 1:] = later, X[..., n_s:]
-        pull_c = np.pad(pull[..., of_p], ((0, 0), (0, 0), (1, 0)))
+        pull_c, acc_c = (np.pad(a[..., of_p], ((0, 0), (0, 0), (1, 0))) for a in (pull, acc))
         start_c = np.zeros((nodes.n_z, 1 + len(of_p)))
         if self.chosen:
             start_c[:, 1:] = self.chosen.start_by(nodes.parameters)
         return LinearEnds(
-            nodes.between(*x), tension, taut, settled, A, B, pull[..., :n_s], by_c, pull_c, start_c
-        )
+            nodes.between(*x), tension, taut, settled, A, B, pull[..., :n_s], acc[..., :n_s], by_c,
+            pull_c, acc_c, start_c,
+        )  # fmt: skip

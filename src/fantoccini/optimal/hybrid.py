@@ -44,14 +44,18 @@ class HybridRuns(EventRuns):
         later = (run.v_D[before], run.acc_D[before], run.v_K[before], nodes.acc_K)
         N, n_s = len(nodes), nodes.n_z + nodes.acc_K.shape[1]
         columns = self.chosen.columns
-        pull = np.zeros((N, ends.tension.shape[1], n_s + len(marionette.p)))
+        n_p = len(marionette.p)
+        pull = np.zeros((N, ends.tension.shape[1], n_s + n_p))
+        acc = np.zeros((N, nodes.v_D.shape[1], n_s + n_p))
         if self.steps.pulls:
-            pull = _pulls(marionette, run, nodes)
+            pull, acc = _pulls(marionette, run, nodes)
         by_p, none = found.C[..., columns], np.zeros((nodes.n_z, 1))
         return LinearEnds(
             ends.e, ends.tension, ends.taut, ends.settled, found.A, found.B, pull[..., :n_s],
+            acc[..., :n_s],
             by_c=np.concatenate([np.concatenate(later, axis=1)[..., None], by_p], axis=2),
             pull_c=np.pad(pull[..., n_s:][..., columns], ((0, 0), (0, 0), (1, 0))),
+            acc_c=np.pad(acc[..., n_s:][..., columns], ((0, 0), (0, 0), (1, 0))),
             start_c=np.concatenate([none, self.chosen.start_by(nodes.parameters)], axis=1),
         )  # fmt: skip
 
@@ -76,15 +80,17 @@ class ExactRuns(HybridRuns):
             return EventRuns.linearise(self, nodes, ends)
 
 
-def _pulls(marionette: Marionette, run: Trajectory, nodes: Nodes) -> Array:
-    """(N, n_rows, n_z + n_vK + n_p) derivatives of the tensions just after the nodes."""
+def _pulls(marionette: Marionette, run: Trajectory, nodes: Nodes) -> tuple[Array, Array]:
+    """(N, n_rows or n_vD, n_z + n_vK + n_p) of tensions and accelerations just after the nodes."""
     after = np.searchsorted(run.t, nodes.t[:-1] + _SAME_TIME, side="right") - 1
     names, two_sided = marionette.tree.row_names, marionette.model.two_sided
-    out = []
+    pull: list[Array] = []
+    acc: list[Array] = []
     for i, acc_K in zip(after, nodes.acc_K, strict=True):
         force = run.limit_force.values[i] > 0.0
         held = np.concatenate([run.taut.values[i], force]) | two_sided
         rows = [name for name, holds in zip(names, held, strict=True) if holds]
-        by = marionette.linearise(run.state(int(i)), acc_K, rows=rows).pull
-        out.append(np.concatenate([by.q_D, by.v_D, by.q_K, by.v_K, by.acc_K, by.p], axis=1))
-    return np.array(out)
+        found = marionette.linearise(run.state(int(i)), acc_K, rows=rows)
+        for out, by in ((pull, found.pull), (acc, found.acc)):
+            out.append(np.concatenate([by.q_D, by.v_D, by.q_K, by.v_K, by.acc_K, by.p], axis=1))
+    return np.array(pull), np.array(acc)

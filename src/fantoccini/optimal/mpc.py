@@ -333,5 +333,9 @@ def _check(task: Task, marionette: Marionette) -> None:
         raise StateError("MPC: the task's duration is free; needed: a given one")
     if task.parameters:
         raise StateError("MPC: the task chooses parameters; give best.marionette without them")
+    if task.bounds.force:
+        raise StateError("MPC: the task has bounds of forces; give bounds of accelerations instead")
+    if task.touches:
+        raise StateError("MPC: the task has touches; give a Track instead")
     if task.goal is not None:
         raise StateError("MPC: the task has an end; give a Track with end_weight instead")

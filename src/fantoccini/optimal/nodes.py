@@ -6,12 +6,13 @@ A change of a state is a tangent vector z = (dq_D, dv_D, dq_K, dv_K); rotations 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from fantoccini.arrays import Array, Times
 from fantoccini.marionette import Marionette
-from fantoccini.motion import Input, State, tangent
+from fantoccini.motion import Input, State, Trajectory, tangent
 from fantoccini.tree import CoordinateTable
 
 
@@ -26,6 +27,8 @@ class Nodes:
         q_D, v_D, q_K, v_K: (N + 1, ...) states at the nodes.
         acc_K: (N, n_vK) accelerations of the driven coordinates.
         parameters: (n_p,) values of the parameters that the motion chooses.
+        run: the run that passes the nodes, where they are those of one.
+        moments: near which touches are looked for [s].
     """
 
     table: CoordinateTable
@@ -37,13 +40,17 @@ class Nodes:
     v_K: Array
     acc_K: Array
     parameters: Array = field(default_factory=lambda: np.zeros(0))
+    run: Trajectory | None = None
+    moments: Times | None = None
 
     @classmethod
     def still(cls, marionette: Marionette, x0: State, duration: float, n: int) -> Nodes:
         """The state x0 at every node, with inputs at rest or going on at their velocity."""
         table, h = marionette.coordinates, duration / n
-        every = {name: np.repeat(getattr(x0, name)[None], n + 1, axis=0)
-                 for name in ("q_D", "v_D", "q_K", "v_K")}  # fmt: skip
+        every: dict[str, Any] = {
+            name: np.repeat(getattr(x0, name)[None], n + 1, axis=0)
+            for name in ("q_D", "v_D", "q_K", "v_K")
+        }
         on = (h * np.arange(n + 1))[:, None] * x0.v_K
         every["q_K"] = tangent.moved(table.scalars_K, table.quaternions_K, every["q_K"], on)
         return cls(table, x0.t, h, **every, acc_K=np.zeros((n, table.n_vK)))
@@ -90,6 +97,7 @@ class Nodes:
             acc_K=self.acc_K + u,
             interval=self.interval + float(c[0]),
             parameters=self.parameters + c[1:],
+            run=None,
         )
 
     def between(self, q_D: Array, v_D: Array, q_K: Array, v_K: Array, first: int = 1) -> Array:
@@ -134,4 +142,5 @@ class Nodes:
         at = np.append(np.repeat(np.arange(len(self)), parts), len(self))
         states = {name: getattr(self, name)[at] for name in ("q_D", "v_D", "q_K", "v_K")}
         acc_K = np.repeat(self.acc_K, parts, axis=0)
-        return replace(self, interval=self.interval / parts, acc_K=acc_K, **states)
+        interval = self.interval / parts
+        return replace(self, interval=interval, acc_K=acc_K, run=None, **states)

@@ -15,21 +15,30 @@ from fantoccini.optimal.costs import Track
 from fantoccini.optimal.dynamics import Ends, LinearEnds
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.quadratic import UNBOUNDED, StageProgram, StageSolution
-from fantoccini.optimal.residuals import Looks, NumberResidual, Residual, residual_of, share
+from fantoccini.optimal.residuals import (
+    Looks,
+    NumberResidual,
+    Residual,
+    path_of,
+    residual_of,
+    share,
+)
 from fantoccini.optimal.rows import Rows
-from fantoccini.optimal.targets import values_at
 from fantoccini.optimal.task import Task
+from fantoccini.optimal.touch_terms import Touches
 
 _END_WEIGHT = 100.0
-"""Of the squares of what is left at the end, beside its multipliers; in units of the cost."""
+"""Of the squares of the gap, beside its multipliers; in units of the cost."""
 _WEIGHT_FACTOR = 4.0
 _LARGEST_END_WEIGHT = 1e6
 _FIRST_PRICE = 0.3
 """Of a unit of violation of a row, in units of the cost."""
 _LEAST = 1e-12
 """Unit of a cost that is 0."""
+_ROUNDING = 1e-9
+"""Of a gradient, relative to the curvature."""
 _NEAR = 1e-2
-"""Gap at the end above which the motion gets no shorter [m, rad and their rates]."""
+"""Gap above which the motion gets no shorter [m, rad and their rates]."""
 _SHARE = 0.1
 """Of a duration by which a step may change it."""
 
@@ -64,6 +73,7 @@ class Objective:
     Attributes:
         task: see :class:`Task`.
         rows: that may be passed.
+        touches: places that are passed at moments that are found.
         price: of a unit of violation of a row; the search raises it where rows are passed.
         unit: of the cost: the largest gradient of the first motion, or its largest curvature.
 
@@ -85,11 +95,13 @@ class Objective:
         low, high = task.bounds.intervals(marionette)
         driven = np.arange(self._n_z) >= 2 * n  # the others are rows
         self._low, self._high = np.where(driven, low, -np.inf), np.where(driven, high, np.inf)
-        self.rows, self._goal, self._end_weight = Rows(task), task.goal, _END_WEIGHT
+        self._goal, self._end_weight = task.goal, _END_WEIGHT
         self._kept: tuple[tuple[float, float, int], list[Residual]] = ((0.0, 0.0, 0), [])
         self._chosen = Chosen(marionette, task.x0, task.parameters)
+        self.touches = Touches(task, self._chosen)
         self._c = np.arange(0 if task.is_free else 1, 1 + len(self._chosen))
         """Of all constants of a motion, the length of its intervals and the parameters."""
+        self.rows = Rows(task, self._chosen, self._c)
 
     def cost(self, nodes: Nodes, ends: Ends) -> float:
         """J."""
@@ -118,8 +130,9 @@ class Objective:
 
     @property
     def end_weight(self) -> float:
-        """Of half the squares of what is left at the end; 0 where no end is asked for."""
-        return self._end_weight * self.unit if self._goal is not None else 0.0
+        """Of half the squares of the gap; 0 where neither an end nor touches are asked for."""
+        has_gap = self._goal is not None or len(self.touches) > 0
+        return self._end_weight * self.unit if has_gap else 0.0
 
     def stiffen_end(self) -> None:
         """Raises the weight of the end: steps close its gap too slowly."""
@@ -139,12 +152,39 @@ class Objective:
 
     def _take_unit(self, g: Array, curvature: Array, least: float) -> None:
         unit = max(float(np.max(np.abs(g), initial=0.0)), least)
-        self.unit = unit if unit > 0.0 else float(np.max(curvature, initial=_LEAST))
+        most = float(np.max(curvature, initial=_LEAST))
+        self.unit = unit if unit > _ROUNDING * most else most
         self.price = _FIRST_PRICE * self.unit
 
     def end_gap(self, nodes: Nodes) -> Array:
         """(n_z,) the change that would bring the last node to the end that is asked for."""
         return np.zeros(nodes.n_z) if self._goal is None else nodes.gap_at_end(self._goal)
+
+    def gap(self, nodes: Nodes) -> Array:
+        """(n_z + 3 T,) the same, and what would bring the points that touch to their places."""
+        return np.concatenate([self.end_gap(nodes), self.touches.gap(nodes)])
+
+    def closed(
+        self, nodes: Nodes, z: Array, c: Array, force: Array | float
+    ) -> tuple[Array, Array]:
+        """(n_z + 3 T,) how much of the gap a step closes, and the multipliers after it.
+
+        Args:
+            nodes, force: see :meth:`program`.
+            z, c: (N + 1, n_z) and (1 + n_p,) changes of the states and the constants.
+        """
+        at_end = np.zeros(nodes.n_z) if self._goal is None else z[-1]
+        weight, forces = self.end_weight, np.concatenate(self._forces(force))
+        closed, on = self.touches.closed(nodes, z, c, weight, forces[self._n_z :])
+        closed = np.concatenate([at_end, closed])
+        left = self.gap(nodes) - closed
+        left[self._n_z :] -= on
+        return closed, forces + weight * left
+
+    def _forces(self, force: Array | float) -> tuple[Array, Array]:
+        """(n_z,) and (3 T,) multipliers of the end and of touches."""
+        every = np.broadcast_to(force, (self._n_z + 3 * len(self.touches),))
+        return every[: self._n_z], every[self._n_z :]
 
     def program(
         self, nodes: Nodes, linear: LinearEnds, damping: float, force: Array | float
@@ -154,7 +194,7 @@ class Objective:
         Args:
             nodes, linear: the motion.
             damping: of the Hessian.
-            force: (n_z,) multipliers of the end.
+            force: (n_z + 3 T,) multipliers of the gap.
         """
         if len(self._c):
             linear = linear.widened(self._c)
@@ -170,7 +210,10 @@ class Objective:
         if self._goal is not None:
             ends = k + np.arange(self._n_z)
             H[-1, ends, ends] += self.end_weight
-            g[-1, ends] -= self.end_weight * self.end_gap(nodes) + force
+            g[-1, ends] -= self.end_weight * self.end_gap(nodes) + self._forces(force)[0]
+        self.touches.add(
+            nodes, linear, self._c, self.end_weight, self._forces(force)[1], H, g, cross, Q, q
+        )
         every = np.arange(k + n_z)
         H[:, every, every] += damping
         numbers = nodes.numbers[1:]
@@ -260,7 +303,7 @@ class Objective:
         """
         h, N = nodes.interval, len(nodes)
         shortest, longest = self.task.durations
-        is_near = np.max(np.abs(self.end_gap(nodes)), initial=0.0) <= _NEAR
+        is_near = np.max(np.abs(self.gap(nodes)), initial=0.0) <= _NEAR
         least = max(shortest / N - h, -_SHARE * h) if is_near else 0.0
         return least, max(min(longest / N - h, _SHARE * h), 0.0)
 
@@ -381,6 +424,6 @@ def _pull(marionette: Marionette, track: Track, nodes: Nodes) -> tuple[int, Arra
     names = [s.name for s in marionette.tree.strings]
     if track.name not in names:
         raise UnknownNameError("string", track.name, names)
-    path = values_at(f"the tension of {track.name}", track.path, nodes.t[:-1], 1)[:, 0]
+    path = path_of(marionette, track, nodes.t[:-1])[:, 0]
     counts = share(track, nodes.t[:-1])
     return names.index(track.name), track.weight * nodes.interval * counts, path

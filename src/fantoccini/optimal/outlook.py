@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from fantoccini.arrays import Array, Times
 from fantoccini.errors import StateError
+from fantoccini.motion import State
+from fantoccini.optimal.costs import Track
 from fantoccini.optimal.reached import length
 from fantoccini.optimal.reaching import reach
-from fantoccini.optimal.targets import values_at
+from fantoccini.optimal.residuals import path_of
 from fantoccini.optimal.task import Task
 
 _SAMPLES = 25
@@ -17,35 +20,50 @@ _FAR = 1e-3
 
 
 def out_of_reach(task: Task) -> list[str]:
-    """For each point tracked, how near to its path it can hang, and why no nearer.
+    """For each point, how near to its path or the place it touches it can hang, and why no nearer.
 
     A motion may swing farther than the puppet hangs, so this is no mistake of the task. Points
-    within 1 mm of their paths are left out; so are all where the puppet does not hang at the start.
+    within 1 mm of these are left out; so are all where the puppet does not hang at the start.
     """
     marionette, x0 = task.marionette, task.x0
     try:
         start = marionette.rest(x0)
     except StateError:
         return []
-    texts = []
-    for track in task.tracks:
-        first, last = max(track.start, x0.t), min(track.end, x0.t + task.durations[1])
-        if track.kind != "point" or not last > first or not track.weight + track.end_weight > 0.0:
-            continue
-        t = np.linspace(first, last, _SAMPLES) if track.weight > 0.0 else np.array([last])
-        places = values_at(f"the path of {track.name}", track.path, t, 3)
-        try:
-            found = reach(
-                marionette, {(track.name, track.at): places}, start, bounds=task.bounds, slack=True
-            )
-        except StateError:  # the start is beyond bounds, or hangs unstably: the search will tell
-            continue
-        worst = int(np.argmax(found.distance))
-        pose = found[worst]
-        if not pose and pose.distance > _FAR:
-            why = f": {pose.limits[0]}" if pose.limits else ""
-            texts.append(
-                f"{track.name} hangs no nearer than {length(pose.distance)} to its path at "
-                f"{t[worst]:.3g} s{why}"
-            )
-    return texts
+    found = [_of_track(task, track, start) for track in task.tracks]
+    found += [
+        _off(task, start, touch.body, touch.at, np.array([touch.place]), "the place it touches")
+        for touch in task.touches
+    ]
+    return [text for text in found if text]
+
+
+def _of_track(task: Task, track: Track, start: State) -> str:
+    """How near a point can hang to its path; empty where it is no point, or there."""
+    first = max(track.start, task.x0.t)
+    last = min(track.end, task.x0.t + task.durations[1])
+    if track.kind != "point" or not last > first or not track.weight + track.end_weight > 0.0:
+        return ""
+    t = np.linspace(first, last, _SAMPLES) if track.weight > 0.0 else np.array([last])
+    places = path_of(task.marionette, track, t)
+    return _off(task, start, track.name, track.at, places, "its path", t)
+
+
+def _off(
+    task: Task, start: State, body: str, at: tuple[float, float, float], places: Array, what: str,
+    t: Times | None = None,
+) -> str:  # fmt: skip
+    """How far a point hangs from the farthest of some places; empty where it reaches all."""
+    try:
+        found = reach(
+            task.marionette, {(body, at): places}, start, bounds=task.bounds, slack=True
+        )
+    except StateError:  # the start is beyond bounds, or hangs unstably: the search will tell
+        return ""
+    worst = int(np.argmax(found.distance))
+    pose = found[worst]
+    if pose or pose.distance <= _FAR:
+        return ""
+    when = "" if t is None else f" at {t[worst]:.3g} s"
+    why = f": {pose.limits[0]}" if pose.limits else ""
+    return f"{body} hangs no nearer than {length(pose.distance)} to {what}{when}{why}"

@@ -6,6 +6,7 @@ x_{i+1} = F(x_i, acc_i),   x_0 given
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -66,7 +67,9 @@ class Predictions:
         ok = _arrived(arrays)[:n]
         made: list[tuple[Nodes, Ends] | None] = []
         for j in range(n):
-            states = {name: np.ascontiguousarray(a[:, j]) for name, a in every.items()}
+            states: dict[str, Any] = {
+                name: np.ascontiguousarray(a[:, j]) for name, a in every.items()
+            }
             if not ok[j] or not all(np.all(np.isfinite(a)) for a in states.values()):
                 made.append(None)
                 continue

@@ -13,6 +13,7 @@ from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette import Marionette, link_index
 from fantoccini.marionette.screws import relations
 from fantoccini.motion import rotation
+from fantoccini.optimal.clip import Clip
 from fantoccini.optimal.costs import Track
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.targets import values_at
@@ -139,20 +140,31 @@ def residual_of(marionette: Marionette, track: Track, nodes: Nodes) -> Residual:
     lasts[[0, -1]] *= 0.5
     weights = track.weight * lasts * share(track, t)
     weights[-1] += track.end_weight
-    what = f"the path of {track.name}"
     if track.kind == "point":
         link = link_index(marionette.model, track.name)
-        path = values_at(what, track.path, t, 3)
+        path = path_of(marionette, track, t)
         return PointResidual(weights, link, np.array(track.at), path)
     if track.kind == "orientation":
         link = link_index(marionette.model, track.name)
-        path = values_at(what, track.path, t, 4)
+        path = path_of(marionette, track, t)
         if np.any(np.linalg.norm(path, axis=1) < 0.5):
-            raise StateError(f"{what}: needed: unit quaternions w, x, y, z")
+            raise StateError(f"the path of {track.name}: needed: unit quaternions w, x, y, z")
         return OrientationResidual(weights, link, rotation.normalised(path))
     part, places, columns = _numbers(marionette, track)
-    path = values_at(what, track.path, t, 1)
+    path = path_of(marionette, track, t)
     return NumberResidual(weights, part, places, columns, path)
+
+
+def path_of(marionette: Marionette, track: Track, t: Times) -> Array:
+    """(len(t), width) the path of a track at some times.
+
+    Raises:
+        UnknownNameError, StateError: it is none.
+    """
+    if isinstance(track.path, Clip):
+        return track.path.values(marionette, track.kind, track.name, track.at, t)
+    width = {"point": 3, "orientation": 4}.get(track.kind, 1)
+    return values_at(f"the path of {track.name}", track.path, t, width)
 
 
 def share(track: Track, t: Times) -> Array:

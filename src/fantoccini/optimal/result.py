@@ -16,11 +16,11 @@ from fantoccini.optimal.costs import Track
 from fantoccini.optimal.gains import riccati_gains
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
-from fantoccini.optimal.residuals import Looks, residual_of
+from fantoccini.optimal.residuals import Looks, path_of, residual_of
 from fantoccini.optimal.shooting import EventRuns
 from fantoccini.optimal.sqp import Iterate
-from fantoccini.optimal.targets import values_at
 from fantoccini.optimal.task import Task
+from fantoccini.optimal.touch import Touched
 
 _DAMPING = 1e-6
 """Of the Hessian of gains, in units of the cost."""
@@ -35,7 +35,7 @@ class OptimalStatus(enum.Enum):
     ITERATIONS = "the iterations ended first; this is the best motion so far"
     TIMEOUT = "the time ended first; this is the best motion so far"
     STOPPED = "it was interrupted; this is the best motion so far"
-    VIOLATED = "the motion leaves its bounds, or does not reach its end"
+    VIOLATED = "the motion leaves its bounds, or does not reach its end or a place"
     UNCONFIRMED = "time steps make this motion, but an event-driven run of its inputs does not end"
 
     @property
@@ -46,7 +46,7 @@ class OptimalStatus(enum.Enum):
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """The best motion found, as an event-driven run. True where it holds its bounds and its end.
+    """The best motion found, as an event-driven run. True where it holds its bounds and arrives.
 
     Where ``status`` is ``UNCONFIRMED``, which with contact it may be, all is of time steps.
 
@@ -62,6 +62,7 @@ class Optimum:
             relative to the gradient, and of the decrease that the slope promises, relative to J.
         violation: how far the run is beyond its bounds [N, m, rad or their rates].
         end_gap: how far it ends from the end asked for [m, rad or their rates].
+        touched: how near the run came to the places of the task's touches, and when.
         iterations: made.
         seconds: they took [s].
         curve: (seconds, cost) after every iteration.
@@ -76,6 +77,7 @@ class Optimum:
     stationarity: float
     violation: float
     end_gap: float
+    touched: tuple[Touched, ...]
     iterations: int
     seconds: float
     curve: tuple[tuple[float, float], ...]
@@ -178,8 +180,7 @@ class Optimum:
 
     def target(self, track: Track) -> Array:
         """(N + 1, m) the path of a track at the nodes."""
-        width = {"point": 3, "orientation": 4}.get(track.kind, 1)
-        return values_at(f"the path of {track.name}", track.path, self.t, width)
+        return path_of(self.task.marionette, track, self.t)
 
     def plot(self, path: str | Path, **options: Any) -> Path:
         """Draws the puppet with the paths of its points, its errors, tensions and inputs.
@@ -201,6 +202,7 @@ class Optimum:
             lines.append(f"{name} = {value:.6g}")
         for name, e in self.rms().items():
             lines.append(f"{name}: {e:.3g} from its path (root mean square)")
+        lines += [str(one) for one in self.touched]
         if self.task.goal is not None:
             lines.append(f"ends within {self.end_gap:.2g} of the state asked for")
         if self.violation:

@@ -1,4 +1,4 @@
-"""Rows of a motion that may be passed at a price: tensions, jerks, joints, clearances.
+"""Rows of a motion that may be passed at a price: tensions, jerks, joints, forces, clearances.
 
 low <= r_i(u_{i-1}, z_i, u_i, z_{i+1}) <= high
 """
@@ -7,15 +7,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, Indices
+from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.clear_rows import ClearRows
 from fantoccini.optimal.dynamics import Ends, LinearEnds
+from fantoccini.optimal.force_rows import ForceRows
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.task import Task
 
 
 class Rows:
-    """The rows of a task: tensions with bounds, then jerks, dynamic coordinates and clearances.
+    """The rows of a task: tensions with bounds, then jerks, joints, forces and clearances.
 
     Attributes:
         clear: the rows of clearances.
@@ -24,9 +26,11 @@ class Rows:
 
     Args:
         task: see :class:`Task`.
+        chosen: parameters along with the motion.
+        c: of its constants, those that programs have.
     """
 
-    def __init__(self, task: Task):
+    def __init__(self, task: Task, chosen: Chosen, c: Indices):
         marionette = task.marionette
         n = marionette.coordinates.n_vD
         self._taut, self._least, self._most = task.bounds.tensions(marionette)
@@ -36,6 +40,7 @@ class Rows:
         bounded = np.isfinite(low[: 2 * n]) | np.isfinite(high[: 2 * n])
         self.places = np.flatnonzero(bounded)
         self.joint_low, self.joint_high = low[self.places], high[self.places]
+        self._forces = ForceRows(task, chosen, c)
         clearance = task.bounds.clearance
         self.clear = None
         if clearance is not None:
@@ -46,9 +51,10 @@ class Rows:
         jumps = np.diff(nodes.acc_K, axis=0, prepend=0.0)[:, self._jerks]
         most = self._jerk[self._jerks] * nodes.interval
         numbers = nodes.numbers[1:, self.places]
-        value = np.concatenate([ends.tension[:, self._taut], jumps, numbers], axis=1)
-        low = np.concatenate([self._least, -most, self.joint_low])
-        high = np.concatenate([self._most, most, self.joint_high])
+        force = self._forces.value(nodes, ends)
+        value = np.concatenate([ends.tension[:, self._taut], jumps, numbers, force], axis=1)
+        low = np.concatenate([self._least, -most, self.joint_low, self._forces.low])
+        high = np.concatenate([self._most, most, self.joint_high, self._forces.high])
         if self.clear:
             value = np.concatenate([value, self.clear.value(nodes)], axis=1)
             low = np.append(low, np.full(len(self.clear), self.clear.margin))
@@ -65,11 +71,13 @@ class Rows:
         N, n_z, k = linear.B.shape
         n_taut, n_jerks, n_places = len(self._taut), len(self._jerks), len(self.places)
         s, n_clear = k + n_z, len(self.clear) if self.clear else 0
-        C = np.zeros((N, n_taut + n_jerks + n_places + n_clear, 2 * s))
+        first = n_taut + n_jerks + n_places
+        C = np.zeros((N, first + len(self._forces) + n_clear, 2 * s))
         C[:, :n_taut, k : s + k] = linear.pull[:, self._taut]
         row = n_taut + np.arange(n_jerks)
         C[:, row, self._jerks], C[:, row, s + self._jerks] = -1.0, 1.0
         C[:, n_taut + n_jerks + np.arange(n_places), s + k + self.places] = 1.0
+        C[:, first : first + len(self._forces), k : s + k] = self._forces.by(nodes, linear)
         if self.clear:
             C[:, -n_clear:, s + k : s + k + nodes.n_z] = self.clear.by(nodes)
         return C

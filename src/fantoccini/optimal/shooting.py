@@ -60,7 +60,7 @@ class EventRuns:
             return None
         at = np.searchsorted(run.t, t + 1e-12, side="right") - 1
         states = {name: getattr(run, name)[at] for name in ("q_D", "v_D", "q_K", "v_K")}
-        return replace(nodes, **states), run
+        return replace(nodes, run=run, **states), run
 
     def _in_time(self, _: float) -> None:
         """Raises TimeoutError once the time is over."""
@@ -96,7 +96,7 @@ class StepRuns(EventRuns):
         if len(run) != m * len(nodes) + 1 or not np.all(np.isfinite(run.v_D[-1])):
             return None
         states = {name: getattr(run, name)[::m] for name in ("q_D", "v_D", "q_K", "v_K")}
-        return replace(nodes, **states), run
+        return replace(nodes, run=run, **states), run
 
     def ends(self, nodes: Nodes, run: Trajectory) -> Ends:
         m, _ = self.steps.steps(nodes.interval)

@@ -3,9 +3,10 @@
 Every iteration linearises all intervals and residuals, solves a program of stages for a step
 (u, z), and goes along it until a filter accepts the pair
 
-    theta = |e|_1 + |x_N - end|_1,   phi = J + price of passed rows
+    theta = |e|_1 + |gap|_1,   phi = J + price of passed rows
 
-(Waechter and Biegler, Math. Program. 106, 2006): one of them must be better than in all iterations
+with the gap x_N - end and what touches are off their places (Waechter and Biegler, Math. Program.
+106, 2006): one of them must be better than in all iterations
 before in which theta was reduced.
 """
 
@@ -64,7 +65,7 @@ class SearchSettings:
     powers: tuple[float, float] = (2.3, 1.1)
     """Of the predicted decrease, and of theta against which it is weighed."""
     closes: float = 0.5
-    """Share of theta that a step may leave before the weight of the end is raised."""
+    """Share of theta that a step may leave before the weight of the gap is raised."""
     most: float = 10.0
     """Largest theta, relative to 1 or to that of the start."""
     gap_share: float = 0.1
@@ -125,7 +126,7 @@ class Iterate:
         defect: largest |e|.
         passed: largest violation of rows.
         iterations: made.
-        force: (n_z,) multipliers of the end.
+        force: (n_z + 3 T,) multipliers of the gap.
         damping: of the Hessian of the next step, in units of the cost.
         stalled, settled: whether no step helps any more, or hardly.
     """
@@ -158,9 +159,9 @@ class _Step:
         theta, phi: of the filter, at its start.
         falls: slope of phi along it.
         bend: its curvature in the program.
-        merit: phi and what the end costs, at its start.
+        merit: phi and what the gap costs, at its start.
         merit_falls: slope of the merit along it.
-        force: multipliers of the end, after it.
+        force: multipliers of the gap, after it.
         passes: how far its program passes rows.
     """
 
@@ -246,6 +247,8 @@ class Search:
     def _step(self) -> _Step | None:
         """A step from the best motion, whose residuals are noted; None where none was found."""
         at, objective = self.best, self.objective
+        if len(objective.touches):
+            at.nodes = objective.touches.marked(at.nodes)
         linear = self._shooting.linearise(at.nodes, at.ends)
         if not objective.unit:
             objective.take_unit(at.nodes, linear)
@@ -260,16 +263,16 @@ class Search:
         curved = np.einsum("nij,nj->ni", program.H, step)
         curved[1:, : u.shape[1]] += np.einsum("nij,ni->nj", program.cross[1:], step[:-1])
         curved[:-1] += np.einsum("nij,nj->ni", program.cross[1:], u[1:])
-        gap, violation = objective.end_gap(at.nodes), objective.rows.violation(at.nodes, linear)
+        gap, violation = objective.gap(at.nodes), objective.rows.violation(at.nodes, linear)
         at.defect = float(max(np.max(np.abs(linear.e)), np.max(np.abs(gap))))
         at.passed = float(np.max(violation, initial=0.0))
         at.solution = solution
         z, u, c = objective.widened(solution)
-        weight = objective.end_weight
+        weight, (closed, force) = objective.end_weight, objective.closed(at.nodes, z, c, at.force)
         price = objective.price
         rows_fall = price * float(np.sum(violation) - np.sum(solution.passed))
         merit_falls = float(np.sum(program.g * step)) - rows_fall
-        falls = merit_falls + float((weight * gap + at.force) @ z[-1])
+        falls = merit_falls + float((weight * gap + at.force) @ closed)
         # The first part is the gradient of the Lagrangian with the step's multipliers, damping
         # included. A step that ends short of a bound, as the interior point method does, may
         # save nothing although the bound is not reached: so what it left counts with the second.
@@ -289,9 +292,9 @@ class Search:
             phi=(phi := at.cost + price * float(np.sum(violation))),
             falls=falls,
             bend=float(np.sum(step * curved)),
-            merit=phi + _of_end(gap, weight, at.force),
+            merit=phi + _of_gap(gap, weight, at.force),
             merit_falls=merit_falls,
-            force=at.force + weight * (gap - z[-1]),
+            force=force,
             passes=float(np.max(solution.passed, initial=0.0)),
         )  # fmt: skip
 
@@ -308,11 +311,11 @@ class Search:
                 continue  # what is slack has no derivative by which it would be pulled taut again
             cost = objective.cost(nodes, ends)
             phi = cost + objective.price * float(np.sum(objective.rows.violation(nodes, ends)))
-            gap = objective.end_gap(nodes)
+            gap = objective.gap(nodes)
             theta = float(np.sum(np.abs(ends.e)) + np.sum(np.abs(gap)))
             if not self._filter.accepts((step.theta, step.phi), (theta, phi), alpha * step.falls):
                 continue
-            merit = phi + _of_end(gap, objective.end_weight, at.force)
+            merit = phi + _of_gap(gap, objective.end_weight, at.force)
             predicted = max(-alpha * (step.merit_falls + 0.5 * alpha * step.bend), _LEAST)
             limits = self._limits
             little = limits.cost_tolerance * abs(step.phi)
@@ -332,8 +335,8 @@ class Search:
         return None
 
 
-def _of_end(gap: Array, weight: float, force: Array | float) -> float:
-    """What is left at the end costs: weight/2 |gap|^2 + force . gap."""
+def _of_gap(gap: Array, weight: float, force: Array | float) -> float:
+    """What the gap costs: weight/2 |gap|^2 + force . gap."""
     return float(np.sum(0.5 * weight * np.square(gap) + force * gap))
 
 

@@ -9,17 +9,20 @@ import numpy as np
 
 from fantoccini.arrays import Array, Times
 from fantoccini.errors import StateError
+from fantoccini.optimal.clip import Clip
 
-Target: TypeAlias = float | Sequence[Any] | Array | Callable[[float], Any] | tuple[Any, Any]
+Values: TypeAlias = float | Sequence[Any] | Array | Callable[[float], Any] | tuple[Any, Any]
 """A value that holds, a function of time, or a pair of times (T,) and values (T, ...)."""
+Target: TypeAlias = Values | Clip
+"""The same, or what a run did."""
 
 
-def values_at(what: str, target: Target, t: Times, width: int) -> Array:
+def values_at(what: str, target: Values, t: Times, width: int) -> Array:
     """(len(t), width) a target at some times; between samples linear, beyond them their ends.
 
     Args:
         what: for errors.
-        target: see :data:`Target`.
+        target: see :data:`Values`.
         t: times [s].
         width: numbers of a value.
 

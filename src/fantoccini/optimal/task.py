@@ -10,10 +10,11 @@ import numpy as np
 
 from fantoccini.arrays import check_positive
 from fantoccini.errors import StateError, UnknownNameError
-from fantoccini.marionette import Marionette
+from fantoccini.marionette import Marionette, link_index
 from fantoccini.motion import Input, State
 from fantoccini.optimal.bounds import Bounds, Interval
 from fantoccini.optimal.costs import Smooth, Track
+from fantoccini.optimal.touch import Touch, check_windows
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +42,7 @@ class Task:
             with the motion; see :class:`fantoccini.optimal.chosen.Chosen`.
         explore: how many random explorations look for motions through strings that go slack and are
             caught, and more while none of them holds; with 0 the first motion is improved.
+        touches: places that points of bodies pass, at times that are found.
     """
 
     marionette: Marionette
@@ -58,6 +60,7 @@ class Task:
     name: str = ""
     parameters: Mapping[str, Interval] = field(default_factory=dict)
     explore: int = 0
+    touches: Sequence[Touch] = ()
 
     def __post_init__(self) -> None:
         if np.ndim(self.duration) and np.shape(self.duration) != (2,):
@@ -69,6 +72,19 @@ class Task:
             raise StateError(text)
         if not all(isinstance(one, Track) for one in self.tracks):
             raise StateError(f"a task's tracks are {self.tracks!r}; needed: a list of Track")
+        if not all(isinstance(one, Touch) for one in self.touches):
+            raise StateError(f"a task's touches are {self.touches!r}; needed: a list of Touch")
+        check_windows(self.touches, self.x0.t, self.x0.t + high)
+        if self.explore and self.bounds.force:
+            raise StateError(
+                "explore and bounds of forces do not go together: explore first, then give the "
+                "motion found as a guess"
+            )
+        if self.explore and self.touches:
+            raise StateError(
+                "explore and touches do not go together: explore first, then give the motion found "
+                "as a guess"
+            )
         if not isinstance(self.explore, int) or self.explore < 0:
             raise StateError(f"explore is {self.explore!r}; needed: how often, a whole number")
         if self.explore and self.parameters:
@@ -79,6 +95,8 @@ class Task:
         self.marionette.model.check_state(self.x0)
         if self.end is not None and self.periodic is not None:
             raise StateError("a task has an end and is periodic; needed: one of them")
+        for touch in self.touches:
+            link_index(self.marionette.model, touch.body)
         if self.goal is not None:
             self.marionette.model.check_state(self.goal)
 

@@ -13,17 +13,26 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.errors import FileError, Mistake, StateError, nearest
 from fantoccini.marionette import Marionette, link_index
-from fantoccini.motion import Input, State, rotation
+from fantoccini.motion import Input, State, Trajectory, rotation
 from fantoccini.motion.files import csv_columns
 from fantoccini.optimal.bounds import Bounds, Interval, Most
 from fantoccini.optimal.chosen import Chosen
+from fantoccini.optimal.clip import Clip
 from fantoccini.optimal.costs import Smooth, Track
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.residuals import residual_of
 from fantoccini.optimal.shapes import Circle
 from fantoccini.optimal.targets import Target
 from fantoccini.optimal.task import Task, moved
-from fantoccini.optimal.task_schema import BoundsFile, CircleFile, TaskFile, TrackFile
+from fantoccini.optimal.task_schema import (
+    BoundsFile,
+    CircleFile,
+    RunFile,
+    TaskFile,
+    TouchFile,
+    TrackFile,
+)
+from fantoccini.optimal.touch import Touch, check_windows
 from fantoccini.puppet.located import Located, read_file, shown, validate
 from fantoccini.puppet.refusals import Refusals
 from fantoccini.puppet.values import rotation_vector_quaternion
@@ -86,6 +95,7 @@ def load_task(
         check(("parameters", name), lambda one={name: span}: Chosen(marionette, x0, one))
     reader = _Reader(marionette, x0, file.duration, located, check)
     tracks = [reader.track(track, ("tracks", i)) for i, track in enumerate(file.tracks)]
+    touches = [reader.touch(touch, ("touches", i)) for i, touch in enumerate(file.touches)]
     check.refuse()
     end = None
     if file.end is not None:
@@ -104,7 +114,7 @@ def load_task(
         marionette, x0, file.duration, [track for track in tracks if track is not None], smooth,
         bounds, end, time_weight=file.time_weight, interval=file.interval, dt=file.step,
         name=file.task, parameters=file.parameters, explore=file.explore, periodic=file.periodic,
-        guess=guess,
+        guess=guess, touches=[touch for touch in touches if touch is not None],
     ))  # fmt: skip
 
 
@@ -132,6 +142,7 @@ class _Reader:
     ):  # fmt: skip
         self._marionette, self._x0, self._duration = marionette, x0, duration
         self._located, self._check = located, check
+        self._touches: list[Touch] = []
 
     def track(self, file: TrackFile, spot: Spot) -> Track | None:
         """The track; None where it has mistakes."""
@@ -150,6 +161,32 @@ class _Reader:
                 return None
         return made
 
+    def touch(self, file: TouchFile, spot: Spot) -> Touch | None:
+        """The touch; None where it has mistakes."""
+        place = self._check((*spot, "point"), lambda: self._place(file.point, file.at))
+        if place is None:
+            return None
+        goal = place + np.array(file.by) if file.place is None else np.array(file.place)
+        made = self._check((*spot, "between"), lambda: self._touch(file, goal))
+        if made is not None:
+            self._touches.append(made)
+        return made
+
+    def _touch(self, file: TouchFile, place: Array) -> Touch:
+        """A touch that has a time after those before it."""
+        low, high = file.between
+        between = (-math.inf if low is None else low, math.inf if high is None else high)
+        made = Touch(file.point, place, file.at, between, file.in_turn)
+        end = self._x0.t + float(np.max(self._duration))
+        check_windows([*self._touches, made], self._x0.t, end)
+        return made
+
+    def _place(self, body: str, at: tuple[float, ...]) -> Array:
+        """(3,) where a point of a body is at the start."""
+        link = link_index(self._marionette.model, body)
+        pose = self._marionette.poses(self._x0.q_D[None], self._x0.q_K[None])[0, link]
+        return np.asarray(pose[:, :3] @ np.array(at) + pose[:, 3])
+
     def _path(self, file: TrackFile, spot: Spot) -> Target | None:
         """Its path; None where it has mistakes."""
         check, kind = self._check, file.kind
@@ -159,6 +196,9 @@ class _Reader:
         if file.csv is not None:
             name = file.csv
             return check((*spot, "csv"), lambda: self._csv(kind, name))
+        if file.run is not None:
+            clip = file.run
+            return check((*spot, "run"), lambda: self._run(file, clip))
         if file.values is None:
             return check((*spot, "value"), lambda: _number(kind, file.value))
         values = [
@@ -172,7 +212,7 @@ class _Reader:
         return times, _continuous(kind, np.array(good))
 
     def _circle(self, file: TrackFile, circle: CircleFile) -> Circle:
-        marionette, x0 = self._marionette, self._x0
+        x0 = self._x0
         start = x0.t if file.start is None else max(file.start, x0.t)
         if file.end is None and not isinstance(self._duration, float):
             raise StateError(
@@ -181,12 +221,19 @@ class _Reader:
         end = file.end if file.end is not None else x0.t + float(np.max(self._duration))
         if end <= start:
             raise StateError(f"it would end at {end:g} s, before it starts at {start:g} s")
-        link = link_index(marionette.model, getattr(file, file.kind))
-        pose = marionette.poses(x0.q_D[None], x0.q_K[None])[0, link]
-        place = pose[:, :3] @ np.array(file.at) + pose[:, 3]
-        centre = place + circle.by if circle.centre is None else np.array(circle.centre)
+        place = self._place(getattr(file, file.kind), file.at)
+        centre = place + np.array(circle.by) if circle.centre is None else np.array(circle.centre)
         normal = np.array(circle.normal)
         return Circle.near(place, centre, normal, circle.radius, circle.turns, start, end)
+
+    def _run(self, file: TrackFile, given: RunFile) -> Clip:
+        path = self._located.beside(given.file)
+        if path is None:
+            raise StateError(f"found {shown(given.file)}: no file in this one's folder")
+        clip = Clip(Trajectory.load(path), given.of, given.begin, given.speed, given.by)
+        now = np.array([self._x0.t])
+        clip.values(self._marionette, file.kind, getattr(file, file.kind), file.at, now)
+        return clip
 
     def _csv(self, kind: str, name: str) -> tuple[Array, Array]:
         file = self._located.beside(name)
@@ -258,9 +305,13 @@ def _check_exploring(file: TaskFile, check: Refusals) -> None:
     if file.explore and not file.slack:
         text = "it looks for motions through slack strings; needed beside it: slack: true"
         check(("explore",), lambda: _refuse(text))
-    if file.explore and file.parameters:
-        text = "it does not go together with parameters; needed: one of them"
-        check(("explore",), lambda: _refuse(text))
+    for key, value in (
+        ("parameters", file.parameters), ("touches", file.touches),
+        ("bounds.force", file.bounds.force),
+    ):  # fmt: skip
+        if file.explore and value:
+            text = f"it does not go together with {key}; needed: one of them"
+            check(("explore",), lambda text=text: _refuse(text))
 
 
 def _check_name(file: TrackFile, marionette: Marionette, spot: Spot, check: Refusals) -> None:
@@ -290,6 +341,8 @@ def _bounds(file: BoundsFile, marionette: Marionette, check: Refusals) -> Bounds
                 check(("bounds", key, name), lambda text=text: _refuse(text))
             elif key == "tension":
                 check(("bounds", key, name), lambda one=one: one.tensions(marionette))
+            elif key == "force":
+                check(("bounds", key, name), lambda one=one: one.forces(marionette))
             else:
                 check(("bounds", key, name), lambda one=one: one.intervals(marionette))
         return spans
@@ -312,6 +365,7 @@ def _bounds(file: BoundsFile, marionette: Marionette, check: Refusals) -> Bounds
     return Bounds(
         intervals("position"), most("speed"), most("acceleration"), most("jerk"),
         intervals("tension"), intervals("joint"), file.held, file.clearance, file.own_body,
+        intervals("force"),
     )  # fmt: skip
 
 

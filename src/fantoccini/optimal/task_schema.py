@@ -22,7 +22,7 @@ from fantoccini.puppet.values import (
     sized,
 )
 
-PATHS = ("value", "values", "csv", "circle")
+PATHS = ("value", "values", "csv", "circle", "run")
 """Keys of which a track has one: its path."""
 
 
@@ -46,6 +46,21 @@ class CircleFile(Model):
             found = "neither `centre` nor `by`" if self.by is None else "both `centre` and `by`"
             raise mistake(f"found {found}; needed: one of them")
         return self
+
+
+class RunFile(Model):
+    """What a saved run did."""
+
+    file: str
+    """The run: an npz file beside this one, as `simulate --out` writes it."""
+    of: str | None = None
+    """Name in the run of what is followed, where it has another one there."""
+    begin: Sized | None = None
+    """Time at which the run begins; its own first time by default [s]."""
+    speed: Annotated[Positive, SIZED] = 1.0
+    """Of its time."""
+    by: Place = (0.0, 0.0, 0.0)
+    """Added to the places of points [m]."""
 
 
 class TrackFile(Model):
@@ -74,6 +89,8 @@ class TrackFile(Model):
     of an orientation, otherwise `value`."""
     circle: CircleFile | None = None
     """A circle of a point."""
+    run: RunFile | None = None
+    """What a saved run did."""
     weight: Annotated[NotNegative, SIZED] = 1.0
     """Of the integral of the square of what is left."""
     end_weight: Annotated[NotNegative, SIZED] = 0.0
@@ -107,6 +124,30 @@ class TrackFile(Model):
         return next(key for key in KINDS if getattr(self, key) is not None)
 
 
+class TouchFile(Model):
+    """A place that a point of a body passes at a time that is found."""
+
+    point: str
+    """The body."""
+    at: Place = (0.0, 0.0, 0.0)
+    """The point in the body's frame [m]."""
+    place: Place | None = None
+    """The place in the world [m]."""
+    by: Place | None = None
+    """The place, from where the point is at the start, instead of `place` [m]."""
+    between: tuple[Sized | None, Sized | None] = (None, None)
+    """First and last time [s]; null where it is open."""
+    in_turn: bool = False
+    """Whether it comes no earlier than the touch before it."""
+
+    @model_validator(mode="after")
+    def _is_somewhere(self) -> TouchFile:
+        if (self.place is None) == (self.by is None):
+            found = "neither `place` nor `by`" if self.by is None else "both `place` and `by`"
+            raise mistake(f"found {found}; needed: one of them")
+        return self
+
+
 class SmoothFile(Model):
     """Weights of the driven accelerations and their rates."""
 
@@ -132,6 +173,8 @@ class BoundsFile(Model):
     """Dynamic scalar coordinate -> [low, high] [rad or m]."""
     tension: dict[str, Span] = Field(default_factory=dict)
     """String -> [low, high] [N]."""
+    force: dict[str, Span] = Field(default_factory=dict)
+    """Driven velocity -> [low, high] of the force that drives it [N or N m]."""
     speed: Most = None
     """Of all driven coordinates, or by name [m/s or rad/s]."""
     acceleration: Most = None
@@ -183,6 +226,8 @@ class TaskFile(Model):
     """Of the motion, or [shortest, longest] [s]."""
     tracks: tuple[TrackFile, ...] = ()
     """What follows which paths."""
+    touches: tuple[TouchFile, ...] = ()
+    """Places that points pass at times that are found."""
     smooth: SmoothFile = SmoothFile()
     """Weights of accelerations and their rates."""
     bounds: BoundsFile = BoundsFile()

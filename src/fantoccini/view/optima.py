@@ -42,9 +42,9 @@ def optimum_picture(
     """Writes a picture of a motion of least cost.
 
     At the left the puppet: the later a pose, the firmer; tracked points in blue, their paths dashed
-    in red. At the right, against time: how far what is tracked is from its path, but for
-    velocities; tensions, with their paths dotted; speeds, where they have bounds; accelerations of
-    the inputs that are not held. Bounds are dashed.
+    in red, places that are touched as red circles. At the right, against time: how far what is
+    tracked is from its path, but for velocities; tensions, with their paths dotted; speeds, where
+    they have bounds; accelerations of the inputs that are not held. Bounds are dashed.
 
     Args:
         found: the motion.
@@ -101,6 +101,12 @@ def _draw_poses(sheet: Sheet, found: Optimum, look: Look, poses: int, unit: floa
                 line[:, 0], line[:, 1], color=colour, linestyle=dashes, linewidth=thick * unit,
                 zorder=4.0,
             )  # fmt: skip
+    for one in found.touched:
+        spot = layout.camera.project(np.array([one.touch.place], dtype=float), layout.viewport)
+        sheet.axes.plot(
+            spot[:, 0], spot[:, 1], color=TARGET_COLOUR, marker="o", markersize=0.45 * unit,
+            markerfacecolor="none", markeredgewidth=0.1 * unit, zorder=4.0,
+        )  # fmt: skip
     sheet.title(found.task.name or geometry.title, unit, sheet.height - 1.5 * unit)
     sheet.tension_bar(geometry, layout, sheet.height - 2.3 * unit, unit, width - 1.6 * unit)
     times = ", ".join(f"{t - run.t[0]:.2f}" for t in chosen)

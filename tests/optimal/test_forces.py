@@ -1,0 +1,220 @@
+"""Bounds of the forces that drive coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.optimal.api import _first
+from fantoccini.optimal.chosen import Chosen
+from fantoccini.optimal.dynamics import TimeSteps
+from fantoccini.optimal.hybrid import ExactRuns
+from fantoccini.optimal.objective import Objective
+
+MASS, WAY, g = 2.0, 0.5, 9.81
+
+HOIST = f"""
+puppet: hoist
+bodies:
+- name: cage
+  joint: {{name: lift, type: prismatic, axis: [0, 0, 1], driven: true}}
+  shapes: [{{type: sphere, radius: 0.05, mass: {MASS}}}]
+- {{name: bob, joint: {{name: pin, type: revolute, axis: [0, 1, 0], at: [3, 0, 0]}}, mass: 1.0,
+   com: [0, 0, -0.3], inertia: [0.01, 0.01, 0.001]}}
+"""
+
+CART = """
+puppet: cart
+bodies:
+- name: cart
+  joint: {name: rail, type: prismatic, axis: [1, 0, 0], driven: true}
+  shapes: [{type: sphere, radius: 0.05, mass: 0.5}]
+- name: rod
+  parent: cart
+  joint: {name: pin, type: revolute, axis: [0, 1, 0]}
+  mass: {parameter: load, value: 0.4}
+  com: [0, 0, -0.5]
+  inertia: [0.03, 0.03, 0.001]
+- name: bob
+  joint: {type: translation, axes: [x, y, z]}
+  shapes: [{type: sphere, radius: 0.02, mass: 0.2}]
+strings:
+- {name: line, path: [{body: rod, at: [0, 0, -1]}, {body: bob, at: [0, 0, 0]}], length: driven}
+pose: {bob.z: -1.5, line.length: 0.5}
+"""
+
+
+@pytest.fixture(scope="module")
+def hoist() -> fan.Marionette:
+    return fan.loads(HOIST)
+
+
+@pytest.fixture(scope="module")
+def cart() -> fan.Marionette:
+    return fan.loads(CART)
+
+
+@pytest.fixture(scope="module")
+def arm() -> fan.Marionette:
+    return fan.puppets.arm2d()
+
+
+@pytest.mark.parametrize(("most", "within"), [(2.0 * MASS * g, 1e-5), (1.5 * MASS * g, 2e-3)])
+def test_a_hoist_is_as_fast_as_its_force_allows(hoist: fan.Marionette, most: float, within: float):
+    """From rest to rest with a force of 0 to `most`: as hard as it may, then in free fall."""
+    up = most / MASS - g
+    least = np.sqrt(2.0 * WAY * (up + g) / (up * g))
+    task = fan.Task(
+        hoist, hoist.rest(), (0.3, 2.0), [], fan.Smooth(1e-9, 0.0),
+        fan.Bounds(force={"lift": (0.0, most)}), end=hoist.rest({"lift": WAY}), interval=2.0 / 40,
+    )  # fmt: skip
+    best = fan.optimise(task, iterations=100, cost_tolerance=0.0)
+    assert best, best.summary()
+    assert best.run.t[-1] == pytest.approx(least, rel=within)
+    effort = fan.simulate(hoist, hoist.rest(), best.inputs, best.run.t[-1]).effort["lift"]
+    assert np.min(effort) > -1e-3 and np.max(effort) < most + 1e-3
+
+
+def test_a_winch_pulls_with_the_tension(arm: fan.Marionette):
+    """The force on a string's length is minus its tension: the same bounds, the same motion."""
+    x0 = arm.rest()
+    pull = arm.forward_dynamics(x0).tension[0]
+    low, high = 0.9 * pull, 1.05 * pull
+    found = []
+    for bounds in (
+        fan.Bounds(tension={"hand": (low, high)}),
+        fan.Bounds(tension={"hand": (1e-3, np.inf)}, force={"hand.length": (-high, -low)}),
+    ):
+        task = fan.Task(
+            arm, x0, 1.0, [fan.Track.coordinate("hand.length", x0.q_K[1] - 0.05, weight=100.0)],
+            fan.Smooth(1e-2, 1e-5), bounds, interval=0.05,
+        )  # fmt: skip
+        found.append(fan.optimise(task, cost_tolerance=0.0))
+    free = fan.optimise(replace(found[0].task, bounds=fan.Bounds()), cost_tolerance=0.0)
+    assert all(found) and free.cost < 0.99 * found[0].cost  # the bounds count
+    assert found[1].cost == pytest.approx(found[0].cost, rel=1e-4)
+
+
+def test_forces_change_with_motions_as_their_rows_say(cart: fan.Marionette):
+    """Beside central differences of event-driven runs, with masses that the cart carries."""
+    x0 = cart.rest()
+    x0 = x0.replace(v_D=np.array([0.2, *x0.v_D[1:]]))
+    x0 = cart.project(x0)
+    names = ("rail", "line.length")
+    task = fan.Task(
+        cart, x0, 0.5, [], bounds=fan.Bounds(force={name: (-50.0, 50.0) for name in names}),
+        interval=0.1, dt=0.001, parameters={"load": (0.2, 0.8)},
+    )  # fmt: skip
+    chosen, rng = Chosen(cart, x0, task.parameters), np.random.default_rng(5)
+    runs = ExactRuns(TimeSteps(cart, task.dt, 1, chosen), chosen)
+    objective = Objective(task)
+    first = _first(task, chosen, None)
+    N, k = first.acc_K.shape
+    first = replace(first, acc_K=0.5 * rng.normal(size=(N, k)))
+    way, load = rng.normal(size=(N, k)), 0.3
+
+    def forces(step: float) -> np.ndarray:
+        nodes = replace(
+            first, acc_K=first.acc_K + step * way, parameters=first.parameters + step * load
+        )
+        made = runs.run(nodes)
+        assert made is not None
+        return objective.rows.values(made[0], runs.ends(*made))[0]
+
+    nodes, run = runs.run(first)
+    ends = runs.ends(nodes, run)
+    effort = fan.simulate(cart, x0, nodes.inputs(), 0.5)
+    now = objective.rows.values(nodes, ends)[0]
+    assert now[0] == pytest.approx([effort.effort[name][0] for name in names], rel=1e-8)
+    linear = runs.linearise(nodes, ends).widened(np.array([1]))
+    assert not runs.reasons
+    by = objective.rows.by(nodes, linear)[:, :, k : 2 * k + nodes.n_z + 1]
+    z = np.append(linear.start_c[:, 1] * load, load)
+    for i in range(N):
+        change = (forces(1e-5)[i] - forces(-1e-5)[i]) / 2e-5
+        assert by[i] @ np.concatenate([z, way[i]]) == pytest.approx(change, rel=2e-5, abs=2e-5)
+        z = linear.A[i] @ z + linear.B[i] @ way[i]
+
+
+def test_the_force_of_a_cart_holds_its_bounds(cart: fan.Marionette):
+    x0 = cart.rest()
+    tracks = [
+        fan.Track.coordinate("rail", 0.3, weight=0.0, end_weight=1e3),
+        fan.Track.velocity("*", weight=0.1),
+    ]
+    bounds = fan.Bounds(force={"rail": (-0.6, 0.6)}, held=("line.length",))
+    task = fan.Task(cart, x0, 1.0, tracks, fan.Smooth(1e-3, 1e-6), bounds, interval=0.04)
+    free = fan.optimise(replace(task, bounds=fan.Bounds(held=("line.length",))))
+    kept = fan.optimise(task)
+    assert kept, kept.summary()
+    most = []
+    for best in (free, kept):
+        run = fan.simulate(cart, x0, best.inputs, 1.0, save_at=best.t)
+        after = np.searchsorted(run.t, best.t[:-1] + 1e-9) - 1
+        most.append(float(np.max(np.abs(run.effort["rail"][after]))))
+    assert most[0] > 1.0
+    assert most[1] == pytest.approx(0.6, abs=1e-3)
+    assert np.max(np.abs(run.effort["rail"])) < 0.6 + 0.05  # between the nodes the rod swings on
+    assert kept.cost > free.cost
+
+
+def test_the_force_of_a_motor_is_bounded_through_its_command():
+    """A lift behind a motor that follows its command by a spring and a damper."""
+    lift = fan.loads(HOIST.split("- {name: bob")[0] + """
+drives:
+- {on: lift, mass: 0.1, control: {type: pd, stiffness: 2000, damping: 120}}
+""")
+    x0 = lift.rest()
+    tracks = [
+        fan.Track.coordinate("lift", x0.q_D[0] + 0.2, weight=0.0, end_weight=1e3),
+        fan.Track.velocity("lift", weight=0.0, end_weight=1e2),
+    ]
+    most = []
+    for bounds in (fan.Bounds(), fan.Bounds(force={"lift.command": (0.0, 1.15 * MASS * g)})):
+        task = fan.Task(lift, x0, 0.6, tracks, fan.Smooth(1e-3, 1e-6), bounds, interval=0.02)
+        best = fan.optimise(task)
+        run = fan.simulate(lift, x0, best.inputs, 0.6, save_at=best.t)
+        most.append(float(np.max(run.effort["lift.command"])))
+    assert best, best.summary()
+    assert most[0] > 1.3 * MASS * g and most[1] < 1.17 * MASS * g
+
+
+def test_what_has_no_force_is_refused(arm: fan.Marionette, tmp_path):
+    x0 = arm.rest()
+
+    def task(force: dict, **more) -> fan.Task:
+        return fan.Task(arm, x0, 1.0, [], bounds=fan.Bounds(force=force), **more)
+
+    with pytest.raises(fan.UnknownNameError, match=r"hand\.length"):
+        fan.optimise(task({"hand.lenght": (-1.0, 1.0)}))
+    with pytest.raises(fan.StateError, match=r"the force of hand\.length is bounded by"):
+        fan.optimise(task({"hand.length": (1.0, -1.0)}))
+    with pytest.raises(fan.StateError, match="explore and bounds of forces"):
+        task({"hand.length": (-50.0, 0.0)}, explore=1)
+    with pytest.raises(fan.StateError, match="bounds of forces"):
+        fan.MPC(arm, task({"hand.length": (-50.0, 0.0)}), horizon=0.5, nodes=10)
+    stage = fan.loads("""
+puppet: block
+floor: 0
+contact: {friction: 0.3}
+bodies:
+- {name: body, joint: {type: free}, shapes: [{type: box, size: [0.3, 0.3, 0.1], mass: 2}]}
+strings:
+- name: line
+  path: [{body: body, at: [0.15, 0, 0]}, {driven: [x], at: [0.65, 0, 0.05]}]
+  length: 0.5
+pose: {body.z: 0.05}
+""")
+    bounds = fan.Bounds(force={"line.x": (0.0, 1.0)})
+    with pytest.raises(fan.StateError, match="without contact"):
+        fan.optimise(fan.Task(stage, stage.rest(), 1.0, [], bounds=bounds))
+    path = tmp_path / "t.yaml"
+    text = "task: t\npuppet: arm2d\nduration: 1\nbounds:\n  force: {hand.length: [-50, 0]}\n"
+    path.write_text(text, encoding="utf-8")
+    assert fan.load_task(path).bounds.force == {"hand.length": (-50.0, 0.0)}
+    path.write_text(text.replace("hand.length", "hand.long"), encoding="utf-8")
+    with pytest.raises(fan.FileError, match=r"t\.yaml:5: bounds\.force\.hand\.long.*hand\.length"):
+        fan.load_task(path)
