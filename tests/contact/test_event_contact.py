@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import fantoccini as fan
@@ -419,6 +420,41 @@ bodies:
     assert run.contact_residual.max() < 1e-7
     assert [event.kind for event in run.events] == ["slide", "lift"][mu == 0.0 :]
     assert abs(of(run, "lift")[0].t - lifts) < 1e-5
+
+
+def test_a_block_that_a_tray_drags_ever_harder_slides_in_few_steps():
+    """u' = -a_tray - mu g u/|u| from u = 0, where friction turns without bound, against Radau."""
+    mu = 0.05
+    marionette = fan.loads(f"""
+puppet: tray
+contact: {{friction: {mu}}}
+bodies:
+- {{name: beam, joint: {{type: prismatic, axis: [1, 0, 0], driven: true}}}}
+- name: tray
+  parent: beam
+  joint: {{type: prismatic, axis: [0, 1, 0], driven: true}}
+  shapes: [{{type: box, size: [4, 4, 0.1], at: [0, 0, -0.05], mass: 1}}]
+- {{name: a, joint: {{type: prismatic, axis: [1, 0, 0]}}}}
+- {{name: b, parent: a, joint: {{type: prismatic, axis: [0, 1, 0]}}}}
+- name: block
+  parent: b
+  joint: {{type: prismatic, axis: [0, 0, 1]}}
+  shapes: [{{type: sphere, radius: 0.1, at: [0, 0, 0.1], mass: 1}}]
+""")
+    way = {"beam": [(0.0, 0.0), (4.0, 4.0)], "tray": [(0.0, 0.0), (2.5, 1.0), (4.0, 0.5)]}
+    drag = fan.Input.waypoints(marionette, way)
+    begins = brentq(lambda t: np.linalg.norm(drag.evaluate(t)[2]) - mu * G, 0.01, 1.0)
+    a = drag.evaluate(begins)[2]
+
+    def rate(t: float, u: np.ndarray) -> np.ndarray:
+        return -drag.evaluate(t)[2] - mu * G * u / np.linalg.norm(u)
+
+    u = solve_ivp(rate, (begins, 1.0), -1e-10 * a, method="Radau", rtol=1e-10, atol=1e-14).y[:, -1]
+    run = fan.simulate(marionette, marionette.state(), drag, t_end=1.0)
+    sound(run)
+    assert np.abs(run.v_D[-1, :2] - run.v_K[-1] - u).max() < CLOSE
+    assert abs(of(run, "slide")[0].t - begins) < CLOSE
+    assert len(run) < 200  # where friction's direction had to be resolved, 1,000
 
 
 def test_friction_is_against_the_motion_from_the_instant_in_which_a_point_begins_to_slide():

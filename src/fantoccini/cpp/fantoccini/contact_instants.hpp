@@ -324,6 +324,7 @@ class ContactInstants {
       const double* x = cone.x + k;
       const double* s = cone.s + k;
       held.in_world(c, x, own.force);
+      own.slow = false;
       if (!(x[0] > (loose_point[c] ? none : 0.0))) {
         const bool stays = s[0] <= idle && !(loose_point[c] && own.mode != PARTED);
         own.mode = stays ? RESTING : PARTED;

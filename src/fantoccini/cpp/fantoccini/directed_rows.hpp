@@ -3,8 +3,9 @@
 //   T^T (b - G y) = 0,   y = y_0 + D z
 //
 // D has a column for every unknown, T the row that it answers for: the first of its direction. A
-// sliding contact's force acts along its normal and its friction, and answers for the normal. Where
-// rows are redundant, z is that of least norm, each unknown in units of its own influence.
+// sliding contact's force acts along its normal and its friction, and answers for the normal. An
+// unknown across two rows answers for its own direction e: e^T (b - G y) + goal = firm z. Where rows
+// are redundant, z is that of least norm, each unknown in units of its own influence.
 #pragma once
 
 #include "dense_lu.hpp"
@@ -27,25 +28,40 @@ class DirectedRows {
 
   // Adds an unknown that acts over `width` rows from `row` on.
   void add(int row, int width, double first, double second, double third) {
-    unknown_[n++] = {row, width, {first, second, third}};
+    unknown_[n++] = {row, width, {first, second, third}, false, 0.0, 0.0};
   }
+
+  // Adds one across the second and third row from `row` on, which starts from nothing.
+  void add_across(int row, double second, double third, double firm, double goal) {
+    unknown_[n++] = {row, 3, {0.0, second, third}, true, firm, goal};
+  }
+
+  // The latest z of an unknown.
+  double size_of(int u) const { return scale_[u] * z_[u]; }
 
   int first_row(int u) const { return unknown_[u].row; }
 
   // y over all `size` rows from b, and from the y_0 whose entries `start` gives.
   void solve(const double* G, int size, const double* b, const double* start, double* y) {
-    double z[R], left[R];
+    double *z = z_, left[R], image_of[R];
     lu_.resize(n);
     for (int i = 0; i < size; ++i) y[i] = 0.0;
     for (int u = 0; u < n; ++u) {
       lead_[u] = unknown_[u].row + leading(unknown_[u]);
       scale_[u] = 1.0 / sqrt(fmax(G[lead_[u] * size + lead_[u]], negligible));
-      add_along(u, start[lead_[u]], y);
+      if (!unknown_[u].across) add_along(u, start[lead_[u]], y);
     }
     for (int u = 0; u < n; ++u) {
       const double* row = G + lead_[u] * size;
       double* factor = lu_.A + u * lu_.stride;
-      left[u] = scale_[u] * (b[lead_[u]] - sum_of_products(row, y, size));
+      double asked = b[lead_[u]];
+      if (const Unknown& own = unknown_[u]; own.across) {
+        const double *second = G + (own.row + 1) * size, *third = second + size;
+        for (int j = 0; j < size; ++j) image_of[j] = own.part[1] * second[j] + own.part[2] * third[j];
+        row = image_of;
+        asked = own.part[1] * b[own.row + 1] + own.part[2] * b[own.row + 2] + own.goal;
+      }
+      left[u] = scale_[u] * (asked - sum_of_products(row, y, size));
       for (int v = n; v < lu_.stride; ++v) factor[v] = 0.0;
       for (int v = 0; v < n; ++v) {
         const Unknown& other = unknown_[v];
@@ -53,7 +69,8 @@ class DirectedRows {
         for (int k = 0; k < other.width; ++k) image += row[other.row + k] * other.part[k];
         K_[u * n + v] = factor[v] = scale_[u] * image * scale_[v];
       }
-      factor[u] += Tolerance::raise;
+      K_[u * n + u] += scale_[u] * unknown_[u].firm * scale_[u];
+      factor[u] = K_[u * n + u] + Tolerance::raise;
       z[u] = 0.0;
     }
     if (n == 0 || !lu_.factorise()) return;
@@ -70,6 +87,8 @@ class DirectedRows {
   struct Unknown {
     int row, width;
     double part[3];
+    bool across;
+    double firm, goal;
   };
 
   static double sum_of_products(const double* a, const double* b, int n) {
@@ -87,7 +106,7 @@ class DirectedRows {
 
   Unknown unknown_[R];
   int lead_[R];
-  double scale_[R], K_[R * R];
+  double scale_[R], K_[R * R], z_[R];
   DenseLu<capacity> lu_;
 };
 

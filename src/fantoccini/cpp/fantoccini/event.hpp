@@ -274,9 +274,13 @@ struct EventRun : EventInstants<Model> {
     if (seen == RUNNING) seen = watch();
     if (seen == RUNNING) seen = saved;
     if (seen != RUNNING) return seen;
+    bool ahead = false;
+    if constexpr (F::touches) ahead = flow.contacts.active() && !event && flow.contacts.choose_slow();
     this->anchor(out);
-    if constexpr (F::touches)
+    if constexpr (F::touches) {
+      if (ahead) look_ahead();
       if (flow.contacts.too_many) return TOO_MANY_CONTACTS;
+    }
     guards.remember();
     if (flow.opt.save_steps) emit(out);
     while (next_save < n_save && save_at[next_save] <= flow.t) {
@@ -284,6 +288,16 @@ struct EventRun : EventInstants<Model> {
       ++next_save;
     }
     return flow.motors.gone ? RUNAWAY : RUNNING;
+  }
+
+  // Evaluates the present state anew, with the friction of slow points ahead; or with none where that
+  // would end a mode.
+  void look_ahead() {
+    for (;;) {
+      refresh();
+      flow.contacts.redistribute(flow);
+      if (!(guards.worst() > 0.0) || !flow.contacts.forget_slow()) return;
+    }
   }
 
   // Writes the samples within the step; the status is that of the first one that fails.

@@ -63,6 +63,8 @@ class FollowedPoints {
     double over;       // m: overlap that a parted point has from the start
     double back;       // m/s: how fast one that begins to slide still goes the other way
     double since;      // s: when it began to slide
+    bool slow;         // slides so slowly that its friction looks ahead (held_rows.hpp)
+    double brake;      // m/s^2: by which it slows down then
   };
 
   const ContactArrays* in = nullptr;
@@ -138,7 +140,7 @@ class FollowedPoints {
       bool told = false;
       for (int c = 0; c < n; ++c) told = told || (meet(at[c].pair, from.pair) && at[c].told);
       at[n++] = {from.pair, from.feature, from.region, PARTED, false, told, true, false, {0.0, 0.0, 0.0},
-                 {0.0, 0.0, 0.0}, from.gap < 0.0 ? -from.gap : 0.0, 0.0, f.t};
+                 {0.0, 0.0, 0.0}, from.gap < 0.0 ? -from.gap : 0.0, 0.0, f.t, false, 0.0};
       more = true;
     }
     if (more) {

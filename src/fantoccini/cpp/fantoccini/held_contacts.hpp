@@ -2,10 +2,7 @@
 //
 //   sticking: u = 0;   sliding: u_n = 0, x_T = mu x_n d with d against u_T;   resting: x = 0
 //
-// so that the forces x follow from linear equations over the held strings and points,
-//
-//   hddot - G x = 0 along the directions that are held,   G = W^T W,   W = F^-T A_D^T
-//
+// so that the forces x follow from linear equations over the held strings and points (held_rows.hpp).
 // Redundant points are held as well: of all x the one nearest to the forces at the last event is
 // taken, which are those of least norm where these are legal; where it is not legal, any other that
 // gives the same motion. At the instant at which none does any longer the modes end; the forces of
@@ -15,25 +12,23 @@
 #include "cone.hpp"
 #include "contact_push.hpp"
 #include "correct.hpp"
-#include "directed_rows.hpp"
-#include "followed_points.hpp"
 #include "held_nothing.hpp"
+#include "held_rows.hpp"
 #include "snapshot.hpp"
 
 namespace fan {
 
 template <class Model, bool touches>
-class HeldContacts : public FollowedPoints<Model> {
-  using Base = FollowedPoints<Model>;
+class HeldContacts : public HeldRows<Model> {
+  using Base = HeldRows<Model>;
 
  public:
-  static constexpr int C = Base::C, N = Base::N, NQ = Base::NQ, M = Base::M;
-  static constexpr int R = M + 3 * C;  // rows: strings and limits, then three of every point
+  static constexpr int C = Base::C, N = Base::N, NQ = Base::NQ, M = Base::M, R = Base::R;
   using Tolerance = HeldContactTolerances;
   using Contact = typename Base::Contact;
   using Base::at, Base::n, Base::in, Base::gap, Base::hdot, Base::x, Base::after, Base::overlap;
   using Base::along, Base::differ, Base::friction, Base::in_world, Base::too_many;
-  using Base::lawful, Base::after_lawful;
+  using Base::lawful, Base::after_lawful, Base::assemble, Base::take, Base::influence;
 
   ConeProblem<R> cone;  // for whoever chooses forces or impulses
   bool redistributed = false;  // whether redundant forces were found anew at the latest evaluation
@@ -76,10 +71,9 @@ class HeldContacts : public FollowedPoints<Model> {
     for (int c = 0; c < n; ++c)
       for (int d = 0; d < 3; ++d)
         reference[n_single_ + 3 * c + d] = dot3(frame_[c] + 3 * d, at[c].force);
-    list_unknowns(f, true, true);
     double known[room(R)], asked[room(R)];
     let_slip(f, known, asked);
-    directed_.solve(G_, n_, asked, reference, y_);
+    this->find_forces(f, asked, reference);
     for (int a = 0; a < n_single_; ++a) y_[a] += known[a];
     friction = 0.0;
     for (int a = 0; a < n_single_; ++a) {
@@ -174,14 +168,6 @@ class HeldContacts : public FollowedPoints<Model> {
 
   // Likewise the tension or force of a held row.
   double written_tension(int row, double latest) const { return ends ? lawful_tension_[row] : latest; }
-
-  // The normal influence of sliding point c's force, relative to that without friction.
-  double influence(int c) const {
-    const int i = n_single_ + 3 * c;
-    const double* d = direction_[c];
-    const double mu = in->friction[at[c].pair];
-    return 1.0 + mu * (G_[i * n_ + i + 1] * d[0] + G_[i * n_ + i + 2] * d[1]) / G_[i * n_ + i];
-  }
 
   // Whether friction is about to jam one or more points: forces grow without bound.
   template <class F>
@@ -280,43 +266,6 @@ class HeldContacts : public FollowedPoints<Model> {
     for (int k = 0; k < N; ++k) v_D[k] += move[k];
   }
 
-  // Rows of the whole problem: those that f has gathered, then three of every point.
-  template <class F>
-  void assemble(const F& f) {
-    n_single_ = f.rows.n;
-    n_ = n_single_ + 3 * n;
-    constexpr int stride = Complementarity<double, M>::N;
-    for (int a = 0; a < n_single_; ++a) {
-      column_[a] = f.rows.column[a];
-      hdot_[a] = f.rows.hdot[a];
-      hddot_[a] = f.rows.hddot[a];
-      for (int b = 0; b < n_single_; ++b) G_[a * n_ + b] = f.rows.problem.G[a * stride + b];
-    }
-    for (int i = 0; i < 3 * n; ++i) {
-      const int own = n_single_ + i;
-      Call<Model, double>::forth(f.eval.L, row_[i], W_[i]);
-      column_[own] = W_[i];
-      hdot_[own] = hdot[i];
-      double free_rate = 0.0;
-      for (int k = 0; k < N; ++k) free_rate += W_[i][k] * f.eval.w0[k];
-      hddot_[own] = gamma_[i] + free_rate;
-      for (int b = 0; b <= own; ++b) {
-        double sum = 0.0;
-        for (int k = 0; k < N; ++k) sum += W_[i][k] * column_[b][k];
-        G_[own * n_ + b] = G_[b * n_ + own] = sum;
-      }
-    }
-  }
-
-  // Of the assembled rows.
-  int size() const { return n_; }
-  int first_of(int c) const { return n_single_ + 3 * c; }
-  const double* influences() const { return G_; }
-  double hdot_of(int i) const { return hdot_[i]; }
-  double hddot_of(int i) const { return hddot_[i]; }
-  double driven_rate(int i) const { return rate_K_[i - n_single_]; }
-  const double* frame(int c) const { return frame_[c]; }
-
   // Looks for other forces with the same motion where those of redundant points are not legal; so
   // that a mode ends only where no forces keep it. The latest evaluation must be f's.
   template <class F>
@@ -391,59 +340,14 @@ class HeldContacts : public FollowedPoints<Model> {
     }
   }
 
-  // w <- w - W y over all assembled rows.
-  void take(const double* y, double* w) const {
-    for (int i = 0; i < n_; ++i) {
-      if (y[i] == 0.0) continue;
-      for (int k = 0; k < N; ++k) w[k] -= column_[i][k] * y[i];
-    }
-  }
-
   void remember(Snapshot& memory) { memory.keep(n, at, tension_, too_many); }
 
  private:
-  // The directions that are held: of strings all that are taut; of points the normals and, if
-  // `tangents`, those of sticking ones, with `beginning` also of those that begin to slide. With
-  // `friction` the forces of sliding ones have theirs.
-  template <class F>
-  void list_unknowns(const F& f, bool tangents, bool friction, bool beginning = false) {
-    directed_.n = 0;
-    for (int a = 0; a < n_single_; ++a)
-      if (f.row_state[f.rows.row[a]] == HELD) directed_.add(a, 1, 1.0, 0.0, 0.0);
-    for (int c = 0; c < n; ++c) {
-      const int i = n_single_ + 3 * c;
-      const ContactMode mode = at[c].mode;
-      if (mode == SLIDING && friction) find_direction(c);
-      if (mode == SLIDING || mode == STICKING) {
-        const double mu = mode == SLIDING && friction ? in->friction[at[c].pair] : 0.0;
-        directed_.add(i, 3, 1.0, mu * direction_[c][0], mu * direction_[c][1]);
-      }
-      const bool stands = mode == STICKING || (beginning && mode == SLIDING && !at[c].moving);
-      if (!stands || !tangents) continue;
-      directed_.add(i, 3, 0.0, 1.0, 0.0);
-      directed_.add(i, 3, 0.0, 0.0, 1.0);
-    }
-  }
+  using Base::tension_, Base::found_, Base::point_, Base::frame_, Base::rate_K_, Base::list_unknowns;
+  using Base::direction_, Base::n_single_, Base::n_, Base::G_, Base::hdot_, Base::hddot_, Base::y_;
+  using Base::directed_;
 
-  // The direction of friction at sliding point c: that of hdot_T, or the one kept at rest or turning back.
-  void find_direction(int c) {
-    double* d = direction_[c];
-    const bool own = along(c) > Tolerance::stopped;
-    for (int k = 0; k < 2; ++k)
-      d[k] = own ? hdot[3 * c + 1 + k] : dot3(frame_[c] + 3 * (k + 1), at[c].along);
-    const double size = sqrt(d[0] * d[0] + d[1] * d[1]);
-    for (int k = 0; k < 2; ++k) d[k] = size > 0.0 ? d[k] / size : 0.0;
-  }
-
-  using Base::tension_, Base::found_, Base::point_, Base::frame_, Base::row_, Base::rate_K_, Base::gamma_;
-
-  double direction_[room(C)][2] = {};  // of friction, in the tangents
-  double lawful_tension_[room(M)];
-  int n_single_ = 0, n_ = 0;
-  const double* column_[room(R)];
-  double W_[room(3 * C)][room(N)], G_[room(R * R)];
-  double hdot_[room(R)], hddot_[room(R)], y_[room(R)], after_[room(R)];
-  DirectedRows<R> directed_;
+  double lawful_tension_[room(M)], after_[room(R)];
 };
 
 }  // namespace fan
