@@ -13,7 +13,7 @@ before in which theta was reduced.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -23,7 +23,7 @@ from fantoccini.arrays import Array
 from fantoccini.optimal.dynamics import Ends, LinearEnds
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
-from fantoccini.optimal.quadratic import StageSolution, StageSolver
+from fantoccini.optimal.quadratic import StageProgram, StageSolution, StageSolver
 
 
 class Shooting(Protocol):
@@ -51,6 +51,8 @@ class SearchSettings:
     decrease: float = 1e-4
     """Share of the predicted decrease that a step must reach."""
     halvings: int = 8
+    corrections: int = 3
+    """Of a whole step that is not accepted and passes rows."""
     price_factor: float = 4.0
     highest_price: float = 3e3
     """Of a unit of violation of a row, in units of the cost."""
@@ -163,6 +165,8 @@ class _Step:
         merit_falls: slope of the merit along it.
         force: multipliers of the gap, after it.
         passes: how far its program passes rows.
+        program, solution: in which it was found.
+        value: (N, m) rows at its start.
     """
 
     z: Array
@@ -176,6 +180,9 @@ class _Step:
     merit_falls: float
     force: Array | float
     passes: float
+    program: StageProgram
+    solution: StageSolution
+    value: Array
 
 
 @dataclass(frozen=True)
@@ -296,17 +303,13 @@ class Search:
             merit_falls=merit_falls,
             force=force,
             passes=float(np.max(solution.passed, initial=0.0)),
+            program=program, solution=solution, value=objective.rows.values(at.nodes, linear)[0],
         )  # fmt: skip
 
     def _along(self, step: _Step) -> Iterate | None:
         """The motion as far along a step as the filter accepts it."""
         at, objective = self.best, self.objective
-        for halving in range(SETTINGS.halvings):
-            alpha = 0.5**halving
-            made = self._shooting.moved(at.nodes, alpha * step.z, alpha * step.u, alpha * step.c)
-            if made is None:
-                continue
-            nodes, ends = made
+        for alpha, (nodes, ends) in self._trials(step):
             if objective.rows.n_slack(ends) > objective.rows.n_slack(at.ends):
                 continue  # what is slack has no derivative by which it would be pulled taut again
             cost = objective.cost(nodes, ends)
@@ -322,7 +325,7 @@ class Search:
             is_small = abs(step.phi - phi) <= little and at.damping <= SETTINGS.calm
             is_small = is_small and step.theta <= SETTINGS.near * limits.tolerance
             # A step that was cut saves little anyway: what it promised must have been little.
-            is_small = is_small and (halving == 0 or abs(step.falls) <= little)
+            is_small = is_small and (alpha == 1.0 or abs(step.falls) <= little)
             self._small_steps = self._small_steps + 1 if is_small else 0
             if theta > SETTINGS.closes * step.theta > limits.tolerance:
                 objective.stiffen_end()
@@ -333,6 +336,48 @@ class Search:
                 settled=self._small_steps == SETTINGS.small_steps,
             )  # fmt: skip
         return None
+
+    def _trials(self, step: _Step) -> Iterator[tuple[float, tuple[Nodes, Ends]]]:
+        """How far along a step, and the motion there: all of it, corrected, then ever less."""
+        at, moved = self.best, self._shooting.moved
+        for halving in range(SETTINGS.halvings):
+            alpha = 0.5**halving
+            made = moved(at.nodes, alpha * step.z, alpha * step.u, alpha * step.c)
+            if made is not None:
+                yield alpha, made
+            corrections = SETTINGS.corrections if halving == 0 else 0
+            solution = step.solution
+            for _ in range(corrections):
+                if made is None or not np.any(self.objective.rows.violation(*made)):
+                    break
+                value = self.objective.rows.values(*made)[0]
+                solution = self._corrected(step, solution, value)
+                if not solution.solved:
+                    break
+                made = moved(at.nodes, *self.objective.widened(solution))
+                if made is not None:
+                    yield alpha, made
+
+    def _corrected(self, step: _Step, solution: StageSolution, value: Array) -> StageSolution:
+        """A step whose rows bend as they do along another one.
+
+        The second-order correction (Fletcher, Practical Methods of Optimization, 1987): a step
+        along curved bounds passes them, and would be cut ever shorter.
+
+        Args:
+            step: of which the program is.
+            solution: the other step.
+            value: (N, m) rows at its end.
+        """
+        u, z, C, s = solution.u, solution.z, step.program.C, step.program.H.shape[1]
+        before = np.concatenate([np.concatenate([np.zeros_like(u[:1]), u[:-1]]), z[:-1]], axis=1)
+        after = np.concatenate([u, z[1:]], axis=1)
+        bent = value - step.value - np.einsum("nmj,nj->nm", C[..., :s], before)
+        bent -= np.einsum("nmj,nj->nm", C[..., s:], after)
+        low, high = step.program.row_low - bent, step.program.row_high - bent
+        program = replace(step.program, row_low=low, row_high=high)
+        size = max(float(np.max(np.abs(program.g))), _LEAST)
+        return self._solver.solve(program, min(size, self.objective.unit))
 
 
 def _of_gap(gap: Array, weight: float, force: Array | float) -> float:
