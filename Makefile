@@ -8,7 +8,7 @@ CROCODDYL := .venv-crocoddyl
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo show test test-portable gallery docs architecture bench bench-plan
+.PHONY: demo show test test-all test-portable gallery docs architecture bench bench-plan
 .PHONY: soak soak-crowds soak-rests strings-report growth-report long-runs-report stage-report
 .PHONY: optimal-peers
 .PHONY: reduction-report reports lint wheel clean
@@ -20,7 +20,12 @@ demo: $(VENV)/stamp-demo
 show: $(VENV)/stamp-demo
 	$(BIN)/fantoccini show stroll
 
+# Without those that are marked slow, within ten minutes on two cores.
 test: $(VENV)/stamp-test
+	$(BIN)/python -m pytest -m "not slow"
+
+# All of them: what must pass before a change lands.
+test-all: $(VENV)/stamp-test
 	$(BIN)/python -m pytest
 
 # The tests with code for other processors, one after the other: an hour and more.

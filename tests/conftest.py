@@ -28,6 +28,39 @@ LONG = (
 )
 """The files that take longest, which go first: one that begins last is waited for."""
 
+SLOW = (
+    "cli/test_simulate_command.py",
+    "codegen/test_c99.py",
+    "contact/test_books.py",
+    "contact/test_contact_lanes.py",
+    "contact/test_contact_linearisation.py",
+    "contact/test_contact_runs.py",
+    "contact/test_contact_sensitivity.py",
+    "contact/test_contact_step_derivatives.py",
+    "contact/test_dented_meshes.py",
+    "contact/test_event_contact.py",
+    "contact/test_event_hulls.py",
+    "contact/test_event_winches.py",
+    "contact/test_patches.py",
+    "cpp/test_lanes.py",
+    "cross/test_mujoco.py",
+    "laws/test_complementarity.py",
+    "optimal/test_exact_search.py",
+    "optimal/test_forces.py",
+    "optimal/test_modes.py",
+    "optimal/test_mpc.py",
+    "optimal/test_touches.py",
+    "perform/test_abuse.py",
+    "plan/test_marionette_plan.py",
+    "plan/test_plan.py",
+    "properties/",
+    "runs/test_integrators.py",
+    "test_examples.py",
+    "test_readme.py",
+    "variational/",
+)
+"""Files and folders that `make test` leaves out, to end within ten minutes; `make test-all` has all."""
+
 QUICK = (
     "contact/test_books.py",
     "contact/test_closed_forms.py",
@@ -107,5 +140,8 @@ def pytest_configure(config):
 
 def pytest_collection_modifyitems(items):
     folder = Path(__file__).parent
+    for item in items:
+        if item.path.relative_to(folder).as_posix().startswith(SLOW):
+            item.add_marker(pytest.mark.slow)
     rank = {folder / name: k for k, name in enumerate(LONG)}
     items.sort(key=lambda item: rank.get(item.path, len(LONG)))
