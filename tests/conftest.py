@@ -59,7 +59,7 @@ SLOW = (
     "test_readme.py",
     "variational/",
 )
-"""Files and folders that `make test` leaves out, to end within ten minutes; `make test-all` has all."""
+"""Left out by `make test`, which is to end within ten minutes; `make test-all` has them."""
 
 QUICK = (
     "contact/test_books.py",
