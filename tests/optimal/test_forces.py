@@ -92,10 +92,12 @@ def test_a_winch_pulls_with_the_tension(arm: fan.Marionette):
             arm, x0, 1.0, [fan.Track.coordinate("hand.length", x0.q_K[1] - 0.05, weight=100.0)],
             fan.Smooth(1e-2, 1e-5), bounds, interval=0.05,
         )  # fmt: skip
-        found.append(fan.optimise(task, cost_tolerance=0.0))
+        # Derivatives of time steps end a percent above: they are not those of tensions at nodes.
+        found.append(fan.optimise(task, cost_tolerance=0.0, exact=True))
     free = fan.optimise(replace(found[0].task, bounds=fan.Bounds()), cost_tolerance=0.0)
     assert all(found) and free.cost < 0.99 * found[0].cost  # the bounds count
-    assert found[1].cost == pytest.approx(found[0].cost, rel=1e-4)
+    assert all(one.status is fan.OptimalStatus.SOLVED for one in found)
+    assert found[1].cost == pytest.approx(found[0].cost, rel=1e-6)
 
 
 def test_forces_change_with_motions_as_their_rows_say(cart: fan.Marionette):
