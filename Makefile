@@ -20,7 +20,7 @@ demo: $(VENV)/stamp-demo
 show: $(VENV)/stamp-demo
 	$(BIN)/fantoccini show stroll
 
-# Without those that are marked slow, within ten minutes on two cores.
+# Without those that are marked slow.
 test: $(VENV)/stamp-test
 	$(BIN)/python -m pytest -m "not slow"
 
