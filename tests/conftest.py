@@ -28,14 +28,10 @@ LONG = (
 )
 """The files that take longest, which go first: one that begins last is waited for."""
 
-SLOW = (
-    "cli/test_simulate_command.py",
-    "codegen/test_c99.py",
+CONTACT = (
     "contact/test_books.py",
     "contact/test_contact_files.py",
-    "contact/test_contact_lanes.py",
     "contact/test_contact_linearisation.py",
-    "contact/test_contact_runs.py",
     "contact/test_contact_sensitivity.py",
     "contact/test_contact_step_derivatives.py",
     "contact/test_dented_meshes.py",
@@ -46,6 +42,15 @@ SLOW = (
     "contact/test_patches.py",
     "contact/test_shared_forces.py",
     "contact/test_thin_walls.py",
+)
+"""Files that compile many small puppets with contact."""
+
+SLOW = (
+    *CONTACT,
+    "cli/test_simulate_command.py",
+    "codegen/test_c99.py",
+    "contact/test_contact_lanes.py",
+    "contact/test_contact_runs.py",
     "cpp/test_lanes.py",
     "cpp/test_sanitizers.py",
     "cross/test_mujoco.py",
@@ -88,20 +93,8 @@ SLOW = (
 """Left out by `make test`, which is to stay short; `make test-all` has them."""
 
 QUICK = (
-    "contact/test_books.py",
+    *CONTACT,
     "contact/test_closed_forms.py",
-    "contact/test_contact_files.py",
-    "contact/test_contact_linearisation.py",
-    "contact/test_contact_sensitivity.py",
-    "contact/test_contact_step_derivatives.py",
-    "contact/test_dented_meshes.py",
-    "contact/test_event_contact.py",
-    "contact/test_event_hulls.py",
-    "contact/test_event_winches.py",
-    "contact/test_meshes.py",
-    "contact/test_patches.py",
-    "contact/test_shared_forces.py",
-    "contact/test_thin_walls.py",
     "cross/test_mechanisms.py",
     "cross/test_reeling_pendulum.py",
     "cross/test_string_pendulum.py",

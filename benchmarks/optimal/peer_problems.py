@@ -19,7 +19,7 @@ Vector = tuple[float, float, float]
 SMOOTH = 1.0
 """w, of the hand's accelerations [s^4/m^2]."""
 END = 1e2
-"""W and W_v, of what is left at the end [1/m^2, s^2/m^2 and the like]."""
+"""Weights of the places and of the velocities at the end [1/m^2 and s^2/m^2, or per rad^2]."""
 
 
 @dataclass(frozen=True)
