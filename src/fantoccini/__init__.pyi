@@ -64,10 +64,12 @@ from .optimal import (
     Touch as Touch,
     Touched as Touched,
     Track as Track,
+    Tuned as Tuned,
     follow as follow,
     load_task as load_task,
     optimise as optimise,
     reach as reach,
+    tune as tune,
 )
 from .perform import (
     Balance as Balance,

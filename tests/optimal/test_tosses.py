@@ -1,0 +1,50 @@
+"""Ten seconds with ten tosses: followed to the end of the search, through every catch."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from benchmarks.optimal import tosses
+
+import fantoccini as fan
+from fantoccini.optimal.chosen import Chosen
+from fantoccini.optimal.dynamics import TimeSteps
+from fantoccini.optimal.objective import Objective
+from fantoccini.optimal.shooting import EventRuns
+
+
+@pytest.fixture(scope="module")
+def followed() -> fan.Optimum:
+    return fan.optimise(
+        tosses.task(fan.loads(tosses.ARM)), exact=True, cost_tolerance=0.0, tolerance=tosses.KKT
+    )
+
+
+def test_it_is_solved_with_its_catches(followed):
+    assert followed.status is fan.OptimalStatus.SOLVED and followed.kkt <= tosses.KKT
+    assert tosses.catches(followed.run) >= tosses.TOSSES
+    assert followed.run.t[-1] == tosses.DURATION
+
+
+def test_no_direction_saves_anything(followed):
+    """Slopes of the cost along random changes, by runs of their own, beside the curvature."""
+    task, nodes, J = followed.task, followed.nodes, followed.cost
+    chosen, objective = Chosen(task.marionette, task.x0, {}), Objective(task)
+    runs = EventRuns(TimeSteps(task.marionette, task.dt, 1, chosen), chosen)
+    rng = np.random.default_rng(0)
+
+    def cost(change: np.ndarray) -> float:
+        made = runs.run(replace(nodes, acc_K=nodes.acc_K + change, run=None))
+        assert made is not None
+        return objective.cost(made[0], runs.ends(*made))
+
+    for _ in range(5):
+        change = rng.standard_normal(nodes.acc_K.shape)
+        change *= 1e-4 / np.max(np.abs(change))
+        up, down = cost(change), cost(-change)
+        curvature = up + down - 2.0 * J
+        assert curvature > 0.0
+        # A Newton step along the change would save so much; of the cost, it is next to nothing.
+        assert (up - down) ** 2 / (8.0 * curvature) < 1e-6 * J
