@@ -164,7 +164,7 @@ def name_of(settings: dict) -> str:
     return settings["jacobian"] + (", islands" if settings["islands"] else "")
 
 
-def text_of(marionette: Marionette, still: Array) -> str:
+def text_of(marionette: Marionette, still: Array | None) -> str:
     """MJCF of the puppet with the solids that may touch; bodies that never do are excluded."""
     root = ElementTree.fromstring(mjcf(marionette, still))
     option = root.find("option")

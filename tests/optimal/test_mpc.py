@@ -147,3 +147,24 @@ def test_a_marionette_draws_its_circle_after_a_kick():
     assert slack > 0 and max(away) > 0.01
     assert max(away[-25:]) < 0.1 * max(away)
     assert mpc.braked == 0
+
+
+def test_a_puppet_on_its_feet_is_kept_where_it_stands():
+    """Kicked at 0.45 m/s, its feet on the floor: without hands that answer it swings on."""
+    stage = fan.puppets.promenade()
+    still, x0 = stage.pose(stage.rest(), "torso")[:3, 3], stage.rest()
+    kick = np.zeros(stage.coordinates.n_vD)
+    kick[:2] = 0.4, 0.2
+    away, ends = [], []
+    for answers in (False, True):
+        mpc = fan.MPC(stage, {"torso": still}, horizon=0.5, nodes=20)
+        stepper = stage.stepper(stage.project(x0.replace(v_D=kick)), fan.TimeStepping(dt=1e-3))
+        path = []
+        for _ in range(60):
+            stepper.advance(mpc.interval, mpc.step(stepper.state) if answers else None)
+            path.append(np.linalg.norm(stage.pose(stepper.state, "torso")[:3, 3] - still))
+        away.append(float(np.sqrt(np.mean(np.square(path)))))
+        ends.append(max(path[-10:]))
+    assert away[1] < 0.6 * away[0]
+    assert ends[1] < 0.2 * ends[0]
+    assert not mpc.braked

@@ -115,12 +115,6 @@ def test_a_reset_gives_the_hands_back(arm):
     assert live.law is None
 
 
-def test_a_puppet_with_contact_is_refused():
-    live = fan.Performance(fan.loads(TOY.replace("floor: 0.0", "floor: 0.0\ncontact: true")))
-    with pytest.raises(StateError, match="contact"):
-        fan.Balance(live)
-
-
 def test_a_thread_makes_the_updates_and_counts_those_that_are_late(arm):
     live = fan.Performance(arm, kicked(arm, 1.0))
     law = fan.Balance(live, nodes=20, threaded=True)

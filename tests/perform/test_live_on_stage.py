@@ -122,3 +122,26 @@ def test_what_was_recorded_on_a_stage_replays_to_the_last_bit():
     recording = live.stop()
     assert len(recording.trajectory.contact) > 0
     assert np.array_equal(recording.replay().q_D, recording.trajectory.q_D)
+
+
+def test_hands_bring_back_a_puppet_that_stands():
+    """Its torso is pulled aside and let go; alone it would swing on."""
+    swings = []
+    for balanced in (False, True):
+        live = fan.Performance(fan.puppets.promenade())
+        begin = place(live, "torso")[:, 3]
+        if balanced:
+            law = fan.Balance(live)
+            live.let(law)
+        live.push("torso", [1.5, 0.5, 0.0])
+        live.advance(0.4)
+        live.push("torso", None)
+        live.advance(1.0)
+        far = []
+        for _ in range(40):
+            live.advance(0.02)
+            far.append(float(np.linalg.norm(place(live, "torso")[:, 3] - begin)))
+        swings.append(max(far))
+    assert swings[0] > 0.03
+    assert swings[1] < 0.4 * swings[0]
+    assert law.message == "" and law.mpc is not None and law.mpc.updates > 100

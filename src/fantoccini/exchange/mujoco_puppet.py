@@ -62,15 +62,17 @@ class MuJoCoPuppet:
     Args:
         marionette: the puppet.
         dt: longest step [s].
+        text: its MJCF, such as one with solids that touch; that of :func:`mjcf` when not given.
 
     Raises:
         ExchangeError: MuJoCo cannot model a part of the puppet.
         MissingLibraryError: MuJoCo is not installed.
     """
 
-    def __init__(self, marionette: Marionette, dt: float):
+    def __init__(self, marionette: Marionette, dt: float, text: str | None = None):
         self.mujoco, tree = library(), marionette.tree
-        self.model = m = self.mujoco.MjModel.from_xml_string(mjcf(marionette))
+        text = mjcf(marionette) if text is None else text
+        self.model = m = self.mujoco.MjModel.from_xml_string(text)
         self.data = self.mujoco.MjData(m)
         option = m.opt
         option.timestep = dt

@@ -32,8 +32,9 @@ class _Motion(NamedTuple):
 
 
 def mujoco_run(
-    marionette: Marionette, x0: State, inputs: Input, t_end: float, dt: float
-) -> Trajectory:
+    marionette: Marionette, x0: State, inputs: Input, t_end: float, dt: float,
+    text: str | None = None,
+) -> Trajectory:  # fmt: skip
     """Simulates a puppet in MuJoCo with the Runge-Kutta method of order 4.
 
     Driven coordinates are set at every step; within a step their accelerations and the user forces
@@ -46,6 +47,7 @@ def mujoco_run(
         inputs: motion of the driven coordinates, and user forces; steps end at their breaks.
         t_end: end of the run [s].
         dt: longest step [s].
+        text: see :class:`MuJoCoPuppet`.
 
     Returns:
         The trajectory with a sample per step; it ends before the first that is not finite.
@@ -56,7 +58,7 @@ def mujoco_run(
         StateError: ``x0`` breaks a string or limit.
     """
     check_start(marionette.model, x0, "timestepping")
-    puppet = MuJoCoPuppet(marionette, dt)
+    puppet = MuJoCoPuppet(marionette, dt, text)
     data = puppet.data
     t = _steps(x0.t, t_end, inputs.breaks, dt)
     bound = bind_input(marionette.model, inputs, x0.q_K, x0.v_K, x0.t, t_end)

@@ -20,7 +20,7 @@ import numpy as np
 
 from fantoccini.arrays import Array, check_positive
 from fantoccini.errors import StateError
-from fantoccini.marionette import Marionette, refuse_contact
+from fantoccini.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.optimal.api import refuse_winches, tracks_of
 from fantoccini.optimal.bounds import Bounds
@@ -93,8 +93,8 @@ class MPC:
     then under the answers given before. An answer that does not come in time is replaced by
     :meth:`acceleration`, what the update before had planned.
 
-    Strings may be slack: predictions are time steps, and derivatives hold for the strings that
-    pull in them.
+    Strings may be slack, and solids touch: predictions are time steps, and derivatives hold for
+    the strings that pull in them and for the points that stick, slide or are open.
 
     Attributes:
         marionette: the puppet.
@@ -124,7 +124,7 @@ class MPC:
 
     Raises:
         StateError: the task is not well defined, its duration is free, it has an end, or the
-            puppet has contact or winches that slip.
+            puppet has winches that slip.
         UnknownNameError: a name that is none.
     """
 
@@ -143,7 +143,6 @@ class MPC:
         threads: int | None = 1,
     ):
         check_positive(horizon=horizon, nodes=nodes)
-        refuse_contact(marionette.model, "MPC")
         refuse_winches(marionette, "MPC")
         self.marionette, self.nodes, self.interval = marionette, nodes, horizon / nodes
         dt = 0.5 * self.interval if dt is None else dt

@@ -14,7 +14,6 @@ import numpy as np
 
 from fantoccini.arrays import VecK
 from fantoccini.errors import FantocciniError, StateError
-from fantoccini.marionette import refuse_contact
 from fantoccini.motion import State
 from fantoccini.optimal import MPC, Bounds, Smooth, Task, Track
 from fantoccini.optimal.api import refuse_winches
@@ -76,12 +75,11 @@ class Balance:
         threaded: whether updates are made in a thread of their own.
 
     Raises:
-        StateError: the puppet has contact, drives that slip, or nothing that is driven.
+        StateError: the puppet has drives that slip, or nothing that is driven.
     """
 
     def __init__(self, performance: Performance, *, nodes: int = 50, threaded: bool = False):
         marionette, x = performance.marionette, performance.state
-        refuse_contact(marionette.model, "Balance")
         refuse_winches(marionette, "Balance")
         if not marionette.coordinates.n_vK:
             raise StateError(f"{marionette.name} has nothing that hands could move")

@@ -11,6 +11,7 @@ from pathlib import Path
 from fantoccini.errors import UnknownNameError
 from fantoccini.marionette import Marionette, StringModel, load
 from fantoccini.puppet.files import bundled
+from fantoccini.puppets.gait import Gait as Gait
 
 _FOLDER = Path(__file__).parent
 Progress = Callable[[str], None]

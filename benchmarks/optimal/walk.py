@@ -1,0 +1,177 @@
+"""A walk that repeats itself and does not slip: how far it holds, and how it was found.
+
+    python -m benchmarks.optimal.walk [--steps 40] [--mujoco] [--search 0] [--seed 0]
+
+Prints what the marionette does on ``promenade`` with ``fan.puppets.Gait()``: in time steps of ever
+shorter length, and with ``--mujoco`` in MuJoCo, whose strings and contacts are soft. A foot slips
+by the way its sole's corners go along the floor while they are on it; the state repeats but for
+the way of the stride. ``--search`` looks for better numbers for so many seconds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+
+import fantoccini as fan
+from fantoccini.exchange import mujoco_run
+from fantoccini.marionette import link_index
+from fantoccini.puppets import Gait
+
+from ..contact.mujoco_scene import text_of
+
+STEPS = (2e-3, 1e-3, 5e-4, 2.5e-4, 1.25e-4)
+"""Time steps [s]."""
+SAMPLE = 5e-3
+"""Between the samples that are looked at [s]."""
+ON_FLOOR = 1e-4
+"""Height up to which a corner counts as on the floor [m]."""
+SLIP = 1e-3
+"""The mark: how far a foot may slip in a step [m]."""
+LIFT = 5e-3
+"""How high a sole is to be carried at least [m]."""
+LAST = 8
+"""Steps at the end that are looked at."""
+SOLE = np.array([[x, y, -0.141] for x in (-0.02, 0.034) for y in (-0.016, 0.016)])
+SPREADS = {
+    "lower": 1e-3, "nod": 1e-3, "lean": 2e-3, "slack": 2e-3, "ahead": 0.01, "apart": 4e-3,
+    "lift": 5e-3, "lifts": 0.03, "highest": 0.04, "lands": 0.05, "swings": 0.03, "arrives": 0.05,
+    "beyond": 0.01, "sway": 3e-3, "sways": 0.05, "swayed": 0.05, "follows": 0.08, "followed": 0.08,
+}  # fmt: skip
+"""Of a first search, by number; stride and duration stay."""
+
+
+@dataclass(frozen=True)
+class Walked:
+    """The last steps of a run.
+
+    Attributes:
+        slip: (n, 2) way along the floor of every step and foot [m].
+        lift: (n,) height of the lowest corner of the foot that swings, at its highest [m].
+        repeats: (m,) largest change of a coordinate from one pair of steps to the next, but for
+            the way [m or rad].
+        way: of a pair of steps [m].
+        carried: mean share of the weight that the feet carry.
+        upright: least cosine of the torso's lean.
+        tilt: mean angle of the soles while they are on the floor [deg].
+    """
+
+    slip: np.ndarray
+    lift: np.ndarray
+    repeats: np.ndarray
+    way: float
+    carried: float
+    upright: float
+    tilt: float
+
+    def __str__(self) -> str:
+        return (
+            f"slip {1e3 * self.slip.max():.2f} mm at most in a step and foot, lift "
+            f"{1e3 * self.lift.min():.1f} mm, way {1e3 * self.way:.1f} mm a pair of steps, repeats "
+            f"within {self.repeats.max():.4f}, feet carry {100 * self.carried:.0f} %"
+        )
+
+
+def walked(stage: fan.Marionette, run: fan.Trajectory, gait: Gait, steps: int) -> Walked:
+    """What a run does in the last ``LAST`` of its steps, the closing one left out."""
+    D, last = gait.duration, steps - 1
+    begin = run.t[0] + D * (1 + last - LAST)
+    times = np.arange(begin, begin + LAST * D + 0.5 * SAMPLE, SAMPLE)
+    at = np.minimum(np.searchsorted(run.t, times - 1e-9), len(run.t) - 1)
+    q_D, q_K = run.q_D[at], run.q_K[at]
+    poses = stage.poses(q_D, q_K)
+    shins = [poses[:, link_index(stage.model, f"shin_{side}")] for side in ("left", "right")]
+    corners = np.stack(
+        [T[:, None, :, 3] + np.einsum("tij,cj->tci", T[:, :, :3], SOLE) for T in shins], axis=1
+    )
+    low = corners[..., 2] < ON_FLOOR
+    ways = np.linalg.norm(np.diff(corners[..., :2], axis=0), axis=-1)
+    ways = np.where(low[1:] & low[:-1], ways, 0.0).max(axis=-1)
+    step = np.minimum(((times[:-1] - begin + 1e-9) / D).astype(int), LAST - 1)
+    slip = np.array([ways[step == k].sum(axis=0) for k in range(LAST)])
+    swings = [(last - LAST + k) % 2 for k in range(LAST)]
+    height = corners[:-1, ..., 2].min(axis=-1)
+    lift = np.array([height[step == k, swings[k]].max() for k in range(LAST)])
+    pairs = q_D[np.searchsorted(times, begin + 2 * D * np.arange(LAST // 2 + 1) - 1e-9)].copy()
+    ahead = stage.coordinates.q_D.index("torso.x")
+    way = float(pairs[-1, ahead] - pairs[0, ahead]) / (LAST // 2)
+    pairs[:, ahead] -= 2.0 * gait.stride * np.arange(len(pairs))
+    flat = np.stack([T[:, 2, 2] for T in shins], axis=1)[low.any(axis=-1)]
+    tension = run.tension.values[at].sum(axis=1).mean()
+    return Walked(
+        slip, lift, np.abs(np.diff(pairs, axis=0)).max(axis=1), way,
+        float(1.0 - tension / stage.weight),
+        float(poses[:, link_index(stage.model, "torso"), 2, 2].min()),
+        float(np.degrees(np.arccos(np.clip(flat, -1.0, 1.0))).mean()) if len(flat) else 90.0,
+    )  # fmt: skip
+
+
+def cost(stage: fan.Marionette, run: fan.Trajectory, gait: Gait, steps: int) -> float:
+    """Of a walk: its slip [mm], what does not repeat, and what keeps it from being one."""
+    one = walked(stage, run, gait, steps)
+    slip = 1e3 * one.slip.max(axis=1)
+    return float(
+        4.0 * slip.mean() + 2.0 * slip.max()
+        + 100.0 * one.repeats.mean() + 50.0 * one.repeats.max()
+        + 2e3 * max(0.0, LIFT - one.lift.min())
+        + 2e2 * abs(one.way - 2.0 * gait.stride)
+        + 100.0 * max(0.0, 0.15 - one.carried)
+        + 50.0 * max(0.0, 0.98 - one.upright)
+        + 0.3 * one.tilt
+    )  # fmt: skip
+
+
+def searched(
+    stage: fan.Marionette, first: Gait, share: float, seconds: float, seed: int
+) -> fan.Tuned:
+    """Numbers of a walk of 20 steps, drawn around the first ones by that share of ``SPREADS``."""
+    steps, x0, start = 20, stage.rest(), asdict(first)
+    return fan.tune(
+        stage, lambda v: replace(first, **v).inputs(stage, steps, x0),
+        {name: (start[name], share * spread) for name, spread in SPREADS.items()},
+        lambda run: cost(stage, run, first, steps), x0, first.duration * (steps + 1),
+        method=fan.TimeStepping(dt=2.5e-4), save_every=20, runs=60, generations=1000,
+        time_limit=seconds, seed=seed,
+        progress=lambda best, median: print(f"cost {best:.3f}, median {median:.3f}", flush=True),
+    )  # fmt: skip
+
+
+def main() -> None:
+    """Measures and prints."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--steps", type=int, default=40)
+    parser.add_argument("--mujoco", action="store_true", help="in MuJoCo, too: a minute")
+    parser.add_argument("--search", type=float, default=0.0, help="for better numbers [s]")
+    parser.add_argument("--share", type=float, default=1.0, help="of the spreads at its start")
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    stage, gait, steps = fan.puppets.promenade(), Gait(), options.steps
+    if options.search:
+        found = searched(stage, gait, options.share, options.search, options.seed)
+        gait = replace(gait, **found.values)
+        print(found.status.name, gait)
+    x0 = stage.rest()
+    inputs, end = gait.inputs(stage, steps, x0), gait.duration * (steps + 1)
+    for dt in STEPS:
+        began, method = time.perf_counter(), fan.TimeStepping(dt=dt)
+        run = fan.simulate(stage, x0, inputs, end, method=method, save_every=round(2e-3 / dt))
+        took = time.perf_counter() - began
+        print(f"steps of {1e3 * dt:g} ms: {walked(stage, run, gait, steps)}; {took:.1f} s")
+    if options.mujoco:
+        print(f"MuJoCo: {walked(stage, in_mujoco(stage, x0, inputs, end), gait, steps)}")
+
+
+def in_mujoco(
+    stage: fan.Marionette, x0: fan.State, inputs: fan.Input, end: float
+) -> fan.Trajectory:
+    """The run in MuJoCo in steps of 0.5 ms, with elliptic cones and little creep."""
+    text = text_of(stage, None)
+    text = text.replace("<option ", '<option impratio="100" cone="elliptic" ', 1)
+    return mujoco_run(stage, x0, inputs, end, 5e-4, text)
+
+
+if __name__ == "__main__":
+    main()
