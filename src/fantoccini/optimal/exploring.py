@@ -1,7 +1,7 @@
 """Exploration: random motions of the inputs, through whatever strings do, by the exact law.
 
-The cross-entropy method (``cross_entropy.py``) draws motions from a normal distribution and moves
-it to the best of them, by
+The cross-entropy method (Rubinstein, Methodol. Comput. Appl. Probab. 1, 1999) draws motions from a
+normal distribution and moves it to the best of them, by
 
     J / J_0 + price (|gap|^2 / gap_0^2 + passed)
 
@@ -22,7 +22,6 @@ from fantoccini.arrays import Array, Indices
 from fantoccini.errors import ARRIVED, Status
 from fantoccini.motion import Inputs
 from fantoccini.motion.polynomial import N_COEF
-from fantoccini.optimal.cross_entropy import Normal
 from fantoccini.optimal.drawn_inputs import Driven, hats
 from fantoccini.optimal.dynamics import Ends
 from fantoccini.optimal.nodes import Nodes
@@ -49,6 +48,8 @@ class ExploringSettings:
     near_spread: float = 0.1
     near_generations: int = 10
     """The same of an exploration near a motion that is almost one."""
+    kept: float = 0.3
+    """Of mean and spread, from one generation to the next."""
     price: tuple[float, float] = (1e2, 1e4)
     """Of gaps and of passed bounds, in the first generation and the last."""
     moment: float = 0.2
@@ -128,18 +129,20 @@ class Exploration:
         mean = np.zeros((self._hats.shape[1], len(moves)))
         widest = SETTINGS.near_spread if self._near else SETTINGS.spread
         generations = SETTINGS.near_generations if self._near else SETTINGS.generations
-        numbers = Normal(mean, widest * most + 0.0 * mean)
+        spread = widest * most + 0.0 * mean
         units: tuple[float, float] | None = None
         best: Drawn | None = None
         low, high = SETTINGS.price
         for g in range(generations):
             if time.perf_counter() > self._until:
                 break
-            drawn = self._simulated(numbers.drawn(self._rng, SETTINGS.runs))
+            noise = self._rng.standard_normal((SETTINGS.runs, *mean.shape))
+            noise[0] = 0.0
+            drawn = self._simulated(mean + spread * noise)
             drawn = drawn if best is None else best.beside(drawn)
             arrived = np.flatnonzero(np.isfinite(drawn.cost))
             if not len(arrived):
-                numbers = numbers.narrowed()  # of slower motions more are possible
+                spread = 0.5 * spread  # of slower motions more are possible
                 continue
             if units is None:
                 J, gap = np.median(drawn.cost[arrived]), np.median(drawn.gap[arrived])
@@ -148,10 +151,12 @@ class Exploration:
             merit = drawn.cost / units[0] + price * (drawn.gap / units[1] + drawn.passed)
             order = np.argsort(merit, kind="stable")[: min(SETTINGS.best, len(arrived))]
             best = drawn.part(order)
-            numbers = numbers.moved(best.theta)
+            kept = SETTINGS.kept
+            mean = kept * mean + (1.0 - kept) * np.mean(best.theta, axis=0)
+            spread = kept * spread + (1.0 - kept) * np.std(best.theta, axis=0)
             if progress is not None:
                 progress(self._iterate(best))
-            if np.mean(numbers.spread / most) < SETTINGS.least_spread:
+            if np.mean(spread / most) < SETTINGS.least_spread:
                 break
         return None if best is None else self._iterate(best)
 

@@ -1,9 +1,10 @@
 """tune: the numbers of a family of motions for which a cost of the run is least.
 
-    min over theta of E[cost(run(family(theta)))],   theta ~ N(mean, spread^2)
+    min over theta of cost(run(family(theta))),   theta ~ N(mean, C)
 
 For what has no derivatives: steps of a walk, whose landings change the order of many events. Runs
-are simulated many at once, and the distribution moves to the best of them (``cross_entropy.py``).
+are simulated many at once, and mean and covariance C move towards the best of them: CMA-ES
+(Hansen, The CMA Evolution Strategy: A Tutorial, arXiv 1604.00772), as the library pycma has it.
 """
 
 from __future__ import annotations
@@ -19,14 +20,11 @@ from fantoccini.arrays import Array, check_positive
 from fantoccini.errors import FantocciniError, StateError, Status
 from fantoccini.marionette import Marionette, Method, MethodName
 from fantoccini.motion import Input, State, Trajectory
-from fantoccini.optimal.cross_entropy import Normal
 from fantoccini.optimal.result import OptimalStatus
 from fantoccini.simulation import simulate, simulate_batch
 
 _AT_ONCE = 16
 """Runs that are simulated and kept in memory together."""
-_BEST = 0.2
-"""Share of a generation to which the distribution moves."""
 
 Family = Callable[[dict[str, float]], Input]
 Cost = Callable[[Trajectory], float]
@@ -98,7 +96,7 @@ def tune(
         t_end: end of the runs [s]; the end of the inputs when not given.
         method: see :func:`fantoccini.simulate`.
         save_every: write every so many steps (not event-driven); every one when not given.
-        runs: of a generation.
+        runs: of a generation; at least 3.
         generations: at most.
         narrow: it ends where all spreads are below this share of those at the start.
         time_limit: at most, looked at after every generation [s].
@@ -119,45 +117,51 @@ def tune(
             f"numbers is {dict(numbers)!r}; it must give each name (start, spread), spread above 0"
         )
     x0 = marionette.rest() if x0 is None else x0
-    rng, law = np.random.default_rng(seed), Normal(first[:, 0], first[:, 1])
+    from cma import CMAEvolutionStrategy  # slow to import
+
+    law = CMAEvolutionStrategy(
+        np.zeros(len(names)), 1.0,
+        {"popsize": runs, "seed": 1 + seed, "verbose": -9, "CMA_elitist": False},
+    )
     trial = _Trial(marionette, family, names, cost, x0, t_end, method, save_every, threads)
-    theta, J = np.zeros((0, len(names))), np.zeros(0)
+    best, least, spread = first[:, 0], math.inf, first[:, 1]
     curve, status = list[tuple[float, float]](), OptimalStatus.ITERATIONS
     try:
-        for _ in range(generations):
-            drawn = law.drawn(rng, runs)
-            found = trial.costs(drawn)
-            # The best so far stay among those that later ones are measured by.
-            theta, J = np.concatenate([theta, drawn]), np.concatenate([J, found])
-            order = np.argsort(J, kind="stable")[: max(1, round(_BEST * runs))]
-            theta, J = theta[order], J[order]
-            arrived = np.isfinite(J)
-            curve.append((float(J[0]), float(np.median(found))))
+        for generation in range(generations):
+            drawn = law.ask()
+            if not generation:
+                drawn[0] = np.zeros(len(names))  # where it begins counts as well
+            theta = first[:, 0] + first[:, 1] * np.array(drawn)
+            J = trial.costs(theta)
+            law.tell(drawn, list(J))
+            if np.min(J) < least:
+                best, least = theta[np.argmin(J)], float(np.min(J))
+            spread = first[:, 1] * np.asarray(law.stds)
+            curve.append((least, float(np.median(J))))
             if progress is not None:
                 progress(*curve[-1])
-            law = law.moved(theta[arrived]) if np.any(arrived) else law.narrowed()
-            if np.all(law.spread <= narrow * first[:, 1]):
-                status = OptimalStatus.SETTLED if np.any(arrived) else status
+            if np.all(spread <= narrow * first[:, 1]):
+                status = OptimalStatus.SETTLED if least < math.inf else status
                 break
             if time.perf_counter() - began > time_limit:
                 status = OptimalStatus.TIMEOUT
                 break
     except KeyboardInterrupt:
         status = OptimalStatus.STOPPED
-        if not np.any(np.isfinite(J)):
+        if least == math.inf:
             raise
-    if not np.any(np.isfinite(J)):
+    if least == math.inf:
         raise StateError(
             f"tune: none of the {len(curve) * runs} runs had a finite cost; the last ended with "
             f"{trial.ended}; begin with numbers whose run arrives, and with smaller spreads"
         )
-    values = dict(zip(names, map(float, theta[0]), strict=True))
+    values = dict(zip(names, map(float, best), strict=True))
     inputs = family(values)
     run = simulate(
         marionette, x0, inputs, t_end, method=method, save_every=save_every, throw=False
     )
     return Tuned(
-        values, dict(zip(names, map(float, law.spread), strict=True)), trial.cost_of(run), inputs,
+        values, dict(zip(names, map(float, spread), strict=True)), trial.cost_of(run), inputs,
         run, status, np.array(curve), time.perf_counter() - began,
     )  # fmt: skip
 

@@ -60,7 +60,7 @@ class Gait:
     lift: float = 0.037766
     lifts: float = 0.032218
     highest: float = 0.234733
-    lands: float = 0.691505
+    lands: float = 0.72
     swings: float = 0.144954
     arrives: float = 0.671086
     beyond: float = 0.007946

@@ -133,8 +133,13 @@ struct ConeEquations : ConeLaw {
       w[i] = clip(w[i], 0.0, upper[i]);
       slide(c, w + i, mu[c] * larger(x[i], 0.0));
     }
-    for (int i = 0; i < n; ++i) most = larger(most, g_[i] * fabs(x[i] - w[i]));
-    return most;
+    double sum = 0.0;  // nan where one is
+    for (int i = 0; i < n; ++i) {
+      const double own = g_[i] * fabs(x[i] - w[i]);
+      most = larger(most, own);
+      sum += own;
+    }
+    return is_finite(sum) ? most : unbounded;
   }
 
   // x - s / g of row i of the raised problem.

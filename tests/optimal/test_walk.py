@@ -1,0 +1,67 @@
+"""Steps of the bundled marionette: they repeat themselves, carry it, and hardly slip."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from benchmarks.optimal import walk
+from fantoccini.puppets import Gait
+
+STEPS = 24
+
+
+@pytest.fixture(scope="module")
+def stage() -> fan.Marionette:
+    return fan.puppets.promenade()
+
+
+@pytest.mark.parametrize("dt", [1e-3, 2.5e-4])
+def test_it_walks_without_slipping(stage, dt):
+    gait, x0 = Gait(), stage.rest()
+    end, method = gait.duration * (STEPS + 1), fan.TimeStepping(dt=dt)
+    inputs = gait.inputs(stage, STEPS, x0)
+    run = fan.simulate(stage, x0, inputs, end, method=method, save_every=round(2e-3 / dt))
+    found = walk.walked(stage, run, gait, STEPS)
+    assert found.slip.max(axis=1).mean() < walk.SLIP
+    assert found.lift.min() > 4e-3
+    assert found.way == pytest.approx(2.0 * gait.stride, abs=1e-3)
+    assert found.repeats.max() < 0.02
+    assert found.carried > 0.2
+    assert found.upright > 0.97
+
+
+def test_it_ends_standing_as_it_began_but_for_the_way(stage):
+    gait, x0 = Gait(), stage.rest()
+    inputs = gait.inputs(stage, 5, x0).bound(x0.q_K, x0.t)
+    q_K = inputs.evaluate(inputs.end)[0]
+    moved = {name: q_K[i] - x0.q_K[i] for i, name in enumerate(stage.coordinates.q_K)}
+    ahead = 4.0 * gait.stride  # the first step and the last are half as long
+    for name, way in moved.items():
+        if name.endswith(".y"):
+            wanted = gait.apart if name == "knee_left.y" else 0.0
+            wanted = -gait.apart if name == "knee_right.y" else wanted
+        elif name.endswith(".x"):
+            own = {"knee_left": gait.ahead, "knee_right": gait.ahead, "head": gait.lean}
+            wanted = ahead + own.get(name.removesuffix(".x"), 0.0)
+        else:
+            wanted = {"knee": gait.slack, "hand": 0.0, "shoulder": gait.lower}.get(
+                name.split("_")[0], gait.lower + gait.nod
+            )
+        assert way == pytest.approx(wanted, abs=1e-12), name
+
+
+def test_steps_begin_where_and_when_they_are_told(stage):
+    x0 = stage.rest().replace(t=3.0)
+    points = Gait().waypoints(x0, 2)
+    assert all(times[0] == (3.0, float(x0[name])) for name, times in points.items())
+    assert all(np.all(np.diff([t for t, _ in times]) > 0.0) for times in points.values())
+
+
+def test_what_cannot_walk_is_refused(stage):
+    with pytest.raises(ValueError, match="at least 2"):
+        Gait().inputs(stage, 1)
+    with pytest.raises(KeyError):
+        Gait().inputs(fan.puppets.arm2d(), 4)
+    assert set(walk.SPREADS) | {"stride", "duration"} == set(Gait.numbers())
