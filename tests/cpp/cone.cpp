@@ -1,7 +1,8 @@
 // The solver of strings and contacts by itself: problems from stdin, solutions to stdout.
 //
-// stdin: how many problems; then of each n_single, n_contacts, mu (n_contacts), and of its n rows
-// lower, upper, b, the guess of x, and G (n * n).
+// stdin: how many problems; then of each n_single, n_contacts, mu (n_contacts), of every contact whether
+// its direction of sliding is given and that (3 n_contacts), and of its n rows lower, upper, b, the
+// guess of x, and G (n * n).
 // stdout, one line a problem: solved (1 or 0), residual, iterations, rounds, x (n), s (n).
 #include <cmath>
 #include <cstdio>
@@ -33,6 +34,15 @@ int main() {
     if (n > kCapacity) return 1;
     problem.resize(n_single, n_contacts);
     take(problem.mu, problem.n_contacts);
+    bool slides[kCapacity], some = false;
+    double along[2 * kCapacity];
+    for (int c = 0; c < n_contacts; ++c) {
+      slides[c] = take() != 0.0;
+      some = some || slides[c];
+      take(along + 2 * c, 2);
+    }
+    problem.slides = some ? slides : nullptr;
+    problem.along = along;
     for (double* part : {problem.lower, problem.upper, problem.b, problem.x}) take(part, n);
     for (int i = 0; i < n; ++i) take(problem.G + i * problem.stride, n);
     const bool solved = problem.solve();
@@ -40,6 +50,7 @@ int main() {
     for (const double* part : {problem.x, problem.s})
       for (int i = 0; i < n; ++i) std::printf(" %.17g", part[i]);
     std::printf("\n");
+    problem.slides = nullptr;
   }
   return 0;
 }

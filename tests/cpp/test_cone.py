@@ -31,6 +31,8 @@ class Problem:
         mu: friction of every contact.
         lower, upper: bounds of all rows; 0 and none when not given.
         guess: x to start from; 0 when not given.
+        along: (n_contacts, 2) directions in which contacts slide, unit vectors; nan where they may
+            stick. None for all.
     """
 
     W: Array
@@ -39,6 +41,7 @@ class Problem:
     lower: Array | None = field(default=None, kw_only=True)
     upper: Array | None = field(default=None, kw_only=True)
     guess: Array | None = field(default=None, kw_only=True)
+    along: Array | None = field(default=None, kw_only=True)
 
     @property
     def G(self) -> Array:
@@ -61,7 +64,11 @@ class Problem:
     def words(self) -> Array:
         guess = np.zeros(len(self.b)) if self.guess is None else self.guess
         counts = np.array([self.n_single, len(self.mu)], dtype=float)
-        return np.concatenate([counts, self.mu, *self.bounds, self.b, guess, self.G.ravel()])
+        along = np.full((len(self.mu), 2), np.nan) if self.along is None else self.along
+        slides = np.isfinite(along[:, :1])
+        given = np.concatenate([slides, np.where(slides, along, 0.0)], axis=1).ravel()
+        parts = [counts, self.mu, given, *self.bounds, self.b, guess, self.G.ravel()]
+        return np.concatenate(parts)
 
 
 @dataclass(frozen=True)
@@ -400,3 +407,30 @@ def test_a_right_side_of_zero_or_less_than_rounding(solve: Solve) -> None:
 def test_no_rows(solve: Solve) -> None:
     (answer,) = solve([Problem(np.zeros((1, 0)), np.zeros(1), np.zeros(0))])
     assert answer.solved and answer.iterations == 0
+
+
+def test_contacts_that_slide_in_given_directions(solve: Solve) -> None:
+    """Strings, and contacts with friction along d: many jam. What counts as solved keeps the law."""
+    rng = np.random.default_rng(11)
+    problems = []
+    for p in stacks(12, 400):
+        turns = rng.uniform(0.0, 2.0 * np.pi, len(p.mu))
+        along = np.stack([np.cos(turns), np.sin(turns)], axis=1)
+        along[rng.random(len(p.mu)) < 0.3] = np.nan
+        problems.append(replace(p, along=along, mu=rng.uniform(0.2, 3.0, len(p.mu))))
+    answers, solved = solve(problems), 0
+    for p, answer in zip(problems, answers, strict=True):
+        assert np.all(np.isfinite(answer.x))
+        assert np.all(np.abs(answer.x) < 1e100)
+        solved += answer.solved
+        if not answer.solved:
+            continue
+        assert p.along is not None
+        s, scale, size = p.G @ answer.x - p.b, np.max(np.abs(p.b)), np.diag(p.G)
+        for c, d in enumerate(p.along):
+            i = p.n_single + 3 * c
+            normal = min(max(s[i], 0.0), size[i] * answer.x[i])
+            assert max(normal, -s[i], -answer.x[i]) <= 1e-9 * scale
+            if np.all(np.isfinite(d)):
+                assert answer.x[i + 1 : i + 3] == pytest.approx(p.mu[c] * answer.x[i] * d)
+    assert 20 < solved < len(problems)
