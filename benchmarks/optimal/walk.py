@@ -1,11 +1,12 @@
 """A walk that repeats itself and does not slip: how far it holds, and how it was found.
 
-    python -m benchmarks.optimal.walk [--steps 40] [--mujoco] [--search 0] [--seed 0]
+    python -m benchmarks.optimal.walk [--steps 40] [--friction 0.8] [--event] [--mujoco]
 
 Prints what the marionette does on ``promenade`` with ``fan.puppets.Gait()``: in time steps of ever
-shorter length, and with ``--mujoco`` in MuJoCo, whose strings and contacts are soft. A foot slips
-by the way its sole's corners go along the floor while they are on it; the state repeats but for
-the way of the stride. ``--search`` looks for better numbers for so many seconds.
+shorter length; with ``--event`` four of its steps event-driven, tens of thousands of events from a
+state on the cycle; with ``--mujoco`` in MuJoCo, whose strings and contacts are soft. A foot slips by
+the way its sole's corners go along the floor while they are on it; the state repeats but for the
+way of the stride. ``--search`` looks for better numbers for so many seconds.
 """
 
 from __future__ import annotations
@@ -75,11 +76,13 @@ class Walked:
         )
 
 
-def walked(stage: fan.Marionette, run: fan.Trajectory, gait: Gait, steps: int) -> Walked:
-    """What a run does in the last ``LAST`` of its steps, the closing one left out."""
-    D, last = gait.duration, steps - 1
-    begin = run.t[0] + D * (1 + last - LAST)
-    times = np.arange(begin, begin + LAST * D + 0.5 * SAMPLE, SAMPLE)
+def walked(
+    stage: fan.Marionette, run: fan.Trajectory, gait: Gait, steps: int, looked_at: int = LAST
+) -> Walked:
+    """What a run does in some of the last of its steps, the closing one left out."""
+    D, last, n = gait.duration, steps - 1, looked_at
+    begin = D * (1 + last - n)
+    times = np.arange(begin, begin + n * D + 0.5 * SAMPLE, SAMPLE)
     at = np.minimum(np.searchsorted(run.t, times - 1e-9), len(run.t) - 1)
     q_D, q_K = run.q_D[at], run.q_K[at]
     poses = stage.poses(q_D, q_K)
@@ -90,14 +93,14 @@ def walked(stage: fan.Marionette, run: fan.Trajectory, gait: Gait, steps: int) -
     low = corners[..., 2] < ON_FLOOR
     ways = np.linalg.norm(np.diff(corners[..., :2], axis=0), axis=-1)
     ways = np.where(low[1:] & low[:-1], ways, 0.0).max(axis=-1)
-    step = np.minimum(((times[:-1] - begin + 1e-9) / D).astype(int), LAST - 1)
-    slip = np.array([ways[step == k].sum(axis=0) for k in range(LAST)])
-    swings = [(last - LAST + k) % 2 for k in range(LAST)]
+    step = np.minimum(((times[:-1] - begin + 1e-9) / D).astype(int), n - 1)
+    slip = np.array([ways[step == k].sum(axis=0) for k in range(n)])
+    swings = [(last - n + k) % 2 for k in range(n)]
     height = corners[:-1, ..., 2].min(axis=-1)
-    lift = np.array([height[step == k, swings[k]].max() for k in range(LAST)])
-    pairs = q_D[np.searchsorted(times, begin + 2 * D * np.arange(LAST // 2 + 1) - 1e-9)].copy()
+    lift = np.array([height[step == k, swings[k]].max() for k in range(n)])
+    pairs = q_D[np.searchsorted(times, begin + 2 * D * np.arange(n // 2 + 1) - 1e-9)].copy()
     ahead = stage.coordinates.q_D.index("torso.x")
-    way = float(pairs[-1, ahead] - pairs[0, ahead]) / (LAST // 2)
+    way = float(pairs[-1, ahead] - pairs[0, ahead]) / (n // 2)
     pairs[:, ahead] -= 2.0 * gait.stride * np.arange(len(pairs))
     flat = np.stack([T[:, 2, 2] for T in shins], axis=1)[low.any(axis=-1)]
     tension = run.tension.values[at].sum(axis=1).mean()
@@ -143,12 +146,16 @@ def main() -> None:
     """Measures and prints."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--steps", type=int, default=40)
+    parser.add_argument("--friction", type=float, default=0.8, help="of the floor")
+    parser.add_argument("--event", action="store_true", help="event-driven, too: minutes")
     parser.add_argument("--mujoco", action="store_true", help="in MuJoCo, too: a minute")
     parser.add_argument("--search", type=float, default=0.0, help="for better numbers [s]")
     parser.add_argument("--share", type=float, default=1.0, help="of the spreads at its start")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
-    stage, gait, steps = fan.puppets.promenade(), Gait(), options.steps
+    gait, steps = Gait(), options.steps
+    text = fan.puppets.path("promenade").read_text(encoding="utf-8")
+    stage = fan.loads(text.replace("friction: 0.8", f"friction: {options.friction:g}"))
     if options.search:
         found = searched(stage, gait, options.share, options.search, options.seed)
         gait = replace(gait, **found.values)
@@ -160,8 +167,28 @@ def main() -> None:
         run = fan.simulate(stage, x0, inputs, end, method=method, save_every=round(2e-3 / dt))
         took = time.perf_counter() - began
         print(f"steps of {1e3 * dt:g} ms: {walked(stage, run, gait, steps)}; {took:.1f} s")
+    if options.event:
+        began = time.perf_counter()
+        run = by_events(stage, x0, inputs, gait, steps)
+        took = time.perf_counter() - began
+        print(
+            f"event-driven, {len(run.events)} events: {run.status.name} at {run.t[-1]:.4f} s; "
+            f"{walked(stage, run, gait, steps, 4)}; {took:.0f} s"
+        )
     if options.mujoco:
         print(f"MuJoCo: {walked(stage, in_mujoco(stage, x0, inputs, end), gait, steps)}")
+
+
+def by_events(
+    stage: fan.Marionette, x0: fan.State, inputs: fan.Input, gait: Gait, steps: int
+) -> fan.Trajectory:
+    """The last four steps but the closing one, from where time steps have led."""
+    start, end = gait.duration * (steps - 4), gait.duration * steps
+    led = fan.simulate(
+        stage, x0, inputs, start, method=fan.TimeStepping(dt=2.5e-4), save_every=10**6
+    )
+    x = stage.project(led.state(-1))
+    return fan.simulate(stage, x, inputs, end, effort=False, throw=False)
 
 
 def in_mujoco(

@@ -410,7 +410,7 @@ def test_no_rows(solve: Solve) -> None:
 
 
 def test_contacts_that_slide_in_given_directions(solve: Solve) -> None:
-    """Strings, and contacts with friction along d: many jam. What counts as solved keeps the law."""
+    """With friction along d, many jam. What counts as solved keeps the law."""
     rng = np.random.default_rng(11)
     problems = []
     for p in stacks(12, 400):

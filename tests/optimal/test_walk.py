@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from benchmarks.optimal import walk
 
 import fantoccini as fan
-from benchmarks.optimal import walk
 from fantoccini.puppets import Gait
 
 STEPS = 24

@@ -59,7 +59,8 @@ def optimise(
     it is; derivatives are those of time steps along it, through the taut strings, and steps are
     found by Riccati's recursion, within an interior point method where bounds are in force.
     Strings that the bounds ask to be taut stay taut; the others may go slack, and the derivatives
-    then hold for the order of events at hand only. Ctrl-C ends it with the best motion so far.
+    then hold for the order of events at hand only. Where a tension or a force ends at a bound, the
+    search goes on with exact derivatives. Ctrl-C ends it with the best motion so far.
 
     A task that explores is searched through modes: see :mod:`fantoccini.optimal.through_modes`.
 
@@ -88,7 +89,8 @@ def optimise(
     check_positive(tolerance=tolerance, time_limit=time_limit)
     began, marionette = time.perf_counter(), task.marionette
     _check(task)
-    if exact and marionette.coordinates.rotations:
+    rotates = bool(marionette.coordinates.rotations)
+    if exact and rotates:
         raise StateError("optimise: exact derivatives want driven coordinates that are scalars")
     chosen = Chosen(marionette, task.x0, task.parameters)
     pulls = bool(task.bounds.tension or task.bounds.force)
@@ -102,6 +104,7 @@ def optimise(
         runs = StepRuns(steps, chosen)
     if task.explore:
         runs = HybridRuns(steps, chosen)
+    may_be_exact = type(runs) is EventRuns and not rotates
     first = _first(task, chosen, task.guess if guess is None else guess)
     objective = Objective(task)
     at = _iterate(runs, first, objective)
@@ -126,6 +129,11 @@ def optimise(
         at = search.run(note)
         if has_contact:
             runs, at = _confirmed(runs, at, objective, limits, note)
+        elif may_be_exact and objective.rows.pulls_bind(at.nodes, at.ends):
+            # Derivatives of time steps are not those of tensions just after nodes.
+            runs = ExactRuns(steps, chosen)
+            search = Search(_again(at), runs, objective, limits)
+            at = search.run(note)
     except KeyboardInterrupt:
         at, status = search.best, OptimalStatus.STOPPED
     objective = search.objective
@@ -160,6 +168,11 @@ def _iterate(runs: EventRuns, nodes: Nodes, objective: Objective) -> Iterate | N
     return Iterate(made[0], ends, objective.cost(made[0], ends))
 
 
+def _again(at: Iterate) -> Iterate:
+    """A motion from which another search begins."""
+    return replace(at, damping=SETTINGS.first_damping, stalled=False, settled=False)
+
+
 def _confirmed(
     runs: EventRuns, at: Iterate, objective: Objective, limits: Limits,
     note: Callable[[Iterate], None],
@@ -174,10 +187,7 @@ def _confirmed(
     if made is None:
         return runs, at
     now = time.perf_counter()
-    made = replace(
-        at, nodes=made.nodes, ends=made.ends, cost=made.cost, damping=SETTINGS.first_damping,
-        stalled=False, settled=False,
-    )  # fmt: skip
+    made = _again(replace(at, nodes=made.nodes, ends=made.ends, cost=made.cost))
     if limits.until - now > _RUNS_LEFT * (now - began):
         made = Search(made, events, objective, limits).run(note)
     return replace(events, until=np.inf), made

@@ -15,6 +15,11 @@ from fantoccini.optimal.force_rows import ForceRows
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.task import Task
 
+_AT_BOUND = 1e-3
+"""Distance of a tension or force from a bound that it is at, relative to its largest."""
+_LEAST_PULL = 1e-9
+"""Its least size [N or N m]."""
+
 
 class Rows:
     """The rows of a task: tensions with bounds, then jerks, joints, forces and clearances.
@@ -81,6 +86,15 @@ class Rows:
         if self.clear:
             C[:, -n_clear:, s + k : s + k + nodes.n_z] = self.clear.by(nodes)
         return C
+
+    def pulls_bind(self, nodes: Nodes, ends: Ends) -> bool:
+        """Whether a tension or a force is at one of its bounds, or beyond."""
+        value, low, high = self.values(nodes, ends)
+        first = len(self._taut) + len(self._jerks) + len(self.places)
+        at = [*range(len(self._taut)), *range(first, first + len(self._forces))]
+        value, low, high = value[:, at], low[at], high[at]
+        near = _AT_BOUND * np.maximum(np.max(np.abs(value), axis=0, initial=0.0), _LEAST_PULL)
+        return bool(np.any((value <= low + near) | (value >= high - near)))
 
     def n_slack(self, ends: Ends) -> int:
         """How often, over all nodes, a string is slack that is to stay taut."""
