@@ -4,8 +4,8 @@
 
 Prints what the marionette does on ``promenade`` with ``fan.puppets.Gait()``: in time steps of ever
 shorter length; with ``--event`` four of its steps event-driven, tens of thousands of events from a
-state on the cycle; with ``--mujoco`` in MuJoCo, whose strings and contacts are soft. A foot slips by
-the way its sole's corners go along the floor while they are on it; the state repeats but for the
+state on the cycle; with ``--mujoco`` in MuJoCo, whose strings and contacts are soft. A foot slips
+by the way its sole's corners go along the floor while they are on it; the state repeats but for the
 way of the stride. ``--search`` looks for better numbers for so many seconds.
 """
 
