@@ -171,9 +171,11 @@ def main() -> None:
         began = time.perf_counter()
         run = by_events(stage, x0, inputs, gait, steps)
         took = time.perf_counter() - began
+        done = run.status is fan.Status.DONE
+        found = str(walked(stage, run, gait, steps, 4)) if done else run.status.message
         print(
-            f"event-driven, {len(run.events)} events: {run.status.name} at {run.t[-1]:.4f} s; "
-            f"{walked(stage, run, gait, steps, 4)}; {took:.0f} s"
+            f"event-driven, {len(run.events)} events, {run.t[-1] - run.t[0]:.3f} s: {found}; "
+            f"{took:.0f} s"
         )
     if options.mujoco:
         print(f"MuJoCo: {walked(stage, in_mujoco(stage, x0, inputs, end), gait, steps)}")

@@ -9,6 +9,7 @@ from fantoccini import puppets
 from fantoccini.errors import UnknownNameError
 from fantoccini.puppet import Puppet, load
 from fantoccini.puppet.shapes import shape_inertia
+from fantoccini.puppet.values import value_of
 from fantoccini.tree import Tree, grow
 
 # name: n_qD, n_vD, n_qK, n_vK, strings
@@ -72,8 +73,9 @@ def test_the_marionette_has_the_size_of_a_wooden_one() -> None:
     puppet, tree = bundled("marionette")
     mass = 0.0
     for link in tree.links:
-        mass += sum(lump.amount * lump.volume for lump in link.lumps)
+        mass += sum(value_of(lump.amount) * lump.volume for lump in link.lumps)
     assert 0.5 < mass < 1.2
+    assert list(tree.parameters) == ["neck_stiffness", "foot_density"]
     strings = {s.name for s in puppet.expanded().strings}
     sides = {
         f"{part}_{side}" for part in ("shoulder", "hand", "knee") for side in ("left", "right")

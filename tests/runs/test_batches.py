@@ -280,3 +280,21 @@ strings:
     with pytest.raises(fan.StateError, match="grip belongs to the winch of line"):
         fan.simulate_batch(arm, x0, t_end=0.1, parameters={"grip": [2.0, 3.0]})
     fan.simulate_batch(arm, x0, t_end=0.1, parameters={"grip": 3.0})
+
+
+@pytest.mark.parametrize("method", ["event", fan.TimeStepping(dt=2e-3)])
+def test_the_bundled_marionette_has_numbers_to_change(method):
+    """Heavier feet and a softer neck, run by run, are those of a puppet with these numbers."""
+    puppet, n = fan.puppets.marionette(), 3
+    x0 = puppet.rest()
+    lift = fan.Input.waypoints(puppet, {"knee_left.length": [(0, 1.0609), (0.3, 0.98)]})
+    numbers = {"foot_density": [800.0, 1200.0, 2400.0], "neck_stiffness": [0.005, 0.015, 0.03]}
+    many = fan.simulate_batch(
+        puppet, x0, lift, 0.3, method=method, save=["q_D"], parameters=numbers, threads=1
+    )
+    ends = []
+    for i in range(n):
+        other = puppet.with_parameters({name: values[i] for name, values in numbers.items()})
+        ends.append(fan.simulate(other, x0, lift, 0.3, method=method).q_D[-1])
+        assert many.q_D[i, -1] == pytest.approx(ends[i], abs=1e-6)
+    assert np.max(np.abs(ends[0] - ends[2])) > 1e-3
