@@ -30,6 +30,7 @@ LONG = (
 
 CONTACT = (
     "contact/test_books.py",
+    "contact/test_closed_forms.py",
     "contact/test_contact_files.py",
     "contact/test_contact_linearisation.py",
     "contact/test_contact_sensitivity.py",
@@ -96,7 +97,6 @@ SLOW = (
 
 QUICK = (
     *CONTACT,
-    "contact/test_closed_forms.py",
     "cross/test_mechanisms.py",
     "cross/test_reeling_pendulum.py",
     "cross/test_string_pendulum.py",

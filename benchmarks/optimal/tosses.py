@@ -3,10 +3,10 @@
 A hand jerks the string of a two-link arm up and lets it down, ten times: the string goes slack and
 snaps taut each time. What the tip did then is to be done again with smooth inputs, every catch
 included (``exact=True``), until the residual of the conditions of optimality is below 1e-6. The
-arm's joints have some damping, as wooden ones have: without it the take is chaotic (a change of an
-input grows 2e6 times in ten seconds), and no motion of the inputs repeats it.
+arm's joints have some damping, as wooden ones have: without it (``--damping 0``) the take is
+chaotic, and searches stall.
 
-    python -m benchmarks.optimal.tosses [--turns 3]
+    python -m benchmarks.optimal.tosses [--turns 3] [--damping 5e-3]
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ ARM = """
 puppet: beater
 bodies:
 - name: upper
-  joint: {name: shoulder, type: revolute, axis: [0, -1, 0], damping: 5.0e-3}
+  joint: {name: shoulder, type: revolute, axis: [0, -1, 0], damping: 5e-3}
   shapes: [{type: capsule, from: [0, 0, 0], to: [0.3, 0, 0], radius: 0.014, mass: 0.12}]
 - name: lower
   parent: upper
-  joint: {name: elbow, type: revolute, axis: [0, -1, 0], at: [0.3, 0, 0], damping: 5.0e-3}
+  joint: {name: elbow, type: revolute, axis: [0, -1, 0], at: [0.3, 0, 0], damping: 5e-3}
   shapes: [{type: capsule, from: [0, 0, 0], to: [0.3, 0, 0], radius: 0.012, mass: 0.08}]
 strings:
 - name: hand
@@ -70,7 +70,9 @@ def main() -> None:
     """Measures and prints."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--turns", type=int, default=3)
-    turns, arm = parser.parse_args().turns, fan.loads(ARM)
+    parser.add_argument("--damping", type=float, default=5e-3, help="of the joints [N m s]")
+    options = parser.parse_args()
+    turns, arm = options.turns, fan.loads(ARM.replace("5e-3", f"{options.damping:g}"))
     asked = task(arm)
     print(f"the take: {catches(take(arm)[2])} catches")
     for _ in range(turns):

@@ -1,4 +1,4 @@
-"""A walk that repeats itself and does not slip: how far it holds, and how it was found.
+"""A walk that repeats itself and hardly slips: how far it holds, and how it was found.
 
     python -m benchmarks.optimal.walk [--steps 40] [--friction 0.8] [--event] [--mujoco]
 
@@ -155,6 +155,7 @@ def main() -> None:
     options = parser.parse_args()
     gait, steps = Gait(), options.steps
     text = fan.puppets.path("promenade").read_text(encoding="utf-8")
+    assert "friction: 0.8" in text
     stage = fan.loads(text.replace("friction: 0.8", f"friction: {options.friction:g}"))
     if options.search:
         found = searched(stage, gait, options.share, options.search, options.seed)

@@ -65,6 +65,7 @@ from .optimal import (
     Touched as Touched,
     Track as Track,
     Tuned as Tuned,
+    TunedStatus as TunedStatus,
     follow as follow,
     load_task as load_task,
     optimise as optimise,

@@ -94,7 +94,7 @@ def test_a_winch_pulls_with_the_tension(arm: fan.Marionette):
         )  # fmt: skip
         # Derivatives of time steps, not being those of tensions at nodes, end a percent above: the
         # search goes on with exact ones.
-        found.append(fan.optimise(task, cost_tolerance=0.0))
+        found.append(fan.optimise(task, cost_tolerance=0.0, iterations=100))
     free = fan.optimise(replace(found[0].task, bounds=fan.Bounds()), cost_tolerance=0.0)
     assert all(found) and free.cost < 0.99 * found[0].cost  # the bounds count
     assert all(one.status is fan.OptimalStatus.SOLVED for one in found)

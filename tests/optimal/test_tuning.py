@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.optimal import OptimalStatus
+from fantoccini import TunedStatus
 
 LENGTH, AWAY = 0.5, 0.02
 
@@ -45,14 +45,45 @@ def test_the_second_move_comes_half_a_swing_later(trolley, method):
         trolley, lambda v: two_moves(trolley, max(v["delay"], 0.11)), {"delay": (0.4, 0.2)}, swing,
         method=method, runs=20, generations=30, narrow=1e-4,
     )
-    assert found and found.status is OptimalStatus.SETTLED
+    assert found.status is TunedStatus.SETTLED
     assert found.values["delay"] == pytest.approx(half, abs=2e-3)
     assert found.spread["delay"] <= 1e-4 * 0.2
-    assert found.cost == swing(found.run) < 1e-3 * swing(
-        fan.simulate(trolley, trolley.rest(), two_moves(trolley, 0.4), method=method)
+    assert found.cost == found.curve[-1, 0] == swing(found.run)
+    again, early = (
+        swing(fan.simulate(trolley, trolley.rest(), inputs, method=method))
+        for inputs in (found.inputs, two_moves(trolley, 0.4))
     )
+    assert found.cost == pytest.approx(again, abs=1e-6 * early) and found.cost < 1e-3 * early
     assert np.all(np.diff(found.curve[:, 0]) <= 0.0)
     assert found.inputs.end == found.run.t[-1] == 2.0
+
+
+@pytest.mark.parametrize("method", ["event", fan.TimeStepping(dt=1e-2)])
+def test_the_cost_sees_the_whole_run(trolley, method):
+    """The largest swing on the way, from a start at another time; and how it was sampled."""
+    x0 = trolley.rest().replace(t=1.0)
+    seen = []
+
+    def largest(run: fan.Trajectory) -> float:
+        seen.append(run.t)
+        return float(np.max(np.abs(run.q_D[run.t > 1.5])))
+
+    found = fan.tune(
+        trolley, lambda v: two_moves(trolley, max(v["delay"], 0.11)).shifted(1.0),
+        {"delay": (0.4, 0.1)}, largest, x0, method=method, runs=8, generations=3,
+    )  # fmt: skip
+    assert all(len(t) == 201 and t[0] == 1.0 and t[-1] == 3.0 for t in seen)
+    assert found.cost == largest(found.run) > 0.0
+
+
+def test_the_users_random_numbers_stay(trolley):
+    np.random.seed(5)
+    wanted = np.random.random(3)
+    np.random.seed(5)
+    fan.tune(
+        trolley, lambda v: two_moves(trolley, 0.5), {"a": (0.0, 1.0)}, swing, runs=4, generations=1
+    )
+    assert np.array_equal(np.random.random(3), wanted)
 
 
 def test_the_same_seed_gives_the_same(trolley):
@@ -64,22 +95,39 @@ def test_the_same_seed_gives_the_same(trolley):
 
     assert found(1).values == found(1).values
     assert found(1).values != found(2).values
-    assert found(1).status is OptimalStatus.ITERATIONS and not found(1)
+    assert found(1).status is TunedStatus.GENERATIONS
 
 
 def test_motions_that_fail_are_passed_by(trolley):
-    """A family that raises, and runs that are worth nothing, for half of the numbers."""
+    """A family that raises for a third of the numbers, and starts that do not fit for another."""
 
     def family(v: dict[str, float]) -> fan.Input:
-        if v["delay"] < 0.35:
+        if v["delay"] < 0.5:
             raise fan.StateError("too early")
+        if v["delay"] > 0.9:
+            return fan.Input.waypoints(trolley, {"trolley.x": [(0.0, 1.0), (2.0, 1.1)]})
         return two_moves(trolley, v["delay"])
 
     found = fan.tune(
-        trolley, family, {"delay": (0.4, 0.2)},
-        lambda run: np.inf if run.q_K[-1, 0] < 0.0 else swing(run), runs=20, generations=10,
-    )
-    assert found.values["delay"] >= 0.35
+        trolley, family, {"delay": (0.7, 0.3)},
+        lambda run: np.inf if run.q_K[-1, 0] > 0.9 else swing(run), runs=20, generations=15,
+    )  # fmt: skip
+    assert found.values["delay"] == pytest.approx(np.pi * np.sqrt(LENGTH / 9.81), abs=0.02)
+    assert np.isfinite(found.cost)
+
+
+def test_two_numbers(trolley):
+    """Half of the way is the best part to go first."""
+
+    def family(v: dict[str, float]) -> fan.Input:
+        way = [(0.0, 0.0), (0.1, v["part"] * AWAY), (max(v["delay"], 0.11), v["part"] * AWAY)]
+        way += [(max(v["delay"], 0.11) + 0.1, AWAY), (2.0, AWAY)]
+        return fan.Input.waypoints(trolley, {"trolley.x": way})
+
+    numbers = {"part": (0.3, 0.2), "delay": (0.5, 0.2)}
+    found = fan.tune(trolley, family, numbers, swing, runs=16, generations=40, narrow=1e-3)
+    assert found.values["part"] == pytest.approx(0.5, abs=0.01)
+    assert found.values["delay"] == pytest.approx(np.pi * np.sqrt(LENGTH / 9.81), abs=0.01)
 
 
 def test_what_makes_no_sense_is_refused(trolley):
@@ -89,14 +137,27 @@ def test_what_makes_no_sense_is_refused(trolley):
             else numbers, cost, runs=4, generations=2, **options,
         )  # fmt: skip
 
-    for numbers in ({}, {"a": (0.0, 0.0)}, {"a": (0.0, np.nan)}, {"a": 1.0}):
+    wrong = {"a": (0.0, 1.0), "b": 1.0}
+    for numbers in ({}, {"a": (0.0, 0.0)}, {"a": (0.0, np.nan)}, {"a": 1.0}, wrong):
         with pytest.raises(ValueError, match="numbers is"):
             tune(numbers)
     with pytest.raises(ValueError, match="NaN"):
         tune(cost=lambda run: float("nan"))
-    with pytest.raises(ValueError, match="runs"):
-        fan.tune(trolley, lambda v: two_moves(trolley, 0.5), {"a": (0.0, 1.0)}, swing, runs=0)
-    with pytest.raises(fan.StateError, match=r"none of the 8 runs.*ended with DONE"):
+    for counts in ({"runs": 2}, {"runs": 3.5}, {"generations": 0}, {"seed": -1}):
+        with pytest.raises(ValueError, match=next(iter(counts)) + "|non-negative"):
+            fan.tune(
+                trolley, lambda v: two_moves(trolley, 0.5), {"a": (0.0, 1.0)}, swing,
+                **{"runs": 3, "generations": 1, **counts},
+            )  # fmt: skip
+
+    def longer(v: dict[str, float]) -> fan.Input:
+        return fan.Input.waypoints(trolley, {"trolley.x": [(0.0, 0.0), (1.0 + v["a"] ** 2, AWAY)]})
+
+    with pytest.raises(ValueError, match="end at"):
+        fan.tune(trolley, longer, {"a": (0.5, 0.1)}, swing)
+    ends = fan.tune(trolley, longer, {"a": (0.5, 0.1)}, swing, t_end=2.0, runs=4, generations=1)
+    assert ends.run.t[-1] == 2.0
+    with pytest.raises(fan.StateError, match=r"none of the first 8 runs.*ended with DONE"):
         tune(cost=lambda run: np.inf)
 
 
@@ -108,7 +169,7 @@ def test_an_interrupted_search_keeps_the_best(trolley):
         trolley, lambda v: two_moves(trolley, 0.5), {"a": (0.0, 1.0)}, swing, runs=4,
         progress=progress,
     )  # fmt: skip
-    assert found.status is OptimalStatus.STOPPED
+    assert found.status is TunedStatus.STOPPED
     assert len(found.curve) == 1
 
 
@@ -117,4 +178,4 @@ def test_time_is_limited(trolley):
         trolley, lambda v: two_moves(trolley, max(v["delay"], 0.2)), {"delay": (0.4, 0.1)}, swing,
         runs=4, time_limit=1e-6,
     )  # fmt: skip
-    assert found.status is OptimalStatus.TIMEOUT and len(found.curve) == 1
+    assert found.status is TunedStatus.TIMEOUT and len(found.curve) == 1

@@ -18,7 +18,7 @@ def stage() -> fan.Marionette:
 
 
 @pytest.mark.parametrize("dt", [1e-3, 2.5e-4])
-def test_it_walks_without_slipping(stage, dt):
+def test_it_walks_and_slips_by_less_than_a_millimetre_a_step(stage, dt):
     gait, x0 = Gait(), stage.rest()
     end, method = gait.duration * (STEPS + 1), fan.TimeStepping(dt=dt)
     inputs = gait.inputs(stage, STEPS, x0)
@@ -62,6 +62,8 @@ def test_steps_begin_where_and_when_they_are_told(stage):
 def test_what_cannot_walk_is_refused(stage):
     with pytest.raises(ValueError, match="at least 2"):
         Gait().inputs(stage, 1)
-    with pytest.raises(KeyError):
+    with pytest.raises(fan.UnknownNameError, match=r"head\.x"):
         Gait().inputs(fan.puppets.arm2d(), 4)
+    with pytest.raises(ValueError, match="duration"):
+        Gait(duration=0.0)
     assert set(walk.SPREADS) | {"stride", "duration"} == set(Gait.numbers())

@@ -13,6 +13,7 @@ from fantoccini.cli.terminal import say, version, write
 
 NEEDED = (
     "casadi",
+    "cma",
     "coacd",
     "coal",
     "imageio-ffmpeg",

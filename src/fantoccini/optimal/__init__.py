@@ -17,4 +17,8 @@ from fantoccini.optimal.task import Task as Task
 from fantoccini.optimal.task_file import load_task as load_task, task_names as task_names
 from fantoccini.optimal.task_schema import task_schema as task_schema
 from fantoccini.optimal.touch import Touch as Touch, Touched as Touched
-from fantoccini.optimal.tuning import Tuned as Tuned, tune as tune
+from fantoccini.optimal.tuning import (
+    Tuned as Tuned,
+    TunedStatus as TunedStatus,
+    tune as tune,
+)

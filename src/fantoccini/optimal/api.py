@@ -34,6 +34,9 @@ from fantoccini.optimal.through_modes import HOLDS, ThroughModes
 _LOOKS = 5
 """In every interval, at which clearances are measured in the end."""
 
+_COARSE = 0.02
+"""Share of the cost at which a search ends at first whose derivatives may become exact ones; it has
+half of the iterations for that."""
 _CONFIRM = 60.0
 """Time that an event-driven run of the answer has at least [s]."""
 _RUNS_LEFT = 20.0
@@ -60,7 +63,8 @@ def optimise(
     found by Riccati's recursion, within an interior point method where bounds are in force.
     Strings that the bounds ask to be taut stay taut; the others may go slack, and the derivatives
     then hold for the order of events at hand only. Where a tension or a force ends at a bound, the
-    search goes on with exact derivatives. Ctrl-C ends it with the best motion so far.
+    search goes on with exact derivatives, if there are any. Ctrl-C ends it with the best motion
+    so far.
 
     A task that explores is searched through modes: see :mod:`fantoccini.optimal.through_modes`.
 
@@ -104,7 +108,6 @@ def optimise(
         runs = StepRuns(steps, chosen)
     if task.explore:
         runs = HybridRuns(steps, chosen)
-    may_be_exact = type(runs) is EventRuns and not rotates
     first = _first(task, chosen, task.guess if guess is None else guess)
     objective = Objective(task)
     at = _iterate(runs, first, objective)
@@ -121,7 +124,14 @@ def optimise(
 
     until = began + time_limit
     limits = Limits(tolerance, cost_tolerance, iterations, until)
-    search: Search | ThroughModes = Search(at, runs, objective, limits)
+    # Where tensions or forces end at their bounds, exact derivatives have the last word.
+    has_coarse = pulls and type(runs) is EventRuns and not rotates
+    first_limits = limits
+    if has_coarse:
+        first_limits = replace(
+            limits, cost_tolerance=max(cost_tolerance, _COARSE), iterations=(iterations + 1) // 2
+        )
+    search: Search | ThroughModes = Search(at, runs, objective, first_limits)
     if task.explore and isinstance(runs, HybridRuns):
         search = ThroughModes(at, runs, objective, limits, seed)
     status = None
@@ -129,15 +139,14 @@ def optimise(
         at = search.run(note)
         if has_contact:
             runs, at = _confirmed(runs, at, objective, limits, note)
-        elif may_be_exact and objective.rows.pulls_bind(at.nodes, at.ends):
-            # Derivatives of time steps are not those of tensions just after nodes.
-            runs = ExactRuns(steps, chosen)
-            search = Search(_again(at), runs, objective, limits)
+        elif has_coarse:
+            left = replace(limits, iterations=iterations - at.iterations)
+            runs, search = _finer(runs, at, objective, left)
             at = search.run(note)
     except KeyboardInterrupt:
         at, status = search.best, OptimalStatus.STOPPED
     objective = search.objective
-    if isinstance(runs, ExactRuns) and runs.reasons:
+    if exact and isinstance(runs, ExactRuns) and runs.reasons:
         text = f"the last derivatives were those of time steps: {runs.reasons[-1]}"
         warnings.warn(text, stacklevel=2)
     made = runs.run(at.nodes)
@@ -168,9 +177,25 @@ def _iterate(runs: EventRuns, nodes: Nodes, objective: Objective) -> Iterate | N
     return Iterate(made[0], ends, objective.cost(made[0], ends))
 
 
-def _again(at: Iterate) -> Iterate:
-    """A motion from which another search begins."""
-    return replace(at, damping=SETTINGS.first_damping, stalled=False, settled=False)
+def _finer(
+    runs: EventRuns, at: Iterate, objective: Objective, limits: Limits
+) -> tuple[EventRuns, Search]:
+    """The search that goes on from a motion of a first one with derivatives of time steps.
+
+    Where a tension or a force is at its bound it takes exact ones, if there are any: those of time
+    steps are not those of tensions just after nodes.
+    """
+    if limits.iterations > 0 and time.perf_counter() < limits.until:
+        exactly = ExactRuns(runs.steps, runs.chosen)
+        if objective.rows.pulls_bind(at.nodes, at.ends) and exactly.has(at.nodes):
+            again = Iterate(at.nodes, at.ends, at.cost, iterations=at.iterations, force=at.force)
+            return exactly, Search(again, exactly, objective, limits)
+    is_over = at.kkt <= limits.tolerance or at.stalled
+    if is_over or (at.settled and limits.cost_tolerance >= _COARSE):
+        limits = replace(limits, iterations=0)
+    else:
+        at.settled = False
+    return runs, Search(at, runs, objective, limits)
 
 
 def _confirmed(
@@ -187,7 +212,10 @@ def _confirmed(
     if made is None:
         return runs, at
     now = time.perf_counter()
-    made = _again(replace(at, nodes=made.nodes, ends=made.ends, cost=made.cost))
+    made = replace(
+        at, nodes=made.nodes, ends=made.ends, cost=made.cost, damping=SETTINGS.first_damping,
+        stalled=False, settled=False,
+    )  # fmt: skip
     if limits.until - now > _RUNS_LEFT * (now - began):
         made = Search(made, events, objective, limits).run(note)
     return replace(events, until=np.inf), made

@@ -70,6 +70,17 @@ class ExactRuns(HybridRuns):
 
     reasons: list[str] = field(default_factory=list, compare=False)
 
+    def has(self, nodes: Nodes) -> bool:
+        """Whether the motion of these inputs has exact derivatives."""
+        marionette, inputs = self.chosen.marionette(nodes.parameters), nodes.inputs()
+        x0 = self.chosen.start(nodes.parameters)
+        try:
+            run = simulate(marionette, x0, inputs, nodes.t[-1], effort=False)
+            interval_derivatives(marionette, run, inputs)
+        except (SimulationError, StateError):
+            return False
+        return True
+
     def linearise(self, nodes: Nodes, ends: Ends) -> LinearEnds:
         """See :class:`fantoccini.optimal.sqp.Shooting`."""
         self.reasons.clear()

@@ -57,7 +57,8 @@ class Optimum:
         inputs: motion of the driven coordinates.
         cost: J of the run.
         kkt: residual of the conditions of optimality: the largest of ``stationarity``, of what is
-            left at the end and of violated bounds. Its derivatives are those of time steps.
+            left at the end and of violated bounds. Its derivatives are those of time steps, or
+            exact ones; see :func:`fantoccini.optimise`.
         stationarity: of the step before, the larger of the change of the cost's gradient along it,
             relative to the gradient, and of the decrease that the slope promises, relative to J.
         violation: how far the run is beyond its bounds [N, m, rad or their rates].

@@ -88,8 +88,12 @@ class Rows:
         return C
 
     def pulls_bind(self, nodes: Nodes, ends: Ends) -> bool:
-        """Whether a tension or a force is at one of its bounds, or beyond."""
+        """Whether a tension or a force is at one of its bounds, or beyond.
+
+        A least tension of 0 is none: that is what slack strings have.
+        """
         value, low, high = self.values(nodes, ends)
+        low[: len(self._taut)][self._least <= 0.0] = -np.inf
         first = len(self._taut) + len(self._jerks) + len(self.places)
         at = [*range(len(self._taut)), *range(first, first + len(self._forces))]
         value, low, high = value[:, at], low[at], high[at]

@@ -4,11 +4,12 @@
 
 For what has no derivatives: steps of a walk, whose landings change the order of many events. Runs
 are simulated many at once, and mean and covariance C move towards the best of them: CMA-ES
-(Hansen, The CMA Evolution Strategy: A Tutorial, arXiv 1604.00772), as the library pycma has it.
+(Hansen, The CMA Evolution Strategy: A Tutorial, arXiv 1604.00772), as implemented in pycma.
 """
 
 from __future__ import annotations
 
+import enum
 import math
 import time
 from collections.abc import Callable, Mapping
@@ -16,18 +17,40 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array, check_positive
+from fantoccini.arrays import Array, Times, check_positive
 from fantoccini.errors import FantocciniError, StateError, Status
-from fantoccini.marionette import Marionette, Method, MethodName
+from fantoccini.marionette import Event, Marionette, Method, MethodName, as_method
 from fantoccini.motion import Input, State, Trajectory
-from fantoccini.optimal.result import OptimalStatus
-from fantoccini.simulation import simulate, simulate_batch
+from fantoccini.runtime.batch import default_threads
+from fantoccini.simulation import simulate_batch
 
-_AT_ONCE = 16
-"""Runs that are simulated and kept in memory together."""
+_AT_ONCE = 8
+"""Runs of a thread that are simulated and kept in memory together: as many as there are lanes."""
+_FEWEST = 3
+"""Runs of a generation at least, as the method needs."""
+_PATIENCE = 3
+"""Generations without a finite cost after which there is none."""
+_SAMPLES = 201
+"""Of event-driven runs, where their times are not given."""
+_SAME_TIME = 1e-9
+"""Distance of ends that are one [s]."""
 
 Family = Callable[[dict[str, float]], Input]
 Cost = Callable[[Trajectory], float]
+
+
+class TunedStatus(enum.Enum):
+    """How a search for numbers ended."""
+
+    SETTLED = "all spreads are narrow"
+    GENERATIONS = "the generations ended first; these are the best numbers so far"
+    TIMEOUT = "the time ended first; these are the best numbers so far"
+    STOPPED = "it was interrupted; these are the best numbers so far"
+
+    @property
+    def message(self) -> str:
+        """In words."""
+        return self.value
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,14 +59,15 @@ class Tuned:
 
     Attributes:
         values: its numbers.
-        spread: of the distribution in the end, by number: what is still wide hardly matters, or
-            was not given the generations to narrow.
+        spread: of the distribution in the end, by number. After many generations, what is still
+            wide hardly matters.
         cost: of its run.
         inputs: motion of the driven coordinates.
-        run: by the method that was asked for.
-        status: how the search ended: ``SETTLED`` when all spreads were narrow.
+        run: what the cost was given. ``fan.simulate`` of the inputs gives events, effort and
+            contacts as well.
+        status: how the search ended.
         curve: (generations, 2) the least cost so far, and the median of the generation; inf where
-            half of its runs did not arrive.
+            half of its runs had no finite cost.
         seconds: that it took [s].
     """
 
@@ -52,13 +76,9 @@ class Tuned:
     cost: float
     inputs: Input
     run: Trajectory
-    status: OptimalStatus
+    status: TunedStatus
     curve: Array
     seconds: float
-
-    def __bool__(self) -> bool:
-        """Whether the search came to its end by itself."""
-        return self.status is OptimalStatus.SETTLED
 
     def __repr__(self) -> str:
         numbers = ", ".join(f"{name} {value:.4g}" for name, value in self.values.items())
@@ -74,6 +94,7 @@ def tune(
     t_end: float | None = None,
     *,
     method: Method | MethodName = "event",
+    save_at: Times | None = None,
     save_every: int | None = None,
     runs: int = 60,
     generations: int = 40,
@@ -87,88 +108,112 @@ def tune(
 
     Args:
         marionette: the puppet or scene, with contact or without.
-        family: makes the inputs of some numbers, all of one duration. Numbers out of a range that
-            makes sense are for it to clip; where it raises a FantocciniError, they are passed by.
+        family: makes the inputs of some numbers. It must clip values outside of their range; draws
+            for which it, or the simulation, raises a FantocciniError count as infinitely expensive.
         numbers: name -> where to begin, and how far from there to look at first (a standard
             deviation, above 0).
-        cost: of a run that reached its end; inf where it will not do. Events are not recorded.
+        cost: of a run that is ``DONE``; inf where it will not do. Events, effort and contacts are
+            not recorded.
         x0: where runs start; hanging at rest when not given.
-        t_end: end of the runs [s]; the end of the inputs when not given.
+        t_end: end of the runs [s]; the end of the inputs when not given, which must then be one.
         method: see :func:`fantoccini.simulate`.
-        save_every: write every so many steps (not event-driven); every one when not given.
+        save_at: (n,) times of the runs' samples, event-driven; 201 from start to end when not given
+            [s].
+        save_every: write every so many steps, not event-driven; every one when not given.
         runs: of a generation; at least 3.
         generations: at most.
         narrow: it ends where all spreads are below this share of those at the start.
         time_limit: at most, looked at after every generation [s].
-        seed: of the random numbers; the same seed gives the same draws.
+        seed: of the random numbers, at least 0; the same seed gives the same draws.
         threads: that simulate; as many as there are processors when not given.
         progress: called after every generation with the least cost so far and its median.
 
     Raises:
-        ValueError: no numbers, a spread that is not positive, or a cost that is not a number.
-        StateError: not one run of the first generations arrived.
+        ValueError: no numbers, a spread that is not positive, a count that is none, a cost that is
+            not a number, or inputs that end at different times.
+        StateError: not one run of the first three generations had a finite cost.
     """
-    check_positive(runs=runs, generations=generations, narrow=narrow, time_limit=time_limit)
+    check_positive(narrow=narrow, time_limit=time_limit)
+    for name, count, least in (("runs", runs, _FEWEST), ("generations", generations, 1)):
+        if not (isinstance(count, (int, np.integer)) and count >= least):
+            raise ValueError(f"{name} is {count!r}; it must be a whole number of at least {least}")
     began, names = time.perf_counter(), list(numbers)
-    first = np.array([numbers[name] for name in names], dtype=float)
-    is_right = first.shape == (len(names), 2) and np.all(np.isfinite(first))
-    if not (is_right and len(names) and np.all(first[:, 1] > 0.0)):
+    first, spreads = _begin(numbers)
+    x0 = marionette.rest() if x0 is None else x0
+    trial = _Trial(marionette, family, names, cost, x0, t_end, method, save_at, save_every, threads)
+    from cma import CMAEvolutionStrategy  # slow to import
+
+    rng = np.random.default_rng(seed)
+    search = CMAEvolutionStrategy(
+        np.zeros(len(names)), 1.0,
+        {
+            "popsize": runs, "verbose": -9, "seed": np.nan,
+            "randn": lambda *shape: rng.standard_normal(shape),
+        },
+    )  # fmt: skip
+    curve, status, spread = list[tuple[float, float]](), TunedStatus.GENERATIONS, spreads
+    try:
+        for generation in range(generations):
+            drawn = search.ask()
+            if not generation:
+                drawn[0] = np.zeros(len(names))  # where it begins counts as well
+            J = trial.costs(first + spreads * np.array(drawn))
+            search.tell(drawn, list(J))
+            spread = spreads * np.asarray(search.stds)
+            curve.append((trial.least, float(np.median(J))))
+            if progress is not None:
+                progress(*curve[-1])
+            if trial.best is None and generation + 1 >= _PATIENCE:
+                break
+            if trial.best is not None and np.all(spread <= narrow * spreads):
+                status = TunedStatus.SETTLED
+                break
+            if time.perf_counter() - began > time_limit:
+                status = TunedStatus.TIMEOUT
+                break
+    except KeyboardInterrupt:
+        status = TunedStatus.STOPPED
+        if trial.best is None:
+            raise
+    if trial.best is None:
+        raise StateError(
+            f"tune: none of the first {len(curve) * runs} runs had a finite cost; the last ended "
+            f"with {trial.ended}; begin with numbers whose run does, and with smaller spreads"
+        )
+    values, inputs, run = trial.best
+    return Tuned(
+        values, dict(zip(names, map(float, spread), strict=True)), trial.least, inputs, run, status,
+        np.array(curve), time.perf_counter() - began,
+    )  # fmt: skip
+
+
+def _begin(numbers: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
+    """(n,) where the numbers begin, and their first spreads.
+
+    Raises:
+        ValueError: there are none, or not two numbers of each, or a spread is not above 0.
+    """
+    try:
+        both = np.array(list(numbers.values()), dtype=float)
+    except (TypeError, ValueError):
+        both = np.zeros(0)
+    is_right = both.ndim == 2 and both.shape[1] == 2 and bool(np.all(np.isfinite(both)))
+    if not (is_right and len(both) and np.all(both[:, 1] > 0.0)):
         raise ValueError(
             f"numbers is {dict(numbers)!r}; it must give each name (start, spread), spread above 0"
         )
-    x0 = marionette.rest() if x0 is None else x0
-    from cma import CMAEvolutionStrategy  # slow to import
-
-    law = CMAEvolutionStrategy(
-        np.zeros(len(names)), 1.0,
-        {"popsize": runs, "seed": 1 + seed, "verbose": -9, "CMA_elitist": False},
-    )
-    trial = _Trial(marionette, family, names, cost, x0, t_end, method, save_every, threads)
-    best, least, spread = first[:, 0], math.inf, first[:, 1]
-    curve, status = list[tuple[float, float]](), OptimalStatus.ITERATIONS
-    try:
-        for generation in range(generations):
-            drawn = law.ask()
-            if not generation:
-                drawn[0] = np.zeros(len(names))  # where it begins counts as well
-            theta = first[:, 0] + first[:, 1] * np.array(drawn)
-            J = trial.costs(theta)
-            law.tell(drawn, list(J))
-            if np.min(J) < least:
-                best, least = theta[np.argmin(J)], float(np.min(J))
-            spread = first[:, 1] * np.asarray(law.stds)
-            curve.append((least, float(np.median(J))))
-            if progress is not None:
-                progress(*curve[-1])
-            if np.all(spread <= narrow * first[:, 1]):
-                status = OptimalStatus.SETTLED if least < math.inf else status
-                break
-            if time.perf_counter() - began > time_limit:
-                status = OptimalStatus.TIMEOUT
-                break
-    except KeyboardInterrupt:
-        status = OptimalStatus.STOPPED
-        if least == math.inf:
-            raise
-    if least == math.inf:
-        raise StateError(
-            f"tune: none of the {len(curve) * runs} runs had a finite cost; the last ended with "
-            f"{trial.ended}; begin with numbers whose run arrives, and with smaller spreads"
-        )
-    values = dict(zip(names, map(float, best), strict=True))
-    inputs = family(values)
-    run = simulate(
-        marionette, x0, inputs, t_end, method=method, save_every=save_every, throw=False
-    )
-    return Tuned(
-        values, dict(zip(names, map(float, spread), strict=True)), trial.cost_of(run), inputs,
-        run, status, np.array(curve), time.perf_counter() - began,
-    )  # fmt: skip
+    return both[:, 0], both[:, 1]
 
 
 @dataclass(eq=False)
 class _Trial:
-    """Runs of numbers, and what they cost; the arguments are those of :func:`tune`."""
+    """Runs of numbers, what they cost, and the best; the arguments are those of :func:`tune`.
+
+    Attributes:
+        least: cost so far.
+        best: its values, inputs and run.
+        ended: how the last run ended, in words.
+    """
 
     marionette: Marionette
     family: Family
@@ -177,33 +222,76 @@ class _Trial:
     x0: State
     t_end: float | None
     method: Method | MethodName
+    save_at: Times | None
     save_every: int | None
     threads: int | None
+    least: float = math.inf
+    best: tuple[dict[str, float], Input, Trajectory] | None = None
     ended: str = "no run"
+    _inputs_end: float | None = None
 
     def costs(self, theta: Array) -> Array:
-        """(n,) costs of the numbers (n, m); inf where there is no run that arrives."""
+        """(n,) costs of the numbers (n, m); inf where there is no run that is done."""
         out = np.full(len(theta), np.inf)
-        made: list[tuple[int, Input]] = []
+        made: list[tuple[int, dict[str, float], Input]] = []
         for i, row in enumerate(theta):
+            values = dict(zip(self.names, map(float, row), strict=True))
             try:
-                made.append((i, self.family(dict(zip(self.names, map(float, row), strict=True)))))
+                made.append((i, values, self.family(values)))
             except FantocciniError as error:
                 self.ended = str(error)
-        for k in range(0, len(made), _AT_ONCE):
-            some = made[k : k + _AT_ONCE]
-            many = simulate_batch(
-                self.marionette, self.x0, [inputs for _, inputs in some], self.t_end,
-                method=self.method, save_every=self.save_every, save="all", threads=self.threads,
-            )  # fmt: skip
-            if np.any(many.status == Status.STOPPED):
-                raise KeyboardInterrupt
-            for (i, _), run in zip(some, many, strict=True):
-                out[i] = self.cost_of(run)
+        at_once = _AT_ONCE * (default_threads() if self.threads is None else self.threads)
+        for k in range(0, len(made), at_once):
+            some = made[k : k + at_once]
+            runs = self._runs([inputs for _, _, inputs in some])
+            for (i, values, inputs), run in zip(some, runs, strict=True):
+                if run is not None:
+                    out[i] = self._cost_of(run)
+                if out[i] < self.least:
+                    assert run is not None
+                    self.least, self.best = float(out[i]), (values, inputs, run)
         return out
 
-    def cost_of(self, run: Trajectory) -> float:
-        """What a run costs; inf where it did not end well."""
+    def _runs(self, inputs: list[Input]) -> list[Trajectory | None]:
+        """The runs; None where one cannot be begun."""
+        end = self._end(inputs)
+        is_event, save_at = isinstance(as_method(self.method), Event), self.save_at
+        if is_event and save_at is None:
+            save_at = np.linspace(self.x0.t, end, _SAMPLES)
+        try:
+            many = simulate_batch(
+                self.marionette, self.x0, inputs, end, method=self.method, save_at=save_at,
+                save_every=self.save_every, save="all", threads=self.threads,
+            )  # fmt: skip
+        except FantocciniError as error:
+            if len(inputs) == 1:
+                self.ended = str(error)
+                return [None]
+            return [self._runs([one])[0] for one in inputs]
+        if np.any(many.status == Status.STOPPED):
+            raise KeyboardInterrupt
+        return list(many)
+
+    def _end(self, inputs: list[Input]) -> float:
+        """The end of all runs [s].
+
+        Raises:
+            ValueError: it is not given, and inputs end at different times.
+        """
+        if self.t_end is not None:
+            return self.t_end
+        end = inputs[0].end if self._inputs_end is None else self._inputs_end
+        for one in inputs:
+            if abs(one.end - end) > _SAME_TIME:
+                raise ValueError(
+                    f"tune: the family's inputs end at {end:g} s and at {one.end:g} s; give t_end, "
+                    "or let them end at one time"
+                )
+        self._inputs_end = end
+        return end
+
+    def _cost_of(self, run: Trajectory) -> float:
+        """What a run costs; inf where it is not done."""
         self.ended = run.status.name
         if run.status is not Status.DONE:
             return math.inf

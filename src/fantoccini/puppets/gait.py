@@ -1,8 +1,8 @@
 """Steps of the bundled marionette, as waypoints of its strings' ends.
 
-The puppet is let down until its feet carry a third of it. In every step the shoulders sway over
-one foot while the other knee's string lifts its leg, carries it forward and sets it down; then the
-body follows. All moves have minimum jerk.
+The puppet is let down until its feet carry a third of it. In every step the ends of the shoulders'
+strings sway to one side, the knee's string there lifts its leg, carries it forward and sets it
+down, and the body follows. All moves have minimum jerk.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import dataclasses
 from collections import defaultdict
 from dataclasses import dataclass
 
+from fantoccini.arrays import check_positive
 from fantoccini.errors import UnknownNameError
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State
@@ -26,27 +27,31 @@ Waypoints = dict[str, list[tuple[float, float]]]
 
 @dataclass(frozen=True)
 class Gait:
-    """Numbers of steps; shares are of a step's time and may reach into the steps beside it.
+    """Numbers of a walk; shares are of a step's time and may reach into the steps beside it.
 
-    They are those with which ``promenade`` walks without slipping (docs/optimal.md). ``fan.tune``
-    finds others: ``fan.tune(stage, lambda v: Gait(**v).inputs(stage, 20), ...)``.
+    With the default ones ``promenade`` walks in a cycle whose feet slip by less than a millimetre a
+    step (docs/optimal.md). ``fan.tune`` finds others: ``fan.tune(stage, lambda v:
+    Gait(**v).inputs(stage, 20), {...}, cost, t_end=25.0)``.
 
     Attributes:
-        stride: of the body in a step; a foot goes twice as far [m].
+        stride: way of the body in a step; a foot goes twice as far [m].
         duration: of a step [s].
         lower: how far shoulders and head are let down from where the stage hangs [m].
         nod: how much farther the head [m].
         lean: how far the head's string is carried forward [m].
-        slack: let out of the knees' strings [m].
+        slack: let out of the knees' strings; below 0 counts as 0 [m].
         ahead, apart: how far the knees' strings are carried forward and outward [m].
         lift: how far a knee's string is pulled up, beside what is let out [m].
         lifts, highest, lands: shares at which it leaves, is up and is down again.
         swings, arrives: shares between which it goes forward.
-        beyond: how much too far it goes, before it comes back [m].
+        beyond: overshoot of the knee's string, which then comes back [m].
         sway: of shoulders and head to the side of the foot that is lifted; below 0 to the other
             side [m].
-        sways, swayed: shares between which they do.
-        follows, followed: shares between which the body goes forward.
+        sways, swayed: start and end of the sway, as shares.
+        follows, followed: start and end of the body's way, as shares.
+
+    Raises:
+        ValueError: the duration is not above 0.
     """
 
     stride: float = 0.02
@@ -70,9 +75,12 @@ class Gait:
     follows: float = 0.18774
     followed: float = 0.939863
 
+    def __post_init__(self) -> None:
+        check_positive(duration=self.duration)
+
     @classmethod
     def numbers(cls) -> tuple[str, ...]:
-        """Names of the numbers."""
+        """Their names."""
         return tuple(field.name for field in dataclasses.fields(cls))
 
     def inputs(self, stage: Marionette, steps: int, x0: State | None = None) -> Input:
@@ -89,12 +97,11 @@ class Gait:
         """
         if steps < 2:
             raise ValueError(f"steps is {steps!r}; at least 2 are needed, the second closes up")
-        points = self.waypoints(stage.rest() if x0 is None else x0, steps)
-        known = stage.coordinates.q_K
-        for name in points:
+        x0, known = stage.rest() if x0 is None else x0, stage.coordinates.q_K
+        for name in ("head.x", "head.length", "knee_left.x", "knee_right.length"):
             if name not in known:
                 raise UnknownNameError("driven coordinate", name, known)
-        return Input.waypoints(stage, points)
+        return Input.waypoints(stage, self.waypoints(x0, steps))
 
     def waypoints(self, x0: State, steps: int) -> Waypoints:
         """(time, value) of every string's end that moves, from those of a state on."""
