@@ -255,12 +255,12 @@ def test_derivatives_of_the_solved_form_agree(arm):
 
 
 def test_operations_of_the_marionettes_derivatives(marionette):
-    """About 30,000; six times as many where the solved form of all strings is differentiated."""
+    """About 31,000; six times as many where the solved form of all strings is differentiated."""
     counts = generate(marionette.equations, "derivatives").operations
     counts = {name: n for name, n in counts.items() if "_by" in name}
     solved = program(derivatives_of_the_solved_form(marionette)).operations
     print(counts, "together", sum(counts.values()), "of the solved form", solved)
-    assert sum(counts.values()) < 31_000
+    assert sum(counts.values()) < 32_000
     assert solved > 5 * sum(counts.values())
 
 

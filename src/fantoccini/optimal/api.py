@@ -20,27 +20,20 @@ from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.clip import Clip
 from fantoccini.optimal.costs import Smooth, Track
 from fantoccini.optimal.dynamics import TimeSteps
+from fantoccini.optimal.finishing import COARSE, confirmed, finer, is_worse, iterate
 from fantoccini.optimal.hybrid import ExactRuns, HybridRuns
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
 from fantoccini.optimal.outlook import out_of_reach
 from fantoccini.optimal.result import OptimalStatus, Optimum
 from fantoccini.optimal.shooting import EventRuns, StepRuns
-from fantoccini.optimal.sqp import SETTINGS, Iterate, Limits, Search
+from fantoccini.optimal.sqp import Iterate, Limits, Search
 from fantoccini.optimal.targets import Target
 from fantoccini.optimal.task import Task
 from fantoccini.optimal.through_modes import HOLDS, ThroughModes
 
 _LOOKS = 5
 """In every interval, at which clearances are measured in the end."""
-
-_COARSE = 0.02
-"""Share of the cost at which a search ends at first whose derivatives may become exact ones; it has
-half of the iterations for that."""
-_CONFIRM = 60.0
-"""Time that an event-driven run of the answer has at least [s]."""
-_RUNS_LEFT = 20.0
-"""Event-driven runs for which there must be time to improve the answer by them."""
 
 
 def optimise(
@@ -110,7 +103,7 @@ def optimise(
         runs = HybridRuns(steps, chosen)
     first = _first(task, chosen, task.guess if guess is None else guess)
     objective = Objective(task)
-    at = _iterate(runs, first, objective)
+    at = iterate(runs, first, objective)
     if at is None:
         raise StateError(
             "the first motion cannot be simulated; give a guess whose run arrives at its end"
@@ -129,7 +122,7 @@ def optimise(
     first_limits = limits
     if has_coarse:
         first_limits = replace(
-            limits, cost_tolerance=max(cost_tolerance, _COARSE), iterations=(iterations + 1) // 2
+            limits, cost_tolerance=max(cost_tolerance, COARSE), iterations=(iterations + 1) // 2
         )
     search: Search | ThroughModes = Search(at, runs, objective, first_limits)
     if task.explore and isinstance(runs, HybridRuns):
@@ -138,11 +131,14 @@ def optimise(
     try:
         at = search.run(note)
         if has_contact:
-            runs, at = _confirmed(runs, at, objective, limits, note)
+            runs, at = confirmed(runs, at, objective, limits, note)
         elif has_coarse:
             left = replace(limits, iterations=iterations - at.iterations)
-            runs, search = _finer(runs, at, objective, left)
+            coarsely = runs, at
+            runs, search = finer(runs, at, objective, left)
             at = search.run(note)
+            if is_worse(at, coarsely[1], objective):
+                runs, at = coarsely
     except KeyboardInterrupt:
         at, status = search.best, OptimalStatus.STOPPED
     objective = search.objective
@@ -166,59 +162,6 @@ def optimise(
         end_gap, touched, at.iterations, time.perf_counter() - began, tuple(curve), at, objective,
         runs,
     )  # fmt: skip
-
-
-def _iterate(runs: EventRuns, nodes: Nodes, objective: Objective) -> Iterate | None:
-    """The motion of the nodes' inputs; None where there is none."""
-    made = runs.run(nodes)
-    if made is None:
-        return None
-    ends = runs.ends(*made)
-    return Iterate(made[0], ends, objective.cost(made[0], ends))
-
-
-def _finer(
-    runs: EventRuns, at: Iterate, objective: Objective, limits: Limits
-) -> tuple[EventRuns, Search]:
-    """The search that goes on from a motion of a first one with derivatives of time steps.
-
-    Where a tension or a force is at its bound it takes exact ones, if there are any: those of time
-    steps are not those of tensions just after nodes.
-    """
-    if limits.iterations > 0 and time.perf_counter() < limits.until:
-        exactly = ExactRuns(runs.steps, runs.chosen)
-        if objective.rows.pulls_bind(at.nodes, at.ends) and exactly.has(at.nodes):
-            again = Iterate(at.nodes, at.ends, at.cost, iterations=at.iterations, force=at.force)
-            return exactly, Search(again, exactly, objective, limits)
-    is_over = at.kkt <= limits.tolerance or at.stalled
-    if is_over or (at.settled and limits.cost_tolerance >= _COARSE):
-        limits = replace(limits, iterations=0)
-    else:
-        at.settled = False
-    return runs, Search(at, runs, objective, limits)
-
-
-def _confirmed(
-    runs: EventRuns, at: Iterate, objective: Objective, limits: Limits,
-    note: Callable[[Iterate], None],
-) -> tuple[EventRuns, Iterate]:  # fmt: skip
-    """The motion of time steps as an event-driven run, improved where there is time for it.
-
-    The same where the event-driven run does not arrive in time.
-    """
-    began = time.perf_counter()
-    events = EventRuns(runs.steps, runs.chosen, max(limits.until, began + _CONFIRM))
-    made = _iterate(events, at.nodes, objective)
-    if made is None:
-        return runs, at
-    now = time.perf_counter()
-    made = replace(
-        at, nodes=made.nodes, ends=made.ends, cost=made.cost, damping=SETTINGS.first_damping,
-        stalled=False, settled=False,
-    )  # fmt: skip
-    if limits.until - now > _RUNS_LEFT * (now - began):
-        made = Search(made, events, objective, limits).run(note)
-    return replace(events, until=np.inf), made
 
 
 def follow(
