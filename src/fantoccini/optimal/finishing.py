@@ -19,6 +19,8 @@ COARSE = 0.02
 """Share of the cost at which a search ends at first whose derivatives may become exact ones; it has
 half of the iterations for that."""
 
+_SAME_COST = 1e-6
+"""Relative difference up to which costs are one."""
 _CONFIRM = 60.0
 """Time that an event-driven run of the answer has at least [s]."""
 _RUNS_LEFT = 20.0
@@ -62,7 +64,9 @@ def is_worse(at: Iterate, before: Iterate, objective: Objective) -> bool:
         + objective.violation(one.nodes, one.ends)
         for one in (at, before)
     )
-    return missed > max(allowed, HOLDS) or (max(missed, allowed) <= HOLDS and at.cost > before.cost)
+    if max(missed, allowed) <= HOLDS:
+        return at.cost > before.cost + _SAME_COST * abs(before.cost)
+    return missed > max(allowed, HOLDS)
 
 
 def confirmed(
