@@ -1,10 +1,10 @@
 """A take of ten seconds with ten tosses, followed smoothly.
 
 A hand jerks the string of a two-link arm up and lets it down, ten times: the string goes slack and
-snaps taut each time. What the tip did then is to be done again with smooth inputs, every catch
-included (``exact=True``), until the residual of the conditions of optimality is below 1e-6. The
-arm's joints have some damping, as wooden ones have: without it (``--damping 0``) the take is
-chaotic, and searches stall.
+snaps taut each time. The search then finds smooth inputs with which the tip follows the same path,
+every catch included (``exact=True``), until the residual of the conditions of optimality is below
+1e-6. The arm's joints have some damping, as wooden ones have: without it (``--damping 0``) the
+motion is chaotic, and searches stall.
 
     python -m benchmarks.optimal.tosses [--turns 3] [--damping 5e-3]
 """

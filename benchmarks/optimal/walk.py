@@ -2,11 +2,11 @@
 
     python -m benchmarks.optimal.walk [--steps 40] [--friction 0.8] [--event] [--mujoco]
 
-Prints what the marionette does on ``promenade`` with ``fan.puppets.Gait()``: in time steps of ever
-shorter length; with ``--event`` four of its steps event-driven, tens of thousands of events from a
-state on the cycle; with ``--mujoco`` in MuJoCo, whose strings and contacts are soft. A foot slips
-by the way its sole's corners go along the floor while they are on it; the state repeats but for the
-way of the stride. ``--search`` looks for better numbers for so many seconds.
+Measures the marionette's walk on ``promenade`` with ``fan.puppets.Gait()``: with five time
+steps, down to 0.125 ms; with ``--event`` four of its steps event-driven, tens of thousands of
+events from a state on the cycle; with ``--mujoco`` in MuJoCo, whose strings and contacts are soft.
+Slip is the way along the floor of a sole's corners while they are on it. ``--search`` looks for
+better numbers for so many seconds.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ SPREADS = {
     "lift": 5e-3, "lifts": 0.03, "highest": 0.04, "lands": 0.05, "swings": 0.03, "arrives": 0.05,
     "beyond": 0.01, "sway": 3e-3, "sways": 0.05, "swayed": 0.05, "follows": 0.08, "followed": 0.08,
 }  # fmt: skip
-"""Of a first search, by number; stride and duration stay."""
+"""Initial spreads of a search, by number; stride and duration are kept fixed."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class Walked:
 def walked(
     stage: fan.Marionette, run: fan.Trajectory, gait: Gait, steps: int, looked_at: int = LAST
 ) -> Walked:
-    """What a run does in some of the last of its steps, the closing one left out."""
+    """Measures the last steps of a run before the closing one."""
     D, last, n = gait.duration, steps - 1, looked_at
     begin = D * (1 + last - n)
     times = np.arange(begin, begin + n * D + 0.5 * SAMPLE, SAMPLE)
@@ -113,7 +113,7 @@ def walked(
 
 
 def cost(stage: fan.Marionette, run: fan.Trajectory, gait: Gait, steps: int) -> float:
-    """Of a walk: its slip [mm], what does not repeat, and what keeps it from being one."""
+    """The cost of a walk: slip, change from cycle to cycle, and penalties where it hardly walks."""
     one = walked(stage, run, gait, steps)
     slip = 1e3 * one.slip.max(axis=1)
     return float(

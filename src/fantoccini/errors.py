@@ -160,6 +160,15 @@ class Status(enum.IntEnum):
     UNBALANCED = 22, "the end was reached, but the ledger of the fixed steps does not balance"
 
 
+class Outcome(enum.Enum):
+    """Base of what searches end with; values are words."""
+
+    @property
+    def message(self) -> str:
+        """In words."""
+        return str(self.value)
+
+
 ARRIVED = (Status.DONE, Status.LOST_STEPS, Status.RUNAWAY)
 """Statuses with which compiled runs may have got as far as they should.
 

@@ -1,4 +1,4 @@
-"""What follows a first search: exact derivatives where bounds want them, event-driven runs."""
+"""The search that follows a first one: with exact derivatives, or over event-driven runs."""
 
 from __future__ import annotations
 
@@ -16,11 +16,10 @@ from fantoccini.optimal.sqp import SETTINGS, Iterate, Limits, Search
 from fantoccini.optimal.through_modes import HOLDS
 
 COARSE = 0.02
-"""Share of the cost at which a search ends at first whose derivatives may become exact ones; it has
-half of the iterations for that."""
+"""Cost tolerance of the first of two searches, which gets half of the iterations."""
 
 _SAME_COST = 1e-6
-"""Relative difference up to which costs are one."""
+"""Relative difference up to which costs count as equal."""
 _CONFIRM = 60.0
 """Time that an event-driven run of the answer has at least [s]."""
 _RUNS_LEFT = 20.0
@@ -46,7 +45,7 @@ def finer(
     """
     if limits.iterations > 0 and time.perf_counter() < limits.until:
         exactly = ExactRuns(runs.steps, runs.chosen)
-        if objective.rows.pulls_bind(at.nodes, at.ends) and exactly.has(at.nodes):
+        if objective.rows.pulls_bind(at.nodes, at.ends) and exactly.has(at.nodes, at.ends):
             again = Iterate(at.nodes, at.ends, at.cost, iterations=at.iterations, force=at.force)
             return exactly, Search(again, exactly, objective, limits)
     is_over = at.kkt <= limits.tolerance or at.stalled

@@ -70,13 +70,10 @@ class ExactRuns(HybridRuns):
 
     reasons: list[str] = field(default_factory=list, compare=False)
 
-    def has(self, nodes: Nodes) -> bool:
-        """Whether the motion of these inputs has exact derivatives."""
-        marionette, inputs = self.chosen.marionette(nodes.parameters), nodes.inputs()
-        x0 = self.chosen.start(nodes.parameters)
+    def has(self, nodes: Nodes, ends: Ends) -> bool:
+        """Whether a motion has exact derivatives."""
         try:
-            run = simulate(marionette, x0, inputs, nodes.t[-1], effort=False)
-            interval_derivatives(marionette, run, inputs)
+            super().linearise(nodes, ends)
         except (SimulationError, StateError):
             return False
         return True

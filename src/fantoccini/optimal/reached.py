@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import enum
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from fantoccini.arrays import Array, Mask, MaskRows
 from fantoccini.contract import ReachEnd
+from fantoccini.errors import Outcome
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.runtime import Reached
@@ -25,18 +25,13 @@ _MOVES = 1e-9
 """Change of a dynamic coordinate by a unit of the driven ones that is rounding."""
 
 
-class ReachStatus(enum.Enum):
+class ReachStatus(Outcome):
     """How near a pose comes to its places."""
 
     REACHED = "it is there"
     OUT_OF_REACH = "no hanging pose near by comes nearer"
     TIPS = "any nearer it hangs unstably, and would tip over into another pose"
     STALLED = "the search ended before it was sure; there may be nearer poses"
-
-    @property
-    def message(self) -> str:
-        """In words."""
-        return self.value
 
 
 _STATUS = {

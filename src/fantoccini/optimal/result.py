@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import enum
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fantoccini.arrays import Array, Times
+from fantoccini.errors import Outcome
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, Trajectory
 from fantoccini.optimal.costs import Track
@@ -26,7 +26,7 @@ _DAMPING = 1e-6
 """Of the Hessian of gains, in units of the cost."""
 
 
-class OptimalStatus(enum.Enum):
+class OptimalStatus(Outcome):
     """How an optimisation ended."""
 
     SOLVED = "the residual of the conditions of optimality is below the tolerance"
@@ -37,11 +37,6 @@ class OptimalStatus(enum.Enum):
     STOPPED = "it was interrupted; this is the best motion so far"
     VIOLATED = "the motion leaves its bounds, or does not reach its end or a place"
     UNCONFIRMED = "time steps make this motion, but an event-driven run of its inputs does not end"
-
-    @property
-    def message(self) -> str:
-        """In words."""
-        return self.value
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,6 @@ are simulated many at once, and mean and covariance C move towards the best of t
 
 from __future__ import annotations
 
-import enum
 import math
 import time
 from collections.abc import Callable, Mapping
@@ -18,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.arrays import Array, Times, check_positive
-from fantoccini.errors import FantocciniError, StateError, Status
+from fantoccini.errors import FantocciniError, Outcome, StateError, Status
 from fantoccini.marionette import Event, Marionette, Method, MethodName, as_method
 from fantoccini.motion import Input, State, Trajectory
 from fantoccini.runtime.batch import default_threads
@@ -39,18 +38,13 @@ Family = Callable[[dict[str, float]], Input]
 Cost = Callable[[Trajectory], float]
 
 
-class TunedStatus(enum.Enum):
+class TunedStatus(Outcome):
     """How a search for numbers ended."""
 
     SETTLED = "all spreads are narrow"
     GENERATIONS = "the generations ended first; these are the best numbers so far"
     TIMEOUT = "the time ended first; these are the best numbers so far"
     STOPPED = "it was interrupted; these are the best numbers so far"
-
-    @property
-    def message(self) -> str:
-        """In words."""
-        return self.value
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import enum
 import itertools
 import math
 import time
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from fantoccini.arrays import Array, Indices
+from fantoccini.errors import Outcome
 from fantoccini.planning.descent import approach
 from fantoccini.planning.problem import Problem
 from fantoccini.planning.shooting import Candidates, Shooting
@@ -38,7 +38,7 @@ class _Attempts:
 _ATTEMPTS = _Attempts()
 
 
-class PolishStatus(enum.Enum):
+class PolishStatus(Outcome):
     """The outcome of polishing a plan."""
 
     POLISHED = "it ends as near to the goal as was asked"
@@ -50,11 +50,6 @@ class PolishStatus(enum.Enum):
     NO_MOTION = "the plan is as it was: it has no segment"
     MAY_TOUCH = "the plan is as it was: plans that may touch something are not polished"
     UNKNOWN_GOAL = "the plan is as it was: its goal is a function, which has no residuals"
-
-    @property
-    def message(self) -> str:
-        """In words."""
-        return self.value
 
 
 @dataclass(frozen=True)

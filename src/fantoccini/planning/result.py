@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import enum
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from fantoccini.arrays import Array, check_not_negative
+from fantoccini.errors import Outcome
 from fantoccini.marionette import Method, MethodName
 from fantoccini.planning import archive
 from fantoccini.planning.check import Check, checked, confirmed
@@ -25,7 +25,7 @@ from fantoccini.planning.touches import Meeting
 from fantoccini.runtime import POINT
 
 
-class PlanStatus(enum.Enum):
+class PlanStatus(Outcome):
     """How a search ended."""
 
     EXACT = "the plan ends within the tolerance and touches only what it may, in simulation too"
@@ -34,11 +34,6 @@ class PlanStatus(enum.Enum):
     TIMEOUT = "the time ended before the search came within the tolerance; this is the nearest"
     INFEASIBLE_START = "the start is in collision or outside of the bounds"
     INFEASIBLE_GOAL = "the goal is out of reach"
-
-    @property
-    def message(self) -> str:
-        """In words."""
-        return self.value
 
 
 @dataclass(frozen=True, eq=False)

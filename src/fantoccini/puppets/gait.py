@@ -7,7 +7,6 @@ down, and the body follows. All moves have minimum jerk.
 
 from __future__ import annotations
 
-import dataclasses
 from collections import defaultdict
 from dataclasses import dataclass
 
@@ -77,11 +76,6 @@ class Gait:
 
     def __post_init__(self) -> None:
         check_positive(duration=self.duration)
-
-    @classmethod
-    def numbers(cls) -> tuple[str, ...]:
-        """Their names."""
-        return tuple(field.name for field in dataclasses.fields(cls))
 
     def inputs(self, stage: Marionette, steps: int, x0: State | None = None) -> Input:
         """The motion of so many steps, after one step's time to get ready.
