@@ -38,6 +38,7 @@ CONTACT = (
     "contact/test_dented_meshes.py",
     "contact/test_event_contact.py",
     "contact/test_event_hulls.py",
+    "contact/test_event_sliding.py",
     "contact/test_event_winches.py",
     "contact/test_meshes.py",
     "contact/test_patches.py",

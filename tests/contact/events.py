@@ -1,0 +1,23 @@
+"""What tests of event-driven contact ask of a run."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import fantoccini as fan
+from fantoccini import Status
+
+CLOSE = 1e-8
+"""What the issue of contact asks for."""
+
+
+def of(run: fan.Trajectory, *kinds: str) -> list[fan.EventRecord]:
+    """The events of some kinds."""
+    return [event for event in run.events if event.kind in kinds]
+
+
+def sound(run: fan.Trajectory, residual: float = 1e-8) -> None:
+    """Asserts that the run reached its end, that nothing overlaps and that the ledger closes."""
+    assert run.status is Status.DONE
+    assert run.contact.gap.min(initial=0.0) > -1e-12
+    assert np.max(np.abs(run.ledger["residual"])) < residual
