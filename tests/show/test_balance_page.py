@@ -59,6 +59,14 @@ def test_the_box_gives_the_hands_back_and_a_reset_keeps_them_balancing(page):
         until(lambda: live.balance is not None, "hands that balance", 120.0)
 
 
+def test_a_click_while_the_one_before_takes_effect_is_not_lost(page):
+    live = page.show
+    with Viewer(page.url) as viewer:
+        for on in (False, True) * 20:
+            viewer.tick("Let the hands balance it", on)
+            until(lambda on=on: (live.balance is not None) == on, f"the box that says {on}", 10.0)
+
+
 def test_a_puppet_whose_winch_may_slip_says_why_not(tmp_path):
     toy = fan.loads(TOY.replace("length: driven", "length: driven\n    max_tension: 50"))
     with pytest.raises(StateError, match="may slip"):

@@ -153,10 +153,13 @@ class Live(PageLoop):
 
     def let_balance(self, wanted: bool) -> None:
         """Lets the hands balance the puppet where it is, or gives them back to their targets."""
+        # Shown first: a click that comes once the law has changed must not be taken back.
+        self.panel.show_balance(wanted)
         try:
             self.performance.let(Balance(self.performance, threaded=True) if wanted else None)
-        finally:
+        except FantocciniError:
             self.panel.show_balance(self.balance is not None)
+            raise
 
     def record(self) -> None:
         """Starts a recording, or ends and writes it."""

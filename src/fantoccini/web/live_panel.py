@@ -242,7 +242,8 @@ class LivePanel:
             name = event.target.value
             self._live.later(None, lambda: self._live.controls.select(name))
 
-    def _set_balance(self, event: Any) -> None:
+    async def _set_balance(self, event: Any) -> None:
+        # Asynchronous, so that it sees the click's own value: viser calls it at once.
         if event.client_id is None:
             return
         live, wanted = self._live, self._balance.value
