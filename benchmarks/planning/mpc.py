@@ -1,8 +1,9 @@
 """Prints how many kicked plans arrive in MuJoCo: open loop, with LQR gains, and under MPC.
 
-    python -m benchmarks.planning.mpc [--plans 10] [--kick 2.0]
+    python -m benchmarks.planning.mpc [--plans 10] [--kick 2.0] [--reserve 0.3]
 
-MPC tracks the plan's coordinates and velocities; all have the bounds of the plan. Runs are looked
+MPC tracks the plan's coordinates and velocities, within the problem's bounds, of which plans leave
+the reserve. Runs are looked
 at when the plan ends and a second later: MPC goes on, other hands stop.
 """
 
@@ -39,7 +40,7 @@ LATER = 1.0
 def task_along(law: Feedback) -> fan.Task:
     """Follow a plan, within its bounds; the end counts most."""
     plan, marionette = law.plan, law.plan.problem.marionette
-    run, table, bounds = plan.trajectory, marionette.coordinates, law.plan.rollouts.bounds
+    run, table, bounds = plan.trajectory, marionette.coordinates, plan.problem.bounds
     at = np.flatnonzero(np.append(np.diff(run.t) > 0.0, True))
     t, tracks = run.t[at] - run.t[0] + plan.start.t, []
     states = [plan.start.replace(q_D=run.q_D[i], q_K=run.q_K[i]) for i in at]
@@ -104,7 +105,7 @@ def follow_and_stop(law: Feedback, x0: State, closed: bool) -> Run:
     x = x0.replace(t=float(followed.t[-1]), **last.parts)
     puppet = MuJoCoPuppet(problem.marionette, STEP)
     puppet.put(x.q_D, x.v_D)
-    most = law.plan.rollouts.bounds.acceleration
+    most = problem.bounds.acceleration
     for _ in range(round(LATER / INTERVAL)):
         x = advanced(puppet, x, INTERVAL, np.clip(-x.v_K / INTERVAL, -most, most))
     return Run(followed, float(problem.goal.distance(StateArrays.of(x))[0]))
@@ -136,9 +137,10 @@ def main() -> None:
     parser.add_argument("--plans", type=int, default=10)
     parser.add_argument("--kick", type=float, default=2.0, help="[rad/s]")
     parser.add_argument("--seed", type=int, default=0, help="of the first plan, and of the kicks")
+    parser.add_argument("--reserve", type=float, default=0.0, help="share of the bounds, 0 to 1")
     parser.add_argument("--improve", type=float, default=0.5, help="[s]")
     arguments = parser.parse_args()
-    problem = fan.load_problem(arguments.problem)
+    problem = fan.load_problem(arguments.problem, reserve=arguments.reserve)
     seeds = range(arguments.seed, arguments.seed + arguments.plans)
     found = [solve(problem, seed=s, improve=arguments.improve) for s in seeds]
     laws = [Feedback.along(plan) for plan in found if plan]

@@ -75,6 +75,29 @@ def test_a_file_chooses_segments_and_an_objective(tmp_path):
     assert fan.solve(other, seed=3) and other.fingerprint != problem.fingerprint
 
 
+def test_a_reserve_is_left_to_feedback(tmp_path):
+    problem = fan.load_problem(written(tmp_path, GOOD + "reserve: 0.25\n"))
+    assert np.array_equal(problem.bounds.speed, [0.5] * 3)
+    assert np.array_equal(problem.bounds.acceleration, [2.0] * 3)
+    assert np.array_equal(problem.rollouts.bounds.low, problem.bounds.low)
+    plan = fan.solve(problem, seed=3, improve=0.2)
+    assert plan
+    assert np.abs(plan.acceleration).max() <= 0.75 * 2.0 + 1e-12
+    assert np.abs(plan.trajectory.v_K).max() <= 0.75 * 0.5 + 1e-12
+    # Far off the plan, feedback asks for all that there is.
+    law, x = plan.feedback(), problem.start
+    far = [law.acceleration(0, x.replace(q_D=[*x.q_D[:-1], x.q_D[-1] + by])) for by in (-2.0, 2.0)]
+    most = np.abs(far).max()
+    assert 0.75 * 2.0 + 1e-3 < most <= 2.0
+
+
+@pytest.mark.parametrize("reserve", ["-0.1", "1", "1.5"])
+def test_a_reserve_is_part_of_the_bounds(tmp_path, reserve):
+    path = written(tmp_path, f"{GOOD}reserve: {reserve}\n")
+    with pytest.raises(FileError, match=rf"problem.yaml:11:.*reserve is {float(reserve)!r}"):
+        fan.load_problem(path)
+
+
 @pytest.mark.parametrize("segment", ["0.05", "0.01", "-0.1", ".inf", "soon", "1e6", "1e300"])
 def test_a_segment_that_is_none_is_told_with_its_line(tmp_path, segment):
     with pytest.raises(FileError, match=r"problem\.yaml:11: segment"):

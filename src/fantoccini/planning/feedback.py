@@ -189,7 +189,7 @@ class Feedback:
             x: the puppet's state.
         """
         rollouts = self.plan.rollouts
-        bounds, T = rollouts.bounds, rollouts.options.segment
+        bounds, T = self.plan.problem.bounds, rollouts.options.segment
         if k < len(self.looks):
             T = self.looks[k] * rollouts.options.interval
             node, K = self.reference(k, x)
@@ -231,7 +231,7 @@ class Feedback:
             v^2 / (2 a) + v T_1 / 2 <= d - (v_K + v) T / 2
         """
         rollouts, table = self.plan.rollouts, self.plan.problem.marionette.coordinates
-        bounds, mean = rollouts.bounds, 0.5 * (T + rollouts.options.segment)
+        bounds, mean = self.plan.problem.bounds, 0.5 * (T + rollouts.options.segment)
         fastest, slowest = bounds.speed.copy(), -bounds.speed
         for q, v in table.scalars_K:
             a = max(float(bounds.acceleration[v]), _TOLERANCES.min_acceleration)

@@ -37,7 +37,9 @@ class Problem:
         name, start, goal, tolerance, hold: see below.
         touches: what may touch what.
         objective: cost that better plans reduce.
-        rollouts: that simulate from many states at once.
+        bounds: of the driven coordinates, all that feedback may use.
+        rollouts: that simulate from many states at once, within the part of the bounds that is not
+            reserved.
         distance: of the start from the goal.
         reason: why no plan can begin at the start; empty where one can.
         equilibrium: whether the puppet can rest at the goal, clear of obstacles; otherwise a plan
@@ -63,6 +65,8 @@ class Problem:
             brought to rest [s]; 1 s where it is to touch something, to stand or to push a prop,
             otherwise 0.
         speed, acceleration: bounds of the driven coordinates, for all or by name [m/s, m/s^2].
+        reserve: share of these bounds that plans leave unused, 0 to less than 1: feedback needs
+            it to bring a puppet back to a plan that is at its bounds itself.
         ranges: name of a driven coordinate -> (low, high) [m].
         margin: least clearance [m]; not of pairs that may touch.
         slack: whether taut strings may go slack on the way. Plans in which none does depend less
@@ -98,6 +102,7 @@ class Problem:
         hold: float | None = None,
         speed: float | Mapping[str, float] = 0.5,
         acceleration: float | Mapping[str, float] = 2.0,
+        reserve: float = 0.0,
         ranges: Mapping[str, tuple[float, float]] | None = None,
         margin: float = 0.0,
         slack: bool = True,
@@ -130,7 +135,8 @@ class Problem:
             marionette, obstacles, strings=strings, self_collision=self_collision,
             free=self.touches.free,
         )  # fmt: skip
-        bounds = Bounds.of(marionette, speed, acceleration, ranges or {})
+        self.bounds = Bounds.of(marionette, speed, acceleration, ranges or {})
+        bounds = self.bounds.without(reserve)
         kept_off = ~self.touches.may
         self.rollouts = Rollouts(marionette, clearance, bounds, self.goal, options, kept_off)
         self.reason = _start_violation(start, self.rollouts, self.touches)

@@ -123,6 +123,8 @@ class ProblemFile(Model):
     """Bound for all driven coordinates or by name; others hold still [m/s or rad/s]."""
     acceleration: Real | dict[str, Real] = 2.0
     """Bound for all driven coordinates or by name [m/s^2 or rad/s^2]."""
+    reserve: Real = 0.0
+    """Share of these bounds that plans leave to feedback, 0 to less than 1."""
     segment: Positive | None = None
     """Duration of constant accelerations: a multiple of 0.02 s up to 10 s, 0.1 s by default [s]."""
     objective: Literal["gentle", "time", "acceleration"] = "gentle"
@@ -184,6 +186,7 @@ def load_problem(
     _check_touches(file, marionette, check)
     check(("speed",), lambda: Bounds.of(marionette, file.speed, 1.0, {}))
     check(("acceleration",), lambda: Bounds.of(marionette, 1.0, file.acceleration, {}))
+    check(("reserve",), lambda: Bounds.of(marionette, 1.0, 1.0, {}).without(file.reserve))
     if file.segment is not None:
         segment, interval = file.segment, RolloutOptions.dt * RolloutOptions.look
         check(("segment",), lambda: whole_looks(segment, interval))
@@ -197,8 +200,8 @@ def load_problem(
     if file.goal.point is not None and file.goal.point.by is not None:
         goal = _goal(file.goal, marionette, start, check)
     names = (
-        "hold", "tolerance", "speed", "acceleration", "segment", "objective", "ranges", "margin",
-        "slack", "strings", "self_collision",
+        "hold", "tolerance", "speed", "acceleration", "reserve", "segment", "objective", "ranges",
+        "margin", "slack", "strings", "self_collision",
     )  # fmt: skip
     contact = file.contact if file.contact == "keep off" else {"touch": file.contact.touch}
     given = (

@@ -64,6 +64,17 @@ class Bounds:
         """(n_vK,) bool, the driven velocities that may be nonzero."""
         return (self.speed > 0.0) & (self.acceleration > 0.0)
 
+    def without(self, reserve: float) -> Bounds:
+        """Speeds and accelerations less a share of them; ranges stay.
+
+        Raises:
+            ValueError: the share is negative, or 1 and more.
+        """
+        if not 0.0 <= reserve < 1.0:
+            raise ValueError(f"reserve is {reserve!r}; it must be at least 0 and less than 1")
+        left = 1.0 - reserve
+        return replace(self, speed=left * self.speed, acceleration=left * self.acceleration)
+
     @classmethod
     def of(
         cls,
