@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy import linalg
 
 from fantoccini.arrays import Array, Indices, Times
 from fantoccini.errors import SimulationError, Status
@@ -34,6 +35,10 @@ FIRST_STEP = 0.01
 """That is tried at the start of a run; each piece begins with the step of the one before [s]."""
 MAX_ERROR = 1e-6
 """Largest distance of the integration from the run, relative to 1 or to the state."""
+_LONG = 5.0
+"""Steps of a piece from which on it pays to look for columns that depend on one another."""
+_ROUNDING = 1e-14
+"""Largest part of a column that is rounding, relative to the largest column."""
 
 
 class Variation:
@@ -121,14 +126,17 @@ class Variation:
         model = self.marionette.model
         held = np.zeros(model.tree.n_rows, dtype=bool)
         held[rows] = True
+        is_long = times[-1] - x.t > _LONG * self._step
+        basis, shares = _spanned(Z, 2 * len(x.v_D)) if is_long else (Z, None)
         found = model.compiled.derivatives.flow(
-            (x.t, x.q_D, x.v_D, Z), times, piece.inputs, piece.powers, held, model.p,
+            (x.t, x.q_D, x.v_D, basis), times, piece.inputs, piece.powers, held, model.p,
             rtol=self._rtol, atol=self._atol, step=self._step,
         )  # fmt: skip
         self._step = found.step
         if found.status is not Status.DONE:
             raise SimulationError(found.status, f"after t = {x.t:.6g} s")
-        return np.concatenate([found.q_D, found.v_D], axis=1), found.changes
+        changes = found.changes if shares is None else _combined(found.changes, shares)
+        return np.concatenate([found.q_D, found.v_D], axis=1), changes
 
     def _along_with(
         self,
@@ -185,6 +193,32 @@ class Variation:
             turn = np.concatenate([[0.0], 0.5 * v_D[v : v + 3]])
             rate[q : q + 4] = multiply(q_D[q : q + 4], turn)
         return rate
+
+
+def _spanned(Z: Array, own: int) -> tuple[Array, Array | None]:
+    """Fewer columns that span the first ``own`` of Z, then the others; and shares of them.
+
+    Taut strings leave changes of the state fewer dimensions than it has numbers. Columns that only
+    depend on the state are integrated as combinations of a basis, the first of what is returned::
+
+        Z[:, :own] = basis[:, :r] @ shares
+
+    The shares are None where all columns are independent.
+    """
+    Q, R, order = linalg.qr(Z[:, :own], mode="economic", pivoting=True, check_finite=False)
+    sizes = np.abs(np.diag(R))
+    r = int(np.count_nonzero(sizes > _ROUNDING * sizes[0]))
+    if r == own:
+        return Z, None
+    shares = np.empty((r, own))
+    shares[:, order] = R[:r]
+    return np.concatenate([Q[:, :r], Z[:, own:]], axis=1), shares
+
+
+def _combined(changes: Array, shares: Array) -> Array:
+    """What a basis became, as the columns that it spans."""
+    r = len(shares)
+    return np.concatenate([changes[:, :, :r] @ shares, changes[:, :, r:]], axis=2)
 
 
 def _frictionless(touching: ContactRows, rows: Array) -> HeldRows:
