@@ -179,6 +179,23 @@ def test_the_marionettes_hand_is_as_near_as_scipy_brings_it(marionette):
     assert away(one.state.q_K[columns]) == pytest.approx(one.distance, abs=1e-8)
 
 
+def test_poses_begin_at_the_nearest_one_found_before(marionette):
+    """Places of two far groups in turn cost as little as those of one; a place again is the same."""
+    hanging = marionette.rest()
+    home = hand_of(marionette, hanging)
+    rng, n = np.random.default_rng(0), 20
+    near = home + 1e-3 * rng.normal(size=(n, 3))
+    far = home + np.array([0.1, 0.0, 0.1]) + 1e-3 * rng.normal(size=(n, 3))
+    in_turn = np.empty((2 * n, 3))
+    in_turn[::2], in_turn[1::2] = near, far
+    found = fan.reach(marionette, {HAND: in_turn}, hanging)
+    assert all(found)
+    assert found.iterations[1] > 4 > np.median(found.iterations[2:])
+    assert found.iterations[2:].sum() < 3 * len(in_turn)
+    again = fan.reach(marionette, {HAND: [*in_turn[:2], in_turn[0]]}, hanging)
+    np.testing.assert_allclose(again.q_D[2], again.q_D[0], atol=1e-9)
+
+
 def test_a_knee_rises_when_its_slack_string_comes_taut(marionette):
     x = marionette.rest()
     assert "knee_left" not in fan.reach(marionette, {HAND: hand_of(marionette, x)}, x)[0].taut

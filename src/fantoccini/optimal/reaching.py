@@ -45,9 +45,9 @@ def reach(
 
     The pose hangs: forces balance, strings that pull have their length, the others are slack, and
     joints are within their limits. The minimum is a local one: the nearest pose that the puppet
-    passes into from ``start`` without falling. Of many places each pose begins where the one before
-    it ended, so that a path costs least; one that is not reached is looked for from the start as
-    well.
+    passes into from ``start`` without falling. Of many places each pose begins at the one found
+    before whose place is nearest, on a path the last; one that is not reached is looked for from
+    the start as well.
 
     Args:
         marionette: the puppet.

@@ -8,7 +8,7 @@
 // Marquardt do. After each step Newton's method hangs the puppet again. Where a bound of a row stops
 // the step, the row begins to pull or goes slack, if it may, and the search goes on from there. Where
 // nothing helps any more, slack strings are wound in first: what hangs loose moves nothing. Every pose
-// begins where the one before it ended.
+// begins at the one found before whose place is nearest: on a path, the last.
 #pragma once
 
 #include <cmath>
@@ -57,6 +57,8 @@ class Reach {
         write(i, int(ReachEnd::LOST), 0);
         continue;
       }
+      const long long near = nearest(i);
+      if (near >= 0 && near != i - 1) read(near);
       int count = 0, end = search(i, count);
       if (end != int(ReachEnd::REACHED) && i > 0) {  // again from the start
         const auto kept = hang_.at;
@@ -72,6 +74,24 @@ class Reach {
   }
 
  private:
+  // The place before the i-th that is nearest to it among those with a pose, the latest of equals;
+  // -1 where there is none.
+  long long nearest(long long i) const {
+    const int size = 3 * in->n_targets;
+    long long best = -1;
+    double least = INFINITY;
+    for (long long k = i - 1; k >= 0; --k) {
+      if (in->status[k] != int(ReachEnd::REACHED) && in->status[k] != int(ReachEnd::NEAREST)) continue;
+      double sum = 0.0;
+      for (int c = 0; c < size; ++c) {
+        const double off = in->places[i * size + c] - in->places[k * size + c];
+        if (!std::isnan(off)) sum += off * off;
+      }
+      if (sum < least) least = sum, best = k;
+    }
+    return best;
+  }
+
   // Goes on from a pose that hangs.
   int again(const typename Hang::Pose& from, long long i, int& count) {
     hang_.at = from;
@@ -412,6 +432,17 @@ class Reach {
         most = larger(larger(in->joint_low[k] - q, q - in->joint_high[k]), most);
       }
     return most;
+  }
+
+  // Makes a pose that was written the present one.
+  void read(long long i) {
+    auto& at = hang_.at;
+    std::memcpy(at.q_D, in->out_q_D + i * NQ, NQ * sizeof(double));
+    std::memcpy(at.q_K, in->out_q_K + i * KQ, KQ * sizeof(double));
+    std::memcpy(at.p, in->out_p + i * P, P * sizeof(double));
+    std::memcpy(at.tension, in->out_tension + i * M, M * sizeof(double));
+    for (int j = 0; j < M; ++j) at.held[j] = in->out_held[i * M + j];
+    hang_.balance();
   }
 
   void write(long long i, int end, int count) {
