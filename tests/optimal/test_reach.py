@@ -180,7 +180,7 @@ def test_the_marionettes_hand_is_as_near_as_scipy_brings_it(marionette):
 
 
 def test_poses_begin_at_the_nearest_one_found_before(marionette):
-    """Places of two far groups in turn cost as little as those of one; a place again is the same."""
+    """Places of two far groups in turn cost as little as those of one."""
     hanging = marionette.rest()
     home = hand_of(marionette, hanging)
     rng, n = np.random.default_rng(0), 20
