@@ -181,6 +181,10 @@ class BoundsFile(Model):
     """Likewise [m/s^2 or rad/s^2]."""
     jerk: Most = None
     """Likewise [m/s^3 or rad/s^3]."""
+    voltage: Most = None
+    """Of all dc motors, or by the name of the command [V]."""
+    current: Most = None
+    """Likewise [A]."""
     held: tuple[str, ...] = ()
     """Driven velocities that do not move at all."""
     clearance: Annotated[NotNegative | None, SIZED] = None
