@@ -173,7 +173,7 @@ class Bounds:
             given = dict.fromkeys(drives, given)
         for name, most in given.items():
             if name not in drives:
-                raise UnknownNameError(f"command of a dc motor, to bound its {kind},", name, drives)
+                raise UnknownNameError(f"dc motor's command with a bound of {kind}", name, drives)
             if np.ndim(most) or not most > 0.0:
                 raise StateError(
                     f"the bound of {kind} of {name} is {most!r}; it must be a number greater than 0"
