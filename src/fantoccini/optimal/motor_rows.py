@@ -2,9 +2,10 @@
 
     |R i + k n v| <= voltage,  |i| <= current,   i = f / (n k)
 
-f is the force with which the motor follows its command (:mod:`fantoccini.equations.drives`), and v
-the velocity of its coordinate. The force depends on the state and the commands' accelerations
-alone. So accelerations that jump at nodes give two rows an interval,
+f is the force that the controller asks for (:mod:`fantoccini.equations.drives`), and v the velocity
+of its coordinate. A motor within its own limits exerts it; beyond them its voltage is at a limit,
+whatever the motion is, and what is asked for tells the way back. f depends on the state and the
+commands' accelerations alone. So accelerations that jump at nodes give two rows an interval,
 
     just after node i:  r(z_i, acc_i),   just before node i + 1:  r(z_{i+1}, acc_i)
 """
@@ -94,10 +95,10 @@ class MotorRows:
     def _at(self, marionette: Marionette, nodes: Nodes, first: int, z: Array, u: Array) -> Array:
         """(n, N, m / 2) values where states and accelerations are changed by n rows z and u."""
         q_D, v_D, q_K, v_K = nodes.states(z, first)
-        acc_K, lead = nodes.acc_K + u[:, None], (len(z), len(nodes))
-        # Motors feel neither accelerations of dynamic coordinates nor tensions.
-        acc_D, tension = np.zeros_like(v_D), np.zeros((*lead, len(marionette.tree.strings)))
-        force = marionette.effort(q_D, v_D, q_K, v_K, acc_D, acc_K, tension)
+        force = marionette.model.library.evaluate(
+            "motor_demands", q_D=q_D, v_D=v_D, q_K=q_K, v_K=v_K, acc_K=nodes.acc_K + u[:, None],
+            p=marionette.p,
+        ).f_D  # fmt: skip
         found = [
             _electric(marionette, drive, force, v_D, j < self._n_voltages)
             for j, drive in enumerate(self._drives)
@@ -110,9 +111,9 @@ def _electric(
 ) -> Array:
     """(...) R i + k n v, or the current i, of a drive's motor [V or A]."""
     motor, number = row.drive.motor, marionette.model.number
-    assert isinstance(motor, DirectCurrent) and row.command is not None, "has no such bound"
+    assert isinstance(motor, DirectCurrent), "has no such bound"
     gain = row.ratio(number) * number(motor.constant)
-    current = force[..., row.command[1]] / gain
+    current = force[..., row.v.start] / gain
     if not voltage:
         return current
     return number(motor.resistance) * current + gain * v_D[..., row.v.start]
