@@ -88,12 +88,14 @@ def cart() -> fan.Marionette:
     return fan.loads(CART)
 
 
-def least_time(hoist: fan.Marionette, bounds: fan.Bounds, intervals: int) -> fan.Optimum:
+def least_time(
+    hoist: fan.Marionette, bounds: fan.Bounds, intervals: int, guess: fan.Input | None = None
+) -> fan.Optimum:
     """From rest to rest over WAY."""
     end = hoist.rest({"lift.command": WAY})
     task = fan.Task(
         hoist, hoist.rest(), (0.3, 2.0), [], fan.Smooth(1e-9, 0.0), bounds, end=end,
-        interval=2.0 / intervals,
+        interval=2.0 / intervals, guess=guess,
     )  # fmt: skip
     best = fan.optimise(task, iterations=200, cost_tolerance=0.0)
     assert best, best.summary()
@@ -176,6 +178,28 @@ def test_a_hoist_is_as_fast_as_its_current_and_voltage_allow(hoist, current, vol
     i = run.effort["lift.command"] / (TURNS * CONSTANT)
     assert np.max(np.abs(i)) == pytest.approx(current, abs=1e-3)
     assert np.max(np.abs(voltages(run))) < voltage + 1e-3
+
+
+def test_a_search_from_a_motor_at_its_limit_finds_the_way_back():
+    """With a bound at the supply's voltage, from a motion that asks for far more."""
+    weak = fan.loads(HOIST.replace("voltage: 48", "voltage: 12"))
+    hurried = fan.Input.waypoints(weak, {"lift.command": [(0, 0.0), (0.25, WAY)]})
+    best = least_time(weak, fan.Bounds(voltage=12.0), 40, hurried)
+    assert best.run.t[-1] == pytest.approx(by_linear_programs(np.inf, 12.0, 40), rel=1e-6)
+
+
+def test_what_is_asked_for_is_the_law_of_the_controller():
+    """Beyond the motor's limits, too, where the effort is less."""
+    weak = fan.loads(HOIST.replace(FOLLOWS, "{type: pd, stiffness: 2000, damping: 120}"))
+    near, far = (weak.state({"lift": 0.0, "lift.command": e, "v:lift": 0.3}) for e in (0.02, 0.5))
+    for x, exerts in ((near, True), (far, False)):
+        at = {name: getattr(x, name) for name in ("q_D", "v_D", "q_K", "v_K")}
+        (asked,) = weak.model.library.evaluate("motor_demands", **at, acc_K=[0.0], p=weak.p).f_D
+        (effort,) = weak.effort(
+            **at, acc_D=np.zeros(1), acc_K=np.zeros(1), tension=np.zeros(0)
+        )  # fmt: skip
+        assert asked == pytest.approx(2000 * (x.q_K - x.q_D)[0] + 120 * (x.v_K - x.v_D)[0])
+        assert bool(effort == pytest.approx(asked)) is exerts
 
 
 def test_a_spring_behind_a_command_keeps_its_voltage():

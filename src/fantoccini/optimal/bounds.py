@@ -40,8 +40,9 @@ class Bounds:
         tension: string -> lowest and highest tension [N]; (0.1, inf) stays taut.
         force: driven velocity -> lowest and highest force that drives it, as a run's ``effort`` [N
             or N m].
-        voltage, current: largest magnitudes of R i + k n v and of i, of the dc motors behind
-            commands, by the command's name or for all of them; unlimited by default [V, A].
+        voltage, current: largest magnitudes of R i + k n v and of i = f / (n k), for the force f
+            that controllers ask of dc motors, by the command's name or for all; unlimited by
+            default [V, A].
         joint: dynamic scalar coordinate -> lowest and highest value [rad or m].
         held: names of driven velocities that do not move at all.
         clearance: of bodies and strings from obstacles, and of bodies of different puppets from one

@@ -182,7 +182,7 @@ class BoundsFile(Model):
     jerk: Most = None
     """Likewise [m/s^3 or rad/s^3]."""
     voltage: Most = None
-    """Of all dc motors, or by the name of the command [V]."""
+    """Of what controllers ask of dc motors, for all or by the command's name [V]."""
     current: Most = None
     """Likewise [A]."""
     held: tuple[str, ...] = ()
