@@ -159,7 +159,7 @@ def test_a_hoist_is_as_fast_as_its_voltage_allows(hoist: fan.Marionette):
     for intervals in (40, 80):
         best = least_time(hoist, fan.Bounds(voltage={"lift.command": 12.0}), intervals)
         times.append(best.run.t[-1])
-        assert times[-1] == pytest.approx(by_linear_programs(np.inf, 12.0, intervals), rel=1e-6)
+        assert times[-1] == pytest.approx(by_linear_programs(np.inf, 12.0, intervals), rel=1e-7)
         run = fan.simulate(hoist, hoist.rest(), best.inputs, times[-1])
         assert np.max(np.abs(voltages(run))) == pytest.approx(12.0, abs=1e-3)
         gain = TURNS * CONSTANT
@@ -173,7 +173,7 @@ def test_a_hoist_is_as_fast_as_its_voltage_allows(hoist: fan.Marionette):
 @pytest.mark.parametrize(("current", "voltage"), [(6.0, np.inf), (4.0, 12.0), (8.0, 20.0)])
 def test_a_hoist_is_as_fast_as_its_current_and_voltage_allow(hoist, current, voltage):
     best = least_time(hoist, fan.Bounds(current=current, voltage=voltage), 40)
-    assert best.run.t[-1] == pytest.approx(by_linear_programs(current, voltage, 40), rel=1e-6)
+    assert best.run.t[-1] == pytest.approx(by_linear_programs(current, voltage, 40), rel=1e-7)
     run = fan.simulate(hoist, hoist.rest(), best.inputs, best.run.t[-1])
     i = run.effort["lift.command"] / (TURNS * CONSTANT)
     assert np.max(np.abs(i)) == pytest.approx(current, abs=1e-3)
@@ -185,7 +185,7 @@ def test_a_search_from_a_motor_at_its_limit_finds_the_way_back():
     weak = fan.loads(HOIST.replace("voltage: 48", "voltage: 12"))
     hurried = fan.Input.waypoints(weak, {"lift.command": [(0, 0.0), (0.25, WAY)]})
     best = least_time(weak, fan.Bounds(voltage=12.0), 40, hurried)
-    assert best.run.t[-1] == pytest.approx(by_linear_programs(np.inf, 12.0, 40), rel=1e-6)
+    assert best.run.t[-1] == pytest.approx(by_linear_programs(np.inf, 12.0, 40), rel=1e-7)
 
 
 def test_what_is_asked_for_is_the_law_of_the_controller():
