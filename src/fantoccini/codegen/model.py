@@ -207,6 +207,8 @@ def _tables(equations: Equations) -> list[str]:
     wound_q = [s.wound_length[0] if s.wound_length else -1 for s in tree.strings]
     return [
         f"  static constexpr bool coupled = {int(_coupled(tree))};",
+        # Whether driven accelerations act on dynamic coordinates by themselves, not through rows.
+        f"  static constexpr bool accelerated = {int(_coupled(tree) or _follows(tree))};",
         _array("bool", "wire", [int(s.wire) for s in tree.strings]),
         # Where a length is in q_K and v_K, and in q_D when a drive winds it; -1 where it is not.
         _array("int", "length_q", length_q),
@@ -256,6 +258,11 @@ def _coupled(tree: Tree) -> bool:
     """Whether M_DK is not zero: some link is moved by a dynamic and by a driven one."""
     ways = (tree.ancestors(i) for i in range(len(tree.links)))
     return any(len({tree.links[i].role for i in way} - {Role.FIXED}) > 1 for way in ways)
+
+
+def _follows(tree: Tree) -> bool:
+    """Whether the force of a drive depends on its command's acceleration."""
+    return any(row.command is not None for row in tree.drives)
 
 
 def _lists(name: str, lists: list[list[int]]) -> list[str]:

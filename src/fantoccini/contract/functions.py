@@ -221,6 +221,12 @@ _DECLARED = (
         (MODEL, *_STEPPING), needs="n_watched",
     ),
     Function(
+        "motor_demands", "Force that controllers ask motors for, whatever these can exert.",
+        _arguments("q_D v_D q_K v_K acc_K p"),
+        (Quantity("f_D", ("n_vD",), _FORCE, "force asked for; 0 without a drive"),),
+        (MODEL,), needs="n_watched", mapped=True,
+    ),
+    Function(
         "node", "Dynamics at a node of a variational run, and the factor with damping over dt.",
         _arguments("q_D v_D q_K v_K acc_K u_D dt p"),
         (

@@ -117,6 +117,14 @@ def shares(system: System) -> np.ndarray:
     return symbolic(found)
 
 
+def demands(system: System) -> np.ndarray:
+    """(n_vD,) forces that controllers ask for, whatever their motors can exert [N or N m]."""
+    wanted, f_D = _Wanted(system, ca.SX(0)), zeros(system.tree.coordinates.n_vD)
+    for row in system.tree.drives:
+        f_D[row.v] = wanted.of(row)[0]
+    return f_D
+
+
 def _command(row: DriveRow) -> tuple[int, int]:
     """Places of the command in q_K and v_K."""
     assert row.command is not None, "the drive follows no command"

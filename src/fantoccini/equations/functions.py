@@ -269,6 +269,9 @@ class Equations:
     def _motor_shares(self) -> dict[str, ca.SX]:
         return {"share": column(drives.shares(self.system))}
 
+    def _motor_demands(self) -> dict[str, ca.SX]:
+        return {"f_D": column(drives.demands(self.system))}
+
     def _wrench_forces(self) -> dict[str, ca.SX]:
         """u_D = sum_i J_i^T w_i of wrenches on the links' centres of mass, in world axes."""
         system, tree = self.system, self.tree

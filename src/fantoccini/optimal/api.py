@@ -92,6 +92,7 @@ def optimise(
     chosen = Chosen(marionette, task.x0, task.parameters)
     pulls = bool(task.bounds.tension or task.bounds.force)
     pulls = pulls or any(one.kind == "tension" for one in task.tracks)
+    ends_exactly = pulls or task.bounds.has_motors
     has_contact = marionette.model.contacts is not None
     if exact and has_contact:
         raise StateError("optimise: exact derivatives want a puppet without contact")
@@ -117,8 +118,8 @@ def optimise(
 
     until = began + time_limit
     limits = Limits(tolerance, cost_tolerance, iterations, until)
-    # Where tensions or forces end at their bounds, exact derivatives have the last word.
-    has_coarse = pulls and type(runs) is EventRuns and not rotates
+    # Where tensions, forces or motors end at their bounds, exact derivatives have the last word.
+    has_coarse = ends_exactly and type(runs) is EventRuns and not rotates
     first_limits = limits
     if has_coarse:
         first_limits = replace(

@@ -13,6 +13,8 @@ from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.optimal.nodes import Nodes
+from fantoccini.puppet import DirectCurrent
+from fantoccini.tree import DriveRow
 
 Most: TypeAlias = float | Mapping[str, float]
 """The largest magnitude of all driven coordinates, or by name."""
@@ -38,6 +40,9 @@ class Bounds:
         tension: string -> lowest and highest tension [N]; (0.1, inf) stays taut.
         force: driven velocity -> lowest and highest force that drives it, as a run's ``effort`` [N
             or N m].
+        voltage, current: largest magnitudes of R i + k n v and of i = f / (n k), for the force f
+            that controllers ask of dc motors, by the command's name or for all; unlimited by
+            default [V, A].
         joint: dynamic scalar coordinate -> lowest and highest value [rad or m].
         held: names of driven velocities that do not move at all.
         clearance: of bodies and strings from obstacles, and of bodies of different puppets from one
@@ -55,6 +60,16 @@ class Bounds:
     clearance: float | None = None
     own_body: bool = False
     force: Mapping[str, Interval] = field(default_factory=dict)
+    voltage: Most = np.inf
+    current: Most = np.inf
+
+    @property
+    def has_motors(self) -> bool:
+        """Whether voltages or currents of motors have bounds."""
+        return any(
+            bool(given) if isinstance(given, Mapping) else bool(given != np.inf)
+            for given in (self.voltage, self.current)
+        )
 
     def magnitudes(self, marionette: Marionette, kind: str) -> Array:
         """(n_vK,) speed, acceleration or jerk of every driven velocity."""
@@ -131,6 +146,42 @@ class Bounds:
             raise StateError("bounds of forces want a puppet without contact")
         names = marionette.coordinates.v_K
         return _intervals("force", "driven velocity", self.force, names)
+
+    def motors(self, marionette: Marionette, kind: str) -> tuple[list[DriveRow], Array]:
+        """Drives whose dc motor has a bound, and the largest magnitudes.
+
+        Args:
+            marionette: the puppet.
+            kind: ``voltage`` [V] or ``current`` [A].
+
+        Raises:
+            UnknownNameError: a name that is no command of a dc motor.
+            StateError: a bound that is not greater than 0, no motor to bound, or contact.
+        """
+        names = marionette.coordinates.v_K
+        drives = {
+            names[row.command[1]]: row for row in marionette.tree.drives
+            if row.command is not None and isinstance(row.drive.motor, DirectCurrent)
+        }  # fmt: skip
+        given = getattr(self, kind)
+        if not isinstance(given, Mapping):
+            if given == np.inf:
+                return [], np.zeros(0)
+            if not drives:
+                raise StateError(
+                    f"the bound of {kind} is {given!r}; needed: a puppet with a dc motor"
+                )
+            given = dict.fromkeys(drives, given)
+        for name, most in given.items():
+            if name not in drives:
+                raise UnknownNameError(f"dc motor's command with a bound of {kind}", name, drives)
+            if np.ndim(most) or not most > 0.0:
+                raise StateError(
+                    f"the bound of {kind} of {name} is {most!r}; it must be a number greater than 0"
+                )
+        if given and marionette.model.contacts is not None:
+            raise StateError(f"bounds of {kind}s want a puppet without contact")
+        return [drives[name] for name in given], np.array(list(given.values()), dtype=float)
 
 
 def _intervals(

@@ -40,8 +40,8 @@ def finer(
 ) -> tuple[EventRuns, Search]:
     """The search that goes on from a motion of a first one with derivatives of time steps.
 
-    Where a tension or a force is at its bound it takes exact ones, if there are any: those of time
-    steps are not those of tensions just after nodes.
+    Where a tension, a force or a motor is at its bound it takes exact ones, if there are any: those
+    of time steps are not those of tensions just after nodes, nor of stiff drives.
     """
     if limits.iterations > 0 and time.perf_counter() < limits.until:
         exactly = ExactRuns(runs.steps, runs.chosen)

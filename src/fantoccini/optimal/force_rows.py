@@ -14,7 +14,6 @@ import numpy as np
 from fantoccini.arrays import Array, Indices
 from fantoccini.errors import StateError
 from fantoccini.marionette import Marionette
-from fantoccini.motion import tangent
 from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.dynamics import Ends, LinearEnds
 from fantoccini.optimal.nodes import Nodes
@@ -100,15 +99,8 @@ class ForceRows:
         self, marionette: Marionette, nodes: Nodes, z: Array, u: Array, acc_D: Array, tension: Array
     ) -> Array:
         """(n, N, m) forces where states and accelerations are changed by n rows z and u."""
-        t = nodes.table
-        dq_D, dv_D, dq_K, dv_K = np.split(z[:, None], nodes.splits, axis=2)
         lead = (len(z), len(nodes))
-        parts = (
-            tangent.moved(t.scalars_D, t.quaternions_D, nodes.q_D[:-1], dq_D),
-            nodes.v_D[:-1] + dv_D,
-            tangent.moved(t.scalars_K, t.quaternions_K, nodes.q_K[:-1], dq_K),
-            nodes.v_K[:-1] + dv_K, acc_D, nodes.acc_K + u[:, None], tension,
-        )  # fmt: skip
+        parts = (*nodes.states(z), acc_D, nodes.acc_K + u[:, None], tension)
         given = [np.broadcast_to(a, (*lead, a.shape[-1])) for a in parts]
         return np.asarray(marionette.effort(*given)[..., self._columns])
 

@@ -332,8 +332,11 @@ def _check(task: Task, marionette: Marionette) -> None:
         raise StateError("MPC: the task's duration is free; needed: a given one")
     if task.parameters:
         raise StateError("MPC: the task chooses parameters; give best.marionette without them")
-    if task.bounds.force:
-        raise StateError("MPC: the task has bounds of forces; give bounds of accelerations instead")
+    if task.bounds.force or task.bounds.has_motors:
+        raise StateError(
+            "MPC: the task has bounds of forces, voltages or currents; give bounds of "
+            "accelerations instead"
+        )
     if task.touches:
         raise StateError("MPC: the task has touches; give a Track instead")
     if task.goal is not None:

@@ -100,6 +100,22 @@ class Nodes:
             run=None,
         )
 
+    def states(self, z: Array, first: int = 0) -> tuple[Array, Array, Array, Array]:
+        """(n, N, ...) q_D, v_D, q_K, v_K of N nodes, changed by n tangent vectors.
+
+        Args:
+            z: (n, n_z) changes, each of all nodes.
+            first: of the nodes: 0 where intervals begin, 1 where they end.
+        """
+        t, at = self.table, slice(first, first + len(self))
+        dq_D, dv_D, dq_K, dv_K = np.split(z[:, None], self.splits, axis=2)
+        return (
+            tangent.moved(t.scalars_D, t.quaternions_D, self.q_D[at], dq_D),
+            self.v_D[at] + dv_D,
+            tangent.moved(t.scalars_K, t.quaternions_K, self.q_K[at], dq_K),
+            self.v_K[at] + dv_K,
+        )
+
     def between(self, q_D: Array, v_D: Array, q_K: Array, v_K: Array, first: int = 1) -> Array:
         """(N + 1 - first, n_z) the changes that move the nodes from `first` on to these states."""
         t, n, k = self.table, self.table.n_vD, self.table.n_vK

@@ -1,4 +1,4 @@
-"""Rows of a motion that may be passed at a price: tensions, jerks, joints, forces, clearances.
+"""Rows of a motion that may be passed at a price: tensions, jerks, joints, forces, motors, gaps.
 
 low <= r_i(u_{i-1}, z_i, u_i, z_{i+1}) <= high
 """
@@ -12,17 +12,18 @@ from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.clear_rows import ClearRows
 from fantoccini.optimal.dynamics import Ends, LinearEnds
 from fantoccini.optimal.force_rows import ForceRows
+from fantoccini.optimal.motor_rows import MotorRows
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.task import Task
 
 _AT_BOUND = 1e-3
-"""Distance of a tension or force from a bound that it is at, relative to its largest."""
+"""Distance of a tension, force or voltage from a bound that it is at, relative to its largest."""
 _LEAST_PULL = 1e-9
-"""Its least size [N or N m]."""
+"""Its least size [N, N m, V or A]."""
 
 
 class Rows:
-    """The rows of a task: tensions with bounds, then jerks, joints, forces and clearances.
+    """The rows of a task: tensions with bounds, then jerks, joints, forces, motors, clearances.
 
     Attributes:
         clear: the rows of clearances.
@@ -46,6 +47,7 @@ class Rows:
         self.places = np.flatnonzero(bounded)
         self.joint_low, self.joint_high = low[self.places], high[self.places]
         self._forces = ForceRows(task, chosen, c)
+        self._motors = MotorRows(task, chosen, c)
         clearance = task.bounds.clearance
         self.clear = None
         if clearance is not None:
@@ -57,9 +59,10 @@ class Rows:
         most = self._jerk[self._jerks] * nodes.interval
         numbers = nodes.numbers[1:, self.places]
         force = self._forces.value(nodes, ends)
-        value = np.concatenate([ends.tension[:, self._taut], jumps, numbers, force], axis=1)
-        low = np.concatenate([self._least, -most, self.joint_low, self._forces.low])
-        high = np.concatenate([self._most, most, self.joint_high, self._forces.high])
+        parts = [ends.tension[:, self._taut], jumps, numbers, force, self._motors.value(nodes)]
+        value, top = np.concatenate(parts, axis=1), self._motors.most
+        low = np.concatenate([self._least, -most, self.joint_low, self._forces.low, -top])
+        high = np.concatenate([self._most, most, self.joint_high, self._forces.high, top])
         if self.clear:
             value = np.concatenate([value, self.clear.value(nodes)], axis=1)
             low = np.append(low, np.full(len(self.clear), self.clear.margin))
@@ -77,25 +80,28 @@ class Rows:
         n_taut, n_jerks, n_places = len(self._taut), len(self._jerks), len(self.places)
         s, n_clear = k + n_z, len(self.clear) if self.clear else 0
         first = n_taut + n_jerks + n_places
-        C = np.zeros((N, first + len(self._forces) + n_clear, 2 * s))
+        last = first + len(self._forces)
+        C = np.zeros((N, last + len(self._motors) + n_clear, 2 * s))
         C[:, :n_taut, k : s + k] = linear.pull[:, self._taut]
         row = n_taut + np.arange(n_jerks)
         C[:, row, self._jerks], C[:, row, s + self._jerks] = -1.0, 1.0
         C[:, n_taut + n_jerks + np.arange(n_places), s + k + self.places] = 1.0
-        C[:, first : first + len(self._forces), k : s + k] = self._forces.by(nodes, linear)
+        C[:, first:last, k : s + k] = self._forces.by(nodes, linear)
+        C[:, last : last + len(self._motors), k:] = self._motors.by(nodes, n_z - nodes.n_z)
         if self.clear:
             C[:, -n_clear:, s + k : s + k + nodes.n_z] = self.clear.by(nodes)
         return C
 
     def pulls_bind(self, nodes: Nodes, ends: Ends) -> bool:
-        """Whether a tension or a force is at one of its bounds, or beyond.
+        """Whether a tension, a force or a motor is at one of its bounds, or beyond.
 
         A least tension of 0 is none: that is what slack strings have.
         """
         value, low, high = self.values(nodes, ends)
         low[: len(self._taut)][self._least <= 0.0] = -np.inf
         first = len(self._taut) + len(self._jerks) + len(self.places)
-        at = [*range(len(self._taut)), *range(first, first + len(self._forces))]
+        drives = len(self._forces) + len(self._motors)
+        at = [*range(len(self._taut)), *range(first, first + drives)]
         value, low, high = value[:, at], low[at], high[at]
         near = _AT_BOUND * np.maximum(np.max(np.abs(value), axis=0, initial=0.0), _LEAST_PULL)
         return bool(np.any((value <= low + near) | (value >= high - near)))

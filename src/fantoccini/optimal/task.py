@@ -75,10 +75,10 @@ class Task:
         if not all(isinstance(one, Touch) for one in self.touches):
             raise StateError(f"a task's touches are {self.touches!r}; needed: a list of Touch")
         check_windows(self.touches, self.x0.t, self.x0.t + high)
-        if self.explore and self.bounds.force:
+        if self.explore and (self.bounds.force or self.bounds.has_motors):
             raise StateError(
-                "explore and bounds of forces do not go together: explore first, then give the "
-                "motion found as a guess"
+                "explore and bounds of forces, voltages or currents do not go together: explore "
+                "first, then give the motion found as a guess"
             )
         if self.explore and self.touches:
             raise StateError(

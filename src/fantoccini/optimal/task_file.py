@@ -307,7 +307,8 @@ def _check_exploring(file: TaskFile, check: Refusals) -> None:
         check(("explore",), lambda: _refuse(text))
     for key, value in (
         ("parameters", file.parameters), ("touches", file.touches),
-        ("bounds.force", file.bounds.force),
+        ("bounds.force", file.bounds.force), ("bounds.voltage", file.bounds.voltage),
+        ("bounds.current", file.bounds.current),
     ):  # fmt: skip
         if file.explore and value:
             text = f"it does not go together with {key}; needed: one of them"
@@ -356,7 +357,8 @@ def _bounds(file: BoundsFile, marionette: Marionette, check: Refusals) -> Bounds
             spots = [((name,), {name: value}) for name, value in given.items()]
         for spot, value in spots:
             one = _bounds_of(key, value)
-            check(("bounds", key, *spot), lambda one=one: one.magnitudes(marionette, key))
+            look = one.motors if key in ("voltage", "current") else one.magnitudes
+            check(("bounds", key, *spot), lambda look=look: look(marionette, key))
         return given
 
     for j, name in enumerate(file.held):
@@ -365,7 +367,7 @@ def _bounds(file: BoundsFile, marionette: Marionette, check: Refusals) -> Bounds
     return Bounds(
         intervals("position"), most("speed"), most("acceleration"), most("jerk"),
         intervals("tension"), intervals("joint"), file.held, file.clearance, file.own_body,
-        intervals("force"),
+        intervals("force"), most("voltage"), most("current"),
     )  # fmt: skip
 
 

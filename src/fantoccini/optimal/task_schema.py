@@ -181,6 +181,10 @@ class BoundsFile(Model):
     """Likewise [m/s^2 or rad/s^2]."""
     jerk: Most = None
     """Likewise [m/s^3 or rad/s^3]."""
+    voltage: Most = None
+    """Of what controllers ask of dc motors, for all or by the command's name [V]."""
+    current: Most = None
+    """Likewise [A]."""
     held: tuple[str, ...] = ()
     """Driven velocities that do not move at all."""
     clearance: Annotated[NotNegative | None, SIZED] = None

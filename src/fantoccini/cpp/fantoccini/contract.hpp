@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x792731db5717b163;
+constexpr long long contract_digest = 0x7e3cb7a791c173a6;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -875,6 +875,15 @@ struct Call {
     const Real* arg[] = {q_D, v_D, q_K, v_K, acc_K, p};
     Real* res[] = {at(share)};
     Model::motor_shares(arg, res);
+  }
+
+  // Force that controllers ask motors for, whatever these can exert.
+  FAN_FN static void motor_demands(
+      const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
+      const Real* acc_K, const Real* p, Real* f_D) {
+    const Real* arg[] = {q_D, v_D, q_K, v_K, acc_K, p};
+    Real* res[] = {at(f_D)};
+    Model::motor_demands(arg, res);
   }
 
   // Dynamics at a node of a variational run, and the factor with damping over dt.

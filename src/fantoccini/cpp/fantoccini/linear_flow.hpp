@@ -136,8 +136,9 @@ class LinearFlow {
   void along(int lane, const Point& at, const double* inputs, double* out, int ld) {
     double *forces = pushed_.data(), *rates = forces + height * row_;
     std::fill(pushed_.begin(), pushed_.end(), 0.0);
-    // Where driven coordinates move no mass, their accelerations act through the rows alone.
-    constexpr int acting = Model::coupled ? 3 * K : 2 * K;
+    // Where driven coordinates move no mass and no drive follows them, their accelerations act
+    // through the rows alone.
+    constexpr int acting = Model::accelerated ? 3 * K : 2 * K;
     add_product(acting, force_[lane].data() + 2 * N * N, N, inputs, row_, forces, row_, N, n_inputs_);
     const double* pushes = inputs + 3 * K * row_;
     if (at.rows.n)

@@ -45,10 +45,10 @@ class StepColumns {
     }
   }
 
-  // Whether columns of a bundle act: where driven coordinates move no mass, dv_K/dt has no part in a
-  // step.
+  // Whether columns of a bundle act: where driven coordinates move no mass and no drive follows them,
+  // dv_K/dt has no part in a step.
   static constexpr bool acts(int b) {
-    return Model::coupled || b < bundle[BY_ACC_K] || b >= bundle[BY_REST];
+    return Model::accelerated || b < bundle[BY_ACC_K] || b >= bundle[BY_REST];
   }
 
   // Entry k of column c, in bundles of `height` numbers.

@@ -169,7 +169,7 @@ class StepDerivatives {
       const Wide* rate = bundles + (Columns::bundle[Columns::BY_V_K] + j) * height;
       Wide* mean = bundles + (Columns::bundle[Columns::BY_ACC_K] + j) * height;
       for (int k = 0; k < n; ++k)
-        mean[k] = Model::coupled ? mean[k] + half[j] * rate[k] : half[j] * rate[k];
+        mean[k] = Model::accelerated ? mean[k] + half[j] * rate[k] : half[j] * rate[k];
     }
   }
 

@@ -1,0 +1,323 @@
+"""Bounds of the voltages and currents of motors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import jsonschema
+import numpy as np
+import pytest
+from scipy.optimize import brentq, fsolve, linprog
+
+import fantoccini as fan
+from fantoccini.optimal.api import _first
+from fantoccini.optimal.chosen import Chosen
+from fantoccini.optimal.dynamics import TimeSteps
+from fantoccini.optimal.hybrid import ExactRuns
+from fantoccini.optimal.objective import Objective
+from fantoccini.optimal.task_schema import task_schema
+from fantoccini.puppet.located import read_file
+
+MASS, WAY, g = 2.0, 0.5, 9.81
+INERTIA, GEAR, DRUM, VISCOUS = 4e-5, 3.0, 0.02, 1e-5
+CONSTANT, RESISTANCE = 0.05, 1.2
+TURNS = GEAR / DRUM
+"""Of the rotor, a metre [rad/m]."""
+MOVED = MASS + TURNS**2 * INERTIA
+DRAG = TURNS**2 * VISCOUS
+"""At the lift [N s/m]."""
+FOLLOWS = "{type: computed_torque, bandwidth: 30}"
+
+HOIST = f"""
+puppet: hoist
+bodies:
+- name: cage
+  joint: {{name: lift, type: prismatic, axis: [0, 0, 1], driven: true}}
+  shapes: [{{type: sphere, radius: 0.05, mass: {MASS}}}]
+drives:
+- on: lift
+  inertia: {INERTIA}
+  gear: {GEAR:g}
+  drum: {DRUM}
+  friction: {{viscous: {VISCOUS}}}
+  motor: {{type: dc, constant: {CONSTANT}, current: 100, resistance: {RESISTANCE}, voltage: 48}}
+  control: {FOLLOWS}
+"""
+
+CART = """
+puppet: cart
+bodies:
+- name: cart
+  joint: {name: rail, type: prismatic, axis: [1, 0, 0], driven: true}
+  shapes: [{type: sphere, radius: 0.05, mass: 0.5}]
+- name: rod
+  parent: cart
+  joint: {name: pin, type: revolute, axis: [0, 1, 0]}
+  mass: {parameter: load, value: 0.4}
+  com: [0, 0, -0.5]
+  inertia: [0.03, 0.03, 0.001]
+- name: bob
+  joint: {type: translation, axes: [x, y, z]}
+  shapes: [{type: sphere, radius: 0.02, mass: 0.2}]
+strings:
+- {name: line, path: [{body: rod, at: [0, 0, -1]}, {body: bob, at: [0, 0, 0]}], length: driven}
+drives:
+- on: rail
+  inertia: 2.0e-5
+  drum: 0.02
+  gear: {parameter: gear, value: 2}
+  motor:
+    {type: dc, constant: 0.05, current: 50, resistance: {parameter: R, value: 1.5}, voltage: 60}
+  control: {type: computed_torque, bandwidth: 20}
+- on: line.length
+  inertia: 2.0e-5
+  drum: 0.02
+  motor: {type: dc, constant: 0.05, current: 50, resistance: 2, voltage: 60}
+  control: {type: pd, stiffness: 900, damping: 40}
+pose: {bob.z: -1.5, line.length: 0.5}
+"""
+
+
+@pytest.fixture(scope="module")
+def hoist() -> fan.Marionette:
+    return fan.loads(HOIST)
+
+
+@pytest.fixture(scope="module")
+def cart() -> fan.Marionette:
+    return fan.loads(CART)
+
+
+def least_time(
+    hoist: fan.Marionette, bounds: fan.Bounds, intervals: int, guess: fan.Input | None = None
+) -> fan.Optimum:
+    """From rest to rest over WAY."""
+    end = hoist.rest({"lift.command": WAY})
+    task = fan.Task(
+        hoist, hoist.rest(), (0.3, 2.0), [], fan.Smooth(1e-9, 0.0), bounds, end=end,
+        interval=2.0 / intervals, guess=guess,
+    )  # fmt: skip
+    best = fan.optimise(task, iterations=200, cost_tolerance=0.0)
+    assert best, best.summary()
+    return best
+
+
+def voltages(run: fan.Trajectory, drag: float = DRAG) -> np.ndarray:
+    """R i + k w by Newton's law of the hoist, from the run's motion alone."""
+    a, v = run.acc_D[:, 0], run.v_D[:, 0]
+    current = (MOVED * a + drag * v + MASS * g) / (TURNS * CONSTANT)
+    return RESISTANCE * current + CONSTANT * TURNS * v
+
+
+def by_linear_programs(current: float, voltage: float, intervals: int) -> float:
+    """The least time in which a linear program finds a way of WAY [s]."""
+
+    def excess(T: float) -> float:
+        h, gain = T / intervals, TURNS * CONSTANT
+        after = h * np.tril(np.ones((intervals, intervals)))
+        v = np.concatenate([after - h * np.eye(intervals), after])  # where intervals begin and end
+        i = (MOVED * np.tile(np.eye(intervals), (2, 1)) + DRAG * v) / gain
+        hold = MASS * g / gain
+        A, b = [], []
+        for rows, still, most in (
+            (i, hold, current), (RESISTANCE * i + gain * v, RESISTANCE * hold, voltage),
+        ):  # fmt: skip
+            if most == np.inf:
+                continue
+            A += [rows, -rows]
+            b += [np.full(2 * intervals, most - still), np.full(2 * intervals, most + still)]
+        way = h * h * (np.arange(intervals)[::-1] + 0.5)
+        found = linprog(
+            -way, np.concatenate(A), np.concatenate(b), np.ones((1, intervals)), [0.0],
+            bounds=(None, None),
+        )  # fmt: skip
+        return -found.fun - WAY
+
+    return brentq(excess, 0.2, 2.0, xtol=1e-11)
+
+
+def by_two_arcs(most: float) -> float:
+    """The least time with a voltage of most, then -most: two exponential arcs [s]."""
+    gain = CONSTANT * TURNS
+    rate = (gain**2 / RESISTANCE + DRAG) / MOVED
+
+    def arc(x: float, v: float, volts: float, t: float) -> tuple[float, float]:
+        top = (gain / RESISTANCE * volts - MASS * g) / MOVED / rate
+        left = np.exp(-rate * t)
+        return x + top * t + (v - top) * (1.0 - left) / rate, top + (v - top) * left
+
+    def misses(times: np.ndarray) -> list[float]:
+        x, v = arc(*arc(0.0, 0.0, most, times[0]), -most, times[1])
+        return [x - WAY, v]
+
+    return float(np.sum(fsolve(misses, [0.4, 0.05], xtol=1e-13)))
+
+
+def test_a_hoist_is_as_fast_as_its_voltage_allows(hoist: fan.Marionette):
+    """Beside linear programs over the same intervals, and the closed form in their limit."""
+    times = []
+    for intervals in (40, 80):
+        best = least_time(hoist, fan.Bounds(voltage={"lift.command": 12.0}), intervals)
+        times.append(best.run.t[-1])
+        assert times[-1] == pytest.approx(by_linear_programs(np.inf, 12.0, intervals), rel=1e-7)
+        run = fan.simulate(hoist, hoist.rest(), best.inputs, times[-1])
+        assert np.max(np.abs(voltages(run))) == pytest.approx(12.0, abs=1e-3)
+        gain = TURNS * CONSTANT
+        by_effort = RESISTANCE / gain * run.effort["lift.command"] + gain * run.v_D[:, 0]
+        assert by_effort == pytest.approx(voltages(run), abs=1e-6)
+    exact = by_two_arcs(12.0)
+    assert times[0] > times[1] > exact
+    assert 2.0 * times[1] - times[0] == pytest.approx(exact, rel=2e-3)
+
+
+@pytest.mark.parametrize(("current", "voltage"), [(6.0, np.inf), (4.0, 12.0), (8.0, 20.0)])
+def test_a_hoist_is_as_fast_as_its_current_and_voltage_allow(hoist, current, voltage):
+    best = least_time(hoist, fan.Bounds(current=current, voltage=voltage), 40)
+    assert best.run.t[-1] == pytest.approx(by_linear_programs(current, voltage, 40), rel=1e-7)
+    run = fan.simulate(hoist, hoist.rest(), best.inputs, best.run.t[-1])
+    i = run.effort["lift.command"] / (TURNS * CONSTANT)
+    assert np.max(np.abs(i)) == pytest.approx(current, abs=1e-3)
+    assert np.max(np.abs(voltages(run))) < voltage + 1e-3
+
+
+def test_a_search_from_a_motor_at_its_limit_finds_the_way_back():
+    """With a bound at the supply's voltage, from a motion that asks for far more."""
+    weak = fan.loads(HOIST.replace("voltage: 48", "voltage: 12"))
+    hurried = fan.Input.waypoints(weak, {"lift.command": [(0, 0.0), (0.25, WAY)]})
+    best = least_time(weak, fan.Bounds(voltage=12.0), 40, hurried)
+    assert best.run.t[-1] == pytest.approx(by_linear_programs(np.inf, 12.0, 40), rel=1e-7)
+
+
+def test_what_is_asked_for_is_the_law_of_the_controller():
+    """Beyond the motor's limits, too, where the effort is less."""
+    weak = fan.loads(HOIST.replace(FOLLOWS, "{type: pd, stiffness: 2000, damping: 120}"))
+    near, far = (weak.state({"lift": 0.0, "lift.command": e, "v:lift": 0.3}) for e in (0.02, 0.5))
+    for x, exerts in ((near, True), (far, False)):
+        at = {name: getattr(x, name) for name in ("q_D", "v_D", "q_K", "v_K")}
+        (asked,) = weak.model.library.evaluate("motor_demands", **at, acc_K=[0.0], p=weak.p).f_D
+        (effort,) = weak.effort(
+            **at, acc_D=np.zeros(1), acc_K=np.zeros(1), tension=np.zeros(0)
+        )  # fmt: skip
+        assert asked == pytest.approx(2000 * (x.q_K - x.q_D)[0] + 120 * (x.v_K - x.v_D)[0])
+        assert bool(effort == pytest.approx(asked)) is exerts
+
+
+def test_a_spring_behind_a_command_keeps_its_voltage():
+    """The motor lags: what is bounded is the voltage of its law at the state of the run."""
+    lift = fan.loads(HOIST.replace(FOLLOWS, "{type: pd, stiffness: 2000, damping: 120}"))
+    x0, most = lift.rest(), []
+    tracks = [
+        fan.Track.coordinate("lift", x0.q_D[0] + 0.3, weight=0.0, end_weight=1e3),
+        fan.Track.velocity("lift", weight=0.0, end_weight=1e2),
+    ]
+    for bounds in (fan.Bounds(), fan.Bounds(voltage=9.0)):
+        task = fan.Task(lift, x0, 0.5, tracks, fan.Smooth(1e-4, 1e-7), bounds, interval=0.02)
+        best = fan.optimise(task)
+        run = fan.simulate(lift, x0, best.inputs, 0.5, save_at=best.t)
+        most.append(float(np.max(np.abs(voltages(run)))))
+        assert best, best.summary()
+    assert most[0] > 10.0
+    at = np.searchsorted(run.t, best.t + 1e-9) - 1
+    assert np.max(np.abs(voltages(run))[at]) == pytest.approx(9.0, abs=1e-3)
+    assert most[1] < 9.0 + 0.05  # between the nodes
+
+
+def test_voltages_change_with_motions_as_their_rows_say(cart: fan.Marionette):
+    """Beside central differences of event-driven runs: masses, resistance and gear as well."""
+    x0 = cart.rest()
+    x0 = cart.project(x0.replace(v_D=x0.v_D + 0.1, v_K=x0.v_K + 0.05))
+    spans = {"load": (0.2, 0.8), "gear": (1.0, 3.0), "R": (1.0, 2.0)}
+    task = fan.Task(
+        cart, x0, 0.4, [], bounds=fan.Bounds(voltage=20.0, current={"line.command.length": 9.0}),
+        interval=0.1, parameters=spans,
+    )  # fmt: skip
+    chosen, rng = Chosen(cart, x0, spans), np.random.default_rng(7)
+    runs = ExactRuns(TimeSteps(cart, task.dt, 1, chosen, False), chosen)
+    rows = Objective(task).rows
+    first = _first(task, chosen, None)
+    N, k = first.acc_K.shape
+    first = replace(first, acc_K=0.5 * rng.normal(size=(N, k)))
+    ways, p = rng.normal(size=(N, k)), np.array([0.2, 0.4, -0.3])
+
+    def values(step: float) -> np.ndarray:
+        made = runs.run(
+            replace(first, acc_K=first.acc_K + step * ways, parameters=first.parameters + step * p)
+        )
+        assert made is not None
+        return rows.values(made[0], runs.ends(*made))[0]
+
+    nodes, run = runs.run(first)
+    ends = runs.ends(nodes, run)
+    linear = runs.linearise(nodes, ends).widened(np.array([1, 2, 3]))
+    assert not runs.reasons and rows.values(nodes, ends)[0].shape == (N, 6)
+    by, change = rows.by(nodes, linear), (values(1e-5) - values(-1e-5)) / 2e-5
+    z = linear.start_c[:, 1:] @ p
+    z = np.concatenate([z, p])
+    for i in range(N):
+        after = linear.A[i] @ z + linear.B[i] @ ways[i]
+        found = by[i][:, k:] @ np.concatenate([z, ways[i], after])
+        assert found == pytest.approx(change[i], rel=2e-5, abs=2e-5)
+        z = after
+
+
+def test_what_has_no_motor_is_refused(hoist: fan.Marionette, tmp_path):
+    def found(puppet: fan.Marionette, **bounds) -> None:
+        fan.optimise(fan.Task(puppet, puppet.rest(), 1.0, [], bounds=fan.Bounds(**bounds)))
+
+    with pytest.raises(fan.UnknownNameError, match=r"voltage.*'lift'; the names are lift\.command"):
+        found(hoist, voltage={"lift": 12.0})
+    arm = fan.puppets.arm2d()
+    with pytest.raises(fan.UnknownNameError, match=r"current.*'hand\.length'.*there are none"):
+        found(arm, current={"hand.length": 1.0})
+    with pytest.raises(fan.StateError, match=r"voltage is 12\.0.*a puppet with a dc motor"):
+        found(arm, voltage=12.0)
+    with pytest.raises(fan.StateError, match=r"voltage of lift\.command is 0\.0"):
+        found(hoist, voltage={"lift.command": 0.0})
+    with pytest.raises(fan.StateError, match=r"voltage of lift\.command is \(0, 12\)"):
+        found(hoist, voltage={"lift.command": (0, 12)})
+    servo = fan.loads(HOIST.replace(
+        f"{{type: dc, constant: {CONSTANT}, current: 100, resistance: {RESISTANCE}, voltage: 48}}",
+        "{type: servo, torque: 3}",
+    ))  # fmt: skip
+    with pytest.raises(fan.UnknownNameError, match="there are none"):
+        found(servo, voltage={"lift.command": 12.0})
+    task = fan.Task(hoist, hoist.rest(), 1.0, [], bounds=fan.Bounds(voltage=12.0))
+    with pytest.raises(fan.StateError, match="explore and bounds of forces, voltages"):
+        replace(task, explore=1)
+    with pytest.raises(fan.StateError, match="bounds of forces, voltages"):
+        fan.MPC(hoist, task, horizon=0.5, nodes=10)
+    stage = HOIST.replace("bodies:", "floor: -1\ncontact: {friction: 0.3}\nbodies:")
+    with pytest.raises(fan.StateError, match="voltages want a puppet without contact"):
+        found(fan.loads(stage), voltage=12.0)
+
+
+TASK = """
+task: lift
+puppet: hoist.yaml
+duration: 1
+bounds:
+  voltage: {lift.command: 12}
+  current: 6
+"""
+
+
+def test_task_files_bound_motors(tmp_path):
+    (tmp_path / "hoist.yaml").write_text(HOIST, encoding="utf-8")
+    path = tmp_path / "t.yaml"
+
+    def load(text: str) -> fan.Task:
+        path.write_text(text.lstrip(), encoding="utf-8")
+        return fan.load_task(path)
+
+    bounds = load(TASK).bounds
+    assert bounds.voltage == {"lift.command": 12.0} and bounds.current == 6.0
+    jsonschema.validate(read_file(path).data, task_schema())
+    for change, words in (
+        (("lift.command", "lift"), r"t\.yaml:5: bounds\.voltage\.lift: .*lift\.command"),
+        ((": 12}", ": 0}"), r"t\.yaml:5: bounds\.voltage\.lift\.command: .*greater than 0"),
+        (("current: 6", "current: -6"), r"t\.yaml:6: bounds\.current: .*greater than 0"),
+        (("hoist.yaml", "arm2d"), r"t\.yaml:6: bounds\.current: .*a puppet with a dc motor"),
+        (("duration: 1", "duration: 1\nslack: true\nexplore: 1"), r"explore: .*bounds\.voltage"),
+    ):
+        with pytest.raises(fan.FileError, match=words):
+            load(TASK.replace(*change))
