@@ -188,6 +188,12 @@ def test_a_search_from_a_motor_at_its_limit_finds_the_way_back():
     assert best.run.t[-1] == pytest.approx(by_linear_programs(np.inf, 12.0, 40), rel=1e-7)
 
 
+def test_a_drive_that_follows_takes_the_least_time_of_its_command(hoist: fan.Marionette):
+    """T = 2 sqrt(way / a), which derivatives of time steps miss behind a stiff controller."""
+    best = least_time(hoist, fan.Bounds(acceleration=8.0), 20)
+    assert best.run.t[-1] == pytest.approx(2.0 * np.sqrt(WAY / 8.0), rel=1e-6)
+
+
 def test_what_is_asked_for_is_the_law_of_the_controller():
     """Beyond the motor's limits, too, where the effort is less."""
     weak = fan.loads(HOIST.replace(FOLLOWS, "{type: pd, stiffness: 2000, damping: 120}"))

@@ -92,7 +92,7 @@ def optimise(
     chosen = Chosen(marionette, task.x0, task.parameters)
     pulls = bool(task.bounds.tension or task.bounds.force)
     pulls = pulls or any(one.kind == "tension" for one in task.tracks)
-    ends_exactly = pulls or task.bounds.has_motors
+    ends_exactly = pulls or bool(marionette.coordinates.commands)
     has_contact = marionette.model.contacts is not None
     if exact and has_contact:
         raise StateError("optimise: exact derivatives want a puppet without contact")
@@ -118,7 +118,8 @@ def optimise(
 
     until = began + time_limit
     limits = Limits(tolerance, cost_tolerance, iterations, until)
-    # Where tensions, forces or motors end at their bounds, exact derivatives have the last word.
+    # Where tensions or forces end at their bounds, and where drives follow commands, exact
+    # derivatives have the last word.
     has_coarse = ends_exactly and type(runs) is EventRuns and not rotates
     first_limits = limits
     if has_coarse:

@@ -40,12 +40,15 @@ def finer(
 ) -> tuple[EventRuns, Search]:
     """The search that goes on from a motion of a first one with derivatives of time steps.
 
-    Where a tension, a force or a motor is at its bound it takes exact ones, if there are any: those
-    of time steps are not those of tensions just after nodes, nor of stiff drives.
+    Where a tension or a force is at its bound, and where drives follow commands, it takes exact
+    ones, if there are any: those of time steps are not those of tensions just after nodes, nor of
+    stiff drives.
     """
     if limits.iterations > 0 and time.perf_counter() < limits.until:
         exactly = ExactRuns(runs.steps, runs.chosen)
-        if objective.rows.pulls_bind(at.nodes, at.ends) and exactly.has(at.nodes, at.ends):
+        has_drives = bool(runs.steps.marionette.coordinates.commands)
+        wanted = has_drives or objective.rows.pulls_bind(at.nodes, at.ends)
+        if wanted and exactly.has(at.nodes, at.ends):
             again = Iterate(at.nodes, at.ends, at.cost, iterations=at.iterations, force=at.force)
             return exactly, Search(again, exactly, objective, limits)
     is_over = at.kkt <= limits.tolerance or at.stalled
