@@ -30,6 +30,7 @@ PACKAGES = {
     "simulation": "Runs, batches and their sensitivities.",
     "clearance": "Distances of a puppet from obstacles, from other puppets and from itself.",
     "optimal": "Optimal control: the motion of least cost within bounds, event-driven.",
+    "gestures": "Gestures: short motions of part of a puppet that are changed, added and joined.",
     "reduction": "Compares the mixed model with the puppet on drives (the paper's Section VI).",
     "sweeps": "One study over many cases, on threads or a Ray cluster, with a store.",
     "demo": "Inputs of bundled performances.",

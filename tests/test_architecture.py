@@ -44,6 +44,7 @@ ORDER = (
     "simulation",
     "clearance",
     "optimal",
+    "gestures",  # key poses are reached
     "reduction",
     "sweeps",
     "demo",  # the bundled performance: inputs for a bundled puppet

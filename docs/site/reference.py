@@ -14,6 +14,7 @@ TITLES = {
     "motion": "States, inputs, trajectories",
     "simulation": "Simulation",
     "optimal": "Optimal control",
+    "gestures": "Gestures",
     "perform": "Live performance",
     "planning": "Planning",
     "sweeps": "Sweeps",

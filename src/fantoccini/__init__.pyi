@@ -17,6 +17,11 @@ from .errors import (
     SweepStopped as SweepStopped,
     UnknownNameError as UnknownNameError,
 )
+from .gestures import (
+    Gesture as Gesture,
+    gesture_names as gesture_names,
+    load_gesture as load_gesture,
+)
 from .marionette import (
     Event as Event,
     Flow as Flow,

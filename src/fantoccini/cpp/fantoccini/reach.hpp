@@ -16,6 +16,7 @@
 
 #include "bounded_step.hpp"
 #include "hanging.hpp"
+#include "reach_poses.hpp"
 
 namespace fan {
 
@@ -43,7 +44,7 @@ class Reach {
   static constexpr int NQ = Hang::NQ, KQ = Hang::KQ, NP = Hang::NP;
 
   void find(const ReachArrays& given) {
-    in = &given;
+    in = poses_.in = &given;
     hang_.weight = in->weight;
     hang_.may_change = in->may_change;
     n_ = 0;
@@ -57,8 +58,11 @@ class Reach {
         write(i, int(ReachEnd::LOST), 0);
         continue;
       }
-      const long long near = nearest(i);
-      if (near >= 0 && near != i - 1) read(near);
+      const long long near = poses_.nearest(i);
+      if (near >= 0 && near != i - 1) {
+        poses_.read(near, hang_.at);
+        hang_.balance();
+      }
       int count = 0, end = search(i, count);
       if (end != int(ReachEnd::REACHED) && i > 0) {  // again from the start
         const auto kept = hang_.at;
@@ -74,24 +78,6 @@ class Reach {
   }
 
  private:
-  // The place before the i-th that is nearest to it among those with a pose, the latest of equals;
-  // -1 where there is none.
-  long long nearest(long long i) const {
-    const int size = 3 * in->n_targets;
-    long long best = -1;
-    double least = INFINITY;
-    for (long long k = i - 1; k >= 0; --k) {
-      if (in->status[k] != int(ReachEnd::REACHED) && in->status[k] != int(ReachEnd::NEAREST)) continue;
-      double sum = 0.0;
-      for (int c = 0; c < size; ++c) {
-        const double off = in->places[i * size + c] - in->places[k * size + c];
-        if (!std::isnan(off)) sum += off * off;
-      }
-      if (sum < least) least = sum, best = k;
-    }
-    return best;
-  }
-
   // Goes on from a pose that hangs.
   int again(const typename Hang::Pose& from, long long i, int& count) {
     hang_.at = from;
@@ -434,27 +420,8 @@ class Reach {
     return most;
   }
 
-  // Makes a pose that was written the present one.
-  void read(long long i) {
-    auto& at = hang_.at;
-    std::memcpy(at.q_D, in->out_q_D + i * NQ, NQ * sizeof(double));
-    std::memcpy(at.q_K, in->out_q_K + i * KQ, KQ * sizeof(double));
-    std::memcpy(at.p, in->out_p + i * P, P * sizeof(double));
-    std::memcpy(at.tension, in->out_tension + i * M, M * sizeof(double));
-    for (int j = 0; j < M; ++j) at.held[j] = in->out_held[i * M + j];
-    hang_.balance();
-  }
-
   void write(long long i, int end, int count) {
-    const auto& at = hang_.at;
-    in->status[i] = end;
-    in->iterations[i] = count;
-    in->stable[i] = hang_.stable;
-    std::memcpy(in->out_q_D + i * NQ, at.q_D, NQ * sizeof(double));
-    std::memcpy(in->out_q_K + i * KQ, at.q_K, KQ * sizeof(double));
-    std::memcpy(in->out_p + i * P, at.p, P * sizeof(double));
-    std::memcpy(in->out_tension + i * M, at.tension, M * sizeof(double));
-    for (int j = 0; j < M; ++j) in->out_held[i * M + j] = at.held[j];
+    poses_.write(i, hang_, end, count);
     if (end == int(ReachEnd::LOST)) return;
     std::memcpy(in->price + i * (U + M + N), price_, (U + M + N) * sizeof(double));
     for (int a = 0; a < n_; ++a)
@@ -466,6 +433,7 @@ class Reach {
 
   const ReachArrays* in = nullptr;
   Hang hang_;
+  ReachPoses<Model> poses_;
   int n_ = 0, chosen_[room(U)], joint_q_[room(N)], driven_q_[room(K)];
   bool at_longest_ = false;
   double longest_ = 0.0, cost_ = 0.0, passed_ = 0.0, top_ = 0.0, H_[room(U * U)], g_[room(U)];

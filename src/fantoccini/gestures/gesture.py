@@ -1,0 +1,369 @@
+"""Gestures: offsets of driven coordinates from where the puppet hangs, over time.
+
+    q_K(t) = q_K0 + d(t),   rotations: R(t) = R_0 exp([d(t)]x)
+
+d(t) is a piecewise quintic, C^1 at its breaks. What a gesture does not name, it leaves alone.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fantoccini.arrays import Array, MaskRows, Times, VecK, check_positive, frozen
+from fantoccini.errors import StateError, UnknownNameError
+from fantoccini.gestures import moves, piecewise
+from fantoccini.gestures.transition import ACCELERATION, SPEED, Most, limits, transition
+from fantoccini.motion import Input, State, binding, pieces, reading, rotation
+from fantoccini.motion.findings import Findings
+from fantoccini.motion.reading import Table
+
+if TYPE_CHECKING:
+    from fantoccini.tree import CoordinateTable
+
+_STILL = 1e-9
+"""Speed below which a gesture is at rest [m/s or rad/s]."""
+_MOMENT = 0.02
+"""Of stillness before a gesture that begins in motion and after one that ends so [s]."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Gesture:
+    """A short motion of part of a puppet, relative to where it hangs.
+
+    ::
+
+        wave = fan.load_gesture(puppet, "wave")
+        bow = fan.Gesture.of(puppet, {"head.down": [(0, 0), (0.8, 0.1), (1.6, 0)]})
+        both = wave.mirrored().then(bow, bow.scaled(0.5).faster(1.5))
+        run = fan.simulate(puppet, x0, both.inputs(x0))
+
+    Attributes:
+        coordinates: names and places of the coordinates.
+        breaks: (n + 1,) times, from 0 on [s].
+        coef: (n, n_vK, 6) offsets: ascending powers of the time since the piece began
+            [m or rad, s].
+        named: (n_vK,) bool, which coordinates it moves.
+        travel: (n_vK,) the part of its last offset that becomes the place of what follows, as
+            after a walk [m or rad].
+        name: of the gesture.
+        marks: name -> time within it [s]: when the hand is up, when the foot lands.
+    """
+
+    coordinates: CoordinateTable
+    breaks: Times
+    coef: Array
+    named: MaskRows
+    travel: VecK
+    name: str = ""
+    marks: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        n, k = len(self.breaks) - 1, self.coordinates.n_vK
+        shapes = {"breaks": (n + 1,), "coef": (n, k, 6), "named": (k,), "travel": (k,)}
+        for name, shape in shapes.items():
+            value = frozen(getattr(self, name), bool if name == "named" else float)
+            if value.shape != shape:
+                raise ValueError(f"{name} has the shape {value.shape}; it must be {shape}")
+            object.__setattr__(self, name, value)
+        if n < 1 or self.breaks[0] != 0.0 or not np.all(np.diff(self.breaks) > 0.0):
+            raise ValueError("breaks must be two or more times that increase from 0")
+
+    def __repr__(self) -> str:
+        called = f" {self.name!r}" if self.name else ""
+        return f"<Gesture{called}: {self.duration:g} s, moves {', '.join(self.uses) or 'nothing'}>"
+
+    @property
+    def duration(self) -> float:
+        """[s]."""
+        return float(self.breaks[-1])
+
+    @cached_property
+    def uses(self) -> tuple[str, ...]:
+        """The strings and joints whose coordinates it moves."""
+        places = pieces.channel_names(self.coordinates)
+        named = [name for name, (_, v) in places.items() if self.named[v.start]]
+        return tuple(dict.fromkeys(name.rsplit(".", 1)[0] for name in named))
+
+    @property
+    def ends(self) -> tuple[Array, Array]:
+        """(2, n_vK) offsets and (2, n_vK) rates with which it begins and ends."""
+        both = [piecewise.at(self.breaks, self.coef, t) for t in (0.0, self.duration)]
+        return np.array([d for d, _ in both]), np.array([rate for _, rate in both])
+
+    @property
+    def peaks(self) -> tuple[Array, Array]:
+        """(n_vK,) bounds of its largest speeds and accelerations, a few per mille above them."""
+        return piecewise.peaks(self.breaks, self.coef)
+
+    # -- making one --------------------------------------------------------------------------
+
+    @classmethod
+    def of(
+        cls,
+        table: Table,
+        points: Mapping[str, Sequence[Any]],
+        *,
+        travels: bool = False,
+        name: str = "",
+        marks: Mapping[str, float] | None = None,
+    ) -> Gesture:
+        """Smooth moves through offsets, at rest at both ends, from time 0 on.
+
+        Args:
+            table: a coordinate table, or anything with ``.coordinates``.
+            points: what moves -> list of (t [s], offset [m or rad]). What moves is a driven
+                coordinate (``hand_right.length``), or a string and a direction: ``hand_right.up``
+                and ``.down`` wind it, ``.forward``, ``.back``, ``.left`` and ``.right`` carry its
+                end along x and y, ``.out`` and ``.in`` away from the middle and towards it where
+                its name says left or right.
+            travels: whether the puppet is at its new place afterwards, as after a walk.
+            name, marks: see the class.
+
+        Raises:
+            InputError: with every mistake.
+        """
+        table, findings = reading.table_of(table), Findings()
+        read = moves.read(table, points, findings)
+        findings.raise_any()
+        return cls.of_offsets(table, read, travels=travels, name=name, marks=marks)
+
+    @classmethod
+    def of_offsets(
+        cls,
+        table: CoordinateTable,
+        offsets: Mapping[str, tuple[Times, Array]],
+        *,
+        travels: bool = False,
+        name: str = "",
+        marks: Mapping[str, float] | None = None,
+    ) -> Gesture:
+        """:meth:`of` from arrays: driven scalar coordinate -> times and offsets."""
+        channels = pieces.through_waypoints(table, offsets)
+        breaks, coef, _, named = pieces.assembled(table, channels, (0.0,))
+        coef[:, ~named] = 0.0
+        made = cls(table, breaks, coef, named, np.zeros(table.n_vK), name, dict(marks or {}))
+        return dataclasses.replace(made, travel=made.ends[0][1]) if travels else made
+
+    @classmethod
+    def of_input(cls, inputs: Input, *, travels: bool = False, name: str = "") -> Gesture:
+        """What an input does from its start on: of a recording, a plan or an optimised motion.
+
+        Args:
+            inputs: the motion; ``recording.inputs`` of a live take, ``best.inputs`` of a search.
+            travels, name: see :meth:`of`.
+
+        Raises:
+            StateError: it moves a rotation through several pieces of reference.
+        """
+        table, coef = inputs.coordinates, np.array(inputs.coef)
+        for _, v in table.scalars_K:
+            coef[:, v, 0] -= coef[0, v, 0]
+        for label, (q, _) in table.rotations.items():
+            turned = rotation.between(inputs.base[:1, q : q + 4], inputs.base[:, q : q + 4])
+            if np.any(np.abs(turned) > 0.0):
+                raise StateError(
+                    f"{label} goes through several rotations of reference; gestures turn about one"
+                )
+        coef[:, ~inputs.named] = 0.0
+        breaks = inputs.breaks - inputs.breaks[0]
+        made = cls(table, breaks, coef, inputs.named, np.zeros(table.n_vK), name or inputs.name)
+        return dataclasses.replace(made, travel=made.ends[0][1]) if travels else made
+
+    @classmethod
+    def rest(cls, table: Table, duration: float = 0.5, *, everything: bool = True) -> Gesture:
+        """Hangs still: after other gestures, the way back to where the puppet hangs.
+
+        Args:
+            table: a coordinate table, or anything with ``.coordinates``.
+            duration: [s].
+            everything: whether every coordinate goes there; otherwise all stay where they are.
+        """
+        check_positive(duration=duration)
+        table = reading.table_of(table)
+        nothing = np.zeros((1, table.n_vK, 6))
+        named = np.full(table.n_vK, everything)
+        return cls(table, np.array([0.0, duration]), nothing, named, nothing[0, :, 0], "rest")
+
+    # -- changing one ------------------------------------------------------------------------
+
+    def called(self, name: str) -> Gesture:
+        """The same under another name."""
+        return dataclasses.replace(self, name=name)
+
+    def scaled(self, factor: float) -> Gesture:
+        """Larger, or below 1 smaller."""
+        check_positive(factor=factor)
+        return dataclasses.replace(self, coef=factor * self.coef, travel=factor * self.travel)
+
+    def faster(self, factor: float) -> Gesture:
+        """In 1/factor of the time; below 1 slower."""
+        check_positive(factor=factor)
+        return dataclasses.replace(
+            self, breaks=self.breaks / factor, coef=piecewise.faster(self.coef, factor),
+            marks={name: t / factor for name, t in self.marks.items()},
+        )  # fmt: skip
+
+    def lasting(self, duration: float) -> Gesture:
+        """Within another time [s]."""
+        check_positive(duration=duration)
+        return self.faster(self.duration / duration)
+
+    def delayed(self, by: float) -> Gesture:
+        """The same after a pause at its first offsets [s]."""
+        check_positive(by=by)
+        clock = np.append(0.0, self.breaks + by)
+        return dataclasses.replace(
+            self, breaks=clock, coef=piecewise.on(self.breaks + by, self.coef, clock),
+            marks={name: t + by for name, t in self.marks.items()},
+        )  # fmt: skip
+
+    def moved(self, by: Mapping[str, float]) -> Gesture:
+        """The same from another place: what moves, by how much [m or rad].
+
+        Args:
+            by: names as in :meth:`of`.
+
+        Raises:
+            InputError: with every mistake.
+        """
+        findings = Findings()
+        points = {name: [(0.0, offset)] for name, offset in by.items()}
+        read = moves.read(self.coordinates, points, findings)
+        findings.raise_any()
+        coef, named = np.array(self.coef), np.array(self.named)
+        places = pieces.channel_names(self.coordinates)
+        for name, (_, offsets) in read.items():
+            v = places[name][1].start
+            coef[:, v, 0] += offsets[0]
+            named[v] = True
+        return dataclasses.replace(self, coef=coef, named=named)
+
+    def mirrored(self) -> Gesture:
+        """Its reflection in the x-z plane: what is called left changes places with right.
+
+        Lengths and motions along x and z stay, motions along y and turns about x and z change
+        their signs. Coordinates without a side mirror themselves.
+
+        Raises:
+            UnknownNameError: something has no twin.
+        """
+        coef, travel = np.zeros_like(self.coef), np.zeros_like(self.travel)
+        named = np.zeros_like(self.named)
+        places = pieces.channel_names(self.coordinates)
+        for name, (_, v) in places.items():
+            twin = moves.twin(name)
+            if twin not in places:
+                if self.named[v.start]:
+                    raise UnknownNameError("driven coordinate", twin, list(places))
+                continue
+            to, sign = places[twin][1], moves.reflection(name)
+            coef[:, to] = sign[:, None] * self.coef[:, v]
+            named[to], travel[to] = self.named[v], sign * self.travel[v]
+        return dataclasses.replace(self, coef=coef, named=named, travel=travel)
+
+    def repeated(self, times: int, **options: Any) -> Gesture:
+        """Several times in a row; options are those of :meth:`then`."""
+        if times < 1:
+            raise ValueError(f"times is {times!r}; it must be at least 1")
+        return self.then(*[self] * (times - 1), **options) if times > 1 else self
+
+    def then(
+        self, *others: Gesture, speed: Most = SPEED, acceleration: Most = ACCELERATION
+    ) -> Gesture:
+        """This, then the others, in one motion whose position and velocity never jump.
+
+        Where one ends in another place or at another speed than the next one begins, a quintic
+        leads over, as short as the bounds allow. Coordinates that the next one does not name stay
+        where they are, and stop.
+
+        Args:
+            others: of the same puppet.
+            speed, acceleration: bounds of what leads over, for all or by name [m/s, m/s^2, rad/s,
+                rad/s^2]. What the gestures do themselves is left alone: see :attr:`peaks`.
+
+        Raises:
+            ValueError: they are of different puppets, or a bound is not greater than 0.
+        """
+        binding.check_same_puppet([one.coordinates for one in (self, *others)])
+        most = limits(self.coordinates, speed, acceleration)
+        breaks, coef, named = [self.breaks], [self.coef], np.array(self.named)
+        carried, marks, end = np.array(self.travel), dict(self.marks), self.duration
+        d, rate = (x[1] for x in self.ends)
+        for other in others:
+            first, first_rate = (x[0] for x in other.ends)
+            target = np.where(other.named, carried + first, np.nan)
+            lead, d_lead = transition(d, rate, target, np.where(other.named, first_rate, 0.0), most)
+            if lead is not None:
+                breaks.append(np.array([end + lead[0]]))
+                coef.append(lead[1][None])
+                end += lead[0]
+            held = np.where(other.named, carried, d_lead)
+            own = np.array(other.coef)
+            own[:, :, 0] += held
+            breaks.append(end + other.breaks[1:])
+            coef.append(own)
+            for name, t in other.marks.items():
+                marks.setdefault(name, end + t)
+            named |= other.named
+            (_, last), (_, last_rate) = other.ends
+            d, rate = held + last, last_rate
+            carried = carried + other.travel
+            end += other.duration
+        names = dict.fromkeys(one.name for one in (self, *others) if one.name)
+        return Gesture(
+            self.coordinates, np.concatenate(breaks), np.concatenate(coef), named, carried,
+            ", ".join(names), marks,
+        )  # fmt: skip
+
+    def __add__(self, other: Gesture) -> Gesture:
+        """Both at once, from the same time on; the shorter one holds its end.
+
+        Raises:
+            ValueError: they are of different puppets.
+            StateError: the shorter one ends in motion.
+        """
+        if not isinstance(other, Gesture):
+            return NotImplemented
+        binding.check_same_puppet([self.coordinates, other.coordinates])
+        shorter = min(self, other, key=lambda one: one.duration)
+        if self.duration != other.duration and np.max(np.abs(shorter.ends[1][1])) > _STILL:
+            raise StateError(f"{shorter!r} ends in motion; what is added to it must end with it")
+        breaks, coef = piecewise.added((self.breaks, self.coef), (other.breaks, other.coef))
+        return Gesture(
+            self.coordinates, breaks, coef, self.named | other.named, self.travel + other.travel,
+            " + ".join(one.name for one in (self, other) if one.name),
+            {**other.marks, **self.marks},
+        )  # fmt: skip
+
+    # -- using one ---------------------------------------------------------------------------
+
+    def inputs(
+        self, x0: State, *, speed: Most = SPEED, acceleration: Most = ACCELERATION
+    ) -> Input:
+        """The motion from a state on, at rest at both ends.
+
+        Where the gesture begins or ends elsewhere or in motion, quintics lead there and stop it,
+        as in :meth:`then`.
+
+        Args:
+            x0: the state from which offsets count, at rest; the input begins at its time.
+            speed, acceleration: see :meth:`then`.
+        """
+        still = Gesture.rest(self.coordinates, _MOMENT, everything=False)
+        whole, (offsets, rates) = self, self.ends
+        if np.any(offsets[0] != 0.0) or np.any(np.abs(rates[0]) > _STILL):
+            whole = still.then(whole, speed=speed, acceleration=acceleration)
+        if np.any(np.abs(rates[1]) > _STILL):
+            whole = whole.then(still, speed=speed, acceleration=acceleration)
+        table, coef = self.coordinates, np.array(whole.coef)
+        base = np.tile(x0.q_K, (len(coef), 1))
+        for q, v in table.scalars_K:
+            coef[:, v, 0] += x0.q_K[q]
+            base[:, q] = coef[:, v, 0]
+        return Input(table, x0.t + whole.breaks, coef, base, whole.named, name=self.name).checked()

@@ -1,0 +1,187 @@
+"""Gesture files: gestures in YAML. Every mistake is reported with its location."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BeforeValidator, Field, WithJsonSchema
+
+from fantoccini.arrays import Array, Times
+from fantoccini.errors import FileError, Mistake, StateError, UnknownNameError, nearest
+from fantoccini.gestures import moves
+from fantoccini.gestures.gesture import Gesture
+from fantoccini.marionette import Marionette
+from fantoccini.motion import State, reading
+from fantoccini.motion.channel import Points
+from fantoccini.motion.findings import Findings
+from fantoccini.motion.reading import Table
+from fantoccini.optimal import Bounds, reach
+from fantoccini.optimal.reaching import What
+from fantoccini.puppet.located import Located, read_file, shown, validate
+from fantoccini.puppet.sized import Place
+from fantoccini.puppet.values import Model, Name, NotNegative, mistake
+
+_FOLDER = Path(__file__).parent / "marionette"
+_VALUE = {"anyOf": [{"type": "number"}, {"type": "string", "pattern": "^.+ *(mm|cm|m|deg|rad)$"}]}
+_POINTS = {
+    "type": "array",
+    "items": {
+        "type": "array", "prefixItems": [{"type": "number"}, _VALUE], "minItems": 2, "maxItems": 2,
+    },
+    "minItems": 1,
+}  # fmt: skip
+
+
+def _mapping(value: Any) -> Any:
+    if not isinstance(value, dict):
+        raise mistake(f"found {shown(value)}; needed: names and their waypoints")
+    return value
+
+
+Moves = Annotated[
+    dict[str, Annotated[Any, WithJsonSchema(_POINTS)]], BeforeValidator(_mapping)
+]
+
+
+class KeyPoses(Model):
+    """Places of points of bodies, for which lengths and ends of strings are found."""
+
+    strings: Annotated[tuple[str, ...], Field(min_length=1)]
+    """The strings that move."""
+    at: Annotated[tuple[NotNegative, ...], Field(min_length=1)]
+    """Times of the poses, increasing [s]."""
+    points: Annotated[dict[str, tuple[Place, ...]], Field(min_length=1)]
+    """Body -> how far its point is from where it hangs, at every time: forward, left, up [m]."""
+    of: dict[str, Place] = Field(default_factory=dict)
+    """Body -> the point in its frame; its origin where not given [m]."""
+
+
+class GestureFile(Model):
+    """A gesture: offsets from where the puppet hangs."""
+
+    gesture: Name
+    """The gesture's name."""
+    about: str = ""
+    """What is seen."""
+    moves: Moves = Field(default_factory=dict)
+    """What moves -> list of [time s, offset]: a driven coordinate, or a string and a direction
+    (`hand_right.up`); offsets in m or rad, or with a unit (`12 cm`, `30 deg`)."""
+    poses: KeyPoses | None = None
+    """Key poses, beside the moves."""
+    marks: dict[Name, NotNegative] = Field(default_factory=dict)
+    """Name -> time within the gesture [s]."""
+    travels: bool = False
+    """Whether the puppet is at its new place afterwards."""
+
+
+def gesture_schema() -> dict[str, Any]:
+    """JSON Schema of a gesture file, for editors."""
+    schema = GestureFile.model_json_schema()
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def gesture_names() -> tuple[str, ...]:
+    """Names of the bundled gestures, of the bundled marionette."""
+    return tuple(sorted(p.stem for p in _FOLDER.glob("*.yaml")))
+
+
+def load_gesture(
+    puppet: Table, path: str | os.PathLike[str], start: State | None = None
+) -> Gesture:
+    """Reads a gesture file.
+
+    Args:
+        puppet: whose gesture it is; a marionette where the file has key poses.
+        path: of the file, or the name of a bundled gesture (``wave``).
+        start: where the puppet hangs, for key poses; ``puppet.rest()`` when not given.
+
+    Raises:
+        FileError: with every mistake found and its location.
+    """
+    name = os.fspath(path)
+    if not Path(name).exists():
+        if name not in gesture_names():
+            text = "found nothing here; a gesture file is needed, or the name of a bundled gesture"
+            raise FileError([Mistake(name, None, "", text + nearest(name, gesture_names()))])
+        path = _FOLDER / f"{name}.yaml"
+    located = read_file(path)
+    file = validate(GestureFile, located)
+    table, findings = reading.table_of(puppet), Findings()
+    offsets: dict[str, Points] = moves.read(table, file.moves, findings, ("moves",))
+    if not file.moves and file.poses is None:
+        findings.add((), "found neither moves nor poses; needed: one of them")
+    if file.poses is not None and not findings.found:
+        for channel, points in _of_poses(puppet, file.poses, start, located).items():
+            if channel in offsets:
+                findings.add(("moves",), f"move {channel}, as the string of the poses does")
+            offsets[channel] = points
+    last = max((t[-1] for t, _ in offsets.values()), default=0.0)
+    for mark, t in file.marks.items():
+        if t > last and offsets:
+            findings.add(
+                ("marks", mark), f"found {t:g} s; the gesture ends at {last:g} s"
+            )
+    if findings.found:
+        raise located.error(findings.found, FileError)
+    return Gesture.of_offsets(
+        table, offsets, travels=file.travels, name=file.gesture, marks=file.marks
+    )
+
+
+def _of_poses(
+    puppet: Table, poses: KeyPoses, start: State | None, located: Located
+) -> dict[str, Points]:
+    """Offsets of strings with which the puppet hangs at key poses."""
+    found = Findings()
+    if not isinstance(puppet, Marionette):
+        raise TypeError(f"{located.file} has key poses; it takes a Marionette")
+    x0, table = puppet.rest() if start is None else start, puppet.coordinates
+    owners = {name: name.rsplit(".", 1)[0] for name in table.q_K}
+    for i, string in enumerate(poses.strings):
+        if string not in owners.values():
+            text = f"no string with driven coordinates is called {string!r}"
+            found.add(("poses", "strings", i), text + nearest(string, set(owners.values())))
+    for i, (a, b) in enumerate(zip(poses.at, poses.at[1:], strict=False)):
+        if not b > a:
+            found.add(("poses", "at", i + 1), f"found {b:g} s after {a:g} s; times must increase")
+    for body, places in poses.points.items():
+        if len(places) != len(poses.at):
+            text = f"found {len(places)} places at {len(poses.at)} times; needed: one at each"
+            found.add(("poses", "points", body), text)
+    _refuse(found, located)
+    held = tuple(name for name, owner in owners.items() if owner not in poses.strings)
+    targets: dict[What, Any] = {}
+    for body, places in poses.points.items():
+        at = poses.of.get(body, (0.0, 0.0, 0.0))
+        try:
+            pose = puppet.pose(x0, body)
+        except UnknownNameError as error:
+            found.add(("poses", "points", body), str(error))
+            continue
+        home = pose[:3, 3] + pose[:3, :3] @ np.array(at)
+        targets[body, at] = home + np.array(places)
+    _refuse(found, located)
+    try:
+        reached = reach(puppet, targets, x0, bounds=Bounds(held=held))
+    except StateError as error:
+        raise located.error([(("poses",), str(error))], FileError) from None
+    for i, one in enumerate(reached):
+        if not one:
+            found.add(("poses", "at", i), f"at {poses.at[i]:g} s: {one.summary()}")
+    _refuse(found, located)
+    times = np.array(poses.at)
+    made: dict[str, tuple[Times, Array]] = {}
+    for q, _ in table.scalars_K:
+        name = table.q_K[q]
+        offsets = reached.q_K[:, q] - x0.q_K[q]
+        if name not in held and np.any(offsets != 0.0):
+            made[name] = times, offsets
+    return made
+
+
+def _refuse(found: Findings, located: Located) -> None:
+    if found.found:
+        raise located.error(found.found, FileError)

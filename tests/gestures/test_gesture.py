@@ -1,0 +1,217 @@
+"""Gestures: what they move, how they are changed, and how they follow one another."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.errors import InputError, StateError, UnknownNameError
+from fantoccini.gestures import gesture_names
+
+TWINS = """
+puppet: twins
+bodies:
+- {name: left_bob, joint: {type: translation, axes: [x, y, z]}, mass: 1.0}
+- {name: right_bob, joint: {type: translation, axes: [x, y, z]}, mass: 1.0}
+- {name: bar, joint: {type: free, driven: true}, shapes: [{type: sphere, radius: 0.01, mass: 0.1}]}
+strings:
+- {name: line_left, path: [{body: left_bob}, {driven: [x, y], at: [0, 0.2, 2]}], length: driven}
+- {name: line_right, path: [{body: right_bob}, {driven: [x, y], at: [0, -0.2, 2]}], length: driven}
+pose: {left_bob.y: 0.2, left_bob.z: 1.0, right_bob.y: -0.2, right_bob.z: 1.0,
+       line_left.length: 1.0, line_right.length: 1.0}
+"""
+
+
+@pytest.fixture(scope="module")
+def twins() -> fan.Marionette:
+    return fan.loads(TWINS)
+
+
+@pytest.fixture(scope="module")
+def marionette() -> fan.Marionette:
+    return fan.puppets.marionette()
+
+
+def offset(gesture: fan.Gesture, name: str, t: float) -> float:
+    """d(t) of a coordinate, by the input that the gesture makes from a state at 0."""
+    i = gesture.coordinates.v_K.index(name)
+    k = int(np.clip(np.searchsorted(gesture.breaks, t, "right") - 1, 0, len(gesture.coef) - 1))
+    return float(np.polyval(gesture.coef[k, i, ::-1], t - gesture.breaks[k]))
+
+
+def test_directions_are_coordinates_with_signs(twins):
+    points = {"line_left.up": 0.1, "line_left.forward": 0.02, "line_left.out": 0.03,
+              "line_right.down": 0.1, "line_right.back": 0.02, "line_right.out": 0.03}  # fmt: skip
+    found = fan.Gesture.of(twins, {name: [(0, 0), (1, by)] for name, by in points.items()})
+    expected = {"line_left.length": -0.1, "line_left.x": 0.02, "line_left.y": 0.03,
+                "line_right.length": 0.1, "line_right.x": -0.02, "line_right.y": -0.03}  # fmt: skip
+    for name, by in expected.items():
+        assert offset(found, name, 1.0) == pytest.approx(by, abs=1e-15)
+        assert offset(found, name, 0.5) == pytest.approx(0.5 * by, abs=1e-15)  # minimum jerk
+    assert found.uses == ("line_left", "line_right") and found.duration == 1.0
+
+
+def test_lengths_may_have_units(twins):
+    found = fan.Gesture.of(twins, {"line_left.up": [(0, "0 mm"), (1, "12 cm"), (2, 0.05)]})
+    assert offset(found, "line_left.length", 1.0) == pytest.approx(-0.12)
+    assert offset(found, "line_left.length", 2.0) == pytest.approx(-0.05)
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        ({"line_left.upp": [(0, 0)]}, "did you mean 'line_left.up'"),
+        ({"bar.rotation": [(0, 0)]}, "is a rotation"),
+        ({"left_bob.x": [(0, 0)]}, "neither a driven coordinate"),
+        ({"bar.up": [(0, 0)]}, "would move bar.length"),
+        ({"line_left.up": [(0, 0)], "line_left.length": [(0, 0)]}, "as line_left.up does"),
+        ({"line_left.up": [(0, "3 ft")]}, "needed: a length"),
+        ({"line_left.up": [(1, 0), (0, 0)]}, "times must increase"),
+        ({"line_left.up": [(-1, 0), (0, 0)]}, "begins at 0 s"),
+        ({"line_left.up": 3}, "needed: a list of pairs"),
+    ],
+)
+def test_mistakes_are_told(twins, points, message):
+    with pytest.raises(InputError, match=message):
+        fan.Gesture.of(twins, points)
+
+
+def test_a_mirror_exchanges_left_and_right(twins):
+    one = fan.Gesture.of(
+        twins, {"line_left.up": [(0, 0), (1, 0.1)], "line_left.left": [(0, 0), (1, 0.03)],
+                "bar.y": [(0, 0), (1, 0.2)]},
+    )  # fmt: skip
+    other = one.mirrored()
+    assert set(other.uses) == {"line_right", "bar"}
+    assert offset(other, "line_right.length", 1.0) == pytest.approx(-0.1)
+    assert offset(other, "line_right.y", 1.0) == pytest.approx(-0.03)
+    assert offset(other, "bar.y", 1.0) == pytest.approx(-0.2)
+    twice = other.mirrored()
+    assert np.array_equal(twice.coef, one.coef) and np.array_equal(twice.named, one.named)
+
+
+def test_without_a_twin_there_is_no_mirror():
+    puppet = fan.loads(TWINS.replace("line_right", "cord"))
+    lone = fan.Gesture.of(puppet, {"line_left.up": [(0, 0), (1, 0.1)]})
+    with pytest.raises(UnknownNameError, match="line_right"):
+        lone.mirrored()
+
+
+def test_gestures_are_scaled_sped_up_delayed_and_moved(twins):
+    one = fan.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1), (2, 0)]}, marks={"up": 1.0})
+    assert offset(one.scaled(1.5), "line_left.length", 1.0) == pytest.approx(-0.15)
+    fast = one.faster(2.0)
+    assert fast.duration == 1.0 and fast.marks == {"up": 0.5}
+    assert offset(fast, "line_left.length", 0.3) == pytest.approx(
+        offset(one, "line_left.length", 0.6)
+    )
+    assert one.lasting(3.0).duration == pytest.approx(3.0)
+    late = one.delayed(0.5)
+    assert late.duration == 2.5 and late.marks == {"up": 1.5}
+    assert offset(late, "line_left.length", 0.4) == 0.0
+    assert offset(late, "line_left.length", 1.1) == pytest.approx(
+        offset(one, "line_left.length", 0.6)
+    )
+    moved = one.moved({"line_left.out": 0.05})
+    assert offset(moved, "line_left.y", 2.0) == pytest.approx(0.05)
+
+
+def test_two_at_once_add_up(twins):
+    up = fan.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1)]})
+    more = fan.Gesture.of(twins, {"line_left.up": [(0.25, 0), (0.75, 0.02), (1.5, 0)]})
+    both = up + more
+    assert both.duration == 1.5
+    for t in np.linspace(0.0, 1.5, 31):
+        alone = offset(up, "line_left.length", min(t, 1.0)) + offset(more, "line_left.length", t)
+        assert offset(both, "line_left.length", t) == pytest.approx(alone, abs=1e-15)
+    moving = fan.Gesture.of_input(
+        fan.Input.segments(twins, [0.0, 1.0], twins.rest().q_K, np.zeros(12), 0.01 * np.eye(12)[:1])
+    )
+    with pytest.raises(StateError, match="ends in motion"):
+        _ = moving + more
+
+
+def test_what_follows_is_led_to_as_fast_as_the_bounds_allow(twins):
+    """From rest to rest 1.875 d/T and 5.7735 d/T^2 are the largest speed and acceleration."""
+    up = fan.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1)]})
+    again = fan.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1)]})
+    for speed, acceleration in ((0.5, 100.0), (100.0, 4.0)):
+        whole = up.then(again, speed=speed, acceleration=acceleration)
+        lead = whole.duration - 2.0
+        least = max(1.875 * 0.1 / speed, np.sqrt(5.7735 * 0.1 / acceleration))
+        assert least <= lead <= 1.11 * least
+        assert offset(whole, "line_left.length", whole.duration) == pytest.approx(-0.1)
+
+
+def test_what_is_not_named_stays_and_a_way_is_kept(twins):
+    walk = fan.Gesture.of(
+        twins, {f"line_{side}.forward": [(0, 0), (1, 0.2)] for side in ("left", "right")},
+        travels=True,
+    )  # fmt: skip
+    lift = fan.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1)]})
+    sway = fan.Gesture.of(twins, {"line_left.forward": [(0, 0), (1, 0.05), (2, 0)]})
+    whole = walk.then(lift, sway, walk)
+    assert whole.duration == 5.0  # nothing has to be led over
+    assert offset(whole, "line_left.x", 3.0) == pytest.approx(0.25)
+    assert offset(whole, "line_left.x", 5.0) == pytest.approx(0.4)
+    assert offset(whole, "line_left.length", 5.0) == pytest.approx(-0.1)
+    assert whole.travel[twins.coordinates.v_K.index("line_right.x")] == pytest.approx(0.4)
+    assert lift.then(fan.Gesture.rest(twins)).ends[0][1] == pytest.approx(np.zeros(12))
+
+
+def test_a_recording_is_a_gesture(twins):
+    x0 = twins.rest()
+    inputs = fan.Input.waypoints(twins, {"line_left.length": [(1, 1.0), (2, 0.9), (3, 1.0)]})
+    made = fan.Gesture.of_input(inputs)
+    assert made.duration == 2.0
+    back = made.inputs(x0)
+    t = np.linspace(0.0, 2.0, 41)
+    for a, b in zip(back.evaluate(t), inputs.evaluate(t + 1.0), strict=True):
+        i = twins.coordinates.q_K.index("line_left.length")
+        same = [i] if a.shape[1] == twins.coordinates.n_qK else [
+            twins.coordinates.v_K.index("line_left.length")
+        ]
+        np.testing.assert_allclose(a[:, same], b[:, same], atol=1e-12)
+
+
+def test_a_thousand_in_any_order_never_jump_nor_break_bounds(marionette):
+    speed, acceleration, x0 = 1.2, 11.0, marionette.rest()
+    library = [fan.load_gesture(marionette, name) for name in gesture_names()]
+    library += [one.mirrored() for one in library]
+    # Cut in the middle they begin and end in motion.
+    for one in library[:4]:
+        cut = int(np.ceil(len(one.coef) / 2))
+        if cut < len(one.coef):
+            parts = ((one.breaks[: cut + 1], one.coef[:cut]), (one.breaks[cut:], one.coef[cut:]))
+            library += [
+                fan.Gesture(one.coordinates, b - b[0], c, one.named, np.zeros(21), one.name)
+                for b, c in parts
+            ]
+    for one in library:
+        fastest, hardest = one.peaks
+        assert fastest.max() < speed and hardest.max() < acceleration, one
+    rng = np.random.default_rng(0)
+    for _ in range(100):
+        chosen = [library[i] for i in rng.integers(len(library), size=10)]
+        whole = chosen[0].then(
+            *chosen[1:], fan.Gesture.rest(marionette), speed=speed, acceleration=acceleration
+        )
+        fastest, hardest = whole.peaks
+        assert fastest.max() <= speed * 1.001 and hardest.max() <= acceleration * 1.001
+        inputs = whole.inputs(x0, speed=speed, acceleration=acceleration)  # checked: C^1
+        q_K, v_K, _ = inputs.evaluate(inputs.end)
+        np.testing.assert_allclose(q_K, x0.q_K + 0.0, atol=1e-12)
+        np.testing.assert_allclose(v_K, 0.0, atol=1e-12)
+
+
+def test_the_right_hand_waves(marionette):
+    x0 = marionette.rest()
+    wave = fan.load_gesture(marionette, "wave")
+    run = fan.simulate(marionette, x0, wave.inputs(x0), t_end=8.0, method="timestepping")
+    hand = np.array([
+        marionette.pose(run.state(i), "forearm_right")[:3, 3] for i in range(0, len(run.t), 20)
+    ])  # fmt: skip
+    assert hand[:, 2].max() - hand[0, 2] > 0.1
+    late = hand[-len(hand) // 4 :].mean(axis=0)  # it swings a little yet
+    assert np.linalg.norm(late - hand[0]) < 5e-3

@@ -1,0 +1,112 @@
+"""Gesture files: bundled ones, key poses, their schema, and mistakes with their places."""
+
+from __future__ import annotations
+
+import jsonschema
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.errors import FileError
+from fantoccini.gestures import gesture_names, gesture_schema
+from fantoccini.puppet.located import read_file
+
+GOOD = """\
+gesture: greet
+about: The right hand goes up.
+moves:
+  hand_right.up: [[0, 0], [1, 20 cm], [2, 0]]
+  hand_right.out: [[0, 0], [1, 0.03], [2, 0]]
+marks: {up: 1}
+"""
+POSED = """\
+gesture: reach
+poses:
+  strings: [hand_right]
+  at: [0, 1, 2]
+  points: {forearm_right: [[0, 0, 0], [0.02, 0, 0.06], [0, 0, 0]]}
+  of: {forearm_right: [0, 0, -0.09]}
+"""
+
+
+@pytest.fixture(scope="module")
+def marionette() -> fan.Marionette:
+    return fan.puppets.marionette()
+
+
+def written(tmp_path, text: str):
+    path = tmp_path / "gesture.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_bundled_gestures_move_what_they_say(marionette):
+    assert set(gesture_names()) >= {
+        "bow", "breathe", "clap", "hang", "jump", "kneel", "look", "march", "nod", "point",
+        "shake", "sit", "stand", "wave",
+    }  # fmt: skip
+    for name in gesture_names():
+        found = fan.load_gesture(marionette, name)
+        assert found.name == name and found.uses
+        assert all(0.0 <= t <= found.duration for t in found.marks.values())
+    assert fan.load_gesture(marionette, "wave").uses == ("hand_right",)
+
+
+def test_a_file_says_what_python_says(marionette, tmp_path):
+    read = fan.load_gesture(marionette, written(tmp_path, GOOD))
+    made = fan.Gesture.of(
+        marionette, {"hand_right.length": [(0, 0), (1, -0.2), (2, 0)],
+                     "hand_right.y": [(0, 0), (1, -0.03), (2, 0)]},
+        name="greet", marks={"up": 1.0},
+    )  # fmt: skip
+    assert np.allclose(read.coef, made.coef, atol=1e-15) and read.marks == made.marks
+
+
+def test_at_key_poses_the_puppet_hangs_where_they_say(marionette, tmp_path):
+    found = fan.load_gesture(marionette, written(tmp_path, POSED))
+    assert found.uses == ("hand_right",)
+    x0 = marionette.rest()
+    q_K, _, _ = found.inputs(x0).evaluate(1.0)
+    hangs = marionette.rest(dict(zip(marionette.coordinates.q_K, q_K, strict=True)))
+    place = []
+    for x in (x0, hangs):
+        pose = marionette.pose(x, "forearm_right")
+        place.append(pose[:3, 3] + pose[:3, :3] @ [0.0, 0.0, -0.09])
+    np.testing.assert_allclose(place[1] - place[0], [0.02, 0.0, 0.06], atol=1e-4)
+
+
+def test_the_schema_takes_gestures_and_refuses_others(tmp_path):
+    schema = gesture_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    for text in (GOOD, POSED):
+        jsonschema.validate(read_file(written(tmp_path, text)).data, schema)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate({"gesture": "x", "move": {}}, schema)
+
+
+@pytest.mark.parametrize(
+    ("text", "change", "line", "message"),
+    [
+        (GOOD, ("hand_right.up", "hand_rigt.up"), 4, "did you mean 'hand_right.up'"),
+        (GOOD, ("20 cm", "20 inches"), 4, "needed: a length"),
+        (GOOD, ("[2, 0]]\nmarks", "[1, 0]]\nmarks"), 5, "a step in position"),
+        (GOOD, ("{up: 1}", "{up: 7}"), 6, "the gesture ends at 2 s"),
+        (GOOD, ("about", "abuot"), 2, "did you mean 'about'"),
+        (POSED, ("[hand_right]", "[hand_rigt]"), 3, "did you mean 'hand_right'"),
+        (POSED, ("[0, 1, 2]", "[0, 1]"), 5, "found 3 places at 2 times"),
+        (POSED, ("[0, 1, 2]", "[0, 2, 2]"), 4, "times must increase"),
+        (POSED, ("points: {forearm_right", "points: {forarm_right"), 5, "forarm_right"),
+        (POSED, ("0.06]", "1.5]"), 4, "at 1 s"),
+    ],
+)
+def test_mistakes_have_places(marionette, tmp_path, text, change, line, message):
+    assert change[0] in text
+    path = written(tmp_path, text.replace(*change))
+    with pytest.raises(FileError, match=message) as caught:
+        fan.load_gesture(marionette, path)
+    assert f"gesture.yaml:{line}" in str(caught.value)
+
+
+def test_a_file_that_is_not_there_is_told(marionette):
+    with pytest.raises(FileError, match="did you mean 'wave'"):
+        fan.load_gesture(marionette, "wawe")
