@@ -58,6 +58,9 @@ def test_the_files_of_a_page_are_read_and_run(page, folder):
         elif re.search("^gesture:", block, flags=re.MULTILINE):
             (folder / title[1]).write_text(block, encoding="utf-8")
             assert fan.load_gesture(fan.puppets.marionette(), folder / title[1]).uses
+        elif re.search("^score:", block, flags=re.MULTILINE):
+            (folder / title[1]).write_text(block, encoding="utf-8")
+            assert fan.load_score(fan.puppets.marionette(), folder / title[1])
         elif re.search("^problem:", block, flags=re.MULTILINE):
             (folder / title[1]).write_text(block, encoding="utf-8")
             assert fan.solve(fan.load_problem(folder / title[1]), seed=0)

@@ -19,8 +19,10 @@ from .errors import (
 )
 from .gestures import (
     Gesture as Gesture,
+    Score as Score,
     gesture_names as gesture_names,
     load_gesture as load_gesture,
+    load_score as load_score,
 )
 from .marionette import (
     Event as Event,

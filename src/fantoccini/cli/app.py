@@ -90,6 +90,7 @@ def schema(
     """Print a JSON Schema, for editors."""
     import json
 
+    from fantoccini.gestures import gesture_schema, score_schema
     from fantoccini.motion import inputs_schema
     from fantoccini.optimal import task_schema
     from fantoccini.planning import problem_schema
@@ -100,6 +101,8 @@ def schema(
         SchemaOf.PUPPET: json_schema,
         SchemaOf.SCENE: scene_schema,
         SchemaOf.INPUTS: inputs_schema,
+        SchemaOf.GESTURE: gesture_schema,
+        SchemaOf.SCORE: score_schema,
         SchemaOf.PROBLEM: problem_schema,
         SchemaOf.TASK: task_schema,
     }

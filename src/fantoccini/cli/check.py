@@ -9,11 +9,11 @@ import typer
 
 from fantoccini.cli.files import marionette
 from fantoccini.cli.guard import MISTAKE
+from fantoccini.cli.motions import motion
 from fantoccini.cli.terminal import say, write
 from fantoccini.cli.warn import inputs_warnings, puppet_warnings
 from fantoccini.errors import FileError, Mistake
 from fantoccini.marionette import Marionette, check_mass_matrix
-from fantoccini.motion import Input
 from fantoccini.tree import measure
 
 
@@ -58,11 +58,11 @@ def _puppet(file: str) -> Marionette | None:
 
 def _inputs(made: Marionette, path: Path, quiet: bool) -> bool:
     try:
-        read = Input.load(made, path)
+        read, changes = motion(made, path)
     except FileError as error:
         _list(error.mistakes)
         return False
-    found = inputs_warnings(made, read, path)
+    found = [*changes, *inputs_warnings(made, read, path)]
     _list(found)
     if not quiet:
         write(f"{path}: no mistakes{_count(found)}; drives {made.name} for {read.duration:g} s")

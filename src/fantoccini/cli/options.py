@@ -9,7 +9,9 @@ from typing import Annotated
 
 import typer
 
-SchemaOf = enum.StrEnum("SchemaOf", ["PUPPET", "SCENE", "INPUTS", "PROBLEM", "TASK"])
+SchemaOf = enum.StrEnum(
+    "SchemaOf", ["PUPPET", "SCENE", "INPUTS", "GESTURE", "SCORE", "PROBLEM", "TASK"]
+)
 Planner = enum.StrEnum("Planner", {"EXPLORE": "explore", "EST2007": "est-2007"})
 Objective = enum.StrEnum("Objective", ["GENTLE", "TIME", "ACCELERATION"])
 Theme = enum.StrEnum("Theme", ["LIGHT", "DARK"])

@@ -12,6 +12,7 @@ import typer
 
 from fantoccini.cli.files import fail, marionette
 from fantoccini.cli.guard import FAILED, INTERRUPTED
+from fantoccini.cli.motions import motion
 from fantoccini.cli.options import StringModel
 from fantoccini.cli.outputs import check_outputs, write_outputs
 from fantoccini.cli.recording import load_recording, recorded_start, with_recorded_winches
@@ -70,7 +71,11 @@ def simulate_file(request: SimulateRequest) -> None:
     with Steps(request.quiet) as steps:
         chain = request.string_model is StringModel.CHAIN
         puppet = marionette(request.file, steps.step, "chain" if chain else "constraint")
-        inputs = None if request.inputs is None else Input.load(puppet, request.inputs)
+        inputs = None
+        if request.inputs is not None:
+            inputs, changes = motion(puppet, request.inputs)
+            for change in changes:
+                say(str(change))
         recording = load_recording(request.inputs)
         if recording is not None:
             puppet = with_recorded_winches(puppet, recording, request.quiet)

@@ -2,5 +2,18 @@
 
 from fantoccini.gestures.gesture import Gesture
 from fantoccini.gestures.gesture_file import gesture_names, gesture_schema, load_gesture
+from fantoccini.gestures.score import Caption, Played, Score, is_score, load_score
+from fantoccini.gestures.score_schema import score_schema
 
-__all__ = ["Gesture", "gesture_names", "gesture_schema", "load_gesture"]
+__all__ = [
+    "Caption",
+    "Gesture",
+    "Played",
+    "Score",
+    "gesture_names",
+    "gesture_schema",
+    "is_score",
+    "load_gesture",
+    "load_score",
+    "score_schema",
+]

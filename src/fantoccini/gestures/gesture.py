@@ -18,7 +18,8 @@ import numpy as np
 from fantoccini.arrays import Array, MaskRows, Times, VecK, check_positive, frozen
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.gestures import moves, piecewise
-from fantoccini.gestures.transition import ACCELERATION, SPEED, Most, limits, transition
+from fantoccini.gestures.joining import Line, Motion
+from fantoccini.gestures.transition import ACCELERATION, SPEED, Most, limits
 from fantoccini.motion import Input, State, binding, pieces, reading, rotation
 from fantoccini.motion.findings import Findings
 from fantoccini.motion.reading import Table
@@ -91,14 +92,29 @@ class Gesture:
         return tuple(dict.fromkeys(name.rsplit(".", 1)[0] for name in named))
 
     @property
+    def motion(self) -> Motion:
+        """Its arrays."""
+        return Motion(self.breaks, self.coef, self.named, self.travel)
+
+    @property
     def ends(self) -> tuple[Array, Array]:
         """(2, n_vK) offsets and (2, n_vK) rates with which it begins and ends."""
         both = [piecewise.at(self.breaks, self.coef, t) for t in (0.0, self.duration)]
         return np.array([d for d, _ in both]), np.array([rate for _, rate in both])
 
     @property
-    def peaks(self) -> tuple[Array, Array]:
-        """(n_vK,) bounds of its largest speeds and accelerations, a few per mille above them."""
+    def peaks(self) -> Array:
+        """(2, n_vK) bounds of its largest speeds and accelerations, a few per mille above them."""
+        return np.max(self._peaks, axis=0)
+
+    def peak(self, v: int, derivative: int) -> tuple[float, float]:
+        """A coordinate's largest speed (0) or acceleration (1), and when its piece begins [s]."""
+        sizes = self._peaks[:, derivative, v]
+        piece = int(np.argmax(sizes))
+        return float(sizes[piece]), float(self.breaks[piece])
+
+    @cached_property
+    def _peaks(self) -> Array:
         return piecewise.peaks(self.breaks, self.coef)
 
     # -- making one --------------------------------------------------------------------------
@@ -291,35 +307,14 @@ class Gesture:
             ValueError: they are of different puppets, or a bound is not greater than 0.
         """
         binding.check_same_puppet([one.coordinates for one in (self, *others)])
-        most = limits(self.coordinates, speed, acceleration)
-        breaks, coef, named = [self.breaks], [self.coef], np.array(self.named)
-        carried, marks, end = np.array(self.travel), dict(self.marks), self.duration
-        d, rate = (x[1] for x in self.ends)
-        for other in others:
-            first, first_rate = (x[0] for x in other.ends)
-            target = np.where(other.named, carried + first, np.nan)
-            lead, d_lead = transition(d, rate, target, np.where(other.named, first_rate, 0.0), most)
-            if lead is not None:
-                breaks.append(np.array([end + lead[0]]))
-                coef.append(lead[1][None])
-                end += lead[0]
-            held = np.where(other.named, carried, d_lead)
-            own = np.array(other.coef)
-            own[:, :, 0] += held
-            breaks.append(end + other.breaks[1:])
-            coef.append(own)
-            for name, t in other.marks.items():
-                marks.setdefault(name, end + t)
-            named |= other.named
-            (_, last), (_, last_rate) = other.ends
-            d, rate = held + last, last_rate
-            carried = carried + other.travel
-            end += other.duration
+        line = Line(limits(self.coordinates, speed, acceleration), *(x[0] for x in self.ends))
+        marks: dict[str, float] = {}
+        for one in (self, *others):
+            begun = line.add(one.motion)
+            for name, t in one.marks.items():
+                marks.setdefault(name, begun + t)
         names = dict.fromkeys(one.name for one in (self, *others) if one.name)
-        return Gesture(
-            self.coordinates, np.concatenate(breaks), np.concatenate(coef), named, carried,
-            ", ".join(names), marks,
-        )  # fmt: skip
+        return Gesture(self.coordinates, *line.motion, ", ".join(names), marks)
 
     def __add__(self, other: Gesture) -> Gesture:
         """Both at once, from the same time on; the shorter one holds its end.

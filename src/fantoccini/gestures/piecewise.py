@@ -39,10 +39,11 @@ def faster(coef: Array, factor: float) -> Array:
     return coef * factor ** np.arange(polynomial.N_COEF)
 
 
-def peaks(breaks: Times, coef: Array) -> tuple[Array, Array]:
-    """(n_vK,) bounds of the largest speeds and accelerations, a few per mille above them.
+def peaks(breaks: Times, coef: Array) -> Array:
+    """(n, 2, n_vK) bounds of the largest speeds and accelerations of every piece.
 
-    A polynomial lies between the least and the largest of Bezier's control points.
+    They are a few per mille above them: a polynomial lies between the least and the largest of
+    Bezier's control points.
     """
     h = np.repeat(np.diff(breaks) / _PARTS, _PARTS)
     starts = np.tile(np.arange(_PARTS), len(coef)) * h
@@ -52,8 +53,6 @@ def peaks(breaks: Times, coef: Array) -> tuple[Array, Array]:
     first[..., :-1] = cut[..., 1:] * powers
     second = np.zeros_like(cut)
     second[..., :-2] = cut[..., 2:] * (powers[1:] * powers[:-1])
-    speed, acceleration = (
-        np.max(np.abs(polynomial.control_points(x, h[:, None])), axis=(0, 2), initial=0.0)
-        for x in (first, second)
-    )
-    return speed, acceleration
+    both = np.stack([first, second], axis=1)
+    sizes = np.max(np.abs(polynomial.control_points(both, h[:, None, None])), axis=-1)
+    return np.max(sizes.reshape(len(coef), _PARTS, 2, -1), axis=1)

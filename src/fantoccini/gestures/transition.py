@@ -93,7 +93,7 @@ def transition(
         coef = polynomial.hermite(
             np.full(len(d), duration), (d, rate, nothing), (end, target_rate, nothing)
         )
-        speed, acceleration = piecewise.peaks(np.array([0.0, duration]), coef[None])
+        speed, acceleration = piecewise.peaks(np.array([0.0, duration]), coef[None])[0]
         if np.all(speed <= np.maximum(allowed[0], own * 1.01)) and np.all(
             acceleration <= allowed[1]
         ):

@@ -1,0 +1,174 @@
+"""Scores: lanes and beats, what begins late, bounds, marks, and mistakes with their places."""
+
+from __future__ import annotations
+
+import jsonschema
+import numpy as np
+import pytest
+from tests.cli.command import fantoccini
+
+import fantoccini as fan
+from fantoccini.errors import FileError
+from fantoccini.gestures import is_score, score_schema
+from fantoccini.puppet.located import read_file
+
+HEAD = """\
+score: number
+tempo: 100
+speed: 1.2
+acceleration: 12
+marks: {turn: 24}
+lanes:
+"""
+LANES = (
+    """\
+  legs:
+    - {gesture: march, at: 2, lasts: 4, repeat: 4}
+""",
+    """\
+  right arm:
+    - {gesture: wave, on: {first: 8}, repeat: 2}
+    - {gesture: point, at: turn - 4, mirrored: true}
+""",
+    """\
+  body:
+    - {gesture: bow, on: {low: turn + 2}}
+""",
+)
+NUMBER = f"""{HEAD}{"".join(LANES)}\
+captions:
+  - {{at: 2, until: 6, text: Left and right}}
+"""
+
+
+@pytest.fixture(scope="module")
+def marionette() -> fan.Marionette:
+    return fan.puppets.marionette()
+
+
+def written(tmp_path, text: str):
+    path = tmp_path / "number.yaml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def of(score: fan.Score, gesture: str):
+    return next(cue for cue in score.cues if cue.gesture == gesture)
+
+
+def test_gestures_are_on_their_beats(marionette, tmp_path):
+    path = written(tmp_path, NUMBER)
+    score = fan.load_score(marionette, path)
+    assert score and is_score(path) and score.beat == pytest.approx(0.6)
+    assert of(score, "wave").marks["first"] == pytest.approx(8 * 0.6)
+    assert of(score, "bow").marks["low"] == pytest.approx(26 * 0.6)
+    assert of(score, "point").start == pytest.approx(20 * 0.6)
+    march = of(score, "march")
+    assert march.start == pytest.approx(1.2)
+    assert march.end == pytest.approx(1.2 + 4 * 4 * 0.6)
+    assert score.marks == {"turn": pytest.approx(14.4)}
+    assert score.captions[0].start == pytest.approx(1.2)
+    assert score.duration == pytest.approx(of(score, "bow").end)
+
+
+def test_lanes_add_up(marionette, tmp_path):
+    """The sum of the lanes' motions, each a score of its own, at every time."""
+    x0 = marionette.rest()
+    whole = fan.load_score(marionette, written(tmp_path, NUMBER)).inputs(x0)
+    t = np.linspace(0.0, whole.end, 301)
+    total = np.zeros((len(t), marionette.coordinates.n_qK))
+    for lane in LANES:
+        one = fan.load_score(marionette, written(tmp_path, HEAD + lane)).inputs(x0)
+        total += one.evaluate(t)[0] - x0.q_K
+    np.testing.assert_allclose(whole.evaluate(t)[0] - x0.q_K, total, atol=1e-12)
+
+
+def test_what_cannot_begin_in_time_begins_late_and_is_told(marionette, tmp_path):
+    text = """\
+score: late
+lanes:
+  body:
+    - {gesture: sit, at: 0}
+    - {gesture: bow, at: 1.3}
+"""
+    score = fan.load_score(marionette, written(tmp_path, text))
+    assert not score and len(score.changes) == 1
+    change = str(score.changes[0])
+    assert "number.yaml:5" in change and "instead of at 1.30 s" in change and "after sit" in change
+    bow = of(score, "bow")
+    assert bow.start > 1.3 and f"at {bow.start:.2f} s" in change
+
+
+def test_bounds_that_are_passed_are_told(marionette, tmp_path):
+    text = NUMBER.replace("lasts: 4", "lasts: 1")
+    score = fan.load_score(marionette, written(tmp_path, text))
+    assert not score
+    for one in score.changes:
+        assert "number.yaml:8" in str(one) and "the bound is 12" in str(one)
+    _, _, acceleration = score.inputs(marionette.rest()).evaluate(np.linspace(0.0, 5.0, 5001))
+    assert np.abs(acceleration).max() > 12.0
+    good = fan.load_score(marionette, written(tmp_path, NUMBER)).inputs(marionette.rest())
+    _, speed, acceleration = good.evaluate(np.linspace(0.0, good.end, 20001))
+    assert np.abs(speed).max() <= 1.2 and np.abs(acceleration).max() <= 12.0
+
+
+def test_gestures_may_lie_beside_the_score(marionette, tmp_path):
+    (tmp_path / "lift.yaml").write_text(
+        "gesture: lift\nmoves: {hand_left.up: [[0, 0], [1, 9 cm]]}\n", encoding="utf-8"
+    )
+    text = "score: own\nlanes: {arm: [{gesture: lift.yaml, larger: 2}]}\n"
+    score = fan.load_score(marionette, written(tmp_path, text))
+    x0 = marionette.rest()
+    moved = score.inputs(x0).evaluate(1.0)[0] - x0.q_K
+    i = marionette.coordinates.q_K.index("hand_left.length")
+    assert moved[i] == pytest.approx(-0.18) and np.count_nonzero(moved) == 1
+
+
+def test_the_schema_takes_scores_and_refuses_others(tmp_path):
+    schema = score_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    jsonschema.validate(read_file(written(tmp_path, NUMBER)).data, schema)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate({"score": "x", "lanes": {"a": [{"gestur": "bow"}]}}, schema)
+
+
+@pytest.mark.parametrize(
+    ("change", "line", "message"),
+    [
+        (("gesture: bow", "gesture: bwo"), 13, "did you mean 'bow'"),
+        (("turn - 4", "tun - 4"), 11, "a mark of this score"),
+        (("{first: 8}", "{furst: 8}"), 10, "did you mean 'first'"),
+        (("{first: 8}", "{first: 1}"), 10, "before the score"),
+        (("turn - 4", "turn - 40"), 11, "before the score"),
+        (("at: 2, lasts: 4", "at: 2, on: {left: 3}"), 8, "both `at` and `on`"),
+        (("lasts: 4", "lasts: 4, faster: 2"), 8, "both `lasts` and `faster`"),
+        (("{first: 8}", "{first: 8, second: 9}"), 10, "found 2 marks"),
+        (("repeat: 4", "repeat: 0"), 8, "greater than or equal to 1"),
+        (("tempo: 100", "tempo: 0"), 2, "positive"),
+        (("speed: 1.2", "speed: {hand_rigt.x: 1}"), 3, "did you mean 'hand_right.x'"),
+        (("until: 6", "until: 1"), 15, "ends on beat 1"),
+        (("gesture: bow", "gesture: ../../etc/passwd"), 13, "no gesture file in this one's folder"),
+    ],
+)
+def test_mistakes_have_places(marionette, tmp_path, change, line, message):
+    assert change[0] in NUMBER
+    path = written(tmp_path, NUMBER.replace(*change))
+    with pytest.raises(FileError, match=message) as caught:
+        fan.load_score(marionette, path)
+    assert f"number.yaml:{line}" in str(caught.value)
+
+
+def test_a_score_is_an_input_of_the_command_line(tmp_path):
+    path = written(tmp_path, NUMBER.replace("lasts: 4", "lasts: 1"))
+    checked = fantoccini("check", "marionette", "--inputs", str(path))
+    assert checked.exit_code == 0 and "the bound is 12" in checked.stderr
+    out = tmp_path / "run.npz"
+    done = fantoccini(
+        "simulate", "marionette", "--inputs", str(path), "--method", "timestepping",
+        "--out", str(out),
+    )  # fmt: skip
+    assert done.exit_code == 0 and "the bound is 12" in done.stderr
+    run = fan.Trajectory.load(out)
+    assert run.t[0] == 0.0 and run.t[-1] == pytest.approx(26 * 0.6 + 1.7)
+    for kind in ("gesture", "score"):
+        assert fantoccini("schema", kind).exit_code == 0
