@@ -17,7 +17,6 @@ import numpy as np
 
 from fantoccini.arrays import Array, MaskRows, check_positive
 from fantoccini.errors import StateError, Status
-from fantoccini.marionette.checks import refuse_contact
 from fantoccini.marionette.model import Model
 from fantoccini.marionette.step_linearisation import AT_CAP, DrivenStep
 from fantoccini.marionette.vectors import vectors
@@ -165,7 +164,6 @@ def rollout(
 ) -> Rollout:
     """Time steps with their gradients; see :meth:`Marionette.rollout`."""
     check_positive(dt=dt)
-    refuse_contact(model, "rollout")
     model.check_state(x0)
     t = model.coordinates
     acc = np.atleast_2d(vectors("acc_K", acc_K, t.n_vK))
@@ -179,8 +177,9 @@ def rollout(
     inputs, driven = _inputs(t, x0, acc, dt)
     options = model.run_options(dt=dt, extrapolate=extrapolate)
     run = GradientRun(
-        model.compiled.gradients, options, model.winches, inputs, force, x0.q_D, x0.v_D, values
-    )
+        model.compiled.gradients, options, model.winches, model.reference_force, inputs, force,
+        x0.q_D, x0.v_D, values,
+    )  # fmt: skip
     tension = run.arrays["tension"]
     upper = np.minimum(model.upper, model.tension_cap)
     held = model.two_sided | ((tension > 0.0) & (tension < AT_CAP * upper))
@@ -196,7 +195,7 @@ def _inputs(
 ) -> tuple[dict[str, Array], tuple[DrivenStep, ...]]:
     """The driven coordinates by node and step; and each step where some turn."""
     n = len(acc)
-    q_K, v_K = np.tile(x0.q_K, (n + 1, 1)), np.tile(x0.v_K, (n + 1, 1))
+    q_K, v_K = (np.repeat(a[None], n + 1, axis=0) for a in (x0.q_K, x0.v_K))
     v_K[1:] += dt * np.cumsum(acc, axis=0)
     rate, mean = v_K[:-1] + 0.5 * dt * acc, acc.copy()
     driven = []

@@ -55,12 +55,61 @@ class ContactPartials {
   bool take(
       const StepContact& point, int* n, double (*rows)[room(N)], double (*forces)[room(N)],
       double (*rates)[room(n_columns)], double* drag, double* by) {
+    set(point, n, rows, forces);
+    move();
+    differ_rates(*n, rates);
+    find_speed();
+    turn();
+    load(by);
+    return find_drag(drag);
+  }
+
+  // The rows that a point holds, the generalised forces of the multipliers and the drag alone.
+  bool hold(
+      const StepContact& point, int* n, double (*rows)[room(N)], double (*forces)[room(N)],
+      double* drag) {
+    set(point, n, rows, forces);
+    if (!point.turns) return false;
+    find_velocity();
+    find_speed();
+    return find_drag(drag);
+  }
+
+  // Adds to `out` (n_columns,) the changes of Q . z and those of the rows over dt times `by`, one
+  // number for each row. Returns the largest change of a row.
+  double pull_back(const StepContact& point, const double* z, const double* by, double* out) {
+    point_ = &point;
+    move();
+    const int n = point.sticks ? 3 : 1;
+    differ_rates(n, rates_);
+    double most = 0.0;
+    for (int d = 0; d < n; ++d)
+      for (int c = 0; c < n_columns; ++c) {
+        most = maximum(fabs(rates_[d][c]), most);
+        out[c] += by[d] * rates_[d][c];
+      }
+    find_speed();
+    turn();
+    double along_z[E] = {}, u_z[3];
+    for (int k = 0; k < N; ++k) along_z[k] = z[k];
+    differ_velocity(along_z, u_z, u_by_);
+    for (int c = 0; c < n_columns; ++c) {
+      const bool by_velocity = c >= E && c < 2 * E;  // z is no velocity that changes
+      out[c] += along(u_z, f_by_, c) + (by_velocity ? 0.0 : along(point.force, u_by_, c));
+    }
+    return most;
+  }
+
+ private:
+  using Columns = double[3][room(n_columns)];
+
+  // A point, the rows that it holds, and the generalised forces of its multipliers, negated.
+  void set(
+      const StepContact& point, int* n, double (*rows)[room(N)], double (*forces)[room(N)]) {
     point_ = &point;
     find_subspace();
-    move();
     double frame[9];
-    for (int c = 0; c < 3; ++c) frame[c] = point.normal[c];
-    add_tangents(frame);
+    find_frame(frame);
     *n = point.sticks ? 3 : 1;
     for (int d = 0; d < *n; ++d)
       for (int k = 0; k < N; ++k) {
@@ -70,7 +119,19 @@ class ContactPartials {
           forces[d][k] -= (frame[3 * d + c] - point.friction * point.along[c]) * U_[c][k];
         }
       }
-    differ_velocity(before_, u_, u_by_);
+  }
+
+  void find_frame(double* frame) const {
+    for (int c = 0; c < 3; ++c) frame[c] = point_->normal[c];
+    add_tangents(frame);
+  }
+
+  // Changes of the n rows over dt, after those of P and n; leaves u after the step.
+  void differ_rates(int n, double (*rates)[room(n_columns)]) {
+    const StepContact& point = *point_;
+    double frame[9];
+    find_frame(frame);
+    if (point.bounces != 0.0) differ_velocity(before_, u_, u_by_);
     for (int c = 0; c < n_columns && point.bounces != 0.0; ++c)
       rebound_[c] = point.bounces * (along(frame, u_by_, c) + across(n_by_, u_, c));
     differ_velocity(after_, u_, u_by_);
@@ -79,17 +140,30 @@ class ContactPartials {
       const double back = point.bounces != 0.0 ? rebound_[c] : 0.0;
       const double change = along(frame, u_by_, c) + across(n_by_, u_, c);
       rates[0][c] = -(change + point.closes * gap_by_[c] + back) / dt_;
-      for (int d = 1; d < *n; ++d)
+      for (int d = 1; d < n; ++d)
         rates[d][c] =
             -(along(frame + 3 * d, u_by_, c) - normal * along(frame + 3 * d, n_by_, c)) / dt_;
     }
-    turn();
-    load(by);
-    return find_drag(drag);
   }
 
- private:
-  using Columns = double[3][room(n_columns)];
+  // u after the step.
+  void find_velocity() {
+    double twist[6] = {};
+    each_link([&](int link, double sign) {
+      each_screw(link, [&](int k) {
+        for (int c = 0; c < 6; ++c) twist[c] += sign * after_[k] * s_[6 * k + c];
+      });
+    });
+    velocity(twist, u_);
+  }
+
+  // Across the normal, from u.
+  void find_speed() {
+    const double *n = point_->normal, normal = dot3(n, u_);
+    double across_u[3];
+    for (int c = 0; c < 3; ++c) across_u[c] = u_[c] - n[c] * normal;
+    speed_ = sqrt(dot3(across_u, across_u));
+  }
 
   static double along(const double* direction, const Columns& of, int c) {
     return direction[0] * of[0][c] + direction[1] * of[1][c] + direction[2] * of[2][c];
@@ -240,9 +314,6 @@ class ContactPartials {
     const StepContact& at = *point_;
     const double *n = at.normal, *d = at.along, *f = at.force;
     const double push = dot3(n, f), normal = dot3(n, u_);
-    double across_u[3];
-    for (int c = 0; c < 3; ++c) across_u[c] = u_[c] - n[c] * normal;
-    speed_ = sqrt(dot3(across_u, across_u));
     for (int i = 0; i < n_columns; ++i) {
       const double n_by[3] = {n_by_[0][i], n_by_[1][i], n_by_[2][i]};
       double f_by[3];
@@ -307,6 +378,7 @@ class ContactPartials {
   const StepContact* point_;
   double dt_, before_[room(E)], after_[room(E)], u_[3], speed_;
   double U_[3][room(N)], gap_by_[room(n_columns)], rebound_[room(n_columns)];
+  double rates_[3][room(n_columns)];
   Columns P_by_, n_by_, u_by_, f_by_, moment_by_;
 };
 
