@@ -199,6 +199,7 @@ SEARCHES: tuple[Structure, ...] = (
         Field("ahead", OUT, "(n, 2) times by which acc_D and its change run ahead [s]"),
         Field("reference_force", "double", "a weight [N]"),
         Field("n_points", "int*", "(n,) points of contact that push in the steps"),
+        Field("n_sliding", "int*", "(n,) those that slide"),
         Field("edges", "int*", "(n,) StepEdge; a sweep adds to them and ends where it has to"),
         Field("pairs", "int*", "(n,) pair of contact that is on an edge; -1 for none"),
         Field("slip", "double", "largest [m]"),

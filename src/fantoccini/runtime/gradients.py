@@ -69,7 +69,7 @@ class GradientRun:
             "acc_D": np.zeros((n, library.sizes["n_vD"])),
             "tension": np.zeros((n, library.sizes["n_rows"])), "ahead": np.zeros((n, 2)),
             "n_points": np.zeros(n, dtype=np.int32), "edges": np.zeros(n, dtype=np.int32),
-            "pairs": np.full(n, -1, dtype=np.int32),
+            "n_sliding": np.zeros(n, dtype=np.int32), "pairs": np.full(n, -1, dtype=np.int32),
         }  # fmt: skip
         self.arrays["q_D"][0], self.arrays["v_D"][0] = q_D, v_D
         self._force = None if u_D is None else np.ascontiguousarray(u_D, dtype=float)

@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x15c08171d9938cf5;
+constexpr long long contract_digest = 0x64bf8f343703de24;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -514,6 +514,7 @@ struct GradientArrays {
   double* ahead;  // (n, 2) times by which acc_D and its change run ahead [s]
   double reference_force;  // a weight [N]
   int* n_points;  // (n,) points of contact that push in the steps
+  int* n_sliding;  // (n,) those that slide
   int* edges;  // (n,) StepEdge; a sweep adds to them and ends where it has to
   int* pairs;  // (n,) pair of contact that is on an edge; -1 for none
   double slip;  // largest [m]

@@ -29,6 +29,8 @@ class RolloutContacts {
       in.n_points[k] = modes_.find(run, in.reference_force, point_);
       in.edges[k] = modes_.edges;
       in.pairs[k] = modes_.pair;
+      in.n_sliding[k] = 0;
+      for (int i = 0; i < in.n_points[k]; ++i) in.n_sliding[k] += !point_[i].sticks;
       points_.insert(points_.end(), point_, point_ + in.n_points[k]);
     }
     first_.push_back(points_.size());

@@ -175,7 +175,8 @@ class StepModes {
       const double gain = dt_ * along(out.links, out.at, out.normal, kick_);
       return e > 0.0 && fabs(-e * speed - fmax(parting, -gain)) <= rounding ? MAY_REBOUND : 0;
     }
-    if (!(e > 0.0 && fabs(u_n + e * speed) <= rounding)) return LEAVES_LAW;
+    // Without restitution, too: what lands while forces brake it stops where it is.
+    if (!(fabs(u_n + e * speed) <= rounding)) return LEAVES_LAW;
     out.bounces = e;
     return 0;
   }
