@@ -31,6 +31,7 @@ def swept(
     )  # fmt: skip
     assert (steps.held == run.held).all()
     assert (steps.n_contacts == run.n_contacts).all()
+    assert np.allclose(steps.v_D, run.v_D[1:], rtol=0, atol=1e-9)
     n_z, k = 2 * (t.n_vD + t.n_vK), t.n_vK
     places = np.cumsum([n_z, k, t.n_vD])
     back = np.concatenate([a[-1] for a in own])

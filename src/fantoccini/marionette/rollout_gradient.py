@@ -224,8 +224,9 @@ def rollout(
     return Rollout(
         **{name: run.arrays[name] for name in ("q_D", "v_D", "q_K", "v_K")}, tension=tension,
         held=held, dt=dt, status=Status(run.numbers.status), steps=run.numbers.made,
-        n_contacts=run.arrays["n_points"], n_sliding=run.arrays["n_sliding"], edges=run.arrays["edges"], start=x0.t, coordinates=t,
-        _run=run, _driven=driven, _pairs=tuple(pair_name(pair) for pair in pairs),
+        n_contacts=run.arrays["n_points"], n_sliding=run.arrays["n_sliding"],
+        edges=run.arrays["edges"], start=x0.t, coordinates=t, _run=run, _driven=driven,
+        _pairs=tuple(pair_name(pair) for pair in pairs),
     )  # fmt: skip
 
 
