@@ -149,14 +149,13 @@ class Rollout:
 
     def _refuse_edges(self) -> None:
         """Raises StateError where contact leaves a step without derivative."""
-        wrong = np.flatnonzero(self.edges >= StepEdge.LEAVES_LAW)
-        if not len(wrong):
+        if self.edges.max(initial=0) < StepEdge.LEAVES_LAW:
             return
-        i = int(wrong[-1])
+        i = int(np.flatnonzero(self.edges >= StepEdge.LEAVES_LAW.value)[-1])
         why = [edge.meaning for edge in StepEdge if self.edges[i] & edge >= StepEdge.LEAVES_LAW]
         raise StateError(
             f"step {i}, at {self.start + i * self.dt:.6g} s, has no derivative, and so the rollout "
-            f"no gradient: {self._pairs[self._run.arrays['pairs'][i]]}: {'; '.join(why)}"
+            f"no gradient: {self._pairs[self._run.touches['pairs'][i]]}: {'; '.join(why)}"
         )
 
     def _summed(
@@ -224,8 +223,8 @@ def rollout(
     return Rollout(
         **{name: run.arrays[name] for name in ("q_D", "v_D", "q_K", "v_K")}, tension=tension,
         held=held, dt=dt, status=Status(run.numbers.status), steps=run.numbers.made,
-        n_contacts=run.arrays["n_points"], n_sliding=run.arrays["n_sliding"],
-        edges=run.arrays["edges"], start=x0.t, coordinates=t, _run=run, _driven=driven,
+        n_contacts=run.touches["n_points"], n_sliding=run.touches["n_sliding"],
+        edges=run.touches["edges"], start=x0.t, coordinates=t, _run=run, _driven=driven,
         _pairs=tuple(pair_name(pair) for pair in pairs),
     )  # fmt: skip
 

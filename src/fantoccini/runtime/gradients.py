@@ -14,6 +14,8 @@ from fantoccini.runtime.functions import AnyArray, Loaded, pointer
 from fantoccini.runtime.options import RunOptions
 from fantoccini.runtime.structures import UNLIMITED, structures
 
+_TOUCHES = ("n_points", "n_sliding", "edges", "pairs")
+
 
 class GradientLibrary(Loaded):
     """A puppet's library of gradients of rollouts."""
@@ -38,6 +40,7 @@ class GradientRun:
 
     Attributes:
         arrays: by the names of the contract's ``GradientArrays``.
+        touches: those of them about contact; zeros without.
         numbers: the structure itself.
 
     Raises:
@@ -68,9 +71,10 @@ class GradientRun:
             "v_D": np.zeros((n + 1, library.sizes["n_vD"])),
             "acc_D": np.zeros((n, library.sizes["n_vD"])),
             "tension": np.zeros((n, library.sizes["n_rows"])), "ahead": np.zeros((n, 2)),
-            "n_points": np.zeros(n, dtype=np.int32), "edges": np.zeros(n, dtype=np.int32),
-            "n_sliding": np.zeros(n, dtype=np.int32), "pairs": np.full(n, -1, dtype=np.int32),
         }  # fmt: skip
+        self.touches = {name: np.zeros(n, dtype=np.int32) for name in _TOUCHES}
+        if library.sizes["n_contacts"]:
+            self.arrays |= self.touches
         self.arrays["q_D"][0], self.arrays["v_D"][0] = q_D, v_D
         self._force = None if u_D is None else np.ascontiguousarray(u_D, dtype=float)
         self.numbers = self._structure({})

@@ -110,10 +110,16 @@ class RolloutGradient {
   // largest.
   static constexpr double shift = 0.1, depends = 1e-6, rounding = 1e-4;
 
-  // Those that a step may hold; quantities that it is differentiated by, and where they begin.
-  static constexpr int rows = M + 3 * Model::n_contacts;
-  enum Group { BY_Q, BY_V = N, BY_Q_K = 2 * N, BY_RATE = 2 * N + K, BY_MEAN = 2 * N + 2 * K };
-  static constexpr int by_p = 2 * N + 3 * K, n_by = by_p + P;
+  // Those that a step may hold, and numbers that it is differentiated by.
+  static constexpr int rows = M + 3 * Model::n_contacts, n_by = 2 * N + 3 * K + P;
+
+  // d(z . r + y/dt . R) by the quantities of a step, of which v_D has parts.
+  struct Products {
+    double g_q[room(N)], g_v[room(N)], g_ahead[room(N)], g_next[room(N)], g_p[room(P)];
+    double *g_qK, *g_vK, *g_aK;
+
+    double by_v(int j) const { return g_v[j] + g_ahead[j] + g_next[j]; }
+  };
 
   void begin(const GradientArrays& in) {
     run_.opt = in.options;
@@ -187,68 +193,72 @@ class RolloutGradient {
   void take_back(
       const GradientArrays& in, long long k, const double* z, const double* y,
       double (*l_a)[room(N)]) {
-    double by[room(n_by)], ahead[room(N)];
-    products(in, k, z, y, by, ahead);
+    Products to;
+    to.g_qK = in.g_qK + k * K;
+    to.g_vK = in.g_rate + k * K;
+    to.g_aK = in.g_mean + k * K;
+    multiply(in, k, z, y, to);
     const double* half = in.ahead + 2 * k;
     for (int j = 0; j < K; ++j) {
-      in.g_qK[k * K + j] = -by[BY_Q_K + j];
-      in.g_rate[k * K + j] = -by[BY_RATE + j];
-      in.g_mean[k * K + j] = -by[BY_MEAN + j];
+      to.g_qK[j] = -to.g_qK[j];
+      to.g_vK[j] = -to.g_vK[j];
+      to.g_aK[j] = -to.g_aK[j];
     }
-    for (int j = 0; j < P; ++j) in.g_p[j] -= by[by_p + j];
+    for (int j = 0; j < P; ++j) in.g_p[j] -= to.g_p[j];
     for (int j = 0; j < N; ++j) {
       in.g_u[k * N + j] = z[j];
-      l_q_[j] += in.l_q[k * N + j] - by[BY_Q + j];
-      l_v_[j] += in.l_v[k * N + j] - by[BY_V + j];
-      l_a[0][j] = l_a[1][j] - (half[0] + half[1]) * ahead[j];
-      l_a[1][j] = half[1] * ahead[j];
+      l_q_[j] += in.l_q[k * N + j] - to.g_q[j];
+      l_v_[j] += in.l_v[k * N + j] - to.by_v(j);
+      l_a[0][j] = l_a[1][j] - (half[0] + half[1]) * to.g_ahead[j];
+      l_a[1][j] = half[1] * to.g_ahead[j];
     }
   }
 
-  // d(z . r + y/dt . R) of step k (n_by,), and the part of v_ahead. Returns the largest change of a
-  // row of contact.
-  double products(
-      const GradientArrays& in, long long k, const double* z, const double* y, double* by,
-      double* ahead) {
-    struct {
-      double g_q[room(N)], g_v[room(N)], *g_ahead, g_next[room(N)];
-      double *g_qK, *g_vK, *g_aK, *g_p;
-    } to;
-    to.g_ahead = ahead;
-    to.g_qK = by + BY_Q_K;
-    to.g_vK = by + BY_RATE;
-    to.g_aK = by + BY_MEAN;
-    to.g_p = by + by_p;
+  // The products of step k. Returns the largest change of a row of contact.
+  double multiply(
+      const GradientArrays& in, long long k, const double* z, const double* y, Products& to) {
     const double *v = in.v_D + k * N, dt = in.options.dt;
-    double pull[room(M)] = {}, pull_h[room(M)] = {};
+    double pull[room(M)], pull_h[room(M)], v_next[room(N)];
+    for (int r = 0; r < M; ++r) pull[r] = pull_h[r] = 0.0;
     for (int a = 0; a < rows_.n; ++a) {
       const int r = rows_.row[a];
       const double h = eval_.height(r), size = rows_.two_sided[a] ? fabs(h) : h;
       pull[r] = y[a] / dt;
       pull_h[r] = size < dt * in.options.recovery_speed ? pull[r] / dt : 0.0;
     }
-    double v_next[room(N)];
     meant(in, k, v_next);
     Call<Model, double>::step_back(
         in.q_D + k * NQ, v, v_ahead_, v_next, in.acc_D + k * N, in.q_K + k * NQK, in.rate + k * K,
         in.mean + k * K, in.tension + k * M, z, pull, pull_h, dt, in.p, to);
-    for (int j = 0; j < N; ++j) {
-      by[BY_Q + j] = to.g_q[j];
-      by[BY_V + j] = to.g_v[j] + to.g_ahead[j] + to.g_next[j];
-    }
     if constexpr (touches) {
       if (in.n_points[k] == 0) return 0.0;
       double own[RolloutContacts<Model>::n_columns] = {};
       const double most = contacts_.pull_back(z, y, own);
       const double* from = own;
-      for (int j = 0; j < N; ++j) by[BY_Q + j] -= *from++;
-      for (int j = 0; j < K; ++j) by[BY_Q_K + j] -= *from++;
-      for (int j = 0; j < N; ++j) by[BY_V + j] -= *from++;
-      for (int j = 0; j < K; ++j) by[BY_RATE + j] -= *from++;
-      for (int j = 0; j < P; ++j) by[by_p + j] -= *from++;
+      for (int j = 0; j < N; ++j) to.g_q[j] -= *from++;
+      for (int j = 0; j < K; ++j) to.g_qK[j] -= *from++;
+      for (int j = 0; j < N; ++j) to.g_v[j] -= *from++;
+      for (int j = 0; j < K; ++j) to.g_vK[j] -= *from++;
+      for (int j = 0; j < P; ++j) to.g_p[j] -= *from++;
       return most;
     }
     return 0.0;
+  }
+
+  // The same, one number after the other (n_by,).
+  double list_products(
+      const GradientArrays& in, long long k, const double* z, const double* y, double* out) {
+    Products to;
+    to.g_qK = out + 2 * N;
+    to.g_vK = to.g_qK + K;
+    to.g_aK = to.g_vK + K;
+    const double most = multiply(in, k, z, y, to);
+    for (int j = 0; j < N; ++j) {
+      out[j] = to.g_q[j];
+      out[N + j] = to.by_v(j);
+    }
+    for (int j = 0; j < P; ++j) out[2 * N + 3 * K + j] = to.g_p[j];
+    return most;
   }
 
   // v+ of the equations of step k: where a step is cut short it is none, and the caller knows.
@@ -279,12 +289,12 @@ class RolloutGradient {
         in.pairs[k] = contacts_.sliding_pair();
         return JAMS;
       }
-      double y[room(rows)], w[room(N)] = {}, z[room(N)], by[room(n_by)], ahead[room(N)];
+      double y[room(rows)], w[room(N)] = {}, z[room(N)], by[room(n_by)];
       if (!system.tied(y)) return 0;
       system.take_rows(w, y);
       eval_.back(w, z);
-      double most = 1.0, left = 0.0;
-      most = fmax(products(in, k, z, y, by, ahead), most);
+      const double most = fmax(list_products(in, k, z, y, by), 1.0);
+      double left = 0.0;
       for (int j = 0; j < n_by; ++j) left = fmax(fabs(by[j]), left);
       if (left > ModeSystemTolerances::contradicts * most) {
         in.pairs[k] = contacts_.pair_of(y);
@@ -307,12 +317,12 @@ class RolloutGradient {
     for (int shifted = 0; shifted < 2; ++shifted) {
       if (shifted) contacts_.share_otherwise(idle, shift);
       if (shifted && !contacts_.hold(eval_, rows_)) return true;
-      double sum[room(N)], w[room(N)], y[room(rows)] = {}, z[room(N)], ahead[room(N)];
+      double sum[room(N)], w[room(N)], y[room(rows)] = {}, z[room(N)];
       for (int j = 0; j < N; ++j) sum[j] = cos(double(j));
       Call<Model, double>::forth(eval_.L, sum, w);
       solve_contacts(w, y);
       eval_.back(w, z);
-      products(in, k, z, y, by[shifted], ahead);
+      list_products(in, k, z, y, by[shifted]);
     }
     take_contacts(in, k);
     contacts_.hold(eval_, rows_);
