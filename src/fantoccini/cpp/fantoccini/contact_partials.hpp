@@ -75,31 +75,6 @@ class ContactPartials {
     return find_drag(drag);
   }
 
-  // Adds to `out` (n_columns,) the changes of Q . z and those of the rows over dt times `by`, one
-  // number for each row. Returns the largest change of a row.
-  double pull_back(const StepContact& point, const double* z, const double* by, double* out) {
-    point_ = &point;
-    move();
-    const int n = point.sticks ? 3 : 1;
-    differ_rates(n, rates_);
-    double most = 0.0;
-    for (int d = 0; d < n; ++d)
-      for (int c = 0; c < n_columns; ++c) {
-        most = maximum(fabs(rates_[d][c]), most);
-        out[c] += by[d] * rates_[d][c];
-      }
-    find_speed();
-    turn();
-    double along_z[E] = {}, u_z[3];
-    for (int k = 0; k < N; ++k) along_z[k] = z[k];
-    differ_velocity(along_z, u_z, u_by_);
-    for (int c = 0; c < n_columns; ++c) {
-      const bool by_velocity = c >= E && c < 2 * E;  // z is no velocity that changes
-      out[c] += along(u_z, f_by_, c) + (by_velocity ? 0.0 : along(point.force, u_by_, c));
-    }
-    return most;
-  }
-
  private:
   using Columns = double[3][room(n_columns)];
 
@@ -378,7 +353,6 @@ class ContactPartials {
   const StepContact* point_;
   double dt_, before_[room(E)], after_[room(E)], u_[3], speed_;
   double U_[3][room(N)], gap_by_[room(n_columns)], rebound_[room(n_columns)];
-  double rates_[3][room(n_columns)];
   Columns P_by_, n_by_, u_by_, f_by_, moment_by_;
 };
 

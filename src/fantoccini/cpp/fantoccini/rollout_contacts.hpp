@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "contact_partials.hpp"
+#include "contact_pull.hpp"
 #include "mode_system.hpp"
 #include "step_modes.hpp"
 
@@ -44,18 +45,23 @@ class RolloutContacts {
     begin_at(in, k);
     modes_.screws(screws_, by_p_);
     partials_.begin(screws_, in.v_D + k * N, v_next, in.rate + k * K, by_p_, in.options.dt);
+    pull_.begin(screws_, in.v_D + k * N, v_next, in.rate + k * K, by_p_, in.options.dt);
+    dt_ = in.options.dt;
     return true;
   }
 
   // Holds the points beside the gathered rows; false where friction jams.
   bool hold(const Evaluation<Model, double>& eval, const RowSystem<Model, double>& rows) {
     int n = n_held_ = rows.n, n_turning = 0;
+    largest_ = 0.0;
     for (int a = 0; a < n; ++a)
       for (int k = 0; k < N; ++k) system_.C[a][k] = system_.B[a][k] = rows.column[a][k];
     for (int i = 0; i < n_; ++i) {
       double own[3][room(N)], forces[3][room(N)], drag[room(N)];
       int held;
       const bool turns = partials_.hold(point_[i], &held, own, forces, drag);
+      const double per_gap = fmax(point_[i].closes, 1.0) / dt_;
+      for (int k = 0; k < N; ++k) largest_ = fmax(per_gap * fabs(own[0][k]), largest_);
       for (int d = 0; d < held; ++d, ++n) {
         Call<Model, double>::forth(eval.L, own[d], system_.C[n]);
         Call<Model, double>::forth(eval.L, forces[d], system_.B[n]);
@@ -75,16 +81,18 @@ class RolloutContacts {
     return false;
   }
 
+  // Size of the largest change of a row over dt, which is that by a gap.
+  double largest() const { return largest_; }
+
   // Adds what the points give to a sum's derivatives by q_D, q_K, v_D, rate and p (n_columns,), from z
-  // and the y of all rows. Returns the largest change of a row over dt.
-  double pull_back(const double* z, const double* y, double* out) {
-    double most = 0.0;
+  // and the y of all rows.
+  void pull_back(const double* z, const double* y, double* out) {
+    pull_.take(z);
     for (int i = 0, a = n_held_; i < n_; ++i) {
       double by[3] = {};
       for (int d = 0; d < (point_[i].sticks ? 3 : 1); ++d, ++a) by[d] = -y[a];
-      most = fmax(partials_.pull_back(point_[i], z, by, out), most);
+      pull_.add(point_[i], by, out);
     }
-    return most;
   }
 
   // Adds forces `idle` of all rows, in parts of the largest force, to those of the points.
@@ -133,7 +141,9 @@ class RolloutContacts {
   StepContact point_[room(C)];  // of one step
   int n_ = 0, n_held_ = 0;      // those, and the rows before theirs
   double screws_[room(6 * E)], by_p_[room((L + E) * 6 * P)];
+  double dt_, largest_;
   ContactPartials<Model> partials_;
+  ContactPull<Model> pull_;
   ModeSystem<R, C, N> system_;
 };
 

@@ -214,8 +214,8 @@ class RolloutGradient {
     }
   }
 
-  // The products of step k. Returns the largest change of a row of contact.
-  double multiply(
+  // The products of step k.
+  void multiply(
       const GradientArrays& in, long long k, const double* z, const double* y, Products& to) {
     const double *v = in.v_D + k * N, dt = in.options.dt;
     double pull[room(M)], pull_h[room(M)], v_next[room(N)];
@@ -231,34 +231,31 @@ class RolloutGradient {
         in.q_D + k * NQ, v, v_ahead_, v_next, in.acc_D + k * N, in.q_K + k * NQK, in.rate + k * K,
         in.mean + k * K, in.tension + k * M, z, pull, pull_h, dt, in.p, to);
     if constexpr (touches) {
-      if (in.n_points[k] == 0) return 0.0;
+      if (in.n_points[k] == 0) return;
       double own[RolloutContacts<Model>::n_columns] = {};
-      const double most = contacts_.pull_back(z, y, own);
+      contacts_.pull_back(z, y, own);
       const double* from = own;
       for (int j = 0; j < N; ++j) to.g_q[j] -= *from++;
       for (int j = 0; j < K; ++j) to.g_qK[j] -= *from++;
       for (int j = 0; j < N; ++j) to.g_v[j] -= *from++;
       for (int j = 0; j < K; ++j) to.g_vK[j] -= *from++;
       for (int j = 0; j < P; ++j) to.g_p[j] -= *from++;
-      return most;
     }
-    return 0.0;
   }
 
   // The same, one number after the other (n_by,).
-  double list_products(
+  void list_products(
       const GradientArrays& in, long long k, const double* z, const double* y, double* out) {
     Products to;
     to.g_qK = out + 2 * N;
     to.g_vK = to.g_qK + K;
     to.g_aK = to.g_vK + K;
-    const double most = multiply(in, k, z, y, to);
+    multiply(in, k, z, y, to);
     for (int j = 0; j < N; ++j) {
       out[j] = to.g_q[j];
       out[N + j] = to.by_v(j);
     }
     for (int j = 0; j < P; ++j) out[2 * N + 3 * K + j] = to.g_p[j];
-    return most;
   }
 
   // v+ of the equations of step k: where a step is cut short it is none, and the caller knows.
@@ -293,10 +290,10 @@ class RolloutGradient {
       if (!system.tied(y)) return 0;
       system.take_rows(w, y);
       eval_.back(w, z);
-      const double most = fmax(list_products(in, k, z, y, by), 1.0);
+      list_products(in, k, z, y, by);
       double left = 0.0;
       for (int j = 0; j < n_by; ++j) left = fmax(fabs(by[j]), left);
-      if (left > ModeSystemTolerances::contradicts * most) {
+      if (left > ModeSystemTolerances::contradicts * fmax(contacts_.largest(), 1.0)) {
         in.pairs[k] = contacts_.pair_of(y);
         return CONTRADICTS;
       }
