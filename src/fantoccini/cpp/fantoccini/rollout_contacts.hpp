@@ -112,6 +112,14 @@ class RolloutContacts {
     }
   }
 
+  // Whether a combination y of rows has none of strings and limits.
+  bool ties_points_alone(const double* y) const {
+    double most = 0.0, others = 0.0;
+    for (int a = 0; a < n_held_; ++a) others = fmax(fabs(y[a]), others);
+    for (int a = n_held_; a < system_.n_rows; ++a) most = fmax(fabs(y[a]), most);
+    return others <= rounding * most;
+  }
+
   // The pair of a point that the row combination y holds most, or of the first one that slides.
   int pair_of(const double* y) const {
     double most = -1.0;
@@ -131,6 +139,8 @@ class RolloutContacts {
   }
 
  private:
+  static constexpr double rounding = 1e-12;  // of a combination of rows, relative to its largest
+
   void begin_at(const GradientArrays& in, long long k) {
     modes_.begin(in.q_D + k * NQ, in.v_D + k * N, in.q_K + k * NQK, in.rate + k * K, in.p);
   }

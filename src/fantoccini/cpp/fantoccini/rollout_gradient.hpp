@@ -286,11 +286,13 @@ class RolloutGradient {
         in.pairs[k] = contacts_.sliding_pair();
         return JAMS;
       }
-      double y[room(rows)], w[room(N)] = {}, z[room(N)], by[room(n_by)];
+      double y[room(rows)], w[room(N)] = {}, z[room(N)], by[room(n_by)] = {};
       if (!system.tied(y)) return 0;
       system.take_rows(w, y);
       eval_.back(w, z);
-      list_products(in, k, z, y, by);
+      // Where all that ties the rows is rows of sticking points, strings and forces have no part in it.
+      if (!contacts_.slides() && contacts_.ties_points_alone(y)) contacts_.pull_back(z, y, by);
+      else list_products(in, k, z, y, by);
       double left = 0.0;
       for (int j = 0; j < n_by; ++j) left = fmax(fabs(by[j]), left);
       if (left > ModeSystemTolerances::contradicts * fmax(contacts_.largest(), 1.0)) {
