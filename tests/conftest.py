@@ -33,6 +33,7 @@ CONTACT = (
     "contact/test_closed_forms.py",
     "contact/test_contact_files.py",
     "contact/test_contact_linearisation.py",
+    "contact/test_contact_rollout_gradient.py",
     "contact/test_contact_sensitivity.py",
     "contact/test_contact_step_derivatives.py",
     "contact/test_dented_meshes.py",

@@ -92,3 +92,16 @@ bodies:
   joint: {type: free}
   shapes: [{type: capsule, from: [-0.1, 0, 0], to: [0.1, 0, 0], radius: 0.04, mass: 1}]
 """
+
+STOOL = """
+puppet: stool
+floor: 0
+contact: {friction: 0.8}
+bodies:
+- {name: seat, joint: {type: free}, mass: 1, inertia: [0.01, 0.01, 0.01]}
+- {name: left, parent: seat, joint: {name: hip_left, type: ball, at: [0, 0.1, 0]},
+   shapes: [{type: box, size: [0.1, 0.06, 0.02], at: [0, 0, -0.29], mass: 0.2}]}
+- {name: right, parent: seat, joint: {name: hip_right, type: ball, at: [0, -0.1, 0]},
+   shapes: [{type: box, size: [0.1, 0.06, 0.02], at: [0, 0, -0.29], mass: 0.2}]}
+pose: {seat.z: 0.3}
+"""

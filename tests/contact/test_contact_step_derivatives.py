@@ -10,7 +10,7 @@ import trimesh
 
 import fantoccini as fan
 from contact.bodies import thrown
-from contact.files import ACROBAT, BALL, BALLS, BOX, CAPSULE, EGG, LOGS, STACK
+from contact.files import ACROBAT, BALL, BALLS, BOX, CAPSULE, EGG, LOGS, STACK, STOOL
 from oracles.differences import apart, difference, moved, worst
 
 DT = 0.002
@@ -261,20 +261,6 @@ def test_the_bundled_marionette_stands_on_one_foot():
     assert "head" in lin.rows
 
 
-STOOL = """
-puppet: stool
-floor: 0
-contact: {friction: 0.8}
-bodies:
-- {name: seat, joint: {type: free}, mass: 1, inertia: [0.01, 0.01, 0.01]}
-- {name: left, parent: seat, joint: {name: hip_left, type: ball, at: [0, 0.1, 0]},
-   shapes: [{type: box, size: [0.1, 0.06, 0.02], at: [0, 0, -0.29], mass: 0.2}]}
-- {name: right, parent: seat, joint: {name: hip_right, type: ball, at: [0, -0.1, 0]},
-   shapes: [{type: box, size: [0.1, 0.06, 0.02], at: [0, 0, -0.29], mass: 0.2}]}
-pose: {seat.z: 0.3}
-"""
-
-
 def test_flat_on_both_feet_a_step_has_no_derivative():
     """Two soles that stick hold both hips: a leg that tilts lifts a corner or lets one slip."""
     stool = fan.loads(STOOL)
@@ -315,6 +301,15 @@ def test_edges_are_named(ball, box, balls):
     many = balls.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K)
     assert many.edges_of(0) == ("a point springs back if it is any faster",)
     assert box.linearise_step(box.state({"body.z": 0.05})).sharp
+
+
+def test_what_lands_while_forces_brake_it_stops_where_it_is():
+    """Above the floor, and without restitution: u_n+ = 0 whatever the gap is."""
+    ball = fan.loads(BALL + "gravity: [0, 0, 9.81]\n")
+    x = thrown(ball, {"body.z": 0.0705}, {"body.x": 0.5, "body.z": -1.0, "body.wy": 2.0})
+    lin = check_step(ball, x, ["stick"])
+    assert lin.contacts[0].touch.gap == pytest.approx(0.0005)
+    assert lin.contacts[0].closes == lin.contacts[0].bounces == 0.0
 
 
 def test_a_gap_that_closes_within_the_step(ball):

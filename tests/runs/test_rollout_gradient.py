@@ -9,6 +9,7 @@ import pytest
 
 import fantoccini as fan
 from oracles.differences import moved
+from oracles.step_products import swept
 
 PUPPETS = ("arm2d", "marionette_bar", "marionette")
 
@@ -36,24 +37,7 @@ def test_a_sweep_is_the_product_of_all_steps(name):
     own = [rng.normal(size=(n + 1, w)) for w in (t.n_vD, t.n_vD, t.n_vK, t.n_vK)]
     by_tension = rng.normal(size=run.tension.shape)
     found = run.gradient(*own, by_tension)
-    steps = puppet.linearise_steps(
-        run.q_D[:-1], run.v_D[:-1], run.q_K[:-1], run.v_K[:-1], acc, force, forces=True, pull=True
-    )
-    assert (steps.held == run.held).all()
-    n_z, k = 2 * (t.n_vD + t.n_vK), t.n_vK
-    places = np.cumsum([n_z, k, t.n_vD])
-    back = np.concatenate([a[-1] for a in own])
-    by_acc, by_u, by_p = np.zeros_like(acc), np.zeros_like(force), np.zeros(len(puppet.p))
-    for i in range(n)[::-1]:
-        half = back[: 2 * t.n_vD]
-        of_pull = np.split(by_tension[i] @ steps.pull[i], places)
-        _, _, of_u, of_p = np.split(half @ steps.motion[i], places)
-        by_acc[i] = back @ steps.B[i] + of_pull[1]
-        by_u[i], by_p = of_u + of_pull[2], by_p + of_p + of_pull[3]
-        back = np.concatenate([a[i] for a in own]) + back @ steps.A[i] + of_pull[0]
-    wanted = {"acc_K": by_acc, "u_D": by_u, "p": by_p}
-    widths = np.cumsum([t.n_vD, t.n_vD, t.n_vK])
-    wanted |= dict(zip(("q_D", "v_D", "q_K", "v_K"), np.split(back, widths), strict=True))
+    wanted = swept(puppet, run, acc, force, own, by_tension)
     for key, values in wanted.items():
         size = np.max(np.abs(values), initial=1e-9)
         assert np.allclose(getattr(found, key), values, rtol=0, atol=1e-10 * size), key

@@ -60,7 +60,7 @@ _KINDS = {
         "derivatives_abi", Real(), mapped=True, several=True, with_lanes=True
     ),
     "step_derivatives": _Kind("step_derivatives_abi", Real(), several=True, with_lanes=True),
-    "gradients": _Kind("gradients_abi", Real()),
+    "gradients": _Kind("gradients_abi", Real(), touches=True),
     "variational_derivatives": _Kind("map_abi", Real(), mapped=True, columns=False),
     "reach": _Kind("reach_abi", Real(), columns=False),
 }

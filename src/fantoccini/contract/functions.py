@@ -195,7 +195,7 @@ _DECLARED = (
             Quantity("screw_D", (6, "n_vD"), "1 or m", "of v_D: linear, then angular; world axes"),
             Quantity("screw_K", (6, "n_vK"), "1 or m", "of v_K, likewise"),
         ),
-        (MODEL, LANES, ROLLOUTS, REACH), mapped=True,
+        (MODEL, LANES, ROLLOUTS, GRADIENTS, REACH), mapped=True,
     ),
     Function(
         "forth", "y = F^-T x.", _arguments("L x"), (_Y,), (MODEL, *_STEPPING, DERIVATIVES),

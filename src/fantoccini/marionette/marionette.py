@@ -329,7 +329,7 @@ class Marionette(Quantities):
         """n time steps from a state, with gradients of their cost by :meth:`Rollout.gradient`.
 
         The steps are those of ``fan.TimeStepping(dt, extrapolate)`` with accelerations and forces
-        that are constant over each.
+        that are constant over each, also with contact.
 
         Args:
             x0: the start, without slip.
@@ -340,7 +340,7 @@ class Marionette(Quantities):
             extrapolate: as in :class:`TimeStepping`.
 
         Raises:
-            StateError: the puppet has contact, or an array has another shape.
+            StateError: an array has another shape, or winches have slipped at the start.
         """
         return rollout(self.model, x0, acc_K, u_D, p=p, dt=dt, extrapolate=extrapolate)
 

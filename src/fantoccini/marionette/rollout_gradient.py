@@ -6,7 +6,8 @@ all that follows it:
     l_k = dC/dx_k at fixed steps + (df/dx)^T l_k+1,   dC/da_k = (df/da)^T l_k+1
 
 No derivative df is formed: every step takes one product with the transposed matrix of its own
-equations (``cpp/fantoccini/rollout_gradient.hpp``).
+equations (``cpp/fantoccini/rollout_gradient.hpp``). Points of contact that push are held in their
+modes beside the strings and limits, as in :mod:`fantoccini.marionette.step_linearisation`.
 """
 
 from __future__ import annotations
@@ -15,13 +16,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array, MaskRows, check_positive
+from fantoccini.arrays import Array, Indices, MaskRows, check_positive
+from fantoccini.contract import StepEdge
 from fantoccini.errors import StateError, Status
-from fantoccini.marionette.checks import refuse_contact
 from fantoccini.marionette.model import Model
 from fantoccini.marionette.step_linearisation import AT_CAP, DrivenStep
 from fantoccini.marionette.vectors import vectors
-from fantoccini.motion import State, rotation
+from fantoccini.motion import State, pair_name, rotation
 from fantoccini.runtime import GradientRun
 from fantoccini.tree import CoordinateTable
 
@@ -57,6 +58,11 @@ class Rollout:
         dt: length of the steps [s].
         status: ``DONE``, or what stopped it; the states that were not reached are zero.
         steps: how many were made.
+        n_contacts: (n,) points of contact that push in the steps.
+        n_sliding: (n,) those of them that slide.
+        edges: (n,) what the steps are on the edge of, as bits; see :meth:`edges_of`. Here and in
+            ``sharp``, what only a gradient finds is told of after it.
+        start: time of the first node [s].
         coordinates: names and places of the coordinates.
     """
 
@@ -69,9 +75,23 @@ class Rollout:
     dt: float
     status: Status
     steps: int
+    n_contacts: Indices
+    n_sliding: Indices
+    edges: Indices
+    start: float
     coordinates: CoordinateTable
     _run: GradientRun
     _driven: tuple[DrivenStep, ...]
+    _pairs: tuple[str, ...]
+
+    @property
+    def sharp(self) -> MaskRows:
+        """(n,) bool, the steps that are not between two modes of contact."""
+        return np.asarray(self.edges == 0)
+
+    def edges_of(self, i: int) -> tuple[str, ...]:
+        """What step i is on the edge of; its derivatives are those of the modes taken."""
+        return tuple(edge.meaning for edge in StepEdge if self.edges[i] & edge)
 
     def gradient(
         self,
@@ -83,18 +103,20 @@ class Rollout:
     ) -> RolloutGradient:
         """The gradient of a cost, from its own derivatives by every node's state and tensions.
 
-        Exact where the steps are smooth: while the active set of each stays as it is. The direct
-        derivatives of a cost by acc_K, u_D and p are to be added.
+        Exact where the steps are smooth: while the active set of each stays as it is, and every
+        contact is open, sticks or slides as it does. In steps that are not :attr:`sharp` it is that
+        of the modes taken, towards one side. The direct derivatives of a cost by acc_K, u_D and p
+        are to be added.
 
         Args:
             q_D, v_D, q_K, v_K: (n + 1, n_vD) or (n + 1, n_vK) the cost's derivatives by the states,
                 by tangent vectors of the configurations; 0 when not given.
             tension: (n, n_rows) those by the tensions; 0 when not given. Of rows that depend on
-                others, the first are taken to carry.
+                others, the first are taken to carry; beside contacts, all, with least norm.
 
         Raises:
-            StateError: the rollout was stopped, a step was cut short, a winch slipped, or an array
-                has another shape.
+            StateError: the rollout was stopped, a step was cut short, a winch slipped, a step with
+                contact has no derivative, or an array has another shape.
         """
         self._check()
         n, t = len(self.tension), self.coordinates
@@ -103,7 +125,9 @@ class Rollout:
         pull = None
         if tension is not None:
             pull = _given(n, self.tension.shape[1], tension=tension)
+        self._refuse_edges()
         found = self._run.gradient(self.held, l_q, l_v, pull)
+        self._refuse_edges()
         l_qK[:n] += found["g_qK"]
         by_inputs = self._turning if t.quaternions_K else self._summed
         by_qK, by_vK, by_acc = by_inputs(l_qK, l_vK, found["g_rate"], found["g_mean"])
@@ -122,6 +146,17 @@ class Rollout:
             )
         if numbers.slip > 0.0:
             raise StateError("a winch slipped: slips are no part of what is differentiated")
+
+    def _refuse_edges(self) -> None:
+        """Raises StateError where contact leaves a step without derivative."""
+        if self.edges.max(initial=0) < StepEdge.LEAVES_LAW:
+            return
+        i = int(np.flatnonzero(self.edges >= StepEdge.LEAVES_LAW.value)[-1])
+        why = [edge.meaning for edge in StepEdge if self.edges[i] & edge >= StepEdge.LEAVES_LAW]
+        raise StateError(
+            f"step {i}, at {self.start + i * self.dt:.6g} s, has no derivative, and so the rollout "
+            f"no gradient: {self._pairs[self._run.touches['pairs'][i]]}: {'; '.join(why)}"
+        )
 
     def _summed(
         self, l_q: Array, l_v: Array, rate: Array, mean: Array
@@ -165,7 +200,6 @@ def rollout(
 ) -> Rollout:
     """Time steps with their gradients; see :meth:`Marionette.rollout`."""
     check_positive(dt=dt)
-    refuse_contact(model, "rollout")
     model.check_state(x0)
     t = model.coordinates
     acc = np.atleast_2d(vectors("acc_K", acc_K, t.n_vK))
@@ -178,16 +212,20 @@ def rollout(
         raise StateError("a rollout begins with winches that have not slipped")
     inputs, driven = _inputs(t, x0, acc, dt)
     options = model.run_options(dt=dt, extrapolate=extrapolate)
+    pairs = () if model.contacts is None else model.contacts.names
     run = GradientRun(
-        model.compiled.gradients, options, model.winches, inputs, force, x0.q_D, x0.v_D, values
-    )
+        model.compiled.gradients, options, model.winches, model.reference_force, inputs, force,
+        x0.q_D, x0.v_D, values,
+    )  # fmt: skip
     tension = run.arrays["tension"]
     upper = np.minimum(model.upper, model.tension_cap)
     held = model.two_sided | ((tension > 0.0) & (tension < AT_CAP * upper))
     return Rollout(
         **{name: run.arrays[name] for name in ("q_D", "v_D", "q_K", "v_K")}, tension=tension,
-        held=held, dt=dt, status=Status(run.numbers.status), steps=run.numbers.made, coordinates=t,
-        _run=run, _driven=driven,
+        held=held, dt=dt, status=Status(run.numbers.status), steps=run.numbers.made,
+        n_contacts=run.touches["n_points"], n_sliding=run.touches["n_sliding"],
+        edges=run.touches["edges"], start=x0.t, coordinates=t, _run=run, _driven=driven,
+        _pairs=tuple(pair_name(pair) for pair in pairs),
     )  # fmt: skip
 
 
@@ -196,7 +234,7 @@ def _inputs(
 ) -> tuple[dict[str, Array], tuple[DrivenStep, ...]]:
     """The driven coordinates by node and step; and each step where some turn."""
     n = len(acc)
-    q_K, v_K = np.tile(x0.q_K, (n + 1, 1)), np.tile(x0.v_K, (n + 1, 1))
+    q_K, v_K = (np.repeat(a[None], n + 1, axis=0) for a in (x0.q_K, x0.v_K))
     v_K[1:] += dt * np.cumsum(acc, axis=0)
     rate, mean = v_K[:-1] + 0.5 * dt * acc, acc.copy()
     driven = []

@@ -194,7 +194,8 @@ def _aimed(
         closes = 1.0 / dt if parting < LIMITS.recovery_speed else 0.0
         verge = e > 0.0 and abs(-e * speed - max(parting, -gain)) <= rounding
         return replace(made, closes=closes), "springs back if it is any faster" if verge else ""
-    if e > 0.0 and abs(after + e * speed) <= rounding:
+    # Without restitution, too: what lands while forces brake it stops where it is.
+    if abs(after + e * speed) <= rounding:
         return replace(made, bounces=e), ""
     raise StateError(
         f"{made.name} moves after this step as the law of contact alone does not say: bodies are "

@@ -14,6 +14,8 @@ from fantoccini.runtime.functions import AnyArray, Loaded, pointer
 from fantoccini.runtime.options import RunOptions
 from fantoccini.runtime.structures import UNLIMITED, structures
 
+_TOUCHES = ("n_points", "n_sliding", "edges", "pairs")
+
 
 class GradientLibrary(Loaded):
     """A puppet's library of gradients of rollouts."""
@@ -30,6 +32,7 @@ class GradientRun:
         library: of the puppet.
         options: of the steps.
         winches: (n_strings, 3).
+        reference_force: a weight [N].
         inputs: q_K and v_K (n + 1, ...) by node, rate and mean (n, n_vK) over the steps.
         u_D: (1 or n, n_vD) user forces; None for none.
         q_D, v_D: (n_qD,), (n_vD,) at the start.
@@ -37,6 +40,7 @@ class GradientRun:
 
     Attributes:
         arrays: by the names of the contract's ``GradientArrays``.
+        touches: those of them about contact; zeros without.
         numbers: the structure itself.
 
     Raises:
@@ -48,6 +52,7 @@ class GradientRun:
         library: GradientLibrary,
         options: RunOptions,
         winches: Array,
+        reference_force: float,
         inputs: Mapping[str, Array],
         u_D: Array | None,
         q_D: Array,
@@ -59,7 +64,7 @@ class GradientRun:
             raise MemoryError("no memory for a rollout")
         self._dll, self._handle = library.dll, ctypes.c_void_p(made)
         self._sizes, self._n, self._options = library.sizes, len(inputs["rate"]), options
-        n = self._n
+        n, self._reference_force = self._n, reference_force
         self.arrays: dict[str, AnyArray] = {
             "winches": np.minimum(winches, UNLIMITED), "p": np.array(p, dtype=float), **inputs,
             "q_D": np.zeros((n + 1, library.sizes["n_qD"])),
@@ -67,6 +72,9 @@ class GradientRun:
             "acc_D": np.zeros((n, library.sizes["n_vD"])),
             "tension": np.zeros((n, library.sizes["n_rows"])), "ahead": np.zeros((n, 2)),
         }  # fmt: skip
+        self.touches = {name: np.zeros(n, dtype=np.int32) for name in _TOUCHES}
+        if library.sizes["n_contacts"]:
+            self.arrays |= self.touches
         self.arrays["q_D"][0], self.arrays["v_D"][0] = q_D, v_D
         self._force = None if u_D is None else np.ascontiguousarray(u_D, dtype=float)
         self.numbers = self._structure({})
@@ -111,5 +119,6 @@ class GradientRun:
             force = structures["Shared"](pointer(self._force), stride)
         arrays = {name: pointer(a) for name, a in (self.arrays | dict(more)).items()}
         return structures["GradientArrays"](
-            n=self._n, options=self._options.structure(), u_D=force, **arrays
-        )
+            n=self._n, options=self._options.structure(), u_D=force,
+            reference_force=self._reference_force, **arrays,
+        )  # fmt: skip

@@ -55,12 +55,36 @@ class ContactPartials {
   bool take(
       const StepContact& point, int* n, double (*rows)[room(N)], double (*forces)[room(N)],
       double (*rates)[room(n_columns)], double* drag, double* by) {
+    set(point, n, rows, forces);
+    move();
+    differ_rates(*n, rates);
+    find_speed();
+    turn();
+    load(by);
+    return find_drag(drag);
+  }
+
+  // The rows that a point holds, the generalised forces of the multipliers and the drag alone.
+  bool hold(
+      const StepContact& point, int* n, double (*rows)[room(N)], double (*forces)[room(N)],
+      double* drag) {
+    set(point, n, rows, forces);
+    if (!point.turns) return false;
+    find_velocity();
+    find_speed();
+    return find_drag(drag);
+  }
+
+ private:
+  using Columns = double[3][room(n_columns)];
+
+  // A point, the rows that it holds, and the generalised forces of its multipliers, negated.
+  void set(
+      const StepContact& point, int* n, double (*rows)[room(N)], double (*forces)[room(N)]) {
     point_ = &point;
     find_subspace();
-    move();
     double frame[9];
-    for (int c = 0; c < 3; ++c) frame[c] = point.normal[c];
-    add_tangents(frame);
+    find_frame(frame);
     *n = point.sticks ? 3 : 1;
     for (int d = 0; d < *n; ++d)
       for (int k = 0; k < N; ++k) {
@@ -70,7 +94,19 @@ class ContactPartials {
           forces[d][k] -= (frame[3 * d + c] - point.friction * point.along[c]) * U_[c][k];
         }
       }
-    differ_velocity(before_, u_, u_by_);
+  }
+
+  void find_frame(double* frame) const {
+    for (int c = 0; c < 3; ++c) frame[c] = point_->normal[c];
+    add_tangents(frame);
+  }
+
+  // Changes of the n rows over dt, after those of P and n; leaves u after the step.
+  void differ_rates(int n, double (*rates)[room(n_columns)]) {
+    const StepContact& point = *point_;
+    double frame[9];
+    find_frame(frame);
+    if (point.bounces != 0.0) differ_velocity(before_, u_, u_by_);
     for (int c = 0; c < n_columns && point.bounces != 0.0; ++c)
       rebound_[c] = point.bounces * (along(frame, u_by_, c) + across(n_by_, u_, c));
     differ_velocity(after_, u_, u_by_);
@@ -79,17 +115,30 @@ class ContactPartials {
       const double back = point.bounces != 0.0 ? rebound_[c] : 0.0;
       const double change = along(frame, u_by_, c) + across(n_by_, u_, c);
       rates[0][c] = -(change + point.closes * gap_by_[c] + back) / dt_;
-      for (int d = 1; d < *n; ++d)
+      for (int d = 1; d < n; ++d)
         rates[d][c] =
             -(along(frame + 3 * d, u_by_, c) - normal * along(frame + 3 * d, n_by_, c)) / dt_;
     }
-    turn();
-    load(by);
-    return find_drag(drag);
   }
 
- private:
-  using Columns = double[3][room(n_columns)];
+  // u after the step.
+  void find_velocity() {
+    double twist[6] = {};
+    each_link([&](int link, double sign) {
+      each_screw(link, [&](int k) {
+        for (int c = 0; c < 6; ++c) twist[c] += sign * after_[k] * s_[6 * k + c];
+      });
+    });
+    velocity(twist, u_);
+  }
+
+  // Across the normal, from u.
+  void find_speed() {
+    const double *n = point_->normal, normal = dot3(n, u_);
+    double across_u[3];
+    for (int c = 0; c < 3; ++c) across_u[c] = u_[c] - n[c] * normal;
+    speed_ = sqrt(dot3(across_u, across_u));
+  }
 
   static double along(const double* direction, const Columns& of, int c) {
     return direction[0] * of[0][c] + direction[1] * of[1][c] + direction[2] * of[2][c];
@@ -240,9 +289,6 @@ class ContactPartials {
     const StepContact& at = *point_;
     const double *n = at.normal, *d = at.along, *f = at.force;
     const double push = dot3(n, f), normal = dot3(n, u_);
-    double across_u[3];
-    for (int c = 0; c < 3; ++c) across_u[c] = u_[c] - n[c] * normal;
-    speed_ = sqrt(dot3(across_u, across_u));
     for (int i = 0; i < n_columns; ++i) {
       const double n_by[3] = {n_by_[0][i], n_by_[1][i], n_by_[2][i]};
       double f_by[3];

@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x7e3cb7a791c173a6;
+constexpr long long contract_digest = 0x0ca49ad88f24c9b1;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -512,6 +512,11 @@ struct GradientArrays {
   double* acc_D;  // (n, n_vD) mean accelerations over the steps
   double* tension;  // (n, n_rows)
   double* ahead;  // (n, 2) times by which acc_D and its change run ahead [s]
+  double reference_force;  // a weight [N]
+  int* n_points;  // (n,) points of contact that push in the steps
+  int* n_sliding;  // (n,) those that slide
+  int* edges;  // (n,) StepEdge; a sweep adds to them and ends where it has to
+  int* pairs;  // (n,) pair of contact that is on an edge; -1 for none
   double slip;  // largest [m]
   long long shortened;  // first step that was cut short; n for none
   long long made;  // steps before something stopped the rollout

@@ -32,7 +32,7 @@ class ModeSystem {
 
   // Whether forces keep the modes; friction jams otherwise.
   bool factorise() {
-    soften();
+    soften_forces();
     double* S = inverse_.matrix(n_rows);
     for (int a = 0; a < n_rows; ++a)
       for (int b = 0; b < n_rows; ++b) S[a * n_rows + b] = dot(C[a], soft_B_[b]);
@@ -45,6 +45,12 @@ class ModeSystem {
     return inverse_.rank >= rank_.rank;
   }
 
+  // Whether rows depend on one another.
+  bool redundant() const { return inverse_.rank < n_rows; }
+
+  // Whether the rows may contradict one another, and (n_rows,) what must take their changes to 0.
+  bool tied(double* rows) const { return inverse_.left_null_vector(rows); }
+
   // Whether some forces do nothing, and (n_rows,) those: a combination of all.
   bool idle(double* forces) const { return inverse_.null_vector(forces); }
 
@@ -52,11 +58,8 @@ class ModeSystem {
   // w <- F x. Raises `most` to the largest change of rows by which they contradict one another.
   template <class Real>
   void solve(Real* w, const Real* rate, Real* y, double* most) const {
-    Real right[room(capacity)], turned[room(turning)];
-    // (1 + Z Z^T)^-1 = 1 - Z (1 + Z^T Z)^-1 Z^T, both sides of which have n numbers.
-    for (int j = 0; j < n_turning; ++j) turned[j] = along(Z[j], w);
-    for (int j = 0; j < n_turning; ++j)
-      for (int k = 0; k < n; ++k) w[k] -= soft_Z_[j][k] * turned[j];
+    Real right[room(capacity)];
+    soften(w);
     for (int a = 0; a < n_rows; ++a) right[a] = rate[a] + along(C[a], w);
     inverse_.apply(right, y);
     for (int a = 0; a < n_rows; ++a)
@@ -69,8 +72,35 @@ class ModeSystem {
       if (lane_of(left, l) > *most) *most = lane_of(left, l);
   }
 
+  // The transposed of solve(), of a sum with derivatives g by x and -y by the multipliers, on entry
+  // w = F^-T g: to its derivatives -y by `rate`, and w = F^-T z with z those by -force.
+  void solve_transposed(double* w, double* y) const {
+    double left[room(capacity)], own[room(n)];
+    for (int k = 0; k < n; ++k) own[k] = w[k];
+    soften(own);
+    for (int a = 0; a < n_rows; ++a) left[a] = y[a] + along(B[a], own);
+    inverse_.apply_transposed(left, y);
+    take_rows(w, y);
+  }
+
+  // w = F^-T z alone, of derivatives -y by `rate`.
+  void take_rows(double* w, const double* y) const {
+    for (int a = 0; a < n_rows; ++a)
+      for (int k = 0; k < n; ++k) w[k] -= C[a][k] * y[a];
+    soften(w);
+  }
+
  private:
   using Tolerance = ModeSystemTolerances;
+
+  // w <- (1 + Z Z^T)^-1 w = w - Z (1 + Z^T Z)^-1 Z^T w, both sides of which have n numbers.
+  template <class Real>
+  void soften(Real* w) const {
+    Real turned[room(turning)];
+    for (int j = 0; j < n_turning; ++j) turned[j] = along(Z[j], w);
+    for (int j = 0; j < n_turning; ++j)
+      for (int k = 0; k < n; ++k) w[k] -= soft_Z_[j][k] * turned[j];
+  }
 
   static double dot(const double* a, const double* b) {
     double sum = 0.0;
@@ -99,7 +129,7 @@ class ModeSystem {
   }
 
   // soft_Z_ = Z (1 + Z^T Z)^-1, soft_B_ = (1 + Z Z^T)^-1 B.
-  void soften() {
+  void soften_forces() {
     double* T = turn_.matrix(n_turning);
     for (int i = 0; i < n_turning; ++i)
       for (int j = 0; j < n_turning; ++j) T[i * n_turning + j] = double(i == j) + dot(Z[i], Z[j]);
