@@ -3,7 +3,7 @@
 from fantoccini.gestures.gesture import Gesture
 from fantoccini.gestures.gesture_file import gesture_names, gesture_schema, load_gesture
 from fantoccini.gestures.score import Caption, Played, Score, is_score, load_score
-from fantoccini.gestures.score_schema import score_schema
+from fantoccini.gestures.score_file import score_schema
 
 __all__ = [
     "Caption",

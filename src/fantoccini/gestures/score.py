@@ -17,7 +17,7 @@ from fantoccini.errors import FileError, Mistake, StateError, UnknownNameError, 
 from fantoccini.gestures.gesture import Gesture
 from fantoccini.gestures.gesture_file import gesture_names, load_gesture
 from fantoccini.gestures.joining import Line
-from fantoccini.gestures.score_schema import CueFile, ScoreFile, Time
+from fantoccini.gestures.score_file import CueFile, ScoreFile, Time
 from fantoccini.gestures.transition import limits
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State
