@@ -13,6 +13,7 @@
 
 #include "linear_flow.hpp"
 #include "manifold.hpp"
+#include "row_products.hpp"
 #include "segments.hpp"
 #include "tableau.hpp"
 
@@ -46,6 +47,7 @@ class FlowDerivatives {
       degree_ = j / changes();
       if (j % changes() >= n_changing_) n_changing_ = changes();
     }
+    linear_.look_at(powers_.data(), n_powers);
     for (int r = 0; r < M; ++r)
       if (in.held[r]) held_[n_held_++] = r;
     for (int j = 0; j < K; ++j) still_[j] = is_constant(in.input.coef + n_powers * j);

@@ -6,6 +6,7 @@
 // change. r_d and hddot_d are evaluated at several states at once; columns are solved for in bundles.
 #pragma once
 
+#include <cstring>
 #include <vector>
 
 #include "derivatives_in_lanes.hpp"
@@ -52,9 +53,23 @@ class LinearFlow {
   using Point = FlowPoint<Model>;
 
   explicit LinearFlow(int n_inputs)
-      : n_inputs_(n_inputs), row_(in_eights(n_inputs)), pushed_((height + in_eights(M)) * row_) {
+      : n_inputs_(n_inputs), row_(in_eights(n_inputs)), moving_((n_inputs + width - 1) / width) {
     for (auto& force : force_) force.resize(N * columns + 8);
     for (auto& rate : rate_) rate.resize(M * columns + 8);
+  }
+
+  // Notes which of q_K, v_K and acc_K each input changes: one of them, as a rule.
+  //
+  // powers: (n, n_changes, in_eights(n_inputs)) coefficients of the inputs' changes in time.
+  void look_at(const double* powers, int n) {
+    for (int first = 0; first < n_inputs_; first += width)
+      for (int r = 0; r < 3 * K; ++r) {
+        bool some = false;
+        for (int k = 0; k < n; ++k)
+          for (int l = first; l < first + width && l < n_inputs_; ++l)
+            some |= powers[(k * n_changes + r) * row_ + l] != 0.0;
+        if (some) moving_[first / width].push_back(r);
+      }
   }
 
   // r_d and hddot_d of the held rows at n points, as many as there are lanes at most.
@@ -134,24 +149,25 @@ class LinearFlow {
 
   // dacc along the changes of the inputs.
   void along(int lane, const Point& at, const double* inputs, double* out, int ld) {
-    double *forces = pushed_.data(), *rates = forces + height * row_;
-    std::fill(pushed_.begin(), pushed_.end(), 0.0);
     // Where driven coordinates move no mass and no drive follows them, their accelerations act
     // through the rows alone.
     constexpr int acting = Model::accelerated ? 3 * K : 2 * K;
-    add_product(acting, force_[lane].data() + 2 * N * N, N, inputs, row_, forces, row_, N, n_inputs_);
+    const double *forces = force_[lane].data() + 2 * N * N, *rates = rate_[lane].data() + 2 * N * M;
     const double* pushes = inputs + 3 * K * row_;
-    if (at.rows.n)
-      add_product(3 * K, rate_[lane].data() + 2 * N * M, M, inputs, row_, rates, row_, at.rows.n, n_inputs_);
     for (int first = 0; first < n_inputs_; first += width) {
       Bundle x;
-      for (int k = 0; k < N; ++k)
-        x.force[k] = loaded(pushes + k * row_ + first) - loaded(forces + k * row_ + first);
-      for (int a = 0; a < at.rows.n; ++a) x.rate[a] = loaded(rates + a * row_ + first);
+      for (int k = 0; k < N; ++k) x.force[k] = loaded(pushes + k * row_ + first);
+      for (int a = 0; a < at.rows.n; ++a) x.rate[a] = Wide(0.0);
+      for (int r : moving_[first / width]) {
+        const Wide by = loaded(inputs + r * row_ + first);
+        if (r < acting)
+          for (int k = 0; k < N; ++k) x.force[k] -= forces[r * N + k] * by;
+        for (int a = 0; a < at.rows.n; ++a) x.rate[a] += rates[r * M + a] * by;
+      }
       solve(at, x);
       const int count = n_inputs_ - first < width ? n_inputs_ - first : width;
       for (int k = 0; k < N; ++k)
-        for (int l = 0; l < count; ++l) out[k * ld + first + l] = lane_of(x.acc[k], l);
+        std::memcpy(out + k * ld + first, &x.acc[k], sizeof(double) * count);
     }
   }
 
@@ -174,7 +190,8 @@ class LinearFlow {
   }
 
   int n_inputs_, row_;
-  std::vector<double> force_[width], rate_[width], pushed_;
+  std::vector<double> force_[width], rate_[width];
+  std::vector<std::vector<int>> moving_;  // of a bundle of inputs: the rows that are not all zero
   bool fresh_ = true;
   StatesInLanes<Model> states_;
   ForcesInLanes<Model> forces_;
