@@ -8,6 +8,7 @@ import pytest
 import fantoccini as fan
 from fantoccini.errors import InputError, StateError, UnknownNameError
 from fantoccini.gestures import gesture_names
+from fantoccini.motion import polynomial
 
 TWINS = """
 puppet: twins
@@ -34,7 +35,7 @@ def marionette() -> fan.Marionette:
 
 
 def offset(gesture: fan.Gesture, name: str, t: float) -> float:
-    """d(t) of a coordinate, by the input that the gesture makes from a state at 0."""
+    """d(t) of a coordinate."""
     i = gesture.coordinates.v_K.index(name)
     k = int(np.clip(np.searchsorted(gesture.breaks, t, "right") - 1, 0, len(gesture.coef) - 1))
     return float(np.polyval(gesture.coef[k, i, ::-1], t - gesture.breaks[k]))
@@ -117,6 +118,42 @@ def test_gestures_are_scaled_sped_up_delayed_and_moved(twins):
     assert offset(moved, "line_left.y", 2.0) == pytest.approx(0.05)
 
 
+def test_joints_on_both_sides_have_equal_angles():
+    puppet = fan.loads("""
+puppet: levers
+bodies:
+- {name: arm_left, joint: {name: lever_left, type: revolute, axis: [1, 0, 0], driven: true}}
+- {name: arm_right, joint: {name: lever_right, type: revolute, axis: [-1, 0, 0], driven: true}}
+- {name: post, joint: {name: yaw, type: revolute, axis: [0, 0, 1], driven: true}}
+- {name: bob, parent: post, joint: {name: pin, type: revolute, axis: [0, 1, 0]}, mass: 1.0,
+   com: [0, 0, -0.5], inertia: [0.1, 0.1, 0.01]}
+""")
+    lift = fan.Gesture.of(puppet, {"lever_left": [(0, 0), (1, "30 deg")]})
+    assert offset(lift.mirrored(), "lever_right", 1.0) == pytest.approx(np.radians(30))
+    with pytest.raises(StateError, match="mirror image of the joint yaw"):
+        fan.Gesture.of(puppet, {"yaw": [(0, 0), (1, 0.1)]}).mirrored()
+
+
+def test_marks_of_repetitions_are_numbered(twins):
+    one = fan.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1), (2, 0)]}, marks={"up": 1.0})
+    assert one.repeated(3).marks == {"up": 1.0, "up 2": 3.0, "up 3": 5.0}
+    with pytest.raises(ValueError, match="the mark 'up' is at 7 s"):
+        fan.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1)]}, marks={"up": 7.0})
+    with pytest.raises(ValueError, match="a whole number"):
+        one.repeated(1.5)
+
+
+def test_peaks_are_those_of_the_motion(marionette):
+    for name in ("wave", "bow", "jump"):
+        one = fan.load_gesture(marionette, name)
+        t = np.linspace(0.0, one.duration, 40_001)
+        _, v_K, acc_K = one.inputs(marionette.rest()).evaluate(t)
+        speed, acceleration = one.peaks
+        np.testing.assert_allclose(acceleration, np.abs(acc_K).max(axis=0), rtol=1e-4, atol=1e-9)
+        fastest = np.abs(v_K).max(axis=0)
+        assert np.all(speed >= fastest * (1 - 1e-6)) and np.all(speed <= fastest * 1.002 + 1e-9)
+
+
 def test_two_at_once_add_up(twins):
     up = fan.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1)]})
     more = fan.Gesture.of(twins, {"line_left.up": [(0.25, 0), (0.75, 0.02), (1.5, 0)]})
@@ -179,15 +216,14 @@ def test_a_thousand_in_any_order_never_jump_nor_break_bounds(marionette):
     speed, acceleration, x0 = 1.2, 11.0, marionette.rest()
     library = [fan.load_gesture(marionette, name) for name in gesture_names()]
     library += [one.mirrored() for one in library]
-    # Cut in the middle they begin and end in motion.
-    for one in library[:4]:
-        cut = int(np.ceil(len(one.coef) / 2))
-        if cut < len(one.coef):
-            parts = ((one.breaks[: cut + 1], one.coef[:cut]), (one.breaks[cut:], one.coef[cut:]))
-            library += [
-                fan.Gesture(one.coordinates, b - b[0], c, one.named, np.zeros(21), one.name)
-                for b, c in parts
-            ]
+    # Parts of pieces begin and end in motion.
+    for one in library[:10]:
+        k = int(np.argmax(one.peaks_of_pieces[:, 0].max(axis=1)))
+        h = 0.25 * (one.breaks[k + 1] - one.breaks[k])
+        part = polynomial.shifted(one.coef[k : k + 1], np.array([h]))
+        cut = fan.Gesture(one.coordinates, [0.0, h], part, one.named, np.zeros(21), one.name)
+        library.append(cut)
+    assert sum(np.abs(one.ends[1]).max() > 0.1 for one in library) >= 6
     for one in library:
         fastest, hardest = one.peaks
         assert fastest.max() < speed and hardest.max() < acceleration, one

@@ -75,6 +75,30 @@ def test_at_key_poses_the_puppet_hangs_where_they_say(marionette, tmp_path):
     np.testing.assert_allclose(place[1] - place[0], [0.02, 0.0, 0.06], atol=1e-4)
 
 
+def test_key_poses_count_on_what_else_moves(marionette, tmp_path):
+    """The hand is where it is to be while the body is lowered by a centimetre."""
+    text = POSED + "moves:\n" + "".join(
+        f"  {name}.down: [[0, 0], [1, 10 mm], [2, 0]]\n"
+        for name in ("head", "shoulder_left", "shoulder_right")
+    )
+    found = fan.load_gesture(marionette, written(tmp_path, text))
+    x0 = marionette.rest()
+    q_K, _, _ = found.inputs(x0).evaluate(1.0)
+    hangs = marionette.rest(dict(zip(marionette.coordinates.q_K, q_K, strict=True)))
+    place = []
+    for x in (x0, hangs):
+        pose = marionette.pose(x, "forearm_right")
+        place.append(pose[:3, 3] + pose[:3, :3] @ [0.0, 0.0, -0.09])
+    np.testing.assert_allclose(place[1] - place[0], [0.02, 0.0, 0.06], atol=1e-4)
+    assert marionette.pose(hangs, "torso")[2, 3] < marionette.pose(x0, "torso")[2, 3] - 5e-3
+
+
+def test_a_folder_of_its_name_hides_no_bundled_gesture(marionette, tmp_path, monkeypatch):
+    (tmp_path / "wave").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert fan.load_gesture(marionette, "wave").uses == ("hand_right",)
+
+
 def test_the_schema_takes_gestures_and_refuses_others(tmp_path):
     schema = gesture_schema()
     jsonschema.Draft202012Validator.check_schema(schema)
@@ -95,7 +119,8 @@ def test_the_schema_takes_gestures_and_refuses_others(tmp_path):
         (POSED, ("[hand_right]", "[hand_rigt]"), 3, "did you mean 'hand_right'"),
         (POSED, ("[0, 1, 2]", "[0, 1]"), 5, "found 3 places at 2 times"),
         (POSED, ("[0, 1, 2]", "[0, 2, 2]"), 4, "times must increase"),
-        (POSED, ("points: {forearm_right", "points: {forarm_right"), 5, "forarm_right"),
+        (POSED, ("of: {forearm_right", "of: {forarm_right"), 6, "did you mean 'forearm_right'"),
+        (POSED.replace("forearm_right", "forarm_right"), ("reach", "grab"), 5, "forarm_right"),
         (POSED, ("0.06]", "1.5]"), 4, "at 1 s"),
     ],
 )

@@ -99,6 +99,53 @@ lanes:
     assert bow.start > 1.3 and f"at {bow.start:.2f} s" in change
 
 
+def test_a_cue_before_the_end_of_another_waits_for_it(marionette, tmp_path):
+    text = "score: late\nlanes: {body: [{gesture: wave, at: 0}, {gesture: bow, at: 1}]}\n"
+    (change,) = fan.load_score(marionette, written(tmp_path, text)).changes
+    assert "bow begins at 3.80 s instead of at 1.00 s: wave ends at 3.80 s" in str(change)
+
+
+def test_what_does_not_come_back_takes_longer_to_repeat(marionette, tmp_path):
+    text = "score: late\nlanes: {body: [{gesture: sit, lasts: 4, repeat: 3}]}\n"
+    score = fan.load_score(marionette, written(tmp_path, text))
+    (change,) = score.changes
+    assert f"sit takes {score.duration:.2f} s instead of 12.00 s" in str(change)
+
+
+def test_what_comes_after_the_end_is_told(marionette, tmp_path):
+    text = """\
+score: short
+lanes: {body: [{gesture: nod}]}
+marks: {never: 500}
+captions: [{at: 1, until: 200, text: Too late}]
+"""
+    changes = fan.load_score(marionette, written(tmp_path, text)).changes
+    assert [one.line for one in changes] == [3, 4]
+
+
+def test_a_passed_bound_is_told_of_each_cue_that_passes_it(marionette, tmp_path):
+    text = """\
+score: blame
+speed: 3
+acceleration: 12
+lanes:
+  head:
+    - {gesture: nod}
+  legs:
+    - {gesture: march, lasts: 0.6}
+    - {gesture: march}
+    - {gesture: march, lasts: 0.5, at: 3}
+"""
+    changes = fan.load_score(marionette, written(tmp_path, text)).changes
+    lines = sorted({one.line for one in changes})
+    assert lines == [8, 10] and all("knee_" in str(one) for one in changes)
+    # A bound just above the largest acceleration is none that is passed.
+    bow = fan.load_gesture(marionette, "bow")
+    most = 1.003 * bow.peaks[1].max()
+    text = f"score: near\nacceleration: {most}\nlanes: {{body: [{{gesture: bow}}]}}\n"
+    assert fan.load_score(marionette, written(tmp_path, text))
+
+
 def test_bounds_that_are_passed_are_told(marionette, tmp_path):
     text = NUMBER.replace("lasts: 4", "lasts: 1")
     score = fan.load_score(marionette, written(tmp_path, text))
@@ -144,7 +191,15 @@ def test_the_schema_takes_scores_and_refuses_others(tmp_path):
         (("lasts: 4", "lasts: 4, faster: 2"), 8, "both `lasts` and `faster`"),
         (("{first: 8}", "{first: 8, second: 9}"), 10, "found 2 marks"),
         (("repeat: 4", "repeat: 0"), 8, "greater than or equal to 1"),
-        (("tempo: 100", "tempo: 0"), 2, "positive"),
+        (("tempo: 100", "tempo: 0"), 2, "from 0.001 to 1000"),
+        (("tempo: 100", "tempo: 1e308"), 2, "from 0.001 to 1000"),
+        (("at: 2, ", "at: 1e300, "), 8, "needed: a time, or a mark"),
+        (("at: 2, ", "at: .nan, "), 8, "needed: a time, or a mark"),
+        (("at: 2, ", "larger: 1e300, "), 8, "from 0.001 to 1000"),
+        (("acceleration: 12", "acceleration: {hand_right.z: 1}"), 4, "did you mean 'hand_right.y'"),
+        (("acceleration: 12", "acceleration: 1e-9"), 4, "at least 1e-06"),
+        (("marks:", "duration: -4\nmarks:"), 5, "positive"),
+        (("{first: 8}, ", "{first: 8}, larger: 20, "), 10, "hand_right.length: is -"),
         (("speed: 1.2", "speed: {hand_rigt.x: 1}"), 3, "did you mean 'hand_right.x'"),
         (("until: 6", "until: 1"), 15, "ends on beat 1"),
         (("gesture: bow", "gesture: ../../etc/passwd"), 13, "no gesture file in this one's folder"),

@@ -84,6 +84,9 @@ def test_a_reserve_is_left_to_feedback(tmp_path):
     assert plan
     assert np.abs(plan.acceleration).max() <= 0.75 * 2.0 + 1e-12
     assert np.abs(plan.trajectory.v_K).max() <= 0.75 * 0.5 + 1e-12
+    # Feedback has other bounds than where the plan's are all there are.
+    text = GOOD + "speed: 0.375\nacceleration: 1.5\n"
+    assert problem.fingerprint != fan.load_problem(written(tmp_path, text)).fingerprint
     # Far off the plan, feedback asks for all that there is.
     law, x = plan.feedback(), problem.start
     far = [law.acceleration(0, x.replace(q_D=[*x.q_D[:-1], x.q_D[-1] + by])) for by in (-2.0, 2.0)]

@@ -19,8 +19,9 @@ from fantoccini.arrays import Array, MaskRows, Times, VecK, check_positive, froz
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.gestures import moves, piecewise
 from fantoccini.gestures.joining import Line, Motion
-from fantoccini.gestures.transition import ACCELERATION, SPEED, Most, limits
+from fantoccini.gestures.transition import ACCELERATION, SAME, SPEED, Most, limits
 from fantoccini.motion import Input, State, binding, pieces, reading, rotation
+from fantoccini.motion.channel import SAME_TIME
 from fantoccini.motion.findings import Findings
 from fantoccini.motion.reading import Table
 
@@ -53,7 +54,8 @@ class Gesture:
         travel: (n_vK,) the part of its last offset that becomes the place of what follows, as
             after a walk [m or rad].
         name: of the gesture.
-        marks: name -> time within it [s]: when the hand is up, when the foot lands.
+        marks: name -> time within it [s]: when the hand is up, when the foot lands. Of gestures
+            in a row the second mark of a name is called ``up 2``, and so on.
     """
 
     coordinates: CoordinateTable
@@ -74,6 +76,13 @@ class Gesture:
             object.__setattr__(self, name, value)
         if n < 1 or self.breaks[0] != 0.0 or not np.all(np.diff(self.breaks) > 0.0):
             raise ValueError("breaks must be two or more times that increase from 0")
+        if not np.all(np.isfinite(self.coef)):
+            raise ValueError("coef has a number that is not finite")
+        for name, t in self.marks.items():
+            if not 0.0 <= t <= self.duration + SAME_TIME:
+                raise ValueError(
+                    f"the mark {name!r} is at {t:g} s; the gesture lasts {self.duration:g} s"
+                )
 
     def __repr__(self) -> str:
         called = f" {self.name!r}" if self.name else ""
@@ -104,17 +113,12 @@ class Gesture:
 
     @property
     def peaks(self) -> Array:
-        """(2, n_vK) bounds of its largest speeds and accelerations, a few per mille above them."""
-        return np.max(self._peaks, axis=0)
-
-    def peak(self, v: int, derivative: int) -> tuple[float, float]:
-        """A coordinate's largest speed (0) or acceleration (1), and when its piece begins [s]."""
-        sizes = self._peaks[:, derivative, v]
-        piece = int(np.argmax(sizes))
-        return float(sizes[piece]), float(self.breaks[piece])
+        """(2, n_vK) its largest speeds, bounded to some 1e-3, and accelerations."""
+        return np.max(self.peaks_of_pieces, axis=0)
 
     @cached_property
-    def _peaks(self) -> Array:
+    def peaks_of_pieces(self) -> Array:
+        """(n, 2, n_vK) those of every piece."""
         return piecewise.peaks(self.breaks, self.coef)
 
     # -- making one --------------------------------------------------------------------------
@@ -143,7 +147,10 @@ class Gesture:
 
         Raises:
             InputError: with every mistake.
+            ValueError: nothing moves, or a mark is not within the gesture.
         """
+        if not points:
+            raise ValueError("points is empty; a gesture moves something")
         table, findings = reading.table_of(table), Findings()
         read = moves.read(table, points, findings)
         findings.raise_any()
@@ -175,16 +182,19 @@ class Gesture:
             travels, name: see :meth:`of`.
 
         Raises:
-            StateError: it moves a rotation through several pieces of reference.
+            StateError: it turns a driven body through several waypoints, or travels and turns one.
         """
         table, coef = inputs.coordinates, np.array(inputs.coef)
         for _, v in table.scalars_K:
             coef[:, v, 0] -= coef[0, v, 0]
+        turned = [v for _, v in table.rotations.values() if inputs.named[v]]
+        if travels and turned:
+            raise StateError("a gesture that turns a driven body cannot travel")
         for label, (q, _) in table.rotations.items():
-            turned = rotation.between(inputs.base[:1, q : q + 4], inputs.base[:, q : q + 4])
-            if np.any(np.abs(turned) > 0.0):
+            bases = inputs.base[:, q : q + 4]
+            if np.any(rotation.between(bases[:1], bases) != 0.0):
                 raise StateError(
-                    f"{label} goes through several rotations of reference; gestures turn about one"
+                    f"{label} turns through several waypoints; a gesture takes one turn of it"
                 )
         coef[:, ~inputs.named] = 0.0
         breaks = inputs.breaks - inputs.breaks[0]
@@ -263,30 +273,33 @@ class Gesture:
     def mirrored(self) -> Gesture:
         """Its reflection in the x-z plane: what is called left changes places with right.
 
-        Lengths and motions along x and z stay, motions along y and turns about x and z change
-        their signs. Coordinates without a side mirror themselves.
+        Lengths, motions along x and z and angles of joints stay, motions along y and turns of
+        bodies about x and z change their signs.
 
         Raises:
             UnknownNameError: something has no twin.
+            StateError: it moves a joint without a side.
         """
         coef, travel = np.zeros_like(self.coef), np.zeros_like(self.travel)
         named = np.zeros_like(self.named)
         places = pieces.channel_names(self.coordinates)
         for name, (_, v) in places.items():
             twin = moves.twin(name)
-            if twin not in places:
-                if self.named[v.start]:
-                    raise UnknownNameError("driven coordinate", twin, list(places))
+            if not self.named[v.start]:
                 continue
+            if twin not in places:
+                raise UnknownNameError("driven coordinate", twin, list(places))
             to, sign = places[twin][1], moves.reflection(name)
+            if sign is None:
+                raise StateError(f"the mirror image of the joint {name} is not known")
             coef[:, to] = sign[:, None] * self.coef[:, v]
             named[to], travel[to] = self.named[v], sign * self.travel[v]
         return dataclasses.replace(self, coef=coef, named=named, travel=travel)
 
     def repeated(self, times: int, **options: Any) -> Gesture:
         """Several times in a row; options are those of :meth:`then`."""
-        if times < 1:
-            raise ValueError(f"times is {times!r}; it must be at least 1")
+        if not isinstance(times, int) or times < 1:
+            raise ValueError(f"times is {times!r}; it must be a whole number of at least 1")
         return self.then(*[self] * (times - 1), **options) if times > 1 else self
 
     def then(
@@ -312,7 +325,7 @@ class Gesture:
         for one in (self, *others):
             begun = line.add(one.motion)
             for name, t in one.marks.items():
-                marks.setdefault(name, begun + t)
+                marks[_numbered(name, marks)] = begun + t
         names = dict.fromkeys(one.name for one in (self, *others) if one.name)
         return Gesture(self.coordinates, *line.motion, ", ".join(names), marks)
 
@@ -321,7 +334,7 @@ class Gesture:
 
         Raises:
             ValueError: they are of different puppets.
-            StateError: the shorter one ends in motion.
+            StateError: the shorter one ends in motion, or both turn one driven body.
         """
         if not isinstance(other, Gesture):
             return NotImplemented
@@ -329,11 +342,17 @@ class Gesture:
         shorter = min(self, other, key=lambda one: one.duration)
         if self.duration != other.duration and np.max(np.abs(shorter.ends[1][1])) > _STILL:
             raise StateError(f"{shorter!r} ends in motion; what is added to it must end with it")
+        for label, (_, v) in self.coordinates.rotations.items():
+            if self.named[v] and other.named[v]:
+                raise StateError(f"both turn {label}; turns do not add up")
+        marks = dict(self.marks)
+        for name, t in other.marks.items():
+            marks[_numbered(name, marks)] = t
         breaks, coef = piecewise.added((self.breaks, self.coef), (other.breaks, other.coef))
         return Gesture(
             self.coordinates, breaks, coef, self.named | other.named, self.travel + other.travel,
             " + ".join(one.name for one in (self, other) if one.name),
-            {**other.marks, **self.marks},
+            marks,
         )  # fmt: skip
 
     # -- using one ---------------------------------------------------------------------------
@@ -343,8 +362,8 @@ class Gesture:
     ) -> Input:
         """The motion from a state on, at rest at both ends.
 
-        Where the gesture begins or ends elsewhere or in motion, quintics lead there and stop it,
-        as in :meth:`then`.
+        Where the gesture begins elsewhere or in motion, a transition leads there first, so that
+        all its times are later by that; where it ends in motion, one stops it.
 
         Args:
             x0: the state from which offsets count, at rest; the input begins at its time.
@@ -352,7 +371,7 @@ class Gesture:
         """
         still = Gesture.rest(self.coordinates, _MOMENT, everything=False)
         whole, (offsets, rates) = self, self.ends
-        if np.any(offsets[0] != 0.0) or np.any(np.abs(rates[0]) > _STILL):
+        if np.any(np.abs(offsets[0]) > SAME) or np.any(np.abs(rates[0]) > _STILL):
             whole = still.then(whole, speed=speed, acceleration=acceleration)
         if np.any(np.abs(rates[1]) > _STILL):
             whole = whole.then(still, speed=speed, acceleration=acceleration)
@@ -362,3 +381,11 @@ class Gesture:
             coef[:, v, 0] += x0.q_K[q]
             base[:, q] = coef[:, v, 0]
         return Input(table, x0.t + whole.breaks, coef, base, whole.named, name=self.name).checked()
+
+
+def _numbered(name: str, taken: Mapping[str, float]) -> str:
+    """The name, or with the first number that is free."""
+    made, k = name, 2
+    while made in taken:
+        made, k = f"{name} {k}", k + 1
+    return made

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,13 +10,12 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
-from fantoccini.arrays import Array, Times
 from fantoccini.errors import FileError, Mistake, StateError, UnknownNameError, nearest
 from fantoccini.gestures import moves
 from fantoccini.gestures.gesture import Gesture
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State, reading
-from fantoccini.motion.channel import Points
+from fantoccini.motion.channel import SAME_TIME, Points
 from fantoccini.motion.findings import Findings
 from fantoccini.motion.reading import Table
 from fantoccini.optimal import Bounds, reach
@@ -88,6 +88,11 @@ def gesture_names() -> tuple[str, ...]:
     return tuple(sorted(p.stem for p in _FOLDER.glob("*.yaml")))
 
 
+def bundled(name: str) -> Path:
+    """The file of a bundled gesture."""
+    return _FOLDER / f"{name}.yaml"
+
+
 def load_gesture(
     puppet: Table, path: str | os.PathLike[str], start: State | None = None
 ) -> Gesture:
@@ -102,11 +107,11 @@ def load_gesture(
         FileError: with every mistake found and its location.
     """
     name = os.fspath(path)
-    if not Path(name).exists():
+    if not Path(name).is_file():
         if name not in gesture_names():
-            text = "found nothing here; a gesture file is needed, or the name of a bundled gesture"
+            text = "found no file; a gesture file is needed, or the name of a bundled gesture"
             raise FileError([Mistake(name, None, "", text + nearest(name, gesture_names()))])
-        path = _FOLDER / f"{name}.yaml"
+        path = bundled(name)
     located = read_file(path)
     file = validate(GestureFile, located)
     table, findings = reading.table_of(puppet), Findings()
@@ -114,27 +119,25 @@ def load_gesture(
     if not file.moves and file.poses is None:
         findings.add((), "found neither moves nor poses; needed: one of them")
     if file.poses is not None and not findings.found:
-        for channel, points in _of_poses(puppet, file.poses, start, located).items():
+        for channel, points in _of_poses(puppet, file.poses, start, offsets, located).items():
             if channel in offsets:
                 findings.add(("moves",), f"move {channel}, as the string of the poses does")
             offsets[channel] = points
-    last = max((t[-1] for t, _ in offsets.values()), default=0.0)
-    for mark, t in file.marks.items():
-        if t > last and offsets:
-            findings.add(
-                ("marks", mark), f"found {t:g} s; the gesture ends at {last:g} s"
-            )
+    if not findings.found:
+        made = Gesture.of_offsets(table, offsets, travels=file.travels, name=file.gesture)
+        for mark, t in file.marks.items():
+            if t > made.duration + SAME_TIME:
+                text = f"found {t:g} s; the gesture ends at {made.duration:g} s"
+                findings.add(("marks", mark), text)
     if findings.found:
         raise located.error(findings.found, FileError)
-    return Gesture.of_offsets(
-        table, offsets, travels=file.travels, name=file.gesture, marks=file.marks
-    )
+    return dataclasses.replace(made, marks=dict(file.marks))
 
 
 def _of_poses(
-    puppet: Table, poses: KeyPoses, start: State | None, located: Located
+    puppet: Table, poses: KeyPoses, start: State | None, moved: dict[str, Points], located: Located
 ) -> dict[str, Points]:
-    """Offsets of strings with which the puppet hangs at key poses."""
+    """Offsets of strings with which the puppet hangs at key poses, moved as it is then."""
     found = Findings()
     if not isinstance(puppet, Marionette):
         raise TypeError(f"{located.file} has key poses; it takes a Marionette")
@@ -151,6 +154,10 @@ def _of_poses(
         if len(places) != len(poses.at):
             text = f"found {len(places)} places at {len(poses.at)} times; needed: one at each"
             found.add(("poses", "points", body), text)
+    for body in poses.of:
+        if body not in poses.points:
+            text = f"{body!r} is not among the points{nearest(body, poses.points)}"
+            found.add(("poses", "of", body), text)
     _refuse(found, located)
     held = tuple(name for name, owner in owners.items() if owner not in poses.strings)
     targets: dict[What, Any] = {}
@@ -164,21 +171,29 @@ def _of_poses(
         home = pose[:3, 3] + pose[:3, :3] @ np.array(at)
         targets[body, at] = home + np.array(places)
     _refuse(found, located)
-    try:
-        reached = reach(puppet, targets, x0, bounds=Bounds(held=held))
-    except StateError as error:
-        raise located.error([(("poses",), str(error))], FileError) from None
-    for i, one in enumerate(reached):
-        if not one:
-            found.add(("poses", "at", i), f"at {poses.at[i]:g} s: {one.summary()}")
+    made = {
+        table.q_K[q]: (np.array(poses.at), np.empty(len(poses.at)))
+        for q, _ in table.scalars_K
+        if table.q_K[q] not in held
+    }
+    hung = None
+    if moved:
+        hung = Gesture.of_offsets(table, moved).inputs(x0).evaluate(x0.t + np.array(poses.at))[0]
+    for i in range(len(poses.at)):
+        here = x0
+        if hung is not None:
+            here = puppet.rest({table.q_K[q]: float(hung[i, q]) for q, _ in table.scalars_K})
+        one = {what: places[i] for what, places in targets.items()}
+        try:
+            reached = reach(puppet, one, here, bounds=Bounds(held=held))[0]
+        except StateError as error:
+            raise located.error([(("poses", "at", i), str(error))], FileError) from None
+        if not reached:
+            found.add(("poses", "at", i), f"at {poses.at[i]:g} s: {reached.summary()}")
+        for q, _ in table.scalars_K:
+            if table.q_K[q] in made:
+                made[table.q_K[q]][1][i] = reached.state.q_K[q] - x0.q_K[q]
     _refuse(found, located)
-    times = np.array(poses.at)
-    made: dict[str, tuple[Times, Array]] = {}
-    for q, _ in table.scalars_K:
-        name = table.q_K[q]
-        offsets = reached.q_K[:, q] - x0.q_K[q]
-        if name not in held and np.any(offsets != 0.0):
-            made[name] = times, offsets
     return made
 
 

@@ -23,22 +23,41 @@ DIRECTIONS = {
 }  # fmt: skip
 """Direction -> coordinate of a string, and its sign; 0 where the string's side gives it."""
 
+_SUFFIXES = ("length", "x", "y", "z", "rotation")
 _SIDE = re.compile(r"(?<![a-z])(left|right)(?![a-z])")
 _TWIN = {"left": "right", "right": "left"}
 _LENGTH = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?) *(mm|cm|m)", re.ASCII)
 _METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
 
+def owner_of(name: str) -> tuple[str, str, str]:
+    """What stands before the owner of a coordinate, the owner, and what stands after it.
+
+    ``pierrot.``, ``hand_left`` and ``.length``: the sides of a scene's puppets do not count.
+    """
+    parts = name.split(".")
+    k = len(parts) - 2 if len(parts) > 1 and parts[-1] in _SUFFIXES else len(parts) - 1
+    before, after = "".join(f"{part}." for part in parts[:k]), parts[k + 1 :]
+    return before, parts[k], "".join(f".{part}" for part in after)
+
+
 def twin(name: str) -> str:
-    """The name with left and right exchanged."""
-    return _SIDE.sub(lambda found: _TWIN[found[1]], name)
+    """The name with left and right exchanged in its owner."""
+    before, owner, after = owner_of(name)
+    return before + _SIDE.sub(lambda found: _TWIN[found[1]], owner) + after
 
 
-def reflection(name: str) -> Array:
-    """Signs of a coordinate's numbers under reflection in the x-z plane."""
+def reflection(name: str) -> Array | None:
+    """Signs of a coordinate's numbers under reflection in the x-z plane; None if not known.
+
+    Equal angles of joints on both sides are mirror images, as in puppet files. Of a joint in the
+    middle the name does not tell.
+    """
     if name.endswith(".rotation"):
         return np.array([-1.0, 1.0, -1.0])
-    return np.array([-1.0 if name.endswith(".y") else 1.0])
+    if owner_of(name)[2]:
+        return np.array([-1.0 if name.endswith(".y") else 1.0])
+    return None if twin(name) == name else np.array([1.0])
 
 
 def read(
@@ -48,7 +67,8 @@ def read(
     known = pieces.channel_names(table)
     places: dict[str, tuple[str, float]] = {}
     for name in given:
-        places[name] = meaning(name, known)
+        channel, sign = meaning(name, known)
+        places[name] = table.commands.get(channel, channel), sign
     written: dict[str, tuple[str, float, Any]] = {}
     for name, points in given.items():
         channel, sign = places[name]
@@ -87,7 +107,7 @@ def meaning(name: str, known: Mapping[str, Any]) -> tuple[str, float]:
         return str(name), 1.0
     part, sign = DIRECTIONS[direction]
     if not sign:
-        side = _SIDE.findall(owner)
+        side = _SIDE.findall(owner.rpartition(".")[2])
         if not side:
             return str(name), 1.0
         sign = (1.0 if side[-1] == "left" else -1.0) * (1.0 if direction == "out" else -1.0)
@@ -128,5 +148,6 @@ def _unknown(name: str, channel: str, table: CoordinateTable) -> str:
         if channel != name:
             return f"would move {channel}, which is not a driven coordinate"
         return "needs left or right in its name"
-    names = [*known, *(f"{one}.{way}" for one in owners for way in DIRECTIONS)]
+    ways = [(f"{one}.{way}", f"{one}.{DIRECTIONS[way][0]}") for one in owners for way in DIRECTIONS]
+    names = [*known, *(way for way, moved in ways if moved in known)]
     return f"is neither a driven coordinate nor a string and a direction{nearest(name, names)}"

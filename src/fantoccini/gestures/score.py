@@ -9,26 +9,37 @@ import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import FileError, Mistake, StateError, UnknownNameError, nearest
+from fantoccini.errors import (
+    FileError,
+    InputError,
+    Mistake,
+    StateError,
+    UnknownNameError,
+    nearest,
+)
 from fantoccini.gestures.gesture import Gesture
-from fantoccini.gestures.gesture_file import gesture_names, load_gesture
-from fantoccini.gestures.joining import Line
+from fantoccini.gestures.gesture_file import bundled, gesture_names, load_gesture
+from fantoccini.gestures.joining import Line, Motion
 from fantoccini.gestures.score_file import CueFile, ScoreFile, Time
 from fantoccini.gestures.transition import limits
 from fantoccini.marionette import Marionette
-from fantoccini.motion import Input, State
+from fantoccini.motion import Input, State, pieces
 from fantoccini.puppet.located import Located, read_file, validate
 from fantoccini.puppet.values import NAME
 
 _MARK = re.compile(rf"({NAME})(?: *([-+]) *(\d+\.?\d*|\.\d+))?", re.ASCII)
 _LATE = 1e-6
-"""Lateness that is told [s]."""
-_ROUNDING = 1e-3
-"""Share of a bound by which the estimate of a peak may pass it."""
+"""Lateness that is reported [s]."""
+_ROUNDING = 2e-3
+"""Share of a bound by which a peak may pass it: peaks of speeds are bounds themselves."""
+_STILL = 1e-9
+"""Rate below which a lane is at rest [m/s or rad/s]."""
+_NO_BOUNDS = {"speed": 1.0, "acceleration": 1.0}
 
 Spot = tuple[str | int, ...]
 
@@ -144,6 +155,7 @@ class _Compiler:
         self._changes: list[Mistake] = []
         self._loaded: dict[str, Gesture] = {}
         self._spots: list[Spot] = []  # of the cues
+        self._motions: list[Motion] = []
 
     def score(self) -> Score:
         """The score.
@@ -152,10 +164,7 @@ class _Compiler:
             FileError: it has mistakes.
         """
         file = self._file
-        try:
-            most = limits(self._table, file.speed, file.acceleration)
-        except UnknownNameError as error:
-            raise self._located.error([(("speed",), str(error))], FileError) from None
+        most = self._bounds()
         lines, cues = [], list[Played]()
         for lane, given in file.lanes.items():
             line = self._lane(lane, given, most, cues)
@@ -163,21 +172,53 @@ class _Compiler:
                 lines.append(line)
         captions = tuple(self._caption(i) for i in range(len(file.captions)))
         self._refuse()
-        last = max((line.end for line in lines), default=0.0)
-        end = max(last, (file.duration or 0.0) * self._beat, self._beat)
-        whole: Gesture | None = None
+        end = max(*(line.end for line in lines), (file.duration or 0.0) * self._beat, self._beat)
         for line in lines:
             line.hold(end)
-            one = Gesture(self._table, *line.motion)
-            whole = one if whole is None else whole + one
-        if whole is None:
-            whole = Gesture.rest(self._table, end, everything=False)
+        whole, *others = (Gesture(self._table, *line.motion) for line in lines)
+        for other in others:
+            whole += other
         self._check(whole, most, cues)
         marks = {name: t * self._beat for name, t in file.marks.items()}
-        return Score(
+        last: list[tuple[Spot, float]] = [(("marks", name), t) for name, t in marks.items()]
+        last += [(("captions", i), one.end) for i, one in enumerate(captions)]
+        for spot, t in last:
+            if t > end + _LATE:
+                self._change(spot, f"comes {self._said(t)}; the score ends {self._said(end)}")
+        made = Score(
             self._marionette, whole.called(file.score), tuple(cues), marks, captions, self._beat,
             tuple(self._changes), file.score, file.speed, file.acceleration,
         )  # fmt: skip
+        try:
+            made.inputs(self._start)
+        except InputError as error:
+            found = [(self._mover(one.key), f"{one.key}: {one.message}") for one in error.mistakes]
+            raise self._located.error(found, FileError) from None
+        return made
+
+    def _bounds(self) -> Array:
+        """(2, n_vK) bounds of speeds and accelerations."""
+        file, given = self._file, dict[str, Any]()
+        for key in ("speed", "acceleration"):
+            bound = getattr(file, key)
+            for name, one in bound.items() if isinstance(bound, dict) else [("", bound)]:
+                spot = (key, name) if name else (key,)
+                try:
+                    limits(self._table, **(_NO_BOUNDS | {key: {name: one} if name else one}))
+                except (UnknownNameError, ValueError) as error:
+                    self._found.append((spot, str(error)))
+            given[key] = bound
+        self._refuse()
+        return limits(self._table, **given)
+
+    def _mover(self, channel: str) -> Spot:
+        """The cue that moves a coordinate farthest."""
+        places = pieces.channel_names(self._table)
+        if channel not in places:
+            return ("lanes",)
+        v = places[channel][1]
+        sizes = [np.max(np.abs(motion.coef[:, v, 0])) for motion in self._motions]
+        return self._spots[int(np.argmax(sizes))]
 
     def _lane(
         self, lane: str, given: tuple[CueFile, ...], most: Array, cues: list[Played]
@@ -196,42 +237,52 @@ class _Compiler:
             except StateError as error:
                 self._found.append((spot, str(error)))
                 continue
-            lead = line.lead_time(whole.motion)
+            lead, free = line.lead_time(whole.motion), line.end
             if wanted is not None and wanted > line.end + lead:
-                if np.any(line.rate != 0.0):
+                if np.any(np.abs(line.rate) > _STILL):
                     line.stop()
                     lead = line.lead_time(whole.motion)
                 line.hold(wanted - lead)
             begun = line.add(whole.motion)
             if wanted is not None and begun > wanted + _LATE:
-                after = f" after {before}" if before else ""
+                why = f"the way there takes {lead:.2f} s" + (f" after {before}" if before else "")
+                if wanted < free:
+                    why = f"{before} ends {self._said(free)}"
                 self._change(
                     spot, f"{whole.name} begins {self._said(begun)} instead of "
-                    f"{self._said(wanted)}: the way there takes {lead:.2f} s{after}",
+                    f"{self._said(wanted)}: {why}",
+                )  # fmt: skip
+            more = whole.duration - cue.repeat * gesture.duration
+            if more > _LATE:
+                self._change(
+                    spot, f"{whole.name} takes {whole.duration:.2f} s instead of "
+                    f"{whole.duration - more:.2f} s: it ends elsewhere than it begins, and goes "
+                    "back each time",
                 )  # fmt: skip
             before = whole.name
             marks = {name: begun + t for name, t in whole.marks.items()}
             cues.append(Played(lane, whole.name, begun, line.end, marks))
             self._spots.append(spot)
+            self._motions.append(whole.motion)
         if self._found:
             return None
-        if np.any(line.rate != 0.0):
+        if np.any(np.abs(line.rate) > _STILL):
             line.stop()
         return line
 
     def _gesture(self, cue: CueFile, spot: Spot) -> Gesture | None:
         """The cue's gesture once, as it is changed; None after a mistake."""
         if cue.gesture not in self._loaded:
-            beside = self._located.beside(cue.gesture)
-            if beside is None and cue.gesture not in gesture_names():
+            path = self._located.beside(cue.gesture)
+            if path is None and cue.gesture in gesture_names():
+                path = bundled(cue.gesture)
+            if path is None:
                 text = "no gesture file in this one's folder, and no bundled gesture, is called "
                 near = nearest(cue.gesture, gesture_names())
                 self._found.append(((*spot, "gesture"), f"{text}{cue.gesture!r}{near}"))
                 return None
             try:
-                self._loaded[cue.gesture] = load_gesture(
-                    self._marionette, beside or cue.gesture, self._start
-                )
+                self._loaded[cue.gesture] = load_gesture(self._marionette, path, self._start)
             except FileError as error:
                 self._found += [((*spot, "gesture"), str(one)) for one in error.mistakes]
                 return None
@@ -287,18 +338,29 @@ class _Compiler:
         return Caption(start, end, given.text)
 
     def _check(self, whole: Gesture, most: Array, cues: list[Played]) -> None:
-        """Notes where a speed or an acceleration passes its bound."""
-        for v, name in enumerate(self._table.v_K):
-            for row, (what, unit) in enumerate((("moves at", "m/s"), ("changes by", "m/s^2"))):
-                size, t = whole.peak(v, row)
-                if size <= most[row, v] * (1.0 + _ROUNDING):
-                    continue
-                playing = [i for i, cue in enumerate(cues) if cue.start <= t <= cue.end]
-                spot = self._spots[playing[0]] if playing else ("lanes",)
-                self._change(
-                    spot, f"{name} {what} {size:.3g} {unit} {self._said(t)}; the bound is "
-                    f"{most[row, v]:.3g}: play it smaller or slower",
-                )  # fmt: skip
+        """Notes where a speed or an acceleration passes its bound, once for each cue."""
+        sizes, middle = whole.peaks_of_pieces, 0.5 * (whole.breaks[1:] + whole.breaks[:-1])
+        over = sizes > most * (1.0 + _ROUNDING)
+        worst: dict[tuple[int, int, int], int] = {}
+        for piece, row, v in np.argwhere(over).tolist():
+            for i in self._moving(cues, float(middle[piece]), v):
+                before = worst.setdefault((i, row, v), piece)
+                if sizes[piece, row, v] > sizes[before, row, v]:
+                    worst[i, row, v] = piece
+        for (i, row, v), piece in worst.items():
+            what, unit = (("moves at", "m/s"), ("changes by", "m/s^2"))[row]
+            self._change(
+                self._spots[i], f"{self._table.v_K[v]} {what} {sizes[piece, row, v]:.4g} {unit} "
+                f"{self._said(whole.breaks[piece])}; the bound is {most[row, v]:.4g}: play it "
+                "smaller or slower",
+            )  # fmt: skip
+
+    def _moving(self, cues: list[Played], t: float, v: int) -> list[int]:
+        """The cues that move a driven velocity at a time, or else the next one that does."""
+        own = [i for i, motion in enumerate(self._motions) if motion.named[v]]
+        now = [i for i in own if cues[i].start <= t < cues[i].end]
+        later = [i for i in own if cues[i].start >= t]
+        return now or [min(later, key=lambda i: cues[i].start)] if later else now or own[-1:]
 
     def _said(self, t: float) -> str:
         if self._file.tempo is None:

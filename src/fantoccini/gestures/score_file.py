@@ -4,11 +4,43 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
+from pydantic_core import PydanticCustomError
 
-from fantoccini.puppet.values import Model, Name, NotNegative, Positive, Real, mistake
+from fantoccini.puppet.located import shown
+from fantoccini.puppet.sized import SIZED, Size
+from fantoccini.puppet.values import Model, Name, NotNegative, Real, mistake, read_real
 
-Time = NotNegative | str
+_FACTORS = (1e-3, 1e3)
+"""Least and largest factor of sizes, speeds and durations."""
+
+
+def _factor(number: float) -> float:
+    low, high = _FACTORS
+    if not low <= number <= high:
+        raise mistake(f"found {number:g}; needed: a number from {low:g} to {high:g}")
+    return number
+
+
+def _time(value: Any) -> float | str:
+    if isinstance(value, str):
+        return value
+    try:
+        number = read_real(value)
+    except PydanticCustomError:
+        number = -1.0
+    if not 0.0 <= number <= 1e6:
+        raise mistake(f"found {shown(value)}; needed: a time, or a mark with an offset: turn + 2")
+    return number
+
+
+Factor = Annotated[Real, AfterValidator(_factor)]
+Moment = Annotated[NotNegative, SIZED]
+Time = Annotated[
+    float | str,
+    BeforeValidator(_time),
+    WithJsonSchema({"anyOf": [{"type": "number", "minimum": 0}, {"type": "string"}]}),
+]
 """A time, or a mark of the score with an offset: `chorus`, `chorus + 2`."""
 
 
@@ -21,11 +53,11 @@ class CueFile(Model):
     """When it begins."""
     on: dict[Name, Time] | None = None
     """A mark of the gesture -> when it is."""
-    lasts: Positive | None = None
+    lasts: Factor | None = None
     """How long it lasts, each time; as long as its file says by default."""
-    larger: Positive = 1.0
+    larger: Factor = 1.0
     """Factor of its size."""
-    faster: Positive = 1.0
+    faster: Factor = 1.0
     """Factor of its speed."""
     mirrored: bool = False
     """Whether left and right change places."""
@@ -49,7 +81,7 @@ class CaptionFile(Model):
     """When they appear."""
     until: Time
     """When they go."""
-    text: str
+    text: Annotated[str, Field(min_length=1)]
     """The words."""
 
 
@@ -58,19 +90,19 @@ class ScoreFile(Model):
 
     score: Name
     """The score's name."""
-    tempo: Positive | None = None
+    tempo: Factor | None = None
     """Beats in a minute; times are then in beats, otherwise in seconds."""
     lanes: Annotated[dict[str, tuple[CueFile, ...]], Field(min_length=1)]
     """Lane -> gestures, in order. Offsets of all lanes add up."""
-    marks: dict[Name, NotNegative] = Field(default_factory=dict)
+    marks: dict[Name, Moment] = Field(default_factory=dict)
     """Name -> time."""
-    speed: Positive | dict[str, Positive] = 1.0
+    speed: Size | dict[str, Size] = 1.0
     """Largest speed of driven coordinates, for all or by name [m/s or rad/s]."""
-    acceleration: Positive | dict[str, Positive] = 6.0
+    acceleration: Size | dict[str, Size] = 6.0
     """Largest acceleration, likewise [m/s^2 or rad/s^2]."""
     captions: tuple[CaptionFile, ...] = ()
-    """Words that are shown."""
-    duration: Real | None = None
+    """Words and when they are to be read."""
+    duration: Size | None = None
     """When it ends at the earliest; with the last gesture by default."""
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fantoccini.arrays import Array, check_positive
-from fantoccini.errors import UnknownNameError
+from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.gestures import piecewise
 from fantoccini.motion import pieces, polynomial
 
@@ -23,11 +23,13 @@ ACCELERATION = 6.0
 Most = float | Mapping[str, float]
 """A bound for all driven coordinates, or by name."""
 
+_LEAST_BOUND = 1e-6
+"""Least bound of a speed or an acceleration [m/s, m/s^2]."""
 _LEAST = 0.04
 """Shortest transition [s]."""
 _LONGER = 1.1
 """Factor from one duration that is tried to the next."""
-_SAME = 1e-12
+SAME = 1e-12
 """Offsets and rates that differ by less are the same [m or rad, s]."""
 _MINIMUM_JERK = (1.875, 5.7735)
 """Peak speed and acceleration of a minimum-jerk move, over those of 1 m in 1 s."""
@@ -40,7 +42,7 @@ def limits(table: CoordinateTable, speed: Most, acceleration: Most) -> Array:
 
     Raises:
         UnknownNameError: a name that is no driven coordinate.
-        ValueError: a bound that is not greater than 0.
+        ValueError: a bound below 1e-6.
     """
     places = pieces.channel_names(table)
     found = np.empty((2, table.n_vK))
@@ -53,10 +55,16 @@ def limits(table: CoordinateTable, speed: Most, acceleration: Most) -> Array:
             continue
         found[row] = usual
         for name, value in most.items():
-            if name not in places:
+            channel = table.commands.get(name, name)
+            if channel not in places:
                 raise UnknownNameError("driven coordinate", name, list(places))
             check_positive(**{f"{what} of {name}": value})
-            found[row, places[name][1]] = value
+            found[row, places[channel][1]] = value
+    if np.any(found < _LEAST_BOUND):
+        raise ValueError(
+            f"a bound of speed or acceleration is {found.min():g}; it must be at least "
+            f"{_LEAST_BOUND:g}"
+        )
     return found
 
 
@@ -73,11 +81,14 @@ def transition(
 
     Returns:
         Its duration and coefficients (n_vK, 6), or None where nothing differs; and its end (n_vK,).
+
+    Raises:
+        StateError: no duration keeps the bounds.
     """
     stops = np.isnan(target)
     there = np.where(stops, d, target)
     way, change = np.abs(there - d), np.abs(target_rate - rate)
-    if max(np.max(way, initial=0.0), np.max(change, initial=0.0)) <= _SAME:
+    if max(np.max(way, initial=0.0), np.max(change, initial=0.0)) <= SAME:
         return None, d
     duration = max(
         _LEAST,
@@ -97,6 +108,9 @@ def transition(
         if np.all(speed <= np.maximum(allowed[0], own * 1.01)) and np.all(
             acceleration <= allowed[1]
         ):
-            break
+            return (duration, coef), end
         duration *= _LONGER
-    return (duration, coef), end
+    raise StateError(
+        f"no way of less than {duration:.3g} s leads from one gesture to the next within bounds of "
+        f"{most[0].min():g} m/s and {most[1].min():g} m/s^2"
+    )

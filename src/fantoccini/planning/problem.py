@@ -136,7 +136,7 @@ class Problem:
             free=self.touches.free,
         )  # fmt: skip
         self.bounds = Bounds.of(marionette, speed, acceleration, ranges or {})
-        bounds = self.bounds.without(reserve)
+        bounds = self.bounds.without(reserve) if reserve else self.bounds
         kept_off = ~self.touches.may
         self.rollouts = Rollouts(marionette, clearance, bounds, self.goal, options, kept_off)
         self.reason = _start_violation(start, self.rollouts, self.touches)
@@ -180,14 +180,17 @@ class Problem:
     @property
     def fingerprint(self) -> str:
         """Hash of everything that defines the problem."""
-        rollouts, numbers, bounds = self.rollouts, self.goal.numbers, self.rollouts.bounds
+        rollouts, numbers, bounds = self.rollouts, self.goal.numbers, self.bounds
         options = rollouts.options
+        # Plans without a reserve keep the hash that they have in files.
+        planned = [] if rollouts.bounds is bounds else [rollouts.bounds.speed]
         solids, digest = rollouts.clearance.solids, hashlib.sha256()
         for a in (
             *self.root.parts.values(), self.marionette.p, self.marionette.winches,
             numbers.low, numbers.high, numbers.weight, numbers.v_D, numbers.v_K, numbers.at,
             numbers.place, numbers.place_high, bounds.speed, bounds.acceleration, bounds.low,
-            bounds.high, solids.moving, solids.standing, solids.pairs, solids.string_radius,
+            bounds.high, *planned, solids.moving, solids.standing, solids.pairs,
+            solids.string_radius,
         ):  # fmt: skip
             digest.update(np.ascontiguousarray(a).tobytes())
         plain = (

@@ -208,7 +208,7 @@ def _spanned(Z: Array, own: int) -> tuple[Array, Array | None]:
     Q, R, order = linalg.qr(Z[:, :own], mode="economic", pivoting=True, check_finite=False)
     sizes = np.abs(np.diag(R))
     r = int(np.count_nonzero(sizes > _ROUNDING * sizes[0]))
-    if r == own:
+    if r == own or not np.all(np.isfinite(sizes)):
         return Z, None
     shares = np.empty((r, own))
     shares[:, order] = R[:r]

@@ -157,7 +157,7 @@ class Live(PageLoop):
         self.panel.show_balance(wanted)
         try:
             self.performance.let(Balance(self.performance, threaded=True) if wanted else None)
-        except FantocciniError:
+        except Exception:
             self.panel.show_balance(self.balance is not None)
             raise
 

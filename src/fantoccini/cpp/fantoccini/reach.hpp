@@ -61,14 +61,13 @@ class Reach {
       const long long near = poses_.nearest(i);
       if (near >= 0 && near != i - 1) {
         poses_.read(near, hang_.at);
-        hang_.balance();
+        if (!hang_.balance()) hang_at(first);
       }
       int count = 0, end = search(i, count);
       if (end != int(ReachEnd::REACHED) && i > 0) {  // again from the start
         const auto kept = hang_.at;
         const double before = cost_;
-        hang_.at = first;
-        hang_.balance();
+        hang_at(first);
         end = search(i, count);
         if (cost_ > before) end = again(kept, i, count);
       }
@@ -78,10 +77,14 @@ class Reach {
   }
 
  private:
+  bool hang_at(const typename Hang::Pose& pose) {
+    hang_.at = pose;
+    return hang_.balance();
+  }
+
   // Goes on from a pose that hangs.
   int again(const typename Hang::Pose& from, long long i, int& count) {
-    hang_.at = from;
-    hang_.balance();
+    hang_at(from);
     return search(i, count);
   }
 
@@ -178,8 +181,7 @@ class Reach {
         change_row(changes);
         continue;
       }
-      hang_.at = kept;
-      if (!hang_.balance()) break;
+      if (!hang_at(kept)) break;
       look(i);
       passed_ = passed();
       end = hangs ? int(ReachEnd::STALLED) : int(ReachEnd::TIPS);

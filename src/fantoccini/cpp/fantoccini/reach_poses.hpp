@@ -13,15 +13,17 @@ struct ReachPoses {
   using Hang = Hanging<Model>;
   static constexpr int NQ = Hang::NQ, KQ = Hang::KQ, P = Hang::P, M = Hang::M;
 
+  static constexpr long long most_looked_at = 2000;
+
   const ReachArrays* in = nullptr;
 
-  // The place before the i-th that is nearest to it among those with a pose, the latest of equals;
-  // -1 where there is none.
+  // The place before the i-th that is nearest to it among the last ones with a pose, the latest of
+  // equals; -1 where there is none.
   long long nearest(long long i) const {
     const int size = 3 * in->n_targets;
     long long best = -1;
     double least = INFINITY;
-    for (long long k = i - 1; k >= 0; --k) {
+    for (long long k = i - 1; k >= 0 && k >= i - most_looked_at; --k) {
       if (in->status[k] != int(ReachEnd::REACHED) && in->status[k] != int(ReachEnd::NEAREST)) continue;
       double sum = 0.0;
       for (int c = 0; c < size; ++c) {
