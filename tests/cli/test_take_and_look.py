@@ -68,7 +68,7 @@ def test_a_file_that_is_neither_says_what_it_is(tmp_path):
     fan.simulate(m, m.rest(), t_end=0.1).save(tmp_path / "run.npz")
     with pytest.raises(fan.InputError, match=r"has the format 'fantoccini\.trajectory\.1'; needed"):
         fan.Input.load(m, tmp_path / "run.npz")
-    about = np.frombuffer(b'{"format": "fantoccini.recording.2"}', dtype=np.uint8)
+    about = np.frombuffer(b'{"format": "fantoccini.recording.3"}', dtype=np.uint8)
     for parts in ({}, {"about": about}, {"about": about, "acc_K": np.zeros(3)}):
         np.savez(tmp_path / "bad.npz", **(parts or {"about": np.zeros(3)}))
         with pytest.raises(fan.InputError, match=r"cannot be read|damaged recording"):

@@ -7,7 +7,7 @@ from pathlib import Path
 from fantoccini.cli.terminal import number, say
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
-from fantoccini.motion.archive import RECORDING
+from fantoccini.motion.archive import RECORDINGS
 from fantoccini.motion.npz import UNREADABLE, about_of, read
 from fantoccini.perform import Recording
 
@@ -20,7 +20,7 @@ def load_recording(path: Path | None) -> Recording | None:
         form = about_of(read(path, only="about"))["format"]
     except UNREADABLE:
         return None
-    return Recording.load(path) if form == RECORDING else None
+    return Recording.load(path) if form in RECORDINGS else None
 
 
 def with_recorded_winches(marionette: Marionette, recording: Recording, quiet: bool) -> Marionette:

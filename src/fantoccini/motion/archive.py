@@ -20,8 +20,10 @@ from fantoccini.puppet import Mesh, Puppet, loads
 from fantoccini.tree import Coordinate, CoordinateTable, Role
 
 FORMAT = "fantoccini.trajectory.1"
-RECORDING = "fantoccini.recording.2"
+RECORDING = "fantoccini.recording.3"
 """Format of a recorded performance, which is written by ``fantoccini.perform``."""
+RECORDINGS = (RECORDING, "fantoccini.recording.2")
+"""Formats that are read."""
 _ARRAYS = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
 _TABLES = ("tension", "limit_force", "taut", "ledger", "effort", "violation", "slip")
 _POINTS = {"sample": (), "pair": (), "gap": (), "point": (3,), "normal": (3,), "force": (3,),

@@ -17,7 +17,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 from fantoccini.arrays import Array, ConfigK, Times, VecK
 from fantoccini.errors import InputError, Mistake
 from fantoccini.motion import npz, pieces, reading
-from fantoccini.motion.archive import RECORDING
+from fantoccini.motion.archive import RECORDING, RECORDINGS
 from fantoccini.motion.channel import Channel, Points
 from fantoccini.motion.findings import Findings
 from fantoccini.puppet.located import Located, read_file, shown, validate
@@ -230,7 +230,7 @@ def _recording(table: CoordinateTable, arrays: dict[str, Array], path: Path) -> 
         form = str(about["format"])
     except (ValueError, LookupError, TypeError) as error:
         raise _file_error(path, f"its `about` cannot be read: {error}") from None
-    if form != RECORDING:
+    if form not in RECORDINGS:
         message = f"has the format {form!r}; needed: samples, or a recording ({RECORDING})"
         raise _file_error(path, message)
     try:

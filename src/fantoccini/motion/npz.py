@@ -149,7 +149,7 @@ def read(
 
 @contextmanager
 def opened(
-    path: str | Path, form: str, what: str
+    path: str | Path, form: str | tuple[str, ...], what: str
 ) -> Iterator[tuple[dict[str, Array], dict[str, Any]]]:
     """The :func:`contents` of a file; what the block raises becomes a located error."""
     found = contents(path, form, what)
@@ -157,12 +157,14 @@ def opened(
         yield found
 
 
-def contents(path: str | Path, form: str, what: str) -> tuple[dict[str, Array], dict[str, Any]]:
+def contents(
+    path: str | Path, form: str | tuple[str, ...], what: str
+) -> tuple[dict[str, Array], dict[str, Any]]:
     """The arrays of an npz file, and what its ``about`` says.
 
     Args:
         path: the file.
-        form: the ``format`` that ``about`` must have.
+        form: the ``format`` that ``about`` must have, or several of which it has one.
         what: noun for such files in messages.
 
     Raises:
@@ -171,8 +173,10 @@ def contents(path: str | Path, form: str, what: str) -> tuple[dict[str, Array], 
     arrays = read(path)
     try:
         about = about_of(arrays)
-        if about["format"] != form:
-            raise ValueError(f"has the format {about['format']!r}; this version reads {form!r}")
+        forms = (form,) if isinstance(form, str) else form
+        if about["format"] not in forms:
+            reads = " and ".join(repr(one) for one in forms)
+            raise ValueError(f"has the format {about['format']!r}; this version reads {reads}")
     except UNREADABLE as trouble:
         raise _not_what(path, what, trouble, ABOUT) from None
     del arrays[ABOUT]

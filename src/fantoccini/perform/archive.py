@@ -1,4 +1,9 @@
-"""Recordings on disk: npz files without pickle."""
+"""Recordings on disk: npz files without pickle.
+
+A file holds the start, what the hands did, and a sample a second. The others are simulated again,
+which gives the same bits where the samples do; where they do not, on a machine that rounds
+otherwise, each second is simulated from the sample at its start.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, Indices
 from fantoccini.contract import CONTACT, EVENT_AT, EventCode, width
 from fantoccini.errors import Status
 from fantoccini.marionette import Marionette, PortablePuppet
@@ -21,6 +26,8 @@ from fantoccini.runtime import Piece
 _STATE = ("q_D", "v_D", "q_K", "v_K", "taut", "slip")
 _MESH = "mesh:"
 _MEETINGS = (EventCode.TOUCH, EventCode.LIFT, EventCode.STICK, EventCode.SLIDE)
+_BETWEEN = 1.0
+"""Time from one saved sample to the next [s]."""
 _MAX_STEPS = 1_000_000
 """Largest number of time steps in a tick, so that a damaged file does not run for hours."""
 
@@ -38,11 +45,29 @@ class Written:
     status: Status = Status.DONE
 
 
+@dataclass(frozen=True, eq=False)
+class Checks:
+    """Samples of a recording that was saved.
+
+    Attributes:
+        ticks: (k,) after how many ticks each was taken, from 0 on.
+        samples: (k, width).
+        status: end of the run.
+    """
+
+    ticks: Indices
+    samples: Array
+    status: Status
+
+
 def save(fields: Mapping[str, Any], path: str | Path) -> None:
     """Writes the fields of a recording."""
     marionette: Marionette = fields["marionette"]
     start: State = fields["start"]
     written: Written = fields["written"]
+    samples = written.output.samples
+    every = max(1, round(_BETWEEN / fields["tick"]))
+    kept = np.unique(np.append(np.arange(0, len(samples), every), len(samples) - 1))
     portable = PortablePuppet.of(marionette.puppet)
     about = {
         "format": FORMAT,
@@ -60,12 +85,11 @@ def save(fields: Mapping[str, Any], path: str | Path) -> None:
         "acc_K": fields["acc_K"],
         "p": marionette.p,
         "winches": marionette.winches,
-        "rows": written.output.samples,
-        "events": written.output.events,
-        "contacts": written.output.contacts,
+        "ticks": kept,
+        "checks": samples[kept],
     }
     arrays |= packed(_MESH, portable.meshes)
-    write(path, arrays, about)
+    write(path, arrays, about, compressed=True)
 
 
 def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any]) -> dict[str, Any]:
@@ -82,24 +106,51 @@ def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any]) -> dict[str
         for name, size in zip(_STATE, sizes, strict=True)
     }
     t, tick = (float(finite(arrays, name, ())) for name in ("t", "tick"))
-    samples = finite(arrays, "rows", (None, sum(marionette.model.sample_layout.widths.values())))
-    if not len(samples) or np.any(np.diff(samples[:, 0]) < 0):
-        raise ValueError("rows must be one or more, none before the one it follows")
-    contacts = finite(arrays, "contacts", (None, width(CONTACT, {})))
-    pairs = _pairs(marionette, contacts, len(samples))
-    events = _events(marionette, finite(arrays, "events", (None, 5)), pairs)
+    acc_K = finite(arrays, "acc_K", (None, table.n_vK))
+    status, given = Status[about["status"]], dict[str, Any]()
+    if about["format"] == FORMAT:
+        given["checks"] = _checks(marionette, arrays, len(acc_K), status)
+    else:
+        given["written"] = Written(_output(marionette, arrays), status)
     steps = about["steps"]
     if type(steps) is not int or not 1 <= steps <= _MAX_STEPS:
         raise ValueError(f"found {steps!r} steps in a tick; allowed: 1 to {_MAX_STEPS}")
     return {
         "marionette": marionette,
         "start": State(t, **state, coordinates=table),
-        "acc_K": finite(arrays, "acc_K", (None, table.n_vK)),
+        "acc_K": acc_K,
         "tick": tick,
         "steps": steps,
         "ended": str(about["ended"]),
-        "written": Written(Piece(samples, events, contacts), Status[about["status"]]),
+        **given,
     }
+
+
+def _samples(marionette: Marionette, arrays: Mapping[str, Array], name: str) -> Array:
+    width = sum(marionette.model.sample_layout.widths.values())
+    samples = finite(arrays, name, (None, width))
+    if not len(samples) or np.any(np.diff(samples[:, 0]) < 0):
+        raise ValueError(f"{name} must be one or more, none before the one it follows")
+    return samples
+
+
+def _checks(
+    marionette: Marionette, arrays: Mapping[str, Array], n: int, status: Status
+) -> Checks:
+    samples = _samples(marionette, arrays, "checks")
+    ticks: Indices = checked(arrays, "ticks", (len(samples),), "i").astype(np.intp)
+    if ticks[0] != 0 or np.any(np.diff(ticks) <= 0) or ticks[-1] > n:
+        raise ValueError(f"ticks must increase from 0 and be at most {n}")
+    return Checks(ticks, samples, status)
+
+
+def _output(marionette: Marionette, arrays: Mapping[str, Array]) -> Piece:
+    """All samples, events and points of contact of a file of the format before."""
+    samples = _samples(marionette, arrays, "rows")
+    contacts = finite(arrays, "contacts", (None, width(CONTACT, {})))
+    pairs = _pairs(marionette, contacts, len(samples))
+    events = _events(marionette, finite(arrays, "events", (None, 5)), pairs)
+    return Piece(samples, events, contacts)
 
 
 def _of_state(arrays: Mapping[str, Array], name: str, size: int) -> Array:
