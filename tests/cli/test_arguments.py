@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 COMMANDS = (
     "check", "schema", "info", "equations", "export", "simulate", "plan", "optimise", "show",
-    "validate-reduction", "demo", "doctor",
+    "take", "validate-reduction", "demo", "doctor",
 )  # fmt: skip
 
 

@@ -196,6 +196,32 @@ def show(request: ShowRequest) -> None:
     show_file(request)
 
 
+@app.command()
+def take(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording (.npz).")],
+    out: Annotated[
+        Path | None, typer.Option(metavar="PATH", help="The edited recording (.npz).")
+    ] = None,
+    trim: Annotated[
+        str | None, typer.Option(metavar="A:B", help="Keep the part from A to B [s].")
+    ] = None,
+    smooth: Annotated[
+        float | None, typer.Option(metavar="S", help="Average the hands' paths over S [s].")
+    ] = None,
+    stretch: Annotated[
+        float | None, typer.Option(metavar="F", help="Make it F times as long.")
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Describe a recording of hands; cut, smooth and stretch it.
+
+    The puppet is simulated again under the edited hands.
+    """
+    from fantoccini.cli.take import edit_take
+
+    edit_take(file, out, trim, smooth, stretch, quiet)
+
+
 @app.command("validate-reduction")
 def validate_reduction(
     file: File,

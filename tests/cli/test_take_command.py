@@ -1,0 +1,78 @@
+"""``fantoccini take``: what it says of recordings, its edits, and wrong arguments."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.cli.command import fantoccini
+
+import fantoccini as fan
+
+
+@pytest.fixture(scope="module")
+def take(tmp_path_factory):
+    """Two seconds of an arm whose hand goes there and back."""
+    live = fan.Performance(fan.puppets.arm2d())
+    home, _ = live.place("hand")
+    live.record()
+    live.move("hand", home + np.array([0.1, 0.0, 0.0]))
+    live.advance(1.0)
+    live.move("hand", home)
+    live.advance(1.0)
+    path = tmp_path_factory.mktemp("takes") / "take.npz"
+    live.stop().save(path)
+    return path
+
+
+def test_a_recording_is_described(take):
+    said = fantoccini("take", str(take))
+    assert said.exit_code == 0
+    assert "arm2d" in said.stdout and " 240" in said.stdout and "done" in said.stdout
+    assert not fantoccini("take", str(take), "--quiet").stdout
+
+
+def test_edits_are_those_of_python(take, tmp_path):
+    out = tmp_path / "new.npz"
+    words = ("--trim", "0.5:1.5", "--smooth", "0.1", "--stretch", "2", "--out", str(out))
+    assert fantoccini("take", str(take), *words).exit_code == 0
+    made = fan.Recording.load(out)
+    same = fan.Recording.load(take).trimmed(0.5, 1.5).smoothed(0.1).stretched(2.0)
+    assert made.duration == pytest.approx(2.0)
+    assert np.array_equal(made.acc_K, same.acc_K)
+    assert np.array_equal(made.trajectory.q_D, same.trajectory.q_D)
+    assert fantoccini("simulate", "arm2d", "--inputs", str(out), "--quiet").exit_code == 0
+
+
+def test_the_ends_of_a_part_may_be_left_out(take, tmp_path):
+    for text, duration in ((":0.5", 0.5), ("1.5:", 0.5)):
+        out = tmp_path / "part.npz"
+        assert fantoccini("take", str(take), "--trim", text, "--out", str(out)).exit_code == 0
+        assert fan.Recording.load(out).duration == pytest.approx(duration)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--trim", "0.5:1"), "an edited recording needs a file"),
+        (("--trim", "1:0.5", "--out", "new.npz"), "needed: A:B"),
+        (("--trim", "half", "--out", "new.npz"), "needed: A:B"),
+        (("--trim", "nan:1", "--out", "new.npz"), "needed: A:B"),
+        (("--trim", "0:7", "--out", "new.npz"), "must be a part of 0 s to 2 s"),
+        (("--stretch", "0", "--out", "new.npz"), "factor is 0"),
+        (("--smooth", "-1", "--out", "new.npz"), "seconds"),
+        (("--stretch", "2", "--out", "new.csv"), ".npz"),
+    ],
+)
+def test_wrong_arguments_write_nothing(take, tmp_path, monkeypatch, words, message):
+    monkeypatch.chdir(tmp_path)
+    done = fantoccini("take", str(take), *words)
+    assert done.exit_code == 2 and message in " ".join(done.stderr.split())
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_is_no_recording_is_told(tmp_path):
+    arm = fan.puppets.arm2d()
+    fan.simulate(arm, arm.rest(), t_end=0.1).save(tmp_path / "run.npz")
+    for name in ("run.npz", "none.npz"):
+        done = fantoccini("take", str(tmp_path / name))
+        assert done.exit_code == 2 and name in done.stderr
