@@ -45,6 +45,7 @@ ORDER = (
     "clearance",
     "optimal",
     "gestures",  # key poses are reached
+    "capture",
     "reduction",
     "sweeps",
     "demo",  # the bundled performance: inputs for a bundled puppet

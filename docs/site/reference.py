@@ -15,6 +15,7 @@ TITLES = {
     "simulation": "Simulation",
     "optimal": "Optimal control",
     "gestures": "Gestures",
+    "capture": "Motion capture",
     "perform": "Live performance",
     "planning": "Planning",
     "sweeps": "Sweeps",

@@ -1,6 +1,11 @@
 """The public names of fantoccini, and where each is defined."""
 
 from . import puppets as puppets
+from .capture import (
+    Capture as Capture,
+    Skeleton as Skeleton,
+    load_bvh as load_bvh,
+)
 from .errors import (
     BuildError as BuildError,
     ExchangeError as ExchangeError,

@@ -1,0 +1,119 @@
+"""Captured motion: where the joints of a skeleton are over time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.arrays import Array, Times, frozen
+from fantoccini.errors import UnknownNameError
+
+_PARTS_OF_HEIGHT = {"cm": 0.01, "m": 1.0, "inches": 0.0254, "mm": 0.001}
+"""Units in which people are captured, and their size [m]."""
+_PERSON = 1.7
+"""Height of a person [m]."""
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """A tree of joints.
+
+    Attributes:
+        names: of the joints; the end of a chain is called after its joint, with ``.end``.
+        parents: index of each one's parent, -1 for a root; parents come first.
+        offsets: (n, 3) places in the parents' frames when nothing turns, in the file's unit.
+    """
+
+    names: tuple[str, ...]
+    parents: tuple[int, ...]
+    offsets: Array
+
+    def index(self, name: str) -> int:
+        """Place of a joint.
+
+        Raises:
+            UnknownNameError: there is none of this name.
+        """
+        if name not in self.names:
+            raise UnknownNameError("joint", name, self.names)
+        return self.names.index(name)
+
+    @property
+    def rest(self) -> Array:
+        """(n, 3) places of the joints when nothing turns, from the root."""
+        placed = np.zeros_like(self.offsets)
+        for i, parent in enumerate(self.parents):
+            if parent >= 0:
+                placed[i] = placed[parent] + self.offsets[i]
+        return placed
+
+
+@dataclass(frozen=True, eq=False)
+class Capture:
+    """The motion of a skeleton.
+
+    Attributes:
+        skeleton: its joints.
+        t: (T,) times [s].
+        positions: (T, n, 3) places of the joints: in the file's unit and axes as read, in metres
+            with z up after :meth:`upright`.
+        rotations: (T, n, 3, 3) orientations of the joints' frames.
+        name: of the clip.
+    """
+
+    skeleton: Skeleton
+    t: Times
+    positions: Array
+    rotations: Array
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        for field in ("t", "positions", "rotations"):
+            object.__setattr__(self, field, frozen(getattr(self, field)))
+
+    def __repr__(self) -> str:
+        frames, joints = self.positions.shape[:2]
+        return f"<Capture {self.name!r}: {joints} joints, {frames} frames, {self.duration:g} s>"
+
+    @property
+    def duration(self) -> float:
+        """[s]."""
+        return float(self.t[-1] - self.t[0])
+
+    @property
+    def up(self) -> int:
+        """The axis along which the skeleton stands: 1 for y, 2 for z.
+
+        That along which its joints are spread farthest, over all frames.
+        """
+        spread = np.ptp(self.positions, axis=1).mean(axis=0)
+        return int(np.argmax(spread))
+
+    @property
+    def height(self) -> float:
+        """How tall the skeleton is when nothing turns, in the file's unit."""
+        return float(np.max(np.ptp(self.skeleton.rest, axis=0)))
+
+    @property
+    def unit(self) -> tuple[str, float]:
+        """The unit that makes a person of the skeleton, and its size [m]."""
+        sizes = {name: abs(np.log(self.height * size / _PERSON))
+                 for name, size in _PARTS_OF_HEIGHT.items()}  # fmt: skip
+        name = min(sizes, key=lambda unit: sizes[unit])
+        return name, _PARTS_OF_HEIGHT[name]
+
+    def upright(self) -> Capture:
+        """In metres, with z up: of y up, x stays and z comes towards the viewer, to -y.
+
+        The unit is guessed from the height.
+        """
+        turn = np.eye(3) if self.up == 2 else np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], float)
+        size = self.unit[1]
+        skeleton = Skeleton(
+            self.skeleton.names, self.skeleton.parents, size * self.skeleton.offsets @ turn.T
+        )
+        return Capture(
+            skeleton, self.t, size * self.positions @ turn.T, turn @ self.rotations @ turn.T,
+            self.name,
+        )  # fmt: skip

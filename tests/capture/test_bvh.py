@@ -1,0 +1,240 @@
+"""BVH files: closed forms, random trees beside SciPy, units and axes, mistakes with their lines."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import fantoccini as fan
+from fantoccini.errors import FileError, UnknownNameError
+
+ARM = """\
+HIERARCHY
+ROOT hips
+{
+  OFFSET 0 0 0
+  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+  JOINT upper arm
+  {
+    OFFSET 0 10 0
+    CHANNELS 1 Zrotation
+    JOINT hand
+    {
+      OFFSET 5 0 0
+      CHANNELS 3 Yrotation Zrotation Xrotation
+      End Site
+      {
+        OFFSET 2 0 0
+      }
+    }
+  }
+}
+MOTION
+Frames: 2
+Frame Time: 0.025
+1 2 3 0 0 0 90 0 0 0
+0 0 0 90 0 0 0 0 90 0
+"""
+
+
+def written(tmp_path, text: str):
+    path = tmp_path / "clip.bvh"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_joints_are_where_their_channels_put_them(tmp_path):
+    clip = fan.load_bvh(written(tmp_path, ARM))
+    assert clip.skeleton.names == ("hips", "upper arm", "hand", "hand.end")
+    assert clip.skeleton.parents == (-1, 0, 1, 2) and clip.name == "clip"
+    assert clip.t == pytest.approx([0.0, 0.025])
+    # The arm turned up by its own joint, then the whole by the root and the hand back.
+    np.testing.assert_allclose(
+        clip.positions[0], [[1, 2, 3], [1, 12, 3], [1, 17, 3], [1, 19, 3]], atol=1e-12
+    )
+    np.testing.assert_allclose(
+        clip.positions[1], [[0, 0, 0], [-10, 0, 0], [-10, 5, 0], [-12, 5, 0]], atol=1e-12
+    )
+
+
+class RandomTree:
+    """A skeleton and its frames, as a BVH file.
+
+    Args:
+        rng: random numbers.
+        common: three rotations a joint and six channels of the root, as most files have.
+    """
+
+    def __init__(self, rng: np.random.Generator, common: bool):
+        self.n, self.frames = int(rng.integers(2, 12)), 3
+        self.parents = [-1, *(int(rng.integers(0, i)) for i in range(1, self.n))]
+        self.offsets = rng.normal(size=(self.n, 3))
+        self.orders = [
+            "".join(rng.permutation(list("XYZ"))[: 3 if common else rng.integers(1, 4)])
+            for _ in range(self.n)
+        ]
+        self.moves = [i == 0 or (not common and rng.random() < 0.3) for i in range(self.n)]
+        self.columns: list[tuple[int, str]] = []
+        self.lines = ["HIERARCHY"]
+        self.positions = "XYZ" if common else "ZXY"
+        self._add(0, 0)
+        self.values = rng.normal(size=(self.frames, len(self.columns))) * 50.0
+        self.lines += ["MOTION", f"Frames: {self.frames}", "Frame Time: 0.01"]
+        self.lines += [" ".join(map(repr, row)) for row in self.values.tolist()]
+
+    @property
+    def text(self) -> str:
+        return "\n".join(self.lines) + "\n"
+
+    def _add(self, i: int, depth: int) -> None:
+        pad = "  " * depth
+        kinds = [f"{a}position" for a in self.positions] if self.moves[i] else []
+        kinds += [f"{a}rotation" for a in self.orders[i]]
+        self.columns.extend((i, kind) for kind in kinds)
+        offset = " ".join(map(repr, self.offsets[i].tolist()))
+        self.lines += [
+            f"{pad}{'ROOT' if i == 0 else 'JOINT'} j{i}", f"{pad}{{", f"{pad}OFFSET {offset}",
+            f"{pad}CHANNELS {len(kinds)} {' '.join(kinds)}",
+        ]  # fmt: skip
+        below = [k for k in range(self.n) if self.parents[k] == i]
+        for k in below:
+            self._add(k, depth + 1)
+        if not below:
+            self.lines += [f"{pad}End Site", f"{pad}{{", f"{pad}OFFSET 0 1 0", f"{pad}}}"]
+        self.lines.append(f"{pad}}}")
+
+
+def test_random_trees_agree_with_scipy(tmp_path):
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        tree = RandomTree(rng, common=False)
+        clip = fan.load_bvh(written(tmp_path, tree.text))
+        for f in range(tree.frames):
+            where, turned = {}, {}
+            for i in range(tree.n):
+                mine = [(kind, tree.values[f, c]) for c, (j, kind) in enumerate(tree.columns)
+                        if j == i]  # fmt: skip
+                local = tree.offsets[i].copy()
+                for kind, value in mine:
+                    if kind.endswith("position"):
+                        local["XYZ".index(kind[0])] = value
+                angles = [value for kind, value in mine if kind.endswith("rotation")]
+                own = Rotation.from_euler(tree.orders[i], np.atleast_1d(angles), degrees=True)
+                own = own if own.single else own[0]
+                if i == 0:
+                    where[i], turned[i] = local, own
+                else:
+                    above = turned[tree.parents[i]]
+                    where[i] = where[tree.parents[i]] + above.apply(local)
+                    turned[i] = above * own
+                k = clip.skeleton.index(f"j{i}")
+                np.testing.assert_allclose(clip.positions[f, k], where[i], atol=1e-10)
+                np.testing.assert_allclose(clip.rotations[f, k], turned[i].as_matrix(), atol=1e-12)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_common_files_agree_with_pybvh(tmp_path):
+    pybvh = pytest.importorskip("pybvh")
+    rng = np.random.default_rng(1)
+    for _ in range(10):
+        path = written(tmp_path, RandomTree(rng, common=True).text)
+        clip, other = fan.load_bvh(path), pybvh.read_bvh_file(path, world_up="+y")
+        theirs = pybvh.frames_to_node_positions(other)
+        names = [node.name for node in other.nodes]
+        for k, name in enumerate(names):
+            if name in clip.skeleton.names:
+                mine = clip.positions[:, clip.skeleton.index(name)]
+                np.testing.assert_allclose(mine, theirs[:, k], atol=1e-9)
+        assert sum(name in clip.skeleton.names for name in names) >= 2
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_common_files_agree_with_bvhio(tmp_path):
+    bvhio = pytest.importorskip("bvhio")
+    rng = np.random.default_rng(2)
+    for _ in range(5):
+        path = written(tmp_path, RandomTree(rng, common=True).text)
+        clip, root = fan.load_bvh(path), bvhio.readAsHierarchy(str(path))
+        for f in range(len(clip.t)):
+            root.loadPose(f)
+            for joint, _, _ in root.layout():
+                mine = clip.positions[f, clip.skeleton.index(joint.Name)]
+                np.testing.assert_allclose(mine, np.array(joint.PositionWorld), atol=1e-3)
+
+
+@pytest.mark.parametrize(("unit", "size"), [("cm", 0.01), ("m", 1.0), ("inches", 0.0254)])
+@pytest.mark.parametrize("up", ["y", "z"])
+def test_a_person_is_set_upright_in_metres(tmp_path, unit, size, up):
+    tall = 1.75 / size
+    step = {"y": f"0 {tall} 0", "z": f"0 0 {tall}"}[up]
+    text = f"""\
+HIERARCHY
+ROOT feet
+{{
+  OFFSET 0 0 0
+  CHANNELS 3 Xposition Yposition Zposition
+  JOINT head
+  {{
+    OFFSET {step}
+    CHANNELS 1 Yrotation
+  }}
+}}
+MOTION
+Frames: 1
+Frame Time: 0.01
+{1 / size} 0 0 10
+"""
+    clip = fan.load_bvh(written(tmp_path, text))
+    assert clip.unit == (unit, size) and clip.up == {"y": 1, "z": 2}[up]
+    upright = clip.upright()
+    np.testing.assert_allclose(upright.positions[0], [[1, 0, 0], [1, 0, 1.75]], atol=1e-12)
+    np.testing.assert_allclose(upright.skeleton.rest[1], [0, 0, 1.75], atol=1e-12)
+    turned = Rotation.from_matrix(upright.rotations[0, 1]).as_rotvec(degrees=True)
+    np.testing.assert_allclose(turned, {"y": [0, 0, 10], "z": [0, 10, 0]}[up], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "line", "message"),
+    [
+        (("HIERARCHY", "HIERARCH"), 1, "needed: HIERARCHY"),
+        (("ROOT hips\n{", "ROOT hips\n("), 3, "needed: {"),
+        (("OFFSET 0 10 0", "OFFSET 0 ten 0"), 8, "three numbers of an offset"),
+        (("OFFSET 5 0 0", "OFFSET 5 0"), 13, "three numbers of an offset"),
+        (("CHANNELS 1 Z", "CHANNELS 7 Z"), 9, "0 to 6"),
+        (("1 Zrotation", "1 Wrotation"), 9, "a channel, Xposition to Zrotation"),
+        (("3 Yrotation Zrotation", "3 Yrotation Yrotation"), 13, "Yrotation twice"),
+        (("JOINT hand", "JOINT hips"), 10, "second joint"),
+        (("End Site", "End Sites"), 14, "needed: SITE"),
+        (("Frames: 2", "Frames: two"), 22, "the number of frames"),
+        (("Frames: 2", "Frames: 3"), 25, "ends after 2 frames"),
+        (("Frames: 2", "Frames: 1"), 25, "more than 1 frames"),
+        (("Time: 0.025", "Time: 0"), 23, "at least 1e-05 s"),
+        (("1 2 3 0", "1 2 3"), 24, "found 9 numbers; needed: 10"),
+        (("1 2 3 0", "1 2 nan 0"), 24, "not finite"),
+        (("1 2 3 0", "1 2 x 0"), 24, "needed: 10 numbers"),
+    ],
+)
+def test_mistakes_have_lines(tmp_path, change, line, message):
+    assert change[0] in ARM
+    path = written(tmp_path, ARM.replace(change[0], change[1], 1))
+    with pytest.raises(FileError, match=message) as caught:
+        fan.load_bvh(path)
+    assert f"clip.bvh:{line}:" in str(caught.value)
+
+
+def test_damaged_files_end_in_one_error(tmp_path):
+    for n in range(0, len(ARM) - 25, 7):
+        with pytest.raises(FileError, match=r"clip\.bvh"):
+            fan.load_bvh(written(tmp_path, ARM[:n]))
+    with pytest.raises(FileError, match="cannot be read"):
+        fan.load_bvh(tmp_path / "none.bvh")
+    deep = "".join(f"JOINT j{i}\n{{\nOFFSET 0 1 0\n" for i in range(400))
+    with pytest.raises(FileError, match="200 deep"):
+        fan.load_bvh(written(tmp_path, f"HIERARCHY\nROOT r\n{{\nOFFSET 0 0 0\n{deep}"))
+
+
+def test_joints_go_by_name(tmp_path):
+    clip = fan.load_bvh(written(tmp_path, ARM))
+    with pytest.raises(UnknownNameError, match="did you mean 'hand'"):
+        clip.skeleton.index("hnd")
