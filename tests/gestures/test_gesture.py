@@ -8,7 +8,7 @@ import pytest
 import fantoccini as fan
 from fantoccini.errors import InputError, StateError, UnknownNameError
 from fantoccini.gestures import gesture_names
-from fantoccini.motion import polynomial
+from fantoccini.motion import polynomial, rotation
 
 TWINS = """
 puppet: twins
@@ -210,6 +210,40 @@ def test_a_recording_is_a_gesture(twins):
             twins.coordinates.v_K.index("line_left.length")
         ]
         np.testing.assert_allclose(a[:, same], b[:, same], atol=1e-12)
+
+
+def test_turns_of_a_recorded_bar_are_those_of_its_hands():
+    live = fan.Performance(fan.puppets.marionette_bar(), speed=0.5, acceleration=3.0)
+    there, level = live.place("bar")
+    live.record()
+    for turn in ([0.5, 0.3, -0.4], [-0.4, 0.6, 0.2]):
+        live.move("bar", there + np.array([0.05, 0.0, 0.02]), rotation.exp(np.array(turn)))
+        live.advance(0.7)
+    live.move("bar", there, level)
+    live.advance(0.7)
+    take = live.stop()
+    gesture = fan.Gesture.of_input(take.inputs)
+    t = np.linspace(0.0, take.duration, 1001)
+    found = gesture.inputs(take.start).evaluate(t)
+    wanted = take.inputs.evaluate(t + take.start.t)
+    ((q, _),) = take.marionette.coordinates.rotations.values()
+    apart = rotation.between(found[0][:, q : q + 4], wanted[0][:, q : q + 4])
+    assert np.abs(apart).max() < 1e-8
+    np.testing.assert_allclose(found[1], wanted[1], atol=1e-5)
+    assert np.linalg.norm(found[0][500, q : q + 4] - found[0][0, q : q + 4]) > 0.1
+    # The same turns from another orientation.
+    x = take.start.replace(q_K=wanted[0][300])
+    moved = gesture.inputs(x.replace(v_K=np.zeros(6))).evaluate(0.9)[0][q : q + 4]
+    there, here = (rotation.between(a, b) for a, b in (
+        (wanted[0][300, q : q + 4], moved),
+        (wanted[0][0, q : q + 4], gesture.inputs(take.start).evaluate(0.9)[0][q : q + 4]),
+    ))  # fmt: skip
+    np.testing.assert_allclose(there, here, atol=1e-12)
+    far = fan.Input.waypoints(
+        take.marionette, {"bar.rotation": [(0, [0, 0, 0]), (1, [0, 0, 2]), (2, [0, 0, 3.5])]}
+    )
+    with pytest.raises(StateError, match="deg at most"):
+        fan.Gesture.of_input(far)
 
 
 def test_a_thousand_in_any_order_never_jump_nor_break_bounds(marionette):

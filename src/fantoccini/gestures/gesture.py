@@ -20,7 +20,8 @@ from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.gestures import moves, piecewise
 from fantoccini.gestures.joining import Line, Motion
 from fantoccini.gestures.transition import ACCELERATION, SAME, SPEED, Most, limits
-from fantoccini.motion import Input, State, binding, pieces, reading, rotation
+from fantoccini.gestures.turns import from_start
+from fantoccini.motion import Input, State, binding, pieces, reading
 from fantoccini.motion.channel import SAME_TIME
 from fantoccini.motion.findings import Findings
 from fantoccini.motion.reading import Table
@@ -182,20 +183,14 @@ class Gesture:
             travels, name: see :meth:`of`.
 
         Raises:
-            StateError: it turns a driven body through several waypoints, or travels and turns one.
+            StateError: it turns a driven body by nearly 180 degrees, or travels and turns one.
         """
-        table, coef = inputs.coordinates, np.array(inputs.coef)
+        table, coef = inputs.coordinates, from_start(inputs, np.diff(inputs.breaks))
         for _, v in table.scalars_K:
             coef[:, v, 0] -= coef[0, v, 0]
         turned = [v for _, v in table.rotations.values() if inputs.named[v]]
         if travels and turned:
             raise StateError("a gesture that turns a driven body cannot travel")
-        for label, (q, _) in table.rotations.items():
-            bases = inputs.base[:, q : q + 4]
-            if np.any(rotation.between(bases[:1], bases) != 0.0):
-                raise StateError(
-                    f"{label} turns through several waypoints; a gesture takes one turn of it"
-                )
         coef[:, ~inputs.named] = 0.0
         breaks = inputs.breaks - inputs.breaks[0]
         made = cls(table, breaks, coef, inputs.named, np.zeros(table.n_vK), name or inputs.name)
