@@ -60,6 +60,7 @@ SLOW = (
     "cross/test_mujoco.py",
     "drives/test_drive_derivatives.py",
     "drives/test_drives.py",
+    "gestures/test_on_beat.py",
     "laws/test_complementarity.py",
     "laws/test_linearisation.py",
     "optimal/test_design.py",

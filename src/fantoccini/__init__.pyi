@@ -28,6 +28,7 @@ from .gestures import (
     gesture_names as gesture_names,
     load_gesture as load_gesture,
     load_score as load_score,
+    on_beat as on_beat,
 )
 from .marionette import (
     Event as Event,

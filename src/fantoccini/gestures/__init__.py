@@ -2,6 +2,7 @@
 
 from fantoccini.gestures.gesture import Gesture
 from fantoccini.gestures.gesture_file import gesture_names, gesture_schema, load_gesture
+from fantoccini.gestures.on_beat import on_beat
 from fantoccini.gestures.score import Caption, Played, Score, is_score, load_score
 from fantoccini.gestures.score_file import score_schema
 
@@ -15,5 +16,6 @@ __all__ = [
     "is_score",
     "load_gesture",
     "load_score",
+    "on_beat",
     "score_schema",
 ]
