@@ -8,6 +8,7 @@ import shutil
 import numpy as np
 import pytest
 import trimesh
+from tests.perform.before import arrays_before
 
 import fantoccini as fan
 from fantoccini.motion import rotation
@@ -107,14 +108,7 @@ def test_a_file_of_another_machine_keeps_its_samples(gentle, rough, tmp_path):
 
 def test_a_file_of_the_format_before_is_read(rough, tmp_path):
     """It has every sample, and events."""
-    rough.save(tmp_path / "new.npz")
-    with np.load(tmp_path / "new.npz") as file:
-        arrays = {name: x for name, x in file.items() if name not in ("ticks", "checks")}
-    about = arrays["about"].tobytes().replace(b"recording.3", b"recording.2")
-    output = rough.written.output
-    arrays |= {"about": np.frombuffer(about, dtype=np.uint8), "rows": output.samples,
-               "events": output.events, "contacts": output.contacts}  # fmt: skip
-    np.savez(tmp_path / "old.npz", **arrays)
+    np.savez(tmp_path / "old.npz", **arrays_before(rough, tmp_path / "new.npz"))
     read = fan.Recording.load(tmp_path / "old.npz")
     assert read.written is not None
     same(read.trajectory, rough.trajectory)

@@ -1,8 +1,8 @@
 """Gestures: short, named motions of part of a puppet, relative to where it hangs."""
 
+from fantoccini.gestures.beats import on_beat
 from fantoccini.gestures.gesture import Gesture
 from fantoccini.gestures.gesture_file import gesture_names, gesture_schema, load_gesture
-from fantoccini.gestures.on_beat import on_beat
 from fantoccini.gestures.score import Caption, Played, Score, is_score, load_score
 from fantoccini.gestures.score_file import score_schema
 

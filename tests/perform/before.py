@@ -1,0 +1,27 @@
+"""Recordings in the format before: every sample, event and point of contact."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+import fantoccini as fan
+
+
+def arrays_before(recording: fan.Recording, path: Path) -> dict[str, np.ndarray]:
+    """The arrays of a file of the format ``fantoccini.recording.2``.
+
+    Args:
+        recording: as it was recorded.
+        path: of a file that is written on the way.
+    """
+    recording.save(path)
+    with np.load(path) as file:
+        arrays = {name: x for name, x in file.items() if name not in ("ticks", "checks")}
+    about = arrays["about"].tobytes().replace(b"recording.3", b"recording.2")
+    output = recording.written.output
+    return arrays | {
+        "about": np.frombuffer(about, dtype=np.uint8), "rows": output.samples,
+        "events": output.events, "contacts": output.contacts,
+    }  # fmt: skip
