@@ -7,6 +7,7 @@ import zipfile
 
 import numpy as np
 import pytest
+from tests.perform.before import arrays_before
 
 import fantoccini as fan
 from damage import entries, fuzz, packed, stored
@@ -33,16 +34,18 @@ def files(arm, tmp_path_factory):
     live = fan.Performance(arm, x0)
     live.record()
     live.advance(0.05)
-    live.stop().save(folder / "take.npz")
+    take = live.stop()
+    np.savez(folder / "before.npz", **arrays_before(take, folder / "take.npz"))
     t = np.linspace(0, 1, 40)
     np.savez(folder / "inputs.npz", **{"t": t, "hand.length": 0.8 + 0.01 * np.sin(t)})
     readers = {
-        "run": Trajectory.load, "take": Recording.load, "inputs": lambda p: Input.load(arm, p),
+        "run": Trajectory.load, "take": Recording.load, "before": Recording.load,
+        "inputs": lambda p: Input.load(arm, p),
     }  # fmt: skip
     return {name: (folder / f"{name}.npz", load) for name, load in readers.items()}
 
 
-@pytest.mark.parametrize("kind", ["run", "take", "inputs"])
+@pytest.mark.parametrize("kind", ["run", "take", "before", "inputs"])
 def test_damage_is_a_located_error(files, kind):
     """17.28: byte flips, cut ends, swapped and changed entries and headers."""
     whole, load = files[kind]
@@ -83,23 +86,28 @@ def changed(files, kind: str, tmp_path, change):
 
 
 @pytest.mark.parametrize(
-    "change, message",
+    "change, message, kind",
     [
         (lambda c, a: c.update({"winches.npy": stored(np.array([[5.0, -1.0, 0.0]]))}),
-         r"winch of hand: found a largest tension of 5 N, rewinding at -1 m/s"),
+         r"winch of hand: found a largest tension of 5 N, rewinding at -1 m/s", "take"),
         (lambda c, a: c.update({"winches.npy": stored(np.array([[np.nan, 0.0, 0.0]]))}),
-         "winch of hand"),
-        (lambda c, a: a.update(puppet=3), "puppet is 3; it must be a text"),
-        (lambda c, a: a.update(steps=10**12), "found 1000000000000 steps in a tick"),
+         "winch of hand", "take"),
+        (lambda c, a: a.update(puppet=3), "puppet is 3; it must be a text", "take"),
+        (lambda c, a: a.update(steps=10**12), "found 1000000000000 steps in a tick", "take"),
+        (lambda c, a: c.update({"checks.npy": stored(np.zeros((2, 3)))}),
+         "checks is float64 of the", "take"),
+        (lambda c, a: c.update({"ticks.npy": stored(np.array([0, 99]))}), "at most 6", "take"),
+        (lambda c, a: c.update({"ticks.npy": stored(np.array([3, 6]))}), "increase from 0", "take"),
         (lambda c, a: c.update({"events.npy": stored(np.array([[0.0, 77, 0, 0, 0]]))}),
-         "an event of the kind 77"),
-        (lambda c, a: c.update({"rows.npy": stored(np.zeros((2, 3)))}), "rows is float64 of the"),
+         "an event of the kind 77", "before"),
+        (lambda c, a: c.update({"rows.npy": stored(np.zeros((2, 3)))}),
+         "rows is float64 of the", "before"),
     ],
 )  # fmt: skip
-def test_recordings_are_checked(files, tmp_path, change, message):
+def test_recordings_are_checked(files, tmp_path, change, message, kind):
     """17.28: winches, puppets, steps, events and rows as no recording has them."""
     with pytest.raises(FileError, match=rf"a\.npz: is not a recording .*{message}"):
-        changed(files, "take", tmp_path, change)
+        changed(files, kind, tmp_path, change)
 
 
 @pytest.mark.parametrize(
