@@ -2,8 +2,8 @@
 
     python -m benchmarks.optimal.reach [--places 500]
 
-The right hand goes to places of a circle, one beside the other, and to random places of boxes
-about where it hangs: with all strings free, and with the body held where it is.
+The right hand reaches for points along a circle and for random points in boxes centred where it
+hangs, with all strings free and with the shoulders' strings held.
 """
 
 from __future__ import annotations

@@ -40,6 +40,18 @@ def written(tmp_path, text: str):
     return path
 
 
+def check_hand(marionette: fan.Marionette, x0: fan.State, gesture: fan.Gesture) -> fan.State:
+    """Where the puppet hangs after a second; its hand is where POSED says."""
+    q_K, _, _ = gesture.inputs(x0).evaluate(1.0)
+    hangs = marionette.rest(dict(zip(marionette.coordinates.q_K, q_K, strict=True)))
+    place = []
+    for x in (x0, hangs):
+        pose = marionette.pose(x, "forearm_right")
+        place.append(pose[:3, 3] + pose[:3, :3] @ [0.0, 0.0, -0.09])
+    np.testing.assert_allclose(place[1] - place[0], [0.02, 0.0, 0.06], atol=1e-4)
+    return hangs
+
+
 def test_bundled_gestures_move_what_they_say(marionette):
     assert set(gesture_names()) >= {
         "bow", "breathe", "clap", "hang", "jump", "kneel", "look", "march", "nod", "point",
@@ -66,13 +78,7 @@ def test_at_key_poses_the_puppet_hangs_where_they_say(marionette, tmp_path):
     found = fan.load_gesture(marionette, written(tmp_path, POSED))
     assert found.uses == ("hand_right",)
     x0 = marionette.rest()
-    q_K, _, _ = found.inputs(x0).evaluate(1.0)
-    hangs = marionette.rest(dict(zip(marionette.coordinates.q_K, q_K, strict=True)))
-    place = []
-    for x in (x0, hangs):
-        pose = marionette.pose(x, "forearm_right")
-        place.append(pose[:3, 3] + pose[:3, :3] @ [0.0, 0.0, -0.09])
-    np.testing.assert_allclose(place[1] - place[0], [0.02, 0.0, 0.06], atol=1e-4)
+    check_hand(marionette, x0, found)
 
 
 def test_key_poses_count_on_what_else_moves(marionette, tmp_path):
@@ -83,13 +89,7 @@ def test_key_poses_count_on_what_else_moves(marionette, tmp_path):
     )
     found = fan.load_gesture(marionette, written(tmp_path, text))
     x0 = marionette.rest()
-    q_K, _, _ = found.inputs(x0).evaluate(1.0)
-    hangs = marionette.rest(dict(zip(marionette.coordinates.q_K, q_K, strict=True)))
-    place = []
-    for x in (x0, hangs):
-        pose = marionette.pose(x, "forearm_right")
-        place.append(pose[:3, 3] + pose[:3, :3] @ [0.0, 0.0, -0.09])
-    np.testing.assert_allclose(place[1] - place[0], [0.02, 0.0, 0.06], atol=1e-4)
+    hangs = check_hand(marionette, x0, found)
     assert marionette.pose(hangs, "torso")[2, 3] < marionette.pose(x0, "torso")[2, 3] - 5e-3
 
 

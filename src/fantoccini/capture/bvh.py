@@ -180,7 +180,7 @@ def _joint(words: _Words, joints: list[_Joint], parent: int, columns: int) -> in
 
 
 def _named(words: _Words, joints: list[_Joint], parent: int) -> int:
-    """Begins a joint; its name is what is left of the line."""
+    """Adds a joint, named by the rest of the line; returns its index."""
     name = words.next("the joint's name")
     more = words.rest_of_line()
     opened = more.endswith("{")

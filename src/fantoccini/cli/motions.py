@@ -12,7 +12,7 @@ from fantoccini.motion import Input
 
 
 def motion(marionette: Marionette, path: Path) -> tuple[Input, Iterable[Mistake]]:
-    """The inputs of a file, and what a score's compiler had to change.
+    """The inputs in a file, and the changes that compiling a score required.
 
     Raises:
         FileError: with every mistake in the file.

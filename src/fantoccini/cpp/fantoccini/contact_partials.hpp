@@ -19,6 +19,22 @@ FAN_LOOPS_BEGIN
 
 namespace fan {
 
+// Adds forces to those of n points: `idle` of their rows, which come after n_held others, in parts
+// of the largest force.
+inline void share_otherwise(StepContact* points, int n, int n_held, const double* idle, double part) {
+  double largest = 0.0;
+  for (int i = 0; i < n; ++i) largest = fmax(largest, sqrt(dot3(points[i].force, points[i].force)));
+  for (int i = 0, a = n_held; i < n; ++i) {
+    StepContact& own = points[i];
+    double frame[9];
+    for (int c = 0; c < 3; ++c) frame[c] = own.normal[c];
+    add_tangents(frame);
+    for (int d = 0; d < (own.sticks ? 3 : 1); ++d, ++a)
+      for (int c = 0; c < 3; ++c)
+        own.force[c] += part * largest * idle[a] * (frame[3 * d + c] - own.friction * own.along[c]);
+  }
+}
+
 template <class Model>
 class ContactPartials {
  public:

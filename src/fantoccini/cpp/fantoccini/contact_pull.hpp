@@ -134,7 +134,7 @@ class ContactPull {
       for (int d = 0; d < 3; ++d)
         apart_[c] += place_[d] * at.by[6 * (1 + d) + c] + normal_[d] * at.by[6 * (4 + d) + c];
     }
-    // Of the motion along with the second link.
+    // The twist that moves the point along with its second link.
     cross(at.at, place_, along_ + 3);
     double more[3];
     cross(n, normal_, more);
@@ -202,7 +202,7 @@ class ContactPull {
   const double *s_, *by_p_;
   const StepContact* point_;
   double dt_, v_[n_twists][room(E)];
-  // Of the point: velocities and turns of the twists; the numbers of the sum.
+  // Velocity, angular velocity and weight of each twist at the point; the sum by place, normal, gap.
   double u_[n_twists][3], turn_[n_twists][3], wrench_[n_twists][6];
   double place_[3], normal_[3], gap_, apart_[6], along_[6];
 };

@@ -138,21 +138,9 @@ class ModesOfStep {
   // Whether the motion depends on how redundant points share their force: shares that do nothing,
   // `idle`, are added to it.
   bool depends(const Eval& eval, Wide* force, const double* idle) {
-    double largest = 0.0;
-    for (int i = 0; i < n_; ++i)
-      largest = fmax(largest, sqrt(dot3(point_[i].force, point_[i].force)));
     for (int c = 0; c < Partials::n_columns; ++c)
       for (int k = 0; k < N; ++k) Columns::at(force, N, place(c), k) -= by_[c * N + k];
-    for (int i = 0, a = n_held_; i < n_; ++i) {
-      StepContact& own = point_[i];
-      double frame[9];
-      for (int c = 0; c < 3; ++c) frame[c] = own.normal[c];
-      add_tangents(frame);
-      for (int d = 0; d < (own.sticks ? 3 : 1); ++d, ++a)
-        for (int c = 0; c < 3; ++c)
-          own.force[c] += Tolerance::shift * largest * idle[a] *
-                          (frame[3 * d + c] - own.friction * own.along[c]);
-    }
+    share_otherwise(point_, n_, n_held_, idle, Tolerance::shift);
     assemble(eval, force);
     if (!system_.factorise()) return true;
     solve(eval, force, other_, nullptr);

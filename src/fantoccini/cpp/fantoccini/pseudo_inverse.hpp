@@ -103,7 +103,7 @@ class PseudoInverse {
       for (int j = 0; j < n_; ++j) y[j] += inverse[i * n_ + j] * x[i];
   }
 
-  // A vector that the transposed matrix takes to 0, after find(); false where there is none but 0.
+  // A non-zero vector in the null space of the transposed matrix, after find(); false if there is none.
   bool left_null_vector(double* out) const {
     if (rank == n_) return false;
     // A sum of all of them that hides none.

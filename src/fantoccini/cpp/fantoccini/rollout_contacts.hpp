@@ -97,19 +97,7 @@ class RolloutContacts {
 
   // Adds forces `idle` of all rows, in parts of the largest force, to those of the points.
   void share_otherwise(const double* idle, double part) {
-    double largest = 0.0;
-    for (int i = 0; i < n_; ++i)
-      largest = fmax(largest, sqrt(dot3(point_[i].force, point_[i].force)));
-    for (int i = 0, a = n_held_; i < n_; ++i) {
-      StepContact& own = point_[i];
-      double frame[9];
-      for (int c = 0; c < 3; ++c) frame[c] = own.normal[c];
-      add_tangents(frame);
-      for (int d = 0; d < (own.sticks ? 3 : 1); ++d, ++a)
-        for (int c = 0; c < 3; ++c)
-          own.force[c] +=
-              part * largest * idle[a] * (frame[3 * d + c] - own.friction * own.along[c]);
-    }
+    fan::share_otherwise(point_, n_, n_held_, idle, part);
   }
 
   // Whether a combination y of rows has none of strings and limits.
