@@ -32,6 +32,7 @@ PACKAGES = {
     "optimal": "Optimal control: the motion of least cost within bounds, event-driven.",
     "gestures": "Gestures: short motions of part of a puppet that are changed, added and joined.",
     "capture": "Motion capture: skeletons and their motion from BVH files.",
+    "retarget": "Hanging poses and motions of a puppet that come nearest to captured motion.",
     "reduction": "Compares the mixed model with the puppet on drives (the paper's Section VI).",
     "sweeps": "One study over many cases, on threads or a Ray cluster, with a store.",
     "demo": "Inputs of bundled performances.",

@@ -46,6 +46,7 @@ ORDER = (
     "optimal",
     "gestures",  # key poses are reached
     "capture",
+    "retarget",  # hanging poses are reached, motions predicted
     "reduction",
     "sweeps",
     "demo",  # the bundled performance: inputs for a bundled puppet

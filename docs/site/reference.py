@@ -16,6 +16,7 @@ TITLES = {
     "optimal": "Optimal control",
     "gestures": "Gestures",
     "capture": "Motion capture",
+    "retarget": "Puppets that follow captured motion",
     "perform": "Live performance",
     "planning": "Planning",
     "sweeps": "Sweeps",

@@ -9,10 +9,12 @@ import numpy as np
 from fantoccini.arrays import Array, Times, frozen
 from fantoccini.errors import UnknownNameError
 
-_PARTS_OF_HEIGHT = {"cm": 0.01, "m": 1.0, "inches": 0.0254, "mm": 0.001}
-"""Units in which people are captured, and their size [m]."""
+_UNITS = {"cm": 0.01, "m": 1.0, "inches": 0.0254, "mm": 0.001, "CMU": 0.0254 / 0.45}
+"""Units in which people are captured, and their size [m]; the last is the CMU data base's."""
 _PERSON = 1.7
 """Height of a person [m]."""
+_JUMP, _NEXT = 10.0, 20
+"""How much farther joints jump after a pose for calibration than in any of the next frames."""
 
 
 @dataclass(frozen=True)
@@ -92,16 +94,28 @@ class Capture:
 
     @property
     def height(self) -> float:
-        """How tall the skeleton is when nothing turns, in the file's unit."""
-        return float(np.max(np.ptp(self.skeleton.rest, axis=0)))
+        """How tall the skeleton stands, in the file's unit: the median over the frames."""
+        return float(np.median(np.ptp(self.positions[..., self.up], axis=1)))
 
     @property
     def unit(self) -> tuple[str, float]:
         """The unit that makes a person of the skeleton, and its size [m]."""
         sizes = {name: abs(np.log(self.height * size / _PERSON))
-                 for name, size in _PARTS_OF_HEIGHT.items()}  # fmt: skip
+                 for name, size in _UNITS.items()}  # fmt: skip
         name = min(sizes, key=lambda unit: sizes[unit])
-        return name, _PARTS_OF_HEIGHT[name]
+        return name, _UNITS[name]
+
+    def without_calibration(self) -> Capture:
+        """Without a first frame that is a pose for calibration, from which the joints jump.
+
+        Files of the CMU data base begin with one.
+        """
+        steps = np.max(np.linalg.norm(np.diff(self.positions, axis=0), axis=2), axis=1)
+        if len(steps) < 3 or not steps[0] > _JUMP * np.max(steps[1 : 1 + _NEXT]):
+            return self
+        return Capture(
+            self.skeleton, self.t[1:], self.positions[1:], self.rotations[1:], self.name
+        )
 
     def upright(self) -> Capture:
         """In metres, with z up: of y up, x stays and z comes towards the viewer, to -y.

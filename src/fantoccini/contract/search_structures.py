@@ -227,6 +227,8 @@ SEARCHES: tuple[Structure, ...] = (
         Field("moves", "const unsigned char*",
               "(n_targets, n_vD + n_vK) velocities that move the link"),
         Field("places", IN, "(n, n_targets, 3) NaN is free; a coordinate's value is the first"),
+        Field("weights", IN, "(n_targets,) of squared distances"),
+        Field("once", "int", "whether poses that are not reached are not looked for again"),
         Field("q_D", IN, "(n_qD,) where the first pose begins"),
         Field("q_K", IN, "(n_qK,)"),
         Field("p", IN, "(n_p,)"),

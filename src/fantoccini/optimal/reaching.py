@@ -40,8 +40,10 @@ def reach(
     slack: bool = False,
     tolerance: float = 1e-6,
     iterations: int = 200,
+    weights: Mapping[What, float] | None = None,
+    once: bool = False,
 ) -> Reach:
-    """min |place(q_D, q_K) - target|^2 over driven coordinates q_K with which the puppet hangs.
+    """min sum_i w_i |place_i(q_D, q_K) - target_i|^2 over the q_K with which the puppet hangs.
 
     The pose hangs: forces balance, strings that pull have their length, the others are slack, and
     joints are within their limits. The minimum is a local one: the nearest pose that the puppet
@@ -64,9 +66,13 @@ def reach(
             pull.
         tolerance: of the distance [m or rad].
         iterations: at most, of one pose.
+        weights: w_i of targets; 1 where not given. With light targets of driven coordinates many
+            places that contradict one another are found quickly.
+        once: whether each pose is looked for from the last one only, and not again where it is not
+            reached: faster on paths.
 
     Raises:
-        UnknownNameError: a name that the puppet does not have.
+        UnknownNameError: a name that the puppet does not have, or a weight of no target.
         StateError: places of another shape, a start that does not hang at rest or is beyond its
             bounds, or a puppet with contact or winches that slip.
     """
@@ -88,6 +94,7 @@ def reach(
         bounds = bounds.staying_taut(marionette, still)
     bounds.check_start(marionette, still)
     places, arrays = _targets(marionette, targets)
+    arrays["weights"] = _weights(targets, weights or {})
     chosen = _chosen(marionette, still, bounds, parameters or {})
     problem = ReachProblem(marionette, still, tuple(targets), places, arrays["moves"], **chosen)
     rows = _rows(marionette, still, chosen["tension_low"])
@@ -97,7 +104,7 @@ def reach(
             **arrays, **rows, **chosen, "q_D": still.q_D, "q_K": still.q_K, "p": model.p,
             "moved": problem.low < problem.high,
         },
-        weight=model.weight or 1.0, tolerance=tolerance, max_iterations=iterations,
+        weight=model.weight or 1.0, tolerance=tolerance, max_iterations=iterations, once=once,
     )  # fmt: skip
     made = Reach(problem, found)
     if made.is_lost:
@@ -142,6 +149,15 @@ def _targets(
     numbers = {"links": np.array(links), "columns": np.array(of_coordinates),
                "at": np.array(at, dtype=float), "moves": moves}  # fmt: skip
     return whole, numbers
+
+
+def _weights(targets: Mapping[What, Any], weights: Mapping[What, float]) -> Array:
+    """(n_targets,) weights of squared distances."""
+    for what, weight in weights.items():
+        if what not in targets:
+            raise UnknownNameError("target", str(what), [str(one) for one in targets])
+        check_positive(weight=weight)
+    return np.array([weights.get(what, 1.0) for what in targets], dtype=float)
 
 
 def _places(name: str, place: Any, is_body: bool) -> Array:

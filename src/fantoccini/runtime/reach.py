@@ -54,6 +54,7 @@ class ReachLibrary(Loaded):
         weight: float,
         tolerance: float,
         max_iterations: int,
+        once: bool = False,
     ) -> Reached:
         """The poses nearest to n places of each target.
 
@@ -63,6 +64,7 @@ class ReachLibrary(Loaded):
             weight: the size of forces [N].
             tolerance: of the distance [m or rad].
             max_iterations: of one pose.
+            once: whether poses are looked for from the last one only.
 
         Raises:
             MemoryError: no memory.
@@ -87,7 +89,7 @@ class ReachLibrary(Loaded):
         }
         numbers = structures["ReachArrays"](
             n=n, n_targets=n_targets, weight=weight, tolerance=tolerance,
-            max_iterations=max_iterations,
+            max_iterations=max_iterations, once=once,
             **{name: pointer(a) for name, a in (given | results).items()},
         )  # fmt: skip
         if self.dll.fan_reach(ctypes.byref(numbers)):

@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x0ca49ad88f24c9b1;
+constexpr long long contract_digest = 0x5357627b31d3528b;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -543,6 +543,8 @@ struct ReachArrays {
   const double* at;  // (n_targets, 3) points in their links' frames [m]
   const unsigned char* moves;  // (n_targets, n_vD + n_vK) velocities that move the link
   const double* places;  // (n, n_targets, 3) NaN is free; a coordinate's value is the first
+  const double* weights;  // (n_targets,) of squared distances
+  int once;  // whether poses that are not reached are not looked for again
   const double* q_D;  // (n_qD,) where the first pose begins
   const double* q_K;  // (n_qK,)
   const double* p;  // (n_p,)

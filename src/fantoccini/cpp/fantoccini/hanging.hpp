@@ -9,6 +9,9 @@
 // exactly where V has a minimum on the rows (Nocedal and Wright, Numerical Optimization, section 17.3).
 #pragma once
 
+#include <cmath>
+#include <cstring>
+
 #include "contract.hpp"
 #include "dense_ldl.hpp"
 #include "manifold.hpp"
@@ -22,8 +25,8 @@ struct HangingTolerances {
   static constexpr double last_move = 1e-7;  // Newton move that is the last [rad or m]
   static constexpr double max_move = 0.3;    // the longest
   static constexpr double min_tension = 1e-9;  // relative to the weight: rounding
-  static constexpr double max_gap = 1e-9;      // likewise [m or rad]
   static constexpr int rounds = 40;            // of Newton's method
+  static constexpr double max_gap = 1e-9;      // likewise [m or rad]
 };
 
 template <class Model>
@@ -44,6 +47,25 @@ class Hanging {
   double by_u[room(U) * NP], row_by_u[room(U * M)];
   double h[room(M)];
   bool stable = false;
+
+  // A round of Newton's method, which is not made: move of q_D, row_move of T where a row pulls and
+  // of h elsewhere. False where the equations have no solution.
+  double move[NP], row_move[room(M)];
+  bool aim() {
+    Call<Model, double>::hanging(at.q_D, at.q_K, at.tension, at.p, found_);
+    for (int j = 0; j < M; ++j) h[j] = found_.h[j];
+    if (!factorise()) return false;
+    double first[room(N)], second[room(M)];
+    for (int k = 0; k < N; ++k) first[k] = -found_.r[k];
+    for (int a = 0; a < n_; ++a) second[a] = -h[rows_[a]];
+    solve(first, second, move, pull_);
+    for (int j = 0; j < M; ++j) {
+      row_move[j] = 0.0;
+      for (int k = 0; k < N && !at.held[j]; ++k) row_move[j] += A(j, k) * move[k];
+    }
+    for (int a = 0; a < n_; ++a) row_move[rows_[a]] = pull_[a];
+    return true;
+  }
 
   // Newton's method, and rows that begin or cease to pull; false where it does not converge.
   bool balance() {
@@ -67,7 +89,7 @@ class Hanging {
       if (!B_.factorise()) continue;
       for (int a = 0; a < n_; ++a) {
         double* z = Z_ + a * NP;
-        for (int k = 0; k < N; ++k) z[k] = A(rows_[a], k);
+        std::memcpy(z, pulling_ + a * NP, NP * sizeof(double));
         B_.substitute(z);
       }
       schur();
@@ -99,30 +121,28 @@ class Hanging {
 
   double A(int row, int k) const { return found_.A_D[k * M + row]; }
 
+  // The rows that pull, one after the other.
   void gather() {
     n_ = 0;
-    for (int j = 0; j < M; ++j)
-      if (at.held[j]) rows_[n_++] = j;
+    for (int j = 0; j < M; ++j) {
+      if (!at.held[j]) continue;
+      for (int k = 0; k < NP; ++k) pulling_[n_ * NP + k] = k < N ? A(j, k) : 0.0;
+      rows_[n_++] = j;
+    }
   }
 
   bool settle() {
     for (int round = 0; round < Tolerance::rounds; ++round) {
-      Call<Model, double>::hanging(at.q_D, at.q_K, at.tension, at.p, found_);
-      for (int j = 0; j < M; ++j) h[j] = found_.h[j];
-      if (!factorise()) return false;
-      double first[room(N)], second[room(M)], move[NP];
-      for (int k = 0; k < N; ++k) first[k] = -found_.r[k];
-      for (int a = 0; a < n_; ++a) second[a] = -h[rows_[a]];
-      solve(first, second, move, pull_);
+      if (!aim()) return false;
       double most = 0.0;
       for (int k = 0; k < N; ++k) most = maximum(fabs(move[k]), most);
       if (!(most < unbounded)) return false;
       const double share = most > Tolerance::max_move ? Tolerance::max_move / most : 1.0;
       retract<typename Model::Dynamic>(at.q_D, move, share, at.q_D);
-      for (int a = 0; a < n_; ++a) at.tension[rows_[a]] += share * pull_[a];
+      for (int a = 0; a < n_; ++a) at.tension[rows_[a]] += share * row_move[rows_[a]];
       if (most > Tolerance::last_move) continue;
       for (int j = 0; j < M; ++j)
-        for (int k = 0; k < N; ++k) h[j] += A(j, k) * move[k];
+        h[j] = at.held[j] ? 0.0 : h[j] + row_move[j];
       return stable;
     }
     return false;
@@ -152,17 +172,18 @@ class Hanging {
         B_.A[i * B_.stride + j] =
             j < N ? 0.5 * (found_.r_q[j * N + i] + found_.r_q[i * N + j]) : 0.0;
     for (int a = 0; a < n_; ++a) {
+      const double* row = pulling_ + a * NP;
       double size = 0.0, stiff = 0.0;
       for (int k = 0; k < N; ++k) {
-        const double own = A(rows_[a], k) * A(rows_[a], k);
+        const double own = row[k] * row[k];
         size += own;
         stiff += own * (fabs(found_.r_q[k * N + k]) + 1e-3 * top);
       }
       penalty_[a] = size > 0.0 ? Tolerance::penalty * stiff / (size * size) : 0.0;
       for (int i = 0; i < N; ++i) {
-        const double own = penalty_[a] * A(rows_[a], i);
+        const double own = penalty_[a] * row[i];
         if (own == 0.0) continue;
-        for (int j = i; j < N; ++j) B_.A[i * B_.stride + j] += own * A(rows_[a], j);
+        for (int j = i / 4 * 4; j < N; ++j) B_.A[i * B_.stride + j] += own * row[j];
       }
     }
     for (int k = 0; k < N; ++k)
@@ -176,7 +197,7 @@ class Hanging {
       for (int b = a / 4 * 4; b < S_.stride; ++b) {
         double sum = 0.0;
         if (b < n_)
-          for (int k = 0; k < N; ++k) sum += A(rows_[a], k) * Z_[b * NP + k];
+          for (int k = 0; k < N; ++k) sum += pulling_[a * NP + k] * Z_[b * NP + k];
         S_.A[a * S_.stride + b] = sum;
       }
     if (n_ > 0) S_.factorise(Tolerance::dependent);
@@ -187,7 +208,8 @@ class Hanging {
     for (int k = 0; k < NP; ++k) x[k] = k < N ? first[k] : 0.0;
     for (int a = 0; a < n_; ++a) {
       const double own = penalty_[a] * second[a];
-      for (int k = 0; k < N; ++k) x[k] += own * A(rows_[a], k);
+      if (own == 0.0) continue;
+      for (int k = 0; k < N; ++k) x[k] += own * pulling_[a * NP + k];
     }
     B_.substitute(x);
     if (n_ == 0) return;
@@ -195,7 +217,7 @@ class Hanging {
     for (int a = 0; a < n_; ++a) {
       t[a] = -second[a];
       none[a] = 0.0;
-      for (int k = 0; k < N; ++k) t[a] += A(rows_[a], k) * x[k];
+      for (int k = 0; k < N; ++k) t[a] += pulling_[a * NP + k] * x[k];
     }
     S_.substitute(t, none);
     for (int a = 0; a < n_; ++a)
@@ -207,7 +229,7 @@ class Hanging {
     double A_D[room(M * N)], A_K[room(M * K)], h_p[room(M * P)];
   } found_;
   int n_ = 0, rows_[room(M)];
-  double penalty_[room(M)], Z_[room(M) * NP], pull_[padded(room(M))];
+  double penalty_[room(M)], pulling_[room(M) * NP], Z_[room(M) * NP], pull_[padded(room(M))];
   DenseLdl<N> B_;
   DenseLdl<M> S_;
 };

@@ -1,6 +1,7 @@
 // The hanging pose nearest to places:
 //
-//   min over u of 1/2 |place(q_D, q_K, p) - target|^2,   q_D and T hang by u (hanging.hpp),
+//   min over u of 1/2 sum_i w_i |place_i(q_D, q_K, p) - target_i|^2,
+//   q_D and T hang by u (hanging.hpp),
 //   low <= u <= high,   T_low <= T <= T_high where a row pulls,   h <= 0 where it does not,
 //   low <= q_D <= high
 //
@@ -16,6 +17,7 @@
 
 #include "bounded_step.hpp"
 #include "hanging.hpp"
+#include "reach_cost.hpp"
 #include "reach_poses.hpp"
 
 namespace fan {
@@ -25,9 +27,9 @@ struct ReachTolerances {
   static constexpr double least_damping = 1e-12;
   static constexpr double most_damping = 1e8;
   static constexpr double first_step = 0.1;  // the longest at first, of what is chosen [m or rad]
+  static constexpr double damping_ahead = 1e-4;  // of steps along paths
   static constexpr double max_turn = 0.5;    // of the pose [m or rad]
   static constexpr double least_gain = 1e-3;  // of a step, in tolerances: else it is nearest
-  static constexpr double difference = 1e-4;  // of places by the parameters
   static constexpr double at_bound = 1e-7;    // relative tension, or gap, of a row on the edge
   static constexpr double passed = 1e-6;      // of bounds: relative tension, gap or joint
   static constexpr double push = 0.02;        // by which strings are shortened to look farther [m]
@@ -44,7 +46,7 @@ class Reach {
   static constexpr int NQ = Hang::NQ, KQ = Hang::KQ, NP = Hang::NP;
 
   void find(const ReachArrays& given) {
-    in = poses_.in = &given;
+    in = poses_.in = cost_.in = &given;
     hang_.weight = in->weight;
     hang_.may_change = in->may_change;
     n_ = 0;
@@ -58,18 +60,24 @@ class Reach {
         write(i, int(ReachEnd::LOST), 0);
         continue;
       }
-      const long long near = poses_.nearest(i);
+      const long long near = in->once ? i - 1 : poses_.nearest(i);
       if (near >= 0 && near != i - 1) {
         poses_.read(near, hang_.at);
         if (!hang_.balance()) hang_at(first);
       }
-      int count = 0, end = search(i, count);
+      int count = 0;
+      if (in->once) {
+        const int end = along(i, count);
+        write(i, end, count);
+        continue;
+      }
+      int end = search(i, count);
       if (end != int(ReachEnd::REACHED) && i > 0) {  // again from the start
         const auto kept = hang_.at;
-        const double before = cost_;
+        const double before = cost_.value;
         hang_at(first);
         end = search(i, count);
-        if (cost_ > before) end = again(kept, i, count);
+        if (cost_.value > before) end = again(kept, i, count);
       }
       if (end == int(ReachEnd::NEAREST)) end = pushed(i, end, count);
       write(i, end, count);
@@ -92,7 +100,7 @@ class Reach {
   // with all strings shorter, and the better pose kept.
   int pushed(long long i, int end, int& count) {
     const auto kept = hang_.at;
-    const double before = cost_;
+    const double before = cost_.value;
     bool some = false;
     for (int j = 0; j < M; ++j) {
       const int v = in->lengths[j];
@@ -106,7 +114,7 @@ class Reach {
     if (!some) return end;
     if (hang_.balance()) {
       const int other = search(i, count);
-      if (cost_ < before && passed_ <= Tolerance::passed) return other;
+      if (cost_.value < before && passed_ <= Tolerance::passed) return other;
     }
     return again(kept, i, count);
   }
@@ -124,6 +132,8 @@ class Reach {
     }
     scalars<typename Model::Dynamic>(joint_q_, N);
     scalars<typename Model::Driven>(driven_q_, K);
+    cost_.joint_q = joint_q_;
+    cost_.driven_q = driven_q_;
   }
 
   // Places in q of scalars by velocity; -1 of rotations.
@@ -131,6 +141,78 @@ class Reach {
   static void scalars(int* place, int n) {
     for (int k = 0; k < n; ++k) place[k] = -1;
     for (int i = 0; i < Space::n_scalars; ++i) place[Space::scalar_v[i]] = Space::scalar_q[i];
+  }
+
+  // ReachEnd of the next pose of a path: steps in which the puppet hangs at first order only, and
+  // which are all made. It is hung in the end; where it does not hang there, by search().
+  int along(long long i, int& count) {
+    const auto kept = hang_.at;
+    int changes[room(M)] = {}, end = int(ReachEnd::STALLED);
+    longest_ = Tolerance::first_step;
+    ahead_ = true;
+    for (int taken = 0; taken < in->max_iterations && end == int(ReachEnd::STALLED); ++taken) {
+      if (!hang_.aim()) break;
+      hang_.differentiate(chosen_, n_);
+      cost_.look(i, chosen_, n_, hang_.move);
+      if (!step(Tolerance::damping_ahead)) break;
+      ++count;
+      const double size = advance();
+      if (!flip(changes) && size < in->tolerance) end = int(ReachEnd::NEAREST);
+    }
+    ahead_ = false;
+    if (!hang_.balance()) {
+      hang_at(kept);
+      return search(i, count);
+    }
+    look(i);
+    if (cost_.value <= 0.5 * in->tolerance * in->tolerance) end = int(ReachEnd::REACHED);
+    return end;
+  }
+
+  // Makes the step and the move that hangs the puppet, or part of long ones; how long it is.
+  double advance() {
+    auto& at = hang_.at;
+    double pose[NP], driven[room(K)] = {}, most = 0.0, turn = 0.0;
+    for (int k = 0; k < NP; ++k) pose[k] = k < N ? hang_.move[k] : 0.0;
+    for (int a = 0; a < n_; ++a) {
+      most = larger(fabs(qp_.d[a]), most);
+      for (int k = 0; k < N; ++k) pose[k] += hang_.by_u[chosen_[a] * NP + k] * qp_.d[a];
+    }
+    for (int k = 0; k < N; ++k) turn = larger(fabs(pose[k]), turn);
+    const double share = 1.0 / larger(1.0, larger(most / longest_, turn / Tolerance::max_turn));
+    for (int j = 0; j < M; ++j) {
+      if (!at.held[j]) continue;
+      double change = hang_.row_move[j];
+      for (int a = 0; a < n_; ++a) change += hang_.row_by_u[chosen_[a] * M + j] * qp_.d[a];
+      at.tension[j] += share * change;
+    }
+    for (int a = 0; a < n_; ++a) {
+      const int u = chosen_[a];
+      if (u < K) driven[u] = qp_.d[a];
+      else at.p[u - K] += share * qp_.d[a];
+    }
+    retract<typename Model::Dynamic>(at.q_D, pose, share, at.q_D);
+    retract<typename Model::Driven>(at.q_K, driven, share, at.q_K);
+    return larger(most, turn);
+  }
+
+  // The row whose bound stops the step most begins to pull or goes slack; whether one did.
+  bool flip(int* changes) {
+    int worst = -1;
+    double most = 0.0;
+    for (int j = 0; j < M; ++j) {
+      const double x = price_[U + j];
+      const bool held = hang_.at.held[j];
+      if (!in->may_change[j] || changes[j] >= Tolerance::changes) continue;
+      if (held ? !(x < 0.0 && in->tension_low[j] <= 0.0) : !(x > 0.0)) continue;
+      const double size = held ? -x * in->weight : x;
+      if (size > most) most = size, worst = j;
+    }
+    if (worst < 0) return false;
+    ++changes[worst];
+    hang_.at.held[worst] = !hang_.at.held[worst];
+    hang_.at.tension[worst] = 0.0;
+    return true;
   }
 
   // ReachEnd of one pose, from where the last one ended, which hangs.
@@ -145,13 +227,13 @@ class Reach {
         passed_ = passed();
       }
       fresh = false;
-      if (cost_ <= 0.5 * in->tolerance * in->tolerance && passed_ <= Tolerance::passed) {
+      if (cost_.value <= 0.5 * in->tolerance * in->tolerance && passed_ <= Tolerance::passed) {
         end = int(ReachEnd::REACHED);
         for (double& x : price_) x = 0.0;
         break;
       }
       const bool feasible = step(damping);
-      const double gain = promised(), left = std::sqrt(2.0 * cost_);
+      const double gain = promised(), left = std::sqrt(2.0 * cost_.value);
       const double least = Tolerance::least_gain * in->tolerance * larger(left, in->tolerance);
       if (!(gain > least) && passed_ <= Tolerance::passed && damping <= 1e-2) {
         if (change_row(changes)) {
@@ -166,7 +248,7 @@ class Reach {
         break;
       }
       const auto kept = hang_.at;
-      const double cost = cost_, beyond = passed_;
+      const double cost = cost_.value, beyond = passed_;
       double price = 0.0;
       for (double x : price_) price = larger(2.0 * fabs(x), price);
       const bool hangs = move();
@@ -174,7 +256,7 @@ class Reach {
         look(i);
         passed_ = passed();
       }
-      if (hangs && cost_ + price * passed_ < cost + price * beyond) {
+      if (hangs && cost_.value + price * passed_ < cost + price * beyond) {
         damping = larger(0.1 * damping, Tolerance::least_damping);
         end = int(ReachEnd::STALLED);
         if (at_longest_) longest_ *= 2.0;
@@ -193,99 +275,19 @@ class Reach {
     return end;
   }
 
-  // Where the targets' points are, the cost, and its derivatives by what is chosen.
+  // The cost, and its derivatives by what is chosen.
   void look(long long i) {
-    const auto& at = hang_.at;
-    Call<Model, double>::screws(at.q_D, at.q_K, at.p, screws_);
     hang_.differentiate(chosen_, n_);
-    cost_ = 0.0;
-    top_ = 0.0;
-    for (int a = 0; a < n_ * n_; ++a) H_[a] = 0.0;
-    for (int a = 0; a < n_; ++a) g_[a] = 0.0;
-    places_by_parameters();
-    const double* wanted = in->places + i * in->n_targets * 3;
-    double* left = in->left + i * in->n_targets * 3;
-    for (int t = 0; t < in->n_targets; ++t)
-      for (int c = 0; c < 3; ++c) {
-        const double value = wanted[3 * t + c];
-        double& off = left[3 * t + c];
-        off = 0.0;
-        if (std::isnan(value) || (in->links[t] < 0 && c > 0)) continue;
-        double slope[room(N + K)] = {}, place;
-        if (in->links[t] < 0) {
-          const int v = in->columns[t];
-          place = v < N ? at.q_D[joint_q_[v]] : at.q_K[driven_q_[v - N]];
-          slope[v] = 1.0;
-        } else {
-          double x[3];
-          point(screws_.poses, t, x);
-          place = x[c];
-          const int a = (c + 1) % 3, b = (c + 2) % 3;
-          for (int v = 0; v < N + K; ++v) {
-            if (!in->moves[t * (N + K) + v]) continue;
-            const double* s = v < N ? screws_.screw_D + 6 * v : screws_.screw_K + 6 * (v - N);
-            slope[v] = s[c] + s[3 + a] * x[b] - s[3 + b] * x[a];
-          }
-        }
-        off = place - value;
-        add(off, slope, t, c);
-      }
-    for (int a = 0; a < n_; ++a) top_ = larger(H_[a * n_ + a], top_);
-  }
-
-  void point(const double* poses, int t, double* x) const {
-    const double *pose = poses + 12 * in->links[t], *at = in->at + 3 * t;
-    for (int c = 0; c < 3; ++c)
-      x[c] = pose[9 + c] + pose[c] * at[0] + pose[3 + c] * at[1] + pose[6 + c] * at[2];
-  }
-
-  // Adds a residual to the cost.
-  void add(double off, const double* slope, int t, int c) {
-    double row[room(U)];
-    for (int a = 0; a < n_; ++a) {
-      const int u = chosen_[a];
-      const double* x = hang_.by_u + u * NP;
-      double sum = u < K ? slope[N + u] : by_p_[(u - K) * 3 * max_targets + 3 * t + c];
-      for (int k = 0; k < N; ++k) sum += slope[k] * x[k];
-      row[a] = sum;
-    }
-    cost_ += 0.5 * off * off;
-    for (int a = 0; a < n_; ++a) {
-      g_[a] += off * row[a];
-      for (int b = 0; b < n_; ++b) H_[a * n_ + b] += row[a] * row[b];
-    }
-  }
-
-  // Derivatives of the points by the parameters at a fixed pose, by central differences.
-  void places_by_parameters() {
-    if constexpr (P > 0)
-      for (int k = 0; k < P; ++k) {
-        if (!in->moved[K + k]) continue;
-        double p[room(P)], step = Tolerance::difference * larger(fabs(hang_.at.p[k]), 0.1);
-        std::memcpy(p, hang_.at.p, P * sizeof(double));
-        for (int side = 0; side < 2; ++side) {
-          p[k] = hang_.at.p[k] + (side ? -step : step);
-          Call<Model, double>::screws(hang_.at.q_D, hang_.at.q_K, p, other_);
-          for (int t = 0; t < in->n_targets; ++t) {
-            if (in->links[t] < 0) continue;
-            double x[3];
-            point(other_.poses, t, x);
-            for (int c = 0; c < 3; ++c) {
-              double& by = by_p_[k * 3 * max_targets + 3 * t + c];
-              by = side ? (by - x[c]) / (2.0 * step) : x[c];
-            }
-          }
-        }
-      }
+    cost_.look(i, chosen_, n_);
   }
 
   // The step within the bounds; false where they contradict one another.
   bool step(double damping) {
-    const double raise = damping * larger(top_, 1e-12);
+    const double raise = damping * larger(cost_.top, 1e-12);
     qp_.n = n_;
     for (int a = 0; a < n_; ++a) {
-      qp_.g[a] = g_[a];
-      for (int b = 0; b < n_; ++b) qp_.Q[a * n_ + b] = H_[a * n_ + b] + (a == b ? raise : 0.0);
+      qp_.g[a] = cost_.g[a];
+      for (int b = 0; b < n_; ++b) qp_.Q[a * n_ + b] = cost_.H[a * n_ + b] + (a == b ? raise : 0.0);
     }
     for (double& x : price_) x = 0.0;
     if (!qp_.begin()) return false;
@@ -312,16 +314,17 @@ class Reach {
     }
     for (int j = 0; j < M; ++j) {
       for (int a = 0; a < n_; ++a) row[a] = hang_.row_by_u[chosen_[a] * M + j];
-      const double T = hang_.at.tension[j];
+      const double moved = ahead_ ? hang_.row_move[j] : 0.0;
+      const double T = hang_.at.tension[j] + moved;
       const bool held = hang_.at.held[j];
       const double low = held ? in->tension_low[j] - T : -far;
-      const double high = held ? in->tension_high[j] - T : -hang_.h[j];
+      const double high = held ? in->tension_high[j] - T : -hang_.h[j] - moved;
       some |= qp_.add(U + j, row, low, high, held ? 1e-10 * in->weight : 1e-11);
     }
     for (int k = 0; k < N; ++k) {
       if (joint_q_[k] < 0 || (in->joint_low[k] < -far && in->joint_high[k] > far)) continue;
       for (int a = 0; a < n_; ++a) row[a] = hang_.by_u[chosen_[a] * NP + k];
-      const double q = hang_.at.q_D[joint_q_[k]];
+      const double q = hang_.at.q_D[joint_q_[k]] + (ahead_ ? hang_.move[k] : 0.0);
       some |= qp_.add(U + M + k, row, in->joint_low[k] - q, in->joint_high[k] - q, 1e-11);
     }
     return some;
@@ -331,8 +334,8 @@ class Reach {
   double promised() const {
     double gain = 0.0;
     for (int a = 0; a < n_; ++a) {
-      double sum = g_[a];
-      for (int b = 0; b < n_; ++b) sum += 0.5 * H_[a * n_ + b] * qp_.d[b];
+      double sum = cost_.g[a];
+      for (int b = 0; b < n_; ++b) sum += 0.5 * cost_.H[a * n_ + b] * qp_.d[b];
       gain -= qp_.d[a] * sum;
     }
     return gain;
@@ -431,18 +434,14 @@ class Reach {
         in->by[(i * U + chosen_[a]) * N + k] = hang_.by_u[chosen_[a] * NP + k];
   }
 
-  static constexpr int max_targets = 64;
-
   const ReachArrays* in = nullptr;
   Hang hang_;
   ReachPoses<Model> poses_;
   int n_ = 0, chosen_[room(U)], joint_q_[room(N)], driven_q_[room(K)];
   bool at_longest_ = false;
-  double longest_ = 0.0, cost_ = 0.0, passed_ = 0.0, top_ = 0.0, H_[room(U * U)], g_[room(U)];
-  double price_[room(U + M + N)] = {}, by_p_[room(P * 3 * max_targets)] = {};
-  struct Screws {
-    double poses[room(12 * Model::n_links)], screw_D[room(6 * N)], screw_K[room(6 * K)];
-  } screws_, other_;
+  bool ahead_ = false;  // whether the step is taken along with the move that hangs the puppet
+  double longest_ = 0.0, passed_ = 0.0, price_[room(U + M + N)] = {};
+  ReachCost<Model> cost_{hang_};
   BoundedStep<U, U + M + N> qp_;
 };
 

@@ -1,0 +1,58 @@
+"""Prints how near the marionette comes to ten clips, and how long it takes to find out.
+
+    python -m benchmarks.capture.follow [CLIP.bvh ...] [--convention lafan1]
+
+Without files, the clips are the project's own (benchmarks/capture/clips.py). Errors are root mean
+squares, in per cent of the puppet's height: of the hanging poses nearest to the clip ("reach"), and
+by how much those of the event-driven run are above them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from benchmarks.capture.clips import write
+
+import fantoccini as fan
+from fantoccini.retarget import follow_clip, retarget
+
+ABOVE, SECONDS, FRAMES = 2.0, 0.5, 2000.0
+"""Largest wanted error above reach [per cent], time for a second of clip [s], poses a second."""
+
+
+def main() -> None:
+    """Measures and prints."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("files", nargs="*", type=Path)
+    parser.add_argument("--convention", default="lafan1")
+    given = parser.parse_args()
+    puppet = fan.puppets.marionette()
+    with tempfile.TemporaryDirectory() as folder:
+        files = given.files or write(Path(folder), given.convention)
+        print(f"{'clip':14} {'length':>6} {'poses/s':>8} {'time':>6}   hands       head        "
+              "feet        trunk      speed acceleration")  # fmt: skip
+        for path in files:
+            clip = fan.load_bvh(path)
+            retarget(puppet, clip)
+            begun = time.thread_time()
+            found = retarget(puppet, clip)
+            rate = len(found.t) / (time.thread_time() - begun)
+            begun = time.perf_counter()
+            followed = follow_clip(puppet, clip)
+            taken = time.perf_counter() - begun
+            height = found.figure.height
+            errors = "  ".join(f"{100 * one.reach / height:4.1f} + {100 * one.above:3.1f}"
+                               for one in followed.report)  # fmt: skip
+            print(
+                f"{path.stem:14} {clip.duration:5.1f}s {rate:8.0f} {taken:5.1f}s  {errors}  "
+                f"{np.abs(followed.run.v_K).max():5.2f} {np.abs(followed.acc_K).max():5.1f} "
+                f"{followed.status.name if not followed else ''}", flush=True,
+            )  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()

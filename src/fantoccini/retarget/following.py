@@ -1,0 +1,236 @@
+"""Following: motions of the hands with which a puppet itself does what a clip shows.
+
+    min over acc_K of  sum_i w_i |x_i(t) - x_i,hung(t)|^2 + w_K |q_K - q_K,hung|^2 + smoothness
+
+over a horizon that goes along, within bounds of speed and acceleration (:class:`fantoccini.MPC`):
+x_i,hung are the places of the parts in the hanging poses nearest to the clip. The hands lead by as
+much as limbs lag, and take their swing out.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from fantoccini.arrays import Array, Times, check_positive
+from fantoccini.capture import Capture
+from fantoccini.errors import ARRIVED, Outcome
+from fantoccini.marionette import Marionette
+from fantoccini.motion import Input, State, Trajectory
+from fantoccini.optimal import MPC, Bounds, Smooth, Task, Track
+from fantoccini.retarget.mapping import MappingFile
+from fantoccini.retarget.retargeting import WEIGHTS, Retargeted, places_in, retarget
+from fantoccini.simulation import simulate
+
+SPEED, ACCELERATION = 2.0, 30.0
+"""Bounds of the driven coordinates where none are given [m/s, m/s^2]."""
+INTERVAL = 0.04
+"""Over which the hands' accelerations are constant [s]."""
+_HORIZON = 20
+"""Intervals that are looked ahead."""
+_DT = 0.01
+"""Time step of predictions [s]."""
+_WEIGHT, _WEIGHT_K = 1e4, 30.0
+"""Of the parts, relative to which their own weights are, and w_K [1/m^2]."""
+_SMOOTH = Smooth(acceleration=1e-3, jerk=1e-6)
+_EASE = 0.5
+"""Time in which the clip's time begins to run, and comes to its end [s]."""
+_WIDTH = 0.035
+"""Standard deviation of what smooths the hanging poses [s]."""
+GROUPS = {
+    "hands": ("hand_left", "hand_right"), "head": ("head",), "feet": ("foot_left", "foot_right"),
+    "trunk": ("trunk", "shoulder_left", "shoulder_right"),
+}  # fmt: skip
+"""Parts whose errors are reported together."""
+
+
+class FollowStatus(Outcome):
+    """How a puppet follows a clip."""
+
+    FOLLOWS = "the run reached the clip's end within the bounds"
+    STOPPED = "the event-driven run stopped before the clip's end"
+
+
+@dataclass(frozen=True)
+class PartError:
+    """Errors of a group of parts, root mean squares over time and parts [m].
+
+    Attributes:
+        name: of the group.
+        reach: of the hanging poses nearest to the clip: what no hands can better.
+        run: of the run, from the clip.
+        largest: of the run, at any time.
+        above: share of the puppet's height by which ``run`` exceeds ``reach``.
+    """
+
+    name: str
+    reach: float
+    run: float
+    largest: float
+    above: float
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """A puppet that follows a clip. True where its run arrived.
+
+    Attributes:
+        retargeted: the clip, and the hanging poses nearest to it.
+        status: how it ended.
+        run: the event-driven run.
+        acc_K: (N, n_vK) accelerations of the driven coordinates, over an interval each.
+        interval: [s].
+        t: (T,) times in the run of the clip's frames: its time begins and ends slowly [s].
+        seconds: that it took to find.
+    """
+
+    retargeted: Retargeted
+    status: FollowStatus
+    run: Trajectory
+    acc_K: Array
+    interval: float
+    t: Times
+    seconds: float
+
+    def __bool__(self) -> bool:
+        return self.status is FollowStatus.FOLLOWS
+
+    def __repr__(self) -> str:
+        clip = self.retargeted.clip
+        above = ", ".join(f"{one.name} {100 * one.above:.1f} %" for one in self.report)
+        return f"<Followed {clip.name!r}: {self.status.name}, above reach {above} of the height>"
+
+    @property
+    def inputs(self) -> Input:
+        """The motion of the hands, from ``retargeted.start`` on."""
+        start = self.run.state(0)
+        t = start.t + self.interval * np.arange(len(self.acc_K) + 1, dtype=float)
+        made = Input.segments(self.retargeted.marionette, t, start.q_K, start.v_K, self.acc_K)
+        return made.called(self.retargeted.clip.name)
+
+    @cached_property
+    def places(self) -> dict[str, Array]:
+        """Part -> (T, 3) where it is in the run at the clip's frames, while it lasts [m]."""
+        run = self.run.resample(np.clip(self.t, self.run.t[0], self.run.t[-1]))
+        retargeted = self.retargeted
+        return places_in(retargeted.figure, retargeted.marionette.poses(run.q_D, run.q_K))
+
+    @cached_property
+    def errors(self) -> dict[str, Array]:
+        """Part -> (T,) distance of the run from the clip [m]."""
+        wanted = self.retargeted.places.parts
+        return {
+            part: np.linalg.norm(self.places[part] - wanted[part], axis=1) for part in WEIGHTS
+        }
+
+    @cached_property
+    def report(self) -> tuple[PartError, ...]:
+        """Errors of hands, head, feet and trunk."""
+        found = []
+        for name, parts in GROUPS.items():
+            run = np.stack([self.errors[part] for part in parts])
+            reach = np.stack([self.retargeted.errors[part] for part in parts])
+            a, b = (float(np.sqrt(np.mean(np.square(e)))) for e in (reach, run))
+            above = (b - a) / self.retargeted.figure.height
+            found.append(PartError(name, a, b, float(run.max()), above))
+        return tuple(found)
+
+
+def follow_clip(
+    marionette: Marionette,
+    clip: Capture | Retargeted | str | os.PathLike[str],
+    mapping: MappingFile | str | os.PathLike[str] | None = None,
+    *,
+    start: State | None = None,
+    travel: float = 1.0,
+    speed: float | Mapping[str, float] = SPEED,
+    acceleration: float | Mapping[str, float] = ACCELERATION,
+    progress: Callable[[float], None] | None = None,
+) -> Followed:
+    """The motion of the hands with which a puppet follows captured motion.
+
+    Args:
+        marionette: the puppet, without contact.
+        clip: a BVH file, what :func:`load_bvh` read, or what :func:`retarget` found.
+        mapping: see :func:`retarget`, as for ``start`` and ``travel``.
+        start: where the puppet hangs, from which the first pose is looked for.
+        travel: share of the way along the floor that is kept.
+        speed, acceleration: bounds of the driven coordinates, for all or by name.
+        progress: called with the share that is done.
+
+    Raises:
+        FileError: files with mistakes, or joints that are not found.
+        UnknownNameError, StateError: the puppet has not the bodies of a person.
+    """
+    began = time.perf_counter()
+    if not isinstance(clip, Retargeted):
+        clip = retarget(marionette, clip, mapping, start, travel)
+    t = eased(clip.t)
+    n = int(np.ceil(t[-1] / INTERVAL - 1e-9))
+    x0 = clip.start
+    bounds = Bounds(speed=_plain(speed), acceleration=_plain(acceleration))
+    task = Task(
+        marionette, x0, n * INTERVAL, _tracks(clip, t), _SMOOTH, bounds, interval=INTERVAL, dt=_DT
+    )
+    mpc = MPC(marionette, task, _HORIZON * INTERVAL, _HORIZON, dt=_DT, deadline=1e9)
+    stepper = marionette.stepper(x0, "event")
+    acc_K = np.zeros((n, marionette.coordinates.n_vK))
+    for i in range(n):
+        acc_K[i] = mpc.step(stepper.state)
+        stepper.advance(INTERVAL, acc_K[i], throw=False)
+        if not stepper.arrived:
+            break
+        if progress is not None:
+            progress((i + 1) / n)
+    # Run again from the inputs alone: what a stand does that is not watched.
+    times = x0.t + INTERVAL * np.arange(n + 1, dtype=float)
+    inputs = Input.segments(marionette, times, x0.q_K, x0.v_K, acc_K)
+    run = simulate(marionette, x0, inputs, effort=False, throw=False)
+    status = FollowStatus.FOLLOWS if run.status in ARRIVED else FollowStatus.STOPPED
+    return Followed(clip, status, run, acc_K, INTERVAL, t, time.perf_counter() - began)
+
+
+def eased(t: Times, ease: float = _EASE) -> Times:
+    """Times of a clip's frames where its time begins to run from rest, and ends at rest [s].
+
+    Over ``ease`` seconds at either end the clip's speed changes evenly between 0 and 1; clips
+    shorter than that are slower throughout.
+    """
+    check_positive(ease=ease)
+    s, end = t - t[0], float(t[-1] - t[0])
+    ease = min(ease, end)
+    first = np.sqrt(2.0 * ease * np.maximum(s, 0.0))
+    last = end + ease - np.sqrt(2.0 * ease * np.maximum(end - s, 0.0))
+    middle = s + 0.5 * ease
+    return np.where(s < 0.5 * ease, first, np.where(s > end - 0.5 * ease, last, middle))
+
+
+def _tracks(clip: Retargeted, t: Times) -> list[Track]:
+    """What the puppet follows: its parts in the hanging poses, and the hands of those."""
+    frames = max(_WIDTH * (len(t) - 1) / max(float(clip.t[-1]), 1e-9), 1e-3)
+
+    def smooth(values: Array) -> Array:
+        return np.asarray(gaussian_filter1d(values, frames, axis=0, mode="nearest"))
+
+    tracks = []
+    for part, weight in WEIGHTS.items():
+        body, at = clip.figure.points[part]
+        path = (t, smooth(clip.hung[part]))
+        tracks.append(Track.point(body, path, at=at, weight=_WEIGHT * weight))
+    table, q_K = clip.marionette.coordinates, smooth(clip.reach.q_K)
+    tracks += [
+        Track.coordinate(table.q_K[q], (t, q_K[:, q]), weight=_WEIGHT_K)
+        for q, _ in table.scalars_K
+    ]
+    return tracks
+
+
+def _plain(bound: Any) -> Any:
+    return dict(bound) if isinstance(bound, Mapping) else float(bound)

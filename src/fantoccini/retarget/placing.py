@@ -1,0 +1,139 @@
+"""Where the parts of a puppet are to be when it moves as a person does.
+
+Directions are the person's, lengths the puppet's:
+
+    hips(t) = s (hips of the clip),   end of a limb(t) = its beginning(t) + l d(t)
+
+with the puppet's length l of each part, its direction d(t) in the clip, and s the puppet's leg over
+the person's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.capture import Capture
+from fantoccini.errors import StateError
+from fantoccini.retarget.figure import LIMBS, Figure, axes_of, unit
+from fantoccini.retarget.mapping import SIDES
+
+_STRAIGHT = 0.97
+"""A limb is stretched to this share of its length: straight ones only hang in one way."""
+_ON_FLOOR = 2.0
+"""Per cent of the frames in which the lower foot is lower than the floor."""
+
+
+@dataclass(frozen=True, eq=False)
+class Placing:
+    """Places over time.
+
+    Attributes:
+        parts: part -> (T, 3) where its point of the puppet is to be [m].
+        frames: part of the puppet -> (T, 3, 4) orientation and origin of its body.
+        scale: s.
+    """
+
+    parts: Mapping[str, Array]
+    frames: Mapping[str, Array]
+    scale: float
+
+
+def place(figure: Figure, clip: Capture, joints: Mapping[str, int], travel: float = 1.0) -> Placing:
+    """Places of a puppet's parts that moves as a clip.
+
+    The clip begins where the puppet is, and looks as it does; the floor is below the puppet's feet.
+
+    Args:
+        figure: of the puppet.
+        clip: in metres, with z up.
+        joints: part -> index of the joint.
+        travel: share of the way along the floor that is kept; 0 stays on the spot.
+
+    Raises:
+        StateError: a skeleton whose parts have no length.
+    """
+    x = {part: clip.positions[:, i] for part, i in joints.items()}
+    turn = _turn_to(figure, x)
+    x = {part: value @ turn.T for part, value in x.items()}
+    facing = turn @ clip.rotations[:, joints["head"]]
+    leg = float(np.median(_length(x, "hip", "knee") + _length(x, "knee", "foot")))
+    if not leg > 0.0:
+        raise StateError("the clip's skeleton has legs of no length")
+    scale = figure.leg / leg
+    axes = axes_of(x["shoulder_left"], x["shoulder_right"], x["hip_left"], x["hip_right"])
+    trunk = axes @ figure.axes.T
+    parts = {"trunk": _hips(figure, x, scale, travel)}
+    for part in ("neck", *(f"{begin}_{side}" for begin, *_ in LIMBS for side in SIDES)):
+        parts[part] = parts["trunk"] + trunk @ (figure.at(part) - figure.at("trunk"))
+    frames = {"trunk": _frame(trunk, parts["trunk"] - trunk @ figure.at("trunk"))}
+    head = _facing(axes, facing) @ figure.axes.T
+    frames["head"] = _frame(head, parts["neck"])
+    parts["head"] = parts["neck"] + head @ figure.at("head")
+    for side in SIDES:
+        for limb in LIMBS:
+            begin, middle, end, upper, lower = (f"{name}_{side}" for name in limb)
+            first = _along(trunk, figure.at(middle), x[middle] - x[begin])
+            second = _along(trunk, figure.at(end), x[end] - x[middle])
+            frames[upper] = _frame(first, parts[begin])
+            parts[middle] = parts[begin] + first @ figure.at(middle)
+            frames[lower] = _frame(second, parts[middle])
+            reach = parts[middle] + second @ figure.at(end) - parts[begin]
+            most = _STRAIGHT * sum(np.linalg.norm(figure.at(part)) for part in (middle, end))
+            size = np.linalg.norm(reach, axis=1, keepdims=True)
+            parts[end] = parts[begin] + reach * np.minimum(1.0, most / np.maximum(size, 1e-9))
+    return Placing(parts, frames, scale)
+
+
+def _turn_to(figure: Figure, x: Mapping[str, Array]) -> Array:
+    """(3, 3) turn about z after which the clip begins as the puppet looks."""
+    first = axes_of(*(x[part][:1] for part in
+                      ("shoulder_left", "shoulder_right", "hip_left", "hip_right")))[0]  # fmt: skip
+    left = first[:, 1]
+    angle = np.arctan2(figure.forward[1], figure.forward[0]) - np.arctan2(-left[0], left[1])
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _hips(figure: Figure, x: Mapping[str, Array], scale: float, travel: float) -> Array:
+    """(T, 3) between the hips."""
+    hips = 0.5 * (x["hip_left"] + x["hip_right"])
+    feet = np.minimum(x["foot_left"][:, 2], x["foot_right"][:, 2])
+    floor = float(np.percentile(feet, _ON_FLOOR))
+    ground = min(figure.places[f"foot_{side}"][2] for side in SIDES)
+    out = figure.places["trunk"] + scale * travel * (hips - hips[0])
+    out[:, 2] = ground + scale * (hips[:, 2] - floor)
+    return np.asarray(out)
+
+
+def _facing(axes: Array, head: Array) -> Array:
+    """(T, 3, 3) columns forward, left, up of the head, which over the clip is held as the trunk.
+
+    Skeletons differ in how the frame of a head lies; the mean over the clip is taken as upright.
+    """
+    mean = np.mean(axes.swapaxes(1, 2) @ head, axis=0)
+    u, _, v = np.linalg.svd(mean)
+    neutral = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
+    return np.asarray(head @ neutral.T)
+
+
+def _along(trunk: Array, own: Array, to: Array) -> Array:
+    """(T, 3, 3) the trunk's orientations, turned the shortest way until `own` points along `to`."""
+    a, b = unit(trunk @ own), unit(to)
+    cross, cosine = np.cross(a, b), np.sum(a * b, axis=1)
+    skew = np.zeros((len(a), 3, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        skew[:, i, j], skew[:, j, i] = -cross[:, k], cross[:, k]
+    by = np.maximum(1.0 + cosine, 1e-6)[:, None, None]
+    return np.asarray((np.eye(3) + skew + skew @ skew / by) @ trunk)
+
+
+def _frame(turn: Array, origin: Array) -> Array:
+    return np.concatenate([turn, origin[:, :, None]], axis=2)
+
+
+def _length(x: Mapping[str, Array], a: str, b: str) -> Array:
+    return np.asarray(np.linalg.norm(x[f"{a}_left"] - x[f"{b}_left"], axis=1))

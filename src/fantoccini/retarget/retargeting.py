@@ -1,0 +1,177 @@
+"""Retargeting: the hanging poses of a puppet that are nearest to captured motion.
+
+    min  sum_i w_i |x_i(q_D, q_K) - x_i,clip|^2 + w_K |q_K - q_K,above|^2,   the puppet hangs by q_K
+
+q_K,above takes each string straight up from where it is tied.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from fantoccini.arrays import Array, Times
+from fantoccini.capture import Capture, load_bvh
+from fantoccini.marionette import Marionette, link_index
+from fantoccini.motion import State
+from fantoccini.optimal import Reach, reach
+from fantoccini.optimal.reaching import What
+from fantoccini.retarget.figure import Figure, figure_of
+from fantoccini.retarget.mapping import MappingFile, find_mapping, joints_of, load_mapping
+from fantoccini.retarget.placing import Placing, place
+
+WEIGHTS = {
+    "head": 1.0, "hand_left": 1.0, "hand_right": 1.0, "shoulder_left": 1.0, "shoulder_right": 1.0,
+    "trunk": 0.3, "knee_left": 0.3, "knee_right": 0.3, "foot_left": 0.3, "foot_right": 0.3,
+}  # fmt: skip
+"""w_i of the parts that are followed."""
+_ABOVE = 0.03
+"""w_K, of strings that run straight up."""
+_NEAR = 3e-4
+"""Distance from the nearest pose at which a search ends [m]."""
+_ITERATIONS = 10
+"""Of the search for one pose; the next one goes on from there."""
+_FIRST = 100
+"""Of the search for the first one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Retargeted:
+    """A clip, and the hanging poses of a puppet that are nearest to it.
+
+    Attributes:
+        marionette: the puppet.
+        figure: it as a person.
+        clip: in metres, with z up.
+        t: (T,) times of the frames, from 0 [s].
+        places: where the parts of the puppet are to be.
+        reach: the poses.
+    """
+
+    marionette: Marionette
+    figure: Figure
+    clip: Capture
+    t: Times
+    places: Placing
+    reach: Reach
+
+    def __repr__(self) -> str:
+        worst = max(float(np.sqrt(np.mean(e**2))) for e in self.errors.values())
+        return (
+            f"<Retargeted {self.clip.name!r}: {len(self.t)} poses of {self.marionette.name!r}, "
+            f"{1e3 * worst:.3g} mm from the clip at most (root mean square)>"
+        )
+
+    @cached_property
+    def hung(self) -> dict[str, Array]:
+        """Part -> (T, 3) where it is when the puppet hangs."""
+        poses = self.marionette.poses(self.reach.q_D, self.reach.q_K)
+        return places_in(self.figure, poses)
+
+    @cached_property
+    def errors(self) -> dict[str, Array]:
+        """Part -> (T,) distance of the hanging pose from the clip: what no hands can better [m]."""
+        return {
+            part: np.linalg.norm(self.hung[part] - self.places.parts[part], axis=1)
+            for part in WEIGHTS
+        }
+
+    @property
+    def start(self) -> State:
+        """The first pose, at rest."""
+        return self.marionette.rest(self.reach[0].state)
+
+
+def retarget(
+    marionette: Marionette,
+    clip: Capture | str | os.PathLike[str],
+    mapping: MappingFile | str | os.PathLike[str] | None = None,
+    start: State | None = None,
+    travel: float = 1.0,
+) -> Retargeted:
+    """The hanging poses of a puppet that are nearest to captured motion, one a frame.
+
+    Args:
+        marionette: the puppet, without contact.
+        clip: the motion; a BVH file, or what :func:`load_bvh` read.
+        mapping: says which joint is which part of a person: a file, or the name of a bundled one;
+            found by the joints' names when not given.
+        start: where the puppet hangs, from which the first pose is looked for.
+        travel: share of the way along the floor that is kept; 0 stays on the spot.
+
+    Raises:
+        FileError: files with mistakes, or joints that are not found.
+        UnknownNameError, StateError: the puppet has not the bodies of a person.
+    """
+    if not isinstance(clip, Capture):
+        clip = load_bvh(clip)
+    clip = clip.without_calibration().upright()
+    name = clip.name or "clip"
+    if mapping is None:
+        mapping = find_mapping(clip.skeleton, name)
+    elif not isinstance(mapping, MappingFile):
+        mapping = load_mapping(mapping)
+    joints = joints_of(mapping, clip.skeleton, name)
+    start = marionette.rest() if start is None else start
+    figure = figure_of(marionette, start, mapping.puppet)
+    placing = place(figure, clip, joints, travel)
+    targets: dict[What, Any] = {
+        figure.points[part]: placing.parts[part] for part in WEIGHTS
+    }
+    weights: dict[What, float] = {figure.points[part]: w for part, w in WEIGHTS.items()}
+    for coordinate, values in _above(figure, placing, start).items():
+        targets[coordinate] = values
+        weights[coordinate] = _ABOVE
+    first = {what: values[:1] for what, values in targets.items()}
+    options: dict[str, Any] = {"slack": True, "tolerance": _NEAR, "weights": weights, "once": True}
+    begun = reach(marionette, first, start, iterations=_FIRST, **options)
+    found = reach(
+        marionette, targets, marionette.rest(begun[0].state), iterations=_ITERATIONS, **options
+    )
+    return Retargeted(marionette, figure, clip, clip.t - clip.t[0], placing, found)
+
+
+def places_in(figure: Figure, poses: Array) -> dict[str, Array]:
+    """Part -> (T, 3) places in poses (T, n_links, 3, 4)."""
+    found = {}
+    for part, (body, at) in figure.points.items():
+        frame = poses[:, link_index(figure.marionette.model, body)]
+        found[part] = frame[:, :, :3] @ np.array(at) + frame[:, :, 3]
+    return found
+
+
+def _above(figure: Figure, placing: Placing, start: State) -> Mapping[str, Array]:
+    """Driven scalar -> (T,) values with which strings run straight up; where others are."""
+    marionette = figure.marionette
+    tree, table, model = marionette.tree, marionette.coordinates, marionette.model
+    parts = {link_index(model, body): part for part, body in figure.bodies.items()}
+    poses = marionette.poses(start.q_D[None], start.q_K[None])[0]
+    n = len(placing.parts["trunk"])
+    found = {table.q_K[q]: np.full(n, start.q_K[q]) for q, _ in table.scalars_K}
+    for string in tree.strings:
+        ends = sorted(string.points, key=lambda point: point.link not in parts)
+        low, high = ends[0], ends[-1]
+        if low.link not in parts or high.link < 0 or len(ends) != 2:
+            continue
+        frame = placing.frames[parts[low.link]]
+        tie = frame[:, :, :3] @ _numbers(model, low.at) + frame[:, :, 3]
+        link, now = tree.links[high.link], poses[high.link]
+        top = now[:, :3] @ _numbers(model, high.at) + now[:, 3]
+        names = table.q_K[link.q]
+        if link.kind == "translation" and set(names) <= set(found):
+            axes = now[:, :3] @ link.axes
+            for name, along in zip(names, ((tie - top) @ axes).T, strict=True):
+                found[name] = found[name] + along
+        if string.driven_length:
+            name = table.q_K[string.driven_length[0]]
+            found[name] = np.maximum(top[2] - tie[:, 2], 0.01)
+    return found
+
+
+def _numbers(model: Any, at: Any) -> Array:
+    return np.array([model.number(x) for x in at], dtype=float)
