@@ -5,6 +5,8 @@ from fantoccini.gestures.compiling import load_score
 from fantoccini.gestures.conducting import Conductor
 from fantoccini.gestures.gesture import Gesture
 from fantoccini.gestures.gesture_file import gesture_names, gesture_schema, load_gesture
+from fantoccini.gestures.lateness import Late, lateness
+from fantoccini.gestures.rehearsing import Rehearsal, rehearse
 from fantoccini.gestures.score import Caption, Played, Score, Sound, Wait, is_score
 from fantoccini.gestures.score_file import score_schema
 
@@ -12,15 +14,19 @@ __all__ = [
     "Caption",
     "Conductor",
     "Gesture",
+    "Late",
     "Played",
+    "Rehearsal",
     "Score",
     "Sound",
     "Wait",
     "gesture_names",
     "gesture_schema",
     "is_score",
+    "lateness",
     "load_gesture",
     "load_score",
     "on_beat",
+    "rehearse",
     "score_schema",
 ]
