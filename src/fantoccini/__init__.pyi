@@ -23,12 +23,14 @@ from .errors import (
     UnknownNameError as UnknownNameError,
 )
 from .gestures import (
+    Conductor as Conductor,
     Gesture as Gesture,
     Score as Score,
     gesture_names as gesture_names,
     load_gesture as load_gesture,
     load_score as load_score,
     on_beat as on_beat,
+    rehearse as rehearse,
 )
 from .marionette import (
     Event as Event,

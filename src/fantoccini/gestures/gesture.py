@@ -112,6 +112,10 @@ class Gesture:
         both = [piecewise.at(self.breaks, self.coef, t) for t in (0.0, self.duration)]
         return np.array([d for d, _ in both]), np.array([rate for _, rate in both])
 
+    def offsets(self, t: float) -> tuple[VecK, VecK]:
+        """(n_vK,) offsets and (n_vK,) rates at a time [s]; outside of it those at its ends."""
+        return piecewise.at(self.breaks, self.coef, float(np.clip(t, 0.0, self.duration)))
+
     @property
     def peaks(self) -> Array:
         """(2, n_vK) its largest speeds, bounded to some 1e-3, and accelerations."""
@@ -320,7 +324,7 @@ class Gesture:
         for one in (self, *others):
             begun = line.add(one.motion)
             for name, t in one.marks.items():
-                marks[_numbered(name, marks)] = begun + t
+                marks[numbered(name, marks)] = begun + t
         names = dict.fromkeys(one.name for one in (self, *others) if one.name)
         return Gesture(self.coordinates, *line.motion, ", ".join(names), marks)
 
@@ -342,7 +346,7 @@ class Gesture:
                 raise StateError(f"both turn {label}; turns do not add up")
         marks = dict(self.marks)
         for name, t in other.marks.items():
-            marks[_numbered(name, marks)] = t
+            marks[numbered(name, marks)] = t
         breaks, coef = piecewise.added((self.breaks, self.coef), (other.breaks, other.coef))
         return Gesture(
             self.coordinates, breaks, coef, self.named | other.named, self.travel + other.travel,
@@ -378,7 +382,7 @@ class Gesture:
         return Input(table, x0.t + whole.breaks, coef, base, whole.named, name=self.name).checked()
 
 
-def _numbered(name: str, taken: Mapping[str, float]) -> str:
+def numbered(name: str, taken: Mapping[str, float]) -> str:
     """The name, or with the first number that is free."""
     made, k = name, 2
     while made in taken:
