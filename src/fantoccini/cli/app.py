@@ -12,6 +12,7 @@ import typer
 from fantoccini.cli.guard import GuardedGroup
 from fantoccini.cli.options import File, Inputs, Quiet, SchemaOf
 from fantoccini.cli.requests import (
+    FollowRequest,
     OptimiseRequest,
     PlanRequest,
     ShowRequest,
@@ -182,6 +183,18 @@ def optimise(request: OptimiseRequest) -> None:
     from fantoccini.cli.optimise import optimise_file
 
     optimise_file(request)
+
+
+@app.command("follow")
+@takes(FollowRequest)
+def follow(request: FollowRequest) -> None:
+    """Make a puppet follow captured motion.
+
+    Reports what the strings cannot reach, and what the puppet's swing adds to it.
+    """
+    from fantoccini.cli.follow import follow_file
+
+    follow_file(request)
 
 
 @app.command("show")

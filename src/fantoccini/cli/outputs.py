@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
+from fantoccini.arrays import Array, Times
 from fantoccini.cli.files import FILMS, NUMBERS, PICTURES, check_output, fail, writing
 from fantoccini.cli.look import Look
 from fantoccini.cli.terminal import Steps
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Trajectory
+
+Guides: TypeAlias = Callable[[Times], Sequence[Array]]
+"""Gives lines (T, n, 3) that a motion is compared with at times (T,) [m]."""
 
 
 def check_outputs(out: Sequence[Path], plot: Path | None) -> None:
@@ -47,6 +51,7 @@ def write_outputs(
     poses: str | Sequence[float] = "poses",
     look: Look | None = None,
     films: Mapping[str, Any] | None = None,
+    guides: Guides | None = None,
 ) -> None:
     """Writes every file.
 
@@ -59,13 +64,14 @@ def write_outputs(
         poses: times of a strip's poses; see :func:`fantoccini.view.strip`.
         look: of pictures and films.
         films: captions and sounds, as :func:`fantoccini.view.film` takes them.
+        guides: lines in strips and films, likewise.
     """
     look = look or Look()
     if look.forces and run.contact is None:
         fail(f"{marionette.name} has no contact, so that there are no forces to draw", "--forces")
     for path in out:
         with writing(path):
-            _write(marionette, run, path, steps, poses, look, films or {})
+            _write(marionette, run, path, steps, poses, look, films or {}, guides)
     if plot is not None:
         from fantoccini import view
 
@@ -81,6 +87,7 @@ def _write(
     poses: str | Sequence[float],
     look: Look,
     films: Mapping[str, Any],
+    guides: Guides | None,
 ) -> None:
     ending = path.suffix.lower()
     if ending == ".npz":
@@ -92,12 +99,12 @@ def _write(
 
         steps.step(f"drawing {path}")
         options = look.given("view", "focus", "theme", "size", "forces")
-        view.strip(marionette, run, path, times=poses, **options)
+        view.strip(marionette, run, path, times=poses, guides=guides, **options)
     else:
         from fantoccini import view
 
         done = steps.bar(f"rendering {path}", 1.0)
         view.film(
             marionette, run, path, progress=lambda frame, frames: done(frame / frames),
-            **look.given("view", "focus", "theme", "size", "fps", "forces"), **films,
+            **look.given("view", "focus", "theme", "size", "fps", "forces"), guides=guides, **films,
         )  # fmt: skip

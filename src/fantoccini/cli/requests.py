@@ -25,6 +25,9 @@ from fantoccini.cli.options import (
     positive,
 )
 
+SPEED, ACCELERATION = 2.0, 30.0
+"""Bounds of hands that follow captured motion, those of retarget [m/s, m/s^2]."""
+
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
@@ -244,6 +247,46 @@ class OptimiseRequest(PictureOptions):
             metavar="PATH", help="Draw paths, poses, errors and inputs: .png, .svg or .pdf."
         ),
     ] = None
+    save: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PATH", help="Save the inputs as a recording (.npz), which simulate takes."
+        ),
+    ] = None
+    show: Annotated[
+        bool, typer.Option("--show", help="Open the motion in the browser, until Ctrl-C.")
+    ] = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class FollowRequest(PictureOptions):
+    """Arguments of ``fantoccini follow``."""
+
+    clip: Annotated[Path, typer.Argument(metavar="CLIP", help="Captured motion (.bvh).")]
+    file: File
+    mapping: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE",
+            help="Mapping file, or name of a bundled one; found by the joints' names otherwise.",
+        ),
+    ] = None
+    travel: Annotated[
+        float, typer.Option(metavar="F", min=0.0, help="Share of the way along the floor; 0 stays.")
+    ] = 1.0
+    speed: Annotated[
+        float,
+        typer.Option(metavar="V", callback=positive, help="Largest speed of the hands [m/s]."),
+    ] = SPEED
+    acceleration: Annotated[
+        float,
+        typer.Option(metavar="A", callback=positive, help="Largest acceleration [m/s^2]."),
+    ] = ACCELERATION
+    out: Out = None
+    guides: Annotated[
+        bool,
+        typer.Option("--guides/--no-guides", help="Draw the clip in strips and films."),
+    ] = True
     save: Annotated[
         Path | None,
         typer.Option(

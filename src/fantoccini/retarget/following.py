@@ -25,7 +25,7 @@ from fantoccini.errors import ARRIVED, Outcome
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State, Trajectory
 from fantoccini.optimal import MPC, Bounds, Smooth, Task, Track
-from fantoccini.retarget.mapping import MappingFile
+from fantoccini.retarget.mapping import SIDES, MappingFile
 from fantoccini.retarget.retargeting import WEIGHTS, Retargeted, places_in, retarget
 from fantoccini.simulation import simulate
 
@@ -49,6 +49,14 @@ GROUPS = {
     "trunk": ("trunk", "shoulder_left", "shoulder_right"),
 }  # fmt: skip
 """Parts whose errors are reported together."""
+
+
+_LINES = (
+    ("trunk", "neck", "head"),
+    *(("neck", f"shoulder_{side}", f"elbow_{side}", f"hand_{side}") for side in SIDES),
+    *(("trunk", f"hip_{side}", f"knee_{side}", f"foot_{side}") for side in SIDES),
+)
+"""Parts of a person that are joined in drawings."""
 
 
 class FollowStatus(Outcome):
@@ -114,6 +122,18 @@ class Followed:
         t = start.t + self.interval * np.arange(len(self.acc_K) + 1, dtype=float)
         made = Input.segments(self.retargeted.marionette, t, start.q_K, start.v_K, self.acc_K)
         return made.called(self.retargeted.clip.name)
+
+    def guides(self, times: Times) -> list[Array]:
+        """(len(times), n, 3) lines through the parts of the clip at times of the run [m].
+
+        Trunk and head, both arms, both legs; for ``view.film(..., guides=followed.guides)``.
+        """
+        parts, found = self.retargeted.places.parts, []
+        for line in _LINES:
+            path = np.stack([parts[part] for part in line], axis=1).reshape(len(self.t), -1)
+            at = np.stack([np.interp(times, self.t, column) for column in path.T], axis=1)
+            found.append(at.reshape(len(times), len(line), 3))
+        return found
 
     @cached_property
     def places(self) -> dict[str, Array]:

@@ -71,7 +71,17 @@ def compose(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
             out.append(_stroke(line, line.points[item.start : item.stop + 1], layout))
         else:
             out += painted[item]
-    return out + arrows(geometry, k, layout)
+    return out + arrows(geometry, k, layout) + guides(geometry, k, layout)
+
+
+def guides(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
+    """The lines that the motion is compared with at time ``t[k]``, in front of everything."""
+    colour, out = layout.theme.force, []
+    for line in geometry.guides:
+        points = line[k]
+        if np.isfinite(points).all() and np.all(layout.camera.see(points)[:, 2] > MIN_DEPTH):
+            out.append(_stroke(Line(points, 2.6 * layout.pen, colour), points, layout))
+    return out
 
 
 def arrows(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+from fantoccini.arrays import Array, Times
 from fantoccini.errors import FantocciniError
 from fantoccini.files import replacing
 from fantoccini.media import MediaError, ffmpeg
@@ -66,6 +67,7 @@ def film(
     forces: bool = False,
     captions: Sequence[Caption] = (),
     sounds: Sequence[Sound] = (),
+    guides: Callable[[Times], Sequence[Array]] | None = None,
 ) -> Path:
     """Writes a film of a run.
 
@@ -90,6 +92,8 @@ def film(
         captions: to be read below the picture, on the run's clock; ``score.captions``.
         sounds: to be heard, on the run's clock; ``score.sounds``. In slow and fast films they keep
             their pitch. A ``.gif`` is silent.
+        guides: gives at times (T,) polylines (T, n, 3) that the motion is compared with, drawn in
+            front of it [m]: ``followed.guides``. By matplotlib.
 
     Returns:
         The path of the film.
@@ -108,8 +112,8 @@ def film(
     if not path.parent.is_dir():
         raise FilmError(f"there is no folder {path.parent}")
     width, height = (int(n) + int(n) % 2 for n in size)
-    if checked_renderer(renderer) == "pyvista" and forces:
-        raise ValueError("pyvista draws no forces; take renderer='matplotlib'")
+    if checked_renderer(renderer) == "pyvista" and (forces or guides):
+        raise ValueError("pyvista draws no forces and no guides; take renderer='matplotlib'")
 
     start, stop = float(run.t[0]), float(run.t[-1])
     n = max(1, round((stop - start) / speed * fps))
@@ -117,6 +121,8 @@ def film(
     ending = path.suffix.lower()
     sound = soundtrack(sounds if ending == ".mp4" else (), start, n / fps, speed)
     geometry = geometry_of(marionette, run.resample(times), forces)
+    if guides is not None:
+        geometry = replace(geometry, guides=tuple(guides(times)))
     look = Look.of(view, focus, theme, (width, height))
     frames = Frames(geometry, look, renderer, follow, captions)
     try:

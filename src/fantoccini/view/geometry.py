@@ -66,6 +66,7 @@ class Geometry:
         size: largest side of the box about puppet and strings at the first time [m].
         tree: links and strings, with values in place of parameters.
         arrows: for each time (n, 2, 3) foot and head of the arrows of forces [m]; empty for none.
+        guides: (T, n, 3) polylines that the motion is compared with, drawn in front of it [m].
     """
 
     title: str
@@ -89,6 +90,7 @@ class Geometry:
     size: float
     tree: Tree
     arrows: tuple[np.ndarray, ...] = ()
+    guides: tuple[np.ndarray, ...] = ()
 
     def string_curves(self, k: int) -> list[StringCurve]:
         """The strings and chains at time ``t[k]``."""

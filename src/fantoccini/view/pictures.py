@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fantoccini.arrays import Array, Times
 from fantoccini.errors import PictureError
 from fantoccini.files import replacing
 from fantoccini.view.camera import Viewport
@@ -40,6 +42,7 @@ def strip(
     size: tuple[int, int] | None = None,
     scale: float = 2.0,
     forces: bool = False,
+    guides: Callable[[Times], Sequence[Array]] | None = None,
 ) -> Path:
     """Writes a strip of poses of a run, side by side, from left to right in time.
 
@@ -56,6 +59,7 @@ def strip(
         size: width and height [px]; by default what the motion needs.
         scale: pixels of the file for a pixel of ``size``.
         forces: draw the forces of contacts as arrows in proportion; those of impacts are cut.
+        guides: lines that the motion is compared with, as :func:`film` takes them.
 
     Returns:
         The path of the picture.
@@ -65,16 +69,18 @@ def strip(
     """
     path = checked(path)
     look = Look.of(view, focus, theme, size)
-    return save(strip_figure(marionette, run, n, times, look, forces), path, scale)
+    return save(strip_figure(marionette, run, n, times, look, forces, guides), path, scale)
 
 
 def strip_figure(
     marionette: Drawable, run: Trajectory, n: int, times: str | Sequence[float], look: Look,
-    forces: bool = False,
+    forces: bool = False, guides: Callable[[Times], Sequence[Array]] | None = None,
 ) -> Figure:  # fmt: skip
     """The strip as a matplotlib figure; arguments as for :func:`strip`."""
     chosen = pose_times(marionette, run, n, times)
     geometry = geometry_of(marionette, run.resample(chosen), forces)
+    if guides is not None:
+        geometry = replace(geometry, guides=tuple(guides(chosen)))
     whole = geometry_of(marionette, run.resample(np.linspace(run.t[0], run.t[-1], 400)))
     n = len(chosen)
     if look.size is None:

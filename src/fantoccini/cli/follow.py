@@ -1,0 +1,82 @@
+"""``fantoccini follow``: a puppet that follows captured motion."""
+
+from __future__ import annotations
+
+import typer
+
+from fantoccini.capture import load_bvh
+from fantoccini.cli.files import check_output, marionette, writing
+from fantoccini.cli.guard import FAILED
+from fantoccini.cli.outputs import check_outputs, write_outputs
+from fantoccini.cli.requests import FollowRequest
+from fantoccini.cli.show import show_run
+from fantoccini.cli.terminal import Steps, say, table
+from fantoccini.perform import Recording
+from fantoccini.retarget import Followed, follow_clip, retarget
+
+_STEP = 0.004
+"""Time step of the recording that is saved [s]."""
+
+
+def follow_file(request: FollowRequest) -> None:
+    """Follows a clip, prints a report and writes the outputs.
+
+    Exit code 1 where the run does not reach the clip's end.
+    """
+    out = request.out or []
+    check_outputs(out, None)
+    request.look.check(out, None)
+    if request.save is not None:
+        check_output(request.save, (".npz",), "--save")
+    with Steps(request.quiet) as steps:
+        steps.step(f"reading {request.clip}")
+        clip = load_bvh(request.clip)
+        puppet = marionette(request.file, steps.step)
+        steps.step("looking for hanging poses")
+        found = retarget(puppet, clip, request.mapping, travel=request.travel)
+        followed = follow_clip(
+            puppet, found, speed=request.speed, acceleration=request.acceleration,
+            progress=steps.bar("following", 1.0),
+        )  # fmt: skip
+        if request.save is not None:
+            steps.step(f"writing {request.save}")
+            with writing(request.save):
+                _recording(followed).save(request.save)
+        guides = followed.guides if request.guides else None
+        write_outputs(puppet, followed.run, out, None, steps, look=request.look, guides=guides)
+    if not request.quiet:
+        _report(followed)
+    if request.show:
+        show_run(puppet, followed.run, request.quiet)
+    if not followed:
+        say(f"fantoccini: {followed.status.message}: {followed.run.status}")
+        raise typer.Exit(FAILED)
+
+
+def _recording(followed: Followed) -> Recording:
+    return Recording(
+        followed.retargeted.marionette, followed.run.state(0), followed.acc_K, followed.interval,
+        round(followed.interval / _STEP),
+    )  # fmt: skip
+
+
+def _report(followed: Followed) -> None:
+    found = followed.retargeted
+    speed, acceleration = abs(followed.run.v_K).max(), abs(followed.acc_K).max()
+    table("Clip", ("", ">"), [
+        ("duration [s]", f"{found.clip.duration:.4g}"),
+        ("frames", len(found.t)),
+        ("size of the puppet, of the person's", f"{found.places.scale:.3g}"),
+        ("fastest hand [m/s]", f"{speed:.3g}"),
+        ("largest acceleration [m/s^2]", f"{acceleration:.3g}"),
+        ("time [s]", f"{followed.seconds:.3g}"),
+    ])  # fmt: skip
+    table(
+        "Distance from the clip, root mean squares [mm]",
+        ("", "hanging>", "in motion>", "largest>", "more, of the height>"),
+        [
+            (one.name, f"{1e3 * one.reach:.1f}", f"{1e3 * one.run:.1f}",
+             f"{1e3 * one.largest:.1f}", f"{100 * one.above:.1f} %")
+            for one in followed.report
+        ],
+    )  # fmt: skip
