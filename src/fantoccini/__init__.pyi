@@ -4,6 +4,7 @@ from . import puppets as puppets
 from .capture import (
     Capture as Capture,
     Skeleton as Skeleton,
+    clip_names as clip_names,
     load_bvh as load_bvh,
 )
 from .errors import (
@@ -110,6 +111,12 @@ from .puppet import (
 from .reduction import (
     ReductionReport as ReductionReport,
     validate_reduction as validate_reduction,
+)
+from .retarget import (
+    Followed as Followed,
+    Retargeted as Retargeted,
+    follow_clip as follow_clip,
+    retarget as retarget,
 )
 from .scene import (
     Member as Member,

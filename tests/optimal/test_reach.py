@@ -103,6 +103,40 @@ def test_two_strings_lower_a_bob_to_where_their_circles_meet():
     np.testing.assert_allclose(found.q_K[0], lengths, atol=1e-6)
 
 
+def test_places_that_contradict_are_weighed():
+    """The least squares of two places of one bob: their weighted mean."""
+    plumb = fan.loads(PLUMB)
+    first, second = np.array([0.3, 0.0, 0.8]), np.array([-0.1, 0.2, 1.2])
+    above = ("bob", (0.0, 0.0, 0.1))
+    targets = {"bob": first, above: second + np.array([0.0, 0.0, 0.1])}
+    found = fan.reach(plumb, targets, weights={above: 3.0})[0]
+    np.testing.assert_allclose(found.state.q_D, (first + 3.0 * second) / 4.0, atol=1e-5)
+    apart = np.linalg.norm(first - second)
+    assert not found
+    assert found.distances == pytest.approx(
+        {"bob": 0.75 * apart, "bob at (0, 0, 0.1)": 0.25 * apart}, abs=1e-5
+    )
+    with pytest.raises(fan.UnknownNameError, match="no target is called 'bib'"):
+        fan.reach(plumb, targets, weights={"bib": 1.0})
+    with pytest.raises(ValueError, match="weight is 0"):
+        fan.reach(plumb, targets, weights={"bob": 0.0})
+
+
+def test_a_path_is_followed_pose_by_pose(marionette):
+    """Each pose from the last one only: the same poses as where each is looked for again."""
+    x = marionette.rest()
+    places = hand_of(marionette, x) + np.linspace(0, 1, 30)[:, None] * [0.03, -0.04, 0.08]
+    once = fan.reach(marionette, {HAND: places}, x, once=True)
+    assert once and once.distance.max() < 1e-6
+    for pose in (once[7], once[29]):
+        assert np.abs(marionette.forward_dynamics(pose.state).acc_D).max() < 1e-6
+    rod = fan.loads(ROD)
+    far = np.linspace([0.6, 0.0, -0.8], [1.2, 0.0, -1.6], 20)
+    lost = fan.reach(rod, {("rod", (0, 0, -1.0)): far}, once=True)
+    np.testing.assert_allclose(lost.distance, np.linspace(0.0, 1.0, 20), atol=1e-5)
+    assert lost[0] and not lost[19]
+
+
 @pytest.mark.parametrize("slack", [False, True])
 def test_beside_its_ends_a_bob_hangs_from_one_string(slack):
     """Beyond x = 1 the left string would push: both pull between the ends only."""

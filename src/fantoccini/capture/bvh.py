@@ -20,6 +20,7 @@ from fantoccini.capture.skeleton import Capture, Skeleton
 from fantoccini.errors import FileError, Mistake
 from fantoccini.puppet.located import shown
 
+_CLIPS = Path(__file__).parent / "clips"
 _AXES = {"x": 0, "y": 1, "z": 2}
 _CHANNELS = {f"{axis}{kind}": (kind, k) for axis, k in _AXES.items()
              for kind in ("position", "rotation")}  # fmt: skip
@@ -47,12 +48,14 @@ def load_bvh(path: str | os.PathLike[str]) -> Capture:
     order. Angles are in degrees, as the format says.
 
     Args:
-        path: of the file.
+        path: of the file, or the name of a bundled clip (``jumps``).
 
     Raises:
         FileError: with the line of the first mistake.
     """
     path = Path(path)
+    if os.fspath(path) in clip_names() and not path.exists():
+        path = _CLIPS / f"{path}.bvh"
     try:
         if path.stat().st_size > _MAX_BYTES:
             _fail(path, None, f"has more than {_MAX_BYTES / 1e6:.0f} MB")
@@ -64,6 +67,11 @@ def load_bvh(path: str | os.PathLike[str]) -> Capture:
     frames, interval = _motion_header(words)
     values = words.numbers(frames, n_channels)
     return _placed(path, joints, values, interval)
+
+
+def clip_names() -> tuple[str, ...]:
+    """Names of the bundled clips, of the CMU data base; ``capture/clips/NOTICE`` says more."""
+    return tuple(sorted(p.stem for p in _CLIPS.glob("*.bvh")))
 
 
 class _Words:

@@ -96,6 +96,7 @@ def schema(
     from fantoccini.optimal import task_schema
     from fantoccini.planning import problem_schema
     from fantoccini.puppet import json_schema
+    from fantoccini.retarget import mapping_schema
     from fantoccini.scene import json_schema as scene_schema
 
     schemas = {
@@ -106,6 +107,7 @@ def schema(
         SchemaOf.SCORE: score_schema,
         SchemaOf.PROBLEM: problem_schema,
         SchemaOf.TASK: task_schema,
+        SchemaOf.MAPPING: mapping_schema,
     }
     typer.echo(json.dumps(schemas[of](), indent=2))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -198,7 +198,7 @@ class Reach:
         )
         names = [s.name for s in marionette.tree.strings]
         moves = np.max(np.abs(self.by_K[i]), axis=1, initial=0.0) > _MOVES
-        shown = [target_name(what) for what in problem.names]
+        shown = target_names(problem.names)
         chosen = {
             name: float(found.p[i, j])
             for name, j in marionette.model.parameter_index.items()
@@ -296,6 +296,16 @@ def _of_row(problem: ReachProblem, j: int, pulls: bool, high: bool) -> str:
 def target_name(what: Any) -> str:
     """The name of a target."""
     return str(what[0]) if isinstance(what, tuple) else str(what)
+
+
+def target_names(targets: Sequence[Any]) -> list[str]:
+    """Names of targets, no two alike: several points of a body have their place with them."""
+    names = [target_name(what) for what in targets]
+    return [
+        f"{name} at ({', '.join(f'{x:g}' for x in what[1])})"
+        if names.count(name) > 1 and isinstance(what, tuple) else name
+        for name, what in zip(names, targets, strict=True)
+    ]  # fmt: skip
 
 
 def length(metres: float) -> str:

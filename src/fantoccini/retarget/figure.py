@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import StateError, UnknownNameError
+from fantoccini.errors import StateError
 from fantoccini.marionette import Marionette, link_index
 from fantoccini.motion import State
 from fantoccini.retarget.mapping import BODIES, SIDES, BodyFile
+from fantoccini.tree import Role
 
 _USUAL = {
     "trunk": BodyFile(body="torso"),
@@ -84,14 +85,16 @@ def figure_of(
         bodies: part -> body, where they are not called as those of the bundled marionette.
 
     Raises:
-        UnknownNameError: a body that the puppet does not have.
-        StateError: limbs that are not joined as a person's, or no end of a limb.
+        StateError: a body that the puppet does not have, limbs that are not joined as a person's,
+            or no end of a limb.
     """
     given = {**_USUAL, **(bodies or {})}
-    names = [link.name for link in marionette.tree.links]
-    for part in BODIES:
-        if given[part].body not in names:
-            raise UnknownNameError(f"body ({part} of a person)", given[part].body, names)
+    names = [link.name for link in marionette.tree.links if link.role is Role.DYNAMIC]
+    if missing := [part for part in BODIES if given[part].body not in names]:
+        raise StateError(
+            f"{marionette.name} has no body {given[missing[0]].body!r}, the {missing[0]} of a "
+            f"person; name it under `puppet` in a mapping file: the bodies are {', '.join(names)}"
+        )
     links = {part: link_index(marionette.model, given[part].body) for part in BODIES}
     pose = marionette.poses(start.q_D[None], start.q_K[None])[0]
 

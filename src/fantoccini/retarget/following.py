@@ -187,7 +187,7 @@ def follow_clip(
 
     Raises:
         FileError: files with mistakes, or joints that are not found.
-        UnknownNameError, StateError: the puppet has not the bodies of a person.
+        StateError: the puppet has not the bodies of a person, or has contact.
     """
     began = time.perf_counter()
     if not isinstance(clip, Retargeted):

@@ -23,6 +23,8 @@ from fantoccini.retarget.mapping import SIDES
 
 _STRAIGHT = 0.97
 """A limb is stretched to this share of its length: straight ones only hang in one way."""
+_OPPOSITE = 1e-9
+"""Sine of the angle below which directions are parallel, or opposite."""
 _ON_FLOOR = 2.0
 """Per cent of the frames in which the lower foot is lower than the floor."""
 
@@ -123,12 +125,16 @@ def _facing(axes: Array, head: Array) -> Array:
 def _along(trunk: Array, own: Array, to: Array) -> Array:
     """(T, 3, 3) the trunk's orientations, turned the shortest way until `own` points along `to`."""
     a, b = unit(trunk @ own), unit(to)
-    cross, cosine = np.cross(a, b), np.sum(a * b, axis=1)
+    cross, cosine = np.cross(a, b), np.sum(a * b, axis=1)[:, None, None]
+    sine = np.linalg.norm(cross, axis=1)[:, None, None]
+    # Opposite directions: about an axis at right angles to both.
+    across = np.cross(a, np.eye(3)[np.argmin(np.abs(a), axis=1)])
+    axis = unit(np.where(sine[:, 0] > _OPPOSITE, cross, across))
     skew = np.zeros((len(a), 3, 3))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        skew[:, i, j], skew[:, j, i] = -cross[:, k], cross[:, k]
-    by = np.maximum(1.0 + cosine, 1e-6)[:, None, None]
-    return np.asarray((np.eye(3) + skew + skew @ skew / by) @ trunk)
+        skew[:, i, j], skew[:, j, i] = -axis[:, k], axis[:, k]
+    turn = np.eye(3) + sine * skew + (1.0 - cosine) * skew @ skew
+    return np.asarray(turn @ trunk)
 
 
 def _frame(turn: Array, origin: Array) -> Array:

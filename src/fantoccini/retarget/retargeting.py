@@ -106,7 +106,7 @@ def retarget(
 
     Raises:
         FileError: files with mistakes, or joints that are not found.
-        UnknownNameError, StateError: the puppet has not the bodies of a person.
+        StateError: the puppet has not the bodies of a person, or has contact.
     """
     if not isinstance(clip, Capture):
         clip = load_bvh(clip)

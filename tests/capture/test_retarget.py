@@ -1,0 +1,240 @@
+"""Captured motion on the marionette: mappings, closed forms of places, hanging poses, runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benchmarks.capture.clips import write
+from scipy.spatial.transform import Rotation
+from tests.cli.command import fantoccini
+
+import fantoccini as fan
+from fantoccini.capture import Capture, Skeleton
+from fantoccini.errors import FileError, StateError
+from fantoccini.retarget import figure_of, find_mapping, load_mapping, mapping_names
+from fantoccini.retarget.following import ACCELERATION, GROUPS, SPEED, eased
+from fantoccini.retarget.mapping import PARTS, joints_of
+from fantoccini.retarget.placing import place
+
+NAMES = ("Hips", "LeftUpLeg", "LeftLeg", "LeftFoot", "RightUpLeg", "RightLeg", "RightFoot",
+         "LeftArm", "LeftForeArm", "LeftHand", "RightArm", "RightForeArm", "RightHand",
+         "Head")  # fmt: skip
+STANDS = np.array([
+    [0, 0, 0.95], [0, 0.1, 0.95], [0, 0.1, 0.5], [0, 0.1, 0.05], [0, -0.1, 0.95], [0, -0.1, 0.5],
+    [0, -0.1, 0.05], [0, 0.2, 1.45], [0, 0.2, 1.15], [0, 0.2, 0.9], [0, -0.2, 1.45],
+    [0, -0.2, 1.15], [0, -0.2, 0.9], [0, 0, 1.6],
+])  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def marionette() -> fan.Marionette:
+    return fan.puppets.marionette()
+
+
+def clip(folder: Path, convention: str, name: str) -> Path:
+    """One of the project's own clips."""
+    (folder / convention).mkdir()
+    return next(path for path in write(folder / convention, convention) if path.stem == name)
+
+
+def captured(positions: np.ndarray, head: np.ndarray | None = None) -> Capture:
+    """A clip of joints at (T, 14, 3) places, with the head's orientations (T, 3, 3)."""
+    n = len(positions)
+    rotations = np.broadcast_to(np.eye(3), (n, len(NAMES), 3, 3)).copy()
+    if head is not None:
+        rotations[:, -1] = head
+    skeleton = Skeleton(NAMES, (-1,) * len(NAMES), np.zeros((len(NAMES), 3)))
+    return Capture(skeleton, np.arange(n) / 30.0, positions, rotations, "made")
+
+
+def placed(marionette: fan.Marionette, made: Capture, travel: float = 1.0):
+    figure = figure_of(marionette, marionette.rest())
+    joints = joints_of(find_mapping(made.skeleton), made.skeleton)
+    return figure, place(figure, made, joints, travel)
+
+
+def test_the_bundled_mappings_name_all_parts_of_the_three_conventions(tmp_path):
+    assert mapping_names() == ("motionbuilder", "poser")
+    for convention in ("cmu", "mixamo", "lafan1"):
+        path = clip(tmp_path, convention, "wave")
+        skeleton = fan.load_bvh(path).skeleton
+        joints = joints_of(find_mapping(skeleton), skeleton)
+        assert set(joints) == set(PARTS)
+        assert skeleton.names[joints["elbow_left"]].endswith("LeftForeArm")
+
+
+def test_a_mapping_file_of_twenty_lines_is_enough(tmp_path):
+    for name in mapping_names():
+        lines = load_mapping(name).model_dump()
+        assert len(lines["joints"]) + 3 <= 20
+    names = tuple(f"b{i}" for i in range(len(NAMES)))
+    skeleton = Skeleton(names, (-1,) * len(names), np.zeros((len(names), 3)))
+    with pytest.raises(FileError, match=r"in no bundled mapping.*the joints are b0, b1"):
+        find_mapping(skeleton)
+    usual = load_mapping("motionbuilder").joints
+    text = "mapping: mine\njoints:\n" + "".join(
+        f"  {part}: b{NAMES.index(joint)}\n" for part, joint in usual.items()
+    )
+    (tmp_path / "mine.yaml").write_text(text)
+    joints = joints_of(load_mapping(tmp_path / "mine.yaml"), skeleton)
+    assert joints["hand_right"] == NAMES.index("RightHand")
+
+
+@pytest.mark.parametrize(
+    ("change", "line", "message"),
+    [
+        (("  head: Head\n", ""), 2, "found no head"),
+        (("head: Head", "hed: Head"), 2, "'hed' is no part; did you mean 'head'?"),
+        (("mapping: m", "mapping: 1 2"), 1, "mapping"),
+        (("joints:", "joint:"), 2, "did you mean 'joints'"),
+        (("joints:", "puppet: {trunk: {body: t, ends: [0, 0, 0]}}\njoints:"), 2, "ends"),
+    ],
+)
+def test_mistakes_in_a_mapping_have_their_lines(tmp_path, change, line, message):
+    joints = load_mapping("motionbuilder").joints
+    text = "mapping: m\njoints:\n" + "".join(f"  {a}: {b}\n" for a, b in joints.items())
+    (tmp_path / "m.yaml").write_text(text.replace(*change))
+    with pytest.raises(FileError, match=rf"m\.yaml:{line}: .*{message}"):
+        load_mapping(tmp_path / "m.yaml")
+
+
+def test_joints_that_a_skeleton_does_not_have_are_named(tmp_path):
+    mapping = load_mapping("poser")
+    skeleton = Skeleton(NAMES, (-1,) * len(NAMES), np.zeros((len(NAMES), 3)))
+    with pytest.raises(FileError, match=r"joints\.elbow_left: the skeleton has no joint"):
+        joints_of(mapping, skeleton, "clip.bvh")
+
+
+def test_a_person_who_stands_straight_is_a_puppet_that_stands_straight(marionette):
+    """In closed form: every part below the one it hangs at, in the puppet's own lengths."""
+    figure, found = placed(marionette, captured(STANDS[None]))
+    x = {part: value[0] for part, value in found.parts.items()}
+    np.testing.assert_allclose(found.scale, figure.leg / 0.9, rtol=1e-12)
+    for side, y in (("left", 1.0), ("right", -1.0)):
+        np.testing.assert_allclose(x[f"hip_{side}"] - x["trunk"], [0, 0.033 * y, 0], atol=1e-12)
+        down = x[f"knee_{side}"] - x[f"hip_{side}"]
+        np.testing.assert_allclose(down, [0, 0, -0.125], atol=1e-12)
+        arm = x[f"elbow_{side}"] - x[f"shoulder_{side}"]
+        np.testing.assert_allclose(arm, [0, 0, -0.1], atol=1e-12)
+    np.testing.assert_allclose(x["head"] - x["neck"], [0, 0, 0.137], atol=1e-12)
+    feet = min(figure.places[f"foot_{side}"][2] for side in ("left", "right"))
+    straight = 0.03 * (0.125 + 0.126)  # limbs are stretched to 97 per cent
+    np.testing.assert_allclose(x["foot_left"][2], feet + straight, atol=1e-9)
+
+
+def test_a_clip_turned_and_moved_is_the_same_clip(marionette):
+    """The clip begins where the puppet is, and looks as it does."""
+    rng = np.random.default_rng(0)
+    moving = STANDS + 0.05 * np.cumsum(rng.normal(size=(20, 1, 3)), axis=0)
+    moving = moving + 0.02 * rng.normal(size=(20, len(NAMES), 3))
+    turn = Rotation.from_euler("z", 100, degrees=True).as_matrix()
+    head = Rotation.random(20, random_state=0).as_matrix()
+    _, one = placed(marionette, captured(moving, head))
+    shifted = moving @ turn.T + [3.0, -2.0, 0.4]
+    _, two = placed(marionette, captured(shifted, turn @ head))
+    for part, path in one.parts.items():
+        np.testing.assert_allclose(two.parts[part], path, atol=1e-9)
+    _, still = placed(marionette, captured(moving, head), travel=0.0)
+    first = one.parts["trunk"][:1, :2].repeat(20, axis=0)
+    np.testing.assert_allclose(still.parts["trunk"][:, :2], first, atol=1e-12)
+
+
+def test_lengths_are_the_puppets_and_directions_the_persons(marionette):
+    bent = np.repeat(STANDS[None], 2, axis=0)
+    bent[1, NAMES.index("LeftForeArm")] = [0.3, 0.2, 1.45]  # the upper arm points forward
+    bent[1, NAMES.index("LeftHand")] = [0.3, 0.2, 1.7]  # and the forearm up
+    _, found = placed(marionette, captured(bent))
+    x = {part: value[1] for part, value in found.parts.items()}
+    np.testing.assert_allclose(x["elbow_left"] - x["shoulder_left"], [0.1, 0, 0], atol=1e-12)
+    hand = x["hand_left"] - x["elbow_left"]
+    np.testing.assert_allclose(hand, [0, 0, 0.09], atol=1e-12)
+
+
+def test_hanging_poses_hang_and_keep_off_the_clip_no_more_than_stated(marionette, tmp_path):
+    path = clip(tmp_path, "lafan1", "wave")
+    found = fan.retarget(marionette, path)
+    assert len(found.t) == len(found.reach) == fan.load_bvh(path).positions.shape[0]
+    for i in range(0, len(found.t), 30):
+        state = found.reach[i].state
+        force = marionette.forward_dynamics(state)
+        assert np.max(np.abs(force.acc_D)) < 1e-3
+    for part, error in found.errors.items():
+        np.testing.assert_allclose(
+            error, np.linalg.norm(found.hung[part] - found.places.parts[part], axis=1)
+        )
+    hand = found.places.parts["hand_right"]
+    assert np.max(found.errors["hand_right"]) < 0.2 * np.ptp(hand, axis=0).max()
+
+
+def test_a_waving_person_is_followed_within_the_bounds(marionette, tmp_path):
+    path = clip(tmp_path, "cmu", "wave")
+    done = []
+    found = fan.follow_clip(marionette, path, progress=done.append)
+    assert found and found.run.t[-1] == pytest.approx(found.t[-1], abs=0.04)
+    assert np.max(np.abs(found.run.v_K)) <= SPEED * (1 + 1e-9)
+    assert np.max(np.abs(found.acc_K)) <= ACCELERATION * (1 + 1e-9)
+    assert done[-1] == 1.0 and done == sorted(done)
+    errors = {one.name: one for one in found.report}
+    assert set(errors) == set(GROUPS)
+    assert errors["hands"].above < 0.02 and errors["head"].above < 0.02
+    lines = found.guides(np.array([0.0, 1.0]))
+    assert [line.shape for line in lines] == [(2, 3, 3), (2, 4, 3), (2, 4, 3), (2, 4, 3), (2, 4, 3)]
+    again = fan.simulate(marionette, found.run.state(0), found.inputs, effort=False)
+    np.testing.assert_array_equal(again.q_D[-1], found.run.q_D[-1])
+
+
+def test_slow_hands_follow_worse_and_keep_their_bounds(marionette, tmp_path):
+    path = clip(tmp_path, "mixamo", "wave")
+    found = fan.follow_clip(marionette, path, speed=0.2, acceleration=2.0)
+    assert np.max(np.abs(found.run.v_K)) <= 0.2 * (1 + 1e-9)
+    assert np.max(np.abs(found.acc_K)) <= 2.0 * (1 + 1e-9)
+    assert {one.name: one.above for one in found.report}["hands"] > 0.02
+
+
+def test_clip_time_begins_and_ends_at_rest():
+    t = np.linspace(0.0, 3.0, 3001)
+    made = eased(t)
+    speed = np.gradient(t, made)
+    assert made[0] == 0.0 and made[-1] == pytest.approx(3.5)
+    assert np.all(np.diff(made) > 0.0) and np.max(speed) < 1.0 + 1e-6
+    inside = (made > 0.6) & (made < 2.9)
+    np.testing.assert_allclose(speed[inside], 1.0, atol=1e-6)
+    accelerating = (made > 0.1) & (made < 0.4)
+    np.testing.assert_allclose(np.gradient(speed, made)[accelerating], 2.0, atol=1e-2)
+    short = eased(np.linspace(0.0, 0.1, 11))
+    assert short[-1] == pytest.approx(0.2) and np.all(np.diff(short) > 0.0)
+
+
+def test_a_calibration_pose_is_left_out():
+    moving = STANDS + np.linspace(0.0, 0.1, 30)[:, None, None]
+    with_pose = np.concatenate([STANDS[None] + [0.0, 0.0, 5.0], moving])
+    assert len(captured(with_pose).without_calibration().t) == 30
+    assert len(captured(moving).without_calibration().t) == 30
+
+
+def test_puppets_without_a_persons_bodies_are_refused(marionette):
+    with pytest.raises(StateError, match="arm2d has no body 'torso', the trunk of a person"):
+        fan.retarget(fan.puppets.arm2d(), "jumps")
+
+
+def test_bundled_clips_come_with_their_notice():
+    folder = Path(fan.capture.__file__).parent / "clips"
+    assert "NSF EIA-0196217" in (folder / "NOTICE").read_text()
+    for name in fan.clip_names():
+        read = fan.load_bvh(name)
+        assert read.name == name and read.unit[0] == "CMU"
+        assert 1.3 < read.upright().height < 1.9
+
+
+def test_the_command_follows_and_writes(tmp_path):
+    path = clip(tmp_path, "lafan1", "bow")
+    out = ("--out", str(tmp_path / "bow.npz"), "--save", str(tmp_path / "take.npz"))
+    done = fantoccini("follow", str(path), "marionette", *out)
+    assert done.exit_code == 0, done.stderr
+    assert "hands" in done.stdout and "trunk" in done.stdout
+    assert fan.Trajectory.load(tmp_path / "bow.npz").t[-1] > 6.0
+    assert fan.Recording.load(tmp_path / "take.npz").duration > 6.0
+    wrong = fantoccini("follow", str(path), "marionette", "--mapping", "posr")
+    assert wrong.exit_code == 2 and "did you mean 'poser'" in wrong.stderr
