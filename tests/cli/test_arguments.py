@@ -20,8 +20,8 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 COMMANDS = (
-    "check", "schema", "info", "equations", "export", "simulate", "plan", "optimise", "show",
-    "take", "validate-reduction", "demo", "doctor",
+    "check", "schema", "info", "equations", "export", "simulate", "plan", "optimise", "follow",
+    "show", "take", "validate-reduction", "demo", "doctor",
 )  # fmt: skip
 
 

@@ -47,7 +47,6 @@ def optimise(
     threads: int | None = None,
     seed: int = 0,
     exact: bool = False,
-    by_steps: bool = False,
     progress: Callable[[Iterate], None] | None = None,
 ) -> Optimum:
     """min J(x, acc_K) over accelerations that are constant between nodes, within bounds.
@@ -78,8 +77,6 @@ def optimise(
         seed: of the random numbers of explorations.
         exact: take the derivatives of the event-driven run itself, through its catches, instead of
             those of time steps: slower, but ``kkt`` is then that of the run.
-        by_steps: take runs of time steps as iterates, as of puppets with contact, and run only the
-            answer event-driven: much faster where strings often go slack and are caught.
         progress: called after every iteration.
 
     Raises:
@@ -99,12 +96,9 @@ def optimise(
     has_contact = marionette.model.contacts is not None
     if exact and has_contact:
         raise StateError("optimise: exact derivatives want a puppet without contact")
-    if by_steps and (exact or task.explore):
-        raise StateError("optimise: by_steps goes neither with exact derivatives nor with explore")
-    by_steps = by_steps or has_contact
     steps = TimeSteps(marionette, task.dt, threads, chosen, pulls)
     runs: EventRuns = ExactRuns(steps, chosen) if exact else EventRuns(steps, chosen)
-    if by_steps:
+    if has_contact:
         runs = StepRuns(steps, chosen)
     if task.explore:
         runs = HybridRuns(steps, chosen)
@@ -138,7 +132,7 @@ def optimise(
     status = None
     try:
         at = search.run(note)
-        if by_steps:
+        if has_contact:
             runs, at = confirmed(runs, at, objective, limits, note)
         elif has_coarse:
             left = replace(limits, iterations=iterations - at.iterations)
@@ -159,7 +153,7 @@ def optimise(
     violation = max(objective.violation(at.nodes, at.ends), _too_near(objective, runs, at.nodes))
     end_gap = float(np.max(np.abs(objective.end_gap(at.nodes)), initial=0.0))
     touched = objective.touches.along(made[1], at.nodes.parameters)
-    if isinstance(runs, StepRuns):
+    if has_contact and isinstance(runs, StepRuns):
         status = OptimalStatus.UNCONFIRMED
     elif not max(violation, end_gap, *(one.distance for one in touched)) <= HOLDS:
         status = OptimalStatus.VIOLATED
