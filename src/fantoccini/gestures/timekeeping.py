@@ -29,6 +29,8 @@ _NEIGHBOUR = 0.45
 """Share of the time to the cue's next turn that belongs to one."""
 _TURNS = 0.12
 """Time around a mark in which the hand above turns [s]."""
+_NEARLY = 0.35
+"""Share of the way by which a turn may be less high than the highest point around it."""
 _LEAST = 2e-3
 """Least way there and back that counts as a turn [m]."""
 
@@ -130,13 +132,23 @@ def lateness(score: Score, run: Trajectory) -> tuple[Late, ...]:
             path = sign * moved[near, list(tied).index(string), axis]
             if len(near) < 3:
                 continue
-            k = int(np.argmax(path))
+            k = _top(path, t[near] - at)
             late = float(t[near[k]] - at)
             if 0 < k < len(near) - 1:  # the top of the parabola through three samples
                 a, b, c = path[k - 1 : k + 2]
                 late += _STEP * 0.5 * (a - c) / (a - 2.0 * b + c) if a - 2.0 * b + c else 0.0
             found.append(Late(cue, mark, string, late))
     return tuple(found)
+
+
+def _top(path: Array, away: Times) -> int:
+    """The sample of the high point nearest to the mark; the highest where none is a turn."""
+    inner = np.arange(1, len(path) - 1)
+    high = path.max() - _NEARLY * (path.max() - path.min())
+    tops = inner[
+        (path[inner] >= path[inner - 1]) & (path[inner] > path[inner + 1]) & (path[inner] >= high)
+    ]
+    return int(tops[np.argmin(np.abs(away[tops]))]) if len(tops) else int(np.argmax(path))
 
 
 def _turning(
