@@ -238,7 +238,8 @@ scores](gestures.md).
 
 ![number: film](pictures/gallery/number.gif)
 
-Film: 9.4 to 25.4 s, 2.5 times as fast and silent; [with its music](pictures/number.mp4) it lasts 30 s:
+Film: 9.4 to 25.4 s, 2.5 times as fast and silent. [All of it with its
+music](pictures/number.mp4); the number:
 
 ```
 python {NUMBER}

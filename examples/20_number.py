@@ -1,7 +1,8 @@
 """Half a minute to music: the marionette marches, waves, claps, leaps and bows on the beat.
 
-The music is made here, the number is 20_number.yaml. The puppet rehearses until its limbs are on
-the beat in the simulation. Writes out/number.wav, out/number.mp4 and out/number.png.
+The music is made here; the number is 20_number.yaml, with a gesture of its own, 20_clap.yaml. The
+puppet rehearses until its limbs are on the beat in the simulation. Writes out/number.wav,
+out/number.mp4 and out/number.png.
 """
 
 import shutil
@@ -70,6 +71,7 @@ def music() -> np.ndarray:
 out = Path("out")
 out.mkdir(exist_ok=True)
 shutil.copy(Path(__file__).with_suffix(".yaml"), out / "number.yaml")
+shutil.copy(Path(__file__).with_name("20_clap.yaml"), out)
 with wave.open(str(out / "number.wav"), "wb") as file:
     file.setnchannels(1)
     file.setsampwidth(2)
