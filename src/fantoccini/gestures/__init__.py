@@ -5,10 +5,10 @@ from fantoccini.gestures.compiling import load_score
 from fantoccini.gestures.conducting import Conductor
 from fantoccini.gestures.gesture import Gesture
 from fantoccini.gestures.gesture_file import gesture_names, gesture_schema, load_gesture
-from fantoccini.gestures.lateness import Late, lateness
 from fantoccini.gestures.rehearsing import Rehearsal, rehearse
 from fantoccini.gestures.score import Caption, Played, Score, Sound, Wait, is_score
 from fantoccini.gestures.score_file import score_schema
+from fantoccini.gestures.timekeeping import Late, lateness
 
 __all__ = [
     "Caption",

@@ -15,8 +15,8 @@ import numpy as np
 
 from fantoccini.arrays import Array, Times
 from fantoccini.errors import StateError
-from fantoccini.gestures.lateness import Point, hanging, places, ties
 from fantoccini.gestures.score import Score
+from fantoccini.gestures.timekeeping import Point, hanging, places, ties
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.optimal import Bounds, Optimum, Smooth, follow

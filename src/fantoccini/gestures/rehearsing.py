@@ -19,8 +19,8 @@ from scipy.ndimage import gaussian_filter1d
 from fantoccini.arrays import Array, Times
 from fantoccini.errors import SimulationError, StateError
 from fantoccini.gestures.gesture import Gesture
-from fantoccini.gestures.lateness import AXES, Late, hanging, lateness, paths, places, ties
 from fantoccini.gestures.score import Score
+from fantoccini.gestures.timekeeping import AXES, Late, hanging, lateness, paths, places, ties
 from fantoccini.gestures.transition import limits
 from fantoccini.motion import Input, State, Trajectory, pieces, polynomial
 from fantoccini.simulation import simulate
@@ -281,7 +281,7 @@ def _fitted(hand: _Hand, u: Array, moved: Array) -> bool:
     if hand.axis == AXES["length"]:
         terms[:, 1:] = 0.0  # it is pulled up at once
     now = hand.where > 0.0
-    hand.fit = np.linalg.lstsq(terms[now], u[now], rcond=None)[0]
+    hand.fit = np.asarray(np.linalg.lstsq(terms[now], u[now], rcond=None)[0], dtype=float)
     left = float(np.var(u[now] - terms[now] @ hand.fit))
     return left <= (1.0 - _FITS) * float(np.var(u[now]))
 

@@ -29,6 +29,10 @@ _NEIGHBOUR = 0.45
 """Share of the time to the cue's next turn that belongs to one."""
 _TURNS = 0.12
 """Time around a mark in which the hand above turns [s]."""
+_NEARLY = 0.35
+"""Share of the way by which a turn may be less high than the highest point around it."""
+_ALIKE = 0.9
+"""Share of the largest way from which on a string turns as well."""
 _LEAST = 2e-3
 """Least way there and back that counts as a turn [m]."""
 
@@ -119,34 +123,39 @@ def lateness(score: Score, run: Trajectory) -> tuple[Late, ...]:
     found = []
     for cue in score.cues:
         turns = {mark: _turning(score, cue, at, tied) for mark, at in cue.marks.items()}
-        times = [cue.marks[mark] for mark, turn in turns.items() if turn is not None]
-        for mark, turn in turns.items():
-            if turn is None:
-                continue
+        times = [cue.marks[mark] for mark, own in turns.items() if own]
+        for mark, own in turns.items():
             at = cue.marks[mark]
             window = min([_WINDOW, *(_NEIGHBOUR * abs(at - one) for one in times if one != at)])
-            string, axis, sign = turn
             near = np.flatnonzero(np.abs(t - at) <= window)
-            path = sign * moved[near, list(tied).index(string), axis]
-            if len(near) < 3:
-                continue
-            k = int(np.argmax(path))
-            late = float(t[near[k]] - at)
-            if 0 < k < len(near) - 1:  # the top of the parabola through three samples
-                a, b, c = path[k - 1 : k + 2]
-                late += _STEP * 0.5 * (a - c) / (a - 2.0 * b + c) if a - 2.0 * b + c else 0.0
-            found.append(Late(cue, mark, string, late))
+            for string, axis, sign in own if len(near) > 2 else ():
+                path = sign * moved[near, list(tied).index(string), axis]
+                found.append(Late(cue, mark, string, _turns(path, t[near] - at)))
     return tuple(found)
+
+
+def _turns(path: Array, away: Times) -> float:
+    """When a path is at the high point nearest to a mark; the highest where none is a turn [s]."""
+    inner = np.arange(1, len(path) - 1)
+    high = path.max() - _NEARLY * (path.max() - path.min())
+    tops = inner[
+        (path[inner] >= path[inner - 1]) & (path[inner] > path[inner + 1]) & (path[inner] >= high)
+    ]
+    if not len(tops):
+        return float(away[np.argmax(path)])
+    k = tops[np.argmin(np.abs(away[tops]))]
+    a, b, c = path[k - 1 : k + 2]  # the top of the parabola through them
+    return float(away[k] + 0.5 * _STEP * (a - c) / (a - 2.0 * b + c))
 
 
 def _turning(
     score: Score, cue: Played, at: float, tied: Mapping[str, Point]
-) -> tuple[str, int, float] | None:
-    """The string whose hand turns most at a mark, the direction, and to which side."""
+) -> list[tuple[str, int, float]]:
+    """The strings whose hands turn most at a mark, the directions, and to which side."""
     gesture = score.lanes[cue.lane]
     times = at + _TURNS * np.linspace(-1.0, 1.0, 9)
     d = np.array([gesture.offsets(t)[0] for t in times])
-    best, found = _LEAST, None
+    ways: dict[str, tuple[float, int, float]] = {}
     for name, (_, v) in pieces.channel_names(gesture.coordinates).items():
         string, _, part = name.rpartition(".")
         if string not in tied or part not in AXES:
@@ -154,6 +163,11 @@ def _turning(
         for sign in (1.0, -1.0):
             one = sign * d[:, v.start]
             way = min(one[4] - one[0], one[4] - one[-1])
-            if way > best and one[4] >= one.max() - 1e-9:
-                best, found = way, (string, AXES[part], -sign if part == "length" else sign)
-    return found
+            if one[4] >= one.max() - 1e-9 and way > max(_LEAST, ways.get(string, (0.0,))[0]):
+                ways[string] = way, AXES[part], -sign if part == "length" else sign
+    most = max((way for way, *_ in ways.values()), default=0.0)
+    return [
+        (string, axis, sign)
+        for string, (way, axis, sign) in ways.items()
+        if way > _ALIKE * most
+    ]
