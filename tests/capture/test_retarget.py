@@ -56,7 +56,7 @@ def placed(marionette: fan.Marionette, made: Capture, travel: float = 1.0):
 
 
 def test_the_bundled_mappings_name_all_parts_of_the_three_conventions(tmp_path):
-    assert mapping_names() == ("motionbuilder", "poser")
+    assert mapping_names() == ("biovision", "makehuman", "motionbuilder", "poser")
     for convention in ("cmu", "mixamo", "lafan1"):
         path = clip(tmp_path, convention, "wave")
         skeleton = fan.load_bvh(path).skeleton

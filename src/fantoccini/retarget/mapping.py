@@ -18,6 +18,8 @@ from fantoccini.puppet.sized import Place
 from fantoccini.puppet.values import Model, Name, mistake
 
 _FOLDER = Path(__file__).parent / "mappings"
+_SHOWN = 60
+"""Joints that an error lists."""
 SIDES = ("left", "right")
 _OF_SIDE = ("shoulder", "elbow", "hand", "hip", "knee", "foot")
 PARTS = ("head", *(f"{part}_{side}" for side in SIDES for part in _OF_SIDE))
@@ -113,10 +115,11 @@ def find_mapping(skeleton: Skeleton, name: str = "clip") -> MappingFile:
     found = best.find(skeleton)
     if len(found) < len(PARTS):
         missing = ", ".join(part for part in PARTS if part not in found)
+        joints = [one for one in skeleton.names if not one.endswith(".end")]
         text = (
             f"the joints are called as in no bundled mapping ({', '.join(mapping_names())}); of "
             f"{best.mapping} {missing} is missing; give a mapping file: the joints are "
-            f"{', '.join(skeleton.names)}"
+            f"{', '.join(joints[:_SHOWN])}{' ...' if len(joints) > _SHOWN else ''}"
         )
         raise FileError([Mistake(name, None, "", text)])
     return best
