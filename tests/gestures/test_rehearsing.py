@@ -45,7 +45,7 @@ def found(marionette, tmp_path_factory):
 
 
 def test_walk_in_place_wave_and_bow_are_on_the_beat(found):
-    """A number of 16 lines: the waving hand is within 20 ms of its beats."""
+    """A number of 14 lines: the waving hand is within 20 ms of its beats."""
     assert len(NUMBER.splitlines()) <= 20
     score = found.score
     assert score, score.changes

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import subprocess
 import wave
 from pathlib import Path
 
+import imageio_ffmpeg
 import jsonschema
 import numpy as np
 import pytest
@@ -297,3 +299,20 @@ def test_on_beat_rehearses_scores_only(tmp_path):
     greeting = Path(fan.puppets.path("marionette")).parent / "performances" / "greeting.yaml"
     said = mistake("simulate", "marionette", "--on-beat", "--inputs", greeting)
     assert "applies to a score, and" in said
+
+
+def test_the_command_line_films_scores_with_their_sound(tmp_path):
+    silence(tmp_path / "a.wav", 0.5)
+    text = (
+        "score: s\nsound: a.wav\nlanes: {legs: [{gesture: march}]}\n"
+        "captions: [{at: march.left, until: march.end, text: Left}]\n"
+    )
+    film, picture = tmp_path / "a.mp4", tmp_path / "a.gif"
+    done = fantoccini(
+        "simulate", "marionette", "--inputs", written(tmp_path, text), "--method", "timestepping",
+        "--out", film, "--out", picture, "--size", "96x120", "--fps", "5",
+    )  # fmt: skip
+    assert done.exit_code == 0 and "a .gif is silent" in done.stderr
+    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-hide_banner", "-i", str(film)]
+    said = subprocess.run(command, capture_output=True, text=True, check=False).stderr
+    assert "Audio: aac" in said and "Video: h264" in said

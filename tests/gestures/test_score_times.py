@@ -193,3 +193,17 @@ def test_what_passes_a_bound_in_a_phrase_is_told_at_its_cue(marionette, tmp_path
     text = PHRASES.replace("phrase: hello, at: 2", "phrase: hello, at: 2, faster: 4")
     changes = load(marionette, tmp_path, text).changes
     assert changes and {one.line for one in changes} == {13}
+
+
+def test_phrases_of_phrases_stay_of_a_size(marionette, tmp_path):
+    text = """\
+score: big
+phrases:
+  many: [{gesture: nod, repeat: 200}]
+  more: [{phrase: many, repeat: 1000}]
+lanes: {body: [{phrase: more, repeat: 1000}]}
+"""
+    said = "many would have 800000 pieces, of 100000 at most"
+    with pytest.raises(FileError, match=said) as caught:
+        load(marionette, tmp_path, text)
+    assert "number.yaml:4: phrases.more[0].repeat: found 1000" in str(caught.value)

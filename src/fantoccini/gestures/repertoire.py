@@ -13,6 +13,9 @@ from fantoccini.gestures.timing import Spot
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
 
+_MOST = 100_000
+"""Pieces of a gesture that is repeated, at most, for memory."""
+
 
 class Repertoire:
     """Gestures by cue, each file and phrase read once.
@@ -51,6 +54,11 @@ class Repertoire:
             made = made.mirrored() if cue.mirrored else made
         except (UnknownNameError, StateError) as error:
             self._notes.mistake((*spot, "mirrored"), str(error))
+            return None
+        pieces = cue.repeat * (len(made.breaks) - 1)
+        if pieces > _MOST:
+            text = f"found {cue.repeat}; {made.name} would have {pieces} pieces, of {_MOST} at most"
+            self._notes.mistake((*spot, "repeat"), text)
             return None
         made = made.scaled(cue.larger).faster(cue.faster)
         if cue.lasts is not None:
