@@ -30,7 +30,6 @@ from .gestures import (
     gesture_names as gesture_names,
     load_gesture as load_gesture,
     load_score as load_score,
-    on_beat as on_beat,
     rehearse as rehearse,
 )
 from .marionette import (

@@ -8,8 +8,9 @@ import pytest
 import fantoccini as fan
 from fantoccini.errors import StateError
 from fantoccini.gestures import lateness
-from gestures.test_on_beat import hand, outermost
+from fantoccini.marionette import link_index
 
+HAND = ("forearm_right", (0.0, 0.0, -0.09))
 NUMBER = """\
 score: number
 tempo: 100
@@ -26,6 +27,18 @@ captions:
   - {at: 1, until: march.end, text: "Left, right"}
   - {at: wave.up, until: wave.end, text: Good evening!}
 """
+
+
+def hand(puppet: fan.Marionette, run: fan.Trajectory) -> np.ndarray:
+    """(T, 3) where the right hand is in a run."""
+    pose = puppet.poses(run.q_D, run.q_K)[:, link_index(puppet.model, HAND[0])]
+    return pose[:, :, 3] + pose[:, :, :3] @ HAND[1]
+
+
+def outermost(t: np.ndarray, y: np.ndarray, mark: float) -> float:
+    """When the right hand is farthest out near a mark."""
+    near = np.flatnonzero(np.abs(t - mark) < 0.3)
+    return float(t[near[np.argmin(y[near])]])
 
 
 @pytest.fixture(scope="module")

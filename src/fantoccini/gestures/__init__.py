@@ -1,6 +1,5 @@
 """Gestures: short, named motions of part of a puppet, relative to where it hangs."""
 
-from fantoccini.gestures.beats import on_beat
 from fantoccini.gestures.compiling import load_score
 from fantoccini.gestures.conducting import Conductor
 from fantoccini.gestures.gesture import Gesture
@@ -26,7 +25,6 @@ __all__ = [
     "lateness",
     "load_gesture",
     "load_score",
-    "on_beat",
     "rehearse",
     "score_schema",
 ]

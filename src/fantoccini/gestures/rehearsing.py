@@ -164,8 +164,7 @@ def rehearse(score: Score, x0: State | None = None, rounds: int = 20) -> Rehears
     """Plays a score again and again until the limbs are on its beats in the simulation.
 
     Hands lead by as much as limbs lag, set them swinging and brake them, within the score's bounds.
-    The round nearest to the beats is kept; after one within 12 ms it ends. For motions of some
-    seconds :func:`on_beat` searches with derivatives instead.
+    The round nearest to the beats is kept; after one within 12 ms it ends.
 
     Args:
         score: of a puppet without contact, whose strings are driven.
