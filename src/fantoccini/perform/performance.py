@@ -16,6 +16,7 @@ from fantoccini.perform.grip import TOLERANCES, Holding, gripped
 from fantoccini.perform.handle import Handle, Place, place_of, wanted
 from fantoccini.perform.hands import Hands
 from fantoccini.perform.outside import Steered, forces_of
+from fantoccini.perform.player import Player
 from fantoccini.perform.recording import Recorder, Recording
 from fantoccini.perform.reports import Reports
 
@@ -223,6 +224,7 @@ class Performance(Steered):
     def hold(self) -> None:
         """Stops all hands: sets their targets to where they are."""
         with self._lock:
+            self._player.clear()
             self._wanted = np.array(self._x.q_K)
 
     # -- time --------------------------------------------------------------------------------
@@ -252,6 +254,11 @@ class Performance(Steered):
             if self._x0 is None:
                 self._x0 = change.hanging(self.marionette)
             self._take(self.marionette, self._x0)
+
+    def _go_to(self, x: State) -> None:
+        self._end_recording("a take was begun")
+        x = change.permitted(self._performed, x)
+        self._take(self.marionette, x.replace(t=self.t), self._hands.lengths)
 
     # -- another puppet ----------------------------------------------------------------------
 
@@ -376,6 +383,9 @@ class Performance(Steered):
             lengths = Hands.ranges_of(marionette, x, self.dt)
         self._hands = Hands.of(marionette, x, self._speed, self._acceleration, lengths)
         self._holding = Holding(self._performed, self._hands, self.grip)
+        bounds = self._hands.each()
+        most = np.array([list(bounds.speed.values()), list(bounds.acceleration.values())])
+        self._player = Player(most, self.tick)
         self._wanted = np.array(x.q_K)
         self._since = x.t
         self._restart(x.replace(t=0.0), keep=False)
@@ -392,7 +402,7 @@ class Performance(Steered):
         with self._lock:
             x, stepper = self._x, self._stepper
             if self._law is None:
-                velocity = self._hands.wanted_velocity(x, self._wanted, self.tick)
+                velocity = self._velocity(x)
             else:
                 asked = self._law.acceleration(x.replace(t=self.t))
                 velocity = self._hands.bounded(x.v_K + self.tick * asked)
