@@ -268,3 +268,66 @@ def test_far_too_large_gestures_stay_within_bounds_and_lengths(puppet, gestures)
     within_bounds(live, live.stop())
     for name, (low, high) in live.lengths.items():
         assert low - 0.06 <= live.length(name) <= high + 0.06
+
+
+SCORE = """\
+score: number
+tempo: 90
+lanes:
+  arms: [{gesture: wave, at: 1}, {gesture: clap, at: 9}]
+  head: [{gesture: nod, at: 2, repeat: 3}]
+"""
+
+
+@pytest.fixture(scope="module")
+def score(puppet, tmp_path_factory):
+    path = tmp_path_factory.mktemp("score") / "number.yaml"
+    path.write_text(SCORE, encoding="utf-8")
+    return fan.load_score(puppet, path)
+
+
+def test_a_score_is_played_paused_and_set(puppet, score):
+    live = fan.Performance(puppet)
+    home = live.state.q_K
+
+    def agrees(atol: float = 2e-5) -> None:
+        d, _ = piecewise.at(score.gesture.breaks, score.gesture.coef, live.score.t)
+        np.testing.assert_allclose(live.state.q_K - home, d, atol=atol)
+
+    live.play_score(score)
+    live.record()
+    for _ in range(40):
+        live.advance(0.05)
+        agrees()
+    assert live.score.t == pytest.approx(2.0 - 0.15)
+    live.score.running = False
+    live.advance(0.5)
+    paused = live.score.t
+    live.advance(0.5)
+    assert live.score.t == paused
+    agrees(1e-6)
+    live.score.seek(5.0)
+    live.advance(1.5)
+    assert live.score.t == 5.0
+    agrees(1e-6)
+    live.score.running = True
+    live.advance(score.duration)
+    assert live.score.t == score.duration
+    agrees(1e-6)
+    live.score.seek(2.0)
+    live.advance(1.0)
+    live.stop_score()
+    live.advance(2.0)
+    assert live.score is None
+    np.testing.assert_allclose(live.state.q_K, home, atol=1e-9)
+    within_bounds(live, live.stop())
+
+
+def test_armed_lanes_of_a_score_are_in_the_hands(puppet, score):
+    live = fan.Performance(puppet)
+    home = live.place("hand_right")[0]
+    live.play_score(score, armed=["hand_right"])
+    for _ in range(30):
+        live.advance(0.1)
+        np.testing.assert_array_equal(live.place("hand_right")[0], home)
+        assert live.length("hand_right") == live.wanted_length("hand_right")

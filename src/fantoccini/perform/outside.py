@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from threading import RLock
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from fantoccini.arrays import Array, ConfigK, Vec3, VecD, VecK
-from fantoccini.errors import StateError, UnknownNameError
-from fantoccini.gestures import Gesture
+from fantoccini.errors import StateError
 from fantoccini.marionette import Marionette, link_index
 from fantoccini.motion import State
-from fantoccini.motion.binding import check_same_puppet
-from fantoccini.motion.pieces import channel_names
 from fantoccini.perform.hands import HandBounds, Hands
 from fantoccini.perform.player import Player
-from fantoccini.perform.recording import Recording
 from fantoccini.tree import link_inertia
 
 
@@ -117,123 +112,6 @@ class Steered(ABC):
             if law is not None:
                 self._player.clear()
             self._law = law
-
-    # -- what is played on top ---------------------------------------------------------------
-
-    @property
-    def playing(self) -> tuple[str, ...]:
-        """Names of the gestures that are played, or are about to be."""
-        with self._lock:
-            return self._player.playing
-
-    def play(
-        self, gesture: Gesture, *, after: float | None = None, again: bool = False
-    ) -> float:
-        """Plays a gesture on top of what the hands hold; returns after how long it begins [s].
-
-        Offsets of several gestures add up. One that moves all that another moves takes over from
-        it, and so does one that ends in a place of its own from another that does, as sitting from
-        kneeling: position and velocity never jump. A gesture that would pass the hands' bounds is
-        played slower.
-
-        Args:
-            gesture: of this puppet.
-            after: time after which it is to begin, as on a beat [s]; it begins later if the way to
-                its start takes longer.
-            again: begin again at its end, until :meth:`play_once`.
-
-        Raises:
-            StateError: a law moves the hands.
-            ValueError: it is of another puppet.
-        """
-        check_same_puppet([self.marionette.coordinates, gesture.coordinates])
-        with self._lock:
-            self._refuse_targets()
-            player = self._player
-            on = None if after is None else player.t + after
-            return player.play(gesture, on=on, again=again) - player.t
-
-    def play_once(self, name: str) -> None:
-        """Lets a gesture end that begins again and again."""
-        with self._lock:
-            self._player.once(name)
-
-    def go_home(self, duration: float = 0.5) -> None:
-        """Takes back all gestures: the hands go where they hold the puppet.
-
-        Args:
-            duration: of the rest there, during which nothing else is played [s].
-        """
-        self.play(Gesture.rest(self.marionette, duration))
-
-    @property
-    def lanes(self) -> tuple[str, ...]:
-        """What can be armed for an overdub: strings and joints with driven coordinates."""
-        names = channel_names(self.marionette.coordinates)
-        return tuple(dict.fromkeys(name.rsplit(".", 1)[0] for name in names))
-
-    @property
-    def take_time(self) -> float | None:
-        """How far the take that is played has come [s]; None without one."""
-        with self._lock:
-            player = self._player
-            return None if player.take is None else player.take.time(player.t)
-
-    def play_take(
-        self, take: Recording, *, armed: Collection[str] = (), again: bool = False
-    ) -> None:
-        """Takes the puppet to the start of a take, and moves the hands as the take does.
-
-        With :meth:`record` this is an overdub: armed lanes are in the hands, the others repeat the
-        take. At its end the hands stay where they are.
-
-        Args:
-            take: of this puppet.
-            armed: lanes that the take does not move.
-            again: begin again at its end, joined by state, until :meth:`stop_take`.
-
-        Raises:
-            StateError: a law moves the hands; or the take turns a driven body by nearly 180
-                degrees or more.
-            UnknownNameError: no lane is called that.
-            ValueError: it is of another puppet.
-        """
-        for name in armed:
-            if name not in self.lanes:
-                raise UnknownNameError("lane", name, list(self.lanes))
-        check_same_puppet([self.marionette.coordinates, take.marionette.coordinates])
-        motion = Gesture.of_input(take.inputs, name="take")
-        free = np.array(motion.named)
-        for name, (_, v) in channel_names(motion.coordinates).items():
-            free[v] &= name.rsplit(".", 1)[0] not in armed
-        motion = dataclasses.replace(motion, named=free, coef=motion.coef * free[:, None])
-        with self._lock:
-            self._refuse_targets()
-            self._go_to(take.start)
-            self._player.play_take(motion, take.start.v_K, again)
-
-    def stop_take(self) -> None:
-        """Ends the take; the hands stop where they are."""
-        with self._lock:
-            self._fold(self._player.stop_take())
-
-    @abstractmethod
-    def _go_to(self, x: State) -> None:
-        """Continues from another state of the puppet, with the hands there."""
-
-    def _fold(self, d: VecK) -> None:
-        """Makes offsets part of the targets."""
-        if d.any():
-            self._wanted = self._hands.moved(self._wanted, d)
-
-    def _velocity(self, x: State) -> VecK:
-        """(n_vK,) velocities that targets, and what is played on top of them, want."""
-        player = self._player
-        if player.idle:
-            return self._hands.wanted_velocity(x, self._wanted, self.tick)
-        velocity = self._hands.wanted_velocity(x, self._wanted, self.tick, player.step())
-        self._fold(player.settle())
-        return velocity
 
     def push(self, body: str, force: Vec3 | None, at: Vec3 | None = None) -> None:
         """Pushes a body until further notice.

@@ -15,8 +15,9 @@ from fantoccini.perform import change
 from fantoccini.perform.grip import TOLERANCES, Holding, gripped
 from fantoccini.perform.handle import Handle, Place, place_of, wanted
 from fantoccini.perform.hands import Hands
-from fantoccini.perform.outside import Steered, forces_of
+from fantoccini.perform.outside import forces_of
 from fantoccini.perform.player import Player
+from fantoccini.perform.playing import Playing
 from fantoccini.perform.recording import Recorder, Recording
 from fantoccini.perform.reports import Reports
 
@@ -31,7 +32,7 @@ _ROUNDED_TICKS = 1e-6
 """Part of a tick that a duration may miss by rounding and still complete the tick."""
 
 
-class Performance(Steered):
+class Performance(Playing):
     """A puppet in somebody's hands: targets go in, the state comes out, tick by tick.
 
     The hands follow their targets in the least time that bounded speed and acceleration allow

@@ -1,4 +1,4 @@
-"""Player: gestures and a take, played on top of what the hands hold.
+"""Player: gestures, a take and a score, played on top of what the hands hold.
 
     q_K(t) = q_K,held(t) + d(t),   d(t): the sum of what is played
 """
@@ -11,6 +11,7 @@ import numpy as np
 
 from fantoccini.arrays import Array, VecK
 from fantoccini.gestures import Gesture
+from fantoccini.perform.score_voice import Clock, ScoreVoice
 from fantoccini.perform.voice import Offsets, Voice, fitted, lead_time
 
 _ROUNDING = 1e-9
@@ -44,6 +45,7 @@ class Player:
     Attributes:
         t: time since it was made [s].
         take: the take that is played, or None.
+        score: the score that is played or paused, or None.
 
     Args:
         most: (2, n_vK) bounds of speeds and accelerations.
@@ -56,11 +58,12 @@ class Player:
         self._voices: list[Voice] = []
         self._waiting: list[_Waiting] = []
         self.take: Voice | None = None
+        self.score: ScoreVoice | None = None
 
     @property
     def idle(self) -> bool:
         """Whether nothing is played."""
-        return not (self._voices or self._waiting or self.take)
+        return not (self._voices or self._waiting or self.take or self.score)
 
     @property
     def playing(self) -> tuple[str, ...]:
@@ -70,7 +73,7 @@ class Player:
 
     def offsets(self) -> Offsets:
         """The sum of everything now."""
-        return self._sum(self.t, self._all())
+        return self._sum(self.t, self._all(), self.score)
 
     def play(self, gesture: Gesture, *, on: float | None = None, again: bool = False) -> float:
         """Plays a gesture; returns when it begins, by ``t`` [s].
@@ -115,10 +118,22 @@ class Player:
         self.take = None
         return found
 
+    def play_score(self, motion: Gesture, clock: Clock | None) -> None:
+        """Plays a score from its start; one that was played goes home."""
+        self.stop_score()
+        self.score = ScoreVoice(motion, clock, self._most)
+
+    def stop_score(self) -> None:
+        """Ends the score: what it moved goes home."""
+        if self.score is not None:
+            home = Gesture.rest(self.score.gesture.coordinates, self._tick)
+            self._voices.append(Voice(home, self._most, self.t, self.score.now))
+            self.score = None
+
     def clear(self) -> VecK:
         """Ends everything; returns (n_vK,) where it was, for the hands to hold."""
         found = self.offsets().d
-        self._voices, self._waiting, self.take = [], [], None
+        self._voices, self._waiting, self.take, self.score = [], [], None, None
         return found
 
     def step(self) -> Steps:
@@ -130,6 +145,8 @@ class Player:
                 self._start(one.gesture, one.on, one.again)
         now = self.offsets()
         self.t += self._tick
+        if self.score is not None:
+            self.score.advance(self._tick)
         then = self.offsets()
         return Steps(now.d, now.rate, then.d, then.rate)
 
@@ -167,8 +184,10 @@ class Player:
     def _all(self) -> list[Voice]:
         return self._voices + ([] if self.take is None else [self.take])
 
-    def _sum(self, t: float, voices: list[Voice]) -> Offsets:
-        total = Offsets.none(self._most.shape[1])
+    def _sum(
+        self, t: float, voices: list[Voice], score: ScoreVoice | None = None
+    ) -> Offsets:
+        total = Offsets.none(self._most.shape[1]) if score is None else score.now
         for voice in voices:
             total = Offsets(*(a + b for a, b in zip(total, voice.at(t), strict=True)))
         return total
