@@ -2,7 +2,13 @@
 
 from fantoccini.gestures.beats import on_beat
 from fantoccini.gestures.gesture import Gesture
-from fantoccini.gestures.gesture_file import gesture_names, gesture_schema, load_gesture
+from fantoccini.gestures.gesture_file import (
+    gesture_names,
+    gesture_of_take,
+    gesture_schema,
+    is_gesture,
+    load_gesture,
+)
 from fantoccini.gestures.score import Caption, Played, Score, is_score, load_score
 from fantoccini.gestures.score_file import score_schema
 
@@ -12,7 +18,9 @@ __all__ = [
     "Played",
     "Score",
     "gesture_names",
+    "gesture_of_take",
     "gesture_schema",
+    "is_gesture",
     "is_score",
     "load_gesture",
     "load_score",

@@ -48,7 +48,7 @@ class CueFile(Model):
     """A gesture in a lane. Without `at` and `on` it follows the one before at once."""
 
     gesture: str
-    """A gesture file in this file's folder, or the name of a bundled gesture."""
+    """A gesture file or a take (.npz) in this file's folder, or the name of a bundled gesture."""
     at: Time | None = None
     """When it begins."""
     on: dict[Name, Time] | None = None
