@@ -15,6 +15,7 @@ PACKAGES = {
     "errors": "Errors that name the place and the remedy, and the statuses a run can end with.",
     "arrays": "Type aliases for arrays, named after their shape.",
     "files": "Writes files that appear whole or not at all.",
+    "media": "Finds ffmpeg and reads sound files with it.",
     "progress": "Progress callbacks, and the bar on a terminal.",
     "puppet": "The puppet schema: reads, checks and writes YAML files.",
     "scene": "Scenes: puppets, props, obstacles and a floor, assembled into one puppet.",

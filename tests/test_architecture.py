@@ -29,6 +29,7 @@ ORDER = (
     "errors",
     "arrays",
     "files",
+    "media",
     "progress",
     "puppet",
     "scene",
@@ -74,7 +75,7 @@ LATE_VIEWS = {
 """(module or package, function) pairs that import ``view`` when they are called."""
 
 ONLY_IN = {
-    "subprocess": {"build", "view"},  # the compiler; the film encoder
+    "subprocess": {"build", "media", "view"},  # the compiler; sounds; the film encoder
     "ctypes": {"runtime"},
     "cffi": {"runtime"},
     "ray": {"sweeps"},

@@ -23,6 +23,7 @@ from .errors import (
     UnknownNameError as UnknownNameError,
 )
 from .gestures import (
+    Conductor as Conductor,
     Gesture as Gesture,
     Score as Score,
     gesture_names as gesture_names,

@@ -276,6 +276,7 @@ tempo: 90
 lanes:
   arms: [{gesture: wave, at: 1}, {gesture: clap, at: 9}]
   head: [{gesture: nod, at: 2, repeat: 3}]
+waits: {clap: {at: 9}, end: {at: 16}}
 """
 
 
@@ -311,7 +312,13 @@ def test_a_score_is_played_paused_and_set(puppet, score):
     assert live.score.t == 5.0
     agrees(1e-6)
     live.score.running = True
+    live.advance(3.0)
+    assert live.score.conductor.waiting.name == "clap" and live.score.still
+    agrees(1e-6)
+    assert live.score.conductor.go()
     live.advance(score.duration)
+    assert live.score.conductor.go()
+    live.advance(1.0)
     assert live.score.t == score.duration
     agrees(1e-6)
     live.score.seek(2.0)

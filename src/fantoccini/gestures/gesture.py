@@ -320,7 +320,7 @@ class Gesture:
         for one in (self, *others):
             begun = line.add(one.motion)
             for name, t in one.marks.items():
-                marks[_numbered(name, marks)] = begun + t
+                marks[numbered(name, marks)] = begun + t
         names = dict.fromkeys(one.name for one in (self, *others) if one.name)
         return Gesture(self.coordinates, *line.motion, ", ".join(names), marks)
 
@@ -342,7 +342,7 @@ class Gesture:
                 raise StateError(f"both turn {label}; turns do not add up")
         marks = dict(self.marks)
         for name, t in other.marks.items():
-            marks[_numbered(name, marks)] = t
+            marks[numbered(name, marks)] = t
         breaks, coef = piecewise.added((self.breaks, self.coef), (other.breaks, other.coef))
         return Gesture(
             self.coordinates, breaks, coef, self.named | other.named, self.travel + other.travel,
@@ -378,7 +378,7 @@ class Gesture:
         return Input(table, x0.t + whole.breaks, coef, base, whole.named, name=self.name).checked()
 
 
-def _numbered(name: str, taken: Mapping[str, float]) -> str:
+def numbered(name: str, taken: Mapping[str, float]) -> str:
     """The name, or with the first number that is free."""
     made, k = name, 2
     while made in taken:

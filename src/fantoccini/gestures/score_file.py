@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
 from fantoccini.puppet.located import shown
-from fantoccini.puppet.sized import SIZED, Size
-from fantoccini.puppet.values import Model, Name, NotNegative, Real, mistake, read_real
+from fantoccini.puppet.sized import Size
+from fantoccini.puppet.values import Model, Name, Positive, Real, mistake, read_real
 
 _FACTORS = (1e-3, 1e3)
 """Least and largest factor of sizes, speeds and durations."""
@@ -30,25 +30,37 @@ def _time(value: Any) -> float | str:
     except PydanticCustomError:
         number = -1.0
     if not 0.0 <= number <= 1e6:
-        raise mistake(f"found {shown(value)}; needed: a time, or a mark with an offset: turn + 2")
+        raise mistake(f"found {shown(value)}; needed: a time, or one by name: turn + 2, wave.up")
     return number
 
 
+KINDS = ("gesture", "phrase", "hold")
+"""What a cue may be."""
+
 Factor = Annotated[Real, AfterValidator(_factor)]
-Moment = Annotated[NotNegative, SIZED]
 Time = Annotated[
     float | str,
     BeforeValidator(_time),
     WithJsonSchema({"anyOf": [{"type": "number", "minimum": 0}, {"type": "string"}]}),
 ]
-"""A time, or a mark of the score with an offset: `chorus`, `chorus + 2`."""
+"""A time, or a mark or a moment of a cue with an offset: `chorus + 2`, `wave.up`, `bow.end - 1`."""
 
 
 class CueFile(Model):
-    """A gesture in a lane. Without `at` and `on` it follows the one before at once."""
+    """A gesture, a phrase or a rest in a lane. Without `at` and `on` it follows the one before."""
 
-    gesture: str
+    model_config = ConfigDict(
+        json_schema_extra={"oneOf": [{"required": [kind]} for kind in KINDS]}
+    )
+
+    gesture: str | None = None
     """A gesture file or a take (.npz) in this file's folder, or the name of a bundled gesture."""
+    phrase: Name | None = None
+    """A phrase of this file."""
+    hold: Factor | None = None
+    """How long the lane rests where it is."""
+    name: Name | None = None
+    """By which times refer to it; the name of its gesture or phrase by default."""
     at: Time | None = None
     """When it begins."""
     on: dict[Name, Time] | None = None
@@ -66,6 +78,12 @@ class CueFile(Model):
 
     def model_post_init(self, context: Any, /) -> None:
         """Refuses what contradicts itself."""
+        kinds = [kind for kind in KINDS if getattr(self, kind) is not None]
+        if len(kinds) != 1:
+            found = "both " + " and ".join(f"`{one}`" for one in kinds) if kinds else "none of them"
+            raise mistake(f"found {found}; needed: one of `gesture`, `phrase` and `hold`")
+        if self.hold is not None and (more := self.model_fields_set - {"hold", "at", "name"}):
+            raise mistake(f"found `hold` with `{min(more)}`; a hold has only `at` and `name`")
         if self.at is not None and self.on is not None:
             raise mistake("found both `at` and `on`; needed: one of them")
         if self.on is not None and len(self.on) != 1:
@@ -85,6 +103,43 @@ class CaptionFile(Model):
     """The words."""
 
 
+class WaitFile(Model):
+    """Where a live performance waits for GO."""
+
+    at: Time
+    """When."""
+    loop: Time | None = None
+    """From where on it repeats what leads there until then; it stands still by default."""
+
+
+class SoundFile(Model):
+    """A sound that is heard with the score."""
+
+    file: str
+    """A sound file in this file's folder."""
+    at: Time = 0.0
+    """When it begins."""
+    gain: Annotated[Positive, Field(le=100.0)] = 1.0
+    """Factor of its loudness."""
+
+
+def _wait(value: Any) -> Any:
+    return value if isinstance(value, dict) else {"at": value}
+
+
+def _sounds(value: Any) -> Any:
+    if isinstance(value, str):
+        return ({"file": value},)
+    return (value,) if isinstance(value, dict) else value
+
+
+_AS_WAIT = BeforeValidator(_wait, json_schema_input_type=Time | WaitFile)
+_AS_SOUNDS = BeforeValidator(
+    _sounds, json_schema_input_type=str | SoundFile | tuple[SoundFile, ...]
+)
+Cues = Annotated[tuple[CueFile, ...], Field(min_length=1)]
+
+
 class ScoreFile(Model):
     """A score: gestures of a puppet in lanes that add up."""
 
@@ -94,14 +149,20 @@ class ScoreFile(Model):
     """Beats in a minute; times are then in beats, otherwise in seconds."""
     lanes: Annotated[dict[str, tuple[CueFile, ...]], Field(min_length=1)]
     """Lane -> gestures, in order. Offsets of all lanes add up."""
-    marks: dict[Name, Moment] = Field(default_factory=dict)
+    phrases: dict[Name, Cues] = Field(default_factory=dict)
+    """Name -> gestures in order, to be played like one; times count from its beginning."""
+    marks: dict[Name, Time] = Field(default_factory=dict)
     """Name -> time."""
+    waits: dict[Name, Annotated[WaitFile, _AS_WAIT]] = Field(default_factory=dict)
+    """Name -> when a live performance waits for GO."""
     speed: Size | dict[str, Size] = 1.0
     """Largest speed of driven coordinates, for all or by name [m/s or rad/s]."""
     acceleration: Size | dict[str, Size] = 6.0
     """Largest acceleration, likewise [m/s^2 or rad/s^2]."""
     captions: tuple[CaptionFile, ...] = ()
     """Words and when they are to be read."""
+    sound: Annotated[tuple[SoundFile, ...], _AS_SOUNDS] = ()
+    """A sound file, or several with the times at which they begin."""
     duration: Size | None = None
     """When it ends at the earliest; with the last gesture by default."""
 

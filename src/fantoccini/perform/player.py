@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fantoccini.arrays import Array, VecK
-from fantoccini.gestures import Gesture
-from fantoccini.perform.score_voice import Clock, ScoreVoice
+from fantoccini.gestures import Gesture, Score
+from fantoccini.perform.score_voice import ScoreVoice
 from fantoccini.perform.voice import Offsets, Voice, fitted, lead_time
 
 _ROUNDING = 1e-9
@@ -118,15 +118,15 @@ class Player:
         self.take = None
         return found
 
-    def play_score(self, motion: Gesture, clock: Clock | None) -> None:
-        """Plays a score from its start; one that was played goes home."""
+    def play_score(self, score: Score, motion: Gesture) -> None:
+        """Plays a score from its start, as ``motion``; one that was played goes home."""
         self.stop_score()
-        self.score = ScoreVoice(motion, clock, self._most)
+        self.score = ScoreVoice(score, motion, self._most)
 
     def stop_score(self) -> None:
         """Ends the score: what it moved goes home."""
         if self.score is not None:
-            home = Gesture.rest(self.score.gesture.coordinates, self._tick)
+            home = Gesture.rest(self.score.conductor.score.gesture.coordinates, self._tick)
             self._voices.append(Voice(home, self._most, self.t, self.score.now))
             self.score = None
 

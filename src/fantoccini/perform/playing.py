@@ -16,7 +16,7 @@ from fantoccini.motion.binding import check_same_puppet
 from fantoccini.motion.pieces import channel_names
 from fantoccini.perform.outside import Steered
 from fantoccini.perform.recording import Recording
-from fantoccini.perform.score_voice import Clock, ScoreVoice
+from fantoccini.perform.score_voice import ScoreVoice
 
 
 class Playing(Steered):
@@ -119,14 +119,19 @@ class Playing(Steered):
         """The score that is played or paused, or None."""
         return self._player.score
 
-    def play_score(
-        self, score: Score, *, clock: Clock | None = None, armed: Collection[str] = ()
-    ) -> None:
-        """Plays a score from its start, on top of what the hands hold; :attr:`score` is its clock.
+    def play_score(self, score: Score, *, armed: Collection[str] = ()) -> None:
+        """Plays a score from its start, on top of what the hands hold.
+
+        ::
+
+            live.play_score(fan.load_score(puppet, "number.yaml"))
+            live.advance(10.0)
+            live.score.conductor.go()       # where it waits
+            live.score.running = False      # a pause
+            live.score.seek("turn")         # a mark; the way there keeps the bounds
 
         Args:
             score: of this puppet.
-            clock: tells where in the score it is; its own time when not given.
             armed: lanes that the score does not move.
 
         Raises:
@@ -138,7 +143,7 @@ class Playing(Steered):
         motion = self._without(score.gesture, armed)
         with self._lock:
             self._refuse_targets()
-            self._player.play_score(motion, clock)
+            self._player.play_score(score, motion)
 
     def stop_score(self) -> None:
         """Ends the score: what it moved goes home."""

@@ -1,0 +1,186 @@
+"""Score files compiled: lanes to one motion, captions, waits and sounds to times."""
+
+from __future__ import annotations
+
+import os
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.errors import FileError, InputError, UnknownNameError
+from fantoccini.gestures.bounding import note_passed
+from fantoccini.gestures.gesture import Gesture
+from fantoccini.gestures.notes import LATE, Notes
+from fantoccini.gestures.placing import Placing
+from fantoccini.gestures.repertoire import Repertoire
+from fantoccini.gestures.score import Caption, Score, Sound, Wait
+from fantoccini.gestures.score_file import ScoreFile
+from fantoccini.gestures.timing import Spot
+from fantoccini.gestures.transition import limits
+from fantoccini.gestures.waiting import note_moving
+from fantoccini.marionette import Marionette
+from fantoccini.media import MediaError, sound_duration
+from fantoccini.motion import pieces
+from fantoccini.puppet.located import Located, read_file, validate
+
+_NO_BOUNDS = {"speed": 1.0, "acceleration": 1.0}
+
+
+def load_score(marionette: Marionette, path: str | os.PathLike[str]) -> Score:
+    """Reads and compiles a score file.
+
+    Where a gesture cannot begin in time, because the way to its start takes longer within the
+    bounds, it begins late, and :attr:`Score.changes` says so. They also say where lanes together
+    or gestures by themselves pass a bound.
+
+    Args:
+        marionette: who performs it.
+        path: of the file.
+
+    Raises:
+        FileError: with every mistake found and its location.
+    """
+    located = read_file(path)
+    file = validate(ScoreFile, located)
+    return _Compiler(marionette, file, located).score()
+
+
+class _Compiler:
+    """Compiles one score file."""
+
+    def __init__(self, marionette: Marionette, file: ScoreFile, located: Located):
+        self._marionette, self._file, self._located = marionette, file, located
+        self._table, self._start = marionette.coordinates, marionette.rest()
+        self._notes = Notes(located, file.tempo)
+
+    def score(self) -> Score:
+        """The score.
+
+        Raises:
+            FileError: it has mistakes.
+        """
+        file, notes = self._file, self._notes
+        most = self._bounds()
+        gestures = Repertoire(self._marionette, file, self._start, most, notes)
+        lanes: dict[str, Any] = {
+            lane: (("lanes", lane), cues) for lane, cues in file.lanes.items()
+        }
+        placed = Placing(lanes, file.marks, gestures.of, most, notes)
+        notes.refuse()
+        captions = tuple(self._caption(placed, i) for i in range(len(file.captions)))
+        waits = self._waits(placed)
+        sounds = tuple(self._sound(placed, i) for i in range(len(file.sound)))
+        notes.refuse()
+        end = max(
+            *(line.end for line in placed.lines), *(wait.t for wait in waits),
+            (file.duration or 0.0) * notes.beat, notes.beat,
+        )  # fmt: skip
+        whole = self._together(placed, end)
+        note_passed(whole, most, placed.played, notes)
+        note_moving(whole, waits, placed.played, notes)
+        notes.refuse()
+        last: list[tuple[Spot, float]] = [(("marks", name), t) for name, t in placed.marks.items()]
+        last += [(("captions", i), one.end) for i, one in enumerate(captions)]
+        last += [(self._of_sound(i), one.start) for i, one in enumerate(sounds)]
+        for spot, t in last:
+            if t > end + LATE:
+                notes.change(spot, f"comes {notes.said(t)}; the score ends {notes.said(end)}")
+        made = Score(
+            self._marionette, whole.called(file.score), tuple(one for _, one, _ in placed.played),
+            placed.marks, captions, notes.beat, tuple(notes.changes), file.score, file.speed,
+            file.acceleration, waits, sounds,
+        )  # fmt: skip
+        try:
+            made.inputs(self._start)
+        except InputError as error:
+            found = [
+                (self._mover(placed, one.key), f"{one.key}: {one.message}")
+                for one in error.mistakes
+            ]
+            raise self._located.error(found, FileError) from None
+        return made
+
+    def _bounds(self) -> Array:
+        """(2, n_vK) bounds of speeds and accelerations."""
+        file, given = self._file, dict[str, Any]()
+        for key in ("speed", "acceleration"):
+            bound = getattr(file, key)
+            for name, one in bound.items() if isinstance(bound, dict) else [("", bound)]:
+                spot = (key, name) if name else (key,)
+                try:
+                    limits(self._table, **(_NO_BOUNDS | {key: {name: one} if name else one}))
+                except (UnknownNameError, ValueError) as error:
+                    self._notes.mistake(spot, str(error))
+            given[key] = bound
+        self._notes.refuse()
+        return limits(self._table, **given)
+
+    def _together(self, placed: Placing, end: float) -> Gesture:
+        """All lanes as one motion."""
+        for line in placed.lines:
+            line.hold(end)
+        whole, *others = (Gesture(self._table, *line.motion) for line in placed.lines)
+        for other in others:
+            whole += other
+        return whole
+
+    def _mover(self, placed: Placing, channel: str) -> Spot:
+        """The cue that moves a coordinate farthest."""
+        places = pieces.channel_names(self._table)
+        if channel not in places or not placed.played:
+            return ("lanes",)
+        v = places[channel][1]
+        sizes = [np.max(np.abs(motion.coef[:, v, 0])) for _, _, motion in placed.played]
+        return placed.played[int(np.argmax(sizes))][0].spot
+
+    def _caption(self, placed: Placing, i: int) -> Caption:
+        given, notes = self._file.captions[i], self._notes
+        start = placed.time(given.at, ("captions", i, "at"))
+        end = placed.time(given.until, ("captions", i, "until"))
+        if not end > start and not notes.found:
+            text = f"ends {notes.said(end)} and begins {notes.said(start)}"
+            notes.mistake(("captions", i), text)
+        return Caption(start, end, given.text)
+
+    def _waits(self, placed: Placing) -> tuple[Wait, ...]:
+        """The waits, in order of time."""
+        notes, found = self._notes, list[Wait]()
+        for name, given in self._file.waits.items():
+            spot: Spot = ("waits", name)
+            if name in self._file.marks:
+                notes.mistake(spot, "a mark has this name; needed: a name of its own")
+            t, loop = placed.time(given.at, spot), None
+            if given.loop is not None:
+                loop = placed.time(given.loop, (*spot, "loop"))
+                if not loop < t - LATE and not notes.found:
+                    text = f"begins {notes.said(loop)} and ends {notes.said(t)}"
+                    notes.mistake((*spot, "loop"), text)
+            found.append(Wait(name, t, loop))
+        found.sort(key=lambda wait: wait.t)
+        for one, after in pairwise(found):
+            begins = after.t if after.loop_start is None else after.loop_start
+            if one.t > after.t - LATE or one.t > begins + LATE:
+                text = f"{one.name} waits {notes.said(one.t)}, at the same time or within this loop"
+                notes.mistake(("waits", after.name), f"{text}; needed: one after the other")
+        return tuple(found)
+
+    def _sound(self, placed: Placing, i: int) -> Sound:
+        given, spot = self._file.sound[i], self._of_sound(i)
+        start = placed.time(given.at, (*spot, "at"))
+        path = self._located.beside(given.file)
+        if path is None:
+            text = "no file of this file's folder is called "
+            self._notes.mistake((*spot, "file"), f"{text}{given.file!r}")
+            return Sound(self._located.folder, start, given.gain, 0.0)
+        try:
+            duration = sound_duration(path)
+        except MediaError as error:
+            self._notes.mistake((*spot, "file"), f"{given.file} {error}")
+            duration = 0.0
+        return Sound(path, start, given.gain, duration)
+
+    def _of_sound(self, i: int) -> Spot:
+        """Where sound i is written: its list may be left out."""
+        return ("sound", i) if isinstance(self._located.data["sound"], list) else ("sound",)

@@ -1,0 +1,112 @@
+"""The gestures of a score's cues: from files, or phrases of the score itself."""
+
+from __future__ import annotations
+
+from fantoccini.arrays import Array
+from fantoccini.errors import FileError, StateError, UnknownNameError, nearest
+from fantoccini.gestures.gesture import Gesture, numbered
+from fantoccini.gestures.gesture_file import bundled, gesture_names, load_gesture
+from fantoccini.gestures.notes import Notes
+from fantoccini.gestures.placing import Placing
+from fantoccini.gestures.score_file import CueFile, ScoreFile
+from fantoccini.gestures.timing import Spot
+from fantoccini.marionette import Marionette
+from fantoccini.motion import State
+
+
+class Repertoire:
+    """Gestures by cue, each file and phrase read once.
+
+    Args:
+        marionette: who performs them.
+        file: the score.
+        start: where the puppet hangs.
+        most: (2, n_vK) bounds of speeds and accelerations.
+        notes: take mistakes and changes.
+    """
+
+    def __init__(
+        self, marionette: Marionette, file: ScoreFile, start: State, most: Array, notes: Notes
+    ):
+        self._marionette, self._file, self._start = marionette, file, start
+        self._most, self._notes = most, notes
+        self._files: dict[str, Gesture | None] = {}
+        self._phrases: dict[str, Gesture | None] = {}
+        self._open: list[str] = []
+
+    def of(self, cue: CueFile, spot: Spot) -> tuple[Gesture, Gesture] | None:
+        """The cue's gesture once, and as often as it is repeated; None after a mistake."""
+        if cue.phrase is not None:
+            made = self._phrase(cue.phrase, (*spot, "phrase"))
+        else:
+            made = self._gesture(str(cue.gesture), (*spot, "gesture"))
+        if made is None:
+            return None
+        for mark in cue.on or ():
+            if mark not in made.marks:
+                text = f"{made.name} has no mark {mark!r}{nearest(mark, made.marks)}"
+                self._notes.mistake((*spot, "on"), text)
+                return None
+        try:
+            made = made.mirrored() if cue.mirrored else made
+        except (UnknownNameError, StateError) as error:
+            self._notes.mistake((*spot, "mirrored"), str(error))
+            return None
+        made = made.scaled(cue.larger).faster(cue.faster)
+        if cue.lasts is not None:
+            made = made.lasting(cue.lasts * self._notes.beat)
+        try:
+            whole = made.repeated(
+                cue.repeat, speed=self._file.speed, acceleration=self._file.acceleration
+            )
+        except StateError as error:
+            self._notes.mistake(spot, str(error))
+            return None
+        return made, whole
+
+    def _gesture(self, name: str, spot: Spot) -> Gesture | None:
+        if name in self._files:
+            return self._files[name]
+        self._files[name] = None
+        path = self._notes.located.beside(name)
+        if path is None and name in gesture_names():
+            path = bundled(name)
+        if path is None:
+            text = "no gesture file in this one's folder, and no bundled gesture, is called "
+            self._notes.mistake(spot, f"{text}{name!r}{nearest(name, gesture_names())}")
+            return None
+        try:
+            self._files[name] = load_gesture(self._marionette, path, self._start)
+        except FileError as error:
+            for one in error.mistakes:
+                self._notes.mistake(spot, str(one))
+        return self._files[name]
+
+    def _phrase(self, name: str, spot: Spot) -> Gesture | None:
+        """A phrase as one gesture: from where the puppet hangs, at rest at its end."""
+        if name in self._open:
+            way = " -> ".join([*self._open[self._open.index(name) :], name])
+            self._notes.mistake(spot, f"a phrase is part of itself: {way}")
+            return None
+        if name not in self._file.phrases:
+            text = f"no phrase is called {name!r}{nearest(name, self._file.phrases)}"
+            self._notes.mistake(spot, text)
+            return None
+        if name in self._phrases:
+            return self._phrases[name]
+        self._open.append(name)
+        self._phrases[name] = self._made(name)
+        self._open.pop()
+        return self._phrases[name]
+
+    def _made(self, name: str) -> Gesture | None:
+        lanes = {name: (("phrases", name), self._file.phrases[name])}
+        placed = Placing(lanes, {}, self.of, self._most, self._notes, phrase=True)
+        if self._notes.found:
+            return None
+        marks: dict[str, float] = {}
+        for _, one, _ in placed.played:
+            for mark, t in one.marks.items():
+                marks[numbered(mark, marks)] = t
+        (line,) = placed.lines
+        return Gesture(self._marionette.coordinates, *line.motion, name, marks)

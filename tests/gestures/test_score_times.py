@@ -1,0 +1,195 @@
+"""Times by name, across lanes; holds; phrases."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.errors import FileError
+
+NUMBER = """\
+score: number
+tempo: 100
+speed: 1.2
+acceleration: 12
+marks: {after: hello.end + 2}
+lanes:
+  head:
+    - {gesture: nod, at: low.low + 1}
+  body:
+    - {gesture: bow, on: {low: after}, name: low}
+    - {gesture: bow, name: again}
+  arm:
+    - {gesture: wave, on: {up: 4}, name: hello}
+captions:
+  - {at: hello.up, until: nod.second - 0.5, text: Hello}
+"""
+HOLDS = """\
+score: holds
+tempo: 60
+lanes:
+  body:
+    - {hold: 2}
+    - {gesture: sit}
+    - {hold: 3, name: seated}
+    - {gesture: bow}
+  head:
+    - {gesture: nod, at: seated.start + 1}
+"""
+PHRASES = """\
+score: phrases
+tempo: 60
+speed: 2
+acceleration: 20
+phrases:
+  hello:
+    - {gesture: wave, on: {up: 1}, name: first}
+    - {gesture: nod, at: first.end + 1}
+    - {hold: 1}
+  both: [{phrase: hello}, {gesture: bow}]
+lanes:
+  body:
+    - {phrase: hello, at: 2, repeat: 3}
+    - {phrase: both, mirrored: true, on: {low: 40}, faster: 0.9}
+marks: {up: hello.up 3}
+"""
+
+
+@pytest.fixture(scope="module")
+def marionette() -> fan.Marionette:
+    return fan.puppets.marionette()
+
+
+def load(marionette, folder, text: str) -> fan.Score:
+    path = folder / "number.yaml"
+    path.write_text(text, encoding="utf-8")
+    return fan.load_score(marionette, path)
+
+
+def test_times_refer_to_cues_of_any_lane(marionette, tmp_path):
+    score = load(marionette, tmp_path, NUMBER)
+    assert score, score.changes
+    nod, low, again, hello = score.cues
+    assert hello.name == "hello" and hello.marks["up"] == pytest.approx(4 * 0.6)
+    assert score.marks["after"] == pytest.approx(hello.end + 2 * 0.6)
+    assert low.marks["low"] == pytest.approx(score.marks["after"])
+    assert nod.start == pytest.approx(low.marks["low"] + 0.6) and nod.name == "nod"
+    assert again.start == pytest.approx(low.end)
+    (words,) = score.captions
+    assert words.start == pytest.approx(hello.marks["up"])
+    assert words.end == pytest.approx(nod.marks["second"] - 0.3)
+
+
+def test_what_begins_late_takes_along_what_refers_to_it(marionette, tmp_path):
+    text = """\
+score: late
+lanes:
+  head: [{gesture: nod, at: bow.start}]
+  body: [{gesture: sit}, {gesture: bow, at: 1.3}]
+"""
+    score = load(marionette, tmp_path, text)
+    nod, _, bow = score.cues
+    assert len(score.changes) == 1 and bow.start > 1.31
+    assert nod.start == pytest.approx(bow.start)
+
+
+def test_a_lane_rests_in_a_hold_and_is_led_on_at_its_end(marionette, tmp_path):
+    score = load(marionette, tmp_path, HOLDS)
+    assert score, score.changes
+    sit, bow, nod = score.cues
+    assert sit.start == pytest.approx(2.0) and bow.start == pytest.approx(sit.end + 3.0)
+    assert nod.start == pytest.approx(sit.end + 1.0)
+    seated, _ = score.offsets(sit.end)
+    still, rates = score.offsets(sit.end + 0.9)
+    np.testing.assert_allclose(still, seated, atol=1e-12)
+    np.testing.assert_allclose(rates, 0.0, atol=1e-12)
+    text = HOLDS.replace("hold: 3", "hold: 0.1")
+    (change,) = load(marionette, tmp_path, text).changes
+    assert change.line == 8 and "bow begins" in str(change) and "after the hold" in str(change)
+
+
+def test_holds_end_lanes_and_are_waited_for(marionette, tmp_path):
+    text = "score: h\nlanes: {body: [{gesture: nod}, {hold: 4, at: 3}]}\n"
+    assert load(marionette, tmp_path, text).duration == pytest.approx(7.0)
+    text = "score: h\nlanes: {body: [{hold: 4}, {gesture: nod, at: 3}]}\n"
+    (change,) = load(marionette, tmp_path, text).changes
+    assert "nod begins at 4.00 s instead of at 3.00 s: the hold ends at 4.00 s" in str(change)
+
+
+def test_a_phrase_is_played_like_a_gesture(marionette, tmp_path):
+    score = load(marionette, tmp_path, PHRASES)
+    assert score, score.changes
+    hello, both = score.cues
+    assert hello.gesture == "hello" and hello.start == pytest.approx(2.0)
+    wave, nod = fan.load_gesture(marionette, "wave"), fan.load_gesture(marionette, "nod")
+    once = 0.1 + wave.duration + 1.0 + nod.duration + 1.0  # its hand is up after 0.9 s
+    assert hello.end - hello.start == pytest.approx(3 * once)
+    assert score.marks["up"] == pytest.approx(2.0 + 2 * once + 1.0)
+    assert both.marks["low"] == pytest.approx(40.0)
+    assert both.end - both.start == pytest.approx((once + 2.6) / 0.9)
+    # Three rounds are the same motion; the mirrored one moves the left hand.
+    y = marionette.coordinates.v_K.index("hand_right.y")
+    for t in np.linspace(2.0, 2.0 + once, 40):
+        first, third = score.offsets(t)[0], score.offsets(t + 2 * once)[0]
+        np.testing.assert_allclose(first, third, atol=1e-9)
+        d, _ = score.offsets(both.start + (t - 2.0) / 0.9)
+        left = marionette.coordinates.v_K.index("hand_left.y")
+        assert d[left] == pytest.approx(-first[y], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "change", "line", "message"),
+    [
+        (NUMBER, ("low.low + 1", "lwo.low + 1"), 8, "did you mean 'low.low'"),
+        (NUMBER, ("low.low + 1", "low.lowest"), 8, "low has no mark 'lowest'; did you mean 'low'"),
+        (NUMBER, ("low.low + 1", "low"), 8, r"which moment of low, as in low\.low"),
+        (NUMBER, ("low.low + 1", "low.low + x"), 8, "needed: a time, a mark, or a moment"),
+        (NUMBER, ("low.low + 1", "hello.start - 20"), 8, "before the score"),
+        (NUMBER, ("name: again", "name: low"), 11, "needed: a name of its own"),
+        (NUMBER, ("name: again", "name: after"), 11, "needed: a name of its own"),
+        (NUMBER, (", name: again", ", name: a.b"), 11, "a name is up to 64 letters"),
+        (NUMBER, ("hello.end", "low.end"), 5, r"by way of lanes.body\[0\] \(line 10\)"),
+        (NUMBER, ("hello.end + 2", "after + 2"), 5, "waits for itself"),
+        (NUMBER, ("on: {low: after}", "at: again.end"), 10, r"\(line 11\)"),
+        (
+            NUMBER.replace(", name: low", "").replace(", name: again", ""),
+            ("low.low + 1", "bow.low"), 8, "2 cues play 'bow', on lines 10, 11",
+        ),
+        (NUMBER, ("hello.up,", "helo.up,"), 15, "did you mean 'hello.up'"),
+        (HOLDS, ("hold: 2", "hold: 2, gesture: bow"), 5, "both `gesture` and `hold`"),
+        (HOLDS, ("hold: 2", "hold: 2, larger: 3"), 5, "found `hold` with `larger`"),
+        (HOLDS, ("hold: 2", "at: 2"), 5, "found none of them"),
+        (HOLDS, ("hold: 2", "hold: -1"), 5, "from 0.001 to 1000"),
+        (HOLDS, ("seated.start + 1", "seated.up"), 10, "seated has no mark 'up'"),
+        (PHRASES, ("first.end + 1", "hello.up"), 8, "the names are first.end"),
+        (PHRASES, ("on: {up: 1}", "on: {up: 0.2}"), 7, "0.70 s before the phrase"),
+        (PHRASES, ("gesture: bow", "phrase: both"), 10, "part of itself: both -> both"),
+        (PHRASES, ("phrase: hello, at", "phrase: helo, at"), 13, "did you mean 'hello'"),
+        (PHRASES, ("gesture: nod", "gesture: nodd"), 8, "did you mean 'nod'"),
+        (PHRASES, ("on: {low: 40}", "on: {lower: 40}"), 14, "did you mean 'low'"),
+        (PHRASES, ("[{phrase: hello}, {gesture: bow}]", "[]"), 10, "at least 1 item"),
+    ],
+)  # fmt: skip
+def test_mistakes_have_places(marionette, tmp_path, text, change, line, message):
+    assert change[0] in text
+    with pytest.raises(FileError, match=message) as caught:
+        load(marionette, tmp_path, text.replace(*change, 1))
+    assert f"number.yaml:{line}" in str(caught.value)
+
+
+def test_a_dash_may_belong_to_a_name(marionette, tmp_path):
+    text = """\
+score: dash
+marks: {verse-2: 3, turn: 9}
+lanes:
+  body: [{gesture: nod, at: verse-2}, {gesture: bow, at: turn-2}]
+"""
+    nod, bow = load(marionette, tmp_path, text).cues
+    assert nod.start == pytest.approx(3.0) and bow.start == pytest.approx(7.0)
+
+
+def test_what_passes_a_bound_in_a_phrase_is_told_at_its_cue(marionette, tmp_path):
+    text = PHRASES.replace("phrase: hello, at: 2", "phrase: hello, at: 2, faster: 4")
+    changes = load(marionette, tmp_path, text).changes
+    assert changes and {one.line for one in changes} == {13}
