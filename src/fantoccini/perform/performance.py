@@ -165,13 +165,12 @@ class Performance(Playing):
     def target(self, name: str) -> Place:
         """A handle's target, as :meth:`place`."""
         with self._lock:
-            handle = self._hands.handle(name)
-            r, wxyz = self._place(handle, self._wanted)
-            if parts := self._hands.carriers(handle):
-                poses = self.marionette.poses(self._x.q_D, self._x.q_K)
-                ways = [self._place(h, self._wanted)[0] - poses[h.link, :, 3] for h in parts]
-                r = r + np.sum(ways, axis=0)
-            return r, wxyz
+            return self._there(name, self._wanted)
+
+    def aim(self, name: str) -> Place:
+        """Where a handle is to be now: its target with what is played on top, as :meth:`place`."""
+        with self._lock:
+            return self._there(name, self._aimed())
 
     def move(self, name: str, position: Vec3 | None = None, wxyz: Quaternion | None = None) -> None:
         """Sets the target of a handle; parts that its joint cannot reach are projected away.
@@ -351,6 +350,16 @@ class Performance(Playing):
 
     def _place(self, handle: Handle, q_K: ConfigK) -> Place:
         return place_of(self.marionette, handle, q_K, self._poses(handle))
+
+    def _there(self, name: str, q_K: ConfigK) -> Place:
+        """The place of a handle at wanted coordinates."""
+        handle = self._hands.handle(name)
+        r, wxyz = self._place(handle, q_K)
+        if parts := self._hands.carriers(handle):
+            poses = self.marionette.poses(self._x.q_D, self._x.q_K)
+            ways = [self._place(h, q_K)[0] - poses[h.link, :, 3] for h in parts]
+            r = r + np.sum(ways, axis=0)
+        return r, wxyz
 
     def _poses(self, handle: Handle) -> Array:
         """(n_links, 3, 4) of the links; empty where nothing moves the handle's joint."""

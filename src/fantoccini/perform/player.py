@@ -118,10 +118,11 @@ class Player:
         self.take = None
         return found
 
-    def play_score(self, score: Score, motion: Gesture) -> None:
+    def play_score(self, score: Score, motion: Gesture) -> ScoreVoice:
         """Plays a score from its start, as ``motion``; one that was played goes home."""
         self.stop_score()
         self.score = ScoreVoice(score, motion, self._most)
+        return self.score
 
     def stop_score(self) -> None:
         """Ends the score: what it moved goes home."""

@@ -8,7 +8,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from fantoccini.arrays import MaskRows, VecK
+from fantoccini.arrays import ConfigK, MaskRows, VecK
 from fantoccini.errors import UnknownNameError
 from fantoccini.gestures import Gesture, Score
 from fantoccini.motion import State
@@ -119,8 +119,8 @@ class Playing(Steered):
         """The score that is played or paused, or None."""
         return self._player.score
 
-    def play_score(self, score: Score, *, armed: Collection[str] = ()) -> None:
-        """Plays a score from its start, on top of what the hands hold.
+    def play_score(self, score: Score, *, armed: Collection[str] = ()) -> ScoreVoice:
+        """Plays a score from its start, on top of what the hands hold; returns :attr:`score`.
 
         ::
 
@@ -143,7 +143,7 @@ class Playing(Steered):
         motion = self._without(score.gesture, armed)
         with self._lock:
             self._refuse_targets()
-            self._player.play_score(score, motion)
+            return self._player.play_score(score, motion)
 
     def stop_score(self) -> None:
         """Ends the score: what it moved goes home."""
@@ -167,6 +167,11 @@ class Playing(Steered):
     @abstractmethod
     def _go_to(self, x: State) -> None:
         """Continues from another state of the puppet, with the hands there."""
+
+    def _aimed(self) -> ConfigK:
+        """(n_qK,) targets with what is played on top."""
+        player = self._player
+        return self._wanted if player.idle else self._hands.moved(self._wanted, player.offsets().d)
 
     def _fold(self, d: VecK) -> None:
         """Makes offsets part of the targets."""

@@ -43,6 +43,9 @@ MEMBERS = (
 )  # fmt: skip
 """Members of a server that are used here."""
 
+MAX_TEXT = 200
+"""Length of a text that a viewer can type [characters]."""
+
 Handler = Callable[[Any], Awaitable[None]]
 """Serves one websocket connection."""
 Filter = Callable[[Any, Any], Any]
@@ -202,4 +205,13 @@ def fits(control: Any, value: Any) -> bool:
             # The comparison also excludes NaN, infinity, and an int too large for a float.
             number = isinstance(value, int | float)
             return number and control.min - control.step <= value <= control.max + control.step
+        case viser.GuiMultiSliderHandle():
+            low, high = control.min - control.step, control.max + control.step
+            return (
+                isinstance(value, list | tuple)
+                and len(value) == len(control.value)
+                and all(isinstance(one, int | float) and low <= one <= high for one in value)
+            )
+        case viser.GuiTextHandle():
+            return isinstance(value, str) and len(value) <= MAX_TEXT
     return False
