@@ -29,7 +29,7 @@ from fantoccini.web.recorder import Recorder
 from fantoccini.web.server import Server
 from fantoccini.web.stage import Stage
 from fantoccini.web.viser_private import Handler
-from fantoccini.web.watched_file import WatchedFile
+from fantoccini.web.watched_file import WatchedFile, compiled
 
 if TYPE_CHECKING:
     import viser
@@ -93,7 +93,7 @@ class Live(PageLoop):
         self.holder = Holder()
         self.paused, self.factor = False, 1.0
         self.stage = Stage(performance, record_to, file, score)
-        self._file = None if file is None else WatchedFile(file)
+        self._file = None if file is None else WatchedFile(file, compiled)
         self._pads = pad.Pads()
         self._jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._past: deque[tuple[float, np.ndarray]] = deque()
@@ -301,13 +301,16 @@ class Live(PageLoop):
     # -- another puppet ------------------------------------------------------------------------
 
     def _poll_file(self, now: float) -> None:
+        score = self.stage.poll(now)
+        if score is not None:
+            self.panel.show_mistakes("score", score)
         reload = None if self._file is None else self._file.poll(now)
         if reload is None:
             return
-        self.panel.show_mistakes(reload.mistakes)
-        if reload.marionette is None:
+        self.panel.show_mistakes("puppet", reload.mistakes)
+        if reload.made is None:
             return
-        lost = self.performance.replace(reload.marionette)
+        lost = self.performance.replace(reload.made)
         lost += self.stage.reload()
         self._past.clear()
         with self.server.viser.atomic():

@@ -84,6 +84,7 @@ class LivePanel:
     def __init__(self, live: LiveActions, server: viser.ViserServer, theme: Theme):
         self._live, self._gui, self._theme = live, server.gui, theme
         self._message = ""
+        self._wrong: dict[str, tuple[str, ...]] = {}
         self._made: list[Any] = []
         gui = server.gui
         self._status = gui.add_html("", order=-4.0)
@@ -124,6 +125,7 @@ class LivePanel:
         with self._strings:
             self._build_strings(nodes)
         self._gestures.build()
+        self._takes.build()
         if self._score is not None:
             self._score.build()
 
@@ -197,14 +199,17 @@ class LivePanel:
         if self._balance.value != on:
             self._balance.value = on
 
-    def show_mistakes(self, mistakes: tuple[str, ...]) -> None:
-        """Shows the errors in the puppet's file."""
-        self._mistakes.visible = bool(mistakes)
-        lines = "".join(f"<div>{text(line)}</div>" for line in mistakes)
+    def show_mistakes(self, what: str, mistakes: tuple[str, ...]) -> None:
+        """Shows the errors in a file, of the puppet or of the score."""
+        self._wrong = {**self._wrong, what: mistakes}
+        wrong = {what: lines for what, lines in self._wrong.items() if lines}
+        self._mistakes.visible = bool(wrong)
+        lines = "".join(f"<div>{text(line)}</div>" for one in wrong.values() for line in one)
+        lead = "; ".join(f"the {what} is unchanged" for what in wrong)
         self._mistakes.content = (
             f'<div style="margin:0 0.5em;padding:0.5em 0.7em;border-left:4px solid {_RED};'
             'background:rgba(214,69,69,0.12);font-size:0.82em;overflow-wrap:anywhere">'
-            f"<b>The file has errors; the puppet is unchanged.</b>{lines}</div>"
+            f"<b>The file has errors; {lead}.</b>{lines}</div>"
         )
 
     def update(

@@ -179,9 +179,8 @@ class TakesTab:
         self._live, self._gui, self._theme = live, gui, theme
         self._part: Any = None
         self._shown: tuple[str, ...] = ()
-        self._of = ""
-        stage = live.stage
-        self._tab = tab
+        self._of, self._tab = "", tab
+        self._lanes: dict[str, Any] = {}
         with tab:
             self._about = gui.add_html("")
             self._take = gui.add_dropdown("Take", (_NONE,), hint="The newest first")
@@ -199,11 +198,12 @@ class TakesTab:
             with gui.add_folder("Gesture"):
                 self._name = gui.add_text("Name", "", hint="Letters, digits, _ and -")
                 make = gui.add_button("Make a gesture of it", color="gray")
-            with gui.add_folder("Overdub", expand_by_default=False):
-                gui.add_html(note("Ticked strings are in your hands, the take moves the others."))
-                self._lanes = {
-                    lane: gui.add_checkbox(lane, False) for lane in stage.performance.lanes
-                }
+            self._armed = gui.add_folder("Overdub", expand_by_default=False)
+            with self._armed:
+                gui.add_html(
+                    note("Ticked strings are in your hands, the take moves the others."),
+                    order=-2000.0,
+                )
                 overdub = gui.add_button("Overdub (O)", icon="player-record", color="red")
         self._play.on_click(lambda e: live.later(e.client_id, self._play_take))
         make.on_click(lambda e: live.later(e.client_id, self._make))
@@ -212,10 +212,23 @@ class TakesTab:
         for control in (self._smooth, self._stretch):
             control.on_update(self._edit)
         self._keep.on_click(self._save)
-        for lane, box in self._lanes.items():
-            box.on_update(self._arms(lane, box))
         command("Play or stop the take", "L", self._play_take)
         command("Overdub the take", "O", self._overdub)
+
+    def build(self) -> None:
+        """Shows boxes of the lanes that there are now."""
+        stage = self._live.stage
+        if stage.performance.lanes == tuple(self._lanes):
+            return
+        for box in self._lanes.values():
+            box.remove()
+        with self._armed:
+            self._lanes = {
+                lane: self._gui.add_checkbox(lane, lane in stage.armed, order=-1000.0 + k)
+                for k, lane in enumerate(stage.performance.lanes)
+            }
+        for lane, box in self._lanes.items():
+            box.on_update(self._arms(lane, box))
 
     def update(self) -> None:
         """Shows the takes that there are now, and what becomes of the chosen one."""

@@ -14,6 +14,7 @@ from fantoccini.web.instrument import Instrument
 from fantoccini.web.recorder import Recorder
 from fantoccini.web.sound import SILENCE, Clip, Heard, Sounds
 from fantoccini.web.takes import Takes
+from fantoccini.web.watched_file import WatchedFile
 from fantoccini.web.worker import Worker
 
 
@@ -61,7 +62,10 @@ class Stage:
         self._frame = time.perf_counter()
         self._took: list[Callable[[], None]] = []
         self.score: Score | None = None
-        self._load_score()
+        self._watched: WatchedFile[Score] | None = None
+        if score is not None:
+            self._watched = WatchedFile(score, self._read)
+            self._take_score(self._read(score))
 
     def on_take(self, do: Callable[[], None]) -> None:
         """Calls something whenever there is a new take."""
@@ -70,12 +74,30 @@ class Stage:
     def reload(self) -> tuple[str, ...]:
         """Finds gestures and score for a changed puppet; returns what could not be kept."""
         self.instrument.load()
-        try:
-            self._load_score()
-        except FantocciniError as error:
-            self.score = None
-            return (str(error),)
+        self.armed &= set(self.performance.lanes)
+        if self._score_file is not None:
+            try:
+                self._take_score(self._read(self._score_file))
+            except FantocciniError as error:
+                self.score = None
+                return (str(error),)
         return ()
+
+    def poll(self, now: float) -> tuple[str, ...] | None:
+        """Loads the score again when its file was saved, and goes on with it where it was.
+
+        Returns:
+            Its mistakes, once; None where it was not saved.
+        """
+        reload = None if self._watched is None else self._watched.poll(now)
+        if reload is None:
+            return None
+        if reload.made is not None:
+            before = self.performance.score
+            self._take_score(reload.made)
+            if before is not None:
+                self._begin(before.running).seek(min(before.t, reload.made.duration))
+        return reload.mistakes
 
     def frame(self) -> None:
         """A frame has been drawn: the performance is at its time now."""
@@ -168,17 +190,18 @@ class Stage:
             raise StateError("there is no score: fantoccini show PUPPET --score FILE")
         return self.score
 
-    def _load_score(self) -> None:
-        if self._score_file is None:
-            return
-        self.score = load_score(self.performance.marionette, self._score_file)
-        clips = [Clip(one.path, one.start, one.gain) for one in self.score.sounds]
+    def _read(self, path: Path) -> Score:
+        return load_score(self.performance.marionette, path)
+
+    def _take_score(self, score: Score) -> None:
+        clips = [Clip(one.path, one.start, one.gain) for one in score.sounds]
         try:
             self.sounds.load(clips)
         except OSError as error:
             raise StateError(f"{error.filename} cannot be read: {error.strerror}") from None
-        if self.score.beat != 1.0:
-            self.instrument.set_tempo(60.0 / self.score.beat)
+        self.score = score
+        if score.beat != 1.0:
+            self.instrument.set_tempo(60.0 / score.beat)
 
     # -- sound -------------------------------------------------------------------------------
 
