@@ -80,7 +80,7 @@ def recorded(scene, seconds: float = 0.6) -> str:
 
     def passed() -> bool:
         t = scene.live.recorder.time
-        scene.performance.move("hand_left", home + [0.04 * np.sin(8.0 * t), 0.0, 0.0])
+        scene.performance.move("hand_left", home + np.array([0.04 * np.sin(8.0 * t), 0.0, 0.0]))
         return t > seconds
 
     until(passed, "time passes")

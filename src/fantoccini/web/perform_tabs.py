@@ -256,7 +256,10 @@ class TakesTab:
         if take is None:
             said = "Record one, or choose one."
         else:
-            said = f"{take.duration:.1f} s"
+            edits = stage.takes.edits
+            said = f"{take.duration:.2f} s"
+            if edits.start > 0.0 or edits.end < take.duration:
+                said = f"{edits.start:.2f} s to {edits.end:.2f} s of {said}"
             if t is not None:
                 said = f"Plays {t:.1f} s of {stage.takes.edited().duration:.1f} s"
         return note("; ".join(part for part in (said, stage.worker.status) if part))
@@ -298,9 +301,11 @@ class TakesTab:
     async def _edit(self, event: Any) -> None:
         if event.client_id is None or self._part is None:
             return
-        start, end = self._part.value
-        edits = Edits(float(start), float(end), self._smooth.value, self._stretch.value)
+        start, end = map(float, self._part.value)
         takes = self._live.stage.takes
+        if end >= self._part.max and takes.take is not None:
+            end = takes.take.duration  # the slider rounds
+        edits = Edits(start, end, self._smooth.value, self._stretch.value)
         self._live.later(event.client_id, lambda: setattr(takes, "edits", edits))
 
     async def _save(self, event: Any) -> None:
