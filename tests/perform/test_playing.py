@@ -82,6 +82,21 @@ def test_gestures_in_the_middle_of_others_never_jump_and_keep_bounds(puppet, ges
     assert np.max(np.abs(made.trajectory.v_K[-1])) < 1e-9
 
 
+def test_home_takes_back_gestures_then_the_hands(puppet, gestures):
+    live = fan.Performance(puppet)
+    home = wanted(live)
+    live.move("head", live.place("head")[0] + [0.03, 0.0, 0.0])
+    held = wanted(live)
+    live.play(gestures["kneel"])
+    live.advance(2.0)
+    for there in (held, home):
+        live.go_home()
+        live.advance(2.0)
+        np.testing.assert_array_equal(wanted(live), there)
+        here = [live.place(handle.name)[0] for handle in live.handles]
+        np.testing.assert_allclose(np.concatenate(here), there, atol=1e-9)
+
+
 def test_a_button_pressed_twice_begins_again_where_it_is(puppet, gestures):
     live = fan.Performance(puppet)
     live.record()

@@ -221,12 +221,6 @@ class Performance(Playing):
         with self._lock:
             return float(self._wanted[self._hands.length_place(string)])
 
-    def hold(self) -> None:
-        """Stops all hands: sets their targets to where they are."""
-        with self._lock:
-            self._player.clear()
-            self._wanted = np.array(self._x.q_K)
-
     # -- time --------------------------------------------------------------------------------
 
     def advance(self, duration: float) -> State:
@@ -251,9 +245,12 @@ class Performance(Playing):
             self._end_recording("the puppet was set back to its start")
             self._remainder = 0.0
             self._reports.clear()
-            if self._x0 is None:
-                self._x0 = change.hanging(self.marionette)
-            self._take(self.marionette, self._x0)
+            self._take(self.marionette, self._start())
+
+    def _start(self) -> State:
+        if self._x0 is None:
+            self._x0 = change.hanging(self.marionette)
+        return self._x0
 
     def _go_to(self, x: State) -> None:
         self._end_recording("a take was begun")

@@ -66,6 +66,11 @@ class Player:
         return not (self._voices or self._waiting or self.take or self.score)
 
     @property
+    def away(self) -> bool:
+        """Whether gestures are played, or have ended elsewhere than they began."""
+        return bool(self._voices or self._waiting)
+
+    @property
     def playing(self) -> tuple[str, ...]:
         """Names of the gestures that move or are about to."""
         moving = [one.gesture.name for one in self._voices if not one.over(self.t)]

@@ -60,13 +60,20 @@ class Playing(Steered):
         with self._lock:
             self._player.once(name)
 
-    def go_home(self, duration: float = 0.5) -> None:
-        """Takes back all gestures: the hands go where they hold the puppet.
+    def hold(self) -> None:
+        """Stops all hands: sets their targets to where they are."""
+        with self._lock:
+            self._player.clear()
+            self._wanted = np.array(self._x.q_K)
 
-        Args:
-            duration: of the rest there, during which nothing else is played [s].
-        """
-        self.play(Gesture.rest(self.marionette, duration))
+    def go_home(self) -> None:
+        """Takes back all gestures; where there are none, the hands go to where they began."""
+        with self._lock:
+            self._refuse_targets()
+            if self._player.away:
+                self._player.play(Gesture.rest(self.marionette, self.tick))
+            else:
+                self._wanted = np.array(self._start().q_K)
 
     @property
     def lanes(self) -> tuple[str, ...]:
@@ -163,6 +170,15 @@ class Playing(Steered):
         return dataclasses.replace(
             motion, named=free, coef=motion.coef * free[:, None], travel=motion.travel * free
         )
+
+    @property
+    @abstractmethod
+    def _x(self) -> State:
+        """The state, at the stepper's time."""
+
+    @abstractmethod
+    def _start(self) -> State:
+        """The state that a reset returns to."""
 
     @abstractmethod
     def _go_to(self, x: State) -> None:

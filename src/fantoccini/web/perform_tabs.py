@@ -54,7 +54,8 @@ class GesturesTab:
         with tab:
             self._about = gui.add_html("")
             home = gui.add_button(
-                "Home (H)", icon="home", color="gray", hint="Takes back all gestures",
+                "Home (H)", icon="home", color="gray",
+                hint="Takes back all gestures; without any, the hands go to the start",
             )  # fmt: skip
             home.on_click(lambda e: live.later(e.client_id, self._go_home))
             boxes = (
