@@ -176,6 +176,33 @@ def test_the_metronome_is_heard(scene):
     until(lambda: not scene.stage.instrument.metronome, "it is off")
 
 
+def test_keys_are_heard_after_clicks(scene):
+    """A button, a box or a list that was clicked does not keep the keyboard."""
+    from selenium.webdriver import ActionChains
+    from selenium.webdriver.common.keys import Keys
+
+    instrument, player = scene.stage.instrument, lambda: scene.performance._player
+    instrument.add(
+        fan.Gesture.of(
+            scene.performance.marionette, {"line.up": [(0, 0), (1, 0.05), (2, 0)]}, name="hop"
+        )
+    )
+    open_tab(scene.browser, "Gestures")
+    until(lambda: "hop" in buttons(scene), "its button")
+    shown(scene, "input[type=checkbox]")[0].click()
+    until(lambda: instrument.manner.mirrored, "the box is ticked")
+    ActionChains(scene.browser).send_keys("1").perform()
+    until(lambda: scene.performance.playing, "the key plays it")
+    next(one for one in shown(scene, "button") if one.text == "Record").click()
+    until(lambda: scene.live.recorder.running, "it records")
+    ActionChains(scene.browser).send_keys(Keys.SPACE).send_keys("h").perform()
+    until(lambda: not player().away, "home: the keys have come")
+    assert scene.live.recorder.running
+    camera = np.array(scene.client.camera.position)
+    ActionChains(scene.browser).key_down(Keys.SHIFT).send_keys("s").key_up(Keys.SHIFT).perform()
+    until(lambda: np.linalg.norm(scene.client.camera.position - camera) > 0.1, "another view")
+
+
 def test_the_panel_does_not_hide_what_is_played(scene):
     """All of the gestures' tab lies above the fold of a window of 1280 x 720."""
     scene.browser.execute_cdp_cmd(

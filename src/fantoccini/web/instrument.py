@@ -115,6 +115,11 @@ class Instrument:
         self._again = {name: one for name, one in self._again.items() if name in found}
         return tuple(name for name in found if name != "rest")
 
+    @property
+    def beat(self) -> int:
+        """Number of the present beat."""
+        return int(self.tempo.beats(self._performance.t) // 1)
+
     def tap(self) -> None:
         """A tap of the beat, now."""
         self.tempo.tap(self._performance.t, time.monotonic())

@@ -35,8 +35,8 @@ _HINT_WINDS = (
 )
 _KEYS = (
     "F and G choose a handle, A D W S move it, Q E wind its string, P pauses, N steps, R resets, "
-    "T records, Shift with 1 to 4 and the arrow keys turn the camera. Gestures: the keys beside "
-    "their buttons, H home, B taps the beat, M metronome, L plays the take, O overdubs, Space GO. "
+    "T records, Shift with F, S, Q, T and the arrow keys turn the camera. Gestures: keys beside "
+    "buttons, H home, B taps the beat, M metronome, L plays the take, O overdubs, Space GO. "
     "A gamepad works too."
 )
 _RED = to_hex(WARNING)
@@ -326,10 +326,12 @@ class LivePanel:
             acts(f"Handle {label}", key, partial(live.push, right, up))
         acts("Wind in", "E", lambda _: live.wind(-_PUSH))
         acts("Wind out", "Q", lambda _: live.wind(_PUSH))
-        for n, view in enumerate(VIEWS, start=1):
-            self._gui.add_command(f"Camera: {view}", hotkey=str(n), modifier="shift").on_trigger(
-                lambda e, view=view: live.nodes.look(e.client.camera, view)
+        # Not Shift with a digit: browsers name that key by what it writes, as `!`.
+        for key, view in zip("FSQT", VIEWS, strict=True):
+            camera = self._gui.add_command(
+                f"Camera: {view}", hotkey=cast(Any, key), modifier="shift"
             )
+            camera.on_trigger(lambda e, view=view: live.nodes.look(e.client.camera, view))
 
     def _command(self, label: str, key: str, do: Callable[[], None]) -> Any:
         """Adds a key that does something in the loop's thread."""

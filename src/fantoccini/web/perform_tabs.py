@@ -112,7 +112,7 @@ class GesturesTab:
         else:
             said = "A button or its key plays a gesture on top of what you hold."
         if instrument.metronome:
-            said += f" {instrument.tempo.bpm:.0f} beats a minute."
+            said = f"{_dots(instrument.beat)} {said}"
         self._say("; ".join((said, *instrument.problems)))
         bpm = float(round(instrument.tempo.bpm))
         if abs(self._bpm.value - bpm) >= 1.0:
@@ -159,6 +159,11 @@ class GesturesTab:
                 setattr(manner, name, control.value)
 
         control.on_update(changed)
+
+
+def _dots(beat: int) -> str:
+    """Four beats, with the present one."""
+    return "".join("\N{BLACK CIRCLE}" if k == beat % 4 else "\N{WHITE CIRCLE}" for k in range(4))
 
 
 class TakesTab:

@@ -182,11 +182,12 @@ class Sounds:
             await self._tell(connection)
 
     async def _tell(self, connection: Any) -> None:
-        for clip, content in self._clips:
+        clips = self._clips
+        for clip, content in clips:
             await connection.send(json.dumps({"start": clip.start, "gain": clip.gain}))
             await connection.send(content)
         version, before, silent = -1, 0.0, False
-        while True:
+        while clips is self._clips:  # otherwise the script comes again, for other sounds
             now = asyncio.get_running_loop().time()
             if version != self.version or now - before > _TIMING.tell:
                 version, before = self.version, now

@@ -115,7 +115,10 @@ class Takes:
             armed: lanes that it leaves to the hands.
             again: again and again.
         """
-        self._performance.play_take(self.edited(), armed=armed, again=again)
+        try:
+            self._performance.play_take(self.edited(), armed=armed, again=again)
+        except ValueError as error:
+            raise StateError(str(error)) from None
 
     # -- files -------------------------------------------------------------------------------
 

@@ -59,6 +59,18 @@ CLIENT_SCRIPT = """
   document.addEventListener("keydown", (event) => {
     if (keys.has(event.code)) event.stopImmediatePropagation();
   });
+  // What was clicked keeps the keyboard: the space bar would press it again, and keys of the page
+  // are not heard while a box or a list has it. Whoever goes there with Tab keeps it there.
+  addEventListener("click", (event) => {
+    const what = event.target instanceof Element && event.target.closest(
+      "button, [role=button], [role=option], [role=tab], input[type=checkbox], label");
+    if (event.detail === 0 || !what) return;
+    setTimeout(() => {
+      const held = document.activeElement;
+      if (held instanceof HTMLElement && !held.matches("input[type=text], textarea, "
+        + "input:not([type]):not([role=combobox])")) held.blur();
+    });
+  }, true);
   // On a phone viser's panel covers the picture: it starts folded.
   document.addEventListener("DOMContentLoaded", () => {
     if (!matchMedia("(max-width: 36em)").matches) return;
