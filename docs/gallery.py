@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import runpy
+import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,6 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "gallery.md"
 PICTURES = ROOT / "docs" / "pictures" / "gallery"
 PROBLEM = "src/fantoccini/planning/problems/arm3d_boxes.yaml"
+NUMBER = "examples/20_number.py"
 PERFORMANCES = "src/fantoccini/puppets/performances"
 
 FPS = 12.0
@@ -185,6 +189,23 @@ def draw_plan() -> None:
     plan.animate(PICTURES / "arm3d_boxes.gif", fps=FPS, size=(320, 320))
 
 
+def draw_number() -> None:
+    """Writes the films of the number to music: as a picture, and with its sound."""
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        made = runpy.run_path(str(ROOT / NUMBER))
+        score, run = made["score"], made["found"].run
+        look = {"focus": "bodies", "theme": "dark", "captions": score.captions}
+        view.film(
+            made["puppet"], run, PICTURES.parent / "number.mp4", fps=20.0, size=(240, 300),
+            sounds=score.sounds, **look,
+        )  # fmt: skip
+        part = run.resample(np.arange(9.4, 25.4, 0.25))
+        view.film(
+            made["puppet"], part, PICTURES / "number.gif", fps=10.0, size=(192, 240), speed=2.5,
+            **look,
+        )  # fmt: skip
+
+
 def page() -> str:
     """The text of docs/gallery.md."""
     parts = [_HEAD]
@@ -197,7 +218,7 @@ def page() -> str:
             f"Film: {piece.part[0]:g} to {piece.part[1]:g} s{pace}. The motion:\n\n"
             f"```\n{piece.command}\n```\n"
         )
-    return "\n".join([*parts, _PLAN])
+    return "\n".join([*parts, _NUMBER, _PLAN])
 
 
 _HEAD = """# Gallery
@@ -206,6 +227,22 @@ See here every bundled puppet and scene in motion, and the command that makes ea
 `make gallery` draws the page without a GPU or a display. The colour of a string is its tension;
 grey is slack. Run the commands in the root of the repository; they film at full size. The motions
 are files in [`performances`](../src/fantoccini/puppets/performances), to read and change.
+"""
+
+_NUMBER = f"""## A number to music
+
+Half a minute, [written in 36 lines](../examples/20_number.yaml): the marionette marches, waves,
+claps, points, leaps and bows on the beats of music that [the example](../{NUMBER}) makes. It
+rehearses until its limbs are on the beat in the simulation; see [Gestures and
+scores](gestures.md).
+
+![number: film](pictures/gallery/number.gif)
+
+Film: 9.4 to 25.4 s, 2.5 times as fast and silent; [with its music](pictures/number.mp4) it lasts 30 s:
+
+```
+python {NUMBER}
+```
 """
 
 _PLAN = """## A plan: arm3d_boxes
@@ -232,6 +269,8 @@ def main() -> None:
         if not only or piece.puppet in only:
             draw(piece, *perform(piece))
             print(piece.puppet, flush=True)
+    if not only or "number" in only:
+        draw_number()
     if not only:
         draw_plan()
     PAGE.write_text(page(), encoding="utf-8")

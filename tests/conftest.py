@@ -61,6 +61,7 @@ SLOW = (
     "drives/test_drive_derivatives.py",
     "drives/test_drives.py",
     "gestures/test_on_beat.py",
+    "gestures/test_rehearsing.py",
     "laws/test_complementarity.py",
     "laws/test_linearisation.py",
     "optimal/test_design.py",

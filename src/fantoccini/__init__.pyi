@@ -30,6 +30,7 @@ from .gestures import (
     load_gesture as load_gesture,
     load_score as load_score,
     on_beat as on_beat,
+    rehearse as rehearse,
 )
 from .marionette import (
     Event as Event,

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import wave
+from pathlib import Path
+
 import jsonschema
 import numpy as np
 import pytest
-from tests.cli.command import fantoccini
+from tests.cli.command import fantoccini, mistake
 
 import fantoccini as fan
 from fantoccini.errors import FileError
@@ -179,6 +182,53 @@ def test_the_schema_takes_scores_and_refuses_others(tmp_path):
         jsonschema.validate({"score": "x", "lanes": {"a": [{"gestur": "bow"}]}}, schema)
 
 
+def silence(path, seconds: float) -> None:
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(2)
+        file.setframerate(8000)
+        file.writeframes(bytes(2 * int(8000 * seconds)))
+
+
+def test_sounds_lie_beside_the_score(marionette, tmp_path):
+    silence(tmp_path / "a.wav", 1.5)
+    for text, starts in (
+        ("sound: a.wav\n", [0.0]),
+        ("sound: {file: a.wav, at: turn, gain: 0.5}\n", [14.4]),
+        ("sound: [{file: a.wav}, {file: a.wav, at: wave.up}]\n", [0.0, (8.0 - 0.25 / 0.6) * 0.6]),
+    ):
+        score = fan.load_score(marionette, written(tmp_path, NUMBER + text))
+        jsonschema.validate(read_file(tmp_path / "number.yaml").data, score_schema())
+        assert [one.start for one in score.sounds] == pytest.approx(starts)
+        assert all(one.path.samefile(tmp_path / "a.wav") for one in score.sounds)
+        assert score.sounds[0].duration == pytest.approx(1.5, abs=0.01)
+        assert score.sounds[0].gain == (0.5 if "gain" in text else 1.0)
+    late = "sound: {file: a.wav, at: 90}\n"
+    (change,) = fan.load_score(marionette, written(tmp_path, NUMBER + late)).changes
+    assert change.line == 16 and "the score ends" in str(change)
+
+
+@pytest.mark.parametrize(
+    ("sound", "message"),
+    [
+        ("sound: b.wav", "no file of this file's folder is called 'b.wav'"),
+        ("sound: ../a.wav", "no file of this file's folder"),
+        ("sound: number.yaml", r"ends in '.yaml'; a sound file ends in .wav, .mp3"),
+        ("sound: broken.mp3", "broken.mp3 is no sound that can be read"),
+        ("sound: [{file: a.wav, at: tun}]", "did you mean 'turn'"),
+        ("sound: [{file: a.wav, gain: -1}]", "found -1"),
+        ("sound: [{file: a.wav, loud: 1}]", "this key is not known"),
+        ("sound: 3", "needed: a list"),
+    ],
+)
+def test_mistakes_in_sounds_have_places(marionette, tmp_path, sound, message):
+    silence(tmp_path / "a.wav", 0.5)
+    (tmp_path / "broken.mp3").write_bytes(b"no sound")
+    with pytest.raises(FileError, match=message) as caught:
+        fan.load_score(marionette, written(tmp_path, NUMBER + sound + "\n"))
+    assert "number.yaml:16: sound" in str(caught.value)
+
+
 @pytest.mark.parametrize(
     ("change", "line", "message"),
     [
@@ -214,9 +264,13 @@ def test_mistakes_have_places(marionette, tmp_path, change, line, message):
 
 
 def test_a_score_is_an_input_of_the_command_line(tmp_path):
-    path = written(tmp_path, NUMBER.replace("lasts: 4", "lasts: 1"))
+    silence(tmp_path / "a.wav", 1.0)
+    more = "sound: a.wav\nwaits: {curtain: {at: 1, loop: 0}}\n"
+    path = written(tmp_path, NUMBER.replace("lasts: 4", "lasts: 1") + more)
     checked = fantoccini("check", "marionette", "--inputs", str(path))
     assert checked.exit_code == 0 and "the bound is 12" in checked.stderr
+    assert "waits for GO at curtain, 0.60 s, repeating from 0.00 s on" in checked.stdout
+    assert "a.wav from 0.00 s for 1.00 s" in checked.stdout and "1 captions" in checked.stdout
     out = tmp_path / "run.npz"
     done = fantoccini(
         "simulate", "marionette", "--inputs", str(path), "--method", "timestepping",
@@ -225,5 +279,21 @@ def test_a_score_is_an_input_of_the_command_line(tmp_path):
     assert done.exit_code == 0 and "the bound is 12" in done.stderr
     run = fan.Trajectory.load(out)
     assert run.t[0] == 0.0 and run.t[-1] == pytest.approx(26 * 0.6 + 1.7)
+    assert "waits for GO at curtain" in done.stdout
     for kind in ("gesture", "score"):
         assert fantoccini("schema", kind).exit_code == 0
+
+
+def test_on_beat_rehearses_scores_only(tmp_path):
+    quick = "score: q\nlanes: {legs: [{gesture: march}]}\n"
+    done = fantoccini(
+        "simulate", "marionette", "--inputs", written(tmp_path, quick), "--on-beat",
+        "--method", "timestepping",
+    )  # fmt: skip
+    assert done.exit_code == 0 and "knee_left" in done.stdout and "rehearsed" in done.stdout
+    assert "no --inputs are given" in mistake("simulate", "marionette", "--on-beat")
+    start = ("simulate", "marionette", "--on-beat", "--start", "elbow_left=0.1")
+    assert "--start is given" in mistake(*start, "--inputs", written(tmp_path, quick))
+    greeting = Path(fan.puppets.path("marionette")).parent / "performances" / "greeting.yaml"
+    said = mistake("simulate", "marionette", "--on-beat", "--inputs", greeting)
+    assert "applies to a score, and" in said

@@ -9,7 +9,7 @@ import typer
 
 from fantoccini.cli.files import marionette
 from fantoccini.cli.guard import MISTAKE
-from fantoccini.cli.motions import motion
+from fantoccini.cli.motions import motion, parts
 from fantoccini.cli.terminal import say, write
 from fantoccini.cli.warn import inputs_warnings, puppet_warnings
 from fantoccini.errors import FileError, Mistake
@@ -58,14 +58,17 @@ def _puppet(file: str) -> Marionette | None:
 
 def _inputs(made: Marionette, path: Path, quiet: bool) -> bool:
     try:
-        read, changes = motion(made, path)
+        given = motion(made, path)
     except FileError as error:
         _list(error.mistakes)
         return False
-    found = [*changes, *inputs_warnings(made, read, path)]
+    read = given.inputs
+    found = [*given.changes, *inputs_warnings(made, read, path)]
     _list(found)
     if not quiet:
         write(f"{path}: no mistakes{_count(found)}; drives {made.name} for {read.duration:g} s")
+        for line in parts(given.score) if given.score is not None else ():
+            write(f"{path}: {line}")
     return True
 
 

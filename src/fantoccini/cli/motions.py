@@ -2,22 +2,91 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+from fantoccini.cli.terminal import table
 from fantoccini.errors import Mistake
-from fantoccini.gestures import is_score, load_score
+from fantoccini.gestures import Late, Rehearsal, Score, is_score, load_score, rehearse
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input
 
 
-def motion(marionette: Marionette, path: Path) -> tuple[Input, Iterable[Mistake]]:
-    """The inputs in a file, and the changes that compiling a score required.
+@dataclass(frozen=True)
+class Motion:
+    """The motion of a file.
+
+    Attributes:
+        inputs: of the hands.
+        score: where the file is one.
+        rehearsal: where it has been rehearsed.
+    """
+
+    inputs: Input
+    score: Score | None = None
+    rehearsal: Rehearsal | None = None
+
+    @property
+    def changes(self) -> tuple[Mistake, ...]:
+        """What compiling a score changed."""
+        return () if self.score is None else self.score.changes
+
+    @property
+    def of_films(self) -> dict[str, Any]:
+        """Captions and sounds, as :func:`fantoccini.view.film` takes them."""
+        if self.score is None:
+            return {}
+        return {"captions": self.score.captions, "sounds": self.score.sounds}
+
+    def rehearsed(self) -> Motion:
+        """The same with the limbs on the beat."""
+        if self.score is None:
+            return self
+        found = rehearse(self.score)
+        return Motion(found.inputs, self.score, found)
+
+
+def motion(marionette: Marionette, path: Path) -> Motion:
+    """The inputs in a file.
 
     Raises:
         FileError: with every mistake in the file.
     """
     if is_score(path):
         score = load_score(marionette, path)
-        return score.inputs(marionette.rest()), score.changes
-    return Input.load(marionette, path), ()
+        return Motion(score.inputs(marionette.rest()), score)
+    return Motion(Input.load(marionette, path))
+
+
+def parts(score: Score) -> list[str]:
+    """What a score has beside gestures, in lines."""
+    found = []
+    for wait in score.waits:
+        loop = "" if wait.loop_start is None else f", repeating from {wait.loop_start:.2f} s on"
+        found.append(f"live it waits for GO at {wait.name}, {wait.t:.2f} s{loop}")
+    for sound in score.sounds:
+        gain = "" if sound.gain == 1.0 else f", {sound.gain:g} times as loud"
+        found.append(f"{sound.path.name} from {sound.start:.2f} s for {sound.duration:.2f} s{gain}")
+    if score.captions:
+        found.append(f"{len(score.captions)} captions")
+    return found
+
+
+def report_lateness(found: Rehearsal) -> None:
+    """Prints how late limbs are on their marks, as written and as rehearsed."""
+    table(
+        f"On the beat, after {found.rounds} rounds [ms late]",
+        ("lane", "gesture", "mark", "string", "at [s]>", "as written>", "rehearsed>"),
+        [
+            (
+                one.cue.lane, one.cue.gesture, one.mark, one.string,
+                f"{one.cue.marks[one.mark]:.2f}", _ms(one), _ms(now),
+            )
+            for one, now in zip(found.before, found.late, strict=True)
+        ],
+    )  # fmt: skip
+
+
+def _ms(late: Late) -> str:
+    return f"{1e3 * late.seconds:.0f}"

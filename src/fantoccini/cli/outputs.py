@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from fantoccini.cli.files import FILMS, NUMBERS, PICTURES, check_output, fail, writing
 from fantoccini.cli.look import Look
@@ -45,6 +46,7 @@ def write_outputs(
     steps: Steps,
     poses: str | Sequence[float] = "poses",
     look: Look | None = None,
+    films: Mapping[str, Any] | None = None,
 ) -> None:
     """Writes every file.
 
@@ -56,13 +58,14 @@ def write_outputs(
         steps: reports progress.
         poses: times of a strip's poses; see :func:`fantoccini.view.strip`.
         look: of pictures and films.
+        films: captions and sounds, as :func:`fantoccini.view.film` takes them.
     """
     look = look or Look()
     if look.forces and run.contact is None:
         fail(f"{marionette.name} has no contact, so that there are no forces to draw", "--forces")
     for path in out:
         with writing(path):
-            _write(marionette, run, path, steps, poses, look)
+            _write(marionette, run, path, steps, poses, look, films or {})
     if plot is not None:
         from fantoccini import view
 
@@ -77,6 +80,7 @@ def _write(
     steps: Steps,
     poses: str | Sequence[float],
     look: Look,
+    films: Mapping[str, Any],
 ) -> None:
     ending = path.suffix.lower()
     if ending == ".npz":
@@ -95,5 +99,5 @@ def _write(
         done = steps.bar(f"rendering {path}", 1.0)
         view.film(
             marionette, run, path, progress=lambda frame, frames: done(frame / frames),
-            **look.given("view", "focus", "theme", "size", "fps", "forces"),
+            **look.given("view", "focus", "theme", "size", "fps", "forces"), **films,
         )  # fmt: skip

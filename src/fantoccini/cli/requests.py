@@ -135,6 +135,13 @@ class SimulateRequest(PictureOptions):
             "repeatable. The puppet starts at rest unless a dynamic coordinate is given.",
         ),
     ] = None
+    on_beat: Annotated[
+        bool,
+        typer.Option(
+            "--on-beat",
+            help="Rehearse a score until the limbs are on its beats; takes some seconds.",
+        ),
+    ] = False
     out: Out = None
     plot: Annotated[
         Path | None,

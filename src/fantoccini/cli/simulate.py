@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,14 +14,14 @@ import typer
 
 from fantoccini.cli.files import fail, marionette
 from fantoccini.cli.guard import FAILED, INTERRUPTED
-from fantoccini.cli.motions import motion
+from fantoccini.cli.motions import Motion, motion, parts, report_lateness
 from fantoccini.cli.options import StringModel
 from fantoccini.cli.outputs import check_outputs, write_outputs
 from fantoccini.cli.recording import load_recording, recorded_start, with_recorded_winches
 from fantoccini.cli.report import report
 from fantoccini.cli.requests import SimulateRequest
 from fantoccini.cli.start import read_values, start_state
-from fantoccini.cli.terminal import Steps, say
+from fantoccini.cli.terminal import Steps, say, write
 from fantoccini.cli.warn import warn
 from fantoccini.errors import SimulationError, Status
 from fantoccini.marionette import (
@@ -71,11 +73,8 @@ def simulate_file(request: SimulateRequest) -> None:
     with Steps(request.quiet) as steps:
         chain = request.string_model is StringModel.CHAIN
         puppet = marionette(request.file, steps.step, "chain" if chain else "constraint")
-        inputs = None
-        if request.inputs is not None:
-            inputs, changes = motion(puppet, request.inputs)
-            for change in changes:
-                say(str(change))
+        given_motion = _given(puppet, request, steps)
+        inputs = None if given_motion is None else given_motion.inputs
         recording = load_recording(request.inputs)
         if recording is not None:
             puppet = with_recorded_winches(puppet, recording, request.quiet)
@@ -87,11 +86,43 @@ def simulate_file(request: SimulateRequest) -> None:
             x0 = start_state(puppet, inputs, given, request.quiet)
         method, saved = _method(request, x0.t, duration)
         run, seconds, trouble = timed(steps, puppet, x0, inputs, duration, method, **saved)
-        write_outputs(puppet, run, out, request.plot, steps, look=look)
+        films = {} if given_motion is None else given_motion.of_films
+        write_outputs(puppet, run, out, request.plot, steps, look=look, films=films)
     if not request.quiet:
+        if given_motion is not None:
+            _report_score(given_motion, out)
         report(run, seconds)
         _hint(request, run, seconds)
     end_with(run, trouble)
+
+
+def _given(puppet: Marionette, request: SimulateRequest, steps: Steps) -> Motion | None:
+    """The motion of ``--inputs``, rehearsed if that is asked for."""
+    if request.inputs is None:
+        if request.on_beat:
+            fail("applies to a score, but no --inputs are given", "--on-beat")
+        return None
+    found = motion(puppet, request.inputs)
+    for change in found.changes:
+        say(str(change))
+    if not request.on_beat:
+        return found
+    if found.score is None:
+        fail(f"applies to a score, and {request.inputs} is none", "--on-beat")
+    if request.start:
+        fail("applies to a puppet that hangs at rest, and --start is given", "--on-beat")
+    steps.step("rehearsing")
+    return found.rehearsed()
+
+
+def _report_score(found: Motion, out: Sequence[Path]) -> None:
+    if found.score is not None:
+        for line in parts(found.score):
+            write(line)
+        if found.score.sounds and any(path.suffix.lower() == ".gif" for path in out):
+            say("a .gif is silent; an .mp4 has the score's sound")
+    if found.rehearsal is not None:
+        report_lateness(found.rehearsal)
 
 
 def timed(

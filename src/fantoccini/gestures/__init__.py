@@ -11,14 +11,18 @@ from fantoccini.gestures.gesture_file import (
     is_gesture,
     load_gesture,
 )
+from fantoccini.gestures.rehearsing import Rehearsal, rehearse
 from fantoccini.gestures.score import Caption, Played, Score, Sound, Wait, is_score
 from fantoccini.gestures.score_file import score_schema
+from fantoccini.gestures.timekeeping import Late, lateness
 
 __all__ = [
     "Caption",
     "Conductor",
     "Gesture",
+    "Late",
     "Played",
+    "Rehearsal",
     "Score",
     "Sound",
     "Wait",
@@ -27,8 +31,10 @@ __all__ = [
     "gesture_schema",
     "is_gesture",
     "is_score",
+    "lateness",
     "load_gesture",
     "load_score",
     "on_beat",
+    "rehearse",
     "score_schema",
 ]

@@ -16,13 +16,10 @@ import numpy as np
 from fantoccini.arrays import Array, Times
 from fantoccini.errors import StateError
 from fantoccini.gestures.score import Score
-from fantoccini.marionette import Marionette, link_index
+from fantoccini.gestures.timekeeping import Point, hanging, places, ties
+from fantoccini.marionette import Marionette
 from fantoccini.motion import State
-from fantoccini.optimal import Bounds, Optimum, Smooth, follow, reach
-from fantoccini.optimal.reaching import What
-
-Point = tuple[str, tuple[float, float, float]]
-"""A body, and a point in its frame."""
+from fantoccini.optimal import Bounds, Optimum, Smooth, follow
 
 _INTERVAL = 0.04
 """Between nodes [s]."""
@@ -72,32 +69,16 @@ def _hung(
     marionette: Marionette, q_K: Array, x0: State, t: Times, points: Sequence[Point]
 ) -> dict[Point, Array]:
     """(T, 3) places of points where the puppet hangs."""
-    table = marionette.coordinates
-    wanted: dict[What, Array] = {table.q_K[q]: q_K[:, q] for q, _ in table.scalars_K}
-    found = reach(marionette, wanted, x0, slack=True)
-    for i, one in enumerate(found):
-        if not one:
-            raise StateError(
-                f"the puppet does not hang where the score takes its strings at {t[i]:.2f} s: "
-                f"{one.summary()}"
-            )
-    poses = marionette.poses(found.q_D, found.q_K)
-    paths = {}
-    for body, at in points:
-        pose = poses[:, link_index(marionette.model, body)]
-        paths[body, at] = pose[:, :, 3] + pose[:, :, :3] @ np.array(at)
-    return paths
+    found = hanging(marionette, q_K, x0, t)
+    named = {str(i): point for i, point in enumerate(points)}
+    at = places(marionette, found.q_D, found.q_K, named)
+    return {point: at[:, i] for i, point in enumerate(points)}
 
 
 def _ties(score: Score) -> tuple[Point, ...]:
     """Where the strings that a score moves are tied to bodies that move by themselves."""
-    tree = score.marionette.tree
-    found: dict[Point, None] = {}
-    for string in tree.strings:
-        link, at = string.points[0].link, string.points[0].at
-        if string.name in score.gesture.uses and link >= 0:
-            x, y, z = (score.marionette.model.number(v) for v in at)
-            found[tree.links[link].name, (x, y, z)] = None
+    tied = ties(score.marionette)
+    found = dict.fromkeys(point for name, point in tied.items() if name in score.gesture.uses)
     if not found:
         raise StateError(f"the score {score.name} moves no string; give the points to follow")
     return tuple(found)

@@ -77,7 +77,15 @@ class _Compiler:
             *(line.end for line in placed.lines), *(wait.t for wait in waits),
             (file.duration or 0.0) * notes.beat, notes.beat,
         )  # fmt: skip
-        whole = self._together(placed, end)
+        for line in placed.lines:
+            line.hold(end)
+        own = {
+            lane: Gesture(self._table, *line.motion, lane)
+            for lane, line in zip(file.lanes, placed.lines, strict=True)
+        }
+        whole, *others = own.values()
+        for other in others:
+            whole += other
         note_passed(whole, most, placed.played, notes)
         note_moving(whole, waits, placed.played, notes)
         notes.refuse()
@@ -90,7 +98,7 @@ class _Compiler:
         made = Score(
             self._marionette, whole.called(file.score), tuple(one for _, one, _ in placed.played),
             placed.marks, captions, notes.beat, tuple(notes.changes), file.score, file.speed,
-            file.acceleration, waits, sounds,
+            file.acceleration, waits, sounds, own,
         )  # fmt: skip
         try:
             made.inputs(self._start)
@@ -116,15 +124,6 @@ class _Compiler:
             given[key] = bound
         self._notes.refuse()
         return limits(self._table, **given)
-
-    def _together(self, placed: Placing, end: float) -> Gesture:
-        """All lanes as one motion."""
-        for line in placed.lines:
-            line.hold(end)
-        whole, *others = (Gesture(self._table, *line.motion) for line in placed.lines)
-        for other in others:
-            whole += other
-        return whole
 
     def _mover(self, placed: Placing, channel: str) -> Spot:
         """The cue that moves a coordinate farthest."""

@@ -112,6 +112,10 @@ class Gesture:
         both = [piecewise.at(self.breaks, self.coef, t) for t in (0.0, self.duration)]
         return np.array([d for d, _ in both]), np.array([rate for _, rate in both])
 
+    def offsets(self, t: float) -> tuple[VecK, VecK]:
+        """(n_vK,) offsets and (n_vK,) rates at a time [s]; outside of it those at its ends."""
+        return piecewise.at(self.breaks, self.coef, float(np.clip(t, 0.0, self.duration)))
+
     @property
     def peaks(self) -> Array:
         """(2, n_vK) its largest speeds, bounded to some 1e-3, and accelerations."""

@@ -10,11 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-
 from fantoccini.arrays import VecK
 from fantoccini.errors import FileError, Mistake
-from fantoccini.gestures import piecewise
 from fantoccini.gestures.gesture import Gesture
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State
@@ -97,6 +94,7 @@ class Score:
         name: of the score.
         waits: where a live performance waits for GO, in order; otherwise they take no time.
         sounds: what is heard.
+        lanes: lane -> its own motion.
     """
 
     marionette: Marionette
@@ -111,6 +109,7 @@ class Score:
     acceleration: float | Mapping[str, float] = field(default=6.0, repr=False)
     waits: tuple[Wait, ...] = ()
     sounds: tuple[Sound, ...] = ()
+    lanes: Mapping[str, Gesture] = field(default_factory=dict, repr=False)
 
     def __bool__(self) -> bool:
         return not self.changes
@@ -134,8 +133,7 @@ class Score:
 
         Before the start and after the end they are those there [m or rad, s].
         """
-        inside = float(np.clip(t, 0.0, self.duration))
-        return piecewise.at(self.gesture.breaks, self.gesture.coef, inside)
+        return self.gesture.offsets(t)
 
 
 def is_score(path: str | os.PathLike[str]) -> bool:

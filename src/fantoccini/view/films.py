@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
@@ -14,19 +14,23 @@ import numpy as np
 
 from fantoccini.errors import FantocciniError
 from fantoccini.files import replacing
+from fantoccini.media import MediaError, ffmpeg
 from fantoccini.view.camera import Viewport
 from fantoccini.view.compose import Layout, compose, shadows
 from fantoccini.view.drawing import Look, Sheet, layout_of, set_polygons
 from fantoccini.view.geometry import Geometry, geometry_of
 from fantoccini.view.pan import camera_path, pays_off
+from fantoccini.view.soundtrack import soundtrack
 from fantoccini.view.still import Drawable
 from fantoccini.view.studio import Studio, checked_renderer
+from fantoccini.view.subtitles import Subtitles
 from fantoccini.view.theme import Theme
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+    from fantoccini.gestures import Caption, Sound
     from fantoccini.motion import Trajectory
 
 CODECS = {
@@ -60,6 +64,8 @@ def film(
     renderer: str = "matplotlib",
     follow: bool | None = None,
     forces: bool = False,
+    captions: Sequence[Caption] = (),
+    sounds: Sequence[Sound] = (),
 ) -> Path:
     """Writes a film of a run.
 
@@ -81,14 +87,18 @@ def film(
             several times as long.
         follow: whether the camera follows the puppet; by default where that pays off.
         forces: draw the forces of contacts, as :func:`strip` does; by matplotlib.
+        captions: to be read below the picture, on the run's clock; ``score.captions``.
+        sounds: to be heard, on the run's clock; ``score.sounds``. In slow and fast films they keep
+            their pitch. A ``.gif`` is silent.
 
     Returns:
         The path of the film.
 
     Raises:
-        FilmError: the encoder failed, or the folder does not exist.
+        FilmError: the encoder failed, a sound cannot be read, or the folder does not exist.
         MissingLibraryError: the renderer is pyvista, which is not installed.
-        ValueError: a number is out of range, the ending is unknown, or there are no forces to draw.
+        ValueError: a number is out of range, the ending is unknown, there are no forces to draw, or
+            a film with sound is more than 4 times as slow or fast as the motion.
     """
     path = Path(path)
     if path.suffix.lower() not in CODECS:
@@ -104,11 +114,14 @@ def film(
     start, stop = float(run.t[0]), float(run.t[-1])
     n = max(1, round((stop - start) / speed * fps))
     times = np.minimum(start + np.arange(n) * (speed / fps), stop)
+    ending = path.suffix.lower()
+    sound = soundtrack(sounds if ending == ".mp4" else (), start, n / fps, speed)
     geometry = geometry_of(marionette, run.resample(times), forces)
-    frames = Frames(geometry, Look.of(view, focus, theme, (width, height)), renderer, follow)
+    look = Look.of(view, focus, theme, (width, height))
+    frames = Frames(geometry, look, renderer, follow, captions)
     try:
         with replacing(path) as part:
-            _encode(frames, n, part, CODECS[path.suffix.lower()], fps, progress)
+            _encode(frames, n, part, (*sound, CODECS[ending]), fps, progress)
     finally:
         frames.close()
     return path
@@ -122,6 +135,7 @@ class Frames:
         look: of the film.
         renderer: of solids and strings.
         follow: whether the camera follows the puppet; None where that pays off.
+        captions: to be read below the picture.
     """
 
     def __init__(
@@ -130,12 +144,15 @@ class Frames:
         look: Look,
         renderer: str = "matplotlib",
         follow: bool | None = None,
+        captions: Sequence[Caption] = (),
     ):
         self.size = width, height = look.size or (960, 720)
         unit = max(height / 50.0, min(10.0, width / 24.0))  # captions of small films stay legible
         self.geometry, self.sheet = geometry, Sheet(self.size, look.theme)
         axes = self.sheet.axes
-        inner = Viewport(unit, 3.2 * unit, width - 2.0 * unit, height - 6.0 * unit)
+        self._subtitles = Subtitles(captions, width, unit)
+        low = 3.2 * unit + self._subtitles.room
+        inner = Viewport(unit, low, width - 2.0 * unit, height - 2.8 * unit - low)
         self.layout, self.pan = _framing(geometry, inner, look, follow)
         self._floor: list[Artist] = []
         if self.pan is None:
@@ -151,6 +168,7 @@ class Frames:
             width - 1.6 * unit, height - 1.6 * unit, "", 1.15 * unit, look.theme.faint,
             ha="right", va="top", animated=True,
         )  # fmt: skip
+        self._subtitles.place(self.sheet, 3.2 * unit)
         self._middle = np.append(geometry.balls(pan=self.pan)[0][:, :2].mean(axis=0), 0.0)
         self._polygons = self.sheet.polygons([], animated=True)
         self._studio = None
@@ -169,7 +187,8 @@ class Frames:
         self._clock.set_text(f"{self.geometry.t[k]:.2f} s")
         painted = compose if self._studio is None else shadows
         set_polygons(self._polygons, painted(self.geometry, k, layout))
-        artists: list[Artist] = [self._polygons, self._title, self._clock]
+        words = self._subtitles.at(float(self.geometry.t[k]))
+        artists: list[Artist] = [self._polygons, self._title, self._clock, *words]
         if self._studio is not None:
             self._photograph.set_data(self._studio.photograph(k)[::-1])
             artists.insert(1, self._photograph)
@@ -221,21 +240,21 @@ def _encode(
     frames: Frames,
     n: int,
     part: Path,
-    codec: tuple[str, ...],
+    arguments: tuple[Sequence[str], Sequence[str], Sequence[str]],
     fps: float,
     progress: Callable[[int, int], None] | None,
 ) -> None:
-    import imageio_ffmpeg
-
+    """Draws and encodes n frames; the arguments are those of sounds, of their mix and the codec."""
     try:
-        ffmpeg = imageio_ffmpeg.get_ffmpeg_exe()
-    except RuntimeError as reason:
-        raise FilmError(f"there is no ffmpeg on this machine: {reason}") from reason
+        program = ffmpeg()
+    except MediaError as reason:
+        raise FilmError(str(reason)) from reason
+    sounds, mix, codec = arguments
     width, height = frames.size
     command = [
-        ffmpeg, "-hide_banner", "-loglevel", "error", "-y",
+        program, "-hide_banner", "-loglevel", "error", "-y",
         "-f", "rawvideo", "-pix_fmt", "rgba", "-s", f"{width}x{height}", "-r", f"{fps:.6f}",
-        "-i", "pipe:0", "-an", *codec, str(part.absolute()),
+        "-i", "pipe:0", *sounds, *mix, *codec, str(part.absolute()),
     ]  # fmt: skip
     with tempfile.TemporaryFile() as log:
         encoder = subprocess.Popen(

@@ -1,0 +1,87 @@
+"""Rehearsed scores are on their beats in the event-driven simulation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.errors import StateError
+from fantoccini.gestures import lateness
+from gestures.test_on_beat import hand, outermost
+
+NUMBER = """\
+score: number
+tempo: 100
+speed: 1.5
+acceleration: 15
+lanes:
+  legs:
+    - {gesture: march, at: 1, lasts: 4, repeat: 2}
+  arm:
+    - {gesture: wave, on: {first: 13}}
+  body:
+    - {gesture: bow, on: {low: wave.end + 3}}
+captions:
+  - {at: 1, until: march.end, text: "Left, right"}
+  - {at: wave.up, until: wave.end, text: Good evening!}
+"""
+
+
+@pytest.fixture(scope="module")
+def marionette() -> fan.Marionette:
+    return fan.puppets.marionette()
+
+
+def load(marionette, folder, text: str) -> fan.Score:
+    path = folder / "number.yaml"
+    path.write_text(text, encoding="utf-8")
+    return fan.load_score(marionette, path)
+
+
+@pytest.fixture(scope="module")
+def found(marionette, tmp_path_factory):
+    return fan.rehearse(load(marionette, tmp_path_factory.mktemp("scores"), NUMBER))
+
+
+def test_walk_in_place_wave_and_bow_are_on_the_beat(found):
+    """A number of 16 lines: the waving hand is within 20 ms of its beats."""
+    assert len(NUMBER.splitlines()) <= 20
+    score = found.score
+    assert score, score.changes
+    wave = next(cue for cue in score.cues if cue.gesture == "wave")
+    t = np.arange(0.0, score.duration, 0.002)
+    x0 = score.marionette.rest()
+    plain = fan.simulate(score.marionette, x0, score.inputs(x0))
+    late = {}
+    for name, run in (("plain", plain), ("rehearsed", found.run)):
+        assert run.method == "event"
+        y = hand(score.marionette, run.resample(np.minimum(t, run.t[-1])))[:, 1]
+        marks = [wave.marks[mark] for mark in ("first", "second", "third")]
+        late[name] = [outermost(t, y, mark) - mark for mark in marks]
+    assert np.max(np.abs(late["plain"])) > 0.1
+    assert np.max(np.abs(late["rehearsed"])) <= 0.02
+
+
+def test_lateness_is_what_the_path_shows(found):
+    assert found.late == lateness(found.score, found.run)
+    assert max(abs(one.seconds) for one in found.late) <= 0.02
+    assert max(abs(one.seconds) for one in found.before) > 0.1
+    strings = {(one.cue.gesture, one.string) for one in found.late}
+    assert strings == {("march", "knee_left"), ("march", "knee_right"), ("wave", "hand_right")}
+
+
+def test_the_bounds_hold_and_the_inputs_are_those_of_the_run(found):
+    t = np.linspace(0.0, found.inputs.end, 20001)
+    q_K, speed, acceleration = found.inputs.evaluate(t)
+    assert np.abs(speed).max() <= 1.5 * 1.003 and np.abs(acceleration).max() <= 15.0 * 1.003
+    assert np.all(np.abs(speed[[0, -1]]) < 1e-9)
+    x0 = found.score.marionette.rest()
+    np.testing.assert_allclose(q_K[-1], x0.q_K, atol=1e-9)
+    again = fan.simulate(found.score.marionette, x0, found.inputs, found.run.t[-1])
+    assert np.array_equal(again.q_D[-1], found.run.q_D[-1])
+
+
+def test_what_cannot_be_rehearsed_is_told(marionette, tmp_path):
+    with pytest.raises(StateError, match="contact"):
+        fan.rehearse(load(fan.puppets.promenade(), tmp_path, NUMBER))

@@ -1,0 +1,141 @@
+"""Films with sound and captions: what is heard, how long, and when words are to be read."""
+
+from __future__ import annotations
+
+import subprocess
+import wave
+from pathlib import Path
+
+import imageio_ffmpeg
+import numpy as np
+import pytest
+
+from fantoccini import view
+from fantoccini.gestures import Caption, Sound
+from fantoccini.media import MediaError, sound_duration
+from view.still_life import bundled, swinging
+
+RATE = 8000
+FFMPEG = imageio_ffmpeg.get_ffmpeg_exe()
+
+
+@pytest.fixture(scope="module")
+def puppet():
+    m = bundled("arm2d")
+    return m, swinging(m, 2.0)
+
+
+@pytest.fixture
+def beep(tmp_path) -> Sound:
+    """Half a second of 440 Hz, to be heard after half a second."""
+    path = tmp_path / "a'b;[0].wav"
+    tone = 0.5 * np.sin(2.0 * np.pi * 440.0 * np.arange(RATE // 2) / RATE)
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(2)
+        file.setframerate(RATE)
+        file.writeframes((32767 * tone).astype("<i2").tobytes())
+    return Sound(path, 0.5, 1.0, 0.5)
+
+
+def heard(film: Path) -> np.ndarray:
+    """The film's sound at 8000 samples in a second."""
+    command = [FFMPEG, "-v", "error", "-i", str(film), "-map", "0:a:0", "-ac", "1"]
+    done = subprocess.run(
+        [*command, "-ar", str(RATE), "-f", "f32le", "pipe:1"], capture_output=True, check=True
+    )
+    return np.frombuffer(done.stdout, dtype="<f4")
+
+
+def loud(film: Path) -> np.ndarray:
+    """Times at which something is heard [s]."""
+    return np.flatnonzero(np.abs(heard(film)) > 0.05) / RATE
+
+
+def pictures(film: Path) -> list[np.ndarray]:
+    """The frames' pixels."""
+    reader = imageio_ffmpeg.read_frames(str(film))
+    width, height = next(reader)["source_size"]
+    return [np.frombuffer(x, np.uint8).reshape(height, width, 3).astype(float) for x in reader]
+
+
+def options() -> dict:
+    return {"fps": 10, "size": (160, 200)}
+
+
+def test_the_sound_is_in_the_film_at_its_time(puppet, beep, tmp_path):
+    film = view.film(*puppet, tmp_path / "a.mp4", sounds=[beep], **options())
+    assert len(heard(film)) / RATE == pytest.approx(2.0, abs=0.03)
+    at = loud(film)
+    assert at.min() == pytest.approx(0.5, abs=0.03) and at.max() == pytest.approx(1.0, abs=0.03)
+    frames, _ = imageio_ffmpeg.count_frames_and_secs(str(film))
+    assert frames == 20
+
+
+def test_slow_films_have_slow_sound_of_the_same_pitch(puppet, beep, tmp_path):
+    film = view.film(*puppet, tmp_path / "a.mp4", sounds=[beep], speed=0.5, **options())
+    at = loud(film)
+    assert at.min() == pytest.approx(1.0, abs=0.08) and at.max() == pytest.approx(2.0, abs=0.08)
+    part = heard(film)[int(1.3 * RATE) : int(1.7 * RATE)]
+    spectrum = np.abs(np.fft.rfft(part * np.hanning(len(part))))
+    assert np.argmax(spectrum) * RATE / len(part) == pytest.approx(440.0, abs=6.0)
+    with pytest.raises(ValueError, match=r"needs 0\.25 to 4"):
+        view.film(*puppet, tmp_path / "b.mp4", sounds=[beep], speed=0.1, **options())
+    assert not (tmp_path / "b.mp4").exists()
+
+
+def test_sounds_are_mixed_and_cut_with_the_film(puppet, beep, tmp_path):
+    quiet = Sound(beep.path, 1.8, 0.3, 0.5)
+    before = Sound(beep.path, -0.4, 1.0, 0.5)
+    never = Sound(beep.path, 7.0, 1.0, 0.5)
+    film = view.film(*puppet, tmp_path / "a.mp4", sounds=[beep, quiet, before, never], **options())
+    samples = heard(film)
+    assert len(samples) / RATE == pytest.approx(2.0, abs=0.03)
+    at = loud(film)
+    gaps = at[1:][np.diff(at) > 0.1]
+    np.testing.assert_allclose(gaps, [0.5, 1.8], atol=0.04)
+    assert at.min() < 0.03
+    parts = [samples[int(a * RATE) : int(b * RATE)] for a, b in ((0.6, 0.9), (1.85, 2.0))]
+    strongest = [np.abs(part).max() for part in parts]
+    assert strongest[1] / strongest[0] == pytest.approx(0.3, rel=0.2)
+
+
+def test_a_gif_is_silent_and_a_film_without_sounds_has_none(puppet, beep, tmp_path):
+    assert view.film(*puppet, tmp_path / "a.gif", sounds=[beep], **options()).stat().st_size > 0
+    film = view.film(*puppet, tmp_path / "a.mp4", **options())
+    with pytest.raises(subprocess.CalledProcessError):
+        heard(film)
+
+
+def test_captions_are_in_the_picture_in_their_time_only(puppet, tmp_path):
+    long = "Good evening, ladies & gentlemen: $x_1$ \\frac, and then some more words to wrap"
+    captions = [Caption(0.5, 1.0, "Hop!"), Caption(1.2, 1.6, long)]
+    film = view.film(*puppet, tmp_path / "a.mp4", captions=captions, **options())
+    plain = view.film(*puppet, tmp_path / "b.mp4", captions=[Caption(5, 6, long)], **options())
+    changed = [
+        np.sum(np.abs(a - b)[120:176] > 60.0)  # above the scale of tension
+        for a, b in zip(pictures(film), pictures(plain), strict=True)
+    ]
+    assert list(np.flatnonzero(changed)) == [5, 6, 7, 8, 9, 12, 13, 14, 15]
+    assert changed[13] > 3 * changed[7]
+
+
+def test_what_is_no_sound_is_told(beep, puppet, tmp_path):
+    assert sound_duration(beep.path) == pytest.approx(0.5, abs=0.01)
+    text = tmp_path / "words.wav"
+    text.write_text("#EXTM3U\nhttp://127.0.0.1:9/a.wav\n", encoding="utf-8")
+    with pytest.raises(MediaError, match="no sound that can be read"):
+        sound_duration(text)
+    with pytest.raises(MediaError, match=r"ends in '\.mid'"):
+        sound_duration(tmp_path / "a.mid")
+    with pytest.raises(view.FilmError, match="Invalid data"):
+        view.film(*puppet, tmp_path / "a.mp4", sounds=[Sound(text, 0.0, 1.0, 1.0)], **options())
+    assert sorted(p.suffix for p in tmp_path.iterdir()) == [".wav", ".wav"]
+
+
+@pytest.mark.parametrize("ending", ["mp3", "ogg", "flac"])
+def test_other_formats_are_read(beep, tmp_path, ending):
+    path = tmp_path / f"a.{ending}"
+    command = [FFMPEG, "-v", "error", "-i", f"file:{beep.path}", str(path)]
+    subprocess.run(command, check=True, capture_output=True)
+    assert sound_duration(path) == pytest.approx(0.5, abs=0.08)
