@@ -73,6 +73,7 @@ class Voice:
         again: bool = False,
     ):
         self.gesture, self.again, self._most = gesture, again, most
+        self._known: tuple[float, Offsets] | None = None
         self._go(begins, before, on)
 
     def at(self, t: float) -> Offsets:
@@ -81,8 +82,10 @@ class Voice:
             self._go_on()
         if t >= self._end:
             return self._last
-        d, rate = at(self._breaks, self._coef, t - self._begins)
-        return Offsets(d, rate, self._carried)
+        if self._known is None or self._known[0] != t:  # a tick begins where one has ended
+            d, rate = at(self._breaks, self._coef, t - self._begins)
+            self._known = t, Offsets(d, rate, self._carried)
+        return self._known[1]
 
     def time(self, t: float) -> float:
         """How far the gesture has come [s]."""
@@ -113,7 +116,7 @@ class Voice:
         self._take(line, self._end, self._last)
 
     def _take(self, line: Line, begins: float, before: Offsets) -> None:
-        self._carried = before.carried
+        self._carried, self._known = before.carried, None
         self._begins, self._end = begins, begins + line.end
         self._breaks, self._coef = line.motion.breaks, line.motion.coef
         self._last = Offsets(line.d, line.rate, line.carried)
