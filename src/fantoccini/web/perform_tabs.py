@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -130,8 +131,9 @@ class GesturesTab:
         row = self._gui.add_button_group(keys or " ", names, order=-1000.0 + first)
 
         async def pressed(event: Any) -> None:
-            name = str(event.target.value)
-            self._live.later(event.client_id, lambda: self._press(name))
+            name, instrument = str(event.target.value), self._live.stage.instrument
+            manner = replace(instrument.manner)  # as it is now, not when the loop plays it
+            self._live.later(event.client_id, lambda: instrument.press(name, manner))
 
         row.on_click(pressed)
         self._made.append(row)
