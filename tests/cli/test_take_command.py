@@ -43,6 +43,15 @@ def test_edits_are_those_of_python(take, tmp_path):
     assert fantoccini("simulate", "arm2d", "--inputs", str(out), "--quiet").exit_code == 0
 
 
+def test_a_loop_goes_back_to_the_start_each_time(take, tmp_path):
+    out = tmp_path / "loop.npz"
+    words = ("--trim", "0.2:0.9", "--loop", "3", "--out", str(out))
+    assert fantoccini("take", str(take), *words).exit_code == 0
+    made, part = fan.Recording.load(out), fan.Recording.load(take).trimmed(0.2, 0.9)
+    assert np.array_equal(made.acc_K, part.looped(3).acc_K)
+    assert made.duration > 3 * part.duration
+
+
 def test_the_ends_of_a_part_may_be_left_out(take, tmp_path):
     for text, duration in ((":0.5", 0.5), ("1.5:", 0.5)):
         out = tmp_path / "part.npz"
@@ -60,6 +69,8 @@ def test_the_ends_of_a_part_may_be_left_out(take, tmp_path):
         (("--trim", "0:7", "--out", "new.npz"), "must be a part of 0 s to 2 s"),
         (("--stretch", "0", "--out", "new.npz"), "factor is 0"),
         (("--smooth", "-1", "--out", "new.npz"), "seconds"),
+        (("--loop", "0", "--out", "new.npz"), "times is 0"),
+        (("--loop", "2"), "an edited recording needs a file"),
         (("--stretch", "2", "--out", "new.csv"), ".npz"),
     ],
 )

@@ -155,3 +155,11 @@ def press(browser: Any, label: str) -> None:
 def words(browser: Any) -> str:
     """What the page says."""
     return browser.execute_script("return document.body.innerText")
+
+
+def open_tab(browser: Any, name: str) -> None:
+    """Opens a tab of the panel, with the mouse."""
+    tab = f"[role=tab][title='{name}']"
+    until(lambda: rectangles(browser, tab), f"the tab {name}")
+    browser.find_element("css selector", tab).click()
+    until(lambda: rectangles(browser, f"{tab}[aria-selected=true]"), f"the tab {name} opens")

@@ -220,7 +220,7 @@ def test_a_recording_is_shown_with_its_parameters_and_all_its_puppets(tmp_path):
 
 
 def test_a_file_that_cannot_even_be_read_is_told_of(tmp_path, monkeypatch):
-    watched = watched_file.WatchedFile(toy(tmp_path))
+    watched = watched_file.WatchedFile(toy(tmp_path), watched_file.compiled)
     monkeypatch.setattr(watched_file, "load", lambda _: 1 / 0)
     watched._read()
     assert watched._result.mistakes == (

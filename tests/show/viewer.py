@@ -79,6 +79,25 @@ class Viewer:
         uuid = self._named("GuiCheckboxMessage", label)
         self.send(_messages.GuiUpdateMessage(uuid, {"value": on}))
 
+    def pick(self, label: str, option: str) -> None:
+        """Presses one of a row of buttons."""
+        uuid = self._named("GuiButtonGroupMessage", label)
+        self.send(_messages.GuiUpdateMessage(uuid, {"value": option}))
+
+    def type_in(self, label: str, text: str) -> None:
+        """Types into a field."""
+        uuid = self._named("GuiTextMessage", label)
+        self.send(_messages.GuiUpdateMessage(uuid, {"value": text}))
+
+    def keep_part(self, label: str, start: float, end: float) -> None:
+        """Moves both ends of a slider that has two."""
+        uuid = self._named("GuiMultiSliderMessage", label)
+        self.send(_messages.GuiUpdateMessage(uuid, {"value": [start, end]}))
+
+    def options(self, label: str) -> tuple[str, ...]:
+        """The options of a list."""
+        return tuple(self.controls[self._named("GuiDropdownMessage", label)]["options"])
+
     def choose(self, label: str, option: str) -> None:
         """Chooses in a list."""
         uuid = self._named("GuiDropdownMessage", label)

@@ -226,15 +226,18 @@ def take(
     stretch: Annotated[
         float | None, typer.Option(metavar="F", help="Make it F times as long.")
     ] = None,
+    loop: Annotated[
+        int | None, typer.Option(metavar="N", help="Repeat it N times, joined C^1.")
+    ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Describe a recording of hands; cut, smooth and stretch it.
+    """Describe a recording of hands; cut, smooth, stretch and repeat it.
 
     The puppet is simulated again under the edited hands.
     """
     from fantoccini.cli.take import edit_take
 
-    edit_take(file, out, trim, smooth, stretch, quiet)
+    edit_take(file, out, trim, smooth, stretch, loop, quiet)
 
 
 @app.command("validate-reduction")

@@ -319,6 +319,9 @@ class ShowRequest:
     balance: Annotated[
         bool, typer.Option("--balance", help="Let the hands balance a live puppet.")
     ] = False
+    score: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Score that a live puppet plays.")
+    ] = None
     theme: Annotated[Theme, typer.Option(help="Theme of the page.")] = Theme.LIGHT
     host: Annotated[
         str,
@@ -334,7 +337,7 @@ class ShowRequest:
         bool, typer.Option("--no-browser", help="Print the address without opening a browser.")
     ] = False
     record_to: Annotated[
-        Path, typer.Option(metavar="DIR", help="Folder for recordings.")
+        Path, typer.Option(metavar="DIR", help="Folder for recordings, gestures and films.")
     ] = Path(".")
     problem: Annotated[
         str | None,

@@ -40,9 +40,13 @@ def show_file(request: ShowRequest) -> None:
             return
         if request.balance and subject.run is not None:
             fail("applies to a live puppet, not to a motion", "--balance")
+        if request.score is not None and subject.run is not None:
+            fail("applies to a live puppet, not to a motion", "--score")
         steps.step("opening the page")
         theme, folder = request.theme.value, request.record_to
-        page = open_page(subject, theme, request.host, request.port, folder, request.balance)
+        page = open_page(
+            subject, theme, request.host, request.port, folder, request.balance, request.score
+        )
     _serve(page, request)
 
 

@@ -1,4 +1,4 @@
-"""``fantoccini take``: describes a recording, or cuts, smooths and stretches it."""
+"""``fantoccini take``: describes a recording, or cuts, smooths, stretches and repeats it."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from pathlib import Path
 
 from fantoccini.cli.files import check_output, fail, writing
 from fantoccini.cli.terminal import Steps, say, table, write
+from fantoccini.errors import StateError
 from fantoccini.perform import Recording
 
 
 def edit_take(
     file: Path, out: Path | None, trim: str | None, smooth: float | None,
-    stretch: float | None, quiet: bool,
+    stretch: float | None, loop: int | None, quiet: bool,
 ) -> None:  # fmt: skip
     """Reads a recording, edits it in the order of the options, and writes it.
 
@@ -22,9 +23,10 @@ def edit_take(
         trim: ``A:B``, seconds after its start; either may be missing.
         smooth: time over which the hands' paths are averaged [s].
         stretch: how many times as long it becomes.
+        loop: how often it is repeated.
         quiet: print nothing.
     """
-    edits = [trim, smooth, stretch]
+    edits = [trim, smooth, stretch, loop]
     if out is None and any(edit is not None for edit in edits):
         fail("an edited recording needs a file", "--out")
     if out is not None:
@@ -38,6 +40,8 @@ def edit_take(
             take = _edited(take, "--smooth", lambda one: one.smoothed(smooth))
         if stretch is not None:
             take = _edited(take, "--stretch", lambda one: one.stretched(stretch))
+        if loop is not None:
+            take = _edited(take, "--loop", lambda one: one.looped(loop))
         if out is not None:
             steps.step("simulating it again")
             take = take.kept()
@@ -67,7 +71,7 @@ def edit_take(
 def _edited(take: Recording, option: str, edit: Callable[[Recording], Recording]) -> Recording:
     try:
         return edit(take)
-    except ValueError as error:
+    except (StateError, ValueError) as error:
         fail(str(error), option)
 
 

@@ -3,7 +3,13 @@
 from fantoccini.gestures.compiling import load_score
 from fantoccini.gestures.conducting import Conductor
 from fantoccini.gestures.gesture import Gesture
-from fantoccini.gestures.gesture_file import gesture_names, gesture_schema, load_gesture
+from fantoccini.gestures.gesture_file import (
+    gesture_names,
+    gesture_of_take,
+    gesture_schema,
+    is_gesture,
+    load_gesture,
+)
 from fantoccini.gestures.rehearsing import Rehearsal, rehearse
 from fantoccini.gestures.score import Caption, Played, Score, Sound, Wait, is_score
 from fantoccini.gestures.score_file import score_schema
@@ -20,7 +26,9 @@ __all__ = [
     "Sound",
     "Wait",
     "gesture_names",
+    "gesture_of_take",
     "gesture_schema",
+    "is_gesture",
     "is_score",
     "lateness",
     "load_gesture",

@@ -14,7 +14,7 @@ from fantoccini.errors import FileError, Mistake, StateError, UnknownNameError, 
 from fantoccini.gestures import moves
 from fantoccini.gestures.gesture import Gesture
 from fantoccini.marionette import Marionette
-from fantoccini.motion import State, reading
+from fantoccini.motion import Input, State, reading
 from fantoccini.motion.channel import SAME_TIME, Points
 from fantoccini.motion.findings import Findings
 from fantoccini.motion.reading import Table
@@ -25,6 +25,8 @@ from fantoccini.puppet.sized import Place
 from fantoccini.puppet.values import Model, Name, NotNegative, mistake
 
 _FOLDER = Path(__file__).parent / "marionette"
+_STILL = 1e-9
+"""Largest speed and acceleration of what does not move [m/s, m/s^2 or rad]."""
 _VALUE = {"anyOf": [{"type": "number"}, {"type": "string", "pattern": "^.+ *(mm|cm|m|deg|rad)$"}]}
 _POINTS = {
     "type": "array",
@@ -96,7 +98,9 @@ def bundled(name: str) -> Path:
 def load_gesture(
     puppet: Table, path: str | os.PathLike[str], start: State | None = None
 ) -> Gesture:
-    """Reads a gesture file.
+    """Reads a gesture file, or a take.
+
+    A take (``.npz``) is a gesture from its start on, of what moves in it.
 
     Args:
         puppet: whose gesture it is; a marionette where the file has key poses.
@@ -112,6 +116,8 @@ def load_gesture(
             text = "found no file; a gesture file is needed, or the name of a bundled gesture"
             raise FileError([Mistake(name, None, "", text + nearest(name, gesture_names()))])
         path = bundled(name)
+    if name.lower().endswith(".npz"):
+        return gesture_of_take(Input.load(puppet, name), Path(name).stem, name)
     located = read_file(path)
     file = validate(GestureFile, located)
     table, findings = reading.table_of(puppet), Findings()
@@ -132,6 +138,40 @@ def load_gesture(
     if findings.found:
         raise located.error(findings.found, FileError)
     return dataclasses.replace(made, marks=dict(file.marks))
+
+
+def gesture_of_take(inputs: Input, name: str, file: str = "") -> Gesture:
+    """What moves in a take, as a gesture.
+
+    Args:
+        inputs: of the take.
+        name: of the gesture.
+        file: of the take, for messages.
+
+    Raises:
+        FileError: nothing moves, or a driven body turns by nearly 180 degrees or more.
+    """
+    try:
+        made = Gesture.of_input(inputs, name=name)
+    except StateError as error:
+        raise FileError([Mistake(file or name, None, "", str(error))]) from None
+    moves_at_all = made.named & np.any(np.abs(made.peaks) > _STILL, axis=0)
+    if not moves_at_all.any():
+        raise FileError([Mistake(file or name, None, "", "nothing moves in this take")])
+    return dataclasses.replace(
+        made, named=moves_at_all, coef=made.coef * moves_at_all[:, None]
+    )
+
+
+def is_gesture(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is a gesture: YAML with the key `gesture`."""
+    if not os.fspath(path).lower().endswith((".yaml", ".yml")):
+        return False
+    try:
+        data = read_file(path).data
+    except (FileError, OSError):
+        return False
+    return isinstance(data, dict) and "gesture" in data
 
 
 def _of_poses(

@@ -54,7 +54,7 @@ class CueFile(Model):
     )
 
     gesture: str | None = None
-    """A gesture file in this file's folder, or the name of a bundled gesture."""
+    """A gesture file or a take (.npz) in this file's folder, or the name of a bundled gesture."""
     phrase: Name | None = None
     """A phrase of this file."""
     hold: Factor | None = None

@@ -14,6 +14,7 @@ from fantoccini.marionette import Marionette, check_step
 from fantoccini.motion import State, rotation
 from fantoccini.perform import reach
 from fantoccini.perform.handle import Handle, handles_of
+from fantoccini.perform.player import Steps
 from fantoccini.tree import ChainRow
 
 
@@ -178,11 +179,52 @@ class Hands:
             away[w : w + 3] = rotation.between(q_K[turned], wanted[turned])
         return away
 
-    def wanted_velocity(self, x: State, wanted: ConfigK, tick: float) -> VecK:
-        """(n_vK,) wanted velocities after the next tick; see ``reach``."""
-        return reach.wanted_velocity(
-            self.away(x.q_K, wanted), x.v_K, tick, self.group, self.speed, self.acceleration
+    def wanted_velocity(
+        self, x: State, wanted: ConfigK, tick: float, steps: Steps | None = None
+    ) -> VecK:
+        """(n_vK,) wanted velocities after the next tick; see ``reach``.
+
+        Args:
+            x: the state.
+            wanted: (n_qK,) targets.
+            tick: [s].
+            steps: what is played on top of them over the tick.
+        """
+        if steps is None:
+            away, own = self.away(x.q_K, wanted), x.v_K
+        else:
+            away = self.away(x.q_K, self.moved(wanted, steps.d))
+            own = x.v_K - self._rates(wanted, steps.d, steps.rate, away)
+        velocity = reach.wanted_velocity(
+            away, own, tick, self.group, self.speed, self.acceleration
         )
+        if steps is None:
+            return velocity
+        return self.bounded(velocity + self._rates(wanted, steps.d_next, steps.rate_next, away))
+
+    def moved(self, q_K: ConfigK, d: VecK) -> ConfigK:
+        """(n_qK,) a driven configuration with offsets (n_vK,) on top, lengths in their ranges."""
+        table, made = self.marionette.coordinates, np.array(q_K)
+        q, v = table.places_K
+        made[q] += d[v]
+        for at, w in table.quaternions_K:
+            made[at : at + 4] = rotation.multiply(q_K[at : at + 4], rotation.exp(d[w : w + 3]))
+        for name, (place, _) in self.winch.items():
+            made[place] = np.clip(made[place], *self.lengths[name])
+        return made
+
+    def _rates(self, wanted: ConfigK, d: VecK, rate: VecK, away: VecK) -> VecK:
+        """(n_vK,) velocities of :meth:`moved`, of rotations in the frame of the hand."""
+        made = np.array(rate)
+        for _, w in self.marionette.coordinates.quaternions_K:
+            turn = slice(w, w + 3)
+            own = rotation.right_jacobian(d[turn]) @ rate[turn]
+            made[turn] = rotation.matrix(rotation.exp(away[turn])) @ own
+        for name, (place, v) in self.winch.items():
+            low, high = self.lengths[name]
+            if not low <= wanted[place] + d[v] <= high:
+                made[v] = 0.0
+        return made
 
     def bounded(self, v_K: VecK) -> VecK:
         """(n_vK,) velocities within the bound on speed."""

@@ -9,11 +9,12 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from fantoccini.arrays import Array, Vec3, VecD, VecK
+from fantoccini.arrays import Array, ConfigK, Vec3, VecD, VecK
 from fantoccini.errors import StateError
 from fantoccini.marionette import Marionette, link_index
 from fantoccini.motion import State
 from fantoccini.perform.hands import HandBounds, Hands
+from fantoccini.perform.player import Player
 from fantoccini.tree import link_inertia
 
 
@@ -75,8 +76,11 @@ class Steered(ABC):
     """A performance as what acts on it from outside sees it."""
 
     marionette: Marionette
+    tick: float
     _lock: RLock
     _hands: Hands
+    _wanted: ConfigK
+    _player: Player
     _law: HandLaw | None
     _pushes: dict[str, Push]
 
@@ -105,6 +109,8 @@ class Steered(ABC):
         if before is not None:
             before.stop()  # without the lock, which its thread may wait for
         with self._lock:
+            if law is not None:
+                self._player.clear()
             self._law = law
 
     def push(self, body: str, force: Vec3 | None, at: Vec3 | None = None) -> None:

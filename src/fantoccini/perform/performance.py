@@ -15,7 +15,9 @@ from fantoccini.perform import change
 from fantoccini.perform.grip import TOLERANCES, Holding, gripped
 from fantoccini.perform.handle import Handle, Place, place_of, wanted
 from fantoccini.perform.hands import Hands
-from fantoccini.perform.outside import Steered, forces_of
+from fantoccini.perform.outside import forces_of
+from fantoccini.perform.player import Player
+from fantoccini.perform.playing import Playing
 from fantoccini.perform.recording import Recorder, Recording
 from fantoccini.perform.reports import Reports
 
@@ -30,7 +32,7 @@ _ROUNDED_TICKS = 1e-6
 """Part of a tick that a duration may miss by rounding and still complete the tick."""
 
 
-class Performance(Steered):
+class Performance(Playing):
     """A puppet in somebody's hands: targets go in, the state comes out, tick by tick.
 
     The hands follow their targets in the least time that bounded speed and acceleration allow
@@ -163,13 +165,12 @@ class Performance(Steered):
     def target(self, name: str) -> Place:
         """A handle's target, as :meth:`place`."""
         with self._lock:
-            handle = self._hands.handle(name)
-            r, wxyz = self._place(handle, self._wanted)
-            if parts := self._hands.carriers(handle):
-                poses = self.marionette.poses(self._x.q_D, self._x.q_K)
-                ways = [self._place(h, self._wanted)[0] - poses[h.link, :, 3] for h in parts]
-                r = r + np.sum(ways, axis=0)
-            return r, wxyz
+            return self._there(name, self._wanted)
+
+    def aim(self, name: str) -> Place:
+        """Where a handle is to be now: its target with what is played on top, as :meth:`place`."""
+        with self._lock:
+            return self._there(name, self._aimed())
 
     def move(self, name: str, position: Vec3 | None = None, wxyz: Quaternion | None = None) -> None:
         """Sets the target of a handle; parts that its joint cannot reach are projected away.
@@ -220,11 +221,6 @@ class Performance(Steered):
         with self._lock:
             return float(self._wanted[self._hands.length_place(string)])
 
-    def hold(self) -> None:
-        """Stops all hands: sets their targets to where they are."""
-        with self._lock:
-            self._wanted = np.array(self._x.q_K)
-
     # -- time --------------------------------------------------------------------------------
 
     def advance(self, duration: float) -> State:
@@ -249,9 +245,17 @@ class Performance(Steered):
             self._end_recording("the puppet was set back to its start")
             self._remainder = 0.0
             self._reports.clear()
-            if self._x0 is None:
-                self._x0 = change.hanging(self.marionette)
-            self._take(self.marionette, self._x0)
+            self._take(self.marionette, self._start())
+
+    def _start(self) -> State:
+        if self._x0 is None:
+            self._x0 = change.hanging(self.marionette)
+        return self._x0
+
+    def _go_to(self, x: State) -> None:
+        self._end_recording("a take was begun")
+        x = change.permitted(self._performed, x)
+        self._take(self.marionette, x.replace(t=self.t), self._hands.lengths)
 
     # -- another puppet ----------------------------------------------------------------------
 
@@ -344,6 +348,16 @@ class Performance(Steered):
     def _place(self, handle: Handle, q_K: ConfigK) -> Place:
         return place_of(self.marionette, handle, q_K, self._poses(handle))
 
+    def _there(self, name: str, q_K: ConfigK) -> Place:
+        """The place of a handle at wanted coordinates."""
+        handle = self._hands.handle(name)
+        r, wxyz = self._place(handle, q_K)
+        if parts := self._hands.carriers(handle):
+            poses = self.marionette.poses(self._x.q_D, self._x.q_K)
+            ways = [self._place(h, q_K)[0] - poses[h.link, :, 3] for h in parts]
+            r = r + np.sum(ways, axis=0)
+        return r, wxyz
+
     def _poses(self, handle: Handle) -> Array:
         """(n_links, 3, 4) of the links; empty where nothing moves the handle's joint."""
         if handle.base is not None:
@@ -376,6 +390,9 @@ class Performance(Steered):
             lengths = Hands.ranges_of(marionette, x, self.dt)
         self._hands = Hands.of(marionette, x, self._speed, self._acceleration, lengths)
         self._holding = Holding(self._performed, self._hands, self.grip)
+        bounds = self._hands.each()
+        most = np.array([list(bounds.speed.values()), list(bounds.acceleration.values())])
+        self._player = Player(most, self.tick)
         self._wanted = np.array(x.q_K)
         self._since = x.t
         self._restart(x.replace(t=0.0), keep=False)
@@ -392,7 +409,7 @@ class Performance(Steered):
         with self._lock:
             x, stepper = self._x, self._stepper
             if self._law is None:
-                velocity = self._hands.wanted_velocity(x, self._wanted, self.tick)
+                velocity = self._velocity(x)
             else:
                 asked = self._law.acceleration(x.replace(t=self.t))
                 velocity = self._hands.bounded(x.v_K + self.tick * asked)

@@ -20,6 +20,7 @@ from fantoccini.motion.archive import RECORDINGS
 from fantoccini.motion.npz import opened
 from fantoccini.perform import archive, change
 from fantoccini.perform.archive import Checks, Written
+from fantoccini.perform.looping import way_back
 from fantoccini.perform.smoothing import smoothed
 from fantoccini.runtime import Piece
 from fantoccini.simulation import trajectory_of_samples
@@ -153,6 +154,25 @@ class Recording:
             tick=self.tick * factor,
             steps=max(1, math.ceil(self.steps * factor - 1e-9)),
         )
+
+    def looped(self, times: int) -> Recording:
+        """Several times in a row. The hands go back to the start in between, C^1, within bounds.
+
+        Only the hands go back: the puppet follows them, and swings on.
+
+        Raises:
+            ValueError: ``times`` is no whole number from 1 to 1000.
+            StateError: no way leads back within the default bounds of gestures.
+        """
+        if not isinstance(times, int) or not 1 <= times <= 1000:
+            raise ValueError(f"times is {times!r}; it must be a whole number from 1 to 1000")
+        x, inputs = self.start, self.inputs
+        q = inputs.evaluate(inputs.end)[0]
+        # An input is at rest from its end on; take the velocity just before.
+        v = inputs.evaluate(np.nextafter(inputs.end, 0.0))[1]
+        back = way_back(inputs.coordinates, (q, v), (x.q_K, x.v_K), self.tick)
+        again = np.concatenate([back, self.acc_K])
+        return self.edited(acc_K=np.concatenate([self.acc_K, *[again] * (times - 1)]))
 
     def edited(self, **changes: Any) -> Recording:
         """A copy with changed fields, to be simulated again."""

@@ -38,6 +38,7 @@ def show(
     wait: bool | None = None,
     record_to: str | os.PathLike[str] = ".",
     balance: bool = False,
+    score: str | os.PathLike[str] | None = None,
 ) -> Page: ...
 
 
@@ -63,6 +64,7 @@ def show(
     record_to: str | os.PathLike[str] = ".",
     forces: bool = False,
     balance: bool = False,
+    score: str | os.PathLike[str] | None = None,
 ) -> Page | Path:
     """Shows something in the browser.
 
@@ -75,15 +77,17 @@ def show(
         port: first port to try.
         browser: open the page, where there is a display.
         wait: block until Ctrl-C; by default in scripts, and not at a prompt or in a notebook.
-        record_to: folder for recordings.
+        record_to: folder for recordings, gestures and films.
         forces: with ``html``, draw the forces of contacts; a page has a box for them.
         balance: let the hands balance a live puppet; the page has a box for it.
+        score: file of a score that a live puppet plays.
 
     Returns:
         The page, to close it; with ``html`` the path of the file.
 
     Raises:
-        FileError: the file cannot be shown, or there is no folder ``record_to``.
+        FileError: the file cannot be shown, the score has mistakes, or there is no folder
+            ``record_to``.
         ValueError: ``what`` cannot be shown, or not as a file; or there are no forces to draw,
             or nothing to balance.
         StateError: hands cannot balance this puppet.
@@ -97,7 +101,10 @@ def show(
         raise ValueError("forces are for html=FILE; a page has a box that shows them")
     if balance and subject.run is not None:
         raise ValueError("hands can balance a puppet that is live, not a motion")
-    opened = page.open_page(subject, theme, host, port, Path(record_to), balance)
+    if score is not None and subject.run is not None:
+        raise ValueError("a score is played by a puppet that is live, not by a motion")
+    score = None if score is None else Path(score)
+    opened = page.open_page(subject, theme, host, port, Path(record_to), balance, score)
     if browser:
         opened.server.open_browser()
     if page.is_script() if wait is None else wait:

@@ -164,7 +164,7 @@ class Controls:
         behind: list[np.ndarray] = []
         leads: list[tuple[np.ndarray, np.ndarray]] = []
         for (name, handle), here in zip(self._handles.items(), self._last, strict=True):
-            wanted, wxyz = self._performance.target(name)
+            wanted, wxyz = self._performance.aim(name)
             self._beads[name].color = self._colour(name, name in lagging)
             if len(handle.axes) and np.linalg.norm(wanted - here) > _CHANGES.lag * self._size:
                 behind.append(wanted)

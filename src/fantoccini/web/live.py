@@ -16,7 +16,7 @@ from fantoccini.errors import FantocciniError
 from fantoccini.perform import Balance, Performance
 from fantoccini.view.geometry import Geometry, force_arrows, geometry_at
 from fantoccini.view.theme import Theme
-from fantoccini.web import pad
+from fantoccini.web import pad, sound
 from fantoccini.web.controls import Controls, line_of_sight
 from fantoccini.web.drag import nudge
 from fantoccini.web.holder import Holder, Viewer, holder_text
@@ -27,8 +27,9 @@ from fantoccini.web.nodes import SceneNodes
 from fantoccini.web.pushes import Pushes
 from fantoccini.web.recorder import Recorder
 from fantoccini.web.server import Server
+from fantoccini.web.stage import Stage
 from fantoccini.web.viser_private import Handler
-from fantoccini.web.watched_file import WatchedFile
+from fantoccini.web.watched_file import WatchedFile, compiled
 
 if TYPE_CHECKING:
     import viser
@@ -63,7 +64,7 @@ class Live(PageLoop):
         controls: what a viewer moves.
         pushes: what a viewer pulls at.
         panel: buttons, sliders, numbers.
-        recorder: records the performance.
+        stage: gestures, takes, a score, and their sound.
         holder: who holds the strings.
         paused: whether time stands still.
         factor: speed of time; below 1 is slow motion.
@@ -73,17 +74,26 @@ class Live(PageLoop):
         theme: colours.
         record_to: folder for recordings.
         file: the puppet's file, loaded again when it is saved; or None.
+        score: file of a score, or None.
+
+    Raises:
+        FileError: with the mistakes of the score.
     """
 
     def __init__(
-        self, performance: Performance, theme: Theme, record_to: Path, file: Path | None = None
+        self,
+        performance: Performance,
+        theme: Theme,
+        record_to: Path,
+        file: Path | None = None,
+        score: Path | None = None,
     ):
         super().__init__("live")
         self.performance, self.theme = performance, theme
         self.holder = Holder()
         self.paused, self.factor = False, 1.0
-        self.recorder = Recorder(performance, record_to)
-        self._file = None if file is None else WatchedFile(file)
+        self.stage = Stage(performance, record_to, file, score)
+        self._file = None if file is None else WatchedFile(file, compiled)
         self._pads = pad.Pads()
         self._jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._past: deque[tuple[float, np.ndarray]] = deque()
@@ -94,7 +104,12 @@ class Live(PageLoop):
     @property
     def handlers(self) -> dict[str, Handler]:
         """Websockets of our own."""
-        return {pad.PATH: self._pads.visit}
+        return {pad.PATH: self._pads.visit, sound.PATH: self.stage.sounds.visit}
+
+    @property
+    def recorder(self) -> Recorder:
+        """Records the performance."""
+        return self.stage.recorder
 
     def open(self, server: Server) -> None:
         """Builds the page."""
@@ -107,7 +122,7 @@ class Live(PageLoop):
 
     def _finish(self) -> None:
         self.performance.let(None)
-        self.recorder.finish()
+        self.stage.finish()
 
     # -- what viewers do -----------------------------------------------------------------------
 
@@ -163,10 +178,7 @@ class Live(PageLoop):
 
     def record(self) -> None:
         """Starts a recording, or ends and writes it."""
-        if self.recorder.running:
-            self.recorder.end()
-        else:
-            self.recorder.begin()
+        self.stage.record()
 
     def push(self, right: float, up: float, camera: viser.CameraHandle | None = None) -> None:
         """Moves the selected handle in a viewer's picture, in puppet sizes."""
@@ -221,6 +233,8 @@ class Live(PageLoop):
         if not self.paused:
             self.pushes.update(self._poses())
             self.performance.advance(duration * self.factor)
+        self.stage.factor = 0.0 if self.paused else self.factor
+        self.stage.frame()
         moment = self._moment()
         self._remember(now, moment)
         with self.server.viser.atomic():
@@ -287,13 +301,17 @@ class Live(PageLoop):
     # -- another puppet ------------------------------------------------------------------------
 
     def _poll_file(self, now: float) -> None:
+        score = self.stage.poll(now)
+        if score is not None:
+            self.panel.show_mistakes("score", score)
         reload = None if self._file is None else self._file.poll(now)
         if reload is None:
             return
-        self.panel.show_mistakes(reload.mistakes)
-        if reload.marionette is None:
+        self.panel.show_mistakes("puppet", reload.mistakes)
+        if reload.made is None:
             return
-        lost = self.performance.replace(reload.marionette)
+        lost = self.performance.replace(reload.made)
+        lost += self.stage.reload()
         self._past.clear()
         with self.server.viser.atomic():
             self._clear()

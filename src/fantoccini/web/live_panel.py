@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
 
 import numpy as np
 
@@ -15,7 +15,10 @@ from fantoccini.web.holder import Holder, HolderLine, Viewer
 from fantoccini.web.moment import Moment
 from fantoccini.web.nodes import VIEWS, SceneNodes
 from fantoccini.web.panel import Plot, Views, bars, note, text
+from fantoccini.web.perform_tabs import GesturesTab, TakesTab
 from fantoccini.web.recorder import Recorder
+from fantoccini.web.score_tab import ScoreTab
+from fantoccini.web.stage import Stage
 
 if TYPE_CHECKING:
     import viser
@@ -32,7 +35,9 @@ _HINT_WINDS = (
 )
 _KEYS = (
     "F and G choose a handle, A D W S move it, Q E wind its string, P pauses, N steps, R resets, "
-    "T records, 1 to 4 and the arrow keys turn the camera. A gamepad works too."
+    "T records, Shift with F, S, Q, T and the arrow keys turn the camera. Gestures: keys beside "
+    "buttons, H home, B taps the beat, M metronome, L plays the take, O overdubs, Space GO. "
+    "A gamepad works too."
 )
 _RED = to_hex(WARNING)
 
@@ -40,14 +45,16 @@ _RED = to_hex(WARNING)
 class LiveActions(Protocol):
     """What the panel shows and changes: a :class:`fantoccini.web.live.Live`."""
 
+    stage: Stage
     performance: Performance
     nodes: SceneNodes
     controls: Controls
-    recorder: Recorder
     holder: Holder
     paused: bool
     factor: float
 
+    @property
+    def recorder(self) -> Recorder: ...
     @property
     def balance(self) -> Balance | None: ...
     def let_balance(self, wanted: bool) -> None: ...
@@ -77,6 +84,7 @@ class LivePanel:
     def __init__(self, live: LiveActions, server: viser.ViserServer, theme: Theme):
         self._live, self._gui, self._theme = live, server.gui, theme
         self._message = ""
+        self._wrong: dict[str, tuple[str, ...]] = {}
         self._made: list[Any] = []
         gui = server.gui
         self._status = gui.add_html("", order=-4.0)
@@ -86,15 +94,24 @@ class LivePanel:
         self._pause = gui.add_button("Pause", icon="player-pause")
         steps = gui.add_button_group("Time", ("Step", "Reset"))
         self._record = gui.add_button("Record", icon="player-record", color="red")
-        self._balance = gui.add_checkbox(
-            "Let the hands balance it", False, hint="They bring it back to where it is now"
-        )
-        self._balance.on_update(self._set_balance)
-        with gui.add_folder("Speed and view", expand_by_default=False):
-            self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1")
-            self._views = Views(gui, lambda: live.nodes, self._touches)
-            self._names = gui.add_checkbox("Names", True, hint="Of the handles")
-            self._names.on_update(lambda _: live.controls.show_names(self._names.value))
+        tabs = gui.add_tab_group()
+        self._strings = tabs.add_tab("Strings")
+        with self._strings:
+            self._balance = gui.add_checkbox(
+                "Let the hands balance it", False, hint="They bring it back to where it is now"
+            )
+            self._balance.on_update(self._set_balance)
+            with gui.add_folder("Speed and view", expand_by_default=False):
+                self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1")
+                self._views = Views(gui, lambda: live.nodes, self._touches)
+                self._names = gui.add_checkbox("Names", True, hint="Of the handles")
+                self._names.on_update(lambda _: live.controls.show_names(self._names.value))
+        gestures, takes = tabs.add_tab("Gestures"), tabs.add_tab("Takes")
+        self._gestures = GesturesTab(live, gui, gestures, self._command)
+        self._takes = TakesTab(live, gui, takes, self._command, theme.name)
+        self._score: ScoreTab | None = None
+        if live.stage.score is not None:
+            self._score = ScoreTab(live, gui, tabs.add_tab("Score"), self._command, theme)
         self._pause.on_click(lambda e: live.later(e.client_id, live.pause))
         self._record.on_click(lambda e: live.later(e.client_id, live.record))
         steps.on_click(
@@ -105,6 +122,14 @@ class LivePanel:
 
     def build(self, nodes: SceneNodes) -> None:
         """Adds what depends on the puppet."""
+        with self._strings:
+            self._build_strings(nodes)
+        self._gestures.build()
+        self._takes.build()
+        if self._score is not None:
+            self._score.build()
+
+    def _build_strings(self, nodes: SceneNodes) -> None:
         gui, live = self._gui, self._live
         self._nodes = nodes
         self._views.apply()
@@ -174,14 +199,17 @@ class LivePanel:
         if self._balance.value != on:
             self._balance.value = on
 
-    def show_mistakes(self, mistakes: tuple[str, ...]) -> None:
-        """Shows the errors in the puppet's file."""
-        self._mistakes.visible = bool(mistakes)
-        lines = "".join(f"<div>{text(line)}</div>" for line in mistakes)
+    def show_mistakes(self, what: str, mistakes: tuple[str, ...]) -> None:
+        """Shows the errors in a file, of the puppet or of the score."""
+        self._wrong = {**self._wrong, what: mistakes}
+        wrong = {what: lines for what, lines in self._wrong.items() if lines}
+        self._mistakes.visible = bool(wrong)
+        lines = "".join(f"<div>{text(line)}</div>" for one in wrong.values() for line in one)
+        lead = "; ".join(f"the {what} is unchanged" for what in wrong)
         self._mistakes.content = (
             f'<div style="margin:0 0.5em;padding:0.5em 0.7em;border-left:4px solid {_RED};'
             'background:rgba(214,69,69,0.12);font-size:0.82em;overflow-wrap:anywhere">'
-            f"<b>The file has errors; the puppet is unchanged.</b>{lines}</div>"
+            f"<b>The file has errors; {lead}.</b>{lines}</div>"
         )
 
     def update(
@@ -201,6 +229,12 @@ class LivePanel:
         if self._handle is not None and self._shown != selected:
             self._handle.value = self._shown = selected
         self._record.label = "Stop recording" if self._live.recorder.running else "Record"
+        self._gestures.build()
+        self._gestures.update()
+        self._takes.update()
+        if self._score is not None:
+            self._score.build()
+            self._score.update()
         if self._nodes.geometry.names:
             self._bars.content = bars(self._nodes.geometry.names, moment, self._nodes)
             t, tension = history
@@ -292,10 +326,18 @@ class LivePanel:
             acts(f"Handle {label}", key, partial(live.push, right, up))
         acts("Wind in", "E", lambda _: live.wind(-_PUSH))
         acts("Wind out", "Q", lambda _: live.wind(_PUSH))
-        for n, view in enumerate(VIEWS, start=1):
-            self._gui.add_command(f"Camera: {view}", hotkey=str(n)).on_trigger(
-                lambda e, view=view: live.nodes.look(e.client.camera, view)
+        # Not Shift with a digit: browsers name that key by what it writes, as `!`.
+        for key, view in zip("FSQT", VIEWS, strict=True):
+            camera = self._gui.add_command(
+                f"Camera: {view}", hotkey=cast(Any, key), modifier="shift"
             )
+            camera.on_trigger(lambda e, view=view: live.nodes.look(e.client.camera, view))
+
+    def _command(self, label: str, key: str, do: Callable[[], None]) -> Any:
+        """Adds a key that does something in the loop's thread."""
+        command = self._gui.add_command(label, hotkey=cast(Any, key))
+        command.on_trigger(lambda e: self._live.later(e.client_id, do))
+        return command
 
     def _keep(self, node: Node) -> Node:
         self._made.append(node)

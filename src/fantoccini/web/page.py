@@ -30,6 +30,7 @@ from fantoccini.web.pad import SCRIPT
 from fantoccini.web.plan_tree import PlanTree
 from fantoccini.web.replay import Replay, ResampledRun
 from fantoccini.web.server import Server
+from fantoccini.web.sound import SCRIPT as SOUND_SCRIPT
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,6 +241,7 @@ def open_page(
     port: int,
     record_to: Path = Path("."),
     balance: bool = False,
+    score: Path | None = None,
 ) -> Page:
     """Serves a page.
 
@@ -250,10 +252,11 @@ def open_page(
         port: first port to try.
         record_to: folder for recordings.
         balance: let the hands balance a live puppet.
+        score: file of a score that a live puppet plays, or None.
 
     Raises:
         StateError: hands cannot balance this puppet.
-        FileError: there is no such folder for recordings.
+        FileError: there is no such folder for recordings, or the score has mistakes.
         ServerError: the address cannot be used.
     """
     look = theme_of(theme)
@@ -267,8 +270,8 @@ def open_page(
         shown: Live | Replay = Replay(server, motion, look, subject.tree)
     else:
         performance = Performance(subject.marionette)
-        live = Live(performance, look, record_to.absolute(), subject.file)
-        server = Server(title, look, host, port, SCRIPT, live.handlers)
+        live = Live(performance, look, record_to.absolute(), subject.file, score)
+        server = Server(title, look, host, port, SCRIPT + SOUND_SCRIPT, live.handlers)
         live.open(server)
         if balance:
             try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import tempfile
 import threading
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from datetime import datetime
 from pathlib import Path
 
@@ -19,10 +19,20 @@ class Recorder:
     Attributes:
         running: whether it records.
         status: what became of the last recording; empty at first.
+
+    Args:
+        performance: what is recorded.
+        folder: of the files.
+        made: called with every recording, and the path that it is written to.
     """
 
-    def __init__(self, performance: Performance, folder: Path):
-        self._performance, self._folder = performance, folder
+    def __init__(
+        self,
+        performance: Performance,
+        folder: Path,
+        made: Callable[[Recording, Path], None] = lambda recording, path: None,
+    ):
+        self._performance, self._folder, self._made = performance, folder, made
         self._name = ""
         self._writers: list[threading.Thread] = []
         self._used: set[Path] = set()
@@ -79,6 +89,7 @@ class Recorder:
         path = free_path(self._folder, self._name, datetime.now(), self._used)
         self._used.add(path)
         self.status = f"writing {path.name}"
+        self._made(recording, path)
         return recording, path
 
     def _write(self, recording: Recording, path: Path) -> None:
@@ -98,6 +109,30 @@ class Recorder:
         self.status = f"{failed}the recording is lost"
 
 
+_TAKE_NAME = re.compile(r".*-\d{8}-\d{6}(-\d+)?(-edited(-\d+)?)?", re.ASCII)
+
+
+def is_take_name(stem: str) -> bool:
+    """Whether a file's name, without its ending, is that of a recording nobody has named."""
+    return _TAKE_NAME.fullmatch(stem) is not None
+
+
+def unused(folder: Path, stem: str, ending: str, used: Collection[Path] = frozenset()) -> Path:
+    """A path of the folder without a file: ``STEM.ENDING``, ``STEM-2.ENDING``, ...
+
+    Args:
+        folder: of the file.
+        stem: of its name.
+        ending: with its dot.
+        used: paths that are about to be written.
+    """
+    path, n = folder / f"{stem}{ending}", 1
+    while path in used or path.exists():
+        n += 1
+        path = folder / f"{stem}-{n}{ending}"
+    return path
+
+
 def free_path(
     folder: Path, name: str, now: datetime, used: Collection[Path] = frozenset()
 ) -> Path:
@@ -110,9 +145,4 @@ def free_path(
         used: paths that are about to be written.
     """
     plain = re.sub(r"[^A-Za-z0-9_-]", "_", name)[:64] or "puppet"
-    stem = f"{plain}-{now:%Y%m%d-%H%M%S}"
-    path, n = folder / f"{stem}.npz", 1
-    while path in used or path.exists():
-        n += 1
-        path = folder / f"{stem}-{n}.npz"
-    return path
+    return unused(folder, f"{plain}-{now:%Y%m%d-%H%M%S}", ".npz", used)

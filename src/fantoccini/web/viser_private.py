@@ -43,6 +43,9 @@ MEMBERS = (
 )  # fmt: skip
 """Members of a server that are used here."""
 
+MAX_TEXT = 200
+"""Length of a text that a viewer can type [characters]."""
+
 Handler = Callable[[Any], Awaitable[None]]
 """Serves one websocket connection."""
 Filter = Callable[[Any, Any], Any]
@@ -56,6 +59,18 @@ CLIENT_SCRIPT = """
   document.addEventListener("keydown", (event) => {
     if (keys.has(event.code)) event.stopImmediatePropagation();
   });
+  // What was clicked keeps the keyboard: the space bar would press it again, and keys of the page
+  // are not heard while a box or a list has it. Whoever goes there with Tab keeps it there.
+  addEventListener("click", (event) => {
+    const what = event.target instanceof Element && event.target.closest(
+      "button, [role=button], [role=option], [role=tab], input[type=checkbox], label");
+    if (event.detail === 0 || !what) return;
+    setTimeout(() => {
+      const held = document.activeElement;
+      if (held instanceof HTMLElement && !held.matches("input[type=text], textarea, "
+        + "input:not([type]):not([role=combobox])")) held.blur();
+    });
+  }, true);
   // On a phone viser's panel covers the picture: it starts folded.
   document.addEventListener("DOMContentLoaded", () => {
     if (!matchMedia("(max-width: 36em)").matches) return;
@@ -202,4 +217,13 @@ def fits(control: Any, value: Any) -> bool:
             # The comparison also excludes NaN, infinity, and an int too large for a float.
             number = isinstance(value, int | float)
             return number and control.min - control.step <= value <= control.max + control.step
+        case viser.GuiMultiSliderHandle():
+            low, high = control.min - control.step, control.max + control.step
+            return (
+                isinstance(value, list | tuple)
+                and len(value) == len(control.value)
+                and all(isinstance(one, int | float) and low <= one <= high for one in value)
+            )
+        case viser.GuiTextHandle():
+            return isinstance(value, str) and len(value) <= MAX_TEXT
     return False

@@ -1,45 +1,61 @@
-"""A puppet file that is loaded again whenever it is saved."""
+"""A file that is loaded again whenever it is saved: of a puppet, or of a score."""
 
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Generic, TypeVar
 
 from fantoccini.errors import FantocciniError
 from fantoccini.marionette import Marionette, load
+
+Made = TypeVar("Made")
 
 INTERVAL = 0.3
 """Time between looks at the file [s]."""
 
 
 @dataclass(frozen=True, eq=False)
-class Reload:
+class Reload(Generic[Made]):
     """Result of loading the file again.
 
     Attributes:
-        marionette: the puppet, or None when the file has errors.
+        made: what the file describes, or None when it has errors.
         mistakes: lines, each with its place.
     """
 
-    marionette: Marionette | None
+    made: Made | None
     mistakes: tuple[str, ...] = ()
 
 
-class WatchedFile:
-    """The puppet file at ``path``."""
+def compiled(path: Path) -> Marionette:
+    """The puppet of a file, ready to be simulated."""
+    made = load(path)
+    made.compile()
+    return made
 
-    def __init__(self, path: Path):
-        self._path = path
+
+class WatchedFile(Generic[Made]):
+    """The file at ``path``.
+
+    Args:
+        path: of the file.
+        load: makes of it what it describes.
+    """
+
+    def __init__(self, path: Path, load: Callable[[Path], Made]):
+        self._path, self._load = path, load
         self._stamp = self._read_stamp()
         self._due = 0.0
         self._reader: threading.Thread | None = None
-        self._result: Reload | None = None
+        self._result: Reload[Made] | None = None
 
-    def poll(self, now: float) -> Reload | None:
+    def poll(self, now: float) -> Reload[Made] | None:
         """The result of loading a changed file, once; otherwise None. ``now`` is a time [s].
 
-        A thread of its own reads the file and compiles the puppet.
+        A thread of its own loads it.
         """
         if self._reader is not None:
             if self._reader.is_alive():
@@ -59,9 +75,7 @@ class WatchedFile:
 
     def _read(self) -> None:
         try:
-            marionette = load(self._path)
-            marionette.compile()
-            self._result = Reload(marionette)
+            self._result = Reload(self._load(self._path))
         except (FantocciniError, OSError) as error:
             self._result = Reload(None, tuple(str(error).splitlines()))
         except Exception as error:

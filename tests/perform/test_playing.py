@@ -1,0 +1,355 @@
+"""Gestures and takes on top of what the hands hold: C^1, within bounds, and as they were made."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.gestures import piecewise
+from fantoccini.motion import rotation
+from fantoccini.perform import reach
+
+
+@pytest.fixture(scope="module")
+def puppet():
+    return fan.puppets.marionette()
+
+
+@pytest.fixture(scope="module")
+def gestures(puppet):
+    return {name: fan.load_gesture(puppet, name) for name in fan.gesture_names()}
+
+
+@pytest.fixture(scope="module")
+def take(puppet):
+    """Two strings moved about for three seconds."""
+    live, rng = fan.Performance(puppet), np.random.default_rng(1)
+    homes = {name: live.place(name)[0] for name in ("hand_left", "head")}
+    live.record()
+    for _ in range(10):
+        for name, home in homes.items():
+            live.move(name, home + rng.uniform(-0.05, 0.05, size=3))
+        live.advance(0.3)
+    return live.stop()
+
+
+def within_bounds(live: fan.Performance, made: fan.Recording) -> None:
+    """Accelerations, and so jumps of velocity over a tick, and speeds."""
+    hands, v_K = live._hands, made.trajectory.v_K
+    for values, most in ((made.acc_K, hands.acceleration), (v_K, hands.speed)):
+        sizes = np.array([reach.lengths(row, hands.group, len(most)) for row in values])
+        assert np.max(sizes / most) <= 1.0 + 1e-9
+
+
+def wanted(live: fan.Performance) -> np.ndarray:
+    return np.concatenate([live.target(handle.name)[0] for handle in live.handles])
+
+
+def test_a_gesture_is_played_on_top_of_what_the_hands_hold(puppet, gestures):
+    live = fan.Performance(puppet)
+    live.move("head", live.place("head")[0] + [0.03, 0.0, 0.0])
+    live.advance(1.0)
+    home, wave = live.state.q_K, gestures["wave"]
+    assert live.play(wave) == 0.0
+    assert live.playing == ("wave",)
+    begun = live.t
+    for _ in range(int(wave.duration / live.tick)):
+        x = live.step()
+        d, _ = piecewise.at(wave.breaks, wave.coef, live.t - begun)
+        np.testing.assert_allclose(x.q_K, home + d, atol=2e-5)
+    live.advance(0.5)
+    assert live.playing == ()
+    np.testing.assert_allclose(live.state.q_K, home, atol=1e-9)
+
+
+def test_gestures_in_the_middle_of_others_never_jump_and_keep_bounds(puppet, gestures):
+    live, rng = fan.Performance(puppet), np.random.default_rng(0)
+    home, names = wanted(live), list(gestures)
+    live.record()
+    for _ in range(40):
+        live.play(gestures[rng.choice(names)].scaled(rng.uniform(0.5, 1.5)))
+        live.advance(rng.uniform(0.02, 1.2))
+    live.go_home()
+    live.advance(4.0)
+    made = live.stop()
+    assert not made.ended
+    within_bounds(live, made)
+    np.testing.assert_allclose(wanted(live), home, atol=1e-12)
+    np.testing.assert_allclose(made.trajectory.q_K[-1], made.start.q_K, atol=1e-9)
+    assert np.max(np.abs(made.trajectory.v_K[-1])) < 1e-9
+
+
+def test_home_takes_back_gestures_then_the_hands(puppet, gestures):
+    live = fan.Performance(puppet)
+    home = wanted(live)
+    live.move("head", live.place("head")[0] + [0.03, 0.0, 0.0])
+    held = wanted(live)
+    live.play(gestures["kneel"])
+    live.advance(2.0)
+    for there in (held, home):
+        live.go_home()
+        live.advance(2.0)
+        np.testing.assert_array_equal(wanted(live), there)
+        here = [live.place(handle.name)[0] for handle in live.handles]
+        np.testing.assert_allclose(np.concatenate(here), there, atol=1e-9)
+
+
+def test_a_button_pressed_twice_begins_again_where_it_is(puppet, gestures):
+    live = fan.Performance(puppet)
+    live.record()
+    for _ in range(5):
+        live.play(gestures["wave"])
+        live.advance(0.7)
+    one = np.max(np.abs(gestures["wave"].coef[:, :, 0]))
+    made = live.stop()
+    within_bounds(live, made)
+    # It takes over from itself: offsets do not add up.
+    assert np.max(np.abs(made.trajectory.q_K - made.start.q_K)) < 1.2 * one
+
+
+def test_a_part_adds_to_the_whole_and_a_posture_takes_over(puppet, gestures):
+    names = puppet.coordinates.q_K
+    live = fan.Performance(puppet)
+    home = live.state.q_K
+    live.play(gestures["kneel"])
+    live.advance(2.0)
+    kneels = live.state.q_K - home
+    assert np.max(np.abs(kneels - gestures["kneel"].ends[0][1])) < 1e-9
+    live.play(gestures["nod"])
+    live.advance(gestures["nod"].duration + 0.2)
+    np.testing.assert_allclose(live.state.q_K - home, kneels, atol=1e-9)
+    live.play(gestures["sit"])
+    live.advance(2.5)
+    np.testing.assert_allclose(live.state.q_K - home, gestures["sit"].ends[0][1], atol=1e-9)
+    live.play(gestures["stand"])
+    live.advance(2.5)
+    knee = [i for i, name in enumerate(names) if name.startswith("knee")]
+    np.testing.assert_allclose(live.state.q_K[knee], home[knee], atol=1e-9)
+
+
+def test_gestures_begin_on_time(puppet, gestures):
+    live = fan.Performance(puppet)
+    home, nod = live.state.q_K, gestures["nod"]
+    assert live.play(nod, after=0.503) == pytest.approx(0.503)
+    live.advance(0.5)
+    np.testing.assert_array_equal(live.state.q_K, home)
+    for _ in range(60):
+        x = live.step()
+        d, _ = piecewise.at(nod.breaks, nod.coef, max(live.t - 0.503, 0.0))
+        np.testing.assert_allclose(x.q_K, home + d, atol=2e-5)
+    # On its way it begins later where the way to its start takes longer.
+    assert live.play(nod, after=0.0) > 0.0
+
+
+def test_what_begins_again_ends_when_told(puppet, gestures):
+    live = fan.Performance(puppet)
+    home = live.state.q_K
+    live.play(gestures["march"], again=True)
+    live.record()
+    live.advance(3.0 * gestures["march"].duration)
+    assert live.playing == ("march",)
+    live.play_once("march")
+    live.advance(gestures["march"].duration + 0.5)
+    assert live.playing == ()
+    within_bounds(live, live.stop())
+    np.testing.assert_allclose(live.state.q_K, home, atol=1e-9)
+
+
+def test_a_walk_takes_home_along(puppet):
+    live = fan.Performance(puppet)
+    step = fan.Gesture.of(puppet, {"head.forward": [(0, 0), (1, "3 cm")]}, travels=True)
+    x = live.target("head")[0][0]
+    for _ in range(2):
+        live.play(step)
+        live.advance(1.5)
+    assert live.target("head")[0][0] == pytest.approx(x + 0.06)
+
+
+def test_an_overdub_repeats_the_take_and_leaves_armed_lanes_to_the_hands(puppet, take):
+    live = fan.Performance(puppet)
+    live.play_take(take, armed=["hand_right"])
+    live.record()
+    there = live.place("hand_right")[0] + [0.06, 0.0, 0.0]
+    live.move("hand_right", there)
+    live.advance(take.duration)
+    over = live.stop()
+    names = puppet.coordinates.q_K
+    assert "hand_right" in live.lanes and "hand_right.x" in names
+    own = [i for i, name in enumerate(names) if not name.startswith("hand_right.")]
+    np.testing.assert_allclose(
+        over.trajectory.q_K[:, own], take.trajectory.q_K[:, own], rtol=0, atol=1e-12
+    )
+    np.testing.assert_allclose(live.place("hand_right")[0], there, atol=1e-9)
+    # Nothing armed: the same motion of the puppet, but for the time-stepper's memory.
+    live.play_take(take)
+    live.record()
+    live.advance(take.duration)
+    again = live.stop().trajectory
+    np.testing.assert_allclose(again.q_K, take.trajectory.q_K, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(again.q_D, take.trajectory.q_D, rtol=0, atol=1e-6)
+
+
+def test_hands_stop_where_a_take_ends(puppet, take):
+    live = fan.Performance(puppet)
+    live.play_take(take.trimmed(0.0, 1.1))
+    assert live.take_time == 0.0
+    live.record()
+    live.advance(3.0)
+    within_bounds(live, live.stop())
+    assert live.take_time is None
+    np.testing.assert_allclose(
+        wanted(live), np.concatenate([live.place(h.name)[0] for h in live.handles]), atol=1e-9
+    )
+
+
+def test_a_loop_never_jumps(puppet, take):
+    part = take.trimmed(0.4, 2.2)
+    live = fan.Performance(puppet)
+    live.play_take(part, again=True)
+    live.record()
+    live.advance(5.0)
+    made = live.stop()
+    assert live.take_time is not None and live.take_time < part.duration
+    within_bounds(live, made)
+    live.stop_take()
+    live.advance(1.0)
+    assert np.max(np.abs(live.state.v_K)) < 1e-9
+
+
+def test_a_looped_take_is_joined_by_state(puppet, take):
+    bar = fan.Performance(fan.puppets.marionette_bar())
+    there, _ = bar.place("bar")
+    bar.record()
+    bar.move("bar", there + np.array([0.1, 0.0, 0.05]), rotation.exp(np.array([0.1, 0.2, 0.3])))
+    bar.advance(0.8)
+    for one in (take.trimmed(0.4, 2.2), bar.stop()):
+        loop = one.looped(3)
+        assert np.max(np.abs(loop.acc_K)) <= max(np.max(np.abs(one.acc_K)), 6.1)
+        n, rest = divmod(len(loop) - len(one), 2)
+        assert rest == 0 and n > len(one)
+        for k in range(3):
+            np.testing.assert_array_equal(loop.acc_K[k * n : k * n + len(one)], one.acc_K)
+        hands, own = loop.inputs, one.inputs
+        for s in np.linspace(0.0, one.duration - 1e-6, 7):
+            for a, b in zip(hands.evaluate(2 * n * one.tick + s), own.evaluate(s), strict=True):
+                np.testing.assert_allclose(a, b, atol=1e-9)
+
+
+def test_the_same_ends_need_no_way_back(puppet):
+    live = fan.Performance(puppet)
+    live.record()
+    live.advance(0.5)
+    still = live.stop()
+    assert len(still.looped(3)) == 3 * len(still)
+    for times in (0, 1.5, 10_000):
+        with pytest.raises(ValueError, match="times"):
+            still.looped(times)
+
+
+def test_what_cannot_be_played_is_told(puppet, gestures, take):
+    live = fan.Performance(fan.puppets.arm2d())
+    for do in (lambda: live.play(gestures["wave"]), lambda: live.play_take(take)):
+        with pytest.raises(ValueError, match="puppet"):
+            do()
+    live = fan.Performance(puppet)
+    with pytest.raises(fan.UnknownNameError, match="hand_right"):
+        live.play_take(take, armed=["hand_rihgt"])
+    live.let(still_law(puppet))
+    for do in (lambda: live.play(gestures["wave"]), lambda: live.play_take(take)):
+        with pytest.raises(fan.StateError, match="law"):
+            do()
+
+
+def still_law(puppet):
+    class Still:
+        def acceleration(self, x: fan.State) -> np.ndarray:
+            return np.zeros(puppet.coordinates.n_vK)
+
+        def stop(self) -> None:
+            pass
+
+    return Still()
+
+
+def test_far_too_large_gestures_stay_within_bounds_and_lengths(puppet, gestures):
+    live = fan.Performance(puppet)
+    live.record()
+    for name, factor in itertools.product(("jump", "wave"), (8.0, 30.0)):
+        live.play(gestures[name].scaled(factor))
+        live.advance(2.0)
+    within_bounds(live, live.stop())
+    for name, (low, high) in live.lengths.items():
+        assert low - 0.06 <= live.length(name) <= high + 0.06
+
+
+SCORE = """\
+score: number
+tempo: 90
+lanes:
+  arms: [{gesture: wave, at: 1}, {gesture: clap, at: 9}]
+  head: [{gesture: nod, at: 2, repeat: 3}]
+waits: {clap: {at: 9}, end: {at: 16}}
+"""
+
+
+@pytest.fixture(scope="module")
+def score(puppet, tmp_path_factory):
+    path = tmp_path_factory.mktemp("score") / "number.yaml"
+    path.write_text(SCORE, encoding="utf-8")
+    return fan.load_score(puppet, path)
+
+
+def test_a_score_is_played_paused_and_set(puppet, score):
+    live = fan.Performance(puppet)
+    home = live.state.q_K
+
+    def agrees(atol: float = 2e-5) -> None:
+        d, _ = piecewise.at(score.gesture.breaks, score.gesture.coef, live.score.t)
+        np.testing.assert_allclose(live.state.q_K - home, d, atol=atol)
+
+    live.play_score(score)
+    live.record()
+    for _ in range(40):
+        live.advance(0.05)
+        agrees()
+    assert live.score.t == pytest.approx(2.0 - 0.15)
+    live.score.running = False
+    live.advance(0.5)
+    paused = live.score.t
+    live.advance(0.5)
+    assert live.score.t == paused
+    agrees(1e-6)
+    live.score.seek(5.0)
+    live.advance(1.5)
+    assert live.score.t == 5.0
+    agrees(1e-6)
+    live.score.running = True
+    live.advance(3.0)
+    assert live.score.conductor.waiting.name == "clap" and live.score.still
+    agrees(1e-6)
+    assert live.score.conductor.go()
+    live.advance(score.duration)
+    assert live.score.conductor.go()
+    live.advance(1.0)
+    assert live.score.t == score.duration
+    agrees(1e-6)
+    live.score.seek(2.0)
+    live.advance(1.0)
+    live.stop_score()
+    live.advance(2.0)
+    assert live.score is None
+    np.testing.assert_allclose(live.state.q_K, home, atol=1e-9)
+    within_bounds(live, live.stop())
+
+
+def test_armed_lanes_of_a_score_are_in_the_hands(puppet, score):
+    live = fan.Performance(puppet)
+    home = live.place("hand_right")[0]
+    live.play_score(score, armed=["hand_right"])
+    for _ in range(30):
+        live.advance(0.1)
+        np.testing.assert_array_equal(live.place("hand_right")[0], home)
+        assert live.length("hand_right") == live.wanted_length("hand_right")

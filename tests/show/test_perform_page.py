@@ -1,0 +1,316 @@
+"""The page as an instrument, without a browser: gestures, takes, a score, the beat and sound."""
+
+from __future__ import annotations
+
+import json
+import time
+import wave
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from tests.show.browser import until
+from tests.show.viewer import Viewer
+from websockets.sync.client import connect
+
+import fantoccini as fan
+
+SCORE = """\
+score: number
+tempo: 120
+marks: {turn: 6}
+lanes:
+  arm: [{gesture: wave, at: 1}]
+  head: [{gesture: nod, at: turn}]
+waits: {applause: {at: 12}}
+captions: [{at: 0, until: 20, text: "<b>One</b>, two"}]
+sound: bell.wav
+"""
+
+
+def bell(path) -> None:
+    """A second of a tone."""
+    with wave.open(str(path), "wb") as file:
+        file.setparams((1, 2, 8000, 8000, "NONE", ""))
+        tone = np.sin(2 * np.pi * 440 * np.arange(8000) / 8000)
+        file.writeframes((8000 * tone).astype("<i2").tobytes())
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    made = tmp_path_factory.mktemp("performed")
+    bell(made / "bell.wav")
+    (made / "number.yaml").write_text(SCORE, encoding="utf-8")
+    (made / "curtsy.yaml").write_text(
+        "gesture: curtsy\nmoves: {knee_left.up: [[0, 0], [0.5, 5 cm], [1, 0]]}\n"
+    )
+    (made / "wrong.yaml").write_text("gesture: wrong\nmoves: {kne.up: [[0, 0], [1, 5 cm]]}\n")
+    return made
+
+
+@pytest.fixture(scope="module")
+def scene(folder):
+    page = fan.show(
+        fan.puppets.marionette(), port=0, browser=False, wait=False, record_to=folder,
+        score=folder / "number.yaml",
+    )  # fmt: skip
+    with page, Viewer(page.url) as viewer:
+        yield SimpleNamespace(
+            page=page, live=page.show, stage=page.show.stage, viewer=viewer, folder=folder,
+            performance=page.show.performance,
+        )  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def quiet(request):
+    """Every test begins at the start, with nothing played and strings that nobody holds."""
+    if "scene" in request.fixturenames:
+        live = request.getfixturevalue("scene").live
+        live.holder.leave(live.holder.viewer)
+        live._jobs.put(live.reset)
+        until(live._jobs.empty, "the jobs are done")
+
+
+def recorded(scene, seconds: float = 0.6) -> str:
+    """Records a hand that goes to and fro; the name of the take."""
+    before = scene.stage.takes.names
+    scene.viewer.press("Record")
+    until(lambda: scene.live.recorder.running, "it records")
+    home = scene.performance.place("hand_left")[0]
+
+    def passed() -> bool:
+        t = scene.live.recorder.time
+        scene.performance.move("hand_left", home + np.array([0.04 * np.sin(8.0 * t), 0.0, 0.0]))
+        return t > seconds
+
+    until(passed, "time passes")
+    scene.viewer.press("Stop recording")
+    until(lambda: len(scene.stage.takes.names) > len(before), "there is a take")
+    name = scene.stage.takes.chosen
+    until(lambda: (scene.folder / f"{name}.npz").is_file(), "it is written")
+    return name
+
+
+def test_a_button_plays_a_gesture_and_home_takes_it_back(scene):
+    home = scene.performance.state.q_K
+    scene.viewer.pick("C V", "wave")
+    until(lambda: scene.performance.playing == ("wave",), "it waves")
+    until(lambda: np.max(np.abs(scene.performance.state.q_K - home)) > 0.05, "the hand is up")
+    scene.viewer.until_said("Plays wave")
+    scene.viewer.press("Home (H)")
+    until(lambda: scene.performance.playing == (), "it is home")
+    until(lambda: np.max(np.abs(scene.performance.state.q_K - home)) < 1e-9, "the hands are home")
+
+
+def test_files_of_the_folder_are_gestures_and_mistakes_are_told(scene):
+    assert "curtsy" in scene.stage.instrument.gestures
+    scene.viewer.until_said("kne")  # of wrong.yaml
+    assert "wrong.yaml" in scene.viewer.said
+
+
+def test_mirrored_gestures_and_those_that_go_on_until_pressed_again(scene):
+    names, home = scene.performance.marionette.coordinates.q_K, scene.performance.state.q_K
+    left = [i for i, name in enumerate(names) if name.startswith("hand_left")]
+    right = [i for i, name in enumerate(names) if name.startswith("hand_right")]
+    scene.viewer.tick("Mirrored", True)
+    scene.viewer.tick("Again", True)
+    until(lambda: scene.stage.instrument.manner.again, "the boxes are ticked")
+    scene.viewer.pick("C V", "wave")
+    until(lambda: scene.performance.playing == ("wave, mirrored",), "it waves")
+    until(lambda: np.abs(scene.performance.state.q_K - home)[left].max() > 0.05, "the left hand")
+    np.testing.assert_array_equal(scene.performance.state.q_K[right], home[right])
+    scene.viewer.pick("C V", "wave")
+    scene.viewer.tick("Mirrored", False)
+    scene.viewer.tick("Again", False)
+    until(lambda: not scene.stage.instrument.manner.again, "the boxes are clear")
+    until(lambda: scene.performance.playing == (), "it ends with the round")
+
+
+def test_gestures_begin_on_the_beat(scene):
+    tempo = scene.stage.instrument.tempo
+    scene.viewer.tick("On the beat", True)
+    until(lambda: scene.stage.instrument.manner.on_beat, "the box is ticked")
+    scene.viewer.slide("Beats a minute", 60.0)
+    until(lambda: tempo.bpm == 60.0, "the tempo")
+    scene.viewer.pick("7 8 9", "nod")
+    player = scene.performance._player
+    until(lambda: player._voices, "it begins")
+    begun = scene.performance.t - player.t + player._voices[0].starts
+    assert tempo.beats(begun) == pytest.approx(round(tempo.beats(begun)), abs=1e-6)
+    scene.viewer.tick("On the beat", False)
+    until(lambda: not scene.stage.instrument.manner.on_beat, "the box is clear")
+
+
+def test_a_take_is_edited_played_kept_and_made_a_gesture(scene):
+    name = recorded(scene, 1.0)
+    whole = scene.stage.takes.take
+    until(lambda: name in scene.viewer.options("Take"), "it is listed")
+    until(lambda: scene.live.panel._takes._of == name, "its part is shown")
+    scene.viewer.keep_part("Part [s]", 0.2, 0.7)
+    scene.viewer.slide("Smooth [s]", 0.1)
+    scene.viewer.slide("Stretch", 2.0)
+    until(lambda: scene.stage.takes.edits.stretch == 2.0, "the edits")
+    made = scene.stage.takes.edited()
+    same = whole.trimmed(0.2, 0.7).smoothed(0.1).stretched(2.0)
+    np.testing.assert_array_equal(made.acc_K, same.acc_K)
+    scene.viewer.press("Play (L)")
+    until(lambda: (scene.performance.take_time or 0.0) > 0.2, "it plays")
+    until(lambda: scene.performance.take_time is None, "it ends")
+    scene.viewer.type_in("Name", "reach")
+    until(lambda: scene.live.panel._takes._name.value == "reach", "the name")
+    scene.viewer.press("Make a gesture of it")
+    until(lambda: "reach" in scene.stage.instrument.gestures, "it is a gesture")
+    until((scene.folder / "reach.npz").is_file, "its file")
+    gesture = fan.load_gesture(scene.performance.marionette, scene.folder / "reach.npz")
+    assert gesture.uses == ("hand_left",)
+    assert gesture.duration == pytest.approx(1.0)
+    until(lambda: "reach" in str(list(scene.viewer.controls.values())), "its button")
+    # The same name again, and names that are none, or lead elsewhere, are refused.
+    for wrong, why in (("reach", "already"), ("../out", "no name"), ("wave", "already")):
+        scene.viewer.type_in("Name", wrong)
+        until(lambda wrong=wrong: scene.live.panel._takes._name.value == wrong, "the name")
+        scene.viewer.press("Make a gesture of it")
+        scene.viewer.until_said(why)
+        scene.live.panel.report("")
+    assert not (scene.folder.parent / "out.npz").exists()
+    scene.viewer.pick("Save as", "New take")
+    until(lambda: scene.live.panel._takes._of == f"{name}-edited", "the edited take")
+    until((scene.folder / f"{name}-edited.npz").is_file, "its file")
+    kept = fan.Recording.load(scene.folder / f"{name}-edited.npz")
+    np.testing.assert_array_equal(kept.acc_K, same.acc_K)
+    scene.viewer.choose("Take", name)
+    until(lambda: scene.stage.takes.chosen == name, "the first take")
+    assert scene.stage.takes.edits.stretch == 1.0
+
+
+def test_an_overdub_keeps_the_take_and_adds_the_hands(scene):
+    name = recorded(scene)
+    take = scene.stage.takes.take
+    scene.viewer.tick("hand_right", True)
+    until(lambda: scene.stage.armed == {"hand_right"}, "it is armed")
+    scene.viewer.press("Overdub (O)")
+    until(lambda: scene.performance.take_time is not None, "it plays")
+    there = scene.performance.place("hand_right")[0] + [0.04, 0.0, 0.0]
+    scene.performance.move("hand_right", there)
+    until(lambda: scene.stage.takes.chosen != name, "it ends with the take")
+    over = scene.stage.takes.take
+    names = scene.performance.marionette.coordinates.q_K
+    own = [i for i, one in enumerate(names) if not one.startswith("hand_right")]
+    n = min(len(over.trajectory), len(take.trajectory))
+    assert n >= len(take.trajectory) - 1
+    a, b = over.trajectory.q_K[:n], take.trajectory.q_K[:n]
+    np.testing.assert_allclose(a[:, own], b[:, own], rtol=0, atol=1e-12)
+    moved = names.index("hand_right.x")
+    assert over.trajectory.q_K[-1, moved] > take.trajectory.q_K[-1, moved] + 0.01
+    scene.viewer.tick("hand_right", False)
+    until(lambda: not scene.stage.armed, "it is not armed")
+
+
+def test_a_take_becomes_a_film(scene):
+    name = recorded(scene)
+    scene.viewer.pick("Save as", "Film")
+    until((scene.folder / f"{name}.mp4").is_file, "the film")
+    import imageio_ffmpeg
+
+    frames, _ = imageio_ffmpeg.count_frames_and_secs(str(scene.folder / f"{name}.mp4"))
+    assert frames == pytest.approx(30.0 * scene.stage.takes.take.duration, abs=1.5)
+
+
+def test_a_score_waits_for_go_pauses_and_goes_to_marks(scene):
+    performance, stage = scene.performance, scene.stage
+    assert stage.instrument.tempo.bpm in (120.0, 60.0)
+    scene.viewer.press("GO (Space)")
+    until(lambda: performance.score is not None and performance.score.t > 0.5, "it begins")
+    scene.viewer.until_said("&lt;b&gt;One&lt;/b&gt;, two")  # words, not markup
+    assert "<b>One" not in scene.viewer.said
+    scene.viewer.press("Pause (Y)")
+    until(lambda: performance.score.still, "a pause")
+    scene.viewer.pick("Go to", "turn")
+    until(lambda: performance.score.t == 3.0, "the mark")
+    scene.viewer.press("Play (Y)")
+    until(lambda: performance.score.t > 3.0, "it goes on")
+    scene.viewer.slide("Time [s]", 5.8)
+    until(lambda: performance.score.conductor.waiting is not None, "it waits")
+    scene.viewer.until_said("waits at applause for GO")
+    scene.viewer.press("GO (Space)")
+    until(lambda: performance.score.conductor.waiting is None, "it goes on")
+    scene.viewer.press("Stop")
+    until(lambda: performance.score is None, "it ends")
+
+
+def test_a_score_that_is_saved_is_loaded_again(scene):
+    file = scene.folder / "number.yaml"
+    scene.viewer.press("GO (Space)")
+    until(lambda: scene.performance.score is not None and scene.performance.score.t > 0.3, "plays")
+    file.write_text(SCORE.replace("nod", "nodd"), encoding="utf-8")
+    scene.viewer.until_said("the score is unchanged")
+    assert "nodd" in scene.viewer.said
+    file.write_text(SCORE.replace("nod", "shake"), encoding="utf-8")
+    until(lambda: "shake" in [cue.gesture for cue in scene.stage.score.cues], "it is loaded")
+    assert scene.performance.score.t > 0.3
+    file.write_text(SCORE, encoding="utf-8")
+    until(lambda: "nod" in [cue.gesture for cue in scene.stage.score.cues], "as it was")
+
+
+def told(socket, true, patience: float = 20.0) -> dict:
+    """The first thing that a page's script is told for which something holds."""
+    end = time.monotonic() + patience
+    while time.monotonic() < end:
+        said = socket.recv(timeout=patience)
+        if isinstance(said, str) and true(found := json.loads(said)):
+            return found
+    raise AssertionError("the script is not told")
+
+
+def test_the_sound_follows_the_beat_and_the_score(scene):
+    tempo = scene.stage.instrument.tempo
+    with connect(scene.page.url.replace("http", "ws", 1) + "/sound", origin=scene.page.url) as one:
+        assert json.loads(one.recv(timeout=20.0)) == {"start": 0.0, "gain": 1.0}
+        assert one.recv(timeout=20.0) == (scene.folder / "bell.wav").read_bytes()
+        assert told(one, lambda said: "beat" in said) == {"beat": None, "score": None}
+        scene.viewer.pick("B M", "Metronome")
+        beat = told(one, lambda said: said.get("beat"))["beat"]
+        assert beat["period"] == pytest.approx(tempo.beat) and 0 <= beat["next"] <= tempo.beat
+        scene.viewer.pick("B M", "Metronome")
+        told(one, lambda said: "beat" in said and said["beat"] is None)
+        scene.viewer.press("GO (Space)")
+        assert told(one, lambda said: said.get("score"))["score"]["t"] > 0.0
+        scene.viewer.press("Stop")
+        told(one, lambda said: "score" in said and said["score"] is None)
+
+
+def test_a_tapped_tempo_is_shown(scene):
+    tempo = scene.stage.instrument.tempo
+    for _ in range(4):
+        scene.viewer.pick("B M", "Tap")
+        time.sleep(0.4)
+    until(lambda: 100.0 < tempo.bpm < 160.0, "the tempo")
+    until(
+        lambda: abs(scene.viewer.value("Beats a minute") - tempo.bpm) <= 0.5, "the slider follows"
+    )
+
+
+def test_a_puppet_without_these_strings_has_no_buttons(tmp_path):
+    with (
+        fan.show(
+            fan.puppets.arm2d(), port=0, browser=False, wait=False, record_to=tmp_path
+        ) as page,
+        Viewer(page.url) as viewer,
+    ):
+        assert page.show.stage.instrument.gestures == {}
+        viewer.until_said("No bundled gesture is for these strings")
+        viewer.press("Play (L)")
+        viewer.until_said("there is no take yet")
+
+
+def test_a_score_is_for_live_puppets_and_without_mistakes(folder, tmp_path):
+    arm = fan.puppets.arm2d()
+    run = fan.simulate(arm, arm.rest(), t_end=0.1)
+    with pytest.raises(ValueError, match="live"):
+        fan.show(run, score=folder / "number.yaml", port=0, browser=False, wait=False)
+    (tmp_path / "wrong.yaml").write_text("score: wrong\nlanes: {a: [{gesture: nodd}]}\n")
+    with pytest.raises(fan.FileError, match="nodd"):
+        fan.show(
+            fan.puppets.marionette(), score=tmp_path / "wrong.yaml", port=0, browser=False,
+            wait=False,
+        )  # fmt: skip

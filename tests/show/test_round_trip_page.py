@@ -1,0 +1,220 @@
+"""From a hand on a bead to a film, by the page alone, in a real browser."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import imageio_ffmpeg
+import numpy as np
+import pytest
+from tests.show.browser import (
+    canvas,
+    chrome,
+    like,
+    open_tab,
+    picture,
+    pixel,
+    press,
+    rectangles,
+    until,
+    words,
+)
+from tests.show.toys import toy
+
+import fantoccini as fan
+
+RED = (192, 32, 32)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chrome() as found:
+        yield found
+
+
+@pytest.fixture
+def scene(browser, tmp_path, monkeypatch):
+    """A live page that the browser looks at, and strings that stay in this viewer's hands."""
+    page = fan.show(toy(tmp_path), port=0, browser=False, wait=False, record_to=tmp_path)
+    with page:
+        monkeypatch.setattr(page.show.holder, "_idle", 60.0)
+        page.show.panel._views._shadows.value = False  # software draws them slowly
+        browser.get(page.url)
+        clients = page.server.viser.get_clients
+        until(lambda: clients() and like(picture(browser), RED) > 200, "the puppet is seen")
+        yield SimpleNamespace(
+            browser=browser, live=page.show, stage=page.show.stage, folder=tmp_path,
+            performance=page.show.performance, client=next(iter(clients().values())),
+        )  # fmt: skip
+
+
+def drag_bead(scene, right: int) -> None:
+    """Drags the bead to the right by pixels, and lets go."""
+    from selenium.webdriver.common.actions.action_builder import ActionBuilder
+
+    start = scene.performance.place("line")[0]
+    x, y = (round(c) for c in pixel(scene.client, start, canvas(scene.browser)))
+    mouse = ActionBuilder(scene.browser, duration=50)
+    mouse.pointer_action.move_to_location(x, y).pause(1.0).pointer_down().pause(0.5)
+    for k in range(1, 9):
+        mouse.pointer_action.move_to_location(x + round(right * k / 8), y).pause(0.1)
+    mouse.pointer_action.pointer_up()
+    mouse.perform()
+    until(
+        lambda: np.linalg.norm(scene.performance.place("line")[0] - start) > 0.05, "the hand moves"
+    )
+
+
+def shown(scene, selector: str) -> list:
+    """The elements that can be seen."""
+    found = scene.browser.find_elements("css selector", selector)
+    return [one for one in found if one.is_displayed()]
+
+
+def buttons(scene) -> list[str]:
+    """What the buttons of the page say."""
+    return scene.browser.execute_script(
+        "return [...document.querySelectorAll('button')].map((b) => b.textContent.trim())"
+    )
+
+
+def recorded(scene, do) -> str:
+    """Records something by the page's button; the name of the take."""
+    before = scene.stage.takes.names
+    press(scene.browser, "Record")
+    until(lambda: scene.live.recorder.running, "it records")
+    do()
+    until(lambda: "Stop recording" in buttons(scene), "the button")
+    press(scene.browser, "Stop recording")
+    until(lambda: len(scene.stage.takes.names) > len(before), "there is a take")
+    return scene.stage.takes.chosen
+
+
+def test_record_trim_gesture_performance_film(scene):
+    from selenium.webdriver import ActionChains
+
+    first = recorded(scene, lambda: drag_bead(scene, 90))
+    whole = scene.stage.takes.take
+    open_tab(scene.browser, "Takes")
+    until(lambda: first in scene.browser.page_source, "the take is shown")
+
+    # Trim: the first end of the part goes to the right, while the hand is still at rest.
+    thumb = until(lambda: shown(scene, ".multi-slider-thumb"), "the ends of the part")[0]
+    mouse = ActionChains(scene.browser).click_and_hold(thumb)
+    for _ in range(4):
+        mouse = mouse.move_by_offset(2, 0).pause(0.1)
+    mouse.release().perform()
+    until(lambda: scene.stage.takes.edits.start > 0.0, "it is trimmed")
+    until(lambda: f"of {whole.duration:.2f} s" in words(scene.browser), "the part is told")
+
+    shown(scene, "input.mantine-TextInput-input")[0].click()
+    ActionChains(scene.browser).send_keys("sweep").perform()
+    until(lambda: scene.live.panel._takes._name.value == "sweep", "the name is typed")
+    assert scene.performance.playing == ()  # typing presses no keys of gestures
+    press(scene.browser, "Make a gesture of it")
+    until(lambda: "sweep" in scene.stage.instrument.gestures, "it is a gesture")
+    gesture = scene.stage.instrument.gestures["sweep"]
+    left = whole.duration - scene.stage.takes.edits.start
+    assert gesture.duration == pytest.approx(left, abs=0.02)
+
+    # A performance: the gesture, by its button and by its key.
+    open_tab(scene.browser, "Gestures")
+    until(lambda: "sweep" in buttons(scene), "its button")
+    press(scene.browser, "Home (H)")
+    until(lambda: scene.performance.playing == (), "at rest")
+
+    def perform() -> None:
+        start = scene.performance.state.q_K
+        press(scene.browser, "sweep")
+        until(lambda: scene.performance.playing == ("sweep",), "the button plays it")
+        until(
+            lambda: np.abs(scene.performance.state.q_K - start).max() > 0.05, "the hand sweeps"
+        )
+        scene.browser.execute_script("document.activeElement.blur()")
+        ActionChains(scene.browser).send_keys("1").perform()
+        until(lambda: scene.performance.playing == ("sweep",), "the key plays it")
+        until(lambda: scene.performance.playing == (), "it ends")
+
+    second = recorded(scene, perform)
+    assert second != first
+    take = scene.stage.takes.take
+    bounds = scene.performance._hands
+    assert np.abs(take.acc_K).max() <= bounds.acceleration.max() * (1 + 1e-9)
+    assert np.ptp(take.trajectory.q_K, axis=0).max() > 0.05
+
+    open_tab(scene.browser, "Takes")
+    until(lambda: second in scene.browser.page_source, "the take is shown")
+    picture(scene.browser, "takes")
+    press(scene.browser, "Film")
+    film = scene.folder / f"{second}.mp4"
+    until(film.is_file, "the film is written", patience=120.0)
+    until(lambda: film.name in words(scene.browser), "the page says so")
+    frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(film))
+    assert frames > 10 and seconds == pytest.approx(take.duration, abs=0.1)
+    read = imageio_ffmpeg.read_frames(str(film))
+    width, height = next(read)["size"]
+    early, *_, late = (np.frombuffer(one, np.uint8).reshape(height, width, 3) for one in read)
+    assert np.abs(early.astype(int) - late).max() > 60
+
+
+def test_the_metronome_is_heard(scene):
+    open_tab(scene.browser, "Gestures")
+    button = until(
+        lambda: [
+            one
+            for one in scene.browser.find_elements("css selector", "button")
+            if one.text == "Metronome"
+        ],
+        "its button",
+    )[0]
+    said = "return Number(document.documentElement.dataset.clicks)"
+    assert scene.browser.execute_script(said) == 0
+    button.click()  # a mouse's click: until then browsers are silent
+    until(lambda: scene.stage.instrument.metronome, "it is on")
+    until(lambda: scene.browser.execute_script(said) >= 3, "three clicks")
+    button.click()
+    until(lambda: not scene.stage.instrument.metronome, "it is off")
+
+
+def test_keys_are_heard_after_clicks(scene):
+    """A button, a box or a list that was clicked does not keep the keyboard."""
+    from selenium.webdriver import ActionChains
+    from selenium.webdriver.common.keys import Keys
+
+    instrument, player = scene.stage.instrument, lambda: scene.performance._player
+    instrument.add(
+        fan.Gesture.of(
+            scene.performance.marionette, {"line.up": [(0, 0), (1, 0.05), (2, 0)]}, name="hop"
+        )
+    )
+    open_tab(scene.browser, "Gestures")
+    until(lambda: "hop" in buttons(scene), "its button")
+    shown(scene, "input[type=checkbox]")[0].click()
+    until(lambda: instrument.manner.mirrored, "the box is ticked")
+    ActionChains(scene.browser).send_keys("1").perform()
+    until(lambda: scene.performance.playing, "the key plays it")
+    next(one for one in shown(scene, "button") if one.text == "Record").click()
+    until(lambda: scene.live.recorder.running, "it records")
+    ActionChains(scene.browser).send_keys(Keys.SPACE).send_keys("h").perform()
+    until(lambda: not player().away, "home: the keys have come")
+    assert scene.live.recorder.running
+    camera = np.array(scene.client.camera.position)
+    ActionChains(scene.browser).key_down(Keys.SHIFT).send_keys("s").key_up(Keys.SHIFT).perform()
+    until(lambda: np.linalg.norm(scene.client.camera.position - camera) > 0.1, "another view")
+
+
+def test_the_panel_does_not_hide_what_is_played(scene):
+    """All of the gestures' tab lies above the fold of a window of 1280 x 720."""
+    scene.browser.execute_cdp_cmd(
+        "Emulation.setDeviceMetricsOverride",
+        {"width": 1280, "height": 720, "deviceScaleFactor": 1, "mobile": False},
+    )
+    try:
+        open_tab(scene.browser, "Gestures")
+        shown = until(
+            lambda: [one for one in rectangles(scene.browser, "button") if one["height"] > 0],
+            "buttons",
+        )
+        assert max(one["bottom"] for one in shown) < 720
+    finally:
+        scene.browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
