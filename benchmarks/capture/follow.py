@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks.capture.clips import write
 
 import fantoccini as fan
-from fantoccini.retarget import follow_clip, retarget
+from fantoccini.retarget import follow_clip, retarget_clip
 
 ABOVE, SECONDS, FRAMES = 2.0, 0.5, 2000.0
 """Largest wanted error above reach [per cent], time for a second of clip [s], poses a second."""
@@ -37,9 +37,9 @@ def main() -> None:
               "feet        trunk      speed acceleration")  # fmt: skip
         for path in files:
             clip = fan.load_bvh(path)
-            retarget(puppet, clip)
+            retarget_clip(puppet, clip)
             begun = time.thread_time()
-            found = retarget(puppet, clip)
+            found = retarget_clip(puppet, clip)
             rate = len(found.t) / (time.thread_time() - begun)
             begun = time.perf_counter()
             followed = follow_clip(puppet, clip)

@@ -115,7 +115,7 @@ from .retarget import (
     Followed as Followed,
     Retargeted as Retargeted,
     follow_clip as follow_clip,
-    retarget as retarget,
+    retarget_clip as retarget_clip,
 )
 from .scene import (
     Member as Member,

@@ -154,7 +154,7 @@ def test_lengths_are_the_puppets_and_directions_the_persons(marionette):
 
 def test_hanging_poses_hang_and_keep_off_the_clip_no_more_than_stated(marionette, tmp_path):
     path = clip(tmp_path, "lafan1", "wave")
-    found = fan.retarget(marionette, path)
+    found = fan.retarget_clip(marionette, path)
     assert len(found.t) == len(found.reach) == fan.load_bvh(path).positions.shape[0]
     for i in range(0, len(found.t), 30):
         state = found.reach[i].state
@@ -216,7 +216,7 @@ def test_a_calibration_pose_is_left_out():
 
 def test_puppets_without_a_persons_bodies_are_refused(marionette):
     with pytest.raises(StateError, match="arm2d has no body 'torso', the trunk of a person"):
-        fan.retarget(fan.puppets.arm2d(), "jumps")
+        fan.retarget_clip(fan.puppets.arm2d(), "jumps")
 
 
 def test_bundled_clips_come_with_their_notice():

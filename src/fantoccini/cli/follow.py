@@ -12,7 +12,7 @@ from fantoccini.cli.requests import FollowRequest
 from fantoccini.cli.show import show_run
 from fantoccini.cli.terminal import Steps, say, table
 from fantoccini.perform import Recording
-from fantoccini.retarget import Followed, follow_clip, retarget
+from fantoccini.retarget import Followed, follow_clip, retarget_clip
 
 _STEP = 0.004
 """Time step of the recording that is saved [s]."""
@@ -33,7 +33,7 @@ def follow_file(request: FollowRequest) -> None:
         clip = load_bvh(request.clip)
         puppet = marionette(request.file, steps.step)
         steps.step("looking for hanging poses")
-        found = retarget(puppet, clip, request.mapping, travel=request.travel)
+        found = retarget_clip(puppet, clip, request.mapping, travel=request.travel)
         followed = follow_clip(
             puppet, found, speed=request.speed, acceleration=request.acceleration,
             progress=steps.bar("following", 1.0),

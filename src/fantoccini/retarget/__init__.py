@@ -10,10 +10,10 @@ from fantoccini.retarget.mapping import (
     mapping_schema,
 )
 from fantoccini.retarget.placing import Placing
-from fantoccini.retarget.retargeting import Retargeted, retarget
+from fantoccini.retarget.retargeting import Retargeted, retarget_clip
 
 __all__ = [
     "Figure", "FollowStatus", "Followed", "MappingFile", "PartError", "Placing", "Retargeted",
     "figure_of", "find_mapping", "follow_clip", "load_mapping", "mapping_names", "mapping_schema",
-    "retarget",
+    "retarget_clip",
 ]  # fmt: skip

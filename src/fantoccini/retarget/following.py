@@ -26,7 +26,7 @@ from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State, Trajectory
 from fantoccini.optimal import MPC, Bounds, Smooth, Task, Track
 from fantoccini.retarget.mapping import SIDES, MappingFile
-from fantoccini.retarget.retargeting import WEIGHTS, Retargeted, places_in, retarget
+from fantoccini.retarget.retargeting import WEIGHTS, Retargeted, places_in, retarget_clip
 from fantoccini.simulation import simulate
 
 SPEED, ACCELERATION = 2.0, 30.0
@@ -178,8 +178,8 @@ def follow_clip(
 
     Args:
         marionette: the puppet, without contact.
-        clip: a BVH file, what :func:`load_bvh` read, or what :func:`retarget` found.
-        mapping: see :func:`retarget`, as for ``start`` and ``travel``.
+        clip: a BVH file, what :func:`load_bvh` read, or what :func:`retarget_clip` found.
+        mapping: see :func:`retarget_clip`, as for ``start`` and ``travel``.
         start: where the puppet hangs, from which the first pose is looked for.
         travel: share of the way along the floor that is kept.
         speed, acceleration: bounds of the driven coordinates, for all or by name.
@@ -191,7 +191,7 @@ def follow_clip(
     """
     began = time.perf_counter()
     if not isinstance(clip, Retargeted):
-        clip = retarget(marionette, clip, mapping, start, travel)
+        clip = retarget_clip(marionette, clip, mapping, start, travel)
     t = eased(clip.t)
     n = int(np.ceil(t[-1] / INTERVAL - 1e-9))
     x0 = clip.start

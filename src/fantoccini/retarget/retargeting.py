@@ -87,7 +87,7 @@ class Retargeted:
         return self.marionette.rest(self.reach[0].state)
 
 
-def retarget(
+def retarget_clip(
     marionette: Marionette,
     clip: Capture | str | os.PathLike[str],
     mapping: MappingFile | str | os.PathLike[str] | None = None,
