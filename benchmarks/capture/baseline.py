@@ -35,7 +35,7 @@ from fantoccini.retarget.following import errors_of, report_of
 
 LAG = 0.2
 """T of the paper's filter 1/(T s + 1)^3 [s]."""
-DELAYS = np.arange(0.0, 0.8, 0.02)
+DELAYS = np.arange(0.0, 1.2, 0.02)
 """With which a run that lags is scored [s]."""
 LABELS = ("kinematics", "+ nominal", "+ identified", "+ lag", "follow_clip")
 
@@ -44,15 +44,16 @@ def measured(motion: KinematicMotion, late: bool) -> tuple[tuple[PartError, ...]
     """Errors of an event-driven run, and a remark."""
     clip = motion.retargeted
     run = fan.simulate(clip.marionette, motion.start, motion.inputs, effort=False, throw=False)
-    found, delay = {}, 0.0
-    for shift in DELAYS if late else (0.0,):
-        errors = errors_of(clip, run, motion.t + shift)
-        size = sum(float(np.mean(e**2)) for e in errors.values())
-        if not found or size < best:
-            found, delay, best = errors, float(shift), size
-    remark = f"width {max(motion.widths.values()):.3f} s" + (f", late {delay:.2f} s" if late else "")
-    stopped = "" if run.status in ARRIVED else f" STOPPED at {run.t[-1]:.2f} s"
-    return report_of(clip, found), remark + stopped
+    delays = DELAYS if late else DELAYS[:1]
+    scored = [errors_of(clip, run, motion.t + delay) for delay in delays]
+    sizes = [sum(float(np.mean(e**2)) for e in errors.values()) for errors in scored]
+    best = int(np.argmin(sizes))
+    remark = f"width {max(motion.widths.values()):.3f} s"
+    if late:
+        remark += f", late {delays[best]:.2f} s"
+    if run.status not in ARRIVED:
+        remark += f", STOPPED at {run.t[-1]:.2f} s"
+    return report_of(clip, scored[best]), remark
 
 
 def main() -> None:
