@@ -93,18 +93,32 @@ def test_inputs_keep_their_bounds(conduct, feed_forward):
         assert np.abs(acc).max() <= bounds[1] * (1.0 + 1e-6)
 
 
+def test_a_lag_makes_the_puppet_late(conduct):
+    made, late = (kinematic_inputs(conduct, False, lag=lag) for lag in (0.0, 0.2))
+    hand = conduct.marionette.coordinates.q_K.index("hand_left.length")
+    t = np.linspace(2.0, 6.0, 400)
+    path = gaussian_filter1d(late.inputs.evaluate(t)[0][:, hand], 1.0)
+    delays = np.linspace(0.3, 0.9, 61)
+    off = [np.std(made.inputs.evaluate(t - delay)[0][:, hand] - path) for delay in delays]
+    assert delays[np.argmin(off)] == pytest.approx(0.5, abs=0.15)
+
+
+def test_bounds_too_tight_to_follow_are_refused(conduct):
+    with pytest.raises(fan.StateError, match="cannot follow"):
+        kinematic_inputs(conduct, speed=1e-6)
+
+
 def test_strings_are_vertical_above_poses_near_the_clip(conduct):
     made = kinematic_inputs(conduct, False)
     for part, errors in made.errors.items():
         assert np.sqrt(np.mean(errors**2)) < 0.03 * conduct.figure.height, part
-    table, clip = conduct.marionette.coordinates, made.retargeted
-    q_K = np.stack([made.inputs.evaluate(t)[0] for t in made.t[::20]])
-    poses = conduct.marionette.poses(made.q_D[::20], q_K)
+    table = conduct.marionette.coordinates
+    times = np.minimum(made.times[::20], made.inputs.end)
+    q_K, _, _ = made.inputs.evaluate(times)
     points = conduct.marionette.string_points(made.q_D[::20], q_K)
-    assert poses.shape[1] == len(conduct.marionette.tree.links)
     for string, path in zip(conduct.marionette.tree.strings, points, strict=True):
         low, high = path[:, 0], path[:, -1]
         np.testing.assert_allclose(low[:, :2], high[:, :2], atol=0.01)  # of the smoothing
         column = table.q_K.index(f"{string.name}.length")
         np.testing.assert_allclose(high[:, 2] - low[:, 2], q_K[:, column], atol=0.01)
-    assert {one.name for one in hangers(clip.figure, clip.start)} == set(made.widths)
+    assert {one.name for one in hangers(conduct.figure, conduct.start)} == set(made.widths)

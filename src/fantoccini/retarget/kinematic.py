@@ -13,20 +13,22 @@ through the inverse of the hands' swing (:mod:`fantoccini.retarget.swing`).
 What differs from the paper: poses are found at the level of places, with weights in place of two
 priorities of velocities; all strings' upper ends move, not only those of the hands, and all strings
 are vertical; the clip is placed as in :func:`retarget`, not by a similarity for each frame; motors
-do not lag; and the feed-forward has no lag of its own, since the clip is known beforehand.
+do not lag; the feed-forward acts on the upper ends, not on the markers before inverse kinematics;
+and it has no lag of its own unless ``lag`` is given, since the clip is known beforehand. Like the
+paper's it takes hands to hang as far to a side as their upper ends.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
-from fantoccini.arrays import Array, Times
+from fantoccini.arrays import Array, Times, check_positive
+from fantoccini.errors import StateError
 from fantoccini.marionette import Marionette, link_index
 from fantoccini.motion import Input, State
 from fantoccini.retarget.following import ACCELERATION, SPEED, eased
@@ -54,8 +56,8 @@ _DT = 0.01
 """Time step of the inputs [s]."""
 _SETTLE = 6.0
 """Lags for which the inputs go on after the clip's end."""
-_WIDTH, _WIDER, _WIDEST = 0.035, 1.1, 2.0
-"""Standard deviation of the smoothing [s], by how much it grows, and where that ends [s]."""
+_WIDTH, _WIDER = 0.035, 1.1
+"""Standard deviation of the smoothing [s], and by how much it grows until bounds hold."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,28 +66,21 @@ class KinematicMotion:
 
     Attributes:
         retargeted: the clip; its hanging poses are only used for the state at the start.
-        q_D: (frames, n_qD) poses.
+        times: (n,) of the poses, as far apart as the clip's frames [s].
+        q_D: (n, n_qD) poses.
+        errors: part -> (n,) distance of the poses from where the part is to be then [m].
         inputs: the motion of the hands.
         widths: string -> standard deviation of the smoothing with which bounds hold [s].
-        t: (frames,) times of the frames in the run, as of :class:`Followed` [s].
+        t: (T,) times in the run of the clip's frames, as of :class:`Followed` [s].
     """
 
     retargeted: Retargeted
+    times: Times
     q_D: Array
+    errors: Mapping[str, Array]
     inputs: Input
-    widths: dict[str, float]
+    widths: Mapping[str, float]
     t: Times
-
-    @cached_property
-    def errors(self) -> dict[str, Array]:
-        """Part -> (frames,) distance of the kinematic poses from the clip [m]."""
-        clip = self.retargeted
-        q_K = np.broadcast_to(clip.start.q_K, (len(self.q_D), len(clip.start.q_K)))
-        places = places_in(clip.figure, clip.marionette.poses(self.q_D, q_K))
-        return {
-            part: np.linalg.norm(places[part] - clip.places.parts[part], axis=1)
-            for part in WEIGHTS
-        }
 
     @property
     def start(self) -> State:
@@ -112,19 +107,33 @@ def kinematic_inputs(
         retargeted: the clip.
         feed_forward: True for pendulums of the string's length, a = L/g and b = 0; a swing that was
             identified (:func:`identify_swing`); False for none.
-        lag: T of 1/(T s + 1)^3 on all paths, which the paper needs to run live, with T = 0.2 s; the
-            puppet is then late by about 3 T [s].
+        lag: T of 1/(T s + 1)^3 on the paths of all parts, which the paper needs to run live, with
+            T = 0.2 s; the puppet is then late by about 3 T [s].
         speed, acceleration: bounds of the driven coordinates [m/s, m/s^2].
+
+    Raises:
+        StateError: a clip of one frame, or bounds within which its strings cannot follow at all.
     """
-    q_D = poses_near(retargeted)
+    check_positive(speed=speed, acceleration=acceleration, **({"lag": lag} if lag else {}))
+    if len(retargeted.t) < 2:
+        raise StateError("kinematic_inputs: the clip has one frame; needed: two or more")
     marionette, start = retargeted.marionette, retargeted.start
-    figure = retargeted.figure
+    figure, t, places = retargeted.figure, eased(retargeted.t), retargeted.places.parts
+    frame = float(np.median(np.diff(t)))
+    at = frame * np.arange(int(np.ceil((t[-1] + _SETTLE * lag) / frame - 1e-9)) + 1, dtype=float)
+    wanted = CubicSpline(t, np.stack([places[part] for part in WEIGHTS], axis=1))(
+        np.minimum(at, t[-1])
+    )
+    for _ in range(3 if lag else 0):
+        wanted = _lagging(wanted, frame / lag)
+    q_D = poses_near(retargeted, wanted)
     poses = marionette.poses(q_D, np.broadcast_to(start.q_K, (len(q_D), len(start.q_K))))
+    found = places_in(figure, poses)
+    errors = {part: np.linalg.norm(found[part] - wanted[:, i], axis=1)
+              for i, part in enumerate(WEIGHTS)}  # fmt: skip
     frames = {part: poses[:, link_index(marionette.model, body)]
               for part, body in figure.bodies.items()}  # fmt: skip
-    t = eased(retargeted.t)
-    n = int(np.ceil((t[-1] + _SETTLE * lag) / _DT - 1e-9))
-    times = _DT * np.arange(n + 1, dtype=float)
+    times = _DT * np.arange(int(np.ceil(at[-1] / _DT - 1e-9)) + 1, dtype=float)
     above = straight_up(figure, frames, start)
     hands = [one.name for one in hand_strings(figure, start)]
     columns: dict[str, Array] = {}
@@ -133,15 +142,13 @@ def kinematic_inputs(
         names = [*string.ends, *filter(None, [string.length])]
         if not names:
             continue
-        path = CubicSpline(t, np.stack([above[name] for name in names], axis=1))
-        values = path(np.minimum(times, t[-1]))
+        path = CubicSpline(at, np.stack([above[name] for name in names], axis=1))
+        values = path(np.minimum(times, at[-1]))
         ahead = _leader(string, feed_forward, marionette) if string.name in hands else None
-        for _ in range(3 if lag else 0):
-            values = _lagging(values, lag)
         made, widths[string.name] = _bounded(values, ahead, times, speed, acceleration)
         columns.update(zip(names, made.T, strict=True))
     inputs = Input.samples(marionette, start.t + times, columns).called(retargeted.clip.name)
-    return KinematicMotion(retargeted, q_D, inputs, widths, t)
+    return KinematicMotion(retargeted, at, q_D, errors, inputs, widths, t)
 
 
 def _leader(
@@ -166,9 +173,9 @@ def _leader(
     return ahead
 
 
-def _lagging(values: Array, lag: float) -> Array:
-    """(T, n) behind a lag 1/(T s + 1) [s]."""
-    made, kept = values.copy(), np.exp(-_DT / lag)
+def _lagging(values: Array, h: float) -> Array:
+    """(T, ...) behind a lag 1/(T s + 1), with a time step of h T."""
+    made, kept = values.copy(), np.exp(-h)
     for i in range(1, len(made)):
         made[i] = kept * made[i - 1] + (1.0 - kept) * values[i]
     return made
@@ -183,28 +190,34 @@ def _bounded(
 ) -> tuple[Array, float]:
     """(T, n) smooth paths within bounds, and how wide they are smoothed [s]."""
     width = _WIDTH
-    while True:
+    fine = np.linspace(times[0], times[-1], 4 * len(times))
+    while width < 10.0 + times[-1]:
         made = gaussian_filter1d(values, width / _DT, axis=0, mode="nearest")
         made = made if ahead is None else ahead(made)
         spline = CubicSpline(times, made, bc_type="clamped")
-        fine = np.linspace(times[0], times[-1], 4 * len(times))
         fits = np.abs(spline(fine, 1)).max() <= speed
-        fits = fits and np.abs(spline(times, 2)).max() <= acceleration
-        if fits or width > _WIDEST:
+        if fits and np.abs(spline(times, 2)).max() <= acceleration:
             return made, width
         width *= _WIDER
+    raise StateError(
+        f"kinematic_inputs: a string cannot follow within {speed:g} m/s and {acceleration:g} m/s^2"
+    )
 
 
-def poses_near(retargeted: Retargeted) -> Array:
-    """(frames, n_qD) poses nearest to the clip, each found from the one before."""
+def poses_near(retargeted: Retargeted, wanted: Array) -> Array:
+    """(n, n_qD) poses nearest to places, each found from the one before.
+
+    Args:
+        retargeted: the clip.
+        wanted: (n, parts, 3) where the parts of WEIGHTS are to be [m].
+    """
     marionette, figure = retargeted.marionette, retargeted.figure
     model = marionette.model
     n, n_strings = marionette.coordinates.n_vD, len(marionette.tree.strings)
     q_K = np.broadcast_to(retargeted.start.q_K, (n + 1, len(retargeted.start.q_K)))
     still = {"v_D": np.zeros((n + 1, n)), "v_K": np.zeros((n + 1, marionette.coordinates.n_vK))}
     nudges = np.vstack([np.zeros(n), _NUDGE * np.eye(n)])
-    scale = np.sqrt([w for w in WEIGHTS.values()])[:, None]
-    wanted = np.stack([retargeted.places.parts[part] for part in WEIGHTS], axis=1)
+    scale = np.sqrt(list(WEIGHTS.values()))[:, None]
 
     def step(q: Array, target: Array) -> Array:
         """(n,) Gauss-Newton step at a pose."""
