@@ -5,9 +5,12 @@
 The baseline is that of Yamane, Hodgins and Brown (fantoccini/retarget/kinematic.py): without
 feed-forward, with that of pendulums of the strings' lengths, with that of a swing identified by
 steps in the simulator, and this with the lag of the paper's live filter, scored with the constant
-delay that suits it best. Errors above those of the nearest hanging poses, root mean squares in per
-cent of the puppet's height, of event-driven runs. "width" is the largest standard deviation of the
-smoothing with which the bounds of speed and acceleration hold.
+delay that suits it best. "hanging" plays the hands of the nearest hanging poses as they are: it
+knows of balance, and nothing of motion.
+
+Errors above those of the nearest hanging poses, root mean squares in per cent of the puppet's
+height, of event-driven runs. "width" is the largest standard deviation of the smoothing with which
+the bounds of speed and acceleration hold.
 """
 
 from __future__ import annotations
@@ -18,12 +21,15 @@ from pathlib import Path
 
 import numpy as np
 from benchmarks.capture.clips import write
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
 
 import fantoccini as fan
+from fantoccini.arrays import Times
 from fantoccini.errors import ARRIVED
 from fantoccini.retarget import (
-    KinematicMotion,
     PartError,
+    Retargeted,
     Swing,
     figure_of,
     follow_clip,
@@ -31,29 +37,37 @@ from fantoccini.retarget import (
     kinematic_inputs,
     retarget,
 )
-from fantoccini.retarget.following import errors_of, report_of
+from fantoccini.retarget.following import eased, errors_of, report_of
 
 LAG = 0.2
 """T of the paper's filter 1/(T s + 1)^3 [s]."""
 DELAYS = np.arange(0.0, 1.2, 0.02)
 """With which a run that lags is scored [s]."""
-LABELS = ("kinematics", "+ nominal", "+ identified", "+ lag", "follow_clip")
+LABELS = ("kinematics", "+ nominal", "+ identified", "+ lag", "hanging", "follow_clip")
 
 
-def measured(motion: KinematicMotion, late: bool) -> tuple[tuple[PartError, ...], str]:
+def measured(
+    clip: Retargeted, t: Times, inputs: fan.Input, start: fan.State, late: bool = False
+) -> tuple[tuple[PartError, ...], str]:
     """Errors of an event-driven run, and a remark."""
-    clip = motion.retargeted
-    run = fan.simulate(clip.marionette, motion.start, motion.inputs, effort=False, throw=False)
+    run = fan.simulate(clip.marionette, start, inputs, effort=False, throw=False)
     delays = DELAYS if late else DELAYS[:1]
-    scored = [errors_of(clip, run, motion.t + delay) for delay in delays]
+    scored = [errors_of(clip, run, t + delay) for delay in delays]
     sizes = [sum(float(np.mean(e**2)) for e in errors.values()) for errors in scored]
     best = int(np.argmin(sizes))
-    remark = f"width {max(motion.widths.values()):.3f} s"
-    if late:
-        remark += f", late {delays[best]:.2f} s"
+    remark = f"late {delays[best]:.2f} s" if late else ""
     if run.status not in ARRIVED:
-        remark += f", STOPPED at {run.t[-1]:.2f} s"
+        remark += f" STOPPED at {run.t[-1]:.2f} s"
     return report_of(clip, scored[best]), remark
+
+
+def hanging(clip: Retargeted) -> fan.Input:
+    """The hands of the nearest hanging poses, smoothed as those that follow_clip is given."""
+    t = eased(clip.t)
+    times = np.arange(0.0, t[-1], 0.01)
+    q_K = gaussian_filter1d(CubicSpline(t, clip.reach.q_K)(times), 3.5, axis=0, mode="nearest")
+    columns = dict(zip(clip.marionette.coordinates.q_K, q_K.T, strict=True))
+    return fan.Input.samples(clip.marionette, clip.start.t + times, columns)
 
 
 def main() -> None:
@@ -86,7 +100,13 @@ def main() -> None:
             clip = retarget(puppet, fan.load_bvh(path))
             for label, (feed_forward, lag) in variants.items():
                 motion = kinematic_inputs(clip, feed_forward, lag=lag)
-                show(path.stem, label, *measured(motion, lag > 0.0))
+                report, remark = measured(clip, motion.t, motion.inputs, motion.start, lag > 0.0)
+                width = max(motion.widths.values())
+                show(path.stem, label, report, f"width {width:.3f} s {remark}")
+            inputs = hanging(clip)
+            q_K, _, _ = inputs.evaluate(clip.start.t)
+            start = puppet.rest(clip.start.replace(q_K=q_K))
+            show(path.stem, "hanging", *measured(clip, eased(clip.t), inputs, start))
             followed = follow_clip(puppet, clip)
             show(path.stem, "follow_clip", followed.report, "" if followed else "STOPPED")
     for label in LABELS:
