@@ -2,6 +2,7 @@
 
 from fantoccini.retarget.figure import Figure, figure_of
 from fantoccini.retarget.following import Followed, FollowStatus, PartError, follow_clip
+from fantoccini.retarget.kinematic import KinematicMotion, kinematic_inputs
 from fantoccini.retarget.mapping import (
     MappingFile,
     find_mapping,
@@ -11,9 +12,10 @@ from fantoccini.retarget.mapping import (
 )
 from fantoccini.retarget.placing import Placing
 from fantoccini.retarget.retargeting import Retargeted, retarget_clip
+from fantoccini.retarget.swing import Swing, identify_swing
 
 __all__ = [
-    "Figure", "FollowStatus", "Followed", "MappingFile", "PartError", "Placing", "Retargeted",
-    "figure_of", "find_mapping", "follow_clip", "load_mapping", "mapping_names", "mapping_schema",
-    "retarget_clip",
+    "Figure", "FollowStatus", "Followed", "KinematicMotion", "MappingFile", "PartError", "Placing",
+    "Retargeted", "Swing", "figure_of", "find_mapping", "follow_clip", "identify_swing",
+    "kinematic_inputs", "load_mapping", "mapping_names", "mapping_schema", "retarget_clip",
 ]  # fmt: skip

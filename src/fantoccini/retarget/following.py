@@ -138,29 +138,17 @@ class Followed:
     @cached_property
     def places(self) -> dict[str, Array]:
         """Part -> (T, 3) where it is in the run at the clip's frames, while it lasts [m]."""
-        run = self.run.resample(np.clip(self.t, self.run.t[0], self.run.t[-1]))
-        retargeted = self.retargeted
-        return places_in(retargeted.figure, retargeted.marionette.poses(run.q_D, run.q_K))
+        return places_of(self.retargeted, self.run, self.t)
 
     @cached_property
     def errors(self) -> dict[str, Array]:
         """Part -> (T,) distance of the run from the clip [m]."""
-        wanted = self.retargeted.places.parts
-        return {
-            part: np.linalg.norm(self.places[part] - wanted[part], axis=1) for part in WEIGHTS
-        }
+        return errors_of(self.retargeted, self.run, self.t)
 
     @cached_property
     def report(self) -> tuple[PartError, ...]:
         """Errors of hands, head, feet and trunk."""
-        found = []
-        for name, parts in GROUPS.items():
-            run = np.stack([self.errors[part] for part in parts])
-            reach = np.stack([self.retargeted.errors[part] for part in parts])
-            a, b = (float(np.sqrt(np.mean(np.square(e)))) for e in (reach, run))
-            above = (b - a) / self.retargeted.figure.height
-            found.append(PartError(name, a, b, float(run.max()), above))
-        return tuple(found)
+        return report_of(self.retargeted, self.errors)
 
 
 def follow_clip(
@@ -215,6 +203,30 @@ def follow_clip(
     run = simulate(marionette, x0, inputs, effort=False, throw=False)
     status = FollowStatus.FOLLOWS if run.status in ARRIVED else FollowStatus.STOPPED
     return Followed(clip, status, run, acc_K, INTERVAL, t, time.perf_counter() - began)
+
+
+def places_of(retargeted: Retargeted, run: Trajectory, t: Times) -> dict[str, Array]:
+    """Part -> (T, 3) where it is in a run at times of the clip's frames, while it lasts [m]."""
+    run = run.resample(np.clip(t, run.t[0], run.t[-1]))
+    return places_in(retargeted.figure, retargeted.marionette.poses(run.q_D, run.q_K))
+
+
+def errors_of(retargeted: Retargeted, run: Trajectory, t: Times) -> dict[str, Array]:
+    """Part -> (T,) distance of a run from the clip [m]."""
+    places, wanted = places_of(retargeted, run, t), retargeted.places.parts
+    return {part: np.linalg.norm(places[part] - wanted[part], axis=1) for part in WEIGHTS}
+
+
+def report_of(retargeted: Retargeted, errors: Mapping[str, Array]) -> tuple[PartError, ...]:
+    """Errors of hands, head, feet and trunk, from those of a run by part."""
+    found = []
+    for name, parts in GROUPS.items():
+        run = np.stack([errors[part] for part in parts])
+        reach = np.stack([retargeted.errors[part] for part in parts])
+        a, b = (float(np.sqrt(np.mean(np.square(e)))) for e in (reach, run))
+        above = (b - a) / retargeted.figure.height
+        found.append(PartError(name, a, b, float(run.max()), above))
+    return tuple(found)
 
 
 def eased(t: Times, ease: float = _EASE) -> Times:

@@ -124,7 +124,7 @@ def retarget_clip(
         figure.points[part]: placing.parts[part] for part in WEIGHTS
     }
     weights: dict[What, float] = {figure.points[part]: w for part, w in WEIGHTS.items()}
-    for coordinate, values in _above(figure, placing, start).items():
+    for coordinate, values in straight_up(figure, placing.frames, start).items():
         targets[coordinate] = values
         weights[coordinate] = _ABOVE
     first = {what: values[:1] for what, values in targets.items()}
@@ -145,31 +145,70 @@ def places_in(figure: Figure, poses: Array) -> dict[str, Array]:
     return found
 
 
-def _above(figure: Figure, placing: Placing, start: State) -> Mapping[str, Array]:
-    """Driven scalar -> (T,) values with which strings run straight up; where others are."""
+@dataclass(frozen=True, eq=False)
+class Hanger:
+    """A string from a part of the figure up to its upper end.
+
+    Attributes:
+        name: of the string.
+        part: of the puppet, to which it is tied.
+        at: (3,) where, in the part's frame [m].
+        top: (3,) its upper end at the start [m].
+        ends: driven coordinate of the upper end -> (3,) its axis in the world.
+        length: driven coordinate of the string's length; empty for strings of fixed length.
+    """
+
+    name: str
+    part: str
+    at: Array
+    top: Array
+    ends: Mapping[str, Array]
+    length: str
+
+
+def hangers(figure: Figure, start: State) -> list[Hanger]:
+    """The strings from parts of a figure, with their upper ends as in a state."""
     marionette = figure.marionette
     tree, table, model = marionette.tree, marionette.coordinates, marionette.model
     parts = {link_index(model, body): part for part, body in figure.bodies.items()}
     poses = marionette.poses(start.q_D[None], start.q_K[None])[0]
-    n = len(placing.parts["trunk"])
-    found = {table.q_K[q]: np.full(n, start.q_K[q]) for q, _ in table.scalars_K}
+    driven = {table.q_K[q] for q, _ in table.scalars_K}
+    found = []
     for string in tree.strings:
         ends = sorted(string.points, key=lambda point: point.link not in parts)
         low, high = ends[0], ends[-1]
         if low.link not in parts or high.link < 0 or len(ends) != 2:
             continue
-        frame = placing.frames[parts[low.link]]
-        tie = frame[:, :, :3] @ _numbers(model, low.at) + frame[:, :, 3]
         link, now = tree.links[high.link], poses[high.link]
         top = now[:, :3] @ _numbers(model, high.at) + now[:, 3]
         names = table.q_K[link.q]
-        if link.kind == "translation" and set(names) <= set(found):
-            axes = now[:, :3] @ link.axes
-            for name, along in zip(names, ((tie - top) @ axes).T, strict=True):
-                found[name] = found[name] + along
-        if string.driven_length:
-            name = table.q_K[string.driven_length[0]]
-            found[name] = np.maximum(top[2] - tie[:, 2], 0.01)
+        moves = link.kind == "translation" and set(names) <= driven
+        axes = dict(zip(names, (now[:, :3] @ link.axes).T, strict=True)) if moves else {}
+        length = table.q_K[string.driven_length[0]] if string.driven_length else ""
+        at = _numbers(model, low.at)
+        found.append(Hanger(string.name, parts[low.link], at, top, axes, length))
+    return found
+
+
+def straight_up(
+    figure: Figure, frames: Mapping[str, Array], start: State
+) -> dict[str, Array]:
+    """Driven scalar -> (T,) values with which strings run straight up; others as in a state.
+
+    Args:
+        figure: of the puppet.
+        frames: part -> (T, 3, 4) orientation and origin of its body.
+        start: the state.
+    """
+    table, n = figure.marionette.coordinates, len(frames["trunk"])
+    found = {table.q_K[q]: np.full(n, start.q_K[q]) for q, _ in table.scalars_K}
+    for string in hangers(figure, start):
+        frame = frames[string.part]
+        tie = frame[:, :, :3] @ string.at + frame[:, :, 3]
+        for name, axis in string.ends.items():
+            found[name] = found[name] + (tie - string.top) @ axis
+        if string.length:
+            found[string.length] = np.maximum(string.top[2] - tie[:, 2], 0.01)
     return found
 
 

@@ -1,0 +1,241 @@
+"""Kinematic inputs: motions of the hands from inverse kinematics, with no simulation.
+
+The baseline that :func:`follow_clip` is measured against: K. Yamane, J. K. Hodgins and H. B. Brown,
+"Controlling a marionette with human motion capture data", ICRA 2003. Inverse kinematics over the
+puppet's pose, with its strings taut and vertical:
+
+    min over q_D of  sum_i w_i |x_i(q_D) - x_i,clip|^2 + w_V V(q_D) / (m g),   limits h(q_D) <= 0
+    upper end: straight above the tie,   length = height of the upper end above the tie
+
+V takes parts that nothing holds as low as they go. The upper ends of the hands' strings then pass
+through the inverse of the hands' swing (:mod:`fantoccini.retarget.swing`).
+
+What differs from the paper: poses are found at the level of places, with weights in place of two
+priorities of velocities; all strings' upper ends move, not only those of the hands, and all strings
+are vertical; the clip is placed as in :func:`retarget_clip`, not by a similarity for each frame;
+motors do not lag; the feed-forward acts on the upper ends, not on the markers before inverse
+kinematics; and it has no lag of its own unless ``lag`` is given, since the clip is known
+beforehand. Like the paper's it takes hands to hang as far to a side as their upper ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
+
+from fantoccini.arrays import Array, Times, check_positive
+from fantoccini.errors import StateError
+from fantoccini.marionette import Marionette, link_index
+from fantoccini.motion import Input, State
+from fantoccini.retarget.following import ACCELERATION, SPEED, eased
+from fantoccini.retarget.retargeting import (
+    WEIGHTS,
+    Hanger,
+    Retargeted,
+    hangers,
+    places_in,
+    straight_up,
+)
+from fantoccini.retarget.swing import Swing, hand_strings, lead
+
+_POTENTIAL = 1e-3
+"""w_V [m]."""
+_LIMIT = 1.0
+"""Weight of limits that are broken."""
+_DAMPING = 1e-4
+"""Of a step to the next pose: what nothing else moves stays."""
+_FIRST, _NEXT = 200, 6
+"""Iterations for the first frame, and for each after it, from the one before."""
+_NUDGE = 1e-6
+"""Of finite differences [rad or m]."""
+_DT = 0.01
+"""Time step of the inputs [s]."""
+_SETTLE = 6.0
+"""Lags for which the inputs go on after the clip's end."""
+_WIDTH, _WIDER = 0.035, 1.1
+"""Standard deviation of the smoothing [s], and by how much it grows until bounds hold."""
+
+
+@dataclass(frozen=True, eq=False)
+class KinematicMotion:
+    """Motions of the hands by inverse kinematics.
+
+    Attributes:
+        retargeted: the clip; its hanging poses are only used for the state at the start.
+        times: (n,) of the poses, as far apart as the clip's frames [s].
+        q_D: (n, n_qD) poses.
+        errors: part -> (n,) distance of the poses from where the part is to be then [m].
+        inputs: the motion of the hands.
+        widths: string -> standard deviation of the smoothing with which bounds hold [s].
+        t: (T,) times in the run of the clip's frames, as of :class:`Followed` [s].
+    """
+
+    retargeted: Retargeted
+    times: Times
+    q_D: Array
+    errors: Mapping[str, Array]
+    inputs: Input
+    widths: Mapping[str, float]
+    t: Times
+
+    @property
+    def start(self) -> State:
+        """Where the puppet hangs at rest at the begin of the inputs."""
+        clip = self.retargeted
+        q_K = self.inputs.evaluate(clip.start.t)[0]
+        return clip.marionette.rest(clip.start.replace(q_K=q_K))
+
+
+def kinematic_inputs(
+    retargeted: Retargeted,
+    feed_forward: bool | Swing = True,
+    *,
+    lag: float = 0.0,
+    speed: float = SPEED,
+    acceleration: float = ACCELERATION,
+) -> KinematicMotion:
+    """The motion of the hands by inverse kinematics and swing feed-forward; see the module.
+
+    Each string's path is smoothed by the narrowest Gaussian, from 0.035 s up, with which the bounds
+    hold.
+
+    Args:
+        retargeted: the clip.
+        feed_forward: True for pendulums of the string's length, a = L/g and b = 0; a swing that was
+            identified (:func:`identify_swing`); False for none.
+        lag: T of 1/(T s + 1)^3 on the paths of all parts, which the paper needs to run live, with
+            T = 0.2 s; the puppet is then late by about 3 T [s].
+        speed, acceleration: bounds of the driven coordinates [m/s, m/s^2].
+
+    Raises:
+        StateError: a clip of one frame, or bounds within which its strings cannot follow at all.
+    """
+    check_positive(speed=speed, acceleration=acceleration, **({"lag": lag} if lag else {}))
+    if len(retargeted.t) < 2:
+        raise StateError("kinematic_inputs: the clip has one frame; needed: two or more")
+    marionette, start = retargeted.marionette, retargeted.start
+    figure, t, places = retargeted.figure, eased(retargeted.t), retargeted.places.parts
+    frame = float(np.median(np.diff(t)))
+    at = frame * np.arange(int(np.ceil((t[-1] + _SETTLE * lag) / frame - 1e-9)) + 1, dtype=float)
+    wanted = CubicSpline(t, np.stack([places[part] for part in WEIGHTS], axis=1))(
+        np.minimum(at, t[-1])
+    )
+    for _ in range(3 if lag else 0):
+        wanted = _lagging(wanted, frame / lag)
+    q_D = poses_near(retargeted, wanted)
+    poses = marionette.poses(q_D, np.broadcast_to(start.q_K, (len(q_D), len(start.q_K))))
+    found = places_in(figure, poses)
+    errors = {part: np.linalg.norm(found[part] - wanted[:, i], axis=1)
+              for i, part in enumerate(WEIGHTS)}  # fmt: skip
+    frames = {part: poses[:, link_index(marionette.model, body)]
+              for part, body in figure.bodies.items()}  # fmt: skip
+    times = _DT * np.arange(int(np.ceil(at[-1] / _DT - 1e-9)) + 1, dtype=float)
+    above = straight_up(figure, frames, start)
+    hands = [one.name for one in hand_strings(figure, start)]
+    columns: dict[str, Array] = {}
+    widths = {}
+    for string in hangers(figure, start):
+        names = [*string.ends, *filter(None, [string.length])]
+        if not names:
+            continue
+        path = CubicSpline(at, np.stack([above[name] for name in names], axis=1))
+        values = path(np.minimum(times, at[-1]))
+        ahead = _leader(string, feed_forward, marionette) if string.name in hands else None
+        made, widths[string.name] = _bounded(values, ahead, times, speed, acceleration)
+        columns.update(zip(names, made.T, strict=True))
+    inputs = Input.samples(marionette, start.t + times, columns).called(retargeted.clip.name)
+    return KinematicMotion(retargeted, at, q_D, errors, inputs, widths, t)
+
+
+def _leader(
+    string: Hanger, feed_forward: bool | Swing, marionette: Marionette
+) -> Callable[[Array], Array] | None:
+    """The feed-forward of a hand's string: (T, n) ends and length -> the same, with ends led."""
+    if feed_forward is False:
+        return None
+    g = marionette.weight / marionette.mass
+
+    def ahead(values: Array) -> Array:
+        made, length = values.copy(), values[:, -1]
+        for i, (name, axis) in enumerate(string.ends.items()):
+            if abs(axis[2]) < 1e-6:  # hands swing only horizontally
+                made[:, i] = (
+                    feed_forward.lead(name, values[:, i], length, _DT)
+                    if isinstance(feed_forward, Swing)
+                    else lead(values[:, i], _DT, length / g)
+                )
+        return made
+
+    return ahead
+
+
+def _lagging(values: Array, h: float) -> Array:
+    """(T, ...) behind a lag 1/(T s + 1), with a time step of h T."""
+    made, kept = values.copy(), np.exp(-h)
+    for i in range(1, len(made)):
+        made[i] = kept * made[i - 1] + (1.0 - kept) * values[i]
+    return made
+
+
+def _bounded(
+    values: Array,
+    ahead: Callable[[Array], Array] | None,
+    times: Times,
+    speed: float,
+    acceleration: float,
+) -> tuple[Array, float]:
+    """(T, n) smooth paths within bounds, and how wide they are smoothed [s]."""
+    width = _WIDTH
+    fine = np.linspace(times[0], times[-1], 4 * len(times))
+    while width < 10.0 + times[-1]:
+        made = gaussian_filter1d(values, width / _DT, axis=0, mode="nearest")
+        made = made if ahead is None else ahead(made)
+        spline = CubicSpline(times, made, bc_type="clamped")
+        fits = np.abs(spline(fine, 1)).max() <= speed
+        if fits and np.abs(spline(times, 2)).max() <= acceleration:
+            return made, width
+        width *= _WIDER
+    raise StateError(
+        f"kinematic_inputs: a string cannot follow within {speed:g} m/s and {acceleration:g} m/s^2"
+    )
+
+
+def poses_near(retargeted: Retargeted, wanted: Array) -> Array:
+    """(n, n_qD) poses nearest to places, each found from the one before.
+
+    Args:
+        retargeted: the clip.
+        wanted: (n, parts, 3) where the parts of WEIGHTS are to be [m].
+    """
+    marionette, figure = retargeted.marionette, retargeted.figure
+    model = marionette.model
+    n, n_strings = marionette.coordinates.n_vD, len(marionette.tree.strings)
+    q_K = np.broadcast_to(retargeted.start.q_K, (n + 1, len(retargeted.start.q_K)))
+    still = {"v_D": np.zeros((n + 1, n)), "v_K": np.zeros((n + 1, marionette.coordinates.n_vK))}
+    nudges = np.vstack([np.zeros(n), _NUDGE * np.eye(n)])
+    scale = np.sqrt(list(WEIGHTS.values()))[:, None]
+
+    def step(q: Array, target: Array) -> Array:
+        """(n,) Gauss-Newton step at a pose."""
+        near = marionette.integrate(q, nudges)
+        places = places_in(figure, marionette.poses(near, q_K))
+        off = np.stack([places[part] for part in WEIGHTS], axis=1) - target
+        at = {"q_D": near, "q_K": q_K, "p": model.p}
+        h = model.library.evaluate("rows", **at).h[:, n_strings:]
+        V = model.library.evaluate("energy", **at, **still).V.ravel() / model.weight
+        r = np.hstack([(scale * off).reshape(n + 1, -1), _LIMIT * np.maximum(h, 0.0)])
+        J, slope = (r[1:] - r[0]).T / _NUDGE, (V[1:] - V[0]) / _NUDGE
+        return -np.linalg.solve(
+            J.T @ J + _DAMPING * np.eye(n), J.T @ r[0] + 0.5 * _POTENTIAL * slope
+        )
+
+    q, found = marionette.rest().q_D, []
+    for i, target in enumerate(wanted):
+        for _ in range(_NEXT if i else _FIRST):
+            q = marionette.integrate(q, step(q, target))
+        found.append(q)
+    return np.stack(found)
