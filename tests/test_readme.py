@@ -109,6 +109,7 @@ def test_the_readmes_commands_run(folder):
     made = {path.name for path in folder.iterdir()}
     assert made == {
         "pendulum.yaml", "pendulum.npz", "pendulum.png", "pendulum.html", "plan.png",
+        "jumps.mp4",
     }  # fmt: skip
 
 

@@ -208,6 +208,7 @@ Frame Time: 0.01
         (("End Site", "End Sites"), 14, "needed: SITE"),
         (("Frames: 2", "Frames: two"), 22, "the number of frames"),
         (("Frames: 2", "Frames: 3"), 25, "ends after 2 frames"),
+        (("Frames: 2", "Frames: 9999999"), 23, "too short for 9999999 frames"),
         (("Frames: 2", "Frames: 1"), 25, "more than 1 frames"),
         (("Time: 0.025", "Time: 0"), 23, "at least 1e-05 s"),
         (("1 2 3 0", "1 2 3"), 24, "found 9 numbers; needed: 10"),

@@ -14,7 +14,7 @@ import fantoccini as fan
 from fantoccini.capture import Capture, Skeleton
 from fantoccini.errors import FileError, StateError
 from fantoccini.retarget import figure_of, find_mapping, load_mapping, mapping_names
-from fantoccini.retarget.following import ACCELERATION, GROUPS, SPEED, eased
+from fantoccini.retarget.following import ACCELERATION, GROUPS, SPEED, FollowStatus, eased
 from fantoccini.retarget.mapping import PARTS, joints_of
 from fantoccini.retarget.placing import place
 
@@ -89,6 +89,7 @@ def test_a_mapping_file_of_twenty_lines_is_enough(tmp_path):
         (("head: Head", "hed: Head"), 2, "'hed' is no part; did you mean 'head'?"),
         (("mapping: m", "mapping: 1 2"), 1, "mapping"),
         (("joints:", "joint:"), 2, "did you mean 'joints'"),
+        (("RightHand", "LeftHand"), 2, "found 'LeftHand' twice"),
         (("joints:", "puppet: {trunk: {body: t, ends: [0, 0, 0]}}\njoints:"), 2, "ends"),
     ],
 )
@@ -160,19 +161,35 @@ def test_hanging_poses_hang_and_keep_off_the_clip_no_more_than_stated(marionette
         state = found.reach[i].state
         force = marionette.forward_dynamics(state)
         assert np.max(np.abs(force.acc_D)) < 1e-3
-    for part, error in found.errors.items():
-        np.testing.assert_allclose(
-            error, np.linalg.norm(found.hung[part] - found.places.parts[part], axis=1)
-        )
-    hand = found.places.parts["hand_right"]
-    assert np.max(found.errors["hand_right"]) < 0.2 * np.ptp(hand, axis=0).max()
+    # Where the body itself says that its point is.
+    pose = marionette.pose(found.reach[40].state, "forearm_right")
+    hand = pose[:3, 3] + pose[:3, :3] @ [0.0, 0.0, -0.09]
+    np.testing.assert_allclose(found.hung["hand_right"][40], hand, atol=1e-9)
+    off = np.linalg.norm(hand - found.places.parts["hand_right"][40])
+    assert found.errors["hand_right"][40] == pytest.approx(off, abs=1e-9)
+    # Up to 8 cm of 56 are beyond the strings' reach where an arm points aside; the head never is.
+    assert np.max(found.errors["head"]) < 0.02 * found.figure.height
+    assert found.settled > 0.25 * len(found.t)
+
+
+def test_more_steps_bring_no_path_astray(marionette, monkeypatch):
+    """Steps along a path are not safe by themselves: they are taken back where they go wrong."""
+    costs = []
+    for iterations in (10, 100):
+        monkeypatch.setattr("fantoccini.retarget.retargeting._ITERATIONS", iterations)
+        found = fan.retarget_clip(marionette, "walk_up")
+        costs.append(sum(np.mean(np.square(e)) for e in found.errors.values()))
+        for i in range(0, len(found.t), 7):
+            force = marionette.forward_dynamics(found.reach[i].state)
+            assert np.max(np.abs(force.acc_D)) < 1e-3
+    assert costs[1] < 1.2 * costs[0]
 
 
 def test_a_waving_person_is_followed_within_the_bounds(marionette, tmp_path):
     path = clip(tmp_path, "cmu", "wave")
     done = []
     found = fan.follow_clip(marionette, path, progress=done.append)
-    assert found and found.run.t[-1] == pytest.approx(found.t[-1], abs=0.04)
+    assert found and found.run.t[-1] > found.t[-1]
     assert np.max(np.abs(found.run.v_K)) <= SPEED * (1 + 1e-9)
     assert np.max(np.abs(found.acc_K)) <= ACCELERATION * (1 + 1e-9)
     assert done[-1] == 1.0 and done == sorted(done)
@@ -191,6 +208,68 @@ def test_slow_hands_follow_worse_and_keep_their_bounds(marionette, tmp_path):
     assert np.max(np.abs(found.run.v_K)) <= 0.2 * (1 + 1e-9)
     assert np.max(np.abs(found.acc_K)) <= 2.0 * (1 + 1e-9)
     assert {one.name: one.above for one in found.report}["hands"] > 0.02
+
+
+def test_a_run_that_begins_later_follows_as_well(marionette, tmp_path):
+    path = clip(tmp_path, "lafan1", "wave")
+    begun = fan.retarget_clip(marionette, path, start=marionette.rest().replace(t=5.0))
+    found = fan.follow_clip(marionette, begun)
+    assert found.run.t[0] == 5.0 == found.t[0]
+    assert all(one.above < 0.02 for one in found.report)
+    speeds = np.abs(found.run.v_K[-1])
+    assert np.max(speeds) < 1e-9, "the hands are at rest in the end"
+    with pytest.raises(StateError, match="has its mapping, start and travel already"):
+        fan.follow_clip(marionette, begun, travel=0.5)
+
+
+def test_a_run_that_breaks_off_is_told(marionette, tmp_path, monkeypatch):
+    """A loop that a string stops ends there, and is no success even if its inputs run on."""
+    path = clip(tmp_path, "lafan1", "wave")
+    from fantoccini.marionette import Stepper
+
+    advance = Stepper.advance
+
+    def stops(self, *given, **more):
+        made = advance(self, *given, **more)
+        if self.state.t > 1.0:
+            monkeypatch.setattr(Stepper, "arrived", property(lambda self: False))
+        return made
+
+    monkeypatch.setattr(Stepper, "advance", stops)
+    found = fan.follow_clip(marionette, path)
+    assert found.status is FollowStatus.STOPPED and not found
+    assert len(found.acc_K) in (25, 26) and found.run.t[-1] < 1.1
+
+
+def test_clips_that_show_no_person_are_refused(marionette):
+    standing = np.repeat(STANDS[None], 3, axis=0)
+    with pytest.raises(StateError, match="one frame; needed: at least two"):
+        fan.retarget_clip(marionette, captured(STANDS[None]))
+    lost = standing.copy()
+    lost[2, NAMES.index("LeftHand")] = np.nan
+    with pytest.raises(StateError, match="hand_left is nowhere in frame 2"):
+        fan.retarget_clip(marionette, captured(lost))
+    short = standing.copy()
+    short[:, NAMES.index("LeftHand")] = short[:, NAMES.index("LeftForeArm")]
+    with pytest.raises(StateError, match="no length from elbow_left to hand_left"):
+        fan.retarget_clip(marionette, captured(short))
+    lying = standing[..., [2, 1, 0]]
+    with pytest.raises(StateError, match="trunks point along x"):
+        fan.retarget_clip(marionette, captured(lying))
+    with pytest.raises(StateError, match="up is 'x'"):
+        fan.retarget_clip(marionette, captured(standing), up="x")
+    with pytest.raises(StateError, match="follow"):
+        fan.retarget_clip(fan.puppets.promenade(), captured(standing))
+
+
+def test_two_people_in_one_file_are_told_apart():
+    names = tuple(f"{who}:{name}" for who in ("a", "b") for name in NAMES)
+    skeleton = Skeleton(names, (-1,) * len(names), np.zeros((len(names), 3)))
+    with pytest.raises(FileError, match="in no bundled mapping"):
+        find_mapping(skeleton)
+    usual = load_mapping("motionbuilder")
+    second = usual.model_copy(update={"joints": {p: f"b:{j}" for p, j in usual.joints.items()}})
+    assert joints_of(second, skeleton)["head"] == len(NAMES) + NAMES.index("Head")
 
 
 def test_clip_time_begins_and_ends_at_rest():

@@ -122,6 +122,21 @@ def test_places_that_contradict_are_weighed():
         fan.reach(plumb, targets, weights={"bob": 0.0})
 
 
+def test_what_weighs_nothing_is_not_reached():
+    """Weights choose the pose; whether it is there is a matter of distance, and of bounds."""
+    between = fan.loads(BETWEEN)
+    place = np.array([1.4, 0.0, -0.7])
+    one = fan.reach(between, {"bob": place}, weights={"bob": 1e-12})[0]
+    assert not one and one.distance > 0.1
+    rod = fan.loads(ROD)
+    tip = ("rod", (0.0, 0.0, -1.0))
+    held = fan.Bounds(joint={"pin": (0.5, 0.8)})
+    place = [np.sin(0.85), 0.0, -np.cos(0.85)]
+    for once in (False, True):
+        found = fan.reach(rod, {tip: place}, bounds=held, once=once, tolerance=0.06)
+        assert not found or found.q_D[0, 0] <= 0.8 + 1e-6
+
+
 def test_a_path_is_followed_pose_by_pose(marionette):
     """Each pose from the last one only: the same poses as where each is looked for again."""
     x = marionette.rest()

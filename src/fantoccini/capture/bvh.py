@@ -78,7 +78,7 @@ class _Words:
     """The words of a file, with their lines."""
 
     def __init__(self, path: Path, text: str):
-        self.path, self._lines = path, text.splitlines()
+        self.path, self._lines, self._size = path, text.splitlines(), len(text)
         self.line, self._row = 0, list[str]()
         self._rows = self._walk()
 
@@ -127,6 +127,8 @@ class _Words:
         """All numbers that are left, as rows of the same length."""
         if self._row:
             self.fail(f"found {shown(' '.join(self._row))}; needed: a new line with numbers")
+        if rows * columns > self._size:
+            self.fail(f"the file is too short for {rows} frames of {columns} numbers")
         values = np.empty((rows, columns))
         for i in range(rows):
             row = next(self._rows, [])

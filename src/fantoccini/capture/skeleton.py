@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.arrays import Array, Times, frozen
-from fantoccini.errors import UnknownNameError
+from fantoccini.errors import StateError, UnknownNameError
 
 _UNITS = {"cm": 0.01, "m": 1.0, "inches": 0.0254, "mm": 0.001, "CMU": 0.0254 / 0.45}
 """Units in which people are captured, and their size [m]; the last is the CMU data base's."""
@@ -117,12 +117,18 @@ class Capture:
             self.skeleton, self.t[1:], self.positions[1:], self.rotations[1:], self.name
         )
 
-    def upright(self) -> Capture:
+    def upright(self, up: str | None = None) -> Capture:
         """In metres, with z up: of y up, x stays and z comes towards the viewer, to -y.
 
         The unit is guessed from the height.
+
+        Args:
+            up: the file's axis that is up, ``y`` or ``z``; :attr:`up` when not given.
         """
-        turn = np.eye(3) if self.up == 2 else np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], float)
+        if up not in (None, "y", "z"):
+            raise StateError(f"up is {up!r}; needed: y or z")
+        is_up = up == "z" or (up is None and self.up == 2)
+        turn = np.eye(3) if is_up else np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], float)
         size = self.unit[1]
         skeleton = Skeleton(
             self.skeleton.names, self.skeleton.parents, size * self.skeleton.offsets @ turn.T

@@ -13,7 +13,10 @@ from fantoccini.cli.show import show_run
 from fantoccini.cli.terminal import Steps, say, table
 from fantoccini.perform import Recording
 from fantoccini.retarget import Followed, follow_clip, retarget_clip
+from fantoccini.retarget.following import ACCELERATION, SPEED
 
+_FAR = 0.15
+"""Share of the height by which hanging poses are off where that is told."""
 _STEP = 0.004
 """Time step of the recording that is saved [s]."""
 
@@ -33,9 +36,12 @@ def follow_file(request: FollowRequest) -> None:
         clip = load_bvh(request.clip)
         puppet = marionette(request.file, steps.step)
         steps.step("looking for hanging poses")
-        found = retarget_clip(puppet, clip, request.mapping, travel=request.travel)
+        found = retarget_clip(
+            puppet, clip, request.mapping, travel=request.travel, up=request.up and request.up.value
+        )
         followed = follow_clip(
-            puppet, found, speed=request.speed, acceleration=request.acceleration,
+            puppet, found, speed=request.speed or SPEED,
+            acceleration=request.acceleration or ACCELERATION,
             progress=steps.bar("following", 1.0),
         )  # fmt: skip
         if request.save is not None:
@@ -48,6 +54,12 @@ def follow_file(request: FollowRequest) -> None:
         _report(followed)
     if request.show:
         show_run(puppet, followed.run, request.quiet)
+    far = max(one.reach for one in followed.report) / found.figure.height
+    if far > _FAR:
+        say(
+            f"fantoccini: the puppet cannot hang as the clip shows: {100 * far:.0f} % of its "
+            "height off; try --travel 0, or another puppet"
+        )
     if not followed:
         say(f"fantoccini: {followed.status.message}: {followed.run.status}")
         raise typer.Exit(FAILED)
@@ -65,10 +77,10 @@ def _report(followed: Followed) -> None:
     speed, acceleration = abs(followed.run.v_K).max(), abs(followed.acc_K).max()
     table("Clip", ("", ">"), [
         ("duration [s]", f"{found.clip.duration:.4g}"),
-        ("frames", len(found.t)),
+        ("frames, and poses that settled", f"{len(found.t)}, {found.settled}"),
         ("size of the puppet, of the person's", f"{found.places.scale:.3g}"),
-        ("fastest hand [m/s]", f"{speed:.3g}"),
-        ("largest acceleration [m/s^2]", f"{acceleration:.3g}"),
+        ("fastest driven coordinate [m/s, rad/s]", f"{speed:.3g}"),
+        ("largest acceleration [m/s^2, rad/s^2]", f"{acceleration:.3g}"),
         ("time [s]", f"{followed.seconds:.3g}"),
     ])  # fmt: skip
     table(

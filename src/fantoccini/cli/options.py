@@ -15,6 +15,7 @@ SchemaOf = enum.StrEnum(
 Planner = enum.StrEnum("Planner", {"EXPLORE": "explore", "EST2007": "est-2007"})
 Objective = enum.StrEnum("Objective", ["GENTLE", "TIME", "ACCELERATION"])
 Theme = enum.StrEnum("Theme", ["LIGHT", "DARK"])
+UpAxis = enum.StrEnum("UpAxis", ["Y", "Z"])
 Focus = enum.StrEnum("Focus", ["ALL", "BODIES"])
 Method = enum.StrEnum("Method", ["EVENT", "TIMESTEPPING", "VARIATIONAL"])
 StringModel = enum.StrEnum("StringModel", ["CONSTRAINT", "CHAIN"])

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
-from fantoccini.arrays import Array, Times
 from fantoccini.cli.files import FILMS, NUMBERS, PICTURES, check_output, fail, writing
 from fantoccini.cli.look import Look
 from fantoccini.cli.terminal import Steps
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Trajectory
 
-Guides: TypeAlias = Callable[[Times], Sequence[Array]]
-"""Gives lines (T, n, 3) that a motion is compared with at times (T,) [m]."""
-
+if TYPE_CHECKING:
+    from fantoccini.view.geometry import Guides
 
 def check_outputs(out: Sequence[Path], plot: Path | None) -> None:
     """Raises a usage error if a file cannot be written, before any long computation.

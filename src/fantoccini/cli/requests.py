@@ -22,11 +22,9 @@ from fantoccini.cli.options import (
     Quiet,
     StringModel,
     Theme,
+    UpAxis,
     positive,
 )
-
-SPEED, ACCELERATION = 2.0, 30.0
-"""Bounds of hands that follow captured motion, those of retarget [m/s, m/s^2]."""
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -274,14 +272,18 @@ class FollowRequest(PictureOptions):
     travel: Annotated[
         float, typer.Option(metavar="F", min=0.0, help="Share of the way along the floor; 0 stays.")
     ] = 1.0
+    up: Annotated[
+        UpAxis | None,
+        typer.Option(help="The file's axis that is up; found from the trunk otherwise."),
+    ] = None
     speed: Annotated[
-        float,
-        typer.Option(metavar="V", callback=positive, help="Largest speed of the hands [m/s]."),
-    ] = SPEED
+        float | None,
+        typer.Option(metavar="V", callback=positive, help="Largest speed of the hands [m/s] [2]."),
+    ] = None
     acceleration: Annotated[
-        float,
-        typer.Option(metavar="A", callback=positive, help="Largest acceleration [m/s^2]."),
-    ] = ACCELERATION
+        float | None,
+        typer.Option(metavar="A", callback=positive, help="Largest acceleration [m/s^2] [30]."),
+    ] = None
     out: Out = None
     guides: Annotated[
         bool,

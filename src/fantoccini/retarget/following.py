@@ -14,14 +14,13 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from fantoccini.arrays import Array, Times, check_positive
 from fantoccini.capture import Capture
-from fantoccini.errors import ARRIVED, Outcome
+from fantoccini.errors import ARRIVED, Outcome, StateError
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State, Trajectory
 from fantoccini.optimal import MPC, Bounds, Smooth, Task, Track
@@ -40,6 +39,8 @@ _DT = 0.01
 _WEIGHT, _WEIGHT_K = 1e4, 30.0
 """Of the parts, relative to which their own weights are, and w_K [1/m^2]."""
 _SMOOTH = Smooth(acceleration=1e-3, jerk=1e-6)
+_STILL = 10
+"""Intervals after the clip's end in which the puppet comes to rest."""
 _EASE = 0.5
 """Time in which the clip's time begins to run, and comes to its end [s]."""
 _WIDTH = 0.035
@@ -62,7 +63,7 @@ _LINES = (
 class FollowStatus(Outcome):
     """How a puppet follows a clip."""
 
-    FOLLOWS = "the run reached the clip's end within the bounds"
+    FOLLOWS = "the run reached the clip's end; its report tells how near"
     STOPPED = "the event-driven run stopped before the clip's end"
 
 
@@ -170,7 +171,8 @@ def follow_clip(
         mapping: see :func:`retarget_clip`, as for ``start`` and ``travel``.
         start: where the puppet hangs, from which the first pose is looked for.
         travel: share of the way along the floor that is kept.
-        speed, acceleration: bounds of the driven coordinates, for all or by name.
+        speed, acceleration: bounds of the driven coordinates, for all or by name; others have the
+            usual ones [m/s or rad/s, m/s^2 or rad/s^2].
         progress: called with the share that is done.
 
     Raises:
@@ -180,28 +182,39 @@ def follow_clip(
     began = time.perf_counter()
     if not isinstance(clip, Retargeted):
         clip = retarget_clip(marionette, clip, mapping, start, travel)
-    t = eased(clip.t)
-    n = int(np.ceil(t[-1] / INTERVAL - 1e-9))
+    elif mapping is not None or start is not None or travel != 1.0:
+        raise StateError("follow_clip: a retargeted clip has its mapping, start and travel already")
     x0 = clip.start
-    bounds = Bounds(speed=_plain(speed), acceleration=_plain(acceleration))
+    t = x0.t + eased(clip.t)
+    n = int(np.ceil((t[-1] - x0.t) / INTERVAL - 1e-9)) + _STILL
+    names = marionette.coordinates.v_K
+    bounds = Bounds(
+        speed=_every(speed, SPEED, names), acceleration=_every(acceleration, ACCELERATION, names)
+    )
+    most = bounds.magnitudes(marionette, "acceleration")
     task = Task(
         marionette, x0, n * INTERVAL, _tracks(clip, t), _SMOOTH, bounds, interval=INTERVAL, dt=_DT
     )
     mpc = MPC(marionette, task, _HORIZON * INTERVAL, _HORIZON, dt=_DT, deadline=1e9)
     stepper = marionette.stepper(x0, "event")
     acc_K = np.zeros((n, marionette.coordinates.n_vK))
+    arrived = True
     for i in range(n):
         acc_K[i] = mpc.step(stepper.state)
+        if i == n - 1:
+            acc_K[i] = np.clip(-stepper.state.v_K / INTERVAL, -most, most)
         stepper.advance(INTERVAL, acc_K[i], throw=False)
         if not stepper.arrived:
+            acc_K, arrived = acc_K[: i + 1], False
             break
         if progress is not None:
             progress((i + 1) / n)
     # Run again from the inputs alone: what a stand does that is not watched.
-    times = x0.t + INTERVAL * np.arange(n + 1, dtype=float)
+    times = x0.t + INTERVAL * np.arange(len(acc_K) + 1, dtype=float)
     inputs = Input.segments(marionette, times, x0.q_K, x0.v_K, acc_K)
     run = simulate(marionette, x0, inputs, effort=False, throw=False)
-    status = FollowStatus.FOLLOWS if run.status in ARRIVED else FollowStatus.STOPPED
+    arrived = arrived and run.status in ARRIVED
+    status = FollowStatus.FOLLOWS if arrived else FollowStatus.STOPPED
     return Followed(clip, status, run, acc_K, INTERVAL, t, time.perf_counter() - began)
 
 
@@ -246,7 +259,7 @@ def eased(t: Times, ease: float = _EASE) -> Times:
 
 def _tracks(clip: Retargeted, t: Times) -> list[Track]:
     """What the puppet follows: its parts in the hanging poses, and the hands of those."""
-    frames = max(_WIDTH * (len(t) - 1) / max(float(clip.t[-1]), 1e-9), 1e-3)
+    frames = _WIDTH * (len(t) - 1) / float(clip.t[-1])
 
     def smooth(values: Array) -> Array:
         return np.asarray(gaussian_filter1d(values, frames, axis=0, mode="nearest"))
@@ -264,5 +277,10 @@ def _tracks(clip: Retargeted, t: Times) -> list[Track]:
     return tracks
 
 
-def _plain(bound: Any) -> Any:
-    return dict(bound) if isinstance(bound, Mapping) else float(bound)
+def _every(
+    bound: float | Mapping[str, float], usual: float, names: tuple[str, ...]
+) -> float | dict[str, float]:
+    """A bound of all driven velocities: the usual one for those that are not named."""
+    if not isinstance(bound, Mapping):
+        return float(bound)
+    return {**dict.fromkeys(names, usual), **bound}

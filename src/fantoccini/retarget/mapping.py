@@ -56,6 +56,9 @@ class MappingFile(Model):
         _check_names(joints, PARTS)
         if missing := [part for part in PARTS if part not in joints]:
             raise mistake(f"found no {', '.join(missing)}; needed: all of {', '.join(PARTS)}")
+        for part, joint in joints.items():
+            if list(joints.values()).count(joint) > 1:
+                raise mistake(f"found {joint!r} twice, as {part} as well; needed: a joint each")
         return joints
 
     @field_validator("puppet")
@@ -65,10 +68,16 @@ class MappingFile(Model):
         return puppet
 
     def find(self, skeleton: Skeleton) -> dict[str, int]:
-        """Part -> index of its joint; without the parts that the skeleton does not have."""
-        places = {_plain(name): i for i, name in reversed(list(enumerate(skeleton.names)))}
-        found = {part: places.get(_plain(name), -1) for part, name in self.joints.items()}
-        return {part: i for part, i in found.items() if i >= 0}
+        """Part -> index of its joint; without those that none, or several, joints are called."""
+        names = [name.lower() for name in skeleton.names]
+        plain = [name.rsplit(":", 1)[-1] for name in names]
+        found = {}
+        for part, joint in self.joints.items():
+            wanted = joint.lower()
+            every = names if wanted in names else plain
+            if every.count(wanted) == 1:
+                found[part] = every.index(wanted)
+        return found
 
 
 def mapping_schema() -> dict[str, Any]:
@@ -138,18 +147,13 @@ def joints_of(mapping: MappingFile, skeleton: Skeleton, name: str = "clip") -> d
     """
     found = mapping.find(skeleton)
     mistakes = [
-        Mistake(name, None, f"joints.{part}", f"the skeleton has no joint {joint!r}"
+        Mistake(name, None, f"joints.{part}", f"the skeleton has no joint {joint!r}, or several"
                 f"{nearest(joint, skeleton.names)}")
         for part, joint in mapping.joints.items() if part not in found
     ]  # fmt: skip
     if mistakes:
         raise FileError(mistakes)
     return found
-
-
-def _plain(name: str) -> str:
-    """A joint's name without prefix, in small letters."""
-    return name.rsplit(":", 1)[-1].lower()
 
 
 def _check_names(given: dict[str, Any], known: tuple[str, ...]) -> None:

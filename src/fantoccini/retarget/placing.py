@@ -23,6 +23,8 @@ from fantoccini.retarget.mapping import SIDES
 
 _STRAIGHT = 0.97
 """A limb is stretched to this share of its length: straight ones only hang in one way."""
+_LEAST = 1e-3
+"""Length of a part of a person, at least [m]."""
 _OPPOSITE = 1e-9
 """Sine of the angle below which directions are parallel, or opposite."""
 _ON_FLOOR = 2.0
@@ -56,15 +58,14 @@ def place(figure: Figure, clip: Capture, joints: Mapping[str, int], travel: floa
         travel: share of the way along the floor that is kept; 0 stays on the spot.
 
     Raises:
-        StateError: a skeleton whose parts have no length.
+        StateError: a skeleton whose parts have no length, or a place that is not finite.
     """
     x = {part: clip.positions[:, i] for part, i in joints.items()}
+    _check(clip, x)
     turn = _turn_to(figure, x)
     x = {part: value @ turn.T for part, value in x.items()}
     facing = turn @ clip.rotations[:, joints["head"]]
     leg = float(np.median(_length(x, "hip", "knee") + _length(x, "knee", "foot")))
-    if not leg > 0.0:
-        raise StateError("the clip's skeleton has legs of no length")
     scale = figure.leg / leg
     axes = axes_of(x["shoulder_left"], x["shoulder_right"], x["hip_left"], x["hip_right"])
     trunk = axes @ figure.axes.T
@@ -88,6 +89,23 @@ def place(figure: Figure, clip: Capture, joints: Mapping[str, int], travel: floa
             size = np.linalg.norm(reach, axis=1, keepdims=True)
             parts[end] = parts[begin] + reach * np.minimum(1.0, most / np.maximum(size, 1e-9))
     return Placing(parts, frames, scale)
+
+
+def _check(clip: Capture, x: Mapping[str, Array]) -> None:
+    """Raises StateError where a place is not finite, or a part of the person has no length."""
+    name = clip.name or "clip"
+    for part, path in x.items():
+        if not np.all(np.isfinite(path)):
+            frame = int(np.argmin(np.all(np.isfinite(path), axis=1)))
+            raise StateError(f"{name}: {part} is nowhere in frame {frame}; needed: finite numbers")
+    spans = {f"from {a}_{side} to {b}_{side}": x[f"{a}_{side}"] - x[f"{b}_{side}"]
+             for a, b in (("shoulder", "elbow"), ("elbow", "hand"), ("hip", "knee"),
+                          ("knee", "foot"), ("shoulder", "hip")) for side in SIDES}
+    spans |= {f"from {part}_left to {part}_right": x[f"{part}_left"] - x[f"{part}_right"]
+              for part in ("shoulder", "hip")}  # fmt: skip
+    for what, span in spans.items():
+        if not np.median(np.linalg.norm(span, axis=1)) > _LEAST:
+            raise StateError(f"{name}: the skeleton has no length {what}")
 
 
 def _turn_to(figure: Figure, x: Mapping[str, Array]) -> Array:

@@ -15,11 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.arrays import Array, Times
+from fantoccini.arrays import Array, Times, check_not_negative
 from fantoccini.capture import Capture, load_bvh
-from fantoccini.marionette import Marionette, link_index
+from fantoccini.errors import StateError
+from fantoccini.marionette import Marionette, link_index, refuse_contact
 from fantoccini.motion import State
-from fantoccini.optimal import Reach, reach
+from fantoccini.optimal import Reach, ReachStatus, reach
 from fantoccini.optimal.reaching import What
 from fantoccini.retarget.figure import Figure, figure_of
 from fantoccini.retarget.mapping import MappingFile, find_mapping, joints_of, load_mapping
@@ -38,6 +39,8 @@ _ITERATIONS = 10
 """Of the search for one pose; the next one goes on from there."""
 _FIRST = 100
 """Of the search for the first one."""
+_AT_REST = 1e-3
+"""Largest acceleration of a pose that hangs [m/s^2 or rad/s^2]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +67,15 @@ class Retargeted:
         worst = max(float(np.sqrt(np.mean(e**2))) for e in self.errors.values())
         return (
             f"<Retargeted {self.clip.name!r}: {len(self.t)} poses of {self.marionette.name!r}, "
-            f"{1e3 * worst:.3g} mm from the clip at most (root mean square)>"
+            f"{self.settled} of them settled, {1e3 * worst:.3g} mm from the clip at most (root "
+            "mean square)>"
         )
+
+    @property
+    def settled(self) -> int:
+        """Poses that no small change brings nearer; the search for the others ended before."""
+        sure = (ReachStatus.REACHED, ReachStatus.OUT_OF_REACH)
+        return sum(one in sure for one in self.reach.status)
 
     @cached_property
     def hung(self) -> dict[str, Array]:
@@ -93,6 +103,7 @@ def retarget_clip(
     mapping: MappingFile | str | os.PathLike[str] | None = None,
     start: State | None = None,
     travel: float = 1.0,
+    up: str | None = None,
 ) -> Retargeted:
     """The hanging poses of a puppet that are nearest to captured motion, one a frame.
 
@@ -103,6 +114,7 @@ def retarget_clip(
             found by the joints' names when not given.
         start: where the puppet hangs, from which the first pose is looked for.
         travel: share of the way along the floor that is kept; 0 stays on the spot.
+        up: ``y`` or ``z``; the axis along which trunks point most when not given.
 
     Raises:
         FileError: files with mistakes, or joints that are not found.
@@ -110,13 +122,18 @@ def retarget_clip(
     """
     if not isinstance(clip, Capture):
         clip = load_bvh(clip)
-    clip = clip.without_calibration().upright()
+    refuse_contact(marionette.model, "follow")
+    check_not_negative(travel=travel)
     name = clip.name or "clip"
+    clip = clip.without_calibration()
+    if len(clip.t) < 2:
+        raise StateError(f"{name} has one frame; needed: at least two")
     if mapping is None:
         mapping = find_mapping(clip.skeleton, name)
     elif not isinstance(mapping, MappingFile):
         mapping = load_mapping(mapping)
     joints = joints_of(mapping, clip.skeleton, name)
+    clip = clip.upright(_up(clip, joints) if up is None else up)
     start = marionette.rest() if start is None else start
     figure = figure_of(marionette, start, mapping.puppet)
     placing = place(figure, clip, joints, travel)
@@ -129,11 +146,29 @@ def retarget_clip(
         weights[coordinate] = _ABOVE
     first = {what: values[:1] for what, values in targets.items()}
     options: dict[str, Any] = {"slack": True, "tolerance": _NEAR, "weights": weights, "once": True}
-    begun = reach(marionette, first, start, iterations=_FIRST, **options)
-    found = reach(
-        marionette, targets, marionette.rest(begun[0].state), iterations=_ITERATIONS, **options
-    )
+    begun = marionette.rest(reach(marionette, first, start, iterations=_FIRST, **options)[0].state)
+    if np.max(np.abs(marionette.forward_dynamics(begun).acc_D)) > _AT_REST:
+        begun = start
+    try:
+        found = reach(marionette, targets, begun, iterations=_ITERATIONS, **options)
+    except StateError as error:
+        text = f"{name}: no hanging pose was found for the first frame: {error}"
+        raise StateError(text) from None
     return Retargeted(marionette, figure, clip, clip.t - clip.t[0], placing, found)
+
+
+def _up(clip: Capture, joints: Mapping[str, int]) -> str:
+    """The axis along which trunks point most, over all frames: y or z."""
+    x = {part: clip.positions[:, i] for part, i in joints.items()}
+    shoulders, hips = (x[f"{part}_left"] + x[f"{part}_right"] for part in ("shoulder", "hip"))
+    trunk = np.mean(shoulders - hips, axis=0)
+    axis = int(np.argmax(np.abs(trunk)))
+    if axis == 0 or trunk[axis] < 0.0:
+        raise StateError(
+            f"{clip.name or 'clip'}: trunks point along {'-' if trunk[axis] < 0.0 else ''}"
+            f"{'xyz'[axis]}; needed: along y or z; say which axis is up, `y` or `z`"
+        )
+    return "xyz"[axis]
 
 
 def places_in(figure: Figure, poses: Array) -> dict[str, Array]:

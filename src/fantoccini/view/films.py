@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from fantoccini.arrays import Array, Times
 from fantoccini.errors import FantocciniError
 from fantoccini.files import replacing
 from fantoccini.media import MediaError, ffmpeg
 from fantoccini.view.camera import Viewport
 from fantoccini.view.compose import Layout, compose, shadows
 from fantoccini.view.drawing import Look, Sheet, layout_of, set_polygons
-from fantoccini.view.geometry import Geometry, geometry_of
+from fantoccini.view.geometry import Geometry, Guides, geometry_of
 from fantoccini.view.pan import camera_path, pays_off
 from fantoccini.view.soundtrack import soundtrack
 from fantoccini.view.still import Drawable
@@ -67,7 +66,7 @@ def film(
     forces: bool = False,
     captions: Sequence[Caption] = (),
     sounds: Sequence[Sound] = (),
-    guides: Callable[[Times], Sequence[Array]] | None = None,
+    guides: Guides | None = None,
 ) -> Path:
     """Writes a film of a run.
 
@@ -120,9 +119,7 @@ def film(
     times = np.minimum(start + np.arange(n) * (speed / fps), stop)
     ending = path.suffix.lower()
     sound = soundtrack(sounds if ending == ".mp4" else (), start, n / fps, speed)
-    geometry = geometry_of(marionette, run.resample(times), forces)
-    if guides is not None:
-        geometry = replace(geometry, guides=tuple(guides(times)))
+    geometry = geometry_of(marionette, run.resample(times), forces).with_guides(guides)
     look = Look.of(view, focus, theme, (width, height))
     frames = Frames(geometry, look, renderer, follow, captions)
     try:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, Times
 from fantoccini.puppet import Number
 from fantoccini.tree import WORLD, ChainRow, Point, SpringRow, Tree
 from fantoccini.view import rope
@@ -38,6 +38,10 @@ class StringCurve:
     tension: float | None
     colour: np.ndarray | None
     wire: bool
+
+
+Guides: TypeAlias = Callable[[Times], Sequence[Array]]
+"""Gives lines (T, n, 3) that a motion is compared with at times (T,) [m]."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +96,24 @@ class Geometry:
     arrows: tuple[np.ndarray, ...] = ()
     guides: tuple[np.ndarray, ...] = ()
 
+    def with_guides(self, guides: Guides | None) -> Geometry:
+        """The same with lines that the motion is compared with.
+
+        Raises:
+            ValueError: they are not (T, n, 3) with n >= 2.
+        """
+        if guides is None:
+            return self
+        lines = tuple(np.asarray(line, dtype=float) for line in guides(self.t))
+        for line in lines:
+            of_times = line.ndim == 3 and line.shape[::2] == (len(self.t), 3)
+            if not of_times or line.shape[1] < 2:
+                raise ValueError(
+                    f"a guide has the shape {line.shape}; needed: ({len(self.t)}, n, 3) with at "
+                    "least 2 points"
+                )
+        return replace(self, guides=lines)
+
     def string_curves(self, k: int) -> list[StringCurve]:
         """The strings and chains at time ``t[k]``."""
         out = []
@@ -134,7 +156,8 @@ class Geometry:
                 centres.append(poses[..., :3] @ end + poses[..., 3] - gone)
                 radii.append(np.full(len(samples), _reach(solid)))
         lines = (*self.points, *self.chains, *self.springs)
-        for points in lines if strings or not self.solids else ():
+        shown = lines if strings or not self.solids else ()
+        for points in (*shown, *self.guides):
             flat = (points[samples] - gone[:, None]).reshape(-1, 3)
             centres.append(flat)
             radii.append(np.zeros(len(flat)))

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.arrays import Array, Times
 from fantoccini.errors import PictureError
 from fantoccini.files import replacing
 from fantoccini.view.camera import Viewport
 from fantoccini.view.compose import Layout, compose, shadows
 from fantoccini.view.drawing import DPI, Look, Sheet, layout_of
-from fantoccini.view.geometry import Geometry, geometry_at, geometry_of
+from fantoccini.view.geometry import Geometry, Guides, geometry_at, geometry_of
 from fantoccini.view.still import Drawable
 from fantoccini.view.studio import Studio, checked_renderer
 from fantoccini.view.theme import Theme
@@ -42,7 +40,7 @@ def strip(
     size: tuple[int, int] | None = None,
     scale: float = 2.0,
     forces: bool = False,
-    guides: Callable[[Times], Sequence[Array]] | None = None,
+    guides: Guides | None = None,
 ) -> Path:
     """Writes a strip of poses of a run, side by side, from left to right in time.
 
@@ -74,13 +72,11 @@ def strip(
 
 def strip_figure(
     marionette: Drawable, run: Trajectory, n: int, times: str | Sequence[float], look: Look,
-    forces: bool = False, guides: Callable[[Times], Sequence[Array]] | None = None,
+    forces: bool = False, guides: Guides | None = None,
 ) -> Figure:  # fmt: skip
     """The strip as a matplotlib figure; arguments as for :func:`strip`."""
     chosen = pose_times(marionette, run, n, times)
-    geometry = geometry_of(marionette, run.resample(chosen), forces)
-    if guides is not None:
-        geometry = replace(geometry, guides=tuple(guides(chosen)))
+    geometry = geometry_of(marionette, run.resample(chosen), forces).with_guides(guides)
     whole = geometry_of(marionette, run.resample(np.linspace(run.t[0], run.t[-1], 400)))
     n = len(chosen)
     if look.size is None:

@@ -149,6 +149,8 @@ class Reach {
     const auto kept = hang_.at;
     int changes[room(M)] = {}, end = int(ReachEnd::STALLED);
     longest_ = Tolerance::first_step;
+    look(i);
+    const double before = cost_.value;
     ahead_ = true;
     for (int taken = 0; taken < in->max_iterations && end == int(ReachEnd::STALLED); ++taken) {
       if (!hang_.aim()) break;
@@ -160,13 +162,22 @@ class Reach {
       if (!flip(changes) && size < in->tolerance) end = int(ReachEnd::NEAREST);
     }
     ahead_ = false;
-    if (!hang_.balance()) {
-      hang_at(kept);
-      return search(i, count);
+    const bool hangs = hang_.balance();
+    if (hangs) {
+      look(i);
+      passed_ = passed();
     }
-    look(i);
-    if (cost_.value <= 0.5 * in->tolerance * in->tolerance) end = int(ReachEnd::REACHED);
-    return end;
+    if (!hangs || cost_.value > before) {  // the steps went astray
+      if (hang_at(kept)) return search(i, count);
+      hang_.at = kept;  // on the edge of hanging: it stays as it was found
+      return int(ReachEnd::TIPS);
+    }
+    return is_there() ? int(ReachEnd::REACHED) : end;
+  }
+
+  // Whether the places are reached within the bounds.
+  bool is_there() const {
+    return cost_.apart <= in->tolerance * in->tolerance && passed_ <= Tolerance::passed;
   }
 
   // Makes the step and the move that hangs the puppet, or part of long ones; how long it is.
@@ -227,7 +238,7 @@ class Reach {
         passed_ = passed();
       }
       fresh = false;
-      if (cost_.value <= 0.5 * in->tolerance * in->tolerance && passed_ <= Tolerance::passed) {
+      if (is_there()) {
         end = int(ReachEnd::REACHED);
         for (double& x : price_) x = 0.0;
         break;

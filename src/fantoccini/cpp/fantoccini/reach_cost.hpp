@@ -23,7 +23,9 @@ class ReachCost {
 
   const ReachArrays* in = nullptr;
   const int *joint_q = nullptr, *driven_q = nullptr;  // places in q of scalars by velocity
-  double value = 0.0, top = 0.0, H[room(U * U)], g[room(U)];  // top: the largest curvature
+  double value = 0.0, H[room(U * U)], g[room(U)];
+  double top = 0.0;    // the largest curvature
+  double apart = 0.0;  // sum |place_i - target_i|^2, without weights
 
   // Where the targets' points are, the cost, and its derivatives by what is chosen; those after a
   // move of q_D, at first order, where one is given.
@@ -32,8 +34,7 @@ class ReachCost {
     n_ = n;
     const auto& at = hang_.at;
     Call<Model, double>::screws(at.q_D, at.q_K, at.p, screws_);
-    value = 0.0;
-    top = 0.0;
+    value = apart = top = 0.0;
     for (int a = 0; a < n_ * n_; ++a) H[a] = 0.0;
     for (int a = 0; a < n_; ++a) g[a] = 0.0;
     places_by_parameters();
@@ -62,6 +63,7 @@ class ReachCost {
           }
         }
         off = place - target;
+        apart += off * off;
         double moved = off;
         for (int k = 0; k < N && move; ++k) moved += slope[k] * move[k];
         add(moved, slope, t, c);
