@@ -15,7 +15,7 @@ from fantoccini import puppets
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.gestures.gesture import Gesture
-from fantoccini.gestures.walking import Ends, there_and_back, times
+from fantoccini.gestures.walking import BODY, Ends, there_and_back, times
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.motion.findings import Findings
@@ -80,9 +80,9 @@ class Aim:
         self.puppet, self.x0 = marionette, start
         if of or marionette.puppet.touching is not None:
             self.puppet = _by_itself()
-            self.x0 = self.puppet.rest(
-                {name: float(start[of + name]) for name in self.puppet.coordinates.q_K}
-            )
+            # Its own hands and knees, whose strings may hang low: such a pose may be unstable.
+            names = [f"{one}.{part}" for one in BODY for part in ("x", "y", "length")]
+            self.x0 = self.puppet.rest({name: float(start[of + name]) for name in names})
             if of and of[:-1] in bodies:
                 frame = marionette.pose(start, of[:-1])
                 place = frame[:3, :3].T @ (place - frame[:3, 3])
@@ -129,8 +129,8 @@ def point(ends: Ends, aim: Aim, findings: Findings) -> Gesture:
     if summary:
         findings.add(("to",), f"the {side} hand cannot point there: {summary}")
     findings.raise_any()
-    own = {f"{string}.{part}": float(found.state[f"{string}.{part}"] - x0[f"{string}.{part}"])
-           for part in ("x", "y", "length")}  # fmt: skip
+    names = [f"{string}.{part}" for part in ("x", "y", "length")]
+    own = {name: float(found.state[name] - ends.start[ends.of + name]) for name in names}
     way = max(_BRIEFEST, 1.875 * max(abs(x) for x in own.values()) / _SPEED)
     t, curve = there_and_back(way, _HOLD)
     for name, offset in own.items():

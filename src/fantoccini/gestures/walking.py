@@ -34,7 +34,8 @@ _PARTS = 8
 _MOST_STEPS, _LONGEST, _MOST_TURN = 1000, 1.0, 0.5 * np.pi
 """Bounds of steps: how many, their length [m] and how far one turns [rad]."""
 _SIDES = ("left", "right")
-_BODY = ("head", "shoulder_left", "shoulder_right")
+BODY = ("head", "shoulder_left", "shoulder_right")
+"""The strings that carry the body."""
 _MINIMUM_JERK = Polynomial([0, 0, 0, 10, -15, 6])
 _RAMP = Polynomial([0, 0, 0, 1, -0.5])
 
@@ -71,7 +72,7 @@ class Ends:
         known = pieces.channel_names(self.table)
         own = [name[len(self.of) :] for name in known if name.startswith(self.of)]
         owners = {name.rsplit(".", 1)[0] for name in own}
-        for owner in (*_BODY, "knee_left", "knee_right"):
+        for owner in (*BODY, "knee_left", "knee_right"):
             for part in ("x", "y", "length"):
                 if f"{owner}.{part}" not in own:
                     raise UnknownNameError("driven coordinate", f"{self.of}{owner}.{part}", known)
@@ -145,7 +146,7 @@ def walk(
     ups: list[Curve] = [_bump(clock - k) for k in range(n)]
     sway: Curve = _sum([times(_SWAY * (-1.0) ** (k + 1), up) for k, up in enumerate(ups)])
     ends.carry(n * length, angle, _phase(clock, n), sway)
-    for name in _BODY:
+    for name in BODY:
         ends.add(f"{name}.length", times(-_BOB, _sum(ups)))
     marks: dict[str, float] = {}
     for k, side in enumerate(_SIDES[:n]):
