@@ -206,6 +206,20 @@ def test_a_face_turns_to_a_place(marionette, to, before, after):
     assert found[0] > before and max(found[1:]) < after
 
 
+@pytest.mark.parametrize(("strings", "turned"), [(STRINGS, 57.0), (STRINGS[:3], 53.0)])
+def test_a_face_turns_with_all_ends(marionette, strings, turned):
+    x0, points, angle = marionette.rest(), {}, np.linspace(0.0, 1.0, 13)
+    for string in strings:
+        home = complex(x0[f"{string}.x"], x0[f"{string}.y"])
+        d = (np.exp(1j * angle) - 1.0) * home
+        for part, offsets in (("x", d.real), ("y", d.imag)):
+            points[f"{string}.{part}"] = list(zip(3.0 * angle, offsets, strict=True))
+    rest = fan.Gesture.rest(marionette, 3.0, everything=False)
+    run = played(marionette, fan.Gesture.of(marionette, points).then(rest))
+    face = marionette.pose(run.at(run.t[-1]), "skull")[:3, 0]
+    assert np.degrees(np.arctan2(face[1], face[0])) == pytest.approx(turned, abs=2.0)
+
+
 def test_members_have_the_bundled_gestures(marionette, visit):
     alone = fan.load_gesture(marionette, "wave")
     wave = fan.load_gesture(visit, "wave", of="columbine")
