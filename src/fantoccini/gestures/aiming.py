@@ -80,7 +80,7 @@ class Aim:
         self.puppet, self.x0 = marionette, start
         if of or marionette.puppet.touching is not None:
             self.puppet = _by_itself()
-            # Its own hands and knees, whose strings may hang low: such a pose may be unstable.
+            # Hands and knees hang as bundled: with the member's lengths it may not hang stably.
             names = [f"{one}.{part}" for one in BODY for part in ("x", "y", "length")]
             self.x0 = self.puppet.rest({name: float(start[of + name]) for name in names})
             if of and of[:-1] in bodies:
