@@ -93,7 +93,7 @@ def recorded(scene, seconds: float = 0.6) -> str:
 
 def test_a_button_plays_a_gesture_and_home_takes_it_back(scene):
     home = scene.performance.state.q_K
-    scene.viewer.pick("C V", "wave")
+    scene.viewer.pick("C V U", "wave")
     until(lambda: scene.performance.playing == ("wave",), "it waves")
     until(lambda: np.max(np.abs(scene.performance.state.q_K - home)) > 0.05, "the hand is up")
     scene.viewer.until_said("Plays wave")
@@ -115,11 +115,11 @@ def test_mirrored_gestures_and_those_that_go_on_until_pressed_again(scene):
     scene.viewer.tick("Mirrored", True)
     scene.viewer.tick("Again", True)
     until(lambda: scene.stage.instrument.manner.again, "the boxes are ticked")
-    scene.viewer.pick("C V", "wave")
+    scene.viewer.pick("C V U", "wave")
     until(lambda: scene.performance.playing == ("wave, mirrored",), "it waves")
     until(lambda: np.abs(scene.performance.state.q_K - home)[left].max() > 0.05, "the left hand")
     np.testing.assert_array_equal(scene.performance.state.q_K[right], home[right])
-    scene.viewer.pick("C V", "wave")
+    scene.viewer.pick("C V U", "wave")
     scene.viewer.tick("Mirrored", False)
     scene.viewer.tick("Again", False)
     until(lambda: not scene.stage.instrument.manner.again, "the boxes are clear")

@@ -295,6 +295,22 @@ class Gesture:
             named[to], travel[to] = self.named[v], sign * self.travel[v]
         return dataclasses.replace(self, coef=coef, named=named, travel=travel)
 
+    def turned(self, angle: float) -> Gesture:
+        """With forward and left turned about the vertical, as for a puppet that has turned [rad].
+
+        Raises:
+            StateError: it moves an end along x or y that is not driven along both, or turns a body.
+        """
+        coef, travel, named = np.array(self.coef), np.array(self.travel), np.array(self.named)
+        c, s = np.cos(angle), np.sin(angle)
+        for x, y in moves.planes(self.coordinates, self.named):
+            a, b = self.coef[:, x], self.coef[:, y]
+            coef[:, x], coef[:, y] = c * a - s * b, s * a + c * b
+            a, b = self.travel[x], self.travel[y]
+            travel[x], travel[y] = c * a - s * b, s * a + c * b
+            named[[x, y]] = True
+        return dataclasses.replace(self, coef=coef, travel=travel, named=named)
+
     def repeated(self, times: int, **options: Any) -> Gesture:
         """Several times in a row; options are those of :meth:`then`."""
         if not isinstance(times, int) or times < 1:

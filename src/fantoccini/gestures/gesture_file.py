@@ -12,7 +12,9 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from fantoccini.errors import FileError, Mistake, StateError, UnknownNameError, nearest
 from fantoccini.gestures import moves
+from fantoccini.gestures.aiming import To
 from fantoccini.gestures.gesture import Gesture
+from fantoccini.gestures.parameters import MADE, Parameters, made_gesture, member_prefix
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State, reading
 from fantoccini.motion.channel import SAME_TIME, Points
@@ -87,7 +89,7 @@ def gesture_schema() -> dict[str, Any]:
 
 def gesture_names() -> tuple[str, ...]:
     """Names of the bundled gestures, of the bundled marionette."""
-    return tuple(sorted(p.stem for p in _FOLDER.glob("*.yaml")))
+    return tuple(sorted({*(p.stem for p in _FOLDER.glob("*.yaml")), *MADE}))
 
 
 def bundled(name: str) -> Path:
@@ -96,36 +98,73 @@ def bundled(name: str) -> Path:
 
 
 def load_gesture(
-    puppet: Table, path: str | os.PathLike[str], start: State | None = None
+    puppet: Table,
+    path: str | os.PathLike[str],
+    start: State | None = None,
+    *,
+    of: str = "",
+    steps: int | None = None,
+    step: float | None = None,
+    turn: float | None = None,
+    to: To | None = None,
 ) -> Gesture:
-    """Reads a gesture file, or a take.
+    """Reads a gesture file, or a take; or makes a bundled gesture.
 
     A take (``.npz``) is a gesture from its start on, of what moves in it.
 
     Args:
-        puppet: whose gesture it is; a marionette where the file has key poses.
+        puppet: whose gesture it is; a marionette where the file has key poses, and for walks and
+            places.
         path: of the file, or the name of a bundled gesture (``wave``).
-        start: where the puppet hangs, for key poses; ``puppet.rest()`` when not given.
+        start: where the puppet hangs, for key poses, walks and places; ``puppet.rest()`` when not
+            given.
+        of: the member of a scene that does it: ``hand_right`` is then ``pierrot.hand_right``.
+        steps, step, turn: of ``walk``: how many, the length of each [m], and the angle by which
+            they turn to the left in all [rad]; 4, 6 cm and 0 when not given.
+        to: the place that ``point`` or ``look`` is for [m], or a body that is there at the start.
 
     Raises:
         FileError: with every mistake found and its location.
+        InputError: likewise, of the arguments.
+        UnknownNameError: the scene has no such member.
     """
     name = os.fspath(path)
+    given = Parameters(steps, step, turn, to)
+    prefix = member_prefix(reading.table_of(puppet), of)
     if not Path(name).is_file():
         if name not in gesture_names():
             text = "found no file; a gesture file is needed, or the name of a bundled gesture"
             raise FileError([Mistake(name, None, "", text + nearest(name, gesture_names()))])
+        if given.makes(name):
+            return made_gesture(puppet, name, given, prefix, start)
         path = bundled(name)
+    given.refuse(Path(name).stem)
     if name.lower().endswith(".npz"):
+        if of:
+            text = "a take has the names of the scene; leave `of` out"
+            raise FileError([Mistake(name, None, "", text)])
         return gesture_of_take(Input.load(puppet, name), Path(name).stem, name)
+    return _read(puppet, path, start, prefix)
+
+
+def _read(
+    puppet: Table, path: str | os.PathLike[str], start: State | None, prefix: str
+) -> Gesture:
+    """The gesture of a file."""
     located = read_file(path)
     file = validate(GestureFile, located)
     table, findings = reading.table_of(puppet), Findings()
-    offsets: dict[str, Points] = moves.read(table, file.moves, findings, ("moves",))
+    given = {prefix + name: points for name, points in file.moves.items()}
+    offsets: dict[str, Points] = moves.read(table, given, findings, ("moves",))
+    findings.found = [
+        (tuple(x.removeprefix(prefix) if isinstance(x, str) else x for x in spot), text)
+        for spot, text in findings.found
+    ]
     if not file.moves and file.poses is None:
         findings.add((), "found neither moves nor poses; needed: one of them")
     if file.poses is not None and not findings.found:
-        for channel, points in _of_poses(puppet, file.poses, start, offsets, located).items():
+        found = _of_poses(puppet, file.poses, start, offsets, located, prefix)
+        for channel, points in found.items():
             if channel in offsets:
                 findings.add(("moves",), f"move {channel}, as the string of the poses does")
             offsets[channel] = points
@@ -175,8 +214,9 @@ def is_gesture(path: str | os.PathLike[str]) -> bool:
 
 
 def _of_poses(
-    puppet: Table, poses: KeyPoses, start: State | None, moved: dict[str, Points], located: Located
-) -> dict[str, Points]:
+    puppet: Table, poses: KeyPoses, start: State | None, moved: dict[str, Points],
+    located: Located, prefix: str,
+) -> dict[str, Points]:  # fmt: skip
     """Offsets of strings with which the puppet hangs at key poses, moved as it is then."""
     found = Findings()
     if not isinstance(puppet, Marionette):
@@ -184,7 +224,7 @@ def _of_poses(
     x0, table = puppet.rest() if start is None else start, puppet.coordinates
     owners = {name: name.rsplit(".", 1)[0] for name in table.q_K}
     for i, string in enumerate(poses.strings):
-        if string not in owners.values():
+        if prefix + string not in owners.values():
             text = f"no string with driven coordinates is called {string!r}"
             found.add(("poses", "strings", i), text + nearest(string, set(owners.values())))
     for i, (a, b) in enumerate(zip(poses.at, poses.at[1:], strict=False)):
@@ -199,17 +239,18 @@ def _of_poses(
             text = f"{body!r} is not among the points{nearest(body, poses.points)}"
             found.add(("poses", "of", body), text)
     _refuse(found, located)
-    held = tuple(name for name, owner in owners.items() if owner not in poses.strings)
+    strings = {prefix + string for string in poses.strings}
+    held = tuple(name for name, owner in owners.items() if owner not in strings)
     targets: dict[What, Any] = {}
     for body, places in poses.points.items():
         at = poses.of.get(body, (0.0, 0.0, 0.0))
         try:
-            pose = puppet.pose(x0, body)
+            pose = puppet.pose(x0, prefix + body)
         except UnknownNameError as error:
             found.add(("poses", "points", body), str(error))
             continue
         home = pose[:3, 3] + pose[:3, :3] @ np.array(at)
-        targets[body, at] = home + np.array(places)
+        targets[prefix + body, at] = home + np.array(places)
     _refuse(found, located)
     made = {
         table.q_K[q]: (np.array(poses.at), np.empty(len(poses.at)))

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fantoccini.arrays import Array
-from fantoccini.errors import nearest
+from fantoccini.arrays import Array, MaskRows
+from fantoccini.errors import StateError, nearest
 from fantoccini.motion import pieces, reading
 from fantoccini.motion.channel import Points
 from fantoccini.motion.findings import Findings, Path
@@ -58,6 +58,27 @@ def reflection(name: str) -> Array | None:
     if owner_of(name)[2]:
         return np.array([-1.0 if name.endswith(".y") else 1.0])
     return None if twin(name) == name else np.array([1.0])
+
+
+def planes(table: CoordinateTable, named: MaskRows) -> list[tuple[int, int]]:
+    """Places in v_K of x and y of every end that is moved along one of them.
+
+    Raises:
+        StateError: an end is driven along one of them only, or a body is turned.
+    """
+    known, found = pieces.channel_names(table), dict[str, tuple[int, int]]()
+    for name, (_, v) in known.items():
+        owner, _, part = name.rpartition(".")
+        if not named[v.start]:
+            continue
+        if name in table.rotations:
+            raise StateError(f"it turns {owner}; only motions of strings' ends turn with a puppet")
+        if owner and part in ("x", "y"):
+            other = f"{owner}.{'y' if part == 'x' else 'x'}"
+            if other not in known:
+                raise StateError(f"it moves {name}, and {other} is not driven")
+            found[owner] = known[f"{owner}.x"][1].start, known[f"{owner}.y"][1].start
+    return list(found.values())
 
 
 def read(

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from fantoccini.arrays import Array
-from fantoccini.errors import FileError, StateError, UnknownNameError, nearest
+from fantoccini.errors import FileError, InputError, StateError, UnknownNameError, nearest
 from fantoccini.gestures.gesture import Gesture, numbered
 from fantoccini.gestures.gesture_file import bundled, gesture_names, load_gesture
 from fantoccini.gestures.notes import Notes
+from fantoccini.gestures.parameters import Parameters, made_gesture, member_prefix
 from fantoccini.gestures.placing import Placing
 from fantoccini.gestures.score_file import CueFile, ScoreFile
 from fantoccini.gestures.timing import Spot
@@ -33,7 +34,7 @@ class Repertoire:
     ):
         self._marionette, self._file, self._start = marionette, file, start
         self._most, self._notes = most, notes
-        self._files: dict[str, Gesture | None] = {}
+        self._files: dict[tuple[str, str, Parameters], Gesture | None] = {}
         self._phrases: dict[str, Gesture | None] = {}
         self._open: list[str] = []
 
@@ -42,7 +43,7 @@ class Repertoire:
         if cue.phrase is not None:
             made = self._phrase(cue.phrase, (*spot, "phrase"))
         else:
-            made = self._gesture(str(cue.gesture), (*spot, "gesture"))
+            made = self._gesture(cue, spot)
         if made is None:
             return None
         for mark in cue.on or ():
@@ -55,6 +56,12 @@ class Repertoire:
         except (UnknownNameError, StateError) as error:
             self._notes.mistake((*spot, "mirrored"), str(error))
             return None
+        if cue.heading is not None:
+            try:
+                made = made.turned(cue.heading)
+            except StateError as error:
+                self._notes.mistake((*spot, "heading"), str(error))
+                return None
         pieces = cue.repeat * (len(made.breaks) - 1)
         if pieces > _MOST:
             text = f"found {cue.repeat}; {made.name} would have {pieces} pieces, of {_MOST} at most"
@@ -72,23 +79,37 @@ class Repertoire:
             return None
         return made, whole
 
-    def _gesture(self, name: str, spot: Spot) -> Gesture | None:
-        if name in self._files:
-            return self._files[name]
-        self._files[name] = None
-        path = self._notes.located.beside(name)
+    def _gesture(self, cue: CueFile, spot: Spot) -> Gesture | None:
+        name, of = str(cue.gesture), cue.of or ""
+        given = Parameters(cue.steps, cue.step, cue.turn, cue.to)
+        if (name, of, given) in self._files:
+            return self._files[name, of, given]
+        self._files[name, of, given] = None
+        path, is_bundled = self._notes.located.beside(name), False
         if path is None and name in gesture_names():
-            path = bundled(name)
+            path, is_bundled = bundled(name), True
         if path is None:
             text = "no gesture file in this one's folder, and no bundled gesture, is called "
-            self._notes.mistake(spot, f"{text}{name!r}{nearest(name, gesture_names())}")
+            found = f"{text}{name!r}{nearest(name, gesture_names())}"
+            self._notes.mistake((*spot, "gesture"), found)
             return None
         try:
-            self._files[name] = load_gesture(self._marionette, path, self._start)
+            if is_bundled and given.makes(name):
+                prefix = member_prefix(self._marionette.coordinates, of)
+                made = made_gesture(self._marionette, name, given, prefix, self._start)
+            else:
+                given.refuse(name)
+                made = load_gesture(self._marionette, path, self._start, of=of)
+            self._files[name, of, given] = made
+        except UnknownNameError as error:
+            self._notes.mistake((*spot, "of" if of else "gesture"), str(error))
+        except InputError as error:
+            for one in error.mistakes:
+                self._notes.mistake((*spot, one.key), one.message)
         except FileError as error:
             for one in error.mistakes:
-                self._notes.mistake(spot, str(one))
-        return self._files[name]
+                self._notes.mistake((*spot, "gesture"), str(one))
+        return self._files[name, of, given]
 
     def _phrase(self, name: str, spot: Spot) -> Gesture | None:
         """A phrase as one gesture: from where the puppet hangs, at rest at its end."""

@@ -7,9 +7,10 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
+from fantoccini.gestures.moves import metres
 from fantoccini.puppet.located import shown
-from fantoccini.puppet.sized import Size
-from fantoccini.puppet.values import Model, Name, Positive, Real, mistake, read_real
+from fantoccini.puppet.sized import SIZED, Place, Size
+from fantoccini.puppet.values import Angle, Model, Name, Positive, Real, mistake, read_real
 
 _FACTORS = (1e-3, 1e3)
 """Least and largest factor of sizes, speeds and durations."""
@@ -34,9 +35,41 @@ def _time(value: Any) -> float | str:
     return number
 
 
+def _length(value: Any) -> float:
+    number = metres(value)
+    if isinstance(number, str):
+        raise mistake(f"found {shown(value)}; needed: a length, as 0.06, 6 cm or 60 mm")
+    return read_real(number)
+
+
+def _to(value: Any) -> Any:
+    if isinstance(value, str):
+        return value
+    if not isinstance(value, list | tuple) or len(value) != 3:
+        raise mistake(f"found {shown(value)}; needed: three numbers, or the name of a body")
+    return tuple(read_real(number) for number in value)
+
+
+OF_GESTURES = ("of", "steps", "step", "turn", "to")
+"""Keys that only gestures have."""
+
 KINDS = ("gesture", "phrase", "hold")
 """What a cue may be."""
 
+Length = Annotated[
+    float,
+    BeforeValidator(_length),
+    SIZED,
+    WithJsonSchema(
+        {"anyOf": [{"type": "number"}, {"type": "string", "pattern": "^.+ *(mm|cm|m)$"}]}
+    ),
+]
+To = Annotated[
+    tuple[float, float, float] | str,
+    BeforeValidator(_to, json_schema_input_type=Place | str),
+    SIZED,
+]
+"""A place, or the name of a body."""
 Factor = Annotated[Real, AfterValidator(_factor)]
 Time = Annotated[
     float | str,
@@ -67,6 +100,18 @@ class CueFile(Model):
     """A mark of the gesture -> when it is."""
     lasts: Factor | None = None
     """How long it lasts, each time; as long as its file says by default."""
+    of: Name | None = None
+    """The member of a scene that does it."""
+    steps: Annotated[int, Field(ge=1, le=1000)] | None = None
+    """How many steps of `walk`."""
+    step: Length | None = None
+    """Length of a step of `walk` [m]."""
+    turn: Angle | None = None
+    """By how much `walk` turns to the left, in all [rad]."""
+    to: To | None = None
+    """The place that `point` and `look` are for [m], or a body that is there at the start."""
+    heading: Angle | None = None
+    """The direction of forward, from that at the start: after a walk that turns [rad]."""
     larger: Factor = 1.0
     """Factor of its size."""
     faster: Factor = 1.0
@@ -84,6 +129,13 @@ class CueFile(Model):
             raise mistake(f"found {found}; needed: one of `gesture`, `phrase` and `hold`")
         if self.hold is not None and (more := self.model_fields_set - {"hold", "at", "name"}):
             raise mistake(f"found `hold` with `{min(more)}`; a hold has only `at` and `name`")
+        own = [key for key in OF_GESTURES if getattr(self, key) is not None]
+        if self.gesture is None and own:
+            raise mistake(f"found `phrase` with `{own[0]}`; only a gesture has `{own[0]}`")
+        if self.turn:
+            # Larger, it is no rigid motion; repeated, it needs another heading each time.
+            for key in self.model_fields_set & {"larger", "repeat"}:
+                raise mistake(f"found both `turn` and `{key}`; needed: other `steps` or cues")
         if self.at is not None and self.on is not None:
             raise mistake("found both `at` and `on`; needed: one of them")
         if self.on is not None and len(self.on) != 1:
