@@ -30,16 +30,16 @@ from fantoccini.simulation import simulate
 
 SPEED, ACCELERATION = 2.0, 30.0
 """Bounds of the driven coordinates where none are given [m/s, m/s^2]."""
-INTERVAL = 0.04
+INTERVAL = 0.05
 """Over which the hands' accelerations are constant [s]."""
-_HORIZON = 20
+_HORIZON = 14
 """Intervals that are looked ahead."""
-_DT = 0.01
+_DT = 0.0125
 """Time step of predictions [s]."""
 _WEIGHT, _WEIGHT_K = 1e4, 30.0
 """Of the parts, relative to which their own weights are, and w_K [1/m^2]."""
 _SMOOTH = Smooth(acceleration=1e-3, jerk=1e-6)
-_STILL = 10
+_STILL = 8
 """Intervals after the clip's end in which the puppet comes to rest."""
 _EASE = 0.5
 """Time in which the clip's time begins to run, and comes to its end [s]."""
