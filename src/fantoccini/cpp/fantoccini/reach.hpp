@@ -27,6 +27,8 @@ struct ReachTolerances {
   static constexpr double least_damping = 1e-12;
   static constexpr double most_damping = 1e8;
   static constexpr double first_step = 0.1;  // the longest at first, of what is chosen [m or rad]
+  static constexpr double little = 1e-3;  // share of the cost that the next step of a path saves
+  static constexpr double hangs = 1e-3;   // and move that hangs the puppet, at which it ends
   static constexpr double damping_ahead = 1e-4;  // of steps along paths
   static constexpr double max_turn = 0.5;    // of the pose [m or rad]
   static constexpr double least_gain = 1e-3;  // of a step, in tolerances: else it is nearest
@@ -158,8 +160,11 @@ class Reach {
       cost_.look(i, chosen_, n_, hang_.move);
       if (!step(Tolerance::damping_ahead)) break;
       ++count;
+      double off = 0.0;
+      for (int k = 0; k < N; ++k) off = larger(fabs(hang_.move[k]), off);
+      const bool little = promised() < Tolerance::little * cost_.value && off < Tolerance::hangs;
       const double size = advance();
-      if (!flip(changes) && size < in->tolerance) end = int(ReachEnd::NEAREST);
+      if ((!flip(changes) && size < in->tolerance) || little) end = int(ReachEnd::NEAREST);
     }
     ahead_ = false;
     const bool hangs = hang_.balance();
