@@ -25,7 +25,7 @@ lanes:
   body:
     - {gesture: walk, steps: 4, step: 6 cm, turn: 30 deg, lasts: 4}
     - {gesture: walk, steps: 2, heading: 30 deg}
-    - {gesture: look, to: [0.5, 0.4, 0.3]}
+    - {gesture: look, to: [0.5, 0.4, 0.3], heading: 30 deg}
   arm:
     - {gesture: point, to: [0.5, -0.3, 0.4]}
 """
@@ -313,3 +313,52 @@ def test_a_files_mistakes_keep_their_lines_for_members(visit, tmp_path):
     path = written(tmp_path, "gesture: g\nmoves:\n  hand_rigt.up: [[0, 0], [1, 1 cm]]\n")
     with pytest.raises(FileError, match=r"number.yaml:3"):
         fan.load_gesture(visit, path, of="pierrot")
+
+
+@pytest.mark.parametrize(
+    ("phrases", "lanes", "line", "message"),
+    [
+        ("{w: [{gesture: walk, turn: 80 deg}]}", "[{phrase: w, larger: 2}]", 3, "w turns, and"),
+        ("{w: [{gesture: walk, turn: 80 deg}]}", "[{phrase: w, repeat: 2}]", 3, "w turns: each"),
+        ("{}", "[{gesture: look, to: [0, 1, 0.3], larger: 1.8}]", 3, "turns, and cannot be scaled"),
+        ("{bad: [{gesture: wve}]}", "[{gesture: bow}]", 2, "is called 'wve'"),
+    ],
+)
+def test_what_would_tear_strings_apart_is_refused(tmp_path, phrases, lanes, line, message):
+    path = tmp_path / "walk.yaml"
+    path.write_text(f"score: walk\nphrases: {phrases}\nlanes: {{body: {lanes}}}\n")
+    with pytest.raises(FileError, match=rf"walk\.yaml:{line}: .*({message})"):
+        fan.load_score(fan.puppets.marionette(), path)
+
+
+def test_turns_in_a_row_want_their_headings(tmp_path):
+    path = tmp_path / "walk.yaml"
+    turning = "{gesture: walk, turn: 80 deg}, {gesture: walk, turn: 80 deg"
+    text = "score: walk\nlanes: {body: [" + turning + "%s}]}"
+    puppet = fan.puppets.marionette()
+    path.write_text(text % "")
+    (change,) = fan.load_score(puppet, path).changes
+    assert "give `heading: 80 deg`" in change.message
+    path.write_text(text % ", heading: 80 deg")
+    assert not fan.load_score(puppet, path).changes
+
+
+def test_phrases_within_phrases_end(tmp_path):
+    path = tmp_path / "deep.yaml"
+    deep = "".join(f"  p{i}: [{{phrase: p{i + 1}}}]\n" for i in range(200))
+    last = "  p200: [{gesture: bow}]\nlanes: {a: [{phrase: p0}]}\n"
+    path.write_text(f"score: deep\nphrases:\n{deep}{last}")
+    with pytest.raises(FileError, match="more than 30 deep"):
+        fan.load_score(fan.puppets.marionette(), path)
+
+
+def test_marks_are_numbered_and_dashes_may_be_minus(tmp_path):
+    path = tmp_path / "marks.yaml"
+    path.write_text(
+        "score: marks\nlanes:\n  a: [{gesture: walk, on: {left 2: 4}}]\n"
+        "  b: [{gesture: wave, at: walk.end-1}]\n"
+    )
+    score = fan.load_score(fan.puppets.marionette(), path)
+    walk, wave = (next(c for c in score.cues if c.gesture == name) for name in ("walk", "wave"))
+    assert walk.marks["left 2"] == pytest.approx(4.0)
+    assert wave.start == pytest.approx(walk.end - 1.0)

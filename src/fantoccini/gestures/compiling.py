@@ -68,6 +68,7 @@ class _Compiler:
             lane: (("lanes", lane), cues) for lane, cues in file.lanes.items()
         }
         placed = Placing(lanes, file.marks, gestures.of, most, notes)
+        gestures.read_all()
         notes.refuse()
         captions = tuple(self._caption(placed, i) for i in range(len(file.captions)))
         waits = self._waits(placed)

@@ -57,6 +57,8 @@ class Gesture:
         name: of the gesture.
         marks: name -> time within it [s]: when the hand is up, when the foot lands. Of gestures
             in a row the second mark of a name is called ``up 2``, and so on.
+        turns: whether it turns the ends of all strings together: then it is neither scaled nor
+            repeated, which would tear them apart.
     """
 
     coordinates: CoordinateTable
@@ -66,6 +68,7 @@ class Gesture:
     travel: VecK
     name: str = ""
     marks: Mapping[str, float] = field(default_factory=dict)
+    turns: bool = False
 
     def __post_init__(self) -> None:
         n, k = len(self.breaks) - 1, self.coordinates.n_vK
@@ -222,8 +225,14 @@ class Gesture:
         return dataclasses.replace(self, name=name)
 
     def scaled(self, factor: float) -> Gesture:
-        """Larger, or below 1 smaller."""
+        """Larger, or below 1 smaller.
+
+        Raises:
+            StateError: it turns: a larger one is another turn, with ``turn`` or ``to``.
+        """
         check_positive(factor=factor)
+        if self.turns and factor != 1.0:
+            raise StateError(f"{self.name} turns, and cannot be scaled; give it another turn")
         return dataclasses.replace(self, coef=factor * self.coef, travel=factor * self.travel)
 
     def faster(self, factor: float) -> Gesture:
@@ -312,9 +321,15 @@ class Gesture:
         return dataclasses.replace(self, coef=coef, travel=travel, named=named)
 
     def repeated(self, times: int, **options: Any) -> Gesture:
-        """Several times in a row; options are those of :meth:`then`."""
+        """Several times in a row; options are those of :meth:`then`.
+
+        Raises:
+            StateError: it turns: the second time it needs another heading.
+        """
         if not isinstance(times, int) or times < 1:
             raise ValueError(f"times is {times!r}; it must be a whole number of at least 1")
+        if self.turns and times > 1:
+            raise StateError(f"{self.name} turns: each time it needs a heading of its own")
         return self.then(*[self] * (times - 1), **options) if times > 1 else self
 
     def then(
@@ -342,7 +357,8 @@ class Gesture:
             for name, t in one.marks.items():
                 marks[numbered(name, marks)] = begun + t
         names = dict.fromkeys(one.name for one in (self, *others) if one.name)
-        return Gesture(self.coordinates, *line.motion, ", ".join(names), marks)
+        turns = any(one.turns for one in (self, *others))
+        return Gesture(self.coordinates, *line.motion, ", ".join(names), marks, turns)
 
     def __add__(self, other: Gesture) -> Gesture:
         """Both at once, from the same time on; the shorter one holds its end.

@@ -15,6 +15,8 @@ from fantoccini.gestures.score import Played
 from fantoccini.gestures.score_file import CueFile, Time
 from fantoccini.gestures.timing import END, START, Cue, Reference, Spot, Times, in_order
 
+_HEADING = 1e-2
+"""Difference of headings that tears no strings apart [rad]."""
 _STILL = 1e-9
 """Rate below which a lane is at rest [m/s or rad/s]."""
 
@@ -24,11 +26,12 @@ Gestures = Callable[[CueFile, Spot], tuple[Gesture, Gesture] | None]
 
 @dataclass
 class _Lane:
-    """A lane so far: its motion, when the next cue may begin, and what came last."""
+    """A lane so far: its motion, when the next cue may begin, what came last, where it looks."""
 
     line: Line
     free: float = 0.0
     before: str = ""
+    heading: float = 0.0
 
 
 class Placing:
@@ -184,6 +187,14 @@ class Placing:
                 f"{whole.duration - more:.2f} s: it ends elsewhere than it begins, and goes back "
                 "each time",
             )  # fmt: skip
+        if whole.turns and abs((cue.given.heading or 0.0) - lane.heading) > _HEADING:
+            self._notes.change(
+                cue.spot, f"{whole.name} turns as if the puppet looked "
+                f"{np.degrees(cue.given.heading or 0.0):.0f} deg to the left, and tears its "
+                f"strings apart: it looks {np.degrees(lane.heading):.0f} deg; give "
+                f"`heading: {np.degrees(lane.heading):.0f} deg`",
+            )  # fmt: skip
+        lane.heading += cue.given.turn or 0.0
         lane.before, lane.free = whole.name, 0.0
         marks = {name: begun + t for name, t in whole.marks.items()}
         cue.played = Played(cue.lane, whole.name, begun, line.end, marks, cue.name)

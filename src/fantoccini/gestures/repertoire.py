@@ -14,6 +14,8 @@ from fantoccini.gestures.timing import Spot
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
 
+_DEEPEST = 30
+"""Phrases within phrases."""
 _MOST = 100_000
 """Pieces of a gesture that is repeated, at most, for memory."""
 
@@ -35,8 +37,14 @@ class Repertoire:
         self._marionette, self._file, self._start = marionette, file, start
         self._most, self._notes = most, notes
         self._files: dict[tuple[str, str, Parameters], Gesture | None] = {}
+        self._wrong: dict[tuple[str, str, Parameters], list[tuple[Spot, str]]] = {}
         self._phrases: dict[str, Gesture | None] = {}
         self._open: list[str] = []
+
+    def read_all(self) -> None:
+        """Compiles the phrases that no cue plays, too, for their mistakes."""
+        for name in self._file.phrases:
+            self._phrase(name, ("phrases", name))
 
     def of(self, cue: CueFile, spot: Spot) -> tuple[Gesture, Gesture] | None:
         """The cue's gesture once, and as often as it is repeated; None after a mistake."""
@@ -67,7 +75,11 @@ class Repertoire:
             text = f"found {cue.repeat}; {made.name} would have {pieces} pieces, of {_MOST} at most"
             self._notes.mistake((*spot, "repeat"), text)
             return None
-        made = made.scaled(cue.larger).faster(cue.faster)
+        try:
+            made = made.scaled(cue.larger).faster(cue.faster)
+        except StateError as error:
+            self._notes.mistake((*spot, "larger"), str(error))
+            return None
         if cue.lasts is not None:
             made = made.lasting(cue.lasts * self._notes.beat)
         try:
@@ -83,8 +95,11 @@ class Repertoire:
         name, of = str(cue.gesture), cue.of or ""
         given = Parameters(cue.steps, cue.step, cue.turn, cue.to)
         if (name, of, given) in self._files:
+            for key, text in self._wrong.get((name, of, given), ()):
+                self._notes.mistake((*spot, *key), text)
             return self._files[name, of, given]
         self._files[name, of, given] = None
+        before = len(self._notes.found)
         path, is_bundled = self._notes.located.beside(name), False
         if path is None and name in gesture_names():
             path, is_bundled = bundled(name), True
@@ -92,6 +107,7 @@ class Repertoire:
             text = "no gesture file in this one's folder, and no bundled gesture, is called "
             found = f"{text}{name!r}{nearest(name, gesture_names())}"
             self._notes.mistake((*spot, "gesture"), found)
+            self._wrong[name, of, given] = [(("gesture",), found)]
             return None
         try:
             if is_bundled and given.makes(name):
@@ -109,6 +125,9 @@ class Repertoire:
         except FileError as error:
             for one in error.mistakes:
                 self._notes.mistake((*spot, "gesture"), str(one))
+        self._wrong[name, of, given] = [
+            (found[len(spot) :], text) for found, text in self._notes.found[before:]
+        ]
         return self._files[name, of, given]
 
     def _phrase(self, name: str, spot: Spot) -> Gesture | None:
@@ -123,6 +142,9 @@ class Repertoire:
             return None
         if name in self._phrases:
             return self._phrases[name]
+        if len(self._open) >= _DEEPEST:
+            self._notes.mistake(spot, f"phrases are more than {_DEEPEST} deep; needed: fewer")
+            return None
         self._open.append(name)
         self._phrases[name] = self._made(name)
         self._open.pop()
@@ -138,4 +160,5 @@ class Repertoire:
             for mark, t in one.marks.items():
                 marks[numbered(mark, marks)] = t
         (line,) = placed.lines
-        return Gesture(self._marionette.coordinates, *line.motion, name, marks)
+        turns = any(cue.whole is not None and cue.whole.turns for cue in placed.cues)
+        return Gesture(self._marionette.coordinates, *line.motion, name, marks, turns)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, WithJsonSchema
@@ -10,7 +11,7 @@ from pydantic_core import PydanticCustomError
 from fantoccini.gestures.moves import metres
 from fantoccini.puppet.located import shown
 from fantoccini.puppet.sized import SIZED, Place, Size
-from fantoccini.puppet.values import Angle, Model, Name, Positive, Real, mistake, read_real
+from fantoccini.puppet.values import NAME, Angle, Model, Name, Positive, Real, mistake, read_real
 
 _FACTORS = (1e-3, 1e3)
 """Least and largest factor of sizes, speeds and durations."""
@@ -50,6 +51,17 @@ def _to(value: Any) -> Any:
     return tuple(read_real(number) for number in value)
 
 
+def _mark(text: str) -> str:
+    if not re.fullmatch(_MARK, text, re.ASCII):
+        raise mistake(f"found {shown(text)}; needed: a mark of the gesture, such as up or left 2")
+    return text
+
+
+_MARK = rf"{NAME}( \d+)?"
+Mark = Annotated[
+    str, AfterValidator(_mark), WithJsonSchema({"type": "string", "pattern": f"^{_MARK}$"})
+]
+"""A mark of a gesture; of those of one name the second is called `left 2`."""
 OF_GESTURES = ("of", "steps", "step", "turn", "to")
 """Keys that only gestures have."""
 
@@ -96,7 +108,7 @@ class CueFile(Model):
     """By which times refer to it; the name of its gesture or phrase by default."""
     at: Time | None = None
     """When it begins."""
-    on: dict[Name, Time] | None = None
+    on: dict[Mark, Time] | None = None
     """A mark of the gesture -> when it is."""
     lasts: Factor | None = None
     """How long it lasts, each time; as long as its file says by default."""

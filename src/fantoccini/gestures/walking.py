@@ -53,6 +53,7 @@ class Ends:
         places: string -> x + i y of its end at the start [m].
         middle: between those of the shoulders [m].
         curves: driven coordinate -> offsets.
+        turns: whether they turn.
 
     Args:
         start: where the puppet hangs.
@@ -67,6 +68,7 @@ class Ends:
     places: dict[str, complex] = field(default_factory=dict, init=False)
     middle: complex = field(default=0j, init=False)
     curves: dict[str, Curve] = field(default_factory=dict, init=False)
+    turns: bool = field(default=False, init=False)
 
     def __post_init__(self) -> None:
         known = pieces.channel_names(self.table)
@@ -84,6 +86,7 @@ class Ends:
 
     def carry(self, along: float, turn: float, s: Curve, sway: Curve | None = None) -> None:
         """Carries all ends along an arc, and turns them with it [m, rad]."""
+        self.turns = self.turns or turn != 0.0
         s0, s1, s2 = s
         w0, w1, w2 = sway if sway is not None else (0.0 * s0,) * 3
         e, q1, q2 = np.exp(1j * turn * s0), 1j * turn * s1, 1j * turn * s2
@@ -114,7 +117,7 @@ class Ends:
             first, last = (d[:-1], rate[:-1], change[:-1]), (d[1:], rate[1:], change[1:])
             coef[:, v] = polynomial.hermite(h, first, last)
             named[v], travel[v] = True, curve[0][-1] if travels else 0.0
-        return Gesture(self.table, t, coef, named, travel, name, marks)
+        return Gesture(self.table, t, coef, named, travel, name, marks, self.turns)
 
 
 def walk(
