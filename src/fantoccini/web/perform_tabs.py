@@ -192,7 +192,10 @@ class TakesTab:
         with tab:
             self._about = gui.add_html("")
             self._take = gui.add_dropdown("Take", (_NONE,), hint="The newest first")
-            self._play = gui.add_button("Play (L)", icon="player-play")
+            self._play = gui.add_button(
+                "Play (L)", icon="player-play",
+                hint="From its start; ends the score and gestures that are played",
+            )  # fmt: skip
             self._again = gui.add_checkbox("Loop", False, hint="Again and again, joined smoothly")
             with gui.add_folder("Edit"):
                 self._editing = gui.add_html("")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from fantoccini.errors import FantocciniError, StateError
 from fantoccini.gestures import Score, load_score
+from fantoccini.marionette import Marionette
 from fantoccini.perform import Performance, Recording
 from fantoccini.perform.score_voice import ScoreVoice
 from fantoccini.web.instrument import Instrument
@@ -71,17 +72,34 @@ class Stage:
         """Calls something whenever there is a new take."""
         self._took.append(do)
 
-    def reload(self) -> tuple[str, ...]:
+    def replace(self, marionette: Marionette) -> tuple[str, ...]:
+        """Continues with a changed puppet, and its score where it was.
+
+        Returns:
+            Messages about what could not be kept.
+
+        Raises:
+            FantocciniError: the puppet cannot be performed; nothing changes then.
+        """
+        playing = self.performance.score
+        lost = self.performance.replace(marionette)
+        return lost + self._reload(playing)
+
+    def _reload(self, playing: ScoreVoice | None) -> tuple[str, ...]:
         """Finds gestures and score for a changed puppet; returns what could not be kept."""
         self.instrument.load()
         self.armed &= set(self.performance.lanes)
-        if self._score_file is not None:
-            try:
-                self._take_score(self._read(self._score_file))
-            except FantocciniError as error:
-                self.score = None
-                return (str(error),)
-        return ()
+        if self._score_file is None:
+            return ()
+        try:
+            self._take_score(load_score(self.performance.marionette, self._score_file))
+        except FantocciniError as error:
+            self.score = None
+            self.performance.stop_score()
+            return (str(error),)
+        ended = playing is not None and self.performance.score is None
+        self._go_on(playing)
+        return ("the score goes on where it was",) if ended else ()
 
     def poll(self, now: float) -> tuple[str, ...] | None:
         """Loads the score again when its file was saved, and goes on with it where it was.
@@ -93,10 +111,8 @@ class Stage:
         if reload is None:
             return None
         if reload.made is not None:
-            before = self.performance.score
             self._take_score(reload.made)
-            if before is not None:
-                self._begin(before.running).seek(min(before.t, reload.made.duration))
+            self._go_on(self.performance.score)
         return reload.mistakes
 
     def frame(self) -> None:
@@ -184,6 +200,11 @@ class Stage:
         playing = self.performance.play_score(self._needed(), armed=self.armed)
         playing.running = running
         return playing
+
+    def _go_on(self, before: ScoreVoice | None) -> None:
+        """Plays the score from where it was in another reading of it."""
+        if before is not None:
+            self._begin(before.running).seek(min(before.t, self._needed().duration))
 
     def _needed(self) -> Score:
         if self.score is None:
