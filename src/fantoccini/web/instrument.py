@@ -84,17 +84,13 @@ class Instrument:
         """Adds a gesture, or replaces the one of its name."""
         self.gestures[gesture.name] = gesture
 
-    def press(self, name: str, manner: Manner | None = None) -> None:
-        """Plays a gesture, or ends the one that begins again and again.
-
-        Args:
-            name: of the gesture.
-            manner: how it is played; as the instrument's says when not given.
+    def press(self, name: str) -> None:
+        """Plays a gesture as :attr:`manner` says, or ends it where it begins again and again.
 
         Raises:
             FantocciniError: its mirror image is not known, or a law moves the hands.
         """
-        manner, gesture = manner or self.manner, self.gestures[name]
+        manner, gesture = self.manner, self.gestures[name]
         if manner.mirrored:
             gesture = gesture.mirrored().called(f"{name}, mirrored")
         if self._again.pop(gesture.name, ""):
