@@ -178,11 +178,16 @@ class Stage:
         self.sounds.changed()
 
     def go(self) -> None:
-        """GO: ends a wait of the score; begins the score where it is not played."""
+        """GO: ends a wait of the score; begins the score where it is not played or has ended."""
         self._needed()
         playing = self.performance.score
-        if playing is None:
-            self._begin()
+        if playing is None or playing.conductor.done:
+            playing = playing or self._begin()
+            playing.seek(0.0)
+            playing.running = True
+            wait = playing.conductor.upcoming
+            if wait is not None and wait.t <= playing.t:
+                playing.conductor.go()
         elif not playing.running:
             playing.running = True
         else:
