@@ -90,12 +90,14 @@ class Instrument:
         Raises:
             FantocciniError: its mirror image is not known, or a law moves the hands.
         """
+        if names := [played for played, one in self._repeats().items() if one == name]:
+            for played in names:
+                del self._again[played]
+                self._performance.play_once(played)
+            return
         manner, gesture = self.manner, self.gestures[name]
         if manner.mirrored:
             gesture = gesture.mirrored().called(f"{name}, mirrored")
-        if self._again.pop(gesture.name, ""):
-            self._performance.play_once(gesture.name)
-            return
         gesture = gesture.scaled(manner.size).faster(manner.speed)
         t = self._performance.t
         after = self.tempo.next(t) - t if manner.on_beat else None
@@ -111,9 +113,7 @@ class Instrument:
     @property
     def playing(self) -> tuple[str, ...]:
         """Names of what is played."""
-        found = self._performance.playing
-        self._again = {name: one for name, one in self._again.items() if name in found}
-        return tuple(name for name in found if name != "rest")
+        return tuple(name for name in self._performance.playing if name != "rest")
 
     @property
     def beat(self) -> int:
@@ -127,6 +127,12 @@ class Instrument:
     def set_tempo(self, bpm: float) -> None:
         """Sets beats a minute."""
         self.tempo.set(bpm, self._performance.t)
+
+    def _repeats(self) -> dict[str, str]:
+        """Name of a gesture that begins again and again -> the button that began it."""
+        found = self._performance.playing
+        self._again = {name: one for name, one in self._again.items() if name in found}
+        return self._again
 
     def _files(self) -> list[Path]:
         """Files of the folders that may be gestures: YAML, and takes that have a name."""
