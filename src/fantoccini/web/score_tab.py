@@ -173,7 +173,7 @@ def _changed(changes: tuple[str, ...]) -> str:
 def _said(score: Score, t: float, waiting: Any) -> str:
     """Time, beat and caption, as HTML."""
     where = f"{t:.1f} s of {score.duration:.1f} s"
-    if score.beat != 1.0:
+    if score.tempo is not None:
         where += f", beat {t / score.beat:.1f}"
     if waiting is not None:
         where += f"; waits at {text(waiting.name)} for GO"

@@ -226,8 +226,8 @@ class Stage:
         except OSError as error:
             raise StateError(f"{error.filename} cannot be read: {error.strerror}") from None
         self.score = score
-        if score.beat != 1.0:
-            self.instrument.set_tempo(60.0 / score.beat)
+        if score.tempo is not None:
+            self.instrument.set_tempo(score.tempo)
 
     # -- sound -------------------------------------------------------------------------------
 
