@@ -311,6 +311,8 @@ class Live(PageLoop):
         if reload.made is None:
             return
         lost = self.stage.replace(reload.made)
+        if self.stage.score is not None:
+            self.panel.show_mistakes("score", ())
         self._past.clear()
         with self.server.viser.atomic():
             self._clear()

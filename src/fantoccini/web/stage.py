@@ -63,6 +63,7 @@ class Stage:
         self._frame = time.perf_counter()
         self._took: list[Callable[[], None]] = []
         self.score: Score | None = None
+        self._read_for = performance.marionette
         self._watched: WatchedFile[Score] | None = None
         if score is not None:
             self._watched = WatchedFile(score, self._read)
@@ -108,7 +109,10 @@ class Stage:
             Its mistakes, once; None where it was not saved.
         """
         reload = None if self._watched is None else self._watched.poll(now)
-        if reload is None:
+        if reload is None or self._watched is None:
+            return None
+        if self._read_for is not self.performance.marionette:
+            self._watched.again()  # the puppet was changed meanwhile
             return None
         if reload.made is not None:
             self._take_score(reload.made)
@@ -217,7 +221,8 @@ class Stage:
         return self.score
 
     def _read(self, path: Path) -> Score:
-        return load_score(self.performance.marionette, path)
+        self._read_for = self.performance.marionette
+        return load_score(self._read_for, path)
 
     def _take_score(self, score: Score) -> None:
         clips = [Clip(one.path, one.start, one.gain) for one in score.sounds]
