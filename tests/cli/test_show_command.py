@@ -118,6 +118,18 @@ def test_another_host_says_what_it_exposes(tmp_path):
     assert "anyone who can reach port" in said and "no password" in said
 
 
+def test_what_of_a_score_is_not_as_it_is_written_is_said(tmp_path):
+    score = tmp_path / "late.yaml"
+    score.write_text(
+        "score: late\nlanes: {head: [{gesture: nod}]}\n"
+        "captions: [{at: 0, until: 100, text: One}]\n",
+        encoding="utf-8",
+    )
+    shown = Shown("marionette", "--port", 0, "--score", score, folder=tmp_path)
+    _, said = shown.end()
+    assert "late.yaml:3: captions[0]" in said and "the score ends" in said
+
+
 def test_a_run_is_written_as_one_file(run, tmp_path):
     path = tmp_path / "run.html"
     result = fantoccini("show", run, "--html", path, "--theme", "dark", "--quiet")

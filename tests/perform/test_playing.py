@@ -368,3 +368,18 @@ def test_armed_lanes_of_a_score_are_in_the_hands(puppet, score):
         live.advance(0.1)
         np.testing.assert_array_equal(live.place("hand_right")[0], home)
         assert live.length("hand_right") == live.wanted_length("hand_right")
+
+
+def test_what_is_played_goes_on_or_is_told_to_have_ended(puppet, gestures, score):
+    live = fan.Performance(puppet)
+    live.play(gestures["wave"], again=True)
+    playing = live.play_score(score)
+    live.advance(0.5)
+    assert live.replace(fan.puppets.marionette()) == ()
+    assert live.playing == ("wave",) and live.score is playing
+    t = playing.t
+    live.advance(0.2)
+    assert playing.t > t
+    lost = live.replace(fan.puppets.crane())
+    assert {"the gestures ended", "the score ended"} <= set(lost)
+    assert live.playing == () and live.score is None

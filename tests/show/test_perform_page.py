@@ -14,6 +14,7 @@ from tests.show.viewer import Viewer
 from websockets.sync.client import connect
 
 import fantoccini as fan
+from fantoccini.web.instrument import Manner
 
 SCORE = """\
 score: number
@@ -55,6 +56,7 @@ def scene(folder):
         score=folder / "number.yaml",
     )  # fmt: skip
     with page, Viewer(page.url) as viewer:
+        assert page.show.stage.instrument.tempo.bpm == 120.0
         yield SimpleNamespace(
             page=page, live=page.show, stage=page.show.stage, viewer=viewer, folder=folder,
             performance=page.show.performance,
@@ -206,6 +208,30 @@ def test_an_overdub_keeps_the_take_and_adds_the_hands(scene):
     until(lambda: not scene.stage.armed, "it is not armed")
 
 
+def test_who_does_not_hold_the_strings_changes_nothing(scene, monkeypatch):
+    name, stage = recorded(scene), scene.stage
+    until(lambda: scene.live.panel._takes._of == name, "its part is shown")
+    other = stage.takes.names[-1]
+    monkeypatch.setattr(scene.live.holder, "_idle", 60.0)
+    with Viewer(scene.page.url) as second:
+        scene.viewer.tick("On the beat", False)
+        until(lambda: scene.live.holder.viewer is not None, "the first holds the strings")
+        until(lambda: "Stretch" in str(list(second.controls.values())), "the second sees the page")
+        for label in ("Mirrored", "hand_right", "Loop"):
+            second.tick(label, True)
+        second.slide("Size", 2.0)
+        second.slide("Stretch", 3.0)
+        second.choose("Take", other)
+        takes = scene.live.panel._takes
+        until(lambda: second.notices, "it is told")
+        time.sleep(0.5)
+        assert not stage.armed and stage.takes.chosen == name == takes._take.value
+        assert stage.instrument.manner == Manner() and stage.takes.edits.stretch == 1.0
+        assert takes._stretch.value == 1.0 and not takes._again.value
+        assert not takes._lanes["hand_right"].value
+        assert second.value("Size") == 1.0
+
+
 def test_a_take_becomes_a_film(scene):
     name = recorded(scene)
     scene.viewer.pick("Save as", "Film")
@@ -217,8 +243,9 @@ def test_a_take_becomes_a_film(scene):
 
 
 def test_a_score_waits_for_go_pauses_and_goes_to_marks(scene):
-    performance, stage = scene.performance, scene.stage
-    assert stage.instrument.tempo.bpm in (120.0, 60.0)
+    performance = scene.performance
+    scene.viewer.until_said(", beat 0.0")
+    scene.viewer.until_said("Not as it is written:")  # the caption ends after the score
     scene.viewer.press("GO (Space)")
     until(lambda: performance.score is not None and performance.score.t > 0.5, "it begins")
     scene.viewer.until_said("&lt;b&gt;One&lt;/b&gt;, two")  # words, not markup

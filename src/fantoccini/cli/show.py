@@ -102,6 +102,8 @@ def _announce(page: Page, request: ShowRequest) -> None:
             "see the page, move the puppet and write recordings to "
             f"{request.record_to.absolute()}; there is no password"
         )
+    for change in page.changes:
+        say(change)
     write(page.url)
     if not request.quiet:
         say("press Ctrl-C to stop")

@@ -99,7 +99,7 @@ class _Compiler:
         made = Score(
             self._marionette, whole.called(file.score), tuple(one for _, one, _ in placed.played),
             placed.marks, captions, notes.beat, tuple(notes.changes), file.score, file.speed,
-            file.acceleration, waits, sounds, own,
+            file.acceleration, waits, sounds, own, file.tempo,
         )  # fmt: skip
         try:
             made.inputs(self._start)

@@ -95,6 +95,7 @@ class Score:
         waits: where a live performance waits for GO, in order; otherwise they take no time.
         sounds: what is heard.
         lanes: lane -> its own motion.
+        tempo: beats in a minute; None where times are in seconds.
     """
 
     marionette: Marionette
@@ -110,6 +111,7 @@ class Score:
     waits: tuple[Wait, ...] = ()
     sounds: tuple[Sound, ...] = ()
     lanes: Mapping[str, Gesture] = field(default_factory=dict, repr=False)
+    tempo: float | None = field(default=None, repr=False)
 
     def __bool__(self) -> bool:
         return not self.changes

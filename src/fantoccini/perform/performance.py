@@ -87,8 +87,7 @@ class Performance(Playing):
         self._remainder = 0.0
         self._reports = Reports()
         self._law, self._pushes = None, {}
-        if x0 is None:
-            x0 = change.hanging(marionette)
+        x0 = change.hanging(marionette) if x0 is None else x0
         check_start(marionette.model, x0, "timestepping")
         change.check_steps(marionette, x0, self.dt)
         self._take(marionette, x0)
@@ -278,6 +277,8 @@ class Performance(Playing):
     def replace(self, marionette: Marionette) -> tuple[str, ...]:
         """Continues with a changed puppet; coordinates that keep their names keep their values.
 
+        What is played goes on if all driven coordinates do.
+
         Args:
             marionette: the puppet from now on.
 
@@ -299,13 +300,14 @@ class Performance(Playing):
         before, lengths, wanted_before = self.marionette, self._hands.lengths, self._wanted
         x, lost = change.carried(before, self.state, marionette, start)
         x = change.permitted(gripped(marionette, self._grip_of(marionette)), x)
-        self._take(marionette, x, Hands.ranges_of(marionette, start, self.dt) | lengths)
+        player, ended = self._player.carried(before, marionette)
+        self._take(marionette, x, Hands.ranges_of(marionette, start, self.dt) | lengths, player)
         places = {name: i for i, name in enumerate(before.coordinates.q_K)}
         for i, name in enumerate(marionette.coordinates.q_K):
             if name in places:
                 self._wanted[i] = wanted_before[places[name]]
         self._x0 = start
-        return lost
+        return lost + ended
 
     # -- recording ---------------------------------------------------------------------------
 
@@ -372,6 +374,7 @@ class Performance(Playing):
         marionette: Marionette,
         x: State,
         lengths: dict[str, tuple[float, float]] | None = None,
+        player: Player | None = None,
     ) -> None:
         """Continues from a state of a puppet, with targets where the hands are.
 
@@ -379,6 +382,7 @@ class Performance(Playing):
             marionette: the puppet.
             x: the state.
             lengths: string -> its range [m]; by default about the lengths of the state.
+            player: goes on with what it plays; otherwise nothing is played.
         """
         self.marionette = marionette
         self._reports.forget_motors()
@@ -386,13 +390,12 @@ class Performance(Playing):
         self._pushes.clear()
         self.grip = self._grip_of(marionette)
         self._performed = gripped(marionette, self.grip)
-        if lengths is None:
-            lengths = Hands.ranges_of(marionette, x, self.dt)
+        lengths = Hands.ranges_of(marionette, x, self.dt) if lengths is None else lengths
         self._hands = Hands.of(marionette, x, self._speed, self._acceleration, lengths)
         self._holding = Holding(self._performed, self._hands, self.grip)
-        bounds = self._hands.each()
-        most = np.array([list(bounds.speed.values()), list(bounds.acceleration.values())])
-        self._player = Player(most, self.tick)
+        most = np.array([list(bound.values()) for bound in self._hands.each()[1:]])
+        self._player = player or Player(most, self.tick)
+        self._player.bound(most)
         self._wanted = np.array(x.q_K)
         self._since = x.t
         self._restart(x.replace(t=0.0), keep=False)

@@ -11,6 +11,7 @@ import numpy as np
 
 from fantoccini.arrays import Array, VecK
 from fantoccini.gestures import Gesture, Score
+from fantoccini.marionette import Marionette
 from fantoccini.perform.score_voice import ScoreVoice
 from fantoccini.perform.voice import Offsets, Voice, fitted, lead_time
 
@@ -75,6 +76,24 @@ class Player:
         """Names of the gestures that move or are about to."""
         moving = [one.gesture.name for one in self._voices if not one.over(self.t)]
         return tuple(dict.fromkeys(moving + [one.gesture.name for one in self._waiting]))
+
+    def carried(
+        self, before: Marionette, after: Marionette
+    ) -> tuple[Player | None, tuple[str, ...]]:
+        """Itself where it can go on with a changed puppet, and messages about what ends."""
+        old, new = before.coordinates, after.coordinates
+        if (old.q_K, old.v_K) == (new.q_K, new.v_K):
+            return self, ()
+        found = {"the gestures": self.away, "the take": self.take, "the score": self.score}
+        return None, tuple(f"{what} ended" for what, there in found.items() if there)
+
+    def bound(self, most: Array) -> None:
+        """Sets the bounds, for what leads over from now on."""
+        self._most = most
+        for voice in self._all():
+            voice.bound(most)
+        if self.score is not None:
+            self.score.bound(most)
 
     def offsets(self) -> Offsets:
         """The sum of everything now."""

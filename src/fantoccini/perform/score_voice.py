@@ -50,6 +50,10 @@ class ScoreVoice:
         """Whether its time stands still now."""
         return self._lead is not None or self._pace == 0.0 or self.conductor.standing
 
+    def bound(self, most: Array) -> None:
+        """Sets the bounds of what leads over from now on."""
+        self._most = most
+
     def seek(self, to: float | str) -> None:
         """Goes to a time of the score [s], or to a mark or a wait by its name.
 

@@ -95,6 +95,10 @@ class Voice:
         """Whether it has ended."""
         return t >= self._end and not self.again and self._last.still
 
+    def bound(self, most: Array) -> None:
+        """Sets the bounds of what leads over from now on."""
+        self._most = most
+
     def finish(self) -> None:
         """Ends with the present round."""
         self.again = False

@@ -84,22 +84,20 @@ class Instrument:
         """Adds a gesture, or replaces the one of its name."""
         self.gestures[gesture.name] = gesture
 
-    def press(self, name: str, manner: Manner | None = None) -> None:
-        """Plays a gesture, or ends the one that begins again and again.
-
-        Args:
-            name: of the gesture.
-            manner: how it is played; as the instrument's says when not given.
+    def press(self, name: str) -> None:
+        """Plays a gesture as :attr:`manner` says, or ends it where it begins again and again.
 
         Raises:
             FantocciniError: its mirror image is not known, or a law moves the hands.
         """
-        manner, gesture = manner or self.manner, self.gestures[name]
+        if names := [played for played, one in self._repeats().items() if one == name]:
+            for played in names:
+                del self._again[played]
+                self._performance.play_once(played)
+            return
+        manner, gesture = self.manner, self.gestures[name]
         if manner.mirrored:
             gesture = gesture.mirrored().called(f"{name}, mirrored")
-        if self._again.pop(gesture.name, ""):
-            self._performance.play_once(gesture.name)
-            return
         gesture = gesture.scaled(manner.size).faster(manner.speed)
         t = self._performance.t
         after = self.tempo.next(t) - t if manner.on_beat else None
@@ -115,9 +113,7 @@ class Instrument:
     @property
     def playing(self) -> tuple[str, ...]:
         """Names of what is played."""
-        found = self._performance.playing
-        self._again = {name: one for name, one in self._again.items() if name in found}
-        return tuple(name for name in found if name != "rest")
+        return tuple(name for name in self._performance.playing if name != "rest")
 
     @property
     def beat(self) -> int:
@@ -131,6 +127,12 @@ class Instrument:
     def set_tempo(self, bpm: float) -> None:
         """Sets beats a minute."""
         self.tempo.set(bpm, self._performance.t)
+
+    def _repeats(self) -> dict[str, str]:
+        """Name of a gesture that begins again and again -> the button that began it."""
+        found = self._performance.playing
+        self._again = {name: one for name, one in self._again.items() if name in found}
+        return self._again
 
     def _files(self) -> list[Path]:
         """Files of the folders that may be gestures: YAML, and takes that have a name."""

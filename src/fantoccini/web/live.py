@@ -310,8 +310,9 @@ class Live(PageLoop):
         self.panel.show_mistakes("puppet", reload.mistakes)
         if reload.made is None:
             return
-        lost = self.performance.replace(reload.made)
-        lost += self.stage.reload()
+        lost = self.stage.replace(reload.made)
+        if self.stage.score is not None:
+            self.panel.show_mistakes("score", ())
         self._past.clear()
         with self.server.viser.atomic():
             self._clear()

@@ -82,6 +82,12 @@ class Page:
         """What became of the last recording; empty without one."""
         return self.show.recorder.status if isinstance(self.show, Live) else ""
 
+    @property
+    def changes(self) -> tuple[str, ...]:
+        """What in the score of a live puppet is not as it is written, with file and line."""
+        score = self.show.stage.score if isinstance(self.show, Live) else None
+        return () if score is None else tuple(map(str, score.changes))
+
     def wait(self) -> None:
         """Blocks until Ctrl-C, then closes the page; SIGHUP and SIGTERM also end Python."""
         with _exit_on_signals():

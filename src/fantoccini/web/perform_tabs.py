@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -79,7 +78,8 @@ class GesturesTab:
         async def set_bpm(event: Any) -> None:
             if event.client_id is not None:
                 bpm = float(self._bpm.value)
-                live.later(event.client_id, lambda: instrument.set_tempo(bpm))
+                if not live.later(event.client_id, lambda: instrument.set_tempo(bpm)):
+                    self._bpm.value = float(round(instrument.tempo.bpm))
 
         async def pressed(event: Any) -> None:
             do = self._tap if event.target.value == "Tap" else self._click
@@ -131,9 +131,8 @@ class GesturesTab:
         row = self._gui.add_button_group(keys or " ", names, order=-1000.0 + first)
 
         async def pressed(event: Any) -> None:
-            name, instrument = str(event.target.value), self._live.stage.instrument
-            manner = replace(instrument.manner)  # as it is now, not when the loop plays it
-            self._live.later(event.client_id, lambda: instrument.press(name, manner))
+            name = str(event.target.value)
+            self._live.later(event.client_id, lambda: self._press(name))
 
         row.on_click(pressed)
         self._made.append(row)
@@ -157,8 +156,11 @@ class GesturesTab:
         """Sets an attribute of the manner to what a control says."""
 
         async def changed(event: Any) -> None:
-            if event.client_id is not None:
-                setattr(manner, name, control.value)
+            if event.client_id is None:
+                return
+            value = control.value
+            if not self._live.later(event.client_id, lambda: setattr(manner, name, value)):
+                control.value = getattr(manner, name)
 
         control.on_update(changed)
 
@@ -192,7 +194,10 @@ class TakesTab:
         with tab:
             self._about = gui.add_html("")
             self._take = gui.add_dropdown("Take", (_NONE,), hint="The newest first")
-            self._play = gui.add_button("Play (L)", icon="player-play")
+            self._play = gui.add_button(
+                "Play (L)", icon="player-play",
+                hint="From its start; ends the score and gestures that are played",
+            )  # fmt: skip
             self._again = gui.add_checkbox("Loop", False, hint="Again and again, joined smoothly")
             with gui.add_folder("Edit"):
                 self._editing = gui.add_html("")
@@ -217,6 +222,7 @@ class TakesTab:
         make.on_click(lambda e: live.later(e.client_id, self._make))
         overdub.on_click(lambda e: live.later(e.client_id, self._overdub))
         self._take.on_update(self._choose)
+        self._again.on_update(self._loop)
         for control in (self._smooth, self._stretch):
             control.on_update(self._edit)
         self._keep.on_click(self._save)
@@ -296,15 +302,22 @@ class TakesTab:
 
     async def _choose(self, event: Any) -> None:
         name = str(self._take.value)
-        if event.client_id is not None and name != _NONE:
-            self._live.later(event.client_id, lambda: self._chosen(name))
+        if event.client_id is None or name == _NONE:
+            return
+        if not self._live.later(event.client_id, lambda: self._chosen(name)):
+            self._show_name(name)
 
     def _chosen(self, name: str) -> None:
         try:
             self._live.stage.takes.choose(name)
         finally:
-            if self._live.stage.takes.chosen != name:
-                self._take.value = self._live.stage.takes.chosen or self._shown[0]
+            self._show_name(name)
+
+    def _show_name(self, said: str) -> None:
+        """Shows which take is chosen where the list says another."""
+        chosen = self._live.stage.takes.chosen or self._shown[0]
+        if chosen != said:
+            self._take.value = chosen
 
     async def _edit(self, event: Any) -> None:
         if event.client_id is None or self._part is None:
@@ -314,7 +327,15 @@ class TakesTab:
         if end >= self._part.max and takes.take is not None:
             end = takes.take.duration  # the slider rounds
         edits = Edits(start, end, self._smooth.value, self._stretch.value)
-        self._live.later(event.client_id, lambda: setattr(takes, "edits", edits))
+        if not self._live.later(event.client_id, lambda: setattr(takes, "edits", edits)):
+            kept, most = takes.edits, self._part.max
+            self._part.value = min(kept.start, most), min(kept.end, most)
+            self._smooth.value, self._stretch.value = kept.smooth, kept.stretch
+
+    async def _loop(self, event: Any) -> None:
+        wanted = self._again.value
+        if event.client_id is not None and not self._live.later(event.client_id, lambda: None):
+            self._again.value = not wanted
 
     async def _save(self, event: Any) -> None:
         takes = self._live.stage.takes
@@ -335,8 +356,11 @@ class TakesTab:
 
     def _arms(self, lane: str, box: Any) -> Callable[[Any], Any]:
         async def arm(event: Any) -> None:
-            if event.client_id is not None:
-                armed = self._live.stage.armed
-                (armed.add if box.value else armed.discard)(lane)
+            if event.client_id is None:
+                return
+            armed = self._live.stage.armed
+            change = partial(armed.add if box.value else armed.discard, lane)
+            if not self._live.later(event.client_id, change):
+                box.value = lane in armed
 
         return arm

@@ -22,6 +22,7 @@ class _Sizes(NamedTuple):
     bar: int = 12
     letter: float = 5.2  # Width of a letter of a gesture's name
     most: int = 200  # Gestures, marks and waits, each
+    changes: int = 12  # Lines about what is not as it is written
 
 
 _SIZES = _Sizes()
@@ -47,6 +48,7 @@ class ScoreTab:
         self._made: list[Any] = []
         self._score: Score | None = None
         with tab:
+            self._changes = gui.add_html("", visible=False)
             self._about = gui.add_html("")
             self._go = gui.add_button(
                 "GO (Space)", icon="player-skip-forward", color="green",
@@ -69,6 +71,8 @@ class ScoreTab:
         for one in self._made:
             one.remove()
         self._made.clear()
+        changes = () if score is None else tuple(map(str, score.changes))
+        self._changes.content, self._changes.visible = _changed(changes), bool(changes)
         if score is None:
             return
         places = {**score.marks, **{wait.name: wait.t for wait in score.waits}}
@@ -154,10 +158,22 @@ def drawing(score: Score, t: float, theme: Theme) -> str:
     )
 
 
+def _changed(changes: tuple[str, ...]) -> str:
+    """What is not as it is written, as HTML."""
+    lines = list(changes[: _SIZES.changes])
+    if len(changes) > len(lines):
+        lines.append(f"and {len(changes) - len(lines)} more")
+    return (
+        '<div style="margin:0 0.5em;padding:0.4em 0.7em;border-left:4px solid #d9a23b;'
+        'font-size:0.82em;overflow-wrap:anywhere"><b>Not as it is written:</b>'
+        f"{''.join(f'<div>{text(line)}</div>' for line in lines)}</div>"
+    )
+
+
 def _said(score: Score, t: float, waiting: Any) -> str:
     """Time, beat and caption, as HTML."""
     where = f"{t:.1f} s of {score.duration:.1f} s"
-    if score.beat != 1.0:
+    if score.tempo is not None:
         where += f", beat {t / score.beat:.1f}"
     if waiting is not None:
         where += f"; waits at {text(waiting.name)} for GO"

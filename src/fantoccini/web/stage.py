@@ -8,6 +8,7 @@ from pathlib import Path
 
 from fantoccini.errors import FantocciniError, StateError
 from fantoccini.gestures import Score, load_score
+from fantoccini.marionette import Marionette
 from fantoccini.perform import Performance, Recording
 from fantoccini.perform.score_voice import ScoreVoice
 from fantoccini.web.instrument import Instrument
@@ -62,6 +63,7 @@ class Stage:
         self._frame = time.perf_counter()
         self._took: list[Callable[[], None]] = []
         self.score: Score | None = None
+        self._read_for = performance.marionette
         self._watched: WatchedFile[Score] | None = None
         if score is not None:
             self._watched = WatchedFile(score, self._read)
@@ -71,17 +73,34 @@ class Stage:
         """Calls something whenever there is a new take."""
         self._took.append(do)
 
-    def reload(self) -> tuple[str, ...]:
+    def replace(self, marionette: Marionette) -> tuple[str, ...]:
+        """Continues with a changed puppet, and its score where it was.
+
+        Returns:
+            Messages about what could not be kept.
+
+        Raises:
+            FantocciniError: the puppet cannot be performed; nothing changes then.
+        """
+        playing = self.performance.score
+        lost = self.performance.replace(marionette)
+        return lost + self._reload(playing)
+
+    def _reload(self, playing: ScoreVoice | None) -> tuple[str, ...]:
         """Finds gestures and score for a changed puppet; returns what could not be kept."""
         self.instrument.load()
         self.armed &= set(self.performance.lanes)
-        if self._score_file is not None:
-            try:
-                self._take_score(self._read(self._score_file))
-            except FantocciniError as error:
-                self.score = None
-                return (str(error),)
-        return ()
+        if self._score_file is None:
+            return ()
+        try:
+            self._take_score(load_score(self.performance.marionette, self._score_file))
+        except FantocciniError as error:
+            self.score = None
+            self.performance.stop_score()
+            return (str(error),)
+        ended = playing is not None and self.performance.score is None
+        self._go_on(playing)
+        return ("the score goes on where it was",) if ended else ()
 
     def poll(self, now: float) -> tuple[str, ...] | None:
         """Loads the score again when its file was saved, and goes on with it where it was.
@@ -90,13 +109,14 @@ class Stage:
             Its mistakes, once; None where it was not saved.
         """
         reload = None if self._watched is None else self._watched.poll(now)
-        if reload is None:
+        if reload is None or self._watched is None:
+            return None
+        if self._read_for is not self.performance.marionette:
+            self._watched.again()  # the puppet was changed meanwhile
             return None
         if reload.made is not None:
-            before = self.performance.score
             self._take_score(reload.made)
-            if before is not None:
-                self._begin(before.running).seek(min(before.t, reload.made.duration))
+            self._go_on(self.performance.score)
         return reload.mistakes
 
     def frame(self) -> None:
@@ -162,11 +182,16 @@ class Stage:
         self.sounds.changed()
 
     def go(self) -> None:
-        """GO: ends a wait of the score; begins the score where it is not played."""
+        """GO: ends a wait of the score; begins the score where it is not played or has ended."""
         self._needed()
         playing = self.performance.score
-        if playing is None:
-            self._begin()
+        if playing is None or playing.conductor.done:
+            playing = playing or self._begin()
+            playing.seek(0.0)
+            playing.running = True
+            wait = playing.conductor.upcoming
+            if wait is not None and wait.t <= playing.t:
+                playing.conductor.go()
         elif not playing.running:
             playing.running = True
         else:
@@ -185,13 +210,19 @@ class Stage:
         playing.running = running
         return playing
 
+    def _go_on(self, before: ScoreVoice | None) -> None:
+        """Plays the score from where it was in another reading of it."""
+        if before is not None:
+            self._begin(before.running).seek(min(before.t, self._needed().duration))
+
     def _needed(self) -> Score:
         if self.score is None:
             raise StateError("there is no score: fantoccini show PUPPET --score FILE")
         return self.score
 
     def _read(self, path: Path) -> Score:
-        return load_score(self.performance.marionette, path)
+        self._read_for = self.performance.marionette
+        return load_score(self._read_for, path)
 
     def _take_score(self, score: Score) -> None:
         clips = [Clip(one.path, one.start, one.gain) for one in score.sounds]
@@ -200,8 +231,8 @@ class Stage:
         except OSError as error:
             raise StateError(f"{error.filename} cannot be read: {error.strerror}") from None
         self.score = score
-        if score.beat != 1.0:
-            self.instrument.set_tempo(60.0 / score.beat)
+        if score.tempo is not None:
+            self.instrument.set_tempo(score.tempo)
 
     # -- sound -------------------------------------------------------------------------------
 

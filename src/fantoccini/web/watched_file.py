@@ -73,6 +73,10 @@ class WatchedFile(Generic[Made]):
         self._reader.start()
         return None
 
+    def again(self) -> None:
+        """Lets the file be loaded again, though it is unchanged."""
+        self._stamp = None
+
     def _read(self) -> None:
         try:
             self._result = Reload(self._load(self._path))
