@@ -185,20 +185,22 @@ class Reach {
     return cost_.apart <= in->tolerance * in->tolerance && passed_ <= Tolerance::passed;
   }
 
-  // Makes the step and the move that hangs the puppet, or part of long ones; how long it is.
+  // Makes the step, on paths along with the move that hangs the puppet, or part of a long one; how
+  // long it is.
   double advance() {
     auto& at = hang_.at;
     double pose[NP], driven[room(K)] = {}, most = 0.0, turn = 0.0;
-    for (int k = 0; k < NP; ++k) pose[k] = k < N ? hang_.move[k] : 0.0;
+    for (int k = 0; k < NP; ++k) pose[k] = ahead_ && k < N ? hang_.move[k] : 0.0;
     for (int a = 0; a < n_; ++a) {
       most = larger(fabs(qp_.d[a]), most);
       for (int k = 0; k < N; ++k) pose[k] += hang_.by_u[chosen_[a] * NP + k] * qp_.d[a];
     }
     for (int k = 0; k < N; ++k) turn = larger(fabs(pose[k]), turn);
     const double share = 1.0 / larger(1.0, larger(most / longest_, turn / Tolerance::max_turn));
+    at_longest_ = most >= longest_;
     for (int j = 0; j < M; ++j) {
       if (!at.held[j]) continue;
-      double change = hang_.row_move[j];
+      double change = ahead_ ? hang_.row_move[j] : 0.0;
       for (int a = 0; a < n_; ++a) change += hang_.row_by_u[chosen_[a] * M + j] * qp_.d[a];
       at.tension[j] += share * change;
     }
@@ -359,25 +361,7 @@ class Reach {
 
   // Makes the step, or part of a long one, and hangs the puppet; false where it does not hang.
   bool move() {
-    double most = 0.0, turn = 0.0, pose[NP], driven[room(K)] = {};
-    for (int a = 0; a < n_; ++a) most = larger(fabs(qp_.d[a]), most);
-    for (int k = 0; k < NP; ++k) pose[k] = 0.0;
-    for (int a = 0; a < n_; ++a)
-      for (int k = 0; k < N; ++k) pose[k] += hang_.by_u[chosen_[a] * NP + k] * qp_.d[a];
-    for (int k = 0; k < N; ++k) turn = larger(fabs(pose[k]), turn);
-    const double share = 1.0 / larger(1.0, larger(most / longest_, turn / Tolerance::max_turn));
-    at_longest_ = most >= longest_;
-    auto& at = hang_.at;
-    for (int j = 0; j < M; ++j)
-      for (int a = 0; a < n_ && at.held[j]; ++a)
-        at.tension[j] += share * hang_.row_by_u[chosen_[a] * M + j] * qp_.d[a];
-    for (int a = 0; a < n_; ++a) {
-      const int u = chosen_[a];
-      if (u < K) driven[u] = qp_.d[a];
-      else at.p[u - K] += share * qp_.d[a];
-    }
-    retract<typename Model::Dynamic>(at.q_D, pose, share, at.q_D);
-    retract<typename Model::Driven>(at.q_K, driven, share, at.q_K);
+    advance();
     return hang_.balance();
   }
 
