@@ -60,7 +60,7 @@ def motion(marionette: Marionette, path: Path) -> Motion:
 
 
 def parts(score: Score) -> list[str]:
-    """What a score has beside gestures, in lines."""
+    """The waits, sounds and captions of a score, as lines of text."""
     found = []
     for wait in score.waits:
         loop = "" if wait.loop_start is None else f", repeating from {wait.loop_start:.2f} s on"

@@ -49,3 +49,12 @@ Out = Annotated[
         "(strip of poses), .mp4 .gif (film); repeatable.",
     ),
 ]
+SaveInputs = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="PATH", help="Save the inputs as a recording (.npz), which simulate takes."
+    ),
+]
+ShowMotion = Annotated[
+    bool, typer.Option("--show", help="Open the motion in the browser, until Ctrl-C.")
+]

@@ -20,6 +20,8 @@ from fantoccini.cli.options import (
     Out,
     Planner,
     Quiet,
+    SaveInputs,
+    ShowMotion,
     StringModel,
     Theme,
     UpAxis,
@@ -245,15 +247,8 @@ class OptimiseRequest(PictureOptions):
             metavar="PATH", help="Draw paths, poses, errors and inputs: .png, .svg or .pdf."
         ),
     ] = None
-    save: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="PATH", help="Save the inputs as a recording (.npz), which simulate takes."
-        ),
-    ] = None
-    show: Annotated[
-        bool, typer.Option("--show", help="Open the motion in the browser, until Ctrl-C.")
-    ] = False
+    save: SaveInputs = None
+    show: ShowMotion = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -289,15 +284,8 @@ class FollowRequest(PictureOptions):
         bool,
         typer.Option("--guides/--no-guides", help="Draw the clip in strips and films."),
     ] = True
-    save: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="PATH", help="Save the inputs as a recording (.npz), which simulate takes."
-        ),
-    ] = None
-    show: Annotated[
-        bool, typer.Option("--show", help="Open the motion in the browser, until Ctrl-C.")
-    ] = False
+    save: SaveInputs = None
+    show: ShowMotion = False
 
 
 @dataclass(frozen=True, kw_only=True)
