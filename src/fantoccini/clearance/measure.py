@@ -163,12 +163,23 @@ class Clearance:
 
     def nearest(self, motion: State | Trajectory | Sequence[State]) -> Nearest | None:
         """The nearest pair in the worst configuration; None without pairs."""
-        distance, pair = (np.ravel(a) for a in self._measured(*_configurations(motion), 1))
+        q_D, q_K = (np.atleast_2d(q) for q in _configurations(motion))
+        distance, pair = self._measured(q_D, q_K, 1)
         if not np.any(pair >= 0):
             return None
         worst = int(np.nanargmin(distance))
-        what, other = self._named(int(pair[worst]))
-        return Nearest(what, other, float(distance[worst]))
+        return self.pair_at(q_D[worst], q_K[worst])
+
+    def pair_at(self, q_D: Array, q_K: Array) -> Nearest:
+        """The nearest pair in a configuration (n_qD,), (n_qK,).
+
+        Raises:
+            ValueError: there are no pairs, or the arrays do not fit the puppet.
+        """
+        distance, pair = self._measured(q_D, q_K, 1)
+        if pair < 0:
+            raise ValueError("no pair is measured")
+        return Nearest(*self._named(int(pair)), float(distance))
 
     def _measured(self, q_D: Array, q_K: Array, threads: int) -> tuple[Array, np.ndarray]:
         q_D, q_K = np.asarray(q_D, dtype=float), np.asarray(q_K, dtype=float)

@@ -15,13 +15,13 @@ from fantoccini.gestures.gesture import Gesture
 from fantoccini.gestures.notes import LATE, Notes
 from fantoccini.gestures.placing import Placing
 from fantoccini.gestures.repertoire import Repertoire
-from fantoccini.gestures.score import Caption, Score, Sound, Wait
+from fantoccini.gestures.score import Caption, Score, Wait
 from fantoccini.gestures.score_file import ScoreFile
+from fantoccini.gestures.sounding import read_sounds, spot_of_sound
 from fantoccini.gestures.timing import Spot
 from fantoccini.gestures.transition import limits
 from fantoccini.gestures.waiting import note_moving
 from fantoccini.marionette import Marionette
-from fantoccini.media import MediaError, sound_duration
 from fantoccini.motion import pieces
 from fantoccini.puppet.located import Located, read_file, validate
 
@@ -72,7 +72,7 @@ class _Compiler:
         notes.refuse()
         captions = tuple(self._caption(placed, i) for i in range(len(file.captions)))
         waits = self._waits(placed)
-        sounds = tuple(self._sound(placed, i) for i in range(len(file.sound)))
+        sounds = read_sounds(file.sound, placed.time, notes)
         notes.refuse()
         end = max(
             *(line.end for line in placed.lines), *(wait.t for wait in waits),
@@ -92,7 +92,7 @@ class _Compiler:
         notes.refuse()
         last: list[tuple[Spot, float]] = [(("marks", name), t) for name, t in placed.marks.items()]
         last += [(("captions", i), one.end) for i, one in enumerate(captions)]
-        last += [(self._of_sound(i), one.start) for i, one in enumerate(sounds)]
+        last += [(spot_of_sound(i, self._located), one.start) for i, one in enumerate(sounds)]
         for spot, t in last:
             if t > end + LATE:
                 notes.change(spot, f"comes {notes.said(t)}; the score ends {notes.said(end)}")
@@ -165,22 +165,3 @@ class _Compiler:
                 text = f"{one.name} waits {notes.said(one.t)}, at the same time or within this loop"
                 notes.mistake(("waits", after.name), f"{text}; needed: one after the other")
         return tuple(found)
-
-    def _sound(self, placed: Placing, i: int) -> Sound:
-        given, spot = self._file.sound[i], self._of_sound(i)
-        start = placed.time(given.at, (*spot, "at"))
-        path = self._located.beside(given.file)
-        if path is None:
-            text = "no file of this file's folder is called "
-            self._notes.mistake((*spot, "file"), f"{text}{given.file!r}")
-            return Sound(self._located.folder, start, given.gain, 0.0)
-        try:
-            duration = sound_duration(path)
-        except MediaError as error:
-            self._notes.mistake((*spot, "file"), f"{given.file} {error}")
-            duration = 0.0
-        return Sound(path, start, given.gain, duration)
-
-    def _of_sound(self, i: int) -> Spot:
-        """Where sound i is written: its list may be left out."""
-        return ("sound", i) if isinstance(self._located.data["sound"], list) else ("sound",)

@@ -201,6 +201,7 @@ _AS_WAIT = BeforeValidator(_wait, json_schema_input_type=Time | WaitFile)
 _AS_SOUNDS = BeforeValidator(
     _sounds, json_schema_input_type=str | SoundFile | tuple[SoundFile, ...]
 )
+SoundsFile = Annotated[tuple[SoundFile, ...], _AS_SOUNDS]
 Cues = Annotated[tuple[CueFile, ...], Field(min_length=1)]
 
 
@@ -225,7 +226,7 @@ class ScoreFile(Model):
     """Largest acceleration, likewise [m/s^2 or rad/s^2]."""
     captions: tuple[CaptionFile, ...] = ()
     """Words and when they are to be read."""
-    sound: Annotated[tuple[SoundFile, ...], _AS_SOUNDS] = ()
+    sound: SoundsFile = ()
     """A sound file, or several with the times at which they begin."""
     duration: Size | None = None
     """When it ends at the earliest; with the last gesture by default."""

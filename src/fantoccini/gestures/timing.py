@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
+from typing import Protocol
 
 from fantoccini.errors import nearest
 from fantoccini.gestures.gesture import Gesture
@@ -28,6 +29,28 @@ _FORMS = [
 ]
 START, END = "start", "end"
 """Moments that every cue has, beside the marks of its gesture."""
+
+
+class Timed(Protocol):
+    """What times may refer to.
+
+    Attributes:
+        spot: where it is written.
+        name: by which times refer to it; "" where nothing can.
+        moments: of it -> time [s], once it is placed.
+    """
+
+    spot: Spot
+    name: str
+    moments: dict[str, float]
+
+    @property
+    def is_named(self) -> bool:
+        """Whether the file gives it a name of its own."""
+
+    @property
+    def known(self) -> tuple[str, ...]:
+        """Its moments, by name."""
 
 
 @dataclass
@@ -51,6 +74,11 @@ class Cue:
     moments: dict[str, float] = field(default_factory=dict)
 
     @property
+    def is_named(self) -> bool:
+        """Whether the file gives it a name of its own."""
+        return self.given.name is not None
+
+    @property
     def times(self) -> list[tuple[Spot, Time]]:
         """The times that it begins by, with their places."""
         if self.given.at is not None:
@@ -69,7 +97,7 @@ class Cue:
 class Reference:
     """A named time: a mark or a cue, the cue's moment, and the offset [beats]."""
 
-    target: Cue | str
+    target: Timed | str
     moment: str
     offset: float
 
@@ -88,13 +116,13 @@ class Times:
         located: the file.
     """
 
-    def __init__(self, marks: Mapping[str, Time], cues: Iterable[Cue], located: Located):
+    def __init__(self, marks: Mapping[str, Time], cues: Iterable[Timed], located: Located):
         self._marks, self._located = marks, located
-        self._cues: dict[str, list[Cue]] = {}
-        self._own: dict[str, Cue] = {}
+        self._cues: dict[str, list[Timed]] = {}
+        self._own: dict[str, Timed] = {}
         self.mistakes: list[tuple[Spot, str]] = []
         for cue in cues:
-            if cue.given.name is None:
+            if not cue.is_named:
                 if cue.name:
                     self._cues.setdefault(cue.name, []).append(cue)
             elif cue.name in self._own or cue.name in marks:
@@ -138,7 +166,7 @@ class Times:
             return Reference(cue, moment, offset)
         return None
 
-    def _the(self, name: str, spot: Spot) -> Cue | None:
+    def _the(self, name: str, spot: Spot) -> Timed | None:
         """The one cue of a name."""
         if name in self._own:
             return self._own[name]

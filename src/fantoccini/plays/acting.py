@@ -1,0 +1,200 @@
+"""What players do in cues, as gestures: from files, and made for a place or a way."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from fantoccini.gestures.stepping import Step, steps
+
+from fantoccini.arrays import Array
+from fantoccini.errors import (
+    FileError,
+    InputError,
+    StateError,
+    UnknownNameError,
+    nearest,
+)
+from fantoccini.gestures import Gesture, gesture_names, load_gesture
+from fantoccini.gestures.gesture_file import bundled
+from fantoccini.gestures.notes import Notes
+from fantoccini.gestures.parameters import MADE
+from fantoccini.gestures.timing import Spot
+from fantoccini.plays.casting import Cast, Player
+from fantoccini.plays.footing import Footing
+from fantoccini.plays.play_file import HOW, CueFile
+
+_SAME = 1e-9
+"""Difference of places and headings that counts as none [m, rad]."""
+
+MARKS = {"looks_at": ("there",), "points_at": ("points",)}
+"""Verb -> marks of the gesture that is made for it."""
+
+
+@dataclass(frozen=True)
+class Style:
+    """How a gesture is played: factors of size and speed, mirrored, how often."""
+
+    larger: float = 1.0
+    faster: float = 1.0
+    mirrored: bool = False
+    repeat: int = 1
+
+    @classmethod
+    def of(cls, given: CueFile) -> Style:
+        """The style that a cue asks for, words and numbers together."""
+        larger, faster = given.larger, given.faster
+        mirrored, repeat = given.mirrored, given.repeat
+        for word in given.how:
+            changes: dict[str, Any] = HOW[word]
+            larger *= changes.get("larger", 1.0)
+            faster *= changes.get("faster", 1.0)
+            mirrored = mirrored != changes.get("mirrored", False)
+            repeat *= changes.get("repeat", 1)
+        return cls(larger, faster, mirrored, repeat)
+
+
+class Repertory:
+    """Gestures of players, each read or made once.
+
+    Attributes:
+        cast: of the play.
+
+    Args:
+        cast: of the play.
+        notes: take mistakes.
+    """
+
+    def __init__(self, cast: Cast, notes: Notes):
+        self.cast, self._notes = cast, notes
+        self._kept: dict[tuple[Any, ...], Gesture | str] = {}
+        self._wrong: set[tuple[str, str]] = set()
+
+    def marks(self, given: CueFile, spot: Spot) -> Iterable[str]:
+        """The marks of what a cue does; reads the files that it needs, for their mistakes."""
+        from fantoccini.plays.cues import ARRIVES, WALKS
+
+        if given.verb in WALKS:
+            return (ARRIVES,)
+        if given.does is None:
+            return MARKS.get(given.verb, ())
+        marks: dict[str, None] = {}
+        for name in given.who:
+            player = self.cast.players.get(name)
+            if name == "all":
+                player = next(iter(self.cast.players.values()))
+            if player is None:
+                continue
+            found = self._read(player, given.does)
+            if isinstance(found, str):
+                if (player.name, given.does) not in self._wrong:
+                    self._notes.mistake((*spot, "does"), found)
+                self._wrong.add((player.name, given.does))
+                continue
+            whole = _repeated_marks(found.marks, Style.of(given).repeat)
+            marks.update(dict.fromkeys(whole))
+        return tuple(marks)
+
+    def gesture(self, player: Player, given: CueFile, style: Style, heading: float) -> Gesture:
+        """What `does` says, as the player does it that looks into a direction [rad].
+
+        Raises:
+            StateError: it cannot be done so.
+        """
+        key = (player.alone, player.name, given.does, style, given.lasts, round(heading, 9))
+        if key not in self._kept:
+            self._kept[key] = self._styled(player, given, style, heading)
+        return _or_raise(self._kept[key])
+
+    def aimed(self, player: Player, verb: str, place: Array, stands: Footing) -> Gesture:
+        """A look or a pointing hand, towards a place (3,) of the stage.
+
+        Raises:
+            StateError: no hanging pose does that.
+        """
+        own = player.own(place, stands)
+        heading = stands.heading
+        name = "look" if verb == "looks_at" else "point"
+        key = (name, player.alone, player.name, *np.round(own, 6), round(heading, 9))
+        if key not in self._kept:
+            try:
+                made = load_gesture(player.alone, name, player.hangs, to=own.tolist())
+                self._kept[key] = made.turned(heading)
+            except InputError as error:
+                self._kept[key] = "; ".join(one.message for one in error.mistakes)
+            except (UnknownNameError, StateError) as error:
+                self._kept[key] = str(error)
+        return _or_raise(self._kept[key])
+
+    def walk(self, player: Player, way: tuple[Step, ...], step_time: float) -> Gesture:
+        """Steps of a player, from the heading at the start of the play on.
+
+        Raises:
+            UnknownNameError: it has other strings than the bundled marionette.
+        """
+        key = (player.alone, "walk", way, step_time)
+        if key not in self._kept:
+            self._kept[key] = steps(player.ends(), way, step_time)
+        return _or_raise(self._kept[key])
+
+    def _read(self, player: Player, name: str) -> Gesture | str:
+        """A gesture file, take or bundled gesture; the mistake where there is none."""
+        key = (player.alone, "file", name)
+        if key not in self._kept:
+            self._kept[key] = self._loaded(player, name)
+        return self._kept[key]
+
+    def _loaded(self, player: Player, name: str) -> Gesture | str:
+        path: Path | None = self._notes.located.beside(name)
+        if path is None and name in gesture_names():
+            if not bundled(name).is_file():
+                say = {"walk": "walks to"}.get(name, name)
+                return f"{name} needs a place: use `{say}:`"
+            path = bundled(name)
+        if path is None:
+            text = f"no file beside this one, and no bundled gesture, is called {name!r}"
+            return text + nearest(name, sorted({*gesture_names()} - {*MADE}))
+        try:
+            return load_gesture(player.alone, path, player.hangs)
+        except (FileError, InputError) as error:
+            return "; ".join(str(one) for one in error.mistakes)
+        except (UnknownNameError, StateError) as error:
+            return str(error)
+
+    def _styled(
+        self, player: Player, given: CueFile, style: Style, heading: float
+    ) -> Gesture | str:
+        found = self._read(player, str(given.does))
+        if isinstance(found, str):
+            return found
+        stage = self.cast.file.stage
+        try:
+            made = found.mirrored() if style.mirrored else found
+            made = made.scaled(style.larger).faster(style.faster)
+            if given.lasts is not None:
+                made = made.lasting(given.lasts * self._notes.beat)
+            made = made.repeated(style.repeat, speed=stage.speed, acceleration=stage.acceleration)
+            return made.turned(heading)
+        except (UnknownNameError, StateError) as error:
+            return str(error)
+
+
+def _repeated_marks(marks: Iterable[str], times: int) -> list[str]:
+    return [*marks, *(f"{name} {k}" for k in range(2, times + 1) for name in marks)]
+
+
+def _or_raise(found: Gesture | str) -> Gesture:
+    if isinstance(found, str):
+        raise StateError(found)
+    return found
+
+
+def step_time(beat: float, usual: float) -> float:
+    """The duration of a step: a beat, or a part of one or several, near the usual one [s]."""
+    if beat <= usual:
+        return beat * max(1, round(usual / beat))
+    return beat / max(1, math.floor(beat / usual + 0.5))

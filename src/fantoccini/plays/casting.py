@@ -1,0 +1,376 @@
+"""The cast of a play: every player alone in its own frame, and all of them on the stage."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from fantoccini import scene as scenes
+from fantoccini.arrays import Array, Times
+from fantoccini.errors import FileError, PuppetError, UnknownNameError, nearest
+from fantoccini.gestures.notes import Notes
+from fantoccini.gestures.timing import Spot
+from fantoccini.gestures.walking import Ends
+from fantoccini.marionette import Marionette
+from fantoccini.motion import State
+from fantoccini.plays.footing import Footing
+from fantoccini.plays.play_file import DIRECTIONS, PlayerFile, PlayFile
+from fantoccini.puppet import Puppet
+from fantoccini.puppet.files import bundled
+from fantoccini.scene import Scene
+from fantoccini.scene.schema import Member
+
+Pose = dict[str, Any]
+"""Start values by coordinate."""
+
+_ALONE = "player"
+"""Name of the scene of one player: the same for all, so that alike ones share what is compiled."""
+
+
+@dataclass(frozen=True, eq=False)
+class Player:
+    """A puppet of the cast. Its frame is the stage's, alone and with the others.
+
+    Attributes:
+        name: in the play.
+        alone: the puppet alone.
+        hangs: where it hangs at the origin, facing the audience: gestures begin there.
+        x0: where it hangs at the start.
+        start: where it stands then.
+        holds: a prop that hangs on its right forearm at the start; "" for none.
+    """
+
+    name: str
+    alone: Marionette
+    hangs: State
+    x0: State
+    start: Footing
+    holds: str
+
+    @cached_property
+    def middle(self) -> complex:
+        """What stands where the player does: the middle between its shoulders' ends [m]."""
+        return _middle(self.alone, self.hangs)
+
+    @cached_property
+    def radius(self) -> float:
+        """Of the disk around where it stands that its strings' ends and joints are in [m]."""
+        table, hangs = self.alone.coordinates, self.hangs
+        owners = dict.fromkeys(name.rpartition(".")[0] for name in table.q_K)
+        places = [
+            complex(hangs[f"{one}.x"], hangs[f"{one}.y"])
+            for one in owners if {f"{one}.x", f"{one}.y"} <= {*table.q_K}
+        ]  # fmt: skip
+        poses = self.alone.poses(hangs.q_D[None], hangs.q_K[None])[0]
+        places += [complex(x, y) for x, y in poses[:, :2, 3]]
+        return max((abs(place - self.middle) for place in places), default=0.0)
+
+    def ends(self) -> Ends:
+        """The ends of its strings, for a gesture.
+
+        Raises:
+            UnknownNameError: it has other strings than the bundled marionette.
+        """
+        return Ends(self.alone.coordinates, self.hangs)
+
+    def own(self, place: Array, stands: Footing) -> Array:
+        """A place (3,) as a player sees it that stands somewhere, from where it hangs [m]."""
+        seen = stands.seen(complex(place[0], place[1])) + self.middle
+        return np.array([seen.real, seen.imag, place[2]])
+
+
+@dataclass(frozen=True, eq=False)
+class Cast:
+    """All players and what is on the stage.
+
+    Attributes:
+        players: by name.
+        whole: all on the stage.
+        x0: where everything hangs and lies at the start.
+        file: the play.
+    """
+
+    players: Mapping[str, Player]
+    whole: Marionette
+    x0: State
+    file: PlayFile
+
+    def member(self, name: str) -> str:
+        """What stands before the names of a player's coordinates."""
+        return f"{name}." if len(self.players) > 1 else ""
+
+    def owner(self, name: str) -> str:
+        """The player whose body or string a name of the stage is; else the name itself."""
+        if len(self.players) == 1:
+            (only,) = self.players.values()
+            tree = only.alone.tree
+            own = {*(link.name for link in tree.links), *(one.name for one in tree.strings)}
+            return only.name if name in own else name
+        first = name.split(".")[0]
+        return first if first in self.players and "." in name else name
+
+    def gathered(self, t: Times, own: Mapping[str, tuple[Array, Array]]) -> tuple[Array, Array]:
+        """Configurations of the stage from those of the players alone.
+
+        Args:
+            t: (T,) times [s].
+            own: player -> (T, n_qD), (T, n_qK) of it alone.
+
+        Returns:
+            (T, n_qD), (T, n_qK); props are where they are at the start.
+        """
+        table = self.whole.coordinates
+        q_D = np.tile(self.x0.q_D, (len(t), 1))
+        q_K = np.tile(self.x0.q_K, (len(t), 1))
+        for name, (d, k) in own.items():
+            mine = self.players[name].alone.coordinates
+            for whole, part, names, all_names in (
+                (q_D, d, mine.q_D, table.q_D), (q_K, k, mine.q_K, table.q_K),
+            ):  # fmt: skip
+                places = [all_names.index(self.member(name) + one) for one in names]
+                whole[:, places] = part
+        return q_D, q_K
+
+
+class Places:
+    """What names of places and directions mean.
+
+    Args:
+        file: the play.
+        notes: take mistakes.
+    """
+
+    def __init__(self, file: PlayFile, notes: Notes):
+        self._file, self._notes = file, notes
+        self._props = {prop.name: np.array(prop.at) for prop in file.stage.props}
+        self._obstacles = {
+            one.name: np.array(getattr(one, "at", (0.0, 0.0, 0.0)), dtype=float)
+            for one in file.stage.obstacles
+        }
+
+    @property
+    def names(self) -> list[str]:
+        """All that a place may be called, players apart."""
+        return [*self._file.stage.marks, *self._props, *self._obstacles]
+
+    def still(self, name: str) -> Array | None:
+        """(3,) the place of a prop at the start, or of an obstacle [m]."""
+        return self._props.get(name, self._obstacles.get(name))
+
+    def direction(self, given: float | str, spot: Spot) -> float | str:
+        """An angle [rad], or the name of what lies there; 0 after a mistake."""
+        if not isinstance(given, str):
+            return given
+        if given in DIRECTIONS:
+            return float(np.radians(DIRECTIONS[given]))
+        known = [*self._file.cast, *self.names]
+        if given not in known:
+            text = f"found {given!r}; needed: an angle, a direction or what is there"
+            self._notes.mistake(spot, text + nearest(given, [*DIRECTIONS, *known]))
+            return 0.0
+        return given
+
+
+def read_cast(file: PlayFile, places: Places, notes: Notes) -> Cast:
+    """The cast of a play.
+
+    Raises:
+        FileError: it has mistakes.
+    """
+    _check_names(file, notes)
+    notes.refuse()
+    puppets = {name: _puppet(one, ("cast", name), notes) for name, one in file.cast.items()}
+    starts = {
+        name: _start(file, one, ("cast", name), places, notes) for name, one in file.cast.items()
+    }
+    notes.refuse()
+    made: dict[tuple[str, str], tuple[Marionette, State, Pose]] = {}
+    players, members = dict[str, Player](), []
+    for name, one in file.cast.items():
+        puppet = puppets[name]
+        assert puppet is not None
+        try:
+            key = one.puppet, repr((one.lift, sorted(one.pose.items())))
+            if key not in made:
+                made[key] = _alone(file, puppet, one)
+            alone, hangs, pose = made[key]
+        except (PuppetError, UnknownNameError) as error:
+            notes.mistake(("cast", name), str(error))
+            continue
+        x0 = placed(alone, hangs, starts[name])
+        players[name] = Player(name, alone, hangs, x0, starts[name], one.holds or "")
+        members.append(Member(name=name, puppet=puppet, pose=pose))
+    notes.refuse()
+    stage = file.stage
+    try:
+        scene = Scene(
+            scene=file.play, floor=stage.floor, contact=stage.contact, puppets=tuple(members),
+            props=stage.props, obstacles=stage.obstacles,
+        )  # fmt: skip
+        whole = Marionette(scene)
+    except (PuppetError, FileError) as error:
+        for one_mistake in error.mistakes:
+            notes.mistake(("stage",), f"{one_mistake.key}: {one_mistake.message}")
+        notes.refuse()
+    return Cast(players, whole, _together(whole, players), file)
+
+
+def _check_names(file: PlayFile, notes: Notes) -> None:
+    """Every name means one thing."""
+    taken: dict[str, str] = {**dict.fromkeys(DIRECTIONS, "a direction"), "all": "all players"}
+    stage = file.stage
+    named: list[tuple[Spot, str, str]] = [
+        *((("cast", name), name, "a player") for name in file.cast),
+        *((("stage", "marks", name), name, "a mark") for name in stage.marks),
+        *((("stage", "props", i), prop.name, "a prop") for i, prop in enumerate(stage.props)),
+        *(
+            (("stage", "obstacles", i), one.name, "an obstacle")
+            for i, one in enumerate(stage.obstacles)
+        ),
+    ]
+    for spot, name, what in named:
+        if name in taken:
+            notes.mistake(spot, f"{name!r} is the name of {taken[name]}; needed: another name")
+        taken.setdefault(name, what)
+    props = [prop.name for prop in stage.props]
+    held: dict[str, str] = {}
+    for name, one in file.cast.items():
+        if one.holds is None:
+            continue
+        if one.holds not in props:
+            text = f"no prop is called {one.holds!r}{nearest(one.holds, props)}"
+            notes.mistake(("cast", name, "holds"), text)
+        elif one.holds in held:
+            text = f"{held[one.holds]} holds {one.holds} already"
+            notes.mistake(("cast", name, "holds"), text)
+        held[one.holds] = name
+
+
+def _puppet(one: PlayerFile, spot: Spot, notes: Notes) -> Puppet | None:
+    """The puppet of a player's file; None after a mistake."""
+    path = notes.located.beside(one.puppet) or bundled(one.puppet)
+    if path is None:
+        text = f"no file beside this one, and no bundled puppet, is called {one.puppet!r}"
+        notes.mistake((*spot, "puppet"), text)
+        return None
+    try:
+        puppet = scenes.load(path)
+    except PuppetError as error:
+        for found in error.mistakes:
+            notes.mistake((*spot, "puppet"), str(found))
+        return None
+    if len(puppet.members) > 1 or puppet.props:
+        notes.mistake((*spot, "puppet"), f"{one.puppet} is a scene; needed: one puppet")
+        return None
+    return puppet
+
+
+def _start(
+    file: PlayFile, one: PlayerFile, spot: Spot, places: Places, notes: Notes
+) -> Footing:
+    """Where a player stands at the start."""
+    heading: float | str = 0.0
+    if isinstance(one.at, str):
+        mark = file.stage.marks.get(one.at)
+        if mark is None:
+            text = f"no mark is called {one.at!r}{nearest(one.at, file.stage.marks)}"
+            notes.mistake((*spot, "at"), text)
+            return Footing(0.0, 0.0)
+        x, y = mark.at
+        heading = places.direction(mark.facing, ("stage", "marks", one.at, "facing"))
+    else:
+        x, y = one.at[:2]
+    if one.facing is not None:
+        heading = places.direction(one.facing, (*spot, "facing"))
+    there = Footing(x, y)
+    if isinstance(heading, str):
+        place = places.still(heading)
+        if place is None:
+            other = file.cast.get(heading)
+            at = other.at if other is not None else heading
+            if isinstance(at, str):
+                mark = file.stage.marks.get(at)
+                at = (0.0, 0.0) if mark is None else mark.at
+            place = np.array([at[0], at[1], 0.0])
+        heading = there.towards(complex(place[0], place[1]))
+    return there.facing(heading)
+
+
+def _alone(
+    file: PlayFile, puppet: Puppet, one: PlayerFile
+) -> tuple[Marionette, State, Pose]:
+    """The player's puppet at its own origin, where it hangs, lifted, and the pose of that."""
+    as_written = Marionette(_scene_of_one(file, puppet, dict(one.pose)))
+    hangs = as_written.rest()
+    table = as_written.coordinates
+    lifted = {
+        name: float(hangs[name] - one.lift) for name in table.q_K if name.endswith(".length")
+    }
+    roots = {name: float(hangs[name] + one.lift) for name in table.q_D if name.endswith(".z")}
+    pose = {**one.pose, **lifted, **roots}
+    alone = Marionette(_scene_of_one(file, puppet, pose))
+    return alone, alone.rest(), pose
+
+
+def _scene_of_one(file: PlayFile, puppet: Puppet, pose: Pose) -> Scene:
+    member = Member(name=_ALONE, puppet=puppet, pose=pose)
+    return Scene(scene=_ALONE, floor=file.stage.floor, puppets=(member,))
+
+
+def _middle(alone: Marionette, hangs: State) -> complex:
+    try:
+        return Ends(alone.coordinates, hangs).middle
+    except UnknownNameError:
+        return 0j
+
+
+def placed(alone: Marionette, hangs: State, there: Footing) -> State:
+    """A state carried as a rigid body from where it hangs to a place on the stage.
+
+        z' = z_there + exp(i heading) (z - z_middle)
+
+    z = x + i y of the ends of strings and of free bodies.
+    """
+    table, turn = alone.coordinates, np.exp(1j * there.heading)
+    middle = _middle(alone, hangs)
+    q = _values(alone, hangs)
+    for owner in dict.fromkeys(name.rpartition(".")[0] for name in q):
+        x, y = f"{owner}.x", f"{owner}.y"
+        if x in q and y in q:
+            z = there.place + turn * (complex(q[x], q[y]) - middle)
+            q[x], q[y] = float(z.real), float(z.imag)
+        if x in q and f"{owner}.qw" in q:
+            parts = [f"{owner}.{part}" for part in ("qw", "qx", "qy", "qz")]
+            c, s = np.cos(0.5 * there.heading), np.sin(0.5 * there.heading)
+            w, a, b, d = (q[part] for part in parts)
+            turned = (c * w - s * d, c * a - s * b, c * b + s * a, c * d + s * w)
+            q.update(zip(parts, map(float, turned), strict=True))
+    return dataclasses.replace(
+        hangs, q_D=np.array([q[name] for name in table.q_D]),
+        q_K=np.array([q[name] for name in table.q_K]),
+    )  # fmt: skip
+
+
+def _together(whole: Marionette, players: Mapping[str, Player]) -> State:
+    """All players and props where they are at the start."""
+    x = whole.state()
+    q_D, q_K = np.array(x.q_D), np.array(x.q_K)
+    for player in players.values():
+        prefix = f"{player.name}." if len(players) > 1 else ""
+        for name, value in _values(player.alone, player.x0).items():
+            own = prefix + name
+            if own in whole.coordinates.q_D:
+                q_D[whole.coordinates.q_D.index(own)] = value
+            else:
+                q_K[whole.coordinates.q_K.index(own)] = value
+    return dataclasses.replace(x, q_D=q_D, q_K=q_K)
+
+
+def _values(alone: Marionette, x: State) -> dict[str, float]:
+    table = alone.coordinates
+    return dict(zip((*table.q_D, *table.q_K), (*x.q_D.tolist(), *x.q_K.tolist()), strict=True))

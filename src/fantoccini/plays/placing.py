@@ -1,0 +1,386 @@
+"""Cues placed in time and on the stage, one after the other in the order in which they begin.
+
+A walk is planned past those that are placed before it; they, later, past it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fantoccini.arrays import Array, Times
+from fantoccini.errors import StateError, UnknownNameError
+from fantoccini.gestures import Gesture
+from fantoccini.gestures.joining import Line
+from fantoccini.gestures.notes import Notes
+from fantoccini.gestures.timing import END, START, Spot
+from fantoccini.gestures.transition import limits
+from fantoccini.plays.acting import Repertory, Style
+from fantoccini.plays.casting import Cast, Places, Player
+from fantoccini.plays.cues import ARRIVES, Cue, Part, Timeline
+from fantoccini.plays.footing import Footing, Way
+from fantoccini.plays.walks import Walks
+
+_STILL = 1e-9
+"""Rate below which a lane is at rest [m/s or rad/s]."""
+_SAME_HEADING = 1e-3
+"""Change of a heading that a gesture does not notice [rad]."""
+
+
+@dataclass
+class Actor:
+    """A player while its cues are placed.
+
+    Attributes:
+        player: who.
+        lanes: motions that add up; the first one holds the walks.
+        ways: the walks so far, in order.
+        busy: cues that it has done.
+        hidden: whether it has gone off.
+    """
+
+    player: Player
+    lanes: list[Line]
+    ways: list[Way] = field(default_factory=list)
+    done: float = 0.0
+    hidden: bool = False
+
+    def stands(self, t: float) -> Footing:
+        """Where it stands at a time [s]."""
+        way = next((one for one in reversed(self.ways) if one.begin <= t), None)
+        if way is None:
+            return self.player.start
+        xy, heading = way.footing(np.array([t]))
+        return Footing(float(xy[0, 0]), float(xy[0, 1]), float(heading[0]))
+
+    @property
+    def last(self) -> Footing:
+        """Where it stands after all walks."""
+        return self.stands(np.inf)
+
+    def track(self) -> tuple[Times, Array]:
+        """(T,) times and (T, 2) places, straight between them."""
+        t, xy = [0.0], [[self.player.start.x, self.player.start.y]]
+        for way in self.ways:
+            if not way.steps:
+                continue
+            own = np.append(np.arange(way.begin, way.end, _TRACK), way.end)
+            own = own[own > t[-1]]
+            t += own.tolist()
+            xy += way.footing(own)[0].tolist()
+        return np.array(t), np.array(xy)
+
+
+_TRACK = 0.05
+"""Between samples of a walk, which is straight between them [s]."""
+
+
+@dataclass
+class Wishes:
+    """What rounds of compiling have found out about cues.
+
+    Attributes:
+        earlier: (cue, player) -> by how much its hands begin earlier, as limbs lag [s].
+        pauses: cue -> by how much later it begins, for swing [s].
+        refused: cue -> why it cannot be done.
+        smaller: cue -> factor of its size.
+    """
+
+    earlier: dict[tuple[Spot, str], float] = field(default_factory=dict)
+    pauses: dict[Spot, float] = field(default_factory=dict)
+    refused: dict[Spot, str] = field(default_factory=dict)
+
+
+class Placing:
+    """All cues of a play, placed once.
+
+    Attributes:
+        actors: by player.
+        timeline: the cues.
+        act_starts: of every act [s].
+
+    Args:
+        cast, timeline, repertory, places, walks: of the play.
+        wishes: of earlier rounds.
+        notes: take changes.
+    """
+
+    def __init__(
+        self, cast: Cast, timeline: Timeline, repertory: Repertory, places: Places, walks: Walks,
+        wishes: Wishes, notes: Notes,
+    ):  # fmt: skip
+        self._cast, self.timeline, self._repertory = cast, timeline, repertory
+        self._places, self._walks, self._wishes, self._notes = places, walks, wishes, notes
+        bounds = cast.file.stage
+        self.actors = {
+            name: Actor(player, [Line(_most(player, bounds.speed, bounds.acceleration))])
+            for name, player in cast.players.items()
+        }
+        self.act_starts: list[float] = []
+        start = 0.0
+        for act, given in enumerate(cast.file.acts):
+            start += given.after * notes.beat
+            self.act_starts.append(start)
+            self._place_act(act, start)
+            start = max([start, *(cue.moments[END] for cue in timeline.of_act(act))])
+        self.end = start
+        for actor in self.actors.values():
+            for line in actor.lanes:
+                if np.any(np.abs(line.rate) > _STILL):
+                    line.stop()
+
+    def motion(self, name: str, until: float) -> tuple[Gesture, dict[str, Gesture]]:
+        """All that a player does until a time [s], and its lanes."""
+        actor = self.actors[name]
+        lanes = {}
+        for i, line in enumerate(actor.lanes):
+            line.hold(until)
+            label = name if i == 0 else f"{name} {i + 1}"
+            lanes[label] = Gesture(actor.player.alone.coordinates, *line.motion, label)
+        whole, *others = lanes.values()
+        for other in others:
+            whole += other
+        return whole, lanes
+
+    # -- time --------------------------------------------------------------------------------
+
+    def _place_act(self, act: int, start: float) -> None:
+        left = self.timeline.of_act(act)
+        for cue in left:
+            cue.parts, cue.refused, cue.moments = [], "", {}
+        while left:
+            ready = [
+                (self._wanted(cue, start), i)
+                for i, cue in enumerate(left)
+                if all(one.moments for one in self.timeline.needs(cue))
+            ]
+            t, i = min(ready)
+            self._place(left.pop(i), t)
+
+    def _wanted(self, cue: Cue, act_start: float) -> float:
+        """When a cue is to begin, before what its gesture needs [s]."""
+        spots = self.timeline.times_of(cue)
+        beat = self._notes.beat
+        if cue.given.go:
+            earlier = [
+                one.moments[END] for one in self.timeline.of_act(cue.act)
+                if one.moments and one.spot[3] < cue.spot[3]
+            ]  # fmt: skip
+            floor = max([act_start, *earlier])
+        else:
+            floor = -np.inf
+        if spots:
+            t = max(self.timeline.time(spot, act_start) for spot, _ in spots)
+        else:
+            t = max(
+                act_start if one is None or one.act != cue.act else one.moments[END]
+                for one in cue.before.values()
+            )
+        return max(t + cue.given.after * beat, floor)
+
+    # -- one cue -----------------------------------------------------------------------------
+
+    def _place(self, cue: Cue, t: float) -> None:
+        """Places a cue that begins, or whose mark of `on` is, at a time [s]."""
+        cue.wanted = t
+        why = self._wishes.refused.get(cue.spot, "")
+        if not why:
+            try:
+                for name in cue.who:
+                    self._place_one(cue, self.actors[name], t)
+            except _CannotBe as error:
+                why = str(error)
+        if why:
+            cue.refused = why
+            self._take_back(cue)
+            cue.parts = []
+            cue.moments = dict.fromkeys(cue.known, max(t, 0.0))
+            return
+        cue.moments = {
+            moment: max(_moment(part, moment) for part in cue.parts) for moment in cue.known
+        }
+
+    def _place_one(self, cue: Cue, actor: Actor, t: float) -> None:
+        given, name = cue.given, actor.player.name
+        if actor.hidden and given.verb != "enters_to":
+            raise _CannotBe(f"{name} is off the stage")
+        early = self._wishes.earlier.get((cue.spot, name), 0.0)
+        pause = self._wishes.pauses.get(cue.spot, 0.0)
+        ahead = 0.0
+        if given.on is not None and not cue.walks:
+            (mark,) = given.on
+            # The heading does not matter for times.
+            ahead = self._gesture(cue, actor, actor.last).marks[mark]
+        begin = t - ahead - early + pause
+        if cue.walks:
+            self._walk(cue, actor, begin)
+            return
+        self._act(cue, actor, max(begin, 0.0))
+
+    def _act(self, cue: Cue, actor: Actor, begin: float) -> None:
+        """Places a gesture, in the first lane that is free then."""
+        stands = actor.stands(begin)
+        gesture = self._gesture(cue, actor, stands)
+        turned = abs(actor.stands(begin + gesture.duration).heading - stands.heading)
+        if turned > _SAME_HEADING:
+            raise _CannotBe(
+                f"{actor.player.name} turns by {np.degrees(turned):.0f} deg meanwhile; it can "
+                f"begin {self._notes.said(max(way.end for way in actor.ways))}"
+            )
+        lane = self._lane(actor, gesture, begin)
+        start = self._add(actor.lanes[lane], gesture, begin)
+        self._note(cue, actor, lane, gesture, start)
+
+    def _walk(self, cue: Cue, actor: Actor, begin: float) -> None:
+        given, player = cue.given, actor.player
+        line = actor.lanes[0]
+        if np.any(np.abs(line.rate) > _STILL):
+            line.stop()
+        if given.on is None:
+            begin = max(begin, line.end)
+        others = [one for one in self.actors.values() if one is not actor and not one.hidden]
+        goal = self._goal(cue, actor)
+        wait = (given.may_wait or 0.0) * self._notes.beat
+        way, why = self._walks.way(
+            player, actor.last, goal, begin, wait, [(o.player, o.track()) for o in others],
+            near=given.near, arrives=begin if given.on is not None else None, free_from=line.end,
+        )  # fmt: skip
+        if way is None:
+            raise _CannotBe(why)
+        if way.steps:
+            try:
+                made = self._repertory.walk(player, way.steps, way.step_time)
+            except UnknownNameError as error:
+                raise _CannotBe(f"{player.name} cannot walk: {error}") from None
+            gesture = made.turned(way.start.heading)
+            start = self._add(line, gesture, way.begin)
+        else:
+            gesture = Gesture.rest(player.alone, 1e-3, everything=False)
+            start = way.begin
+        actor.ways.append(way)
+        actor.hidden = given.verb == "exits_to"
+        marks = {**gesture.marks, ARRIVES: way.end - way.begin}
+        self._note(cue, actor, 0, gesture, start, marks, way.end)
+
+    def _note(
+        self, cue: Cue, actor: Actor, lane: int, gesture: Gesture, start: float,
+        marks: Mapping[str, float] | None = None, end: float | None = None,
+    ) -> None:  # fmt: skip
+        end = start + gesture.duration if end is None else end
+        own = gesture.marks if marks is None else marks
+        placed = {mark: start + t for mark, t in own.items()}
+        cue.parts.append(Part(actor.player.name, lane, gesture, start, end, placed))
+        actor.done = max(actor.done, end)
+
+    def _take_back(self, cue: Cue) -> None:
+        """Nothing is taken back: a part that was placed stays, as what the others cannot do."""
+
+    # -- what is done ------------------------------------------------------------------------
+
+    def _gesture(self, cue: Cue, actor: Actor, stands: Footing) -> Gesture:
+        given, player = cue.given, actor.player
+        try:
+            if given.does is not None:
+                style = Style.of(given)
+                return self._repertory.gesture(player, given, style, stands.heading)
+            if given.verb in ("looks_at", "points_at"):
+                where = given.looks_at if given.looks_at is not None else given.points_at
+                spot = (*cue.spot, given.verb.replace("_", " "))
+                place = self._place_of(where, spot, cue, actor)
+                return self._repertory.aimed(player, given.verb, place, stands)
+        except StateError as error:
+            raise _CannotBe(str(error)) from None
+        raise _CannotBe(f"`{given.verb.replace('_', ' ')}` is not known to this version")
+
+    def _goal(self, cue: Cue, actor: Actor) -> Footing:
+        """Where a walk leads."""
+        given, here = cue.given, actor.last
+        if given.turns_to is not None:
+            return here.facing(self._heading(given.turns_to, here, cue, actor, "turns to"))
+        where = next(
+            one for one in (given.walks_to, given.enters_to, given.exits_to) if one is not None
+        )
+        marks = self._cast.file.stage.marks
+        facing: float | str | None = given.facing
+        if isinstance(where, str) and where in marks:
+            x, y = marks[where].at
+            facing = marks[where].facing if facing is None else facing
+            there = Footing(float(x), float(y))
+        else:
+            place = self._place_of(where, (*cue.spot, given.verb.replace("_", " ")), cue, actor)
+            there = Footing(float(place[0]), float(place[1]))
+        if facing is None:
+            return there.facing(here.towards(there.place) if there.place != here.place else 0.0)
+        return there.facing(self._heading(facing, there, cue, actor, "facing"))
+
+    def _heading(
+        self, given: float | str, there: Footing, cue: Cue, actor: Actor, key: str
+    ) -> float:
+        direction = self._places.direction(given, (*cue.spot, key))
+        if not isinstance(direction, str):
+            return direction
+        place = self._place_of(direction, (*cue.spot, key), cue, actor)
+        z = complex(place[0], place[1])
+        return there.towards(z) if abs(z - there.place) > _STILL else there.heading
+
+    def _place_of(self, where: object, spot: Spot, cue: Cue, actor: Actor) -> Array:
+        """(3,) a place of the stage; of a player its head, at the time of the cue."""
+        if not isinstance(where, str):
+            assert isinstance(where, Sequence)
+            numbers = [float(x) for x in where]
+            return np.array([*numbers, _EYES][:3])
+        if where in self.actors:
+            other = self.actors[where].stands(max(cue.wanted, 0.0))
+            return np.array([other.x, other.y, _EYES])
+        marks = self._cast.file.stage.marks
+        if where in marks:
+            return np.array([*marks[where].at, 0.0], dtype=float)
+        still = self._places.still(where)
+        if still is None:
+            raise _CannotBe(f"nothing is called {where!r}")
+        return still
+
+    # -- lanes -------------------------------------------------------------------------------
+
+    def _lane(self, actor: Actor, gesture: Gesture, begin: float) -> int:
+        """The first lane that can play a gesture at a time; the one that is free first else."""
+        for i, line in enumerate(actor.lanes):
+            if np.any(np.abs(line.rate) > _STILL):
+                line.stop()
+            if line.end + line.lead_time(gesture.motion) <= begin + _STILL:
+                return i
+        busy = [
+            one for one in actor.lanes if not np.any(one.named & gesture.named) and one.end > begin
+        ]
+        if len(busy) == len(actor.lanes):
+            actor.lanes.append(Line(actor.lanes[0].most))
+            return len(actor.lanes) - 1
+        return min(range(len(actor.lanes)), key=lambda i: actor.lanes[i].end)
+
+    def _add(self, line: Line, gesture: Gesture, begin: float) -> float:
+        lead = line.lead_time(gesture.motion)
+        if begin - lead > line.end:
+            line.hold(begin - lead)
+        return line.add(gesture.motion)
+
+
+class _CannotBe(Exception):
+    """A cue cannot be done; the text says why, and what can."""
+
+
+_EYES = 0.42
+"""Height of a player's face [m]."""
+
+
+def _moment(part: Part, moment: str) -> float:
+    if moment == START:
+        return part.start
+    if moment == END:
+        return part.end
+    return part.marks[moment]
+
+
+def _most(player: Player, speed: float, acceleration: float) -> Array:
+    return limits(player.alone.coordinates, speed, acceleration)

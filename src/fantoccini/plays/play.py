@@ -1,0 +1,143 @@
+"""A play, compiled: who does what when, as one motion of all hands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from fantoccini.arrays import Times
+from fantoccini.errors import Mistake
+from fantoccini.gestures import Score
+from fantoccini.marionette import Marionette
+from fantoccini.motion import Input, State
+from fantoccini.plays.casting import Cast
+from fantoccini.plays.footing import Way
+from fantoccini.plays.kept import Kept
+from fantoccini.puppet.located import Located
+
+
+@dataclass(frozen=True)
+class CueOfPlay:
+    """A cue as it is played.
+
+    Attributes:
+        number: in the play, from 1 on: ``/cue/N/start``.
+        act: its act's name.
+        who: the players.
+        what: what they do, in words: ``wave``, ``walks to centre``.
+        name: by which times refer to it.
+        line: of the file.
+        wanted: when it, or the mark of ``on``, is to be [s].
+        start, end: of all that it moves [s].
+        mark: the mark of ``on``; "" where the beginning counts.
+        go: whether a live show waits for GO before it.
+        says: its caption.
+        refused: why it cannot be done; "" where it is.
+        optional: whether it may be left out.
+        marks: player -> mark -> time of the hands [s].
+    """
+
+    number: int
+    act: str
+    who: tuple[str, ...]
+    what: str
+    name: str
+    line: int
+    wanted: float
+    start: float
+    end: float
+    mark: str = ""
+    go: bool = False
+    says: str = ""
+    refused: str = ""
+    optional: bool = False
+    marks: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    @property
+    def number_and_name(self) -> str:
+        """``3 bow (pierrot, columbine)``"""
+        return f"{self.number} {self.what} ({', '.join(self.who)})"
+
+
+@dataclass(frozen=True, eq=False)
+class Play:
+    """A play, compiled. Made by :func:`load_play`; true where every cue can be done as written.
+
+    ::
+
+        play = fan.load_play("bows.yaml")
+        for cue in play.cues:
+            print(cue.number_and_name, cue.start, cue.refused)
+        run = fan.simulate(play.marionette, play.x0, play.inputs)
+
+    Attributes:
+        name: of the play.
+        located: its file, and where everything is written in it.
+        cast: its players, alone and together.
+        score: the whole as a score: one motion of all hands, a lane or more for each player,
+            captions, sounds and waits.
+        cues: in the file's order.
+        changes: what cannot be done, and why, and what is not as it was written.
+        acts: name -> when it begins [s].
+        ways: player -> its walks.
+        settled: cue's number -> its pause [s], and the trunk's speeds after it without the pause
+            and with it [m/s].
+        rounds: how often cues were placed anew.
+        kept: runs and ways, for the next time.
+    """
+
+    name: str
+    located: Located
+    cast: Cast
+    score: Score
+    cues: tuple[CueOfPlay, ...]
+    changes: tuple[Mistake, ...]
+    acts: Mapping[str, float]
+    ways: Mapping[str, tuple[Way, ...]]
+    settled: Mapping[int, tuple[float, float, float]]
+    rounds: int
+    kept: Kept = field(repr=False)
+
+    def __bool__(self) -> bool:
+        return not self.changes
+
+    def __repr__(self) -> str:
+        refused = sum(bool(cue.refused) for cue in self.cues)
+        left = f", {refused} of them cannot be done" if refused else ""
+        players = ", ".join(self.cast.players)
+        return (
+            f"<Play {self.name!r}: {players}; {self.duration:.1f} s, {len(self.cues)} cues{left}>"
+        )
+
+    @property
+    def marionette(self) -> Marionette:
+        """All players and props on the stage."""
+        return self.cast.whole
+
+    @property
+    def x0(self) -> State:
+        """Where everything hangs and lies at the start."""
+        return self.cast.x0
+
+    @property
+    def inputs(self) -> Input:
+        """The motion of all hands."""
+        return self.score.inputs(self.x0)
+
+    @property
+    def duration(self) -> float:
+        """[s]"""
+        return self.score.duration
+
+    @property
+    def refused(self) -> tuple[CueOfPlay, ...]:
+        """The cues that cannot be done, but for those that may be left out."""
+        return tuple(cue for cue in self.cues if cue.refused and not cue.optional)
+
+    def when(self, t: Times | float) -> str:
+        """A time in words: its act, beat and second."""
+        beat = self.score.beat
+        act = [name for name, start in self.acts.items() if start <= float(t) + 1e-9]
+        start = self.acts[act[-1]] if act else 0.0
+        within = f"{act[-1]}, " if act else ""
+        return f"{within}beat {(float(t) - start) / beat:.1f} ({float(t):.2f} s)"

@@ -1,0 +1,103 @@
+"""Where players, props, obstacles and strings come too near to each other in runs of players."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.arrays import Array, Times
+from fantoccini.clearance import Clearance, StringsApart
+from fantoccini.motion import Trajectory
+from fantoccini.plays.casting import Cast
+from fantoccini.puppet.contact import FLOOR
+from fantoccini.runtime import default_threads
+
+SAMPLE = 0.02
+"""Between configurations that are measured [s]."""
+
+
+@dataclass(frozen=True)
+class Touch:
+    """Two things that come too near to each other.
+
+    Attributes:
+        t: when they first do [s].
+        what, other: names of bodies, strings (``string pierrot.head``) or obstacles.
+        distance: the least one from then on, until they are apart again [m]; below 0 they overlap.
+        crosses: whether two strings pass through each other.
+    """
+
+    t: float
+    what: str
+    other: str
+    distance: float
+    crosses: bool = False
+
+    def __str__(self) -> str:
+        if self.crosses:
+            return f"{self.what} would cross {self.other}"
+        if self.distance < 0.0:
+            return f"{self.what} would be {-1e3 * self.distance:.0f} mm inside {self.other}"
+        return f"{self.what} would come within {1e3 * self.distance:.0f} mm of {self.other}"
+
+
+def configurations(
+    cast: Cast, runs: Mapping[str, Trajectory], end: float
+) -> tuple[Times, Array, Array]:
+    """(T,) times, (T, n_qD) and (T, n_qK) of the stage, from the runs of its players."""
+    t = np.append(np.arange(0.0, end, SAMPLE), end)
+    own = {}
+    for name, run in runs.items():
+        at = run.resample(np.clip(t, run.t[0], run.t[-1]))
+        own[name] = at.q_D, at.q_K
+    q_D, q_K = cast.gathered(t, own)
+    return t, q_D, q_K
+
+
+def touches(cast: Cast, t: Times, q_D: Array, q_K: Array) -> list[Touch]:
+    """Where two things come nearer than the stage says, in order of time.
+
+    Bodies of different players, props and obstacles keep clear of one another, strings of all of
+    them; the floor is only not to be passed. Strings of one player only do not cross.
+
+    Args:
+        cast: of the play.
+        t: (T,) times [s].
+        q_D, q_K: (T, n_qD), (T, n_qK) of the stage.
+    """
+    clear = cast.file.stage.clear
+    links = [link.name for link in cast.whole.tree.links]
+    on_floor = [frozenset((name, FLOOR)) for name in links]
+    found = _bodies(Clearance(cast.whole, free=on_floor), t, q_D, q_K, clear)
+    if cast.whole.puppet.floor is not None:
+        found += [one for one in _bodies(Clearance(cast.whole), t, q_D, q_K, 0.0)
+                  if FLOOR in (one.what, one.other)]  # fmt: skip
+    strings = StringsApart(cast.whole).over(q_D, q_K, t)
+    near = strings.nearer_than(clear)
+    for one in (*near.strings, *near.bodies):
+        if cast.owner(one.what) != cast.owner(one.other):
+            what = f"string {one.what}"
+            other = f"string {one.other}" if one in near.strings else one.other
+            found.append(Touch(one.t, what, other, one.distance))
+    for crossing in strings.crossings():
+        names = f"string {crossing.what}", f"string {crossing.other}"
+        found.append(Touch(crossing.t, *names, 0.0, crosses=True))
+    return sorted(found, key=lambda one: one.t)
+
+
+def _bodies(
+    clearance: Clearance, t: Times, q_D: Array, q_K: Array, clear: float
+) -> list[Touch]:
+    found = []
+    for name, one in clearance.parts().items():
+        distance = one.at(q_D, q_K, threads=default_threads())
+        near = distance < clear
+        for k in np.flatnonzero(near & ~np.append(False, near[:-1])):
+            end = int(k) + int(np.argmin(np.append(near[k:], False)))
+            worst = int(k) + int(np.argmin(distance[k:end]))
+            nearest = one.pair_at(q_D[worst], q_K[worst])
+            other = nearest.other if nearest.what == name else nearest.what
+            found.append(Touch(float(t[k]), name, other, float(distance[worst])))
+    return found

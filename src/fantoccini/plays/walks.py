@@ -1,0 +1,171 @@
+"""Walks of players over the stage of a play: what is in their way, and how they step."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from fantoccini.gestures.stepping import STEP_TIME
+from fantoccini.plays.regions import Box, Disk, Rectangle, Region
+from fantoccini.plays.ways import NoWay, Other, find_way
+
+from fantoccini.arrays import Array, Times
+from fantoccini.gestures.notes import Notes
+from fantoccini.gestures.walking import SWAY
+from fantoccini.plays.acting import step_time
+from fantoccini.plays.casting import Cast, Player
+from fantoccini.plays.footing import Footing, Way
+from fantoccini.puppet.shapes import (
+    Box as BoxShape,
+    Capsule,
+    Ellipsoid,
+    Mesh,
+    Shape,
+    Sphere,
+    load_mesh,
+)
+from fantoccini.puppet.values import value_of
+
+_LONGEST_STEP = 0.1
+"""[m]"""
+_SWING = 0.02
+"""How far bodies swing beyond the disk of their strings' ends in a walk [m]."""
+_REACH = 0.6
+"""Height below which what stands on the stage is in the way [m]."""
+_TRIES = 4
+"""Of beginnings with which a walk is to arrive in time."""
+_IN_TIME = 1e-6
+"""Difference of times that counts as none [s]."""
+
+Track = tuple[Player, tuple[Times, Array]]
+"""A player, and where it is over time."""
+
+
+class Walks:
+    """The stage from above.
+
+    Args:
+        cast: of the play.
+        notes: know the beat.
+    """
+
+    def __init__(self, cast: Cast, notes: Notes):
+        stage = cast.file.stage
+        self._notes = notes
+        self.step_time = step_time(notes.beat, STEP_TIME)
+        self.blocked: list[Region] = []
+        for one in stage.obstacles:
+            self.blocked += _regions(one.name, one, np.zeros(3))
+        for prop in stage.props:
+            if any(player.holds == prop.name for player in cast.players.values()):
+                continue
+            for shape in prop.shapes:
+                self.blocked += _regions(prop.name, shape, np.array(prop.at))
+        self._space = stage.space
+        self._kept: dict[tuple[Any, ...], Way | NoWay] = {}
+
+    def way(
+        self, player: Player, start: Footing, goal: Footing, begin: float, wait: float,
+        others: Sequence[Track], *, near: float, arrives: float | None, free_from: float,
+    ) -> tuple[Way | None, str]:  # fmt: skip
+        """A way from one footing to another past all others.
+
+        Args:
+            player: who walks.
+            start, goal: from where to where.
+            begin: earliest time [s].
+            wait: by how much later it may begin [s].
+            others: where they are over time.
+            near: how far from the goal it may end [m].
+            arrives: when it is to arrive [s]; as soon as it can when not given.
+            free_from: when the player can begin at the earliest [s].
+
+        Returns:
+            The way, or None and why there is none.
+        """
+        if arrives is not None:
+            begin = free_from
+        found = self._found(player, start, goal, begin, wait, others)
+        other = found.nearest if isinstance(found, NoWay) else None
+        if other is not None and abs(other.place - goal.place) <= near:
+            goal = other
+            found = self._found(player, start, goal, begin, wait, others)
+        if isinstance(found, NoWay):
+            return None, self._why(player, found)
+        if arrives is None:
+            return found, ""
+        for _ in range(_TRIES):
+            early = arrives - found.end
+            if abs(early) < _IN_TIME or found.begin + early < free_from - _IN_TIME:
+                break
+            again = self._found(player, start, goal, found.begin + early, 0.0, others)
+            if isinstance(again, NoWay):
+                break
+            found = again
+        return found, ""
+
+    def _found(
+        self, player: Player, start: Footing, goal: Footing, begin: float, wait: float,
+        others: Sequence[Track],
+    ) -> Way | NoWay:  # fmt: skip
+        around = tuple((other.name, t[-1], xy[-1, 0], xy[-1, 1], len(t), float(np.sum(xy)))
+                       for other, (t, xy) in others)  # fmt: skip
+        key = (player.name, start, goal, round(begin, 9), wait, around)
+        if key not in self._kept:
+            clear = player.radius + SWAY + _SWING
+            space = None
+            if self._space is not None:
+                (a, b), (c, d) = self._space.x, self._space.y
+                r = player.radius + SWAY
+                space = Rectangle((a + r, c + r), (b - r, d - r))
+            self._kept[key] = find_way(
+                start, goal, begin=begin, step_time=self.step_time, longest_step=_LONGEST_STEP,
+                radius=clear, blocked=self.blocked, space=space, latest_begin=begin + wait,
+                others=[
+                    Other(other.name, t, xy, other.radius + SWAY + _SWING)
+                    for other, (t, xy) in others
+                ],
+            )  # fmt: skip
+        return self._kept[key]
+
+    def _why(self, player: Player, found: NoWay) -> str:
+        text = f"{player.name} cannot get there: {found.reason}"
+        if found.nearest is not None:
+            x, y = found.nearest.x, found.nearest.y
+            text += f"; the nearest place that can be reached is [{x:.2f}, {y:.2f}]"
+        return text
+
+
+def _regions(name: str, shape: Shape, at: Array) -> list[Region]:
+    """What a shape takes of the stage, if it is not above the players."""
+    low, high = _extent(shape)
+    if low[2] + at[2] > _REACH:
+        return []
+    middle, half = 0.5 * (low + high) + at, 0.5 * (high - low)
+    centre = float(middle[0]), float(middle[1])
+    if isinstance(shape, BoxShape) and shape.orientation is None:
+        return [Box(name, centre, (float(half[0]), float(half[1])))]
+    return [Disk(name, centre, float(np.hypot(half[0], half[1])))]
+
+
+def _extent(shape: Shape) -> tuple[Array, Array]:
+    """Least and largest x, y and z (3,) of a shape [m]."""
+    if isinstance(shape, Capsule):
+        ends = np.array([shape.from_, shape.to], dtype=float)
+        radius = value_of(shape.radius)
+        return ends.min(axis=0) - radius, ends.max(axis=0) + radius
+    if isinstance(shape, Mesh):
+        points = load_mesh(shape).vertices
+        return points.min(axis=0), points.max(axis=0)
+    assert isinstance(shape, (BoxShape, Sphere, Ellipsoid))
+    at = np.array(shape.at, dtype=float)
+    if isinstance(shape, Sphere):
+        half = np.full(3, value_of(shape.radius))
+        return at - half, at + half
+    turn = np.eye(3) if shape.orientation is None else shape.orientation.matrix
+    if isinstance(shape, BoxShape):
+        half = np.abs(turn) @ (0.5 * np.array([value_of(x) for x in shape.size]))
+    else:
+        half = np.sqrt(np.square(turn) @ np.square([value_of(x) for x in shape.radii]))
+    return at - half, at + half

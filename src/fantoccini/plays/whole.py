@@ -1,0 +1,72 @@
+"""The whole of a play as a score: the motion of all hands, captions, sounds and waits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.gestures import Caption, Gesture, Played, Score, Wait
+from fantoccini.gestures.notes import Notes
+from fantoccini.gestures.sounding import read_sounds
+from fantoccini.motion import pieces
+from fantoccini.plays.casting import Cast
+from fantoccini.plays.cues import Timeline
+
+
+def whole_score(
+    cast: Cast, motions: Mapping[str, Gesture], lanes: Mapping[str, Mapping[str, Gesture]],
+    timeline: Timeline, notes: Notes,
+) -> Score:  # fmt: skip
+    """All players' motions as one score of the stage.
+
+    Raises:
+        FileError: a sound file is missing.
+    """
+    file = cast.file
+    own = {
+        label: on_stage(cast, name, gesture)
+        for name, of_player in lanes.items() for label, gesture in of_player.items()
+    }  # fmt: skip
+    whole, *others = (on_stage(cast, name, motion) for name, motion in motions.items())
+    for other in others:
+        whole += other
+    played, captions, waits = [], [], []
+    for number, cue in enumerate(timeline.cues, 1):
+        for part in cue.parts:
+            lane = part.who if part.lane == 0 else f"{part.who} {part.lane + 1}"
+            name = cue.name if len(cue.who) == 1 else f"{cue.name} {part.who}"
+            played.append(Played(lane, cue.name, part.start, part.end, part.marks, name))
+        if not cue.parts:
+            continue
+        start = min(part.start for part in cue.parts)
+        if cue.given.says is not None:
+            end = max(part.end for part in cue.parts)
+            captions.append(Caption(start, max(end, start + 1.0), cue.given.says))
+        if cue.given.go:
+            waits.append(Wait(f"cue {number}", min(start, cue.wanted)))
+    sounds = read_sounds(
+        file.sound, lambda given, spot: (0.0 if isinstance(given, str) else given) * notes.beat,
+        notes,
+    )
+    notes.refuse()
+    marks = {name: beat * notes.beat for name, beat in file.times.items()}
+    return Score(
+        cast.whole, whole.called(file.play), tuple(played), marks,
+        tuple(sorted(captions, key=lambda one: one.start)), notes.beat, (), file.play,
+        file.stage.speed, file.stage.acceleration, tuple(sorted(waits, key=lambda one: one.t)),
+        sounds, own, file.tempo,
+    )  # fmt: skip
+
+
+def on_stage(cast: Cast, name: str, own: Gesture) -> Gesture:
+    """A player's gesture as one of the stage."""
+    table, mine = cast.whole.coordinates, own.coordinates
+    known, of_mine = pieces.channel_names(table), pieces.channel_names(mine)
+    coef: Array = np.zeros((len(own.coef), table.n_vK, own.coef.shape[2]))
+    named, travel = np.zeros(table.n_vK, dtype=bool), np.zeros(table.n_vK)
+    for channel, (_, v) in of_mine.items():
+        to = known[cast.member(name) + channel][1]
+        coef[:, to], named[to], travel[to] = own.coef[:, v], own.named[v], own.travel[v]
+    return Gesture(table, own.breaks, coef, named, travel, own.name, own.marks, own.turns)
