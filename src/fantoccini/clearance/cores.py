@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,9 +30,9 @@ class Cores:
     Attributes:
         a, b: (n, T, 3) ends of segments; of a box both are its centre [m].
         travelled: (n, T) path of the point that moves most, from the first sample on [m].
-        length: (n, T) of slack pieces; 0 where one is straight, and of bodies [m].
-        stray: (n, T) largest distance of a slack piece's curve from its chord; 0 of a straight
-            one [m].
+        curves: (n_curves, N_CHORDS + 1, 3) points of slack pieces [m].
+        curve: (n, T) number among the curves; -1 where a piece is straight, and of bodies.
+        stray: (n, T) largest distance of a curve from its chord; 0 without one [m].
         box: (n,) number among the boxes, -1 for segments.
         R, half: (n_boxes, T, 3, 3) axes in columns, and (n_boxes, 3) half edges [m].
     """
@@ -40,7 +40,8 @@ class Cores:
     a: Vec3
     b: Vec3
     travelled: Array
-    length: Array
+    curves: Vec3
+    curve: Indices
     stray: Array
     box: Indices
     R: Array
@@ -59,28 +60,35 @@ class Cores:
             links: n_bodies links.
             q_D, q_K: (T, n_qD), (T, n_qK).
         """
-        T = len(q_D)
-        parts = [
-            (a, b, length, _path(a, b)) for a, b, length in _pieces(marionette, q_D, q_K)
-        ]
-        box = [-1] * len(parts)
+        pieces, lengths = _pieces(marionette, q_D, q_K)
+        curves, curve, stray = _curves(pieces, lengths)
+        parts = [_chords(piece, curves, of_one) for piece, of_one in zip(pieces, curve, strict=True)]
+        none = np.full((len(bodies), len(q_D)), -1)
+        box: list[int] = [-1] * len(parts)
         boxes: list[tuple[Array, Array]] = []
         poses = marionette.poses(q_D, q_K)
         for body, link in zip(bodies, links, strict=True):
             R, r = poses[:, link, :, :3], poses[:, link, :, 3]
             a, b = R @ body["a"] + r, R @ body["b"] + r
-            path = _path(a, b)
+            moving = [a, b]
             box.append(-1)
             if body["kind"] == BOX:
                 box[-1] = len(boxes)
                 boxes.append((R @ body["R"].reshape(3, 3).T, body["half"]))
-                path = _path(*_corners(a, *boxes[-1]))
-            parts.append((a, b, np.zeros(T), path))
+                moving = _corners(a, *boxes[-1])
+            parts.append((a, b, _path(moving)))
+        T = len(q_D)
         a, b = (np.array([part[n] for part in parts]).reshape(-1, T, 3) for n in (0, 1))
-        length, path = (np.array([part[n] for part in parts]).reshape(-1, T) for n in (2, 3))
-        R = np.array([R for R, _ in boxes]).reshape(-1, T, 3, 3)
-        half = np.array([half for _, half in boxes]).reshape(-1, 3)
-        return cls(a, b, path, length, _stray(a, b, length), np.array(box, dtype=int), R, half)
+        return cls(
+            a, b, np.array([path for _, _, path in parts]).reshape(-1, T), curves,
+            np.concatenate([curve, none]), np.concatenate([stray, np.zeros(none.shape)]),
+            np.array(box, dtype=int), np.array([R for R, _ in boxes]).reshape(-1, T, 3, 3),
+            np.array([half for _, half in boxes]).reshape(-1, 3),
+        )  # fmt: skip
+
+    def chords(self) -> Cores:
+        """The same with straight strings."""
+        return replace(self, curve=np.full_like(self.curve, -1), stray=np.zeros_like(self.stray))
 
     def straight(self, i: Indices, j: Indices, k: Indices) -> Array:
         """(m,) distances of chords i from cores j, all (m,), at samples k, without radii [m]."""
@@ -103,14 +111,14 @@ class Cores:
         a, b = self.a[i, k], self.b[i, k]
         distance, s, _ = self._from(a, b, j, k)
         place = a + s[:, None] * (b - a)
-        curved, other = self.stray[i, k] > 0.0, self.stray[j, k] > 0.0
+        curved, other = self.curve[i, k] >= 0, self.curve[j, k] >= 0
         for bent in (curved & ~other, ~curved & other, curved & other):
             m = np.flatnonzero(bent)
             if not len(m):
                 continue
             distance[m] = np.inf
-            own = self._curve(i[m], k[m]) if curved[m[0]] else np.stack([a[m], b[m]], axis=1)
-            of_other = self._curve(j[m], k[m]) if other[m[0]] else None
+            own = self.curves[self.curve[i[m], k[m]]] if curved[m[0]] else np.stack([a[m], b[m]], axis=1)
+            of_other = self.curves[self.curve[j[m], k[m]]] if other[m[0]] else None
             for c, e in itertools.product(
                 range(own.shape[1] - 1), range(1 if of_other is None else N_CHORDS)
             ):
@@ -124,9 +132,6 @@ class Cores:
                 place[m[nearer]] = (from_ + s[:, None] * (to - from_))[nearer]
         return distance, place
 
-    def _curve(self, i: Indices, k: Indices) -> Vec3:
-        return hanging(self.a[i, k], self.b[i, k], self.length[i, k])
-
     def _from(self, a: Vec3, b: Vec3, j: Indices, k: Indices) -> tuple[Array, Array, Array]:
         """Distances of segments a to b (m, 3) from cores, and s and t of the nearest points."""
         distance, s, t = between_segments(a, b, self.a[j, k], self.b[j, k])
@@ -139,38 +144,59 @@ class Cores:
         return distance, s, t
 
 
-def _pieces(marionette: Marionette, q_D: Array, q_K: Array) -> list[tuple[Vec3, Vec3, Array]]:
-    """Ends (T, 3) and slack length (T,) of every piece; slack is shared in proportion to spans."""
-    lengths = marionette.model.string_lengths(q_D, q_K)
-    found = []
+def _pieces(marionette: Marionette, q_D: Array, q_K: Array) -> tuple[Array, Array]:
+    """Ends (n, 2, T, 3) of pieces and lengths (n, T) of slack ones, 0 of straight ones [m]."""
+    ends, lengths = [], []
+    of_strings = marionette.model.string_lengths(q_D, q_K)
     paths = marionette.string_points(q_D, q_K)
-    for string, points, length in zip(marionette.tree.strings, paths, lengths.T, strict=True):
+    for string, points, length in zip(marionette.tree.strings, paths, of_strings.T, strict=True):
         spans = np.linalg.norm(np.diff(points, axis=1), axis=2)
         whole = spans.sum(axis=1)
         # Wires push too, and stay straight.
-        slack = (length > whole * _MIN_SLACK) & (not string.wire)
+        slack = (length > whole * _MIN_SLACK) & (whole > 0.0) & (not string.wire)
+        share = np.where(slack, length, 0.0) / np.where(slack, whole, 1.0)
         for n, span in enumerate(spans.T):
-            own = np.where(slack, length * span / np.where(whole > 0.0, whole, 1.0), 0.0)
-            found.append((points[:, n], points[:, n + 1], own))
-    return found
+            ends.append(points[:, n : n + 2].swapaxes(0, 1))
+            lengths.append(share * span)
+    T = len(q_D)
+    return np.array(ends).reshape(-1, 2, T, 3), np.array(lengths).reshape(-1, T)
 
 
-def _stray(a: Vec3, b: Vec3, length: Array) -> Array:
-    """Distance of slack curves from their chords: that of the farthest point (n, T) [m]."""
-    stray = np.zeros_like(length)
-    slack = np.argwhere(length > 0.0)
-    for first in range(0, len(slack), _AT_ONCE):
-        i, k = slack[first : first + _AT_ONCE].T
-        start, along = a[i, k], b[i, k] - a[i, k]
-        offset = hanging(start, b[i, k], length[i, k]) - start[:, None]
-        square = np.maximum(dot(along, along), np.finfo(float).tiny)
-        s = np.clip(np.einsum("npi,ni->np", offset, along) / square[:, None], 0.0, 1.0)
-        offset -= s[..., None] * along[:, None]
-        stray[i, k] = np.sqrt(np.max(dot(offset, offset), axis=1))
-    return np.where(stray > _MIN_SAG, stray, 0.0)
+def _curves(pieces: Array, lengths: Array) -> tuple[Vec3, Array, Array]:
+    """Curves (n_curves, N_CHORDS + 1, 3), whose (n, T), and their distances from chords (n, T)."""
+    curve, stray = np.full(lengths.shape, -1), np.zeros(lengths.shape)
+    i, k = np.nonzero(lengths)
+    start, end = pieces[i, 0, k], pieces[i, 1, k]
+    curves = hanging(start, end, lengths[i, k])
+    offset, along = curves - start[:, None], end - start
+    square = np.maximum(dot(along, along), np.finfo(float).tiny)
+    s = np.clip(np.einsum("npi,ni->np", offset, along) / square[:, None], 0.0, 1.0)
+    offset -= s[..., None] * along[:, None]
+    far = np.sqrt(np.max(dot(offset, offset), axis=1, initial=0.0))
+    sags = far > _MIN_SAG
+    i, k = i[sags], k[sags]
+    curve[i, k], stray[i, k] = np.arange(len(i)), far[sags]
+    return curves[sags], curve, stray
 
 
-def _path(*points: Vec3) -> Array:
+def _chords(ends: Array, curves: Vec3, curve: Indices) -> tuple[Vec3, Vec3, Array]:
+    """Ends (T, 3) of a piece, and the path (T,) of the point that moves most, as it hangs."""
+    step = np.sqrt(np.max(dot(*[np.diff(ends, axis=1)] * 2), axis=0))
+    bent = np.flatnonzero((curve[1:] >= 0) | (curve[:-1] >= 0))
+    s = np.linspace(0.0, 1.0, N_CHORDS + 1)[:, None]
+
+    def points(k: Indices) -> Vec3:
+        found = ends[0, k, None] + s * (ends[1, k] - ends[0, k])[:, None]
+        hangs = curve[k] >= 0
+        found[hangs] = curves[curve[k[hangs]]]
+        return found
+
+    moved = points(bent + 1) - points(bent)
+    step[bent] = np.maximum(step[bent], np.sqrt(np.max(dot(moved, moved), axis=1, initial=0.0)))
+    return ends[0], ends[1], np.concatenate([[0.0], np.cumsum(step)])
+
+
+def _path(points: list[Vec3]) -> Array:
     """(T,) path of the one of several points (T, 3) that moves most in each step [m]."""
     steps = [np.sqrt(dot(d, d)) for d in (np.diff(x, axis=0) for x in points)]
     return np.concatenate([[0.0], np.cumsum(np.max(steps, axis=0))])

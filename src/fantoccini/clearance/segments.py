@@ -23,7 +23,7 @@ class _Tolerances:
     """sin^2 of an angle: parallel below it."""
     fold: float = 1e-9
     """Width per length of a slack string that the two legs of a fold keep."""
-    newton: float = 1e-14
+    newton: float = 1e-12
     """Last step per u."""
     max_steps: int = 60
 

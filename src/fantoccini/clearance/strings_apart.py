@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array, Indices, Mask, Times, check_not_negative, check_positive
+from fantoccini.arrays import Array, Indices, Times, check_not_negative, check_positive
 from fantoccini.clearance import solids
 from fantoccini.clearance.blocks import search
 from fantoccini.clearance.cores import Cores
@@ -135,28 +135,23 @@ class StringMotion:
             ValueError: ``within`` is not a finite number greater than 0.
         """
         check_positive(within=within)
-        pairs, stray = self.pairs.every, self.cores.stray
+        pairs = self.pairs.every
         best = np.full(len(self.pairs.names), float(within))
         which, when = np.full((2, len(best)), -1)
 
-        def keep(pair: Indices, middle: Indices, distance: Array, lower: Array) -> Mask:
-            i, j, group = pairs.i[pair], pairs.j[pair], pairs.group[pair]
-            lower = lower - pairs.swollen[pair]
-            found = distance - pairs.swollen[pair]
-            bent = (stray[i, middle] + stray[j, middle] > 0.0) & (lower < best[group])
-            found[bent] = self.cores.exact(i[bent], j[bent], middle[bent])[0]
-            found[bent] -= pairs.swollen[pair[bent]]
-            # The nearest of every group comes first.
-            order = np.lexsort((found, group))
-            first = order[np.flatnonzero(np.diff(group[order], prepend=-1))]
-            first = first[found[first] < best[group[first]]]
-            best[group[first]] = found[first]
-            which[group[first]], when[group[first]] = pair[first], middle[first]
-            return lower < best[group] - _ACCURACY
+        def limit(pair: Indices, _start: Indices) -> Array:
+            return best[pairs.group[pair]] - _ACCURACY + pairs.swollen[pair]
 
-        search(self.cores, pairs, keep)
+        def take(pair: Indices, k: Indices, distance: Array) -> None:
+            distance, group = distance - pairs.swollen[pair], pairs.group[pair]
+            first = _firsts(group, distance)
+            first = first[distance[first] < best[group[first]]]
+            best[group[first]] = distance[first]
+            which[group[first]], when[group[first]] = pair[first], k[first]
+
+        search(self.cores, pairs, limit, take)
         near = np.flatnonzero(which >= 0)
-        return self._approaches(which[near], when[near])
+        return self._approaches(which[near], when[near], best[near])
 
     def nearer_than(self, margin: float) -> Approaches:
         """When every pair that comes nearer than a margin does so first, the earliest first.
@@ -165,17 +160,22 @@ class StringMotion:
             ValueError: the margin is not a finite number greater than 0.
         """
         check_positive(margin=margin)
-        pairs = self.pairs.every
-        pair, k = search(
-            self.cores, pairs, lambda pair, _k, _d, lower: lower < margin + pairs.swollen[pair]
-        )
-        distance = self.cores.exact(pairs.i[pair], pairs.j[pair], k)[0] - pairs.swollen[pair]
-        near = distance < margin
-        pair, k, distance = pair[near], k[near], distance[near]
-        order = np.lexsort((distance, k, pairs.group[pair]))
-        first = order[np.flatnonzero(np.diff(pairs.group[pair[order]], prepend=-1))]
-        first = first[np.argsort(k[first], kind="stable")]
-        return self._approaches(pair[first], k[first], sort=False)
+        pairs, never = self.pairs.every, len(self.t)
+        which, when = np.full((2, len(self.pairs.names)), never)
+
+        def limit(pair: Indices, start: Indices) -> Array:
+            return np.where(start < when[pairs.group[pair]], margin + pairs.swollen[pair], -np.inf)
+
+        def take(pair: Indices, k: Indices, distance: Array) -> None:
+            near = np.flatnonzero(distance - pairs.swollen[pair] < margin)
+            group = pairs.group[pair[near]]
+            first = _firsts(group, k[near])
+            first = first[k[near[first]] < when[group[first]]]
+            which[group[first]], when[group[first]] = pair[near[first]], k[near[first]]
+
+        search(self.cores, pairs, limit, take)
+        near = np.flatnonzero(when < never)
+        return self._approaches(which[near], when[near], when[near])
 
     def crossings(self) -> tuple[Crossing, ...]:
         """Every passage of a string through another, the earliest first.
@@ -192,13 +192,13 @@ class StringMotion:
         """
         return windings(self.cores, self.pairs)
 
-    def _approaches(self, pair: Indices, k: Indices, sort: bool = True) -> Approaches:
-        """Sorted by kinds, and by distance."""
+    def _approaches(self, pair: Indices, k: Indices, rank: Array) -> Approaches:
+        """Approaches of pairs (m,) at samples (m,), by kinds and in the order of ranks (m,)."""
         pairs, cores = self.pairs.every, self.cores
         distance, place = cores.exact(pairs.i[pair], pairs.j[pair], k)
         distance = distance - pairs.swollen[pair]
         found: dict[Kind, list[Approach]] = {kind: [] for kind in Kind}
-        for n in np.argsort(distance, kind="stable") if sort else range(len(pair)):
+        for n in np.argsort(rank, kind="stable"):
             group = pairs.group[pair[n]]
             x, y, z = place[n].tolist()
             made = Approach(
@@ -206,3 +206,9 @@ class StringMotion:
             )
             found[self.pairs.kinds[group]].append(made)
         return Approaches(*(tuple(made) for made in found.values()))
+
+
+def _firsts(group: Indices, rank: Array) -> Indices:
+    """Where the one of least rank (m,) of every group (m,) is."""
+    order = np.lexsort((rank, group))
+    return order[np.flatnonzero(np.diff(group[order], prepend=-1))]

@@ -11,7 +11,7 @@ other: this test is exact, however long the step.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -93,8 +93,9 @@ def crossings(cores: Cores, t: Times, pairs: StringPairs) -> tuple[Crossing, ...
         t: (T,) times [s].
         pairs: of strings.
     """
-    chords = replace(cores, stray=np.zeros_like(cores.stray))
-    pair, k = search(chords, pairs.of_strings, lambda _i, _k, _d, lower: lower <= _TOLERANCES.meet)
+    pair, k = search(
+        cores.chords(), pairs.of_strings, lambda pair, _k: np.full(len(pair), _TOLERANCES.meet)
+    )
     moving = k + 1 < len(t)
     pair, k = pair[moving], k[moving]
     i, j = pairs.of_strings.i[pair], pairs.of_strings.j[pair]
