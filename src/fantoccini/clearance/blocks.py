@@ -5,8 +5,8 @@ path that it travels, so that
 
     d(t) >= d(c) - path_i - path_j,   d(c) >= chords(c) - stray_i - stray_j
 
-with stray the largest distance of a slack string from its chord. Blocks in which this bound is large
-are done with; the others are cut into smaller ones, down to single steps between samples.
+with stray the largest distance of a slack string from its chord. Blocks in which this bound is
+large are done with; the others are cut into smaller ones, down to steps between samples.
 """
 
 from __future__ import annotations
@@ -77,9 +77,8 @@ def search(
             stray += most[core, start // size]
         distance = cores.straight(i, j, middle)
         kept = np.flatnonzero(distance - moved - stray < limit(pair, start))
-        pair, start, middle, distance, moved, stray = (
-            x[kept] for x in (pair, start, middle, distance, moved, stray)
-        )
+        pair, start, middle = pair[kept], start[kept], middle[kept]
+        distance, moved, stray = distance[kept], moved[kept], stray[kept]
         # Slack strings move little as well: where they hang says more than how far they may sag.
         bent = np.flatnonzero(stray > 0.0)
         i, j = pairs.i[pair[bent]], pairs.j[pair[bent]]

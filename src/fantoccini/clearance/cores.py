@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -62,28 +64,34 @@ class Cores:
         """
         pieces, lengths = _pieces(marionette, q_D, q_K)
         curves, curve, stray = _curves(pieces, lengths)
-        parts = [_chords(piece, curves, of_one) for piece, of_one in zip(pieces, curve, strict=True)]
-        none = np.full((len(bodies), len(q_D)), -1)
-        box: list[int] = [-1] * len(parts)
-        boxes: list[tuple[Array, Array]] = []
+        n_pieces, T = lengths.shape
+        n = n_pieces + len(bodies)
+        a, b = np.empty((2, n, T, 3))
+        travelled = np.empty((n, T))
+        a[:n_pieces], b[:n_pieces] = pieces[:, 0], pieces[:, 1]
+        for i, ends in enumerate(pieces):
+            travelled[i] = _path_of_piece(ends, curves, curve[i])
+        box = np.full(n, -1)
+        is_box = np.flatnonzero(bodies["kind"] == BOX)
+        axes, half = np.empty((len(is_box), T, 3, 3)), bodies["half"][is_box]
+        box[n_pieces + is_box] = np.arange(len(is_box))
         poses = marionette.poses(q_D, q_K)
-        for body, link in zip(bodies, links, strict=True):
-            R, r = poses[:, link, :, :3], poses[:, link, :, 3]
-            a, b = R @ body["a"] + r, R @ body["b"] + r
-            moving = [a, b]
-            box.append(-1)
-            if body["kind"] == BOX:
-                box[-1] = len(boxes)
-                boxes.append((R @ body["R"].reshape(3, 3).T, body["half"]))
-                moving = _corners(a, *boxes[-1])
-            parts.append((a, b, _path(moving)))
-        T = len(q_D)
-        a, b = (np.array([part[n] for part in parts]).reshape(-1, T, 3) for n in (0, 1))
+        for link in dict.fromkeys(links):
+            # Transposed, so that points are rows.
+            R = np.ascontiguousarray(poses[:, link, :, :3].swapaxes(1, 2))
+            r = poses[:, link, :, 3]
+            for m in np.flatnonzero(np.array(links) == link):
+                i, body = n_pieces + m, bodies[m]
+                a[i], b[i] = (np.einsum("i,tij->tj", body[end], R) + r for end in ("a", "b"))
+                moving = [a[i], b[i]]
+                if box[i] >= 0:
+                    axes[box[i]] = (body["R"].reshape(3, 3) @ R).swapaxes(1, 2)
+                    moving = _corners(a[i], axes[box[i]], body["half"])
+                travelled[i] = _path(moving)
+        none = np.zeros((len(bodies), T))
         return cls(
-            a, b, np.array([path for _, _, path in parts]).reshape(-1, T), curves,
-            np.concatenate([curve, none]), np.concatenate([stray, np.zeros(none.shape)]),
-            np.array(box, dtype=int), np.array([R for R, _ in boxes]).reshape(-1, T, 3, 3),
-            np.array([half for _, half in boxes]).reshape(-1, 3),
+            a, b, travelled, curves, np.concatenate([curve, none.astype(int) - 1]),
+            np.concatenate([stray, none]), box, axes, half,
         )  # fmt: skip
 
     def chords(self) -> Cores:
@@ -109,7 +117,7 @@ class Cores:
 
     def _exact(self, i: Indices, j: Indices, k: Indices) -> tuple[Array, Vec3]:
         a, b = self.a[i, k], self.b[i, k]
-        distance, s, _ = self._from(a, b, j, k)
+        distance, s = self._from(a, b, j, k)
         place = a + s[:, None] * (b - a)
         curved, other = self.curve[i, k] >= 0, self.curve[j, k] >= 0
         for bent in (curved & ~other, ~curved & other, curved & other):
@@ -117,31 +125,36 @@ class Cores:
             if not len(m):
                 continue
             distance[m] = np.inf
-            own = self.curves[self.curve[i[m], k[m]]] if curved[m[0]] else np.stack([a[m], b[m]], axis=1)
-            of_other = self.curves[self.curve[j[m], k[m]]] if other[m[0]] else None
-            for c, e in itertools.product(
-                range(own.shape[1] - 1), range(1 if of_other is None else N_CHORDS)
-            ):
-                from_, to = own[:, c], own[:, c + 1]
-                if of_other is None:
-                    found, s, _ = self._from(from_, to, j[m], k[m])
-                else:
-                    found, s, _ = between_segments(from_, to, of_other[:, e], of_other[:, e + 1])
-                nearer = found < distance[m]
-                distance[m[nearer]] = found[nearer]
-                place[m[nearer]] = (from_ + s[:, None] * (to - from_))[nearer]
+            own = np.stack([a[m], b[m]], axis=1)
+            if curved[m[0]]:
+                own = self.curves[self.curve[i[m], k[m]]]
+            for start, end in pairwise(own.swapaxes(0, 1)):
+                for found, s in self._from_each(start, end, j[m], k[m], bool(other[m[0]])):
+                    nearer = found < distance[m]
+                    distance[m[nearer]] = found[nearer]
+                    place[m[nearer]] = (start + s[:, None] * (end - start))[nearer]
         return distance, place
 
-    def _from(self, a: Vec3, b: Vec3, j: Indices, k: Indices) -> tuple[Array, Array, Array]:
-        """Distances of segments a to b (m, 3) from cores, and s and t of the nearest points."""
-        distance, s, t = between_segments(a, b, self.a[j, k], self.b[j, k])
+    def _from_each(
+        self, a: Vec3, b: Vec3, j: Indices, k: Indices, curved: bool
+    ) -> Iterator[tuple[Array, Array]]:
+        """``_from`` cores, or each chord of their curves."""
+        if not curved:
+            yield self._from(a, b, j, k)
+            return
+        for start, end in pairwise(self.curves[self.curve[j, k]].swapaxes(0, 1)):
+            yield between_segments(a, b, start, end)
+
+    def _from(self, a: Vec3, b: Vec3, j: Indices, k: Indices) -> tuple[Array, Array]:
+        """Distances of segments a to b (m, 3) from cores, and s (m,) of the nearest points."""
+        distance, s = between_segments(a, b, self.a[j, k], self.b[j, k])
         m = np.flatnonzero(self.box[j] >= 0)
         if len(m):
             box, centre = self.box[j[m]], self.a[j[m], k[m]]
             R = self.R[box, k[m]]
-            ends = [np.einsum("nij,ni->nj", R, end[m] - centre) for end in (a, b)]
-            distance[m], s[m] = from_box(*ends, self.half[box])
-        return distance, s, t
+            start, end = (np.einsum("nij,ni->nj", R, x[m] - centre) for x in (a, b))
+            distance[m], s[m] = from_box(start, end, self.half[box])
+        return distance, s
 
 
 def _pieces(marionette: Marionette, q_D: Array, q_K: Array) -> tuple[Array, Array]:
@@ -179,8 +192,14 @@ def _curves(pieces: Array, lengths: Array) -> tuple[Vec3, Array, Array]:
     return curves[sags], curve, stray
 
 
-def _chords(ends: Array, curves: Vec3, curve: Indices) -> tuple[Vec3, Vec3, Array]:
-    """Ends (T, 3) of a piece, and the path (T,) of the point that moves most, as it hangs."""
+def _path(points: list[Vec3]) -> Array:
+    """(T,) path of the one of several points (T, 3) that moves most in each step [m]."""
+    steps = [np.sqrt(dot(d, d)) for d in (np.diff(x, axis=0) for x in points)]
+    return np.concatenate([[0.0], np.cumsum(np.max(steps, axis=0))])
+
+
+def _path_of_piece(ends: Vec3, curves: Vec3, curve: Indices) -> Array:
+    """The same of a piece with ends (2, T, 3), as it hangs: the curves whose numbers are (T,)."""
     step = np.sqrt(np.max(dot(*[np.diff(ends, axis=1)] * 2), axis=0))
     bent = np.flatnonzero((curve[1:] >= 0) | (curve[:-1] >= 0))
     s = np.linspace(0.0, 1.0, N_CHORDS + 1)[:, None]
@@ -193,13 +212,7 @@ def _chords(ends: Array, curves: Vec3, curve: Indices) -> tuple[Vec3, Vec3, Arra
 
     moved = points(bent + 1) - points(bent)
     step[bent] = np.maximum(step[bent], np.sqrt(np.max(dot(moved, moved), axis=1, initial=0.0)))
-    return ends[0], ends[1], np.concatenate([[0.0], np.cumsum(step)])
-
-
-def _path(points: list[Vec3]) -> Array:
-    """(T,) path of the one of several points (T, 3) that moves most in each step [m]."""
-    steps = [np.sqrt(dot(d, d)) for d in (np.diff(x, axis=0) for x in points)]
-    return np.concatenate([[0.0], np.cumsum(np.max(steps, axis=0))])
+    return np.concatenate([[0.0], np.cumsum(step)])
 
 
 def _corners(centre: Vec3, R: Array, half: Array) -> list[Vec3]:

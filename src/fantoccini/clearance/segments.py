@@ -23,8 +23,8 @@ class _Tolerances:
     """sin^2 of an angle: parallel below it."""
     fold: float = 1e-9
     """Width per length of a slack string that the two legs of a fold keep."""
-    newton: float = 1e-12
-    """Last step per u."""
+    newton: float = 1e-9
+    """Last step per u; by how much the points are wrong, per length, is far less."""
     max_steps: int = 60
 
 
@@ -36,7 +36,7 @@ def dot(x: Vec3, y: Vec3) -> Array:
     return np.einsum("...i,...i->...", x, y)
 
 
-def between_segments(a: Vec3, b: Vec3, c: Vec3, d: Vec3) -> tuple[Array, Array, Array]:
+def between_segments(a: Vec3, b: Vec3, c: Vec3, d: Vec3) -> tuple[Array, Array]:
     """min |a + s (b - a) - c - t (d - c)|, 0 <= s, t <= 1.
 
     Args:
@@ -44,7 +44,7 @@ def between_segments(a: Vec3, b: Vec3, c: Vec3, d: Vec3) -> tuple[Array, Array, 
         c, d: (n, 3) of the other.
 
     Returns:
-        (n,) distances [m], and s and t (n,) of the nearest points.
+        (n,) distances [m], and s (n,).
     """
     u, v, w = b - a, d - c, a - c
     tiny = _TOLERANCES.min_length**2
@@ -57,7 +57,7 @@ def between_segments(a: Vec3, b: Vec3, c: Vec3, d: Vec3) -> tuple[Array, Array, 
     t = np.clip((uv * np.clip(s, 0.0, 1.0) + wv) / vv, 0.0, 1.0)
     s = np.clip((uv * t - wu) / uu, 0.0, 1.0)
     gap = w + s[:, None] * u - t[:, None] * v
-    return np.sqrt(dot(gap, gap)), s, t
+    return np.sqrt(dot(gap, gap)), s
 
 
 def from_box(a: Vec3, b: Vec3, half: Vec3) -> tuple[Array, Array]:

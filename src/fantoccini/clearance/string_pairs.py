@@ -7,6 +7,7 @@ from enum import IntEnum
 
 import numpy as np
 
+from fantoccini.arrays import Array
 from fantoccini.clearance.blocks import Pairs
 from fantoccini.marionette import Marionette
 
@@ -28,18 +29,16 @@ class StringPairs:
         kinds: by group.
         every: all pairs of cores, groups of strings first.
         of_strings: those of two strings, as chords without thickness.
-        owners: numbers of the two strings, by group of two strings.
     """
 
     names: tuple[tuple[str, str], ...]
     kinds: tuple[Kind, ...]
     every: Pairs
     of_strings: Pairs
-    owners: tuple[tuple[int, int], ...]
 
 
 def string_pairs(
-    marionette: Marionette, links: list[int], radii: np.ndarray, radius: float
+    marionette: Marionette, links: list[int], radii: Array, radius: float
 ) -> StringPairs:
     """The pairs, numbered as cores are: pieces of strings, then solids.
 
@@ -51,11 +50,16 @@ def string_pairs(
     """
     tree, member = marionette.tree, marionette.puppet.member_of
     of_piece = [i for i, string in enumerate(tree.strings) for _ in string.points[1:]]
-    pieces = [np.flatnonzero(np.array(of_piece) == i) for i in range(len(tree.strings))]
-    solids = {i: len(of_piece) + np.flatnonzero(np.array(links) == i) for i in dict.fromkeys(links)}
-    names, kinds, owners, found = [], [], [], []
+    pieces = [[n for n, of in enumerate(of_piece) if of == i] for i in range(len(tree.strings))]
+    solids = {
+        link: [n for n, of in enumerate(links, len(of_piece)) if of == link]
+        for link in dict.fromkeys(links)
+    }
+    names: list[tuple[str, str]] = []
+    kinds: list[Kind] = []
+    found: list[tuple[int, int, int]] = []
 
-    def add(kind: Kind, i: int, other: str, cores: np.ndarray) -> None:
+    def add(kind: Kind, i: int, other: str, cores: list[int]) -> None:
         found.extend((a, b, len(names)) for a in pieces[i] for b in cores)
         names.append((tree.strings[i].name, other))
         kinds.append(kind)
@@ -64,7 +68,6 @@ def string_pairs(
         for j, other in enumerate(tree.strings[:i]):
             if not {(p.link, p.at) for p in string.points} & {(p.link, p.at) for p in other.points}:
                 add(Kind.STRING, j, string.name, pieces[i])
-                owners.append((j, i))
     n = len(found)
     for i, string in enumerate(tree.strings):
         for link, cores in solids.items():
@@ -72,8 +75,8 @@ def string_pairs(
                 body = tree.links[link].name
                 own = member(body) == member(string.name)
                 add(Kind.OWN_BODY if own else Kind.OTHERS_BODY, i, body, cores)
-    i, j, group = np.array(found, dtype=int).reshape(-1, 3).T
+    first, second, group = np.array(found, dtype=int).reshape(-1, 3).T
     thick = np.concatenate([np.full(len(of_piece), radius), radii])
-    every = Pairs(i, j, group, thick[i] + thick[j])
-    of_strings = Pairs(i[:n], j[:n], group[:n], np.zeros(n))
-    return StringPairs(tuple(names), tuple(kinds), every, of_strings, tuple(owners))
+    every = Pairs(first, second, group, thick[first] + thick[second])
+    of_strings = Pairs(first[:n], second[:n], group[:n], np.zeros(n))
+    return StringPairs(tuple(names), tuple(kinds), every, of_strings)

@@ -201,14 +201,13 @@ class StringMotion:
         for n in np.argsort(rank, kind="stable"):
             group = pairs.group[pair[n]]
             x, y, z = place[n].tolist()
-            made = Approach(
-                *self.pairs.names[group], float(distance[n]), float(self.t[k[n]]), (x, y, z)
-            )
+            what, other = self.pairs.names[group]
+            made = Approach(what, other, float(distance[n]), float(self.t[k[n]]), (x, y, z))
             found[self.pairs.kinds[group]].append(made)
         return Approaches(*(tuple(made) for made in found.values()))
 
 
-def _firsts(group: Indices, rank: Array) -> Indices:
+def _firsts(group: Indices, rank: Array | Indices) -> Indices:
     """Where the one of least rank (m,) of every group (m,) is."""
     order = np.lexsort((rank, group))
     return order[np.flatnonzero(np.diff(group[order], prepend=-1))]

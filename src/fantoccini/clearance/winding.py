@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fantoccini.arrays import Array, Indices, Times, Vec3
 from fantoccini.clearance.blocks import search
@@ -156,8 +157,8 @@ class _Step:
     def in_plane(self) -> np.ndarray:
         """(n,) whether the pieces stay in one plane, so that f says nothing."""
         size = np.ones(self.before.shape[1])
-        for ends in ((0, 1), (2, 3), (0, 2)):
-            spans = [np.linalg.norm(x[ends[1]] - x[ends[0]], axis=1) for x in (self.before, self.after)]
+        for i, j in ((0, 1), (2, 3), (0, 2)):
+            spans = (np.linalg.norm(x[j] - x[i], axis=1) for x in (self.before, self.after))
             size *= np.maximum(*spans)
         return np.abs(self.coefficients()).max(axis=0, initial=0.0) <= _TOLERANCES.plane * size
 
@@ -188,16 +189,15 @@ class _Step:
 
     def meetings_in_plane(self) -> tuple[Indices, Array, Indices]:
         """The same of pieces that stay in one plane and come to meet there: no sense, 0."""
-        which = np.flatnonzero(self.in_plane() & (self.distance(np.zeros(self.before.shape[1])) > 0))
-        part = self.part(which)
+        which = np.flatnonzero(self.in_plane())
+        part, s = self.part(which), np.zeros(len(which))
         moved = np.linalg.norm(part.after - part.before, axis=2)
-        # No nearer than this until the distance is used up.
-        speed = np.maximum(moved[:2].max(axis=0, initial=0.0) + moved[2:].max(axis=0, initial=0.0), np.finfo(float).tiny)
-        s = np.zeros(len(which))
+        nearing = np.maximum(moved[0], moved[1]) + np.maximum(moved[2], moved[3])
         distance = part.distance(s)
         away = distance > _TOLERANCES.meet
+        # They cannot meet before they have moved by the distance that is left.
         for _ in range(_TOLERANCES.advances):
-            s = np.minimum(s + distance / speed, 1.0)
+            s = np.minimum(s + distance / np.maximum(nearing, np.finfo(float).tiny), 1.0)
             distance = np.where(distance > _TOLERANCES.meet, part.distance(s), distance)
         meet = away & (distance <= _TOLERANCES.meet)
         return which[meet], s[meet], np.zeros(int(meet.sum()), dtype=int)
@@ -211,25 +211,48 @@ def windings(cores: Cores, pairs: StringPairs) -> tuple[Winding, ...]:
         pairs: of strings.
     """
     found = []
-    single = np.bincount(pairs.of_strings.group)
-    for group in np.flatnonzero(single == 1):
-        n = int(np.flatnonzero(pairs.of_strings.group == group)[0])
-        i, j = int(pairs.of_strings.i[n]), int(pairs.of_strings.j[n])
-        tops, bottoms = zip(*(_upright(cores.a[m], cores.b[m]) for m in (i, j)), strict=True)
-        top = np.minimum(tops[0][:, 2], tops[1][:, 2])
-        bottom = np.maximum(bottoms[0][:, 2], bottoms[1][:, 2])
+    single = np.bincount(pairs.of_strings.group) == 1
+    lines = [_Line.of(a, b) for a, b in zip(cores.a, cores.b, strict=True)]
+    for n in np.flatnonzero(single[pairs.of_strings.group]):
+        line, other = lines[pairs.of_strings.i[n]], lines[pairs.of_strings.j[n]]
+        top, bottom = np.minimum(line.top, other.top), np.maximum(line.bottom, other.bottom)
         if np.any(top <= bottom):
             continue
-        upper, lower = (
-            np.subtract(*(_at_height(bottoms[m], tops[m], z) for m in (1, 0)))
-            for z in (top, bottom)
-        )
+        upper, lower = (other.at(z) - line.at(z) for z in (top, bottom))
         seen = _turned(lower, upper)
-        turns = seen[0] + np.concatenate([
-            [0.0], np.cumsum(_turned(upper[:-1], upper[1:]) - _turned(lower[:-1], lower[1:]))
-        ])  # fmt: skip
-        found.append(Winding(*pairs.names[group], turns, seen))
+        steps = _turned(upper[:-1], upper[1:]) - _turned(lower[:-1], lower[1:])
+        turns = seen[0] + np.concatenate([[0.0], np.cumsum(steps)])
+        what, another = pairs.names[pairs.of_strings.group[n]]
+        found.append(Winding(what, another, turns, seen))
     return tuple(sorted(found, key=lambda winding: -abs(winding.turns[-1])))
+
+
+@dataclass(frozen=True, eq=False)
+class _Line:
+    """A straight string as a horizontal place x + y i over the height z.
+
+    Attributes:
+        top, bottom: (T,) heights of its ends [m].
+        low: (T,) complex place of the lower end [m].
+        slope: (T,) complex change of the place per height; 0 of a level string.
+    """
+
+    top: Array
+    bottom: Array
+    low: NDArray[np.complex128]
+    slope: NDArray[np.complex128]
+
+    @classmethod
+    def of(cls, a: Vec3, b: Vec3) -> _Line:
+        x, y = (end[:, 0] + 1j * end[:, 1] for end in (a, b))
+        up = b[:, 2] >= a[:, 2]
+        rise = b[:, 2] - a[:, 2]
+        slope = np.asarray((y - x) / np.where(rise == 0.0, np.inf, rise), dtype=np.complex128)
+        low = np.where(up, x, y)
+        return cls(np.maximum(a[:, 2], b[:, 2]), np.minimum(a[:, 2], b[:, 2]), low, slope)
+
+    def at(self, z: Array) -> NDArray[np.complex128]:
+        return self.low + (z - self.bottom) * self.slope
 
 
 def _volume(a0: Vec3, a1: Vec3, b0: Vec3, b1: Vec3) -> Array:
@@ -241,20 +264,6 @@ def _product(u: Vec3, v: Vec3, w: Vec3) -> Array:
     return dot(np.cross(u, v), w)
 
 
-def _upright(a: Vec3, b: Vec3) -> tuple[Vec3, Vec3]:
-    """The upper and the lower end (T, 3) of a piece."""
-    up = (b[:, 2] >= a[:, 2])[:, None]
-    return np.where(up, b, a), np.where(up, a, b)
-
-
-def _at_height(low: Vec3, high: Vec3, z: Array) -> Array:
-    """(T, 2) horizontal place of a piece at heights z (T,)."""
-    rise = high[:, 2] - low[:, 2]
-    s = (z - low[:, 2]) / np.where(rise > 0.0, rise, 1.0)
-    return low[:, :2] + s[:, None] * (high - low)[:, :2]
-
-
-def _turned(x: Array, y: Array) -> Array:
-    """Angles from vectors x (n, 2) to y, at most half a turn [turns]."""
-    cross = x[:, 0] * y[:, 1] - x[:, 1] * y[:, 0]
-    return np.arctan2(cross, x[:, 0] * y[:, 0] + x[:, 1] * y[:, 1]) / (2.0 * np.pi)
+def _turned(x: NDArray[np.complex128], y: NDArray[np.complex128]) -> Array:
+    """Angles from x (n,) to y, at most half a turn [turns]."""
+    return np.angle(y * x.conj()) / (2.0 * np.pi)
