@@ -2,5 +2,19 @@
 
 from fantoccini.clearance.measure import Clearance, Nearest
 from fantoccini.clearance.obstacles import HalfSpace, Standing, standing
+from fantoccini.clearance.strings_apart import Approach, Approaches, StringMotion, StringsApart
+from fantoccini.clearance.winding import Crossing, Winding
 
-__all__ = ["Clearance", "HalfSpace", "Nearest", "Standing", "standing"]
+__all__ = [
+    "Approach",
+    "Approaches",
+    "Clearance",
+    "Crossing",
+    "HalfSpace",
+    "Nearest",
+    "Standing",
+    "StringMotion",
+    "StringsApart",
+    "Winding",
+    "standing",
+]

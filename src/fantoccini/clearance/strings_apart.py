@@ -1,0 +1,213 @@
+"""StringsApart: whether strings keep clear of one another and of bodies, along a motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.arrays import Array, Indices, Times, check_not_negative, check_positive
+from fantoccini.clearance import solids
+from fantoccini.clearance.blocks import search
+from fantoccini.clearance.cores import Cores
+from fantoccini.clearance.meshes import Meshes
+from fantoccini.clearance.string_pairs import Kind, StringPairs, string_pairs
+from fantoccini.clearance.winding import Crossing, Winding, crossings, windings
+from fantoccini.marionette import Marionette
+
+_ACCURACY = 1e-5
+"""By how much a least distance may be too large [m]: so near to it, no nearer sample is sought."""
+
+
+@dataclass(frozen=True)
+class Approach:
+    """A string near another string or a body.
+
+    Attributes:
+        what: name of the string.
+        other: name of the other string, or of the body.
+        distance: between their surfaces [m]; negative where they overlap, whatever the depth.
+        t: when [s].
+        place: (3,) the point of the string's axis that is nearest [m].
+    """
+
+    what: str
+    other: str
+    distance: float
+    t: float
+    place: tuple[float, float, float]
+
+    def __str__(self) -> str:
+        at = ", ".join(f"{x:.3g}" for x in self.place)
+        apart = f"{self.distance:.3g} m from" if self.distance > 0.0 else "touching"
+        return f"string {self.what} is {apart} {self.other} at t = {self.t:.4g} s, ({at})"
+
+
+@dataclass(frozen=True)
+class Approaches:
+    """Approaches of pairs, one for every pair of names.
+
+    Attributes:
+        strings: of two strings.
+        bodies: of a string and a body of another puppet, or a prop.
+        own: of a string and a body of the same puppet.
+    """
+
+    strings: tuple[Approach, ...]
+    bodies: tuple[Approach, ...]
+    own: tuple[Approach, ...]
+
+
+class StringsApart:
+    """Distances of a puppet's or scene's strings from one another and from bodies, and crossings.
+
+        d = min |x - y| - radii,   x on a string, y on another string or on the core of a body
+
+    A taut string is straight from point to point, a slack one hangs as a thread of its length does:
+    twelve chords of its catenary count, as they do for :class:`Clearance`; up to a sag of 0.01 mm
+    it is straight. The slip of winches is left out. Strings through the same point are not measured
+    against each other, nor strings against the bodies to which they are tied. Bodies are solids as
+    in :class:`Clearance`, but a mesh is the box around it. Obstacles are left to
+    :class:`Clearance`. Chains of masses that stand for elastic strings are not measured.
+
+    Args:
+        marionette: a puppet or a scene.
+        radius: half the thickness of strings [m].
+
+    Raises:
+        ValueError: a radius that is not a finite number of at least 0.
+    """
+
+    def __init__(self, marionette: Marionette, *, radius: float = 0.0):
+        check_not_negative(radius=radius)
+        self.marionette = marionette
+        self._bodies, self._links = solids.moving(marionette.tree, Meshes())
+        self._pairs = string_pairs(marionette, self._links, self._bodies["radius"], radius)
+
+    def over(self, q_D: Array, q_K: Array, t: Times) -> StringMotion:
+        """The strings and bodies along a motion, to be measured.
+
+        Args:
+            q_D, q_K: (T, n_qD), (T, n_qK).
+            t: (T,) times, not decreasing [s].
+
+        Raises:
+            ValueError: arrays of other shapes, without samples, or with numbers that are not
+                finite; times that decrease.
+        """
+        q_D, q_K, t = (np.asarray(x, dtype=float) for x in (q_D, q_K, t))
+        table = self.marionette.coordinates
+        shapes = (len(t), table.n_qD), (len(t), table.n_qK)
+        if (q_D.shape, q_K.shape) != shapes or t.ndim != 1 or not len(t):
+            raise ValueError(
+                f"q_D, q_K and t have the shapes {q_D.shape}, {q_K.shape} and {t.shape}; they must "
+                f"be (T, {table.n_qD}), (T, {table.n_qK}) and (T,), with T of at least 1"
+            )
+        if not all(np.isfinite(x).all() for x in (q_D, q_K, t)) or np.any(np.diff(t) < 0.0):
+            raise ValueError("q_D, q_K and t must be finite, and t must not decrease")
+        cores = Cores.of(self.marionette, self._bodies, self._links, q_D, q_K)
+        return StringMotion(t, cores, self._pairs)
+
+
+@dataclass(frozen=True, eq=False)
+class StringMotion:
+    """Strings and bodies along a motion.
+
+    Distances are those at the samples: between two samples a pair may be nearer, by half of what
+    it moves in a step. Crossings are found between samples as well.
+
+    Attributes:
+        t: (T,) times [s].
+        cores: where strings and bodies are.
+        pairs: what is measured.
+    """
+
+    t: Times
+    cores: Cores
+    pairs: StringPairs
+
+    def nearest(self, within: float = 0.05) -> Approaches:
+        """The least distance of every pair that comes nearer than ``within``, the least first.
+
+        Distances are right to 0.01 mm.
+
+        Raises:
+            ValueError: ``within`` is not a finite number greater than 0.
+        """
+        check_positive(within=within)
+        pairs = self.pairs.every
+        best = np.full(len(self.pairs.names), float(within))
+        which, when = np.full((2, len(best)), -1)
+
+        def limit(pair: Indices, _start: Indices) -> Array:
+            return best[pairs.group[pair]] - _ACCURACY + pairs.swollen[pair]
+
+        def take(pair: Indices, k: Indices, distance: Array) -> None:
+            distance, group = distance - pairs.swollen[pair], pairs.group[pair]
+            first = _firsts(group, distance)
+            first = first[distance[first] < best[group[first]]]
+            best[group[first]] = distance[first]
+            which[group[first]], when[group[first]] = pair[first], k[first]
+
+        search(self.cores, pairs, limit, take)
+        near = np.flatnonzero(which >= 0)
+        return self._approaches(which[near], when[near], best[near])
+
+    def nearer_than(self, margin: float) -> Approaches:
+        """When every pair that comes nearer than a margin does so first, the earliest first.
+
+        Raises:
+            ValueError: the margin is not a finite number greater than 0.
+        """
+        check_positive(margin=margin)
+        pairs, never = self.pairs.every, len(self.t)
+        which, when = np.full((2, len(self.pairs.names)), never)
+
+        def limit(pair: Indices, start: Indices) -> Array:
+            return np.where(start < when[pairs.group[pair]], margin + pairs.swollen[pair], -np.inf)
+
+        def take(pair: Indices, k: Indices, distance: Array) -> None:
+            near = np.flatnonzero(distance - pairs.swollen[pair] < margin)
+            group = pairs.group[pair[near]]
+            first = _firsts(group, k[near])
+            first = first[k[near[first]] < when[group[first]]]
+            which[group[first]], when[group[first]] = pair[near[first]], k[near[first]]
+
+        search(self.cores, pairs, limit, take)
+        near = np.flatnonzero(when < never)
+        return self._approaches(which[near], when[near], when[near])
+
+    def crossings(self) -> tuple[Crossing, ...]:
+        """Every passage of a string through another, the earliest first.
+
+        The motion is free of crossings if there is none. Slack strings count as their chords: what
+        a loop of a slack string winds around is not seen.
+        """
+        return crossings(self.cores, self.t, self.pairs)
+
+    def windings(self) -> tuple[Winding, ...]:
+        """How far strings have wound round each other, the most wound at the end first.
+
+        Of pairs that have heights in common at all times, and that are straight from end to end.
+        """
+        return windings(self.cores, self.pairs)
+
+    def _approaches(self, pair: Indices, k: Indices, rank: Array) -> Approaches:
+        """Approaches of pairs (m,) at samples (m,), by kinds and in the order of ranks (m,)."""
+        pairs, cores = self.pairs.every, self.cores
+        distance, place = cores.exact(pairs.i[pair], pairs.j[pair], k)
+        distance = distance - pairs.swollen[pair]
+        found: dict[Kind, list[Approach]] = {kind: [] for kind in Kind}
+        for n in np.argsort(rank, kind="stable"):
+            group = pairs.group[pair[n]]
+            x, y, z = place[n].tolist()
+            what, other = self.pairs.names[group]
+            made = Approach(what, other, float(distance[n]), float(self.t[k[n]]), (x, y, z))
+            found[self.pairs.kinds[group]].append(made)
+        return Approaches(*(tuple(made) for made in found.values()))
+
+
+def _firsts(group: Indices, rank: Array | Indices) -> Indices:
+    """Where the one of least rank (m,) of every group (m,) is."""
+    order = np.lexsort((rank, group))
+    return order[np.flatnonzero(np.diff(group[order], prepend=-1))]
