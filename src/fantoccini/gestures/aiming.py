@@ -14,8 +14,9 @@ import numpy as np
 from fantoccini import puppets
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError, UnknownNameError
+from fantoccini.gestures.ends import BODY, Ends, times
 from fantoccini.gestures.gesture import Gesture
-from fantoccini.gestures.walking import BODY, Ends, there_and_back, times
+from fantoccini.gestures.walking import there_and_back
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.motion.findings import Findings
@@ -163,7 +164,7 @@ def look(ends: Ends, aim: Aim, findings: Findings) -> Gesture:
     farthest = max(abs(x) for x in own.values())
     way = max(_BRIEFEST, _TURN_TIME * abs(turn), 1.875 * farthest / _SPEED)
     t, curve = there_and_back(way, _HOLD)
-    ends.carry(0.0, turn, curve)
+    ends.carry((np.zeros(len(t), dtype=complex),) * 3, times(turn, curve))
     for name, offset in own.items():
         ends.add(name, times(offset, curve))
     return ends.gesture(t, "look", {"there": way}, travels=False)

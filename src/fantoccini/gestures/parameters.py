@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 from fantoccini.errors import UnknownNameError
 from fantoccini.gestures.aiming import Aim, To, look, point
+from fantoccini.gestures.ends import Ends
 from fantoccini.gestures.gesture import Gesture
-from fantoccini.gestures.walking import Ends, walk
+from fantoccini.gestures.walking import walk
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.motion.findings import Findings
