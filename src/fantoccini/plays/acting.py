@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fantoccini.gestures.stepping import Step, steps
+from fantoccini.gestures.stepping import Step
 
 from fantoccini.arrays import Array
 from fantoccini.errors import (
@@ -24,6 +24,7 @@ from fantoccini.gestures.gesture_file import bundled
 from fantoccini.gestures.notes import Notes
 from fantoccini.gestures.parameters import MADE
 from fantoccini.gestures.timing import Spot
+from fantoccini.gestures.walking import steps
 from fantoccini.plays.casting import Cast, Player
 from fantoccini.plays.footing import Footing
 from fantoccini.plays.play_file import HOW, CueFile

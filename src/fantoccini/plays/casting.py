@@ -15,7 +15,7 @@ from fantoccini.arrays import Array, Times
 from fantoccini.errors import FileError, PuppetError, UnknownNameError, nearest
 from fantoccini.gestures.notes import Notes
 from fantoccini.gestures.timing import Spot
-from fantoccini.gestures.walking import Ends
+from fantoccini.gestures.ends import Ends
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.plays.footing import Footing

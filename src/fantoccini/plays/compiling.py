@@ -188,7 +188,7 @@ class _Compiler:
                 continue
             begun, own = motion
             run, alone = made.runs[part.who], self._cast.players[part.who].alone
-            x = run.resample(np.array([begun]))[0]
+            x = run.at(begun)
             key = digest(x, Gesture(alone.coordinates, *own), most, "pause")
             jobs[key] = partial(pause, alone, x, own, most)
             cues[key] = number, cue
@@ -251,9 +251,8 @@ class _Compiler:
         )
         found: dict[int, list[float]] = {}
         for late in lateness(score, run):
-            number, cue, mark = timed.get(id(late.cue), (-1, None, ""))
-            if cue is not None and late.mark == mark:
-                found.setdefault(number, []).append(late.seconds)
+            if id(late.cue) in timed and late.mark == timed[id(late.cue)][2]:
+                found.setdefault(timed[id(late.cue)][0], []).append(late.seconds)
         cues = {number: cue for number, cue, _ in timed.values()}
         return [
             (float(np.mean(found.get(number, [0.0]))) + _of_hands(cue, name), number, cue)

@@ -55,6 +55,7 @@ class Cue:
 
     Attributes:
         spot: where it is written.
+        index: its place in the file's order.
         act: number of its act.
         given: what is written.
         who: the players.
@@ -68,6 +69,7 @@ class Cue:
     """
 
     spot: Spot
+    index: int
     act: int
     given: CueFile
     who: tuple[str, ...]
@@ -121,7 +123,7 @@ class Timeline:
                 name = given.name or _NAMED.get(given.verb, given.does or "")
                 name = name.rsplit(".", 1)[0]
                 known = (*marks(given, spot), START, END)
-                cue = Cue(spot, a, given, who, name, known)
+                cue = Cue(spot, len(self.cues), a, given, who, name, known)
                 cue.before = {one: last.get(one) for one in who}
                 last.update(dict.fromkeys(who, cue))
                 self.cues.append(cue)
@@ -201,8 +203,7 @@ class Timeline:
 
     def _last(self, who: str, cue: Cue, walks: bool) -> Cue | None:
         """The cue, or the walk, that a player does last before a cue, in the file's order."""
-        i = next(i for i, one in enumerate(self.cues) if one is cue)
-        for one in reversed(self.cues[:i]):
+        for one in reversed(self.cues[: cue.index]):
             if who in one.who and (one.walks or not walks):
                 return one
         return None

@@ -166,7 +166,7 @@ class Placing:
         if cue.given.go:
             earlier = [
                 one.moments[END] for one in self.timeline.of_act(cue.act)
-                if one.moments and one.spot[3] < cue.spot[3]
+                if one.moments and one.index < cue.index
             ]  # fmt: skip
             floor = max([act_start, *earlier])
         else:

@@ -25,8 +25,6 @@ _DT = 0.004
 """[s]"""
 _CALM = 0.015
 """Speed of the trunk that nobody sees [m/s]."""
-_LEVER = 0.1
-"""Length by which angular velocities count as speeds [m]."""
 _PATIENCE = 4e-4
 """What a second of pause costs [m^2/s^2]."""
 _STARTS = 4
@@ -71,15 +69,13 @@ class Swing:
         self._length = float(motion.breaks[-1])
         self._steps = int(np.ceil((most + self._length + _WINDOW) / _DT))
         table = marionette.coordinates
-        weights = np.full(table.n_vD, _LEVER**2)
-        for _, v in table.scalars_D:
-            if table.v_D[v].endswith((".x", ".y", ".z")):
-                weights[v] = 1.0
-        self._weights = weights / max(1.0, float(np.sum(weights == 1.0)) / 3.0)
+        trunk = [v for _, v in table.scalars_D if table.v_D[v].endswith((".x", ".y", ".z"))]
+        self._weights = np.zeros(table.n_vD)
+        self._weights[trunk or slice(None)] = 1.0
 
     def cost(self, p: float, gradient: bool = False) -> tuple[float, Array]:
         """The cost of a pause, and (1,) its derivative, 0 where it is not asked for."""
-        t = _DT * np.arange(self._steps + 1) - p
+        t = np.asarray(_DT * np.arange(self._steps + 1) - p, dtype=float)
         rates, changes = self._hands(t)
         acc = np.diff(rates, axis=0) / _DT
         rollout = self._marionette.rollout(self._x, acc, dt=_DT)
