@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fantoccini.gestures.stepping import Step
 
 from fantoccini.arrays import Array
 from fantoccini.errors import (
@@ -23,6 +22,7 @@ from fantoccini.gestures import Gesture, gesture_names, load_gesture
 from fantoccini.gestures.gesture_file import bundled
 from fantoccini.gestures.notes import Notes
 from fantoccini.gestures.parameters import MADE
+from fantoccini.gestures.stepping import Step
 from fantoccini.gestures.timing import Spot
 from fantoccini.gestures.walking import steps
 from fantoccini.plays.casting import Cast, Player

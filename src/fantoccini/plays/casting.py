@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from fantoccini import scene as scenes
-from fantoccini.arrays import Array, Times
+from fantoccini.arrays import Array
 from fantoccini.errors import FileError, PuppetError, UnknownNameError, nearest
+from fantoccini.gestures.ends import Ends
 from fantoccini.gestures.notes import Notes
 from fantoccini.gestures.timing import Spot
-from fantoccini.gestures.ends import Ends
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.plays.footing import Footing
@@ -113,28 +113,6 @@ class Cast:
             return only.name if name in own else name
         first = name.split(".")[0]
         return first if first in self.players and "." in name else name
-
-    def gathered(self, t: Times, own: Mapping[str, tuple[Array, Array]]) -> tuple[Array, Array]:
-        """Configurations of the stage from those of the players alone.
-
-        Args:
-            t: (T,) times [s].
-            own: player -> (T, n_qD), (T, n_qK) of it alone.
-
-        Returns:
-            (T, n_qD), (T, n_qK); props are where they are at the start.
-        """
-        table = self.whole.coordinates
-        q_D = np.tile(self.x0.q_D, (len(t), 1))
-        q_K = np.tile(self.x0.q_K, (len(t), 1))
-        for name, (d, k) in own.items():
-            mine = self.players[name].alone.coordinates
-            for whole, part, names, all_names in (
-                (q_D, d, mine.q_D, table.q_D), (q_K, k, mine.q_K, table.q_K),
-            ):  # fmt: skip
-                places = [all_names.index(self.member(name) + one) for one in names]
-                whole[:, places] = part
-        return q_D, q_K
 
 
 class Places:

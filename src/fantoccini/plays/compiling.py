@@ -13,9 +13,10 @@ from fantoccini.errors import Status
 from fantoccini.gestures import Gesture, Played, Score, lateness, piecewise
 from fantoccini.gestures.joining import Motion
 from fantoccini.gestures.notes import LATE, Notes
-from fantoccini.gestures.timing import Spot
+from fantoccini.gestures.timing import END, START, Spot
 from fantoccini.motion import Trajectory
 from fantoccini.plays.acting import Repertory
+from fantoccini.plays.alone import runs_alone
 from fantoccini.plays.casting import Cast, Places, read_cast
 from fantoccini.plays.cues import Cue, Part, Timeline
 from fantoccini.plays.kept import Kept, digest
@@ -23,12 +24,12 @@ from fantoccini.plays.placing import Placing, Wishes
 from fantoccini.plays.play import CueOfPlay, Play
 from fantoccini.plays.play_file import PlayFile
 from fantoccini.plays.settling import PAUSE, pause
-from fantoccini.plays.touching import Touch, configurations, touches
+from fantoccini.plays.together import together
+from fantoccini.plays.touching import Touch, touches
 from fantoccini.plays.walks import Walks
 from fantoccini.plays.whole import whole_score
 from fantoccini.puppet.located import read_file, validate
 from fantoccini.runtime import default_threads
-from fantoccini.simulation import simulate
 
 ROUNDS = 12
 """Most rounds of placing and simulating."""
@@ -145,21 +146,7 @@ class _Compiler:
     def _runs(self, motions: Mapping[str, Gesture]) -> dict[str, Trajectory]:
         """The event-driven run of every player alone."""
         self._kept.next_round()
-        stage, players, jobs, keys = self._cast.file.stage, self._cast.players, {}, {}
-        for name, motion in motions.items():
-            player = players[name]
-            keys[name] = digest(player.x0, motion, player.alone.puppet.name)
-
-            def run(name: str = name, motion: Gesture = motion) -> Trajectory:
-                player = players[name]
-                inputs = motion.inputs(
-                    player.x0, speed=stage.speed, acceleration=stage.acceleration
-                )
-                return simulate(player.alone, player.x0, inputs, effort=False, throw=False)
-
-            jobs[keys[name]] = run
-        found = self._kept.all(jobs, default_threads())
-        return {name: found[key] for name, key in keys.items()}
+        return runs_alone(self._cast, motions, self._kept)
 
     def _refuse_stopped(self, made: _Round) -> bool:
         """Refuses the cues in which a run stopped before its end."""
@@ -263,8 +250,7 @@ class _Compiler:
 
     def _touches(self, made: _Round) -> list[Touch]:
         self._tell("looking for what touches", 0.97)
-        t, q_D, q_K = configurations(self._cast, made.runs, made.placing.end + _RINGS)
-        return touches(self._cast, t, q_D, q_K)
+        return touches(self._cast, together(self._cast, made.runs))
 
     def _refuse(self, found: list[Touch], made: _Round) -> bool:
         """Refuses the cues in which something touches first; whether there are any."""
@@ -308,13 +294,17 @@ class _Compiler:
             notes.change(("acts",), f"{touch} {notes.said(touch.t)}")
         cues = tuple(self._cue(i, cue) for i, cue in enumerate(self._timeline.cues))
         score = whole_score(self._cast, made.motions, made.lanes, self._timeline, notes)
+        parts = tuple(
+            (number, part.who)
+            for number, cue in enumerate(self._timeline.cues, 1) for part in cue.parts
+        )  # fmt: skip
         acts = {
             act.act: start for act, start in zip(file.acts, made.placing.act_starts, strict=True)
         }
         ways = {name: tuple(actor.ways) for name, actor in made.placing.actors.items()}
         return Play(
-            file.play, notes.located, self._cast, score, cues, tuple(notes.changes), acts, ways,
-            self._settled, rounds, self._kept,
+            file.play, notes.located, self._cast, score, parts, cues, tuple(notes.changes), acts,
+            made.motions, ways, self._settled, rounds, self._kept,
         )  # fmt: skip
 
     def _note(self, cue: Cue, made: _Round) -> None:
@@ -324,20 +314,25 @@ class _Compiler:
             left = "is left out: " if cue.given.optional else "cannot be done: "
             notes.change(cue.spot, f"{described(cue)} {left}{cue.refused}")
             return
-        wait = (cue.given.may_wait or 0.0) * notes.beat
-        pause = self._wishes.pauses.get(cue.spot, 0.0)
         for part in cue.parts:
             mark = next(iter(cue.given.on)) if cue.given.on is not None else ""
             seen = part.marks[mark] if mark else part.start
             early = self._wishes.earlier.get((cue.spot, part.who), 0.0)
             late = seen + early - cue.wanted
-            if late > max(wait, pause) + IN_TIME and (mark or cue.given.when):
+            if late > self._give(cue) + IN_TIME:
                 what = mark or "begins"
                 notes.change(
                     cue.spot, f"{described(cue)}: {what} {notes.said(seen)} instead of "
                     f"{notes.said(cue.wanted)}; {part.who} is not free before",
                 )  # fmt: skip
                 return
+
+    def _give(self, cue: Cue) -> float:
+        """By how much later a cue may be [s]; as long as it likes, where the play has no time."""
+        given = cue.given
+        if given.when is None and given.on is None and not given.go:
+            return np.inf
+        return max((given.may_wait or 0.0) * self._notes.beat, 0.0)
 
     def _cue(self, i: int, cue: Cue) -> CueOfPlay:
         given = cue.given
@@ -346,9 +341,10 @@ class _Compiler:
         end = max((part.end for part in parts), default=cue.wanted)
         return CueOfPlay(
             i + 1, self._cast.file.acts[cue.act].act, cue.who, described(cue), cue.name,
-            self._notes.located.line(cue.spot) or 0, cue.wanted, start, end,
+            self._notes.located.line(cue.spot) or 0, cue.wanted, self._give(cue), start, end,
             next(iter(given.on)) if given.on is not None else "", given.go, given.says or "",
-            cue.refused, given.optional, {part.who: part.marks for part in parts},
+            cue.refused, given.optional,
+            {part.who: {**part.marks, START: part.start, END: part.end} for part in parts},
         )  # fmt: skip
 
 

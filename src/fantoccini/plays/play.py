@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from fantoccini.arrays import Times
 from fantoccini.errors import Mistake
-from fantoccini.gestures import Score
+from fantoccini.gestures import Gesture, Score
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State
 from fantoccini.plays.casting import Cast
@@ -28,13 +28,14 @@ class CueOfPlay:
         name: by which times refer to it.
         line: of the file.
         wanted: when it, or the mark of ``on``, is to be [s].
+        give: by how much later that may be [s].
         start, end: of all that it moves [s].
         mark: the mark of ``on``; "" where the beginning counts.
         go: whether a live show waits for GO before it.
         says: its caption.
         refused: why it cannot be done; "" where it is.
         optional: whether it may be left out.
-        marks: player -> mark -> time of the hands [s].
+        marks: player -> mark, ``start`` or ``end`` -> time of the hands [s]; of those who do it.
     """
 
     number: int
@@ -44,6 +45,7 @@ class CueOfPlay:
     name: str
     line: int
     wanted: float
+    give: float
     start: float
     end: float
     mark: str = ""
@@ -76,9 +78,11 @@ class Play:
         cast: its players, alone and together.
         score: the whole as a score: one motion of all hands, a lane or more for each player,
             captions, sounds and waits.
+        parts: for each cue of the score, the number of the play's and the player.
         cues: in the file's order.
         changes: what cannot be done, and why, and what is not as it was written.
         acts: name -> when it begins [s].
+        motions: player -> all that its hands do.
         ways: player -> its walks.
         settled: cue's number -> its pause [s], and the trunk's speeds after it without the pause
             and with it [m/s].
@@ -90,9 +94,11 @@ class Play:
     located: Located
     cast: Cast
     score: Score
+    parts: tuple[tuple[int, str], ...]
     cues: tuple[CueOfPlay, ...]
     changes: tuple[Mistake, ...]
     acts: Mapping[str, float]
+    motions: Mapping[str, Gesture] = field(repr=False)
     ways: Mapping[str, tuple[Way, ...]]
     settled: Mapping[int, tuple[float, float, float]]
     rounds: int

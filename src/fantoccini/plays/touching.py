@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,8 +13,8 @@ from fantoccini.plays.casting import Cast
 from fantoccini.puppet.contact import FLOOR
 from fantoccini.runtime import default_threads
 
-SAMPLE = 0.02
-"""Between configurations that are measured [s]."""
+EVERY = 4
+"""So many samples of a run are one that is measured: 50 a second."""
 
 
 @dataclass(frozen=True)
@@ -43,20 +42,7 @@ class Touch:
         return f"{self.what} would come within {1e3 * self.distance:.0f} mm of {self.other}"
 
 
-def configurations(
-    cast: Cast, runs: Mapping[str, Trajectory], end: float
-) -> tuple[Times, Array, Array]:
-    """(T,) times, (T, n_qD) and (T, n_qK) of the stage, from the runs of its players."""
-    t = np.append(np.arange(0.0, end, SAMPLE), end)
-    own = {}
-    for name, run in runs.items():
-        at = run.resample(np.clip(t, run.t[0], run.t[-1]))
-        own[name] = at.q_D, at.q_K
-    q_D, q_K = cast.gathered(t, own)
-    return t, q_D, q_K
-
-
-def touches(cast: Cast, t: Times, q_D: Array, q_K: Array) -> list[Touch]:
+def touches(cast: Cast, run: Trajectory) -> list[Touch]:
     """Where two things come nearer than the stage says, in order of time.
 
     Bodies of different players, props and obstacles keep clear of one another, strings of all of
@@ -64,9 +50,9 @@ def touches(cast: Cast, t: Times, q_D: Array, q_K: Array) -> list[Touch]:
 
     Args:
         cast: of the play.
-        t: (T,) times [s].
-        q_D, q_K: (T, n_qD), (T, n_qK) of the stage.
+        run: of the stage; measured at every :data:`EVERY` of its samples.
     """
+    t, q_D, q_K = run.t[::EVERY], run.q_D[::EVERY], run.q_K[::EVERY]
     clear = cast.file.stage.clear
     links = [link.name for link in cast.whole.tree.links]
     on_floor = [frozenset((name, FLOOR)) for name in links]

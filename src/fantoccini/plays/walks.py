@@ -6,16 +6,16 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from fantoccini.gestures.stepping import STEP_TIME
-from fantoccini.plays.regions import Box, Disk, Rectangle, Region
-from fantoccini.plays.ways import NoWay, Other, find_way
 
 from fantoccini.arrays import Array, Times
 from fantoccini.gestures.notes import Notes
+from fantoccini.gestures.stepping import STEP_TIME
 from fantoccini.gestures.walking import SWAY
 from fantoccini.plays.acting import step_time
 from fantoccini.plays.casting import Cast, Player
 from fantoccini.plays.footing import Footing, Way
+from fantoccini.plays.regions import Box, Disk, Rectangle, Region
+from fantoccini.plays.ways import NoWay, Other, find_way
 from fantoccini.puppet.shapes import (
     Box as BoxShape,
     Capsule,
