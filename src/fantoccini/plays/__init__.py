@@ -1,0 +1,1 @@
+"""Plays: several puppets perform what a text says, and walk past each other."""
