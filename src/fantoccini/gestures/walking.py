@@ -72,14 +72,14 @@ def steps(ends: Ends, given: Sequence[Step], step_time: float = STEP_TIME) -> Ge
     """
     if not given:
         raise ValueError("given is empty; a gesture has at least one step")
-    n = len(given)
+    n, track = len(given), Track(given, step_time)
     clock = np.arange(n * _PARTS + 1) / _PARTS
     k = np.minimum(clock.astype(int), n - 1)
     up = _bump(clock - k, step_time)
     moves = np.array([not one.stands for one in given])
     # +1 where the left foot goes, -1 where the right one does.
     side = np.where(moves, (-1.0) ** (np.cumsum(moves) + 1), 0.0)
-    path, heading = Track(given, step_time).at(clock * step_time)
+    path, heading = track.at(clock * step_time)
     ends.carry(path, heading, times(-SWAY * side[k], up))
     for name in BODY:
         ends.add(f"{name}.length", times(-_BOB * moves[k], up))

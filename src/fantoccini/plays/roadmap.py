@@ -41,8 +41,11 @@ _COSINES = np.cos(TURN * np.arange(1, 5)) - 1e-9
 def turns(first: Complex, then: Complex) -> Array:
     """(...) steps of turning from one heading to another: unit numbers (...)."""
     both = np.conj(first) * then
-    found = (np.abs(both.imag) > _STRAIGHT) | (both.real < 0.0)
-    return found.astype(float) + np.sum(both.real[..., None] < _COSINES, axis=-1)
+    cosine = both.real
+    found = ((np.abs(both.imag) > _STRAIGHT) | (cosine < 0.0)).astype(float)
+    for most in _COSINES:
+        found = found + (cosine < most)
+    return np.asarray(found)
 
 
 def lattice(space: Rectangle) -> Complex:
@@ -76,7 +79,7 @@ class Roadmap:
 
     @classmethod
     def over(
-        cls, start: complex, goal: complex, heading: complex, places: Complex,
+        cls, ends: Complex, heading: complex, places: Complex,
         standing: Sequence[Region], space: Rectangle, radius: float, longest_step: float,
     ) -> Roadmap:  # fmt: skip
         """From places that may be anywhere: those that are free stay."""
@@ -85,7 +88,7 @@ class Roadmap:
         all_places = all_places[space.holds(all_places)]
         for one in standing:
             all_places = all_places[one.distance(all_places) >= radius - EDGE]
-        points = np.array([start, goal])
+        points = ends
         for place in all_places:
             if np.min(np.abs(points - place)) > _SAME:
                 points = np.append(points, place)

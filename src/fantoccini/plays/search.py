@@ -14,7 +14,7 @@ from itertools import count
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, Indices
 from fantoccini.plays.roadmap import CORNER, GOAL, START, Roadmap, turns
 from fantoccini.plays.traffic import NEVER, Traffic
 
@@ -57,7 +57,7 @@ class _Onward:
     """Where to go from a visit: points, the most promising first."""
 
     visit: _Visit
-    points: Array
+    points: Indices
     turns: Array
     earliest: Array
     costs: Array
@@ -85,7 +85,7 @@ class Search:
     looked: int = 0
     _queue: list[tuple[float, int, _Onward | _Arrival]] = field(default_factory=list)
     _serial: count[int] = field(default_factory=count)
-    _stays: dict[int, Array] = field(default_factory=dict)
+    _stays: dict[int, Indices] = field(default_factory=dict)
     _best: dict[tuple[int, int], list[tuple[float, complex]]] = field(default_factory=dict)
 
     def run(self, heading: complex) -> list[Leg] | None:
@@ -145,7 +145,7 @@ class Search:
     def _send(
         self, f: float, cost: float, visit: _Visit, k: int, turned: int, since: int, at: int
     ) -> None:
-        """Queues the arrival by the first departure since a step; f and cost hold for that ``at``."""
+        """Queues the arrival by the first departure since a step; f, cost are those of ``at``."""
         points, n = self.roadmap.points, int(self.roadmap.steps[visit.point, k])
         departs = self.traffic.departures(
             complex(points[visit.point]), complex(points[k]), n, since, visit.until

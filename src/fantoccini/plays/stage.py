@@ -11,7 +11,7 @@ from fantoccini.gestures.ends import Complex
 from fantoccini.gestures.stepping import Step
 from fantoccini.plays.footing import Footing, Way
 from fantoccini.plays.regions import Disk, Rectangle, Region
-from fantoccini.plays.roadmap import BESIDE, EDGE, Roadmap, lattice, turns
+from fantoccini.plays.roadmap import EDGE, Roadmap, lattice, turns
 from fantoccini.plays.search import Leg, Search
 from fantoccini.plays.traffic import SAMPLE, Other, Traffic
 
@@ -21,6 +21,9 @@ CLOSER = 1e-5
 """By how much those who pass each other may be closer than their radii, between samples [m]."""
 _BESIDE_PATHS = 8
 """Places of a path beside which there are places to make way to."""
+_BESIDE_OTHERS = 2e-3
+"""How much farther than the clearance places to turn are from who moves [m]: more than the
+clearance from them has for what happens between samples."""
 _CLEAR = 1.1
 """Their distance from the path, over that at which two pass."""
 
@@ -41,9 +44,9 @@ class Stage:
     ):  # fmt: skip
         self.start, self.begin, self.step_time = start, begin, step_time
         self.longest_step, self.radius, self.blocked = longest_step, radius, blocked
-        disks = [one.as_disk(begin) for one in others]
-        self.standing: list[Region] = [*blocked, *(one for one in disks if one is not None)]
-        self.movers = [one for one, disk in zip(others, disks, strict=True) if disk is None]
+        still = [one.at_rest() for one in others if one.last_motion() <= begin]
+        self.standing: list[Region] = [*blocked, *still]
+        self.movers = [one for one in others if one.last_motion() > begin]
         self.space = Rectangle((-np.inf, -np.inf), (np.inf, np.inf)) if space is None else space
 
     # -- checks ------------------------------------------------------------------------------
@@ -61,17 +64,19 @@ class Stage:
     def is_free(self, places: Complex) -> Mask:
         """(n,) whether nothing stands at places when all have come to rest."""
         free = self.space.holds(places)
-        for one in self.standing:
+        for one in self.at_last:
             free &= one.distance(places) >= self.radius - EDGE
-        for other in self.movers:
-            gap = np.abs(other.at(np.array(np.inf)) - places)
-            free &= gap >= self.radius + other.radius - EDGE
         return free
 
-    def are_open(self, first: Complex, last: Complex) -> Mask:
-        """(...) whether nothing stands in straight legs (...)."""
+    @property
+    def at_last(self) -> list[Region]:
+        """What stands when all have come to rest."""
+        return [*self.standing, *(one.at_rest() for one in self.movers)]
+
+    def are_open(self, standing: Sequence[Region], first: Complex, last: Complex) -> Mask:
+        """(...) whether nothing of what stands is in straight legs (...)."""
         free = np.ones(first.shape, dtype=bool)
-        for one in self.standing:
+        for one in standing:
             free &= one.distance_of_legs(first, last) >= self.radius - EDGE
         return free
 
@@ -98,7 +103,7 @@ class Stage:
         heading = complex(np.exp(1j * goal.heading))
         ends = np.array([self.start.place, goal.place])
         return Roadmap.over(
-            *ends, heading, self._places(ends), self.standing, self.space, self.radius,
+            ends, heading, self._places(ends), self.standing, self.space, self.radius,
             self.longest_step,
         )  # fmt: skip
 
@@ -125,7 +130,7 @@ class Stage:
             found += [path + side * _CLEAR * pass_by * aside for side in (-1.0, 1.0)]
             for place in (path[0], path[-1]):
                 disk = Disk(other.name, (place.real, place.imag), other.radius)
-                found.append(disk.corners(self.radius + 20.0 * BESIDE))
+                found.append(disk.corners(self.radius + _BESIDE_OTHERS))
         places = np.concatenate(found)
         seen = np.concatenate([places, *(one.corners(self.radius) for one in self.standing)])
         margin = 2.0 * self.radius

@@ -13,8 +13,9 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import Status
-from fantoccini.motion import Columns, Trajectory
+from fantoccini.motion import Columns, EventRecord, Trajectory
 from fantoccini.plays.casting import Cast
+from fantoccini.tree import CoordinateTable
 
 SAMPLE = 0.005
 """Between samples [s]."""
@@ -45,7 +46,9 @@ def together(cast: Cast, runs: Mapping[str, Trajectory]) -> Trajectory:
         "violation": Columns(tree.row_names, np.zeros((len(t), len(tree.row_names)))),
     }
     found = {name: np.array(one.values) for name, one in columns.items()}
-    ledger, events, first = None, [], None
+    ledger: Array | None = None
+    first: Trajectory | None = None
+    events: list[EventRecord] = []
     for name, run in runs.items():
         own, prefix = run.resample(t), cast.member(name)
         for part in _SHARED:
@@ -63,23 +66,19 @@ def together(cast: Cast, runs: Mapping[str, Trajectory]) -> Trajectory:
     assert first is not None
     assert ledger is not None
     status = next((r.status for r in runs.values() if r.status is not Status.DONE), Status.DONE)
+    put = {name: one.like(found[name]) for name, one in columns.items()}
     return Trajectory(
-        t, **parts, ledger=first.ledger.like(ledger), events=tuple(sorted(events, key=_time)),
-        status=status, method=first.method, coordinates=table,
-        puppet=cast.whole.model.described,
-        **{name: one.like(found[name]) for name, one in columns.items()},
+        t, *(parts[name] for name in _SHARED), put["tension"], put["limit_force"], put["taut"],
+        first.ledger.like(ledger), tuple(sorted(events, key=lambda e: e.t)), status, first.method,
+        table, cast.whole.model.described, violation=put["violation"], slip=put["slip"],
     )  # fmt: skip
 
 
-def _time(event: object) -> float:
-    return float(getattr(event, "t", 0.0))
-
-
-def _width(table: object, name: str) -> int:
+def _width(table: CoordinateTable, name: str) -> int:
     return int(getattr(table, f"n_v{name[-1]}"))
 
 
-def _places(run: Trajectory, part: str, prefix: str, table: object) -> list[int]:
+def _places(run: Trajectory, part: str, prefix: str, table: CoordinateTable) -> list[int]:
     kind = f"{'q' if part[0] == 'q' else 'v'}_{part[-1]}"
     names, mine = getattr(table, kind), getattr(run.coordinates, kind)
     return [names.index(prefix + one) for one in mine]

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
-from fantoccini.arrays import Array, Times, frozen
+from fantoccini.arrays import Array, Indices, Mask, Times, frozen
 from fantoccini.gestures import stepping
 from fantoccini.gestures.ends import Complex
 from fantoccini.motion import polynomial
@@ -25,8 +25,8 @@ _MARGIN = 1e-3
 """Beside those who move, for what happens between two samples [m]."""
 _MOVES = 1e-9
 """Others who stay within this stand [m]."""
-_AT_ONCE = 16
-"""Departures that are checked at once."""
+_COARSE = 8
+"""Of so many samples the first is checked before the others are."""
 NEVER = 1 << 40
 """A step that never comes."""
 
@@ -63,17 +63,15 @@ class Other:
     def at(self, t: Times) -> Complex:
         """(...) places at times (...)."""
         x, y = (np.interp(t, self.times, self.xy[:, part]) for part in (0, 1))
-        return x + 1j * y
+        return np.asarray(x + 1j * y)
 
     def last_motion(self) -> float:
         """When it stands for good [s]."""
         moving = np.flatnonzero(np.any(np.abs(self.xy - self.xy[-1]) > _MOVES, axis=1))
         return float(self.times[moving[-1] + 1]) if len(moving) else -np.inf
 
-    def as_disk(self, since: float) -> Disk | None:
-        """The disk where it stands from a time on [s]; None when it moves after that."""
-        if self.last_motion() > since:
-            return None
+    def at_rest(self) -> Disk:
+        """Where it stands after its last motion."""
         return Disk(self.name, (float(self.xy[-1, 0]), float(self.xy[-1, 1])), self.radius)
 
 
@@ -107,27 +105,25 @@ class Traffic:
         return max(0, int(np.ceil((last - self.begin) / self.step_time - 1e-9)))
 
     @cached_property
-    def _places(self) -> list[Complex]:
-        """Of every other, at the samples until all stand."""
-        k = np.arange(self.still_from * self.parts + 1)
-        t = self.begin + k * (self.step_time / self.parts)
-        return [one.at(t) for one in self.others]
+    def _places(self) -> Complex:
+        """(others, n) places at the samples until all stand."""
+        n = self.still_from * self.parts
+        t = np.linspace(self.begin, self.begin + self.still_from * self.step_time, n + 1)
+        return np.array([one.at(t) for one in self.others]).reshape(-1, n + 1)
 
     @cached_property
-    def _least(self) -> list[float]:
-        """Distance to keep from every other [m]."""
+    def _least_squared(self) -> Array:
+        """(others,) squares of the distances to keep [m^2]."""
         found = []
         for one, places in zip(self.others, self._places, strict=True):
             least = one.radius + self.radius
             near = min(abs(places[0] - self.ends[0]), abs(places[-1] - self.ends[1]))
             found.append(max(least, min(least + _MARGIN, near)) - 1e-9)
-        return found
+        return np.array(found) ** 2
 
-    def stays(self, point: complex) -> Array:
+    def stays(self, point: complex) -> Indices:
         """(still_from + 1,) first step at or after each one in which a place is not free."""
-        free = np.ones(self.still_from * self.parts + 1, dtype=bool)
-        for places, least in zip(self._places, self._least, strict=True):
-            free &= np.abs(places - point) >= least
+        free = self._free(self._places - point)
         until = np.full(self.still_from + 1, NEVER)
         if not free[-1]:
             until[-1] = self.still_from
@@ -142,24 +138,32 @@ class Traffic:
         Returns:
             It, or NEVER.
         """
-        profile = _phase(n, self.parts)
-        way = first + (last - first) * profile
-        steps = np.arange(len(way))
+        way = np.asarray(first + (last - first) * _phase(n, self.parts), dtype=complex)
         # Later than this all departures are alike: everybody stands.
         final = min(until, max(since, self.still_from))
-        at_once = 1
-        while since <= final:
-            k = np.arange(since, min(since + at_once, final + 1))
-            free = np.ones(len(k), dtype=bool)
-            index = np.minimum(k[:, None] * self.parts + steps, self.still_from * self.parts)
-            for places, least in zip(self._places, self._least, strict=True):
-                free &= np.all(np.abs(places[index] - way) >= least, axis=1)
-            if np.any(free):
-                return int(k[np.argmax(free)])
-            since, at_once = since + at_once, _AT_ONCE
+        if since > final:
+            return NEVER
+        if self._meets_nobody(way, np.array([since]), 1)[0]:
+            return since
+        later = np.arange(since + 1, final + 1)
+        for k in later[self._meets_nobody(way, later, _COARSE)]:
+            if self._meets_nobody(way, k[None], 1)[0]:
+                return int(k)
         return NEVER
 
+    def _meets_nobody(self, way: Complex, since: Indices, every: int) -> Mask:
+        """(n,) whether a way that begins at steps (n,) is free at every so many samples."""
+        k = np.arange(0, len(way), every)
+        index = np.minimum(since[:, None] * self.parts + k, self.still_from * self.parts)
+        return np.asarray(self._free(self._places[:, index] - way[k]).all(axis=1))
 
+    def _free(self, gaps: Complex) -> Mask:
+        """(...) whether gaps (others, ...) are all large enough."""
+        least = self._least_squared.reshape(-1, *(1,) * (gaps.ndim - 1))
+        return np.all(gaps.real**2 + gaps.imag**2 >= least, axis=0)
+
+
+@cache
 def _phase(n: int, parts: int) -> Array:
     """(n parts + 1,) the part of a leg of n steps that is behind at its samples."""
     s = np.arange(parts) / parts

@@ -111,7 +111,7 @@ def _between(stage: Stage, goal: Footing, late: Way | None) -> NoWay:
     movers = tuple(one.name for one in stage.movers)
     roadmap = stage.roadmap(goal)
     if not np.any(np.isfinite(roadmap.rest[START])):
-        names = _walls(roadmap)
+        names = _walls(stage, roadmap)
         return NoWay(Hindrance.NO_WAY_ROUND, f"no way leads round {_listed(names)}", names)
     if late is None:
         text = f"{_listed(movers)} {_verb(movers)} in the way, and no way leads past"
@@ -120,13 +120,16 @@ def _between(stage: Stage, goal: Footing, late: Way | None) -> NoWay:
     return NoWay(Hindrance.OTHERS_IN_THE_WAY, text, movers, earliest=late.end)
 
 
-def _walls(roadmap: Roadmap) -> tuple[str, ...]:
-    """The things without any of which there would be a way; all of them where none is enough."""
+def _walls(stage: Stage, roadmap: Roadmap) -> tuple[str, ...]:
+    """Whoever or whatever it is enough to take away; all things where none is enough."""
     names = []
     for k, one in enumerate(roadmap.standing):
         if roadmap.reached(roadmap.open[:k] + roadmap.open[k + 1 :])[GOAL]:
             names.append(one.name)
-    return tuple(dict.fromkeys(names or [one.name for one in roadmap.standing]))
+    # Others are more easily sent away than walls.
+    fixed = {one.name for one in stage.blocked}
+    movable = [name for name in names if name not in fixed]
+    return tuple(dict.fromkeys(movable or names or [one.name for one in roadmap.standing]))
 
 
 def _nearest(stage: Stage, goal: Footing) -> Footing | None:
@@ -146,9 +149,12 @@ def _nearest(stage: Stage, goal: Footing) -> Footing | None:
 
 
 def _free_places(stage: Stage, goal: Footing) -> Iterator[complex]:
-    """Places where nothing stands at last, that are reached past all that stands now."""
+    """Places where nothing stands at last, that are reached past all that stands."""
     roadmap = stage.roadmap(stage.start)
-    known = roadmap.points[roadmap.reached(roadmap.open)]
+    # Past those who come as well, unless it would then be shut in: it can leave before.
+    standing = stage.at_last if stage.is_free(roadmap.points[:1])[0] else stage.standing
+    first, last = np.broadcast_arrays(roadmap.points[:, None], roadmap.points)
+    known = roadmap.points[roadmap.reached([stage.are_open(standing, first, last)])]
     around = np.exp(2j * np.pi / _DIRECTIONS * np.arange(_DIRECTIONS))
     rings = goal.place + (_RINGS[:, None] * around).ravel()
     places = np.concatenate([[stage.space.nearest(goal.place)], rings, known])
@@ -157,7 +163,7 @@ def _free_places(stage: Stage, goal: Footing) -> Iterator[complex]:
     for k in range(0, len(places), _AT_ONCE):
         some: Complex = places[k : k + _AT_ONCE]
         first, last = np.broadcast_arrays(known[:, None], some)
-        seen = np.any(stage.are_open(first, last), axis=0)
+        seen = np.any(stage.are_open(standing, first, last), axis=0)
         yield from (complex(place) for place in some[seen])
 
 

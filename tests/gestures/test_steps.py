@@ -1,0 +1,136 @@
+"""Steps of any lengths and turns: where they lead, how fast, and which knees go up."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.gestures.ends import Ends
+from fantoccini.gestures.stepping import Step, Track, footing_after
+from fantoccini.gestures.walking import SWAY, steps
+
+GIVEN = (
+    Step(0, 0.5), Step(0, 0.5), Step(0.08), Step(0.08), Step(0.08), Step(), Step(),
+    Step(-0.05, 0.3), Step(-0.05, 0.3), Step(0.0, -0.6), Step(0.1, -0.2),
+)  # fmt: skip
+STRINGS = ("shoulder_left", "shoulder_right", "head", "hand_left", "knee_right")
+
+
+@pytest.fixture(scope="module")
+def puppet() -> fan.Marionette:
+    return fan.puppets.marionette()
+
+
+@cache
+def hanging(puppet: fan.Marionette) -> fan.State:
+    return puppet.rest()
+
+
+def made(puppet: fan.Marionette, given=GIVEN, step_time: float = 0.5) -> fan.Gesture:
+    return steps(Ends(puppet.coordinates, hanging(puppet)), given, step_time)
+
+
+def ends_at(puppet: fan.Marionette, gesture: fan.Gesture, t: float) -> np.ndarray:
+    x0, (d, _), v_K = hanging(puppet), gesture.offsets(t), puppet.coordinates.v_K
+    x, y = (
+        np.array([float(x0[f"{s}.{p}"]) + d[v_K.index(f"{s}.{p}")] for s in STRINGS]) for p in "xy"
+    )
+    return x + 1j * y
+
+
+def walked_by_hand(given) -> tuple[complex, float]:
+    """Every step is an arc of its own: chord 2 R sin(turn / 2), R = length / turn."""
+    z, heading = 0j, 0.0
+    for step in given:
+        chord = step.length
+        if step.turn:
+            chord = 2.0 * step.length / step.turn * np.sin(0.5 * step.turn)
+        z += chord * np.exp(1j * (heading + 0.5 * step.turn))
+        heading += step.turn
+    return z, heading
+
+
+def test_steps_lead_where_their_arcs_do(puppet):
+    gesture = made(puppet)
+    z, heading = walked_by_hand(GIVEN)
+    assert footing_after(GIVEN) == pytest.approx((z.real, z.imag, heading), abs=1e-12)
+    assert gesture.duration == pytest.approx(len(GIVEN) * 0.5)
+    first, last = ends_at(puppet, gesture, 0.0), ends_at(puppet, gesture, gesture.duration)
+    home = 0.5 * (first[0] + first[1])
+    np.testing.assert_allclose(last - home, z + np.exp(1j * heading) * (first - home), atol=1e-9)
+    travel = [gesture.travel[puppet.coordinates.v_K.index(f"head.{part}")] for part in "xy"]
+    np.testing.assert_allclose(complex(*travel), (last - first)[2], atol=1e-9)
+    assert gesture.turns
+
+
+def test_all_ends_follow_the_track_as_one_body(puppet):
+    gesture, track = made(puppet), Track(GIVEN, 0.5)
+    first = ends_at(puppet, gesture, 0.0)
+    home = 0.5 * (first[0] + first[1])
+    for t in np.linspace(0.0, gesture.duration, 457):
+        path, heading = track.at(np.array([t]))
+        turned, ends = np.exp(1j * heading[0][0]), ends_at(puppet, gesture, t)
+        beside = (ends - home - path[0][0]) / turned - (first - home)
+        np.testing.assert_allclose(beside, beside[0], atol=2e-5)
+        assert abs(beside[0].real) < 2e-5 and abs(beside[0].imag) < SWAY + 2e-5
+
+
+def test_the_track_is_smooth_and_rests_between_legs():
+    track, t = Track(GIVEN, 0.5), np.linspace(0.0, 5.5, 55001)
+    path, heading = track.at(t)
+    for value, rate, change in (path, heading):
+        np.testing.assert_allclose(np.gradient(value, t), rate, atol=2e-5)
+        np.testing.assert_allclose(np.gradient(rate, t)[1:-1], change[1:-1], atol=1e-2)
+    for leg in (0.0, 1.0, 2.5, 3.5, 4.5, 5.0, 5.5):
+        path, heading = track.at(np.array([leg]))
+        assert abs(path[1][0]) < 1e-12 and abs(heading[1][0]) < 1e-12
+    # The last step goes from rest to rest: 15/8 of its mean speed.
+    peak = np.max(np.abs(track.at(t[t >= 5.0])[0][1]))
+    assert peak == pytest.approx(1.875 * 0.1 / 0.5, rel=1e-4)
+
+
+def test_three_equal_steps_have_the_speed_of_two():
+    speed = np.abs(Track([Step(0.08)] * 3, 0.5).at(np.linspace(0.0, 1.5, 301))[0][1])
+    assert np.max(speed) == pytest.approx(3 * 0.08 / (2 * 0.5))
+    np.testing.assert_allclose(speed[100:201], np.max(speed))
+
+
+def test_velocities_never_jump(puppet):
+    gesture = made(puppet)
+    for t in gesture.breaks[1:-1]:
+        before, after = gesture.offsets(t - 1e-9)[1], gesture.offsets(t + 1e-9)[1]
+        np.testing.assert_allclose(before, after, atol=1e-6)
+    assert not np.any(np.abs(gesture.ends[1]) > 1e-12)
+
+
+def test_knees_go_up_in_turn_but_not_where_it_stands(puppet):
+    gesture, v_K = made(puppet), puppet.coordinates.v_K
+    walked = [k for k, step in enumerate(GIVEN) if not step.stands]
+    assert list(gesture.marks)[:4] == ["left", "right", "left 2", "right 2"]
+    assert list(gesture.marks.values()) == pytest.approx([(k + 0.5) * 0.5 for k in walked])
+    for k in range(len(GIVEN)):
+        d, _ = gesture.offsets((k + 0.5) * 0.5)
+        up = {s: d[v_K.index(f"knee_{s}.length")] for s in ("left", "right")}
+        side = ("left", "right")[walked.index(k) % 2] if k in walked else ""
+        for s, length in up.items():
+            assert length == pytest.approx(-0.06 if s == side else 0.0, abs=1e-12)
+
+
+def test_equal_steps_are_a_walk(puppet):
+    walk = fan.load_gesture(puppet, "walk", steps=5, step=0.07, turn=0.9)
+    same = made(puppet, [Step(0.07, 0.9 / 5)] * 5, 0.6)
+    np.testing.assert_allclose(same.coef, walk.coef, atol=1e-12)
+    assert same.marks == walk.marks
+
+
+def test_what_is_no_step_is_refused(puppet):
+    for wrong in ((1.5, 0.0), (0.0, 2.0), (np.nan, 0.0)):
+        with pytest.raises(ValueError, match="of a step is"):
+            Step(*wrong)
+    with pytest.raises(ValueError, match="at least one step"):
+        made(puppet, [])
+    with pytest.raises(ValueError, match="step_time"):
+        made(puppet, GIVEN, 0.0)
