@@ -34,6 +34,7 @@ PACKAGES = {
     "gestures": "Gestures: short motions of part of a puppet that are changed, added and joined.",
     "capture": "Motion capture: skeletons and their motion from BVH files.",
     "retarget": "Hanging poses and motions of a puppet that come nearest to captured motion.",
+    "plays": "Plays written as text, compiled to motions of several puppets, and verified.",
     "reduction": "Compares the mixed model with the puppet on drives (the paper's Section VI).",
     "sweeps": "One study over many cases, on threads or a Ray cluster, with a store.",
     "demo": "Inputs of bundled performances.",

@@ -48,6 +48,7 @@ ORDER = (
     "gestures",  # key poses are reached
     "capture",
     "retarget",  # hanging poses are reached, motions predicted
+    "plays",
     "reduction",
     "sweeps",
     "demo",  # the bundled performance: inputs for a bundled puppet

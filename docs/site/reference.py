@@ -17,6 +17,7 @@ TITLES = {
     "gestures": "Gestures",
     "capture": "Motion capture",
     "retarget": "Puppets that follow captured motion",
+    "plays": "Plays",
     "perform": "Live performance",
     "planning": "Planning",
     "sweeps": "Sweeps",

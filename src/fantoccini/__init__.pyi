@@ -104,6 +104,13 @@ from .planning import (
     plan as plan,
     solve as solve,
 )
+from .plays import (
+    Play as Play,
+    Verification as Verification,
+    load_play as load_play,
+    play_schema as play_schema,
+    verify_play as verify_play,
+)
 from .puppet import (
     Puppet as Puppet,
 )

@@ -22,7 +22,7 @@ from fantoccini.motion.findings import Findings
 from fantoccini.motion.reading import Table
 from fantoccini.optimal import Bounds, reach
 from fantoccini.optimal.reaching import What
-from fantoccini.puppet.located import Located, read_file, shown, validate
+from fantoccini.puppet.located import Located, has_key, read_file, shown, validate
 from fantoccini.puppet.sized import Place
 from fantoccini.puppet.values import Model, Name, NotNegative, mistake
 
@@ -204,13 +204,7 @@ def gesture_of_take(inputs: Input, name: str, file: str = "") -> Gesture:
 
 def is_gesture(path: str | os.PathLike[str]) -> bool:
     """Whether a file is a gesture: YAML with the key `gesture`."""
-    if not os.fspath(path).lower().endswith((".yaml", ".yml")):
-        return False
-    try:
-        data = read_file(path).data
-    except (FileError, OSError):
-        return False
-    return isinstance(data, dict) and "gesture" in data
+    return has_key(path, "gesture")
 
 
 def _of_poses(

@@ -11,11 +11,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from fantoccini.arrays import VecK
-from fantoccini.errors import FileError, Mistake
+from fantoccini.errors import Mistake
 from fantoccini.gestures.gesture import Gesture
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State
-from fantoccini.puppet.located import read_file
+from fantoccini.puppet.located import has_key
 
 
 @dataclass(frozen=True)
@@ -140,10 +140,4 @@ class Score:
 
 def is_score(path: str | os.PathLike[str]) -> bool:
     """Whether a file is a score: YAML with the key `score`."""
-    if not os.fspath(path).lower().endswith((".yaml", ".yml")):
-        return False
-    try:
-        data = read_file(path).data
-    except (FileError, OSError):
-        return False
-    return isinstance(data, dict) and "score" in data
+    return has_key(path, "score")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, WithJsonSchema
@@ -10,7 +11,7 @@ from fantoccini.errors import nearest
 from fantoccini.gestures.score_file import Factor, Length, Mark, SoundsFile, Time
 from fantoccini.puppet.contact import ContactRule
 from fantoccini.puppet.files import described_schema
-from fantoccini.puppet.located import shown
+from fantoccini.puppet.located import has_key, shown
 from fantoccini.puppet.schema import PoseValue
 from fantoccini.puppet.shapes import AnyObstacle
 from fantoccini.puppet.sized import SIZED, Size
@@ -294,6 +295,11 @@ class PlayFile(Model):
     """One after the other."""
     sound: SoundsFile = ()
     """A sound file, or several with the times at which they begin."""
+
+
+def is_play(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is a play: YAML with the key `play`."""
+    return has_key(path, "play")
 
 
 def play_schema() -> dict[str, Any]:

@@ -68,9 +68,10 @@ def together(cast: Cast, runs: Mapping[str, Trajectory]) -> Trajectory:
     status = next((r.status for r in runs.values() if r.status is not Status.DONE), Status.DONE)
     put = {name: one.like(found[name]) for name, one in columns.items()}
     return Trajectory(
-        t, *(parts[name] for name in _SHARED), put["tension"], put["limit_force"], put["taut"],
-        first.ledger.like(ledger), tuple(sorted(events, key=lambda e: e.t)), status, first.method,
-        table, cast.whole.model.described, violation=put["violation"], slip=put["slip"],
+        t, parts["q_D"], parts["v_D"], parts["acc_D"], parts["q_K"], parts["v_K"], parts["acc_K"],
+        put["tension"], put["limit_force"], put["taut"], first.ledger.like(ledger),
+        tuple(sorted(events, key=lambda e: e.t)), status, first.method, table,
+        cast.whole.model.described, violation=put["violation"], slip=put["slip"],
     )  # fmt: skip
 
 

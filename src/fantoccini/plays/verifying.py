@@ -89,7 +89,7 @@ class Verification:
         return max((abs(one.late) for one in self.cues), default=0.0)
 
 
-def verify(play: Play) -> Verification:
+def verify_play(play: Play) -> Verification:
     """Simulates a play event-driven, and measures whether it is as it was compiled.
 
     Checked are: the run reaches its end; every cue that is done is seen within 1/60 s of its time;

@@ -154,6 +154,17 @@ def read_located(
     return Located(read.data, file, folder or FilePath.cwd(), read.lines, mistakes)
 
 
+def has_key(path: str | os.PathLike[str], key: str) -> bool:
+    """Whether a file is YAML with a key at its top, as ``score`` or ``play``."""
+    if not os.fspath(path).lower().endswith((".yaml", ".yml")):
+        return False
+    try:
+        data = read_file(path).data
+    except (FileError, OSError):
+        return False
+    return isinstance(data, dict) and key in data
+
+
 def validate(model: type[ModelT], located: Located, error: type[FileError] = FileError) -> ModelT:
     """The model's instance for located data; all mistakes in one error.
 
