@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from clearance.balls import balls, carried, smooth
 from numpy.testing import assert_allclose
 
+from clearance.balls import balls, carried, smooth
 from fantoccini.clearance import StringMotion, StringsApart
 
 
@@ -63,7 +63,7 @@ def test_strings_in_one_plane_meet(tilt):
 
 def test_strings_that_hang_side_by_side_in_one_plane_do_not_meet():
     low = np.tile([[0, 0, 0], [0.1, 0, 0]], (5, 1, 1))
-    motion = watched(np.arange(5.0), low, low + [0, 0, 1])
+    motion = watched(np.arange(5.0), low, low + np.array([0, 0, 1]))
     assert motion.crossings() == ()
 
 
@@ -104,7 +104,8 @@ def crossed(before: np.ndarray, after: np.ndarray, n: int = 4000) -> np.ndarray:
     square to both, while that is between the ends of both.
     """
     times = np.linspace(0.0, 1.0, n + 1)
-    a0, a1, b0, b1 = ((1 - s) * x + s * y for s in [times[:, None]] for x, y in zip(before, after))
+    s = times[:, None]
+    a0, a1, b0, b1 = ((1 - s) * x + s * y for x, y in zip(before, after, strict=True))
     u, v = a1 - a0, b1 - b0
     # Solves a0 + x u + h u x v = b0 + y v.
     columns = np.stack([u, -v, np.cross(u, v)], axis=2)
