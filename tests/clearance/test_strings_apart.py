@@ -12,7 +12,7 @@ from scipy.optimize import minimize_scalar
 import fantoccini as fan
 from clearance.balls import balls, carried, smooth
 from fantoccini.clearance import Approach, StringsApart
-from fantoccini.clearance.segments import between_segments, from_box, hanging
+from fantoccini.clearance.segments import between_segments, from_box, from_ellipsoid, hanging
 from fantoccini.clearance.string_pairs import string_pairs
 from fantoccini.view import rope
 
@@ -205,6 +205,27 @@ def test_segments_against_minimisation():
         least = minimize_scalar(gap, bounds=(0, 1), method="bounded", options={"xatol": 1e-9})
         assert of_segments[n] == pytest.approx(min(least.fun, gap(0), gap(1)), abs=1e-7)
         assert gap(s[n]) == pytest.approx(of_segments[n])
+
+
+def test_bounds_of_ellipsoids_hold_and_are_sharp_where_strings_touch():
+    rng = np.random.default_rng(4)
+    half = rng.uniform(0.02, 0.1, (40, 3))
+    middle, along = rng.normal(size=(2, 40, 3))
+    middle *= 0.1 / np.linalg.norm(middle, axis=1, keepdims=True)
+    a, b = middle - along, middle + along
+    bound, t = from_ellipsoid(a, b, half)
+    u = rng.normal(size=(20_000, 3))
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    for n in range(40):
+        surface = u * half[n]
+        d = (b - a)[n]
+        s = np.clip((surface - a[n]) @ d / (d @ d), 0, 1)
+        gap = np.linalg.norm(surface - a[n] - s[:, None] * d, axis=1).min()
+        meet = np.linalg.norm((a[n] + t[n] * d) / half[n]) < 1
+        assert (bound[n] < 0) == meet
+        if not meet:
+            assert bound[n] <= gap + 1e-9
+            assert gap - bound[n] < 0.002 + 5.0 * gap**2 / half[n].min()
 
 
 def test_slack_strings_hang_as_in_pictures():

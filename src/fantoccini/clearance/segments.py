@@ -1,4 +1,4 @@
-"""Distances between many segments and boxes at once, and the curves of many slack strings."""
+"""Distances of many segments from others, boxes and ellipsoids, and curves of slack strings."""
 
 from __future__ import annotations
 
@@ -95,6 +95,29 @@ def from_box(a: Vec3, b: Vec3, half: Vec3) -> tuple[Array, Array]:
     t = np.where(turns, zero, np.where(at_low < 0.0, high, low))
     gap = outside(t)
     return np.sqrt(dot(gap, gap)), t
+
+
+def from_ellipsoid(a: Vec3, b: Vec3, half: Vec3) -> tuple[Array, Array]:
+    """A lower bound of the distance of a segment from an ellipsoid, exact where they touch.
+
+        rho (rho - 1) / |A^-2 x|,   rho = |A^-1 x|,   A = diag(half)
+
+    with x the point of the segment of least rho: the gap between the planes through x and on the
+    ellipsoid that are square to the gradient of rho there. They part the two.
+
+    Args:
+        a, b: (n, 3) ends of the segment in the ellipsoid's frame [m].
+        half: (n, 3) half axes [m].
+
+    Returns:
+        (n,) bounds [m], negative where they overlap, and t (n,) of x = a + t (b - a).
+    """
+    x, d = a / half, (b - a) / half
+    t = np.clip(-dot(x, d) / np.maximum(dot(d, d), _TOLERANCES.min_length**2), 0.0, 1.0)
+    x += t[:, None] * d
+    rho = np.maximum(np.sqrt(dot(x, x)), _TOLERANCES.min_length)
+    slope = np.maximum(np.sqrt(dot(x / half, x / half)), rho / half.max(axis=1))
+    return rho * (rho - 1.0) / slope, t
 
 
 def hanging(start: Vec3, end: Vec3, length: Array) -> Vec3:

@@ -68,8 +68,9 @@ class StringsApart:
     distance of its ends; up to a sag of 0.01 mm it is straight. The slip of winches is left out.
 
     Strings through the same point are not measured against each other, nor strings against the
-    bodies to which they are tied. Bodies are solids as in :class:`Clearance`, but a mesh is the box
-    around it. Obstacles are left to :class:`Clearance`. Chains of masses that stand for elastic
+    bodies to which they are tied. From capsules, spheres and boxes distances are exact. Those from
+    ellipsoids are lower bounds that are exact where they touch; those from meshes are from the box
+    around them. Obstacles are left to :class:`Clearance`. Chains of masses that stand for elastic
     strings are not measured.
 
     Args:
