@@ -10,13 +10,13 @@ from functools import partial
 import numpy as np
 
 from fantoccini.errors import Status
-from fantoccini.gestures import Gesture, Played, Score, lateness, piecewise
+from fantoccini.gestures import Gesture, Played, Score, lateness
 from fantoccini.gestures.joining import Motion
 from fantoccini.gestures.notes import LATE, Notes
 from fantoccini.gestures.timing import END, START, Spot
 from fantoccini.motion import Trajectory
 from fantoccini.plays.acting import Repertory
-from fantoccini.plays.alone import runs_alone
+from fantoccini.plays.alone import excerpt, runs_alone
 from fantoccini.plays.casting import Cast, Places, read_cast
 from fantoccini.plays.cues import Cue, Part, Timeline
 from fantoccini.plays.kept import Kept, digest
@@ -92,6 +92,7 @@ class _Round:
     placing: Placing
     motions: Mapping[str, Gesture]
     lanes: Mapping[str, Mapping[str, Gesture]]
+    starts: Mapping[str, tuple[float, ...]]
     runs: Mapping[str, Trajectory]
     late: dict[tuple[int, str], float] = field(default_factory=dict)
 
@@ -141,12 +142,13 @@ class _Compiler:
         both = {name: placing.motion(name, end) for name in self._cast.players}
         motions = {name: whole for name, (whole, _) in both.items()}
         lanes = {name: own for name, (_, own) in both.items()}
-        return _Round(placing, motions, lanes, self._runs(motions))
-
-    def _runs(self, motions: Mapping[str, Gesture]) -> dict[str, Trajectory]:
-        """The event-driven run of every player alone."""
-        self._kept.next_round()
-        return runs_alone(self._cast, motions, self._kept)
+        starts = {
+            name: tuple(part.start for cue in self._timeline.cues for part in cue.parts
+                        if part.who == name)
+            for name in motions
+        }  # fmt: skip
+        runs = runs_alone(self._cast, motions, starts, self._kept)
+        return _Round(placing, motions, lanes, starts, runs)
 
     def _refuse_stopped(self, made: _Round) -> bool:
         """Refuses the cues in which a run stopped before its end."""
@@ -177,12 +179,13 @@ class _Compiler:
             run, alone = made.runs[part.who], self._cast.players[part.who].alone
             x = run.at(begun)
             key = digest(x, Gesture(alone.coordinates, *own), most, "pause")
-            jobs[key] = partial(pause, alone, x, own, most)
-            cues[key] = number, cue
-        found = self._kept.all(jobs, default_threads())
-        for key, (number, cue) in cues.items():
-            self._settled[number + 1] = found[key]
-            self._wishes.pauses[cue.spot] = found[key][0]
+            job = partial(pause, alone, x, own, most)
+            jobs[f"{number}"] = partial(self._kept.get, key, job)
+            cues[f"{number}"] = number, cue
+        found = self._kept.side_by_side(jobs, default_threads())
+        for label, (number, cue) in cues.items():
+            self._settled[number + 1] = found[label]
+            self._wishes.pauses[cue.spot] = found[label][0]
         return any(p > 0.0 for p, _, _ in found.values())
 
     def _alone(self, made: _Round, part: Part) -> tuple[float, Motion] | None:
@@ -304,7 +307,7 @@ class _Compiler:
         ways = {name: tuple(actor.ways) for name, actor in made.placing.actors.items()}
         return Play(
             file.play, notes.located, self._cast, score, parts, cues, tuple(notes.changes), acts,
-            made.motions, ways, self._settled, rounds, self._kept,
+            made.motions, made.starts, ways, self._settled, rounds, self._kept,
         )  # fmt: skip
 
     def _note(self, cue: Cue, made: _Round) -> None:
@@ -380,14 +383,3 @@ def described(cue: Cue) -> str:
 def _plain(name: str) -> str:
     return name.removeprefix("string ")
 
-
-def excerpt(whole: Gesture, begun: float, end: float) -> Motion:
-    """A motion from one time to another, from offsets of 0 at its beginning."""
-    clock = np.union1d(whole.breaks, [begun, end])
-    coef = piecewise.on(whole.breaks, whole.coef, clock)
-    inside = (clock[:-1] >= begun) & (clock[:-1] < end)
-    breaks = np.append(clock[:-1][inside], end)
-    own = coef[inside]
-    first, _ = piecewise.at(breaks, own, begun)
-    own[:, :, 0] -= first
-    return Motion(breaks - begun, own, whole.named, np.zeros_like(whole.travel))

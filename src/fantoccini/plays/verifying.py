@@ -99,7 +99,7 @@ def verify_play(play: Play) -> Verification:
     Args:
         play: compiled.
     """
-    run = together(play.cast, runs_alone(play.cast, play.motions, play.kept))
+    run = together(play.cast, runs_alone(play.cast, play.motions, play.starts, play.kept))
     faults = []
     if run.status is not Status.DONE:
         faults.append(f"the run stops {play.when(run.t[-1])}: {run.status}")
