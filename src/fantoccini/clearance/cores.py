@@ -27,7 +27,7 @@ _MIN_SLACK = 1.0 + 1e-6
 _MIN_SAG = 1e-5
 """Distance of a curve from its chord up to which a string counts as straight [m]."""
 
-_AT_ONCE = 100_000
+_AT_ONCE = 10_000
 """Pairs that are measured at once: their arrays stay in the cache."""
 
 

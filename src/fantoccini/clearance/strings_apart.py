@@ -39,7 +39,7 @@ class Approach:
 
     def __str__(self) -> str:
         at = ", ".join(f"{x:.3g}" for x in self.place)
-        apart = f"{self.distance:.3g} m from" if self.distance > 0.0 else "touching"
+        apart = f"{abs(self.distance):.3g} m {'from' if self.distance > 0.0 else 'inside'}"
         return f"string {self.what} is {apart} {self.other} at t = {self.t:.4g} s, ({at})"
 
 
