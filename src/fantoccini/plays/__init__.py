@@ -1,0 +1,1 @@
+"""Plays: who does what, where and when on a stage, compiled and verified."""
