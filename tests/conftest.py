@@ -82,7 +82,6 @@ SLOW = (
     "plan/test_pushing_plans.py",
     "plan/test_standing_plans.py",
     "plan/test_touching_plans.py",
-    "plays/test_handing_event_driven.py",
     "properties/",
     "reduction/test_experiment.py",
     "runs/test_impossible.py",
