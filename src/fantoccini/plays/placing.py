@@ -248,10 +248,10 @@ class Placing:
             line.stop()
         asked, begin = begin, begin if given.on is not None else max(begin, line.end)
         others = [one for one in self.actors.values() if one is not actor and not one.hidden]
-        goal = self._goal(cue, actor)
+        goals = self._goals(cue, actor)
         wait = (given.may_wait or 0.0) * self._notes.beat
         way, why = self._walks.way(
-            player, actor.last, goal, begin, wait, [(o.player, o.track()) for o in others],
+            player, actor.last, goals, begin, wait, [(o.player, o.track()) for o in others],
             near=given.near, arrives=begin if given.on is not None else None, free_from=line.end,
         )  # fmt: skip
         if way is None:
@@ -315,26 +315,30 @@ class Placing:
             raise _CannotBe(str(error)) from None
         raise _CannotBe(f"`{given.verb.replace('_', ' ')}` is not known to this version")
 
-    def _goal(self, cue: Cue, actor: Actor) -> Footing:
-        """Where a walk leads."""
+    def _goals(self, cue: Cue, actor: Actor) -> list[Footing]:
+        """Where a walk leads: the last one is its own."""
         given, here = cue.given, actor.last
         if given.turns_to is not None:
-            return here.facing(self._heading(given.turns_to, here, cue, actor, "turns to"))
-        where = next(
-            one for one in (given.walks_to, given.enters_to, given.exits_to) if one is not None
-        )
-        marks = self._cast.file.stage.marks
-        facing: float | str | None = given.facing
-        if isinstance(where, str) and where in marks:
-            x, y = marks[where].at
-            facing = marks[where].facing if facing is None else facing
-            there = Footing(float(x), float(y))
-        else:
-            place = self._place_of(where, (*cue.spot, given.verb.replace("_", " ")), cue, actor)
-            there = Footing(float(place[0]), float(place[1]))
-        if facing is None:
-            return there.facing(here.towards(there.place) if there.place != here.place else 0.0)
-        return there.facing(self._heading(facing, there, cue, actor, "facing"))
+            return [here.facing(self._heading(given.turns_to, here, cue, actor, "turns to"))]
+        last = getattr(given, given.verb)
+        spots: list[Spot] = [(*cue.spot, "past", i) for i in range(len(given.past))]
+        spots.append((*cue.spot, given.verb.replace("_", " ")))
+        places = [
+            self._place_of(where, spot, cue, actor)
+            for where, spot in zip((*given.past, last), spots, strict=True)
+        ]
+        z = [here.place, *(complex(place[0], place[1]) for place in places)]
+        goals = []
+        for before, there, after in zip(z[:-1], z[1:], [*z[2:], z[-1]], strict=True):
+            way = after - there if after != there else there - before
+            heading = float(np.angle(way)) if way else here.heading
+            goals.append(Footing(there.real, there.imag, heading))
+        mark = self._cast.file.stage.marks.get(last) if isinstance(last, str) else None
+        facing = given.facing if given.facing is not None else mark and mark.facing
+        if facing is not None:
+            heading = self._heading(facing, goals[-1], cue, actor, "facing")
+            goals[-1] = goals[-1].facing(heading)
+        return goals
 
     def _heading(
         self, given: float | str, there: Footing, cue: Cue, actor: Actor, key: str

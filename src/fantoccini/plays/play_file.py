@@ -179,6 +179,8 @@ class CueFile(Model):
     """Likewise, of one who has done nothing yet."""
     exits_to: Where | None = Field(None, alias="exits to")
     """Likewise, of one who does nothing any more."""
+    past: tuple[Where, ...] = ()
+    """Marks or places that a walk leads by, in order, before its own."""
     turns_to: Facing | None = Field(None, alias="turns to")
     """A direction, a mark, a player or a prop."""
     looks_at: Where | None = Field(None, alias="looks at")
@@ -257,8 +259,9 @@ class CueFile(Model):
             raise mistake(f"found {len(self.on)} marks in `on`; needed: one")
         if self.lasts is not None and self.faster != 1.0:
             raise mistake("found both `lasts` and `faster`; needed: one of them")
-        if "near" in keys and verb not in ("walks_to", "enters_to", "exits_to"):
-            raise mistake(f"found `{_said(verb)}` with `near`; only walks have `near`")
+        walks = verb in ("walks_to", "enters_to", "exits_to")
+        if not walks and (more := keys & {"near", "past"}):
+            raise mistake(f"found `{_said(verb)}` with `{min(more)}`; only walks have it")
 
 
 def _said(key: str) -> str:

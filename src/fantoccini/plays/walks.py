@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -66,18 +67,18 @@ class Walks:
         self._kept: dict[tuple[Any, ...], Way | NoWay] = {}
 
     def way(
-        self, player: Player, start: Footing, goal: Footing, begin: float, wait: float,
+        self, player: Player, start: Footing, goals: Sequence[Footing], begin: float, wait: float,
         others: Sequence[Track], *, near: float, arrives: float | None, free_from: float,
     ) -> tuple[Way | None, str]:  # fmt: skip
-        """A way from one footing to another past all others.
+        """A way by several footings past all others.
 
         Args:
             player: who walks.
-            start, goal: from where to where.
+            start, goals: from where, and by what places to where.
             begin: earliest time [s].
             wait: by how much later it may begin [s].
             others: where they are over time.
-            near: how far from the goal it may end [m].
+            near: how far from the last goal it may end [m].
             arrives: when it is to arrive [s]; as soon as it can when not given.
             free_from: when the player can begin at the earliest [s].
 
@@ -86,11 +87,7 @@ class Walks:
         """
         if arrives is not None:
             begin = free_from
-        found = self._found(player, start, goal, begin, wait, others)
-        other = found.nearest if isinstance(found, NoWay) else None
-        if other is not None and abs(other.place - goal.place) <= near:
-            goal = other
-            found = self._found(player, start, goal, begin, wait, others)
+        found = self._by_goals(player, start, goals, begin, wait, others, near)
         if isinstance(found, NoWay):
             return None, self._why(player, found)
         if arrives is None:
@@ -99,11 +96,34 @@ class Walks:
             early = arrives - found.end
             if abs(early) < _IN_TIME or found.begin + early < free_from - _IN_TIME:
                 break
-            again = self._found(player, start, goal, found.begin + early, 0.0, others)
+            later = found.begin + early
+            again = self._by_goals(player, start, goals, later, 0.0, others, near)
             if isinstance(again, NoWay):
                 break
             found = again
         return found, ""
+
+    def _by_goals(
+        self, player: Player, start: Footing, goals: Sequence[Footing], begin: float, wait: float,
+        others: Sequence[Track], near: float,
+    ) -> Way | NoWay:  # fmt: skip
+        """Ways from goal to goal as one."""
+        whole: Way | None = None
+        for i, goal in enumerate(goals):
+            found = self._found(player, start, goal, begin, wait, others)
+            other = found.nearest if isinstance(found, NoWay) else None
+            last = i == len(goals) - 1
+            if last and other is not None and abs(other.place - goal.place) <= near:
+                goal = other
+                found = self._found(player, start, goal, begin, wait, others)
+            if isinstance(found, NoWay):
+                return found
+            steps = found.steps if whole is None else (*whole.steps, *found.steps)
+            whole = replace(found if whole is None else whole, steps=steps)
+            # Later it only stands, which is a step that does not move.
+            start, begin, wait = goal, whole.end, 0.0
+        assert whole is not None
+        return whole
 
     def _found(
         self, player: Player, start: Footing, goal: Footing, begin: float, wait: float,
