@@ -20,8 +20,7 @@ WALKS = ("walks_to", "enters_to", "exits_to", "turns_to")
 """Verbs that carry a player."""
 _NAMED = {
     "walks_to": "walk", "enters_to": "enter", "exits_to": "exit", "turns_to": "turn",
-    "looks_at": "look", "points_at": "point", "gives": "give", "sits_on": "sit",
-    "stands_up": "stand", "puts_down": "put", "picks_up": "pick",
+    "looks_at": "look", "points_at": "point",
 }  # fmt: skip
 """Verb -> by which name times refer to it, where it has none of its own."""
 _OF_PLAYER = re.compile(

@@ -21,6 +21,7 @@ from fantoccini.plays.acting import Repertory, Style
 from fantoccini.plays.casting import Cast, Places, Player
 from fantoccini.plays.cues import ARRIVES, Cue, Part, Timeline
 from fantoccini.plays.footing import Footing, Way
+from fantoccini.plays.play_file import said
 from fantoccini.plays.walks import Walks
 
 _STILL = 1e-9
@@ -306,14 +307,11 @@ class Placing:
                 smaller = self._wishes.smaller.get(cue.spot, 1.0)
                 style = replace(style, larger=style.larger * smaller)
                 return self._repertory.gesture(player, given, style, stands.heading)
-            if given.verb in ("looks_at", "points_at"):
-                where = given.looks_at if given.looks_at is not None else given.points_at
-                spot = (*cue.spot, given.verb.replace("_", " "))
-                place = self._place_of(where, spot, cue, actor)
-                return self._repertory.aimed(player, given.verb, place, stands)
+            where = given.looks_at if given.looks_at is not None else given.points_at
+            place = self._place_of(where, (*cue.spot, said(given.verb)), cue, actor)
+            return self._repertory.aimed(player, given.verb, place, stands)
         except StateError as error:
             raise _CannotBe(str(error)) from None
-        raise _CannotBe(f"`{given.verb.replace('_', ' ')}` is not known to this version")
 
     def _goals(self, cue: Cue, actor: Actor) -> list[Footing]:
         """Where a walk leads: the last one is its own."""
@@ -322,7 +320,7 @@ class Placing:
             return [here.facing(self._heading(given.turns_to, here, cue, actor, "turns to"))]
         last = getattr(given, given.verb)
         spots: list[Spot] = [(*cue.spot, "past", i) for i in range(len(given.past))]
-        spots.append((*cue.spot, given.verb.replace("_", " ")))
+        spots.append((*cue.spot, said(given.verb)))
         places = [
             self._place_of(where, spot, cue, actor)
             for where, spot in zip((*given.past, last), spots, strict=True)
@@ -334,7 +332,9 @@ class Placing:
             heading = float(np.angle(way)) if way else here.heading
             goals.append(Footing(there.real, there.imag, heading))
         mark = self._cast.file.stage.marks.get(last) if isinstance(last, str) else None
-        facing = given.facing if given.facing is not None else mark and mark.facing
+        facing = given.facing
+        if facing is None and mark is not None:
+            facing = mark.facing
         if facing is not None:
             heading = self._heading(facing, goals[-1], cue, actor, "facing")
             goals[-1] = goals[-1].facing(heading)

@@ -10,7 +10,6 @@ import numpy as np
 
 from fantoccini.arrays import Array, Times
 from fantoccini.gestures.notes import Notes
-from fantoccini.gestures.stepping import STEP_TIME
 from fantoccini.gestures.walking import SWAY
 from fantoccini.plays.acting import step_time
 from fantoccini.plays.casting import Cast, Player
@@ -54,15 +53,10 @@ class Walks:
     def __init__(self, cast: Cast, notes: Notes):
         stage = cast.file.stage
         self._notes = notes
-        self.step_time = step_time(notes.beat, STEP_TIME)
+        self.step_time = step_time(notes.beat)
         self.blocked: list[Region] = []
         for one in stage.obstacles:
-            self.blocked += _regions(one.name, one, np.zeros(3))
-        for prop in stage.props:
-            if any(player.holds == prop.name for player in cast.players.values()):
-                continue
-            for shape in prop.shapes:
-                self.blocked += _regions(prop.name, shape, np.array(prop.at))
+            self.blocked += _regions(one.name, one)
         self._space = stage.space
         self._kept: dict[tuple[Any, ...], Way | NoWay] = {}
 
@@ -157,12 +151,12 @@ class Walks:
         return text
 
 
-def _regions(name: str, shape: Shape, at: Array) -> list[Region]:
+def _regions(name: str, shape: Shape) -> list[Region]:
     """What a shape takes of the stage, if it is not above the players."""
     low, high = _extent(shape)
-    if low[2] + at[2] > _REACH:
+    if low[2] > _REACH:
         return []
-    middle, half = 0.5 * (low + high) + at, 0.5 * (high - low)
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
     centre = float(middle[0]), float(middle[1])
     if isinstance(shape, BoxShape) and shape.orientation is None:
         return [Box(name, centre, (float(half[0]), float(half[1])))]
