@@ -163,6 +163,8 @@ def read_cast(file: PlayFile, places: Places, notes: Notes) -> Cast:
     starts = {
         name: _start(file, one, ("cast", name), places, notes) for name, one in file.cast.items()
     }
+    for name, mark in file.stage.marks.items():
+        places.direction(mark.facing, ("stage", "marks", name, "facing"))
     notes.refuse()
     made: dict[tuple[str, str], tuple[Marionette, State, Pose]] = {}
     players, members = dict[str, Player](), []

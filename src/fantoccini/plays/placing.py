@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fantoccini.arrays import Array, Times
+from fantoccini.arrays import Array, MaskRows, Times
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.gestures import Gesture
 from fantoccini.gestures.joining import Line
@@ -36,15 +36,17 @@ class Actor:
 
     Attributes:
         player: who.
-        lanes: motions that add up; the first one holds the walks.
+        lanes: motions that add up: the walks, and gestures beside one another.
         ways: the walks so far, in order.
-        busy: cues that it has done.
+        played: the gestures so far: lane, end [s] and what they move.
+        done: end of the last cue [s].
         hidden: whether it has gone off.
     """
 
     player: Player
     lanes: list[Line]
     ways: list[Way] = field(default_factory=list)
+    played: list[tuple[int, float, MaskRows]] = field(default_factory=list)
     done: float = 0.0
     hidden: bool = False
 
@@ -59,7 +61,7 @@ class Actor:
     def kept(self) -> Actor:
         """The actor as it is now: what is added to this one does not change it."""
         lanes = [line.kept() for line in self.lanes]
-        return replace(self, lanes=lanes, ways=list(self.ways))
+        return replace(self, lanes=lanes, ways=list(self.ways), played=list(self.played))
 
     @property
     def last(self) -> Footing:
@@ -240,6 +242,7 @@ class Placing:
         lane = self._lane(actor, gesture, begin)
         start = self._add(actor.lanes[lane], gesture, begin)
         self._check_time(cue, actor, start - begin, start)
+        actor.played.append((lane, start + gesture.duration, gesture.named))
         self._note(cue, actor, lane, gesture, start)
 
     def _walk(self, cue: Cue, actor: Actor, begin: float) -> None:
@@ -370,23 +373,27 @@ class Placing:
     # -- lanes -------------------------------------------------------------------------------
 
     def _lane(self, actor: Actor, gesture: Gesture, begin: float) -> int:
-        """The first lane that can play a gesture at a time; the one that is free first else."""
-        for i, line in enumerate(actor.lanes):
-            if np.any(np.abs(line.rate) > _STILL):
-                line.stop()
+        """The lane of a gesture: the first that is free then, or a new one.
+
+        Where another gesture moves the same then, it is that one's, and begins after it.
+        """
+        for lane, until, named in actor.played:
+            if until > begin + _STILL and np.any(named & gesture.named):
+                return lane
+        for i, line in enumerate(actor.lanes[1:], 1):
             if line.end + line.lead_time(gesture.motion) <= begin + _STILL:
                 return i
-        busy = [
-            one for one in actor.lanes if not np.any(one.named & gesture.named) and one.end > begin
-        ]
-        if len(busy) == len(actor.lanes):
-            actor.lanes.append(Line(actor.lanes[0].most))
-            return len(actor.lanes) - 1
-        return min(range(len(actor.lanes)), key=lambda i: actor.lanes[i].end)
+        if all(until <= begin for _, until, _ in actor.played) and len(actor.lanes) > 1:
+            return 1
+        actor.lanes.append(Line(actor.lanes[0].most))
+        return len(actor.lanes) - 1
 
     def _add(self, line: Line, gesture: Gesture, begin: float) -> float:
         lead = line.lead_time(gesture.motion)
         if begin - lead > line.end:
+            if np.any(np.abs(line.rate) > _STILL):
+                line.stop()
+                lead = line.lead_time(gesture.motion)
             line.hold(begin - lead)
         return line.add(gesture.motion)
 

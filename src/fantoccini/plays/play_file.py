@@ -14,7 +14,15 @@ from fantoccini.puppet.located import has_key, shown
 from fantoccini.puppet.schema import PoseValue
 from fantoccini.puppet.shapes import AnyObstacle
 from fantoccini.puppet.sized import SIZED, Size
-from fantoccini.puppet.values import Model, Name, NotNegative, Real, mistake, read_angle
+from fantoccini.puppet.values import (
+    Model,
+    Name,
+    NotNegative,
+    Real,
+    entries,
+    mistake,
+    read_angle,
+)
 
 DIRECTIONS = {"audience": 0.0, "left": 90.0, "back": 180.0, "right": -90.0}
 """Direction on the stage -> angle from the audience, which is along x [deg]."""
@@ -251,7 +259,7 @@ class ActFile(Model):
     """Its name."""
     after: NotNegative = 0.0
     """Beats of pause before it."""
-    cues: Annotated[tuple[CueFile, ...], Field(min_length=1)]
+    cues: Annotated[tuple[CueFile, ...], entries(1)]
     """In the order in which they are told; each player does its own one after the other."""
 
 
@@ -270,7 +278,7 @@ class PlayFile(Model):
     """The stage."""
     times: dict[Name, NotNegative] = Field(default_factory=dict)
     """Name -> beat from the play's beginning, as of a drum in the music."""
-    acts: Annotated[tuple[ActFile, ...], Field(min_length=1)]
+    acts: Annotated[tuple[ActFile, ...], entries(1)]
     """One after the other."""
     sound: SoundsFile = ()
     """A sound file, or several with the times at which they begin."""
