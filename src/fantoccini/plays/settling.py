@@ -27,7 +27,7 @@ _CALM = 0.015
 """Speed of the trunk that nobody sees [m/s]."""
 _PATIENCE = 4e-4
 """What a second of pause costs [m^2/s^2]."""
-_STARTS = 4
+_STARTS = 12
 """Pauses from which the best one is sought."""
 
 
@@ -46,7 +46,7 @@ def pause(
         The pause [s], and the speeds of the trunk after the motion without it and with it [m/s].
     """
     swing = Swing(marionette, x, motion, most)
-    tried = np.linspace(0.0, most, _STARTS + 1)[:-1]
+    tried = np.linspace(0.0, most, _STARTS)
     values = [swing.cost(p)[0] for p in tried]
     before = np.sqrt(values[0])
     if before <= _CALM:
