@@ -12,23 +12,20 @@ import numpy as np
 from fantoccini.errors import Status
 from fantoccini.gestures import Gesture, Played, Score, lateness, piecewise
 from fantoccini.gestures.joining import Motion
-from fantoccini.gestures.notes import LATE, Notes
+from fantoccini.gestures.notes import LATE
 from fantoccini.gestures.timing import END, START, Spot
 from fantoccini.motion import Trajectory
-from fantoccini.plays.acting import Repertory
 from fantoccini.plays.alone import runs_alone
-from fantoccini.plays.casting import Cast, Places, read_cast
-from fantoccini.plays.cues import Cue, Part, Timeline
+from fantoccini.plays.cues import Cue, Part
 from fantoccini.plays.kept import Kept, digest
 from fantoccini.plays.placing import Placing, Wishes
 from fantoccini.plays.play import CueOfPlay, Play
-from fantoccini.plays.play_file import PlayFile
+from fantoccini.plays.reading import Script, read_script
 from fantoccini.plays.settling import PAUSE, pause
 from fantoccini.plays.together import together
 from fantoccini.plays.touching import Touch, touches
 from fantoccini.plays.walks import Walks
 from fantoccini.plays.whole import whole_score
-from fantoccini.puppet.located import read_file, validate
 from fantoccini.runtime import default_threads
 
 ROUNDS = 12
@@ -66,23 +63,10 @@ def load_play(
     Raises:
         FileError: with every mistake found and its location.
     """
-    located = read_file(path)
-    file = validate(PlayFile, located)
-    notes = Notes(located, file.tempo)
     tell = progress or (lambda what, share: None)
     tell("casting", 0.0)
-    places = Places(file, notes)
-    if before is not None and (before.cast.file.cast, before.cast.file.stage, file.play) == (
-        file.cast, file.stage, before.cast.file.play,
-    ):  # fmt: skip
-        cast = Cast(before.cast.players, before.cast.whole, before.cast.x0, file)
-    else:
-        cast = read_cast(file, places, notes)
-    repertory = Repertory(cast, notes)
-    timeline = Timeline(file, repertory.marks, notes)
-    notes.refuse()
     kept = before.kept if before is not None else Kept()
-    return _Compiler(cast, timeline, repertory, places, notes, kept, tell).play()
+    return _Compiler(read_script(path, before), kept, tell).play()
 
 
 @dataclass
@@ -99,13 +83,14 @@ class _Round:
 class _Compiler:
     """Compiles one play."""
 
-    def __init__(
-        self, cast: Cast, timeline: Timeline, repertory: Repertory, places: Places, notes: Notes,
-        kept: Kept, tell: Progress,
-    ):  # fmt: skip
-        self._cast, self._timeline, self._repertory = cast, timeline, repertory
-        self._places, self._notes, self._kept, self._tell = places, notes, kept, tell
-        self._walks = Walks(cast, notes)
+    def __init__(self, script: Script, kept: Kept, tell: Progress):
+        self._cast, self._timeline, self._repertory = (
+            script.cast, script.timeline, script.repertory,
+        )  # fmt: skip
+        self._places, self._notes, self._kept, self._tell = (
+            script.places, script.notes, kept, tell,
+        )  # fmt: skip
+        self._walks = Walks(self._cast, self._notes)
         self._wishes = Wishes()
         self._settled: dict[int, tuple[float, float, float]] = {}
         self._tried: dict[tuple[Spot, str], int] = {}

@@ -140,6 +140,15 @@ class Play:
         """The cues that cannot be done, but for those that may be left out."""
         return tuple(cue for cue in self.cues if cue.refused and not cue.optional)
 
+    @property
+    def lacking(self) -> tuple[Mistake, ...]:
+        """The changes that count: all but those of cues that may be left out."""
+        left_out = {
+            (cue.line, f"{cue.what} is left out: {cue.refused}")
+            for cue in self.cues if cue.refused and cue.optional
+        }  # fmt: skip
+        return tuple(one for one in self.changes if (one.line, one.message) not in left_out)
+
     def when(self, t: Times | float) -> str:
         """A time in words: its act, beat and second."""
         beat = self.score.beat
