@@ -56,6 +56,11 @@ class CueOfPlay:
     marks: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @property
+    def words(self) -> str:
+        """What they do, without who does it."""
+        return self.what.removeprefix(f"{' and '.join(self.who)}: ")
+
+    @property
     def number_and_name(self) -> str:
         """``3 bow (pierrot, columbine)``"""
         return f"{self.number} {self.what} ({', '.join(self.who)})"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 
+from fantoccini.errors import FileError
 from fantoccini.gestures.notes import Notes
 from fantoccini.plays.acting import Repertory
 from fantoccini.plays.casting import Cast, Places, read_cast
@@ -12,6 +13,9 @@ from fantoccini.plays.cues import Timeline
 from fantoccini.plays.play import Play
 from fantoccini.plays.play_file import PlayFile
 from fantoccini.puppet.located import read_file, validate
+
+_OTHERS = ("puppet", "scene", "score", "gesture")
+"""Keys of files of other kinds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +48,11 @@ def read_script(path: str | os.PathLike[str], before: Play | None = None) -> Scr
         FileError: with every mistake found and its location.
     """
     located = read_file(path)
+    data = located.data if isinstance(located.data, dict) else {}
+    other = next((kind for kind in _OTHERS if kind in data and "play" not in data), None)
+    if other is not None:
+        text = f"this is a {other} file; a play has the keys `play`, `cast` and `acts`"
+        raise located.error([((), text)], FileError)
     file = validate(PlayFile, located)
     notes = Notes(located, file.tempo)
     places = Places(file, notes)

@@ -11,10 +11,12 @@ from fantoccini.view.pictures import draw, pose_times, strip
 from fantoccini.view.plans import plan_picture
 from fantoccini.view.play_page import play_report
 from fantoccini.view.plots import plot
+from fantoccini.view.stills import AUDIENCE
 from fantoccini.view.studio import RENDERERS
 from fantoccini.view.theme import DARK, LIGHT, Theme
 
 __all__ = [
+    "AUDIENCE",
     "DARK",
     "LIGHT",
     "RENDERERS",

@@ -12,7 +12,6 @@ import numpy as np
 from fantoccini.motion import EventKind
 from fantoccini.plays import clearances
 from fantoccini.tree import measure
-from fantoccini.view.timeline import said
 
 if TYPE_CHECKING:
     from fantoccini.plays import CueOfPlay, Verification
@@ -87,7 +86,7 @@ def cue_table(verification: Verification, act: str) -> Table:
     for cue in play.cues:
         if cue.act != act:
             continue
-        first = f"{cue.number}", f"{cue.line}", said(cue) + (f" ({cue.mark})" if cue.mark else "")
+        first = f"{cue.number}", f"{cue.line}", cue.words + (f" ({cue.mark})" if cue.mark else "")
         if cue.refused:
             wrong.add(len(lines))
             lines.append((*first, ", ".join(cue.who), f"{cue.wanted:.2f}", "", "", "", _why(cue)))

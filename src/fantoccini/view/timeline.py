@@ -31,11 +31,6 @@ Bar = tuple[float, float, str]
 """Beginning and end [s], and the words in it."""
 
 
-def said(cue: CueOfPlay) -> str:
-    """What a cue is, without who does it."""
-    return cue.what.removeprefix(f"{' and '.join(cue.who)}: ")
-
-
 def timeline(play: Play) -> Figure:
     """The timeline, in rows of at most a minute."""
     end = play.duration
@@ -87,7 +82,7 @@ def _lanes(play: Play) -> dict[str, list[list[tuple[CueOfPlay, Bar]]]]:
             if cue.refused or marks is None:
                 bar = cue.wanted, cue.wanted + 0.5, f"{cue.number}"
             else:
-                bar = marks["start"], marks["end"], f"{cue.number} {said(cue)}"
+                bar = marks["start"], marks["end"], f"{cue.number} {cue.words}"
             free = [lane for lane in own if not lane or lane[-1][1][1] <= bar[0] + 1e-9]
             if not free:
                 own.append([])
