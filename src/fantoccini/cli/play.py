@@ -106,7 +106,8 @@ def _summary(verification: Verification, compiling: float, verifying: float) -> 
         f"{play.duration:.1f} s, {_count(len(play.cast.players), 'player')}, "
         f"{whole.coordinates.n_vD} degrees of freedom, "
         f"{_count(len(whole.tree.strings), 'string')}, {whole.coordinates.n_vK} driven "
-        f"coordinates; compiled in {compiling:.1f} s, {_count(play.rounds, 'round')}, verified in {verifying:.1f} s"
+        f"coordinates; compiled in {compiling:.1f} s, {_count(play.rounds, 'round')}, "
+        f"verified in {verifying:.1f} s"
     )
     refused = len(play.refused)
     cues = f"{len(play.cues) - refused} of {len(play.cues)} cues can be done"
