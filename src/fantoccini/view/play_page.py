@@ -49,8 +49,9 @@ li { margin: .15em 0; }
 @media print {
   .wide { overflow: visible; }
   body { font-size: 10pt; padding: 0; max-width: none; background: white; }
-  h2, h3 { break-after: avoid; }
+  h2, h3, h2 + p { break-after: avoid; }
   img, tr { break-inside: avoid; }
+  img { width: auto !important; max-height: 165mm; }
   .verdict, .wrong td { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
   @page { size: A4 landscape; margin: 12mm; }
 }

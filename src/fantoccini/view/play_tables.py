@@ -64,7 +64,7 @@ def cast_table(verification: Verification) -> Table:
         lines.append((
             name, given.puppet, f"{at} ({start.x:.2f}, {start.y:.2f})".strip(),
             f"{np.degrees(start.heading):.0f}", f"{_weight(verification, name):.2f}",
-            f"{walked:.2f}", player.holds,
+            f"{walked:.2f}", player.holds or "-",
         ))  # fmt: skip
     header = (
         "player", "puppet", "starts at (x, y) [m]", "facing [deg]>", "weight [N]>", "walks [m]>",
@@ -182,7 +182,8 @@ def space_table(verification: Verification) -> Table:
     for part, (low, high) in zip("xy", verification.space, strict=True):
         bound = None if space is None else getattr(space, part)
         allowed = "anywhere" if bound is None else f"{bound[0]:g} to {bound[1]:g}"
-        lines.append((part, f"{low:.3f} to {high:.3f}", allowed))
+        shown = f"{round(low, 3) + 0.0:.3f} to {round(high, 3) + 0.0:.3f}"  # no -0.000
+        lines.append((part, shown, allowed))
     return Table(("", "hands go [m]", "allowed [m]"), tuple(lines))
 
 

@@ -76,6 +76,11 @@ class Stills:
                 left + 0.5 * width, low + 0.6 * letters, f"{t:.2f} s", letters, LIGHT.ink,
                 ha="center", va="bottom",
             )  # fmt: skip
+        for line, step, most in (
+            (sheet.axes.axvline, width, across), (sheet.axes.axhline, height, rows)
+        ):  # fmt: skip
+            for k in range(1, most):
+                line(k * step, color=LIGHT.grid, linewidth=0.8, zorder=4.0)
         return sheet.figure
 
     def _names(self, sheet: Sheet, geometry: Geometry, k: int, layout: Layout) -> None:
