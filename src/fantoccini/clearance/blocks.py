@@ -19,7 +19,7 @@ import numpy as np
 from fantoccini.arrays import Array, Indices
 from fantoccini.clearance.cores import Cores
 
-_SIZES = (256, 64, 16, 4, 1)
+_SIZES = (64, 16, 4, 1)
 """Steps in a block."""
 
 
@@ -67,32 +67,47 @@ def search(
     pair = np.repeat(np.arange(len(pairs)), len(start))
     start = np.tile(start, len(pairs))
     for size, smaller in zip(_SIZES, (*_SIZES[1:], 0), strict=True):
+        middle = np.minimum(start + size // 2, last)
         most = _most(cores.stray, size)
-        middle, end = (np.minimum(start + step, last) for step in (size // 2, size))
-        i, j = pairs.i[pair], pairs.j[pair]
-        moved, stray = np.zeros(len(pair)), np.zeros(len(pair))
-        for core in (i, j):
-            path, there = cores.travelled, cores.travelled[core, middle]
-            moved += np.maximum(path[core, end] - there, there - path[core, start])
-            stray += most[core, start // size]
-        distance = cores.straight(i, j, middle)
+        block = start // size
+        stray = most[pairs.i[pair], block] + most[pairs.j[pair], block]
+        moved = _moved(cores, pairs, pair, middle, start, size)
+        distance = cores.straight(pairs.i[pair], pairs.j[pair], middle)
         kept = np.flatnonzero(distance - moved - stray < limit(pair, start))
         pair, start, middle = pair[kept], start[kept], middle[kept]
-        distance, moved, stray = distance[kept], moved[kept], stray[kept]
+        distance, moved = distance[kept], moved[kept]
         # Slack strings move little as well: where they hang says more than how far they may sag.
-        bent = np.flatnonzero(stray > 0.0)
+        bent = np.flatnonzero(stray[kept] > 0.0)
         i, j = pairs.i[pair[bent]], pairs.j[pair[bent]]
         distance[bent] = cores.exact(i, j, middle[bent])[0]
         if take is not None:
             take(pair, middle, distance)
         kept = np.flatnonzero(distance - moved < limit(pair, start))
-        pair, start = pair[kept], start[kept]
+        pair, start, middle, distance = pair[kept], start[kept], middle[kept], distance[kept]
         if smaller:
             cuts = np.arange(0, size, smaller)
-            pair, start = np.repeat(pair, len(cuts)), (start[:, None] + cuts).ravel()
-            inside = start <= last
-            pair, start = pair[inside], start[inside]
+            start = (start[:, None] + cuts).ravel()
+            pair, middle, distance = (np.repeat(x, len(cuts)) for x in (pair, middle, distance))
+            kept = np.flatnonzero(start <= last)
+            pair, start, middle, distance = pair[kept], start[kept], middle[kept], distance[kept]
+            # The whole block's middle speaks for its parts, before anything is measured there.
+            lower = distance - _moved(cores, pairs, pair, middle, start, smaller)
+            kept = np.flatnonzero(lower < limit(pair, start))
+            pair, start = pair[kept], start[kept]
     return pair, start
+
+
+def _moved(
+    cores: Cores, pairs: Pairs, pair: Indices, k: Indices, start: Indices, size: int
+) -> Array:
+    """How far pairs (m,) move at most from samples k to any of the steps from ``start`` on [m]."""
+    end = np.minimum(start + size, cores.a.shape[1] - 1)
+    moved = np.zeros(len(pair))
+    for core in (pairs.i[pair], pairs.j[pair]):
+        there = cores.travelled[core, k]
+        after, before = cores.travelled[core, end] - there, there - cores.travelled[core, start]
+        moved += np.maximum(after, before)
+    return moved
 
 
 def _most(values: Array, size: int) -> Array:

@@ -10,9 +10,15 @@ from itertools import pairwise
 import numpy as np
 
 from fantoccini.arrays import Array, Indices, Vec3
-from fantoccini.clearance.segments import N_CHORDS, between_segments, dot, from_box, hanging
+from fantoccini.clearance.segments import (
+    N_CHORDS,
+    between_segments,
+    dot,
+    from_box,
+    from_ellipsoid,
+    hanging,
+)
 from fantoccini.marionette import Marionette
-from fantoccini.runtime import BOX
 from fantoccini.runtime.clearance import Records
 
 _MIN_SLACK = 1.0 + 1e-6
@@ -21,7 +27,7 @@ _MIN_SLACK = 1.0 + 1e-6
 _MIN_SAG = 1e-5
 """Distance of a curve from its chord up to which a string counts as straight [m]."""
 
-_AT_ONCE = 100_000
+_AT_ONCE = 10_000
 """Pairs that are measured at once: their arrays stay in the cache."""
 
 
@@ -35,8 +41,9 @@ class Cores:
         curves: (n_curves, N_CHORDS + 1, 3) points of slack pieces [m].
         curve: (n, T) number among the curves; -1 where a piece is straight, and of bodies.
         stray: (n, T) largest distance of a curve from its chord; 0 without one [m].
-        box: (n,) number among the boxes, -1 for segments.
-        R, half: (n_boxes, T, 3, 3) axes in columns, and (n_boxes, 3) half edges [m].
+        shape: (n,) number among boxes and ellipsoids, -1 for others.
+        R, half: (n_shapes, T, 3, 3) axes in columns, and (n_shapes, 3) half edges or axes [m].
+        radius: (n_shapes,) of the capsule around an ellipsoid; 0 for boxes [m].
     """
 
     a: Vec3
@@ -45,9 +52,10 @@ class Cores:
     curves: Vec3
     curve: Indices
     stray: Array
-    box: Indices
+    shape: Indices
     R: Array
     half: Array
+    radius: Array
 
     @classmethod
     def of(
@@ -71,10 +79,10 @@ class Cores:
         a[:n_pieces], b[:n_pieces] = pieces[:, 0], pieces[:, 1]
         for i, ends in enumerate(pieces):
             travelled[i] = _path_of_piece(ends, curves, curve[i])
-        box = np.full(n, -1)
-        is_box = np.flatnonzero(bodies["kind"] == BOX)
-        axes, half = np.empty((len(is_box), T, 3, 3)), bodies["half"][is_box]
-        box[n_pieces + is_box] = np.arange(len(is_box))
+        shape = np.full(n, -1)
+        shaped = np.flatnonzero(bodies["half"].any(axis=1))
+        axes = np.empty((len(shaped), T, 3, 3))
+        shape[n_pieces + shaped] = np.arange(len(shaped))
         poses = marionette.poses(q_D, q_K)
         for link in dict.fromkeys(links):
             # Transposed, so that points are rows.
@@ -84,14 +92,15 @@ class Cores:
                 i, body = n_pieces + m, bodies[m]
                 a[i], b[i] = (np.einsum("i,tij->tj", body[end], R) + r for end in ("a", "b"))
                 moving = [a[i], b[i]]
-                if box[i] >= 0:
-                    axes[box[i]] = (body["R"].reshape(3, 3) @ R).swapaxes(1, 2)
-                    moving = _corners(a[i], axes[box[i]], body["half"])
+                if shape[i] >= 0:
+                    axes[shape[i]] = (body["R"].reshape(3, 3) @ R).swapaxes(1, 2)
+                    moving = _corners(0.5 * (a[i] + b[i]), axes[shape[i]], body["half"])
                 travelled[i] = _path(moving)
         none = np.zeros((len(bodies), T))
         return cls(
             a, b, travelled, curves, np.concatenate([curve, none.astype(int) - 1]),
-            np.concatenate([stray, none]), box, axes, half,
+            np.concatenate([stray, none]), shape, axes, bodies["half"][shaped],
+            bodies["radius"][shaped],
         )  # fmt: skip
 
     def chords(self) -> Cores:
@@ -148,12 +157,20 @@ class Cores:
     def _from(self, a: Vec3, b: Vec3, j: Indices, k: Indices) -> tuple[Array, Array]:
         """Distances of segments a to b (m, 3) from cores, and s (m,) of the nearest points."""
         distance, s = between_segments(a, b, self.a[j, k], self.b[j, k])
-        m = np.flatnonzero(self.box[j] >= 0)
-        if len(m):
-            box, centre = self.box[j[m]], self.a[j[m], k[m]]
-            R = self.R[box, k[m]]
-            start, end = (np.einsum("nij,ni->nj", R, x[m] - centre) for x in (a, b))
-            distance[m], s[m] = from_box(start, end, self.half[box])
+        shape = self.shape[j]
+        m = np.flatnonzero(shape >= 0)
+        if not len(m):
+            return distance, s
+        shape = shape[m]
+        centre = 0.5 * (self.a[j[m], k[m]] + self.b[j[m], k[m]])
+        R, half, radius = self.R[shape, k[m]], self.half[shape], self.radius[shape]
+        start, end = (np.einsum("nij,ni->nj", R, x[m] - centre) for x in (a, b))
+        box = np.flatnonzero(radius == 0.0)
+        distance[m[box]], s[m[box]] = from_box(start[box], end[box], half[box])
+        # The capsule around an ellipsoid is a bound as well, the better one far away.
+        bound, t = from_ellipsoid(start, end, half)
+        nearer = (radius > 0.0) & (bound + radius > distance[m])
+        distance[m[nearer]], s[m[nearer]] = (bound + radius)[nearer], t[nearer]
         return distance, s
 
 
@@ -216,6 +233,6 @@ def _path_of_piece(ends: Vec3, curves: Vec3, curve: Indices) -> Array:
 
 
 def _corners(centre: Vec3, R: Array, half: Array) -> list[Vec3]:
-    """The corners (T, 3) of a box."""
+    """The corners (T, 3) of a box, or of that around an ellipsoid."""
     signs = itertools.product((-1.0, 1.0), repeat=3)
     return [centre + R @ (np.array(sign) * half) for sign in signs]

@@ -1,4 +1,4 @@
-"""Distances between many segments and boxes at once, and the curves of many slack strings."""
+"""Distances of many segments from others, boxes and ellipsoids, and curves of slack strings."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from fantoccini.arrays import Array, Vec3
 
 N_CHORDS = 12
-"""Segments that replace the curve of a slack string, as in compiled code."""
+"""Segments that replace the curve of a slack string."""
 
 
 @dataclass(frozen=True)
@@ -97,6 +97,29 @@ def from_box(a: Vec3, b: Vec3, half: Vec3) -> tuple[Array, Array]:
     return np.sqrt(dot(gap, gap)), t
 
 
+def from_ellipsoid(a: Vec3, b: Vec3, half: Vec3) -> tuple[Array, Array]:
+    """A lower bound of the distance of a segment from an ellipsoid, exact where they touch.
+
+        rho (rho - 1) / |A^-2 x|,   rho = |A^-1 x|,   A = diag(half)
+
+    with x the point of the segment of least rho: the gap between the planes through x and on the
+    ellipsoid that are square to the gradient of rho there. They part the two.
+
+    Args:
+        a, b: (n, 3) ends of the segment in the ellipsoid's frame [m].
+        half: (n, 3) half axes [m].
+
+    Returns:
+        (n,) bounds [m], negative where they overlap, and t (n,) of x = a + t (b - a).
+    """
+    x, d = a / half, (b - a) / half
+    t = np.clip(-dot(x, d) / np.maximum(dot(d, d), _TOLERANCES.min_length**2), 0.0, 1.0)
+    x += t[:, None] * d
+    rho = np.maximum(np.sqrt(dot(x, x)), _TOLERANCES.min_length)
+    slope = np.maximum(np.sqrt(dot(x / half, x / half)), rho / half.max(axis=1))
+    return rho * (rho - 1.0) / slope, t
+
+
 def hanging(start: Vec3, end: Vec3, length: Array) -> Vec3:
     """Points along slack strings, which hang as threads of their length do.
 
@@ -110,7 +133,8 @@ def hanging(start: Vec3, end: Vec3, length: Array) -> Vec3:
         length: (n,) of the strings, larger than the distance of the ends [m].
 
     Returns:
-        (n, N_CHORDS + 1, 3) points in equal steps of the length, one moved to the lowest point [m].
+        (n, N_CHORDS + 1, 3) points in equal horizontal steps, close together where the curve bends
+        [m]: so the chords are nowhere farther from it than w / N_CHORDS.
     """
     along = end - start
     flat = np.hypot(along[:, 0], along[:, 1])
@@ -123,17 +147,11 @@ def hanging(start: Vec3, end: Vec3, length: Array) -> Vec3:
         if np.all(np.abs(step) <= _TOLERANCES.newton * u):
             break
     a, middle = width / (2.0 * u), along[:, 2] / np.tanh(u)
-    first = 0.5 * (middle - length)
-    s = first[:, None] + length[:, None] * np.linspace(0.0, 1.0, N_CHORDS + 1)
-    lowest = np.round(-first / length * N_CHORDS).astype(int)
-    inner = np.flatnonzero((lowest > 0) & (lowest < N_CHORDS))
-    s[inner, lowest[inner]] = 0.0
-    a = a[:, None]
-    x = a * (np.arcsinh(s / a) - np.arcsinh(s[:, :1] / a))
-    root = np.sqrt(a * a + s * s)
-    ahead = along[:, :2] / np.where(flat > 0.0, flat, np.inf)[:, None]
-    points = np.concatenate([x[..., None] * ahead[:, None], (root - root[:, :1])[..., None]], -1)
-    points += start[:, None]
+    first, last = (np.arcsinh(0.5 * (middle + side * length) / a) for side in (-1.0, 1.0))
+    steps = np.linspace(0.0, 1.0, N_CHORDS + 1)
+    height = np.cosh(first[:, None] + (last - first)[:, None] * steps)
+    points = start[:, None] + steps[:, None] * along[:, None]
+    points[..., 2] = start[:, None, 2] + a[:, None] * (height - height[:, :1])
     points[:, -1] = end
     return points
 

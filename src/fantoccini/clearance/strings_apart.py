@@ -39,7 +39,7 @@ class Approach:
 
     def __str__(self) -> str:
         at = ", ".join(f"{x:.3g}" for x in self.place)
-        apart = f"{self.distance:.3g} m from" if self.distance > 0.0 else "touching"
+        apart = f"{abs(self.distance):.3g} m {'from' if self.distance > 0.0 else 'inside'}"
         return f"string {self.what} is {apart} {self.other} at t = {self.t:.4g} s, ({at})"
 
 
@@ -63,12 +63,15 @@ class StringsApart:
 
         d = min |x - y| - radii,   x on a string, y on another string or on the core of a body
 
-    A taut string is straight from point to point, a slack one hangs as a thread of its length does:
-    twelve chords of its catenary count, as they do for :class:`Clearance`; up to a sag of 0.01 mm
-    it is straight. The slip of winches is left out. Strings through the same point are not measured
-    against each other, nor strings against the bodies to which they are tied. Bodies are solids as
-    in :class:`Clearance`, but a mesh is the box around it. Obstacles are left to
-    :class:`Clearance`. Chains of masses that stand for elastic strings are not measured.
+    A taut string is straight from point to point, a slack one hangs as a thread of its length does.
+    Twelve chords stand for its curve, nowhere farther from it than a twelfth of the horizontal
+    distance of its ends; up to a sag of 0.01 mm it is straight. The slip of winches is left out.
+
+    Strings through the same point are not measured against each other, nor strings against the
+    bodies to which they are tied. From capsules, spheres and boxes distances are exact. Those from
+    ellipsoids are lower bounds that are exact where they touch; those from meshes are from the box
+    around them. Obstacles are left to :class:`Clearance`. Chains of masses that stand for elastic
+    strings are not measured.
 
     Args:
         marionette: a puppet or a scene.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -42,6 +43,12 @@ class Line:
         self.rate = np.zeros(n) if rate is None else rate
         self.carried, self.named = np.zeros(n), np.zeros(n, dtype=bool)
         self._breaks, self._coef = [np.zeros(1)], list[Array]()
+
+    def kept(self) -> Line:
+        """The line as it is now: what is added to this one does not change it."""
+        made = copy.copy(self)
+        made._breaks, made._coef = list(self._breaks), list(self._coef)
+        return made
 
     def lead_time(self, motion: Motion) -> float:
         """How long the way to the start of a motion takes [s]."""

@@ -19,6 +19,8 @@ SWAY = 0.006
 """How far the body goes to the side of the foot that stands [m]."""
 _LIFT = 0.06
 """How far a knee's string is wound in [m]."""
+_LIFT_ON_SPOT = 0.025
+"""Likewise in a step on the spot [m]: higher knees swing into each other as the hips turn."""
 _BOB = 0.004
 """How far the body goes up in a step [m]."""
 _PARTS = 8
@@ -79,6 +81,7 @@ def steps(ends: Ends, given: Sequence[Step], step_time: float = STEP_TIME) -> Ge
     moves = np.array([not one.stands for one in given])
     # +1 where the left foot goes, -1 where the right one does.
     side = np.where(moves, (-1.0) ** (np.cumsum(moves) + 1), 0.0)
+    lift = np.array([_LIFT if one.length else _LIFT_ON_SPOT for one in given])
     path, heading = track.at(clock * step_time)
     ends.carry(path, heading, times(-SWAY * side[k], up))
     for name in BODY:
@@ -86,7 +89,7 @@ def steps(ends: Ends, given: Sequence[Step], step_time: float = STEP_TIME) -> Ge
     marks: dict[str, float] = {}
     for name, sign in zip(_SIDES, (1.0, -1.0), strict=True):
         if np.any(side == sign):
-            ends.add(f"knee_{name}.length", times(-_LIFT * (side[k] == sign), up))
+            ends.add(f"knee_{name}.length", times(-lift[k] * (side[k] == sign), up))
     for j in np.flatnonzero(moves):
         marks[numbered(_SIDES[int(side[j] < 0.0)], marks)] = (float(j) + 0.5) * step_time
     return ends.gesture(clock * step_time, "steps", marks, travels=True)

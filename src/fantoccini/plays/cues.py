@@ -49,6 +49,11 @@ class Part:
     marks: Mapping[str, float]
 
 
+def lane_name(part: Part) -> str:
+    """The name of a part's lane: the player's, and from the second lane on a number."""
+    return part.who if part.lane == 0 else f"{part.who} {part.lane + 1}"
+
+
 @dataclass
 class Cue:
     """A cue before and after it is placed in time.

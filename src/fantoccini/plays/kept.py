@@ -1,62 +1,67 @@
-"""What compiling keeps for the next time: runs of players, by what was played."""
+"""What compiling keeps for the next round and the next time: results by all they depend on."""
 
 from __future__ import annotations
 
 import hashlib
+from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from threading import Lock
 from typing import Any, TypeVar
 
 import numpy as np
 
 from fantoccini.gestures import Gesture
-from fantoccini.motion import State, Trajectory
+from fantoccini.motion import State
 
 T = TypeVar("T")
+
+_MOST = 600
+"""Results that are kept; those that were used longest ago go first."""
 
 
 @dataclass
 class Kept:
-    """Results of this round and of the one before.
-
-    Results that a whole round has not asked for are dropped.
+    """Results by key; several threads may ask.
 
     Attributes:
-        found, old: key -> result.
+        made: how many were made, as they were not kept.
     """
 
-    found: dict[Any, Any] = field(default_factory=dict)
-    old: dict[Any, Any] = field(default_factory=dict)
+    made: int = 0
+    _found: OrderedDict[str, Any] = field(default_factory=OrderedDict)
+    _lock: Lock = field(default_factory=Lock)
 
-    def next_round(self) -> None:
-        """Drops what the round before has not asked for."""
-        self.old, self.found = self.found, {}
-
-    def all(self, jobs: Mapping[Any, Callable[[], T]], threads: int) -> dict[Any, T]:
-        """The result of every job, made where it is not kept.
+    def get(self, key: str, job: Callable[[], T]) -> T:
+        """A result, made where it is not kept.
 
         Args:
-            jobs: key -> what makes its result; keys say all that it depends on.
-            threads: that share them.
+            key: says all that the result depends on.
+            job: makes it.
         """
-        for key in jobs:
-            if key not in self.found and key in self.old:
-                self.found[key] = self.old[key]
-        missing = [key for key in jobs if key not in self.found]
+        with self._lock:
+            if key in self._found:
+                self._found.move_to_end(key)
+                found: T = self._found[key]
+                return found
+        made = job()
+        with self._lock:
+            self.made += 1
+            self._found[key] = made
+            while len(self._found) > _MOST:
+                self._found.popitem(last=False)
+        return made
+
+    def side_by_side(self, jobs: Mapping[str, Callable[[], T]], threads: int) -> dict[str, T]:
+        """Name -> what each job makes, several at once."""
         with ThreadPoolExecutor(max(1, threads)) as pool:
-            for key, made in zip(missing, pool.map(lambda key: jobs[key](), missing), strict=True):
-                self.found[key] = made
-        return {key: self.found[key] for key in jobs}
+            return dict(zip(jobs, pool.map(lambda job: job(), jobs.values()), strict=True))
 
 
-def digest(x0: State, motion: Gesture, *more: object) -> str:
-    """A hash of a start, a motion of the hands and more."""
-    h = hashlib.blake2b(repr(more).encode())
-    for array in (x0.q_D, x0.q_K, motion.breaks, motion.coef):
+def digest(x: State, motion: Gesture, *more: object) -> str:
+    """A hash of a state, a motion of the hands from there, and more."""
+    h = hashlib.blake2b(repr((motion.coordinates.q_D, *more)).encode())
+    for array in (x.q_D, x.v_D, x.q_K, x.taut, motion.breaks, motion.coef):
         h.update(np.ascontiguousarray(array).tobytes())
     return h.hexdigest()
-
-
-Runs = Mapping[str, Trajectory]
-"""Player -> its run."""

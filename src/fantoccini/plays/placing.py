@@ -6,7 +6,7 @@ A walk is planned past those that are placed before it; they, later, past it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -55,6 +55,11 @@ class Actor:
         xy, heading = way.footing(np.array([t]))
         return Footing(float(xy[0, 0]), float(xy[0, 1]), float(heading[0]))
 
+    def kept(self) -> Actor:
+        """The actor as it is now: what is added to this one does not change it."""
+        lanes = [line.kept() for line in self.lanes]
+        return replace(self, lanes=lanes, ways=list(self.ways))
+
     @property
     def last(self) -> Footing:
         """Where it stands after all walks."""
@@ -91,6 +96,7 @@ class Wishes:
     earlier: dict[tuple[Spot, str], float] = field(default_factory=dict)
     pauses: dict[Spot, float] = field(default_factory=dict)
     refused: dict[Spot, str] = field(default_factory=dict)
+    smaller: dict[Spot, float] = field(default_factory=dict)
 
 
 class Placing:
@@ -187,14 +193,15 @@ class Placing:
         cue.wanted = t
         why = self._wishes.refused.get(cue.spot, "")
         if not why:
+            before = {name: self.actors[name].kept() for name in cue.who}
             try:
                 for name in cue.who:
                     self._place_one(cue, self.actors[name], t)
             except _CannotBe as error:
                 why = str(error)
+                self.actors.update(before)
         if why:
             cue.refused = why
-            self._take_back(cue)
             cue.parts = []
             cue.moments = dict.fromkeys(cue.known, max(t, 0.0))
             return
@@ -274,9 +281,6 @@ class Placing:
         cue.parts.append(Part(actor.player.name, lane, gesture, start, end, placed))
         actor.done = max(actor.done, end)
 
-    def _take_back(self, cue: Cue) -> None:
-        """Nothing is taken back: a part that was placed stays, as what the others cannot do."""
-
     # -- what is done ------------------------------------------------------------------------
 
     def _gesture(self, cue: Cue, actor: Actor, stands: Footing) -> Gesture:
@@ -284,6 +288,8 @@ class Placing:
         try:
             if given.does is not None:
                 style = Style.of(given)
+                smaller = self._wishes.smaller.get(cue.spot, 1.0)
+                style = replace(style, larger=style.larger * smaller)
                 return self._repertory.gesture(player, given, style, stands.heading)
             if given.verb in ("looks_at", "points_at"):
                 where = given.looks_at if given.looks_at is not None else given.points_at

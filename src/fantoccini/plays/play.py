@@ -88,6 +88,7 @@ class Play:
         changes: what cannot be done, and why, and what is not as it was written.
         acts: name -> when it begins [s].
         motions: player -> all that its hands do.
+        starts: player -> times at which its cues begin [s].
         ways: player -> its walks.
         settled: cue's number -> its pause [s], and the trunk's speeds after it without the pause
             and with it [m/s].
@@ -104,6 +105,7 @@ class Play:
     changes: tuple[Mistake, ...]
     acts: Mapping[str, float]
     motions: Mapping[str, Gesture] = field(repr=False)
+    starts: Mapping[str, tuple[float, ...]] = field(repr=False)
     ways: Mapping[str, tuple[Way, ...]]
     settled: Mapping[int, tuple[float, float, float]]
     rounds: int

@@ -21,7 +21,7 @@ from fantoccini.plays.regions import Rectangle, Region
 
 START, GOAL = 0, 1
 """Places of the way's ends among the points."""
-TURN = np.radians(15.0)
+TURN = np.radians(22.5)
 """Most that a step turns [rad]."""
 METRE, CORNER = 1e-3, 1e-6
 """Costs of a metre and of a turn, over that of a step."""

@@ -14,8 +14,8 @@ from fantoccini.gestures.timing import START
 from fantoccini.gestures.transition import limits
 from fantoccini.motion import EventKind, Trajectory
 from fantoccini.plays.alone import runs_alone
-from fantoccini.plays.compiling import IN_TIME
 from fantoccini.plays.play import CueOfPlay, Play
+from fantoccini.plays.rounds import IN_TIME
 from fantoccini.plays.together import together
 from fantoccini.plays.touching import EVERY, Touch, touches
 
@@ -99,7 +99,7 @@ def verify_play(play: Play) -> Verification:
     Args:
         play: compiled.
     """
-    run = together(play.cast, runs_alone(play.cast, play.motions, play.kept))
+    run = together(play.cast, runs_alone(play.cast, play.motions, play.starts, play.kept))
     faults = []
     if run.status is not Status.DONE:
         faults.append(f"the run stops {play.when(run.t[-1])}: {run.status}")

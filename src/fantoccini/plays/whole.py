@@ -12,7 +12,7 @@ from fantoccini.gestures.notes import Notes
 from fantoccini.gestures.sounding import read_sounds
 from fantoccini.motion import pieces
 from fantoccini.plays.casting import Cast
-from fantoccini.plays.cues import Timeline
+from fantoccini.plays.cues import Timeline, lane_name
 
 
 def whole_score(
@@ -35,9 +35,8 @@ def whole_score(
     played, captions, waits = [], [], []
     for number, cue in enumerate(timeline.cues, 1):
         for part in cue.parts:
-            lane = part.who if part.lane == 0 else f"{part.who} {part.lane + 1}"
             name = cue.name if len(cue.who) == 1 else f"{cue.name} {part.who}"
-            played.append(Played(lane, cue.name, part.start, part.end, part.marks, name))
+            played.append(Played(lane_name(part), cue.name, part.start, part.end, part.marks, name))
         if not cue.parts:
             continue
         start = min(part.start for part in cue.parts)

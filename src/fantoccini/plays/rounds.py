@@ -1,0 +1,238 @@
+"""Rounds of compiling: cues are placed, every player is simulated, and what is late is moved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from fantoccini.errors import Status
+from fantoccini.gestures import Gesture, Played, Score, lateness
+from fantoccini.gestures.joining import Motion
+from fantoccini.gestures.notes import LATE, Notes
+from fantoccini.gestures.timing import Spot
+from fantoccini.motion import Trajectory
+from fantoccini.plays.acting import Repertory
+from fantoccini.plays.alone import excerpt, runs_alone
+from fantoccini.plays.casting import Cast, Places
+from fantoccini.plays.cues import Cue, Part, Timeline, lane_name
+from fantoccini.plays.kept import Kept, digest
+from fantoccini.plays.placing import Placing, Wishes
+from fantoccini.plays.settling import PAUSE, pause
+from fantoccini.plays.walks import Walks
+from fantoccini.runtime import default_threads
+
+IN_TIME = 1.0 / 60.0
+"""So near to its time a cue is in time [s]."""
+_ENOUGH = 0.25 * IN_TIME
+"""Lateness that is not mended [s]."""
+_RINGS = 1.0
+"""After the last cue, in which the puppets still swing [s]."""
+_SLACK = 0.6
+"""After a cue, in which what touches is still its own doing [s]."""
+_TRIES = 4
+"""How often a cue's hands are moved in time."""
+_MOST_EARLY = 0.6
+"""By how much hands lead limbs at most [s]."""
+
+
+@dataclass
+class Round:
+    """What a round has led to.
+
+    Attributes:
+        placing: the cues as they are placed.
+        motions: player -> what its hands do.
+        lanes: player -> lane -> its part of that.
+        starts: player -> times at which its cues begin [s].
+        runs: player -> its event-driven run.
+    """
+
+    placing: Placing
+    motions: Mapping[str, Gesture]
+    lanes: Mapping[str, Mapping[str, Gesture]]
+    starts: Mapping[str, tuple[float, ...]]
+    runs: Mapping[str, Trajectory]
+
+
+class Rounds:
+    """Rounds of one play.
+
+    Attributes:
+        timeline: the cues, as the last round has placed them.
+        wishes: what rounds have found out.
+        settled: number of a cue -> its pause, and the trunk's speeds after it without the pause
+            and with it [s, m/s, m/s].
+
+    Args:
+        cast, timeline, repertory, places: of the play.
+        notes: know the beat.
+        kept: results of earlier rounds.
+    """
+
+    def __init__(
+        self, cast: Cast, timeline: Timeline, repertory: Repertory, places: Places, notes: Notes,
+        kept: Kept,
+    ):  # fmt: skip
+        self.timeline, self.wishes = timeline, Wishes()
+        self.settled: dict[int, tuple[float, float, float]] = {}
+        self._cast, self._repertory, self._places = cast, repertory, places
+        self._notes, self._kept = notes, kept
+        self._walks = Walks(cast, notes)
+        self._tried: dict[tuple[Spot, str], int] = {}
+
+    def made(self) -> Round:
+        """The next round."""
+        placing = Placing(
+            self._cast, self.timeline, self._repertory, self._places, self._walks,
+            self.wishes, self._notes,
+        )  # fmt: skip
+        end = max(placing.end, *(a.done for a in placing.actors.values())) + _RINGS
+        both = {name: placing.motion(name, end) for name in self._cast.players}
+        motions = {name: whole for name, (whole, _) in both.items()}
+        lanes = {name: own for name, (_, own) in both.items()}
+        starts = {
+            name: tuple(part.start for cue in self.timeline.cues for part in cue.parts
+                        if part.who == name)
+            for name in motions
+        }  # fmt: skip
+        runs = runs_alone(self._cast, motions, starts, self._kept)
+        return Round(placing, motions, lanes, starts, runs)
+
+    def refuse_stopped(self, made: Round) -> bool:
+        """Refuses the cues in which a run stopped before its end."""
+        changed = False
+        for name, run in made.runs.items():
+            if run.status is Status.DONE:
+                continue
+            cue = self.blamed(float(run.t[-1]), {name})
+            if cue is not None and cue.spot not in self.wishes.refused:
+                self.wishes.refused[cue.spot] = f"{name}'s run stops there: {run.status}"
+                changed = True
+        return changed
+
+    def settle(self, made: Round) -> bool:
+        """Finds pauses of the cues that begin when they like."""
+        jobs: dict[str, Callable[[], tuple[float, float, float]]] = {}
+        cues: dict[str, tuple[int, Cue]] = {}
+        for number, cue in enumerate(self.timeline.cues):
+            if not _is_free(cue) or len(cue.parts) != 1:
+                continue
+            (part,) = cue.parts
+            motion = self._alone(made, part)
+            most = self.most_pause(cue)
+            if motion is None or most <= 0.0:
+                continue
+            begun, own = motion
+            run, alone = made.runs[part.who], self._cast.players[part.who].alone
+            x = run.at(begun)
+            key = digest(x, Gesture(alone.coordinates, *own), most, "pause")
+            job = partial(pause, alone, x, own, most)
+            jobs[f"{number}"] = partial(self._kept.get, key, job)
+            cues[f"{number}"] = number, cue
+        found = self._kept.side_by_side(jobs, default_threads())
+        for label, (number, cue) in cues.items():
+            self.settled[number + 1] = found[label]
+            self.wishes.pauses[cue.spot] = found[label][0]
+        return any(p > 0.0 for p, _, _ in found.values())
+
+    def most_pause(self, cue: Cue) -> float:
+        """By how much later a cue may begin for swing's sake [s]."""
+        if not _is_free(cue):
+            return 0.0
+        wait = cue.given.may_wait
+        return PAUSE if wait is None else wait * self._notes.beat
+
+    def _alone(self, made: Round, part: Part) -> tuple[float, Motion] | None:
+        """When a part may begin, and its motion from then on; None where others go on meanwhile."""
+        mine = [
+            one for cue in self.timeline.cues for one in cue.parts
+            if one.who == part.who and one is not part
+        ]  # fmt: skip
+        if any(one.end > part.start and one.start < part.end for one in mine):
+            return None
+        begun = max([0.0, *(one.end for one in mine if one.end <= part.start)])
+        whole = made.motions[part.who]
+        if np.max(np.abs(whole.offsets(begun)[1])) > LATE or part.end - begun < LATE:
+            return None
+        return begun, excerpt(whole, begun, part.end)
+
+    def hurry(self, made: Round) -> bool:
+        """Lets hands begin earlier, where limbs are late on the marks that cues are timed by."""
+        changed = False
+        for name, run in made.runs.items():
+            for late, cue in self._late(name, run, made):
+                key = cue.spot, name
+                tried = self._tried.get(key, 0)
+                if abs(late) < _ENOUGH or tried >= _TRIES:
+                    continue
+                before = self.wishes.earlier.get(key, 0.0)
+                after = float(np.clip(before + late, -_MOST_EARLY, _MOST_EARLY))
+                self._tried[key] = tried + 1
+                self.wishes.earlier[key] = after
+                changed = changed or after != before
+        return changed
+
+    def _late(self, name: str, run: Trajectory, made: Round) -> list[tuple[float, Cue]]:
+        """How late a player's limbs are on the marks of `on`."""
+        timed: dict[int, Cue] = {}
+        played = []
+        for cue in self.timeline.cues:
+            for part in cue.parts:
+                if part.who != name or cue.walks:
+                    continue
+                lane = lane_name(part)
+                one = Played(lane, cue.name, part.start, part.end, part.marks, cue.name)
+                played.append(one)
+                if cue.given.on is not None:
+                    timed[id(one)] = cue
+        if not timed:
+            return []
+        alone = self._cast.players[name].alone
+        score = Score(
+            alone, made.motions[name], tuple(played), {}, (), self._notes.beat,
+            lanes=made.lanes[name],
+        )  # fmt: skip
+        found: dict[int, list[float]] = {}
+        for late in lateness(score, run):
+            one_cue = timed.get(id(late.cue))
+            if one_cue is not None and late.mark in (one_cue.given.on or ()):
+                found.setdefault(id(one_cue), []).append(late.seconds)
+        return [
+            (float(np.mean(found.get(id(cue), [0.0]))) + _of_hands(cue, name), cue)
+            for cue in timed.values()
+        ]
+
+    def blamed(self, t: float, owners: set[str]) -> Cue | None:
+        """The cue that has begun last of those that go on at a time; a gesture before a walk."""
+        now = [
+            (not cue.walks, part.start, -i, cue)
+            for i, cue in enumerate(self.timeline.cues)
+            for part in cue.parts
+            if part.who in owners and part.start - _SLACK <= t <= part.end + _SLACK
+        ]
+        if not now:
+            now = [
+                (True, part.start, -i, cue)
+                for i, cue in enumerate(self.timeline.cues)
+                for part in cue.parts
+                if part.who in owners and part.start <= t
+            ]
+        return max(now, key=lambda one: one[:3])[3] if now else None
+
+
+def _of_hands(cue: Cue, name: str) -> float:
+    """How late a player's hands are on the mark of `on` [s]."""
+    (mark,) = cue.given.on or ("",)
+    part = next(part for part in cue.parts if part.who == name)
+    return part.marks[mark] - cue.wanted
+
+
+def _is_free(cue: Cue) -> bool:
+    """Whether a cue may begin later than it is written."""
+    given = cue.given
+    if given.may_wait is not None:
+        return given.may_wait > 0.0
+    return given.when is None and given.on is None and not given.go

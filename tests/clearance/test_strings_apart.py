@@ -1,0 +1,243 @@
+"""Distances of strings against those of every sample, and against pictures' hanging curves."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.optimize import minimize_scalar
+
+import fantoccini as fan
+from clearance.balls import balls, carried, smooth
+from fantoccini.clearance import Approach, StringsApart
+from fantoccini.clearance.segments import between_segments, from_box, from_ellipsoid, hanging
+from fantoccini.clearance.string_pairs import string_pairs
+from fantoccini.view import rope
+
+N_POINTS = 200
+"""Points along strings that stand for them."""
+
+MISSED = {-0.1: 6e-3, 0.05: 8e-3}
+"""By slack, what distances of points miss, and the twelve chords of a slack string [m]."""
+
+CRATE, TURN = np.array([0.2, 0.1, 0.3]), [0.3, 0.2, 0.1]
+RADII = {"p.ball0": 0.01, "p.ball1": 0.01, "q.ball0": 0.01, "q.ball1": 0.01}
+
+
+@cache
+def scene() -> fan.Marionette:
+    """Two puppets of two balls, and a crate that nothing holds."""
+    crate = {"type": "box", "size": CRATE.tolist(), "mass": 1, "orientation": {"rpy": TURN}}
+    return fan.Marionette(
+        fan.Scene.model_validate({
+            "scene": "pair",
+            "puppets": [{"name": name, "puppet": balls(2).puppet} for name in "pq"],
+            "props": [{"name": "crate", "shapes": [crate], "at": [0, 0, 0.5]}],
+        })
+    )  # fmt: skip
+
+
+def wandering(seed: int, slack: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """q_D, q_K and t; strings are longer than their spans by up to a part of these."""
+    rng, stage, t = np.random.default_rng(seed), scene(), np.linspace(0.0, 4.0, 161)
+    table = stage.coordinates
+    q_D, q_K = (0.2 * smooth(rng, t, (n,)) for n in (table.n_qD, table.n_qK))
+    for q, names in ((q_D, table.q_D), (q_K, table.q_K)):
+        for name, up in (("crate.z", 0.5), (".s0.z", 1.0), (".s1.z", 1.1)):
+            q[:, [n for n, found in enumerate(names) if found.endswith(name)]] += up
+    for place in table.quaternions_D:
+        q_D[:, place] /= np.linalg.norm(q_D[:, place], axis=1, keepdims=True)
+    for string, path in zip(stage.tree.strings, stage.string_points(q_D, q_K), strict=True):
+        span = np.linalg.norm(path[:, 1] - path[:, 0], axis=1)
+        q_K[:, string.driven_length[0]] = span * (1.0 + slack * np.sin(3.0 * t) ** 2)
+    return q_D, q_K, t
+
+
+@cache
+def expected(seed: int, slack: float) -> dict[tuple[str, str], np.ndarray]:
+    """(T,) distances by names, with strings and boxes as clouds of points."""
+    stage, (q_D, q_K, t) = scene(), wandering(seed, slack)
+    lengths, places = stage.model.string_lengths(q_D, q_K), stage.string_points(q_D, q_K)
+    clouds = {
+        string.name: np.array([
+            rope.path(place[k], lengths[k, n], N_POINTS) for k in range(len(t))
+        ])
+        for n, (string, place) in enumerate(zip(stage.tree.strings, places, strict=True))
+    }  # fmt: skip
+    names, found = list(clouds), {}
+    for n, name in enumerate(names):
+        for other in names[n + 1 :]:
+            pairs = zip(clouds[name], clouds[other], strict=True)
+            gaps = [np.linalg.norm(x[:, None] - y, axis=2).min() for x, y in pairs]
+            found[name, other] = np.array(gaps)
+        for i, link in enumerate(stage.tree.links):
+            R, r = np.split(stage.poses(q_D, q_K)[:, i], [3], axis=2)
+            inside = (clouds[name] - r.swapaxes(1, 2)) @ R
+            if link.name in RADII:
+                gaps = np.linalg.norm(inside, axis=2).min(axis=1)
+                found[name, link.name] = gaps - RADII[link.name]
+            elif link.name == "crate":
+                (box,) = link.shapes
+                inside = inside @ np.asarray(box.orientation.matrix)
+                out = inside - np.clip(inside, -CRATE / 2, CRATE / 2)
+                found[name, link.name] = np.linalg.norm(out, axis=2).min(axis=1)
+    for name in names:
+        del found[name, name.replace(".s", ".ball")]  # tied to it
+    return found
+
+
+def listed(found: fan.clearance.Approaches) -> list[Approach]:
+    return [*found.strings, *found.bodies, *found.own]
+
+
+@pytest.mark.parametrize("slack", list(MISSED))
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_nearest_of_every_pair_is_found(seed, slack):
+    q_D, q_K, t = wandering(seed, slack)
+    found = listed(StringsApart(scene()).over(q_D, q_K, t).nearest(within=10.0))
+    assert {(a.what, a.other) for a in found} == set(expected(seed, slack))
+    for one in found:
+        least = expected(seed, slack)[one.what, one.other]
+        assert one.distance == pytest.approx(least.min(), abs=MISSED[slack])
+        at_that_time = least[np.searchsorted(t, one.t)]
+        assert at_that_time == pytest.approx(least.min(), abs=2 * MISSED[slack])
+
+
+@pytest.mark.parametrize("slack", list(MISSED))
+def test_the_first_time_of_every_pair_is_found(slack):
+    (q_D, q_K, t), missed = wandering(0, slack), MISSED[slack]
+    found = listed(StringsApart(scene()).over(q_D, q_K, t).nearer_than(0.05))
+    assert len(found) > 5
+    for pair, distance in expected(0, slack).items():
+        first = [a for a in found if (a.what, a.other) == pair]
+        assert first or distance.min() > 0.05 - missed
+        for one in first:
+            k = int(np.searchsorted(t, one.t))
+            assert one.distance < 0.05 and distance[:k].min(initial=1.0) > 0.05 - missed
+            assert one.distance == pytest.approx(distance[k], abs=missed)
+
+
+def test_kinds_names_and_order():
+    q_D, q_K, t = wandering(0, -0.1)
+    found = StringsApart(scene()).over(q_D, q_K, t).nearest(within=10.0)
+    assert len(found.strings) == 6
+    assert {(a.what, a.other) for a in found.own} == {
+        ("p.s0", "p.ball1"), ("p.s1", "p.ball0"), ("q.s0", "q.ball1"), ("q.s1", "q.ball0"),
+    }  # fmt: skip
+    assert {a.other for a in found.bodies} == {*RADII, "crate"}
+    assert [a.distance for a in found.strings] == sorted(a.distance for a in found.strings)
+
+
+def test_thickness_counts_for_each_string():
+    q_D, q_K, t = wandering(0, -0.1)
+    thin, thick = (
+        StringsApart(scene(), radius=radius).over(q_D, q_K, t).nearest(within=10.0)
+        for radius in (0.0, 0.004)
+    )
+    for kind, sides in (("strings", 2), ("bodies", 1), ("own", 1)):
+        at = {(a.what, a.other): a.distance for a in getattr(thick, kind)}
+        for one in getattr(thin, kind):
+            if one.distance > 0.0:
+                less = one.distance - at[one.what, one.other]
+                assert less == pytest.approx(sides * 0.004, abs=2e-5)
+
+
+def test_strings_through_one_point_are_left_out():
+    puppet = balls(2).puppet.model_dump(mode="json", exclude_unset=True, by_alias=True)
+    puppet["strings"][1]["path"][0] = {"body": "ball0"}
+    marionette = fan.Marionette(fan.Puppet.model_validate(puppet))
+    pairs = string_pairs(marionette, [0, 1], np.array([0.01, 0.01]), 0.0)
+    assert pairs.names == (("s0", "ball1"), ("s1", "ball1"))
+
+
+def test_a_time_and_a_place_are_told():
+    t = np.linspace(0.0, 1.0, 101)
+    low = np.zeros((101, 2, 3))
+    low[:, 1, 0] = np.abs(t - 0.5) + 0.01
+    motion = StringsApart(balls(2)).over(*carried(balls(2), low, low + np.array([0, 0, 1])), t)
+    (found,) = motion.nearest().strings
+    assert (found.t, found.distance) == (pytest.approx(0.5), pytest.approx(0.01))
+    assert_allclose(found.place[:2], 0.0, atol=1e-12)
+    assert str(found).startswith("string s0 is 0.01 m from s1 at t = 0.5 s")
+    (first,) = motion.nearer_than(0.055).strings
+    assert first.t == pytest.approx(0.46)
+
+
+@pytest.mark.parametrize(
+    ("q_D", "t", "text"),
+    [((2, 5), [0, 1], "shapes"), ((0, 6), [], "shapes"), ((2, 6), [1, 0], "decrease")],
+)
+def test_wrong_motions_are_refused(q_D, t, text):
+    with pytest.raises(ValueError, match=text):
+        StringsApart(balls(2)).over(np.zeros(q_D), np.zeros((len(t), 8)), t)
+
+
+def test_wrong_numbers_are_refused():
+    with pytest.raises(ValueError, match="radius"):
+        StringsApart(balls(2), radius=-1.0)
+    x = balls(2).state()
+    motion = StringsApart(balls(2)).over(x.q_D[None], x.q_K[None], [0.0])
+    for measured in (motion.nearest, motion.nearer_than):
+        with pytest.raises(ValueError, match="greater than 0"):
+            measured(0.0)
+
+
+def test_segments_against_minimisation():
+    rng, steps = np.random.default_rng(2), np.linspace(0.0, 1.0, 2001)[:, None]
+    a, b, c, d = rng.normal(size=(4, 60, 3))
+    d[:10] = c[:10] + (b - a)[:10]  # parallel
+    d[10:20] = c[10:20]  # points
+    half = rng.uniform(0.2, 1.0, (60, 3))
+    of_segments, s = between_segments(a, b, c, d)
+    of_boxes, _ = from_box(a, b, half)
+    for n in range(60):
+        line = a[n] + steps * (b - a)[n]
+        out = np.linalg.norm(line - np.clip(line, -half[n], half[n]), axis=1)
+        assert of_boxes[n] == pytest.approx(out.min(), abs=1e-3)
+        # The distance from a point of one to the other segment is convex along the one.
+        def gap(x, n=n):
+            near = a[n] + x * (b - a)[n]
+            t = np.clip((near - c[n]) @ (d - c)[n] / max(np.sum((d - c)[n] ** 2), 1e-9), 0, 1)
+            return np.linalg.norm(near - c[n] - t * (d - c)[n])
+
+        least = minimize_scalar(gap, bounds=(0, 1), method="bounded", options={"xatol": 1e-9})
+        assert of_segments[n] == pytest.approx(min(least.fun, gap(0), gap(1)), abs=1e-7)
+        assert gap(s[n]) == pytest.approx(of_segments[n])
+
+
+def test_bounds_of_ellipsoids_hold_and_are_sharp_where_strings_touch():
+    rng = np.random.default_rng(4)
+    half = rng.uniform(0.02, 0.1, (40, 3))
+    middle, along = rng.normal(size=(2, 40, 3))
+    middle *= 0.1 / np.linalg.norm(middle, axis=1, keepdims=True)
+    a, b = middle - along, middle + along
+    bound, t = from_ellipsoid(a, b, half)
+    u = rng.normal(size=(20_000, 3))
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    for n in range(40):
+        surface = u * half[n]
+        d = (b - a)[n]
+        s = np.clip((surface - a[n]) @ d / (d @ d), 0, 1)
+        gap = np.linalg.norm(surface - a[n] - s[:, None] * d, axis=1).min()
+        meet = np.linalg.norm((a[n] + t[n] * d) / half[n]) < 1
+        assert (bound[n] < 0) == meet
+        if not meet:
+            assert bound[n] <= gap + 1e-9
+            assert gap - bound[n] < 0.002 + 5.0 * gap**2 / half[n].min()
+
+
+def test_slack_strings_hang_as_in_pictures():
+    rng = np.random.default_rng(3)
+    start, end = rng.uniform(-1, 1, (2, 30, 3))
+    end[0, :2] = start[0, :2]  # a fold
+    span = np.linalg.norm(end - start, axis=1)
+    length = span * (1.0 + 10.0 ** rng.uniform(-5, 0, 30))
+    for n, points in enumerate(hanging(start, end, length)):
+        drawn = rope.hanging(start[n], end[n], length[n], 2000)
+        gaps = between_segments(
+            *(np.repeat(x, 1999, axis=0) for x in (points, points)),
+            *(np.tile(x, (len(points), 1)) for x in (drawn[:-1], drawn[1:])),
+        )[0].reshape(len(points), -1)
+        assert gaps.min(axis=1).max() < 1e-4 * length[n]
