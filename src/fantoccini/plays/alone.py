@@ -106,7 +106,8 @@ def _joined(parts: Sequence[tuple[float, Trajectory]]) -> Trajectory:
     changes: dict[str, Any] = {
         name: np.concatenate([getattr(run, name) for run in runs]) for name in _SAMPLED
     }
-    changes["t"] = np.concatenate([begun + run.t for begun, run in parts])
+    # Where two parts meet, rounding may put one before the other.
+    changes["t"] = np.maximum.accumulate(np.concatenate([begun + run.t for begun, run in parts]))
     for name in _COLUMNS:
         own: Columns | None = getattr(first, name)
         if own is not None:

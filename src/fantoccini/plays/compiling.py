@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 
-import numpy as np
-
 from fantoccini.errors import Status
 from fantoccini.gestures.notes import Notes
 from fantoccini.gestures.timing import END, START
@@ -16,7 +14,7 @@ from fantoccini.plays.cues import Cue
 from fantoccini.plays.kept import Kept
 from fantoccini.plays.play import CueOfPlay, Play
 from fantoccini.plays.reading import read_script
-from fantoccini.plays.rounds import IN_TIME, Round, Rounds
+from fantoccini.plays.rounds import Round, Rounds
 from fantoccini.plays.together import together
 from fantoccini.plays.touching import Touch, touches
 from fantoccini.plays.whole import whole_score
@@ -160,31 +158,11 @@ class _Compiler:
         )  # fmt: skip
 
     def _note(self, cue: Cue) -> None:
-        """Says what cannot be done, and what begins late."""
+        """Says what cannot be done."""
         notes = self._notes
         if cue.refused:
             left = "is left out: " if cue.given.optional else "cannot be done: "
             notes.change(cue.spot, f"{described(cue)} {left}{cue.refused}")
-            return
-        for part in cue.parts:
-            mark = next(iter(cue.given.on)) if cue.given.on is not None else ""
-            seen = part.marks[mark] if mark else part.start
-            early = self._rounds.wishes.earlier.get((cue.spot, part.who), 0.0)
-            late = seen + early - cue.wanted
-            if late > self._give(cue) + IN_TIME:
-                what = mark or "begins"
-                notes.change(
-                    cue.spot, f"{described(cue)}: {what} {notes.said(seen)} instead of "
-                    f"{notes.said(cue.wanted)}; {part.who} is not free before",
-                )  # fmt: skip
-                return
-
-    def _give(self, cue: Cue) -> float:
-        """By how much later a cue may be [s]; as long as it likes, where the play has no time."""
-        given = cue.given
-        if given.when is None and given.on is None and not given.go:
-            return np.inf
-        return max((given.may_wait or 0.0) * self._notes.beat, 0.0)
 
     def _cue(self, i: int, cue: Cue) -> CueOfPlay:
         given = cue.given
@@ -193,8 +171,8 @@ class _Compiler:
         end = max((part.end for part in parts), default=cue.wanted)
         return CueOfPlay(
             i + 1, self._cast.file.acts[cue.act].act, cue.who, described(cue), cue.name,
-            self._notes.located.line(cue.spot) or 0, cue.wanted, self._give(cue), start, end,
-            next(iter(given.on)) if given.on is not None else "", given.go, given.says or "",
+            self._notes.located.line(cue.spot) or 0, cue.wanted, cue.give(self._notes.beat), start,
+            end, next(iter(given.on)) if given.on is not None else "", given.go, given.says or "",
             cue.refused, given.optional,
             {part.who: {**part.marks, START: part.start, END: part.end} for part in parts},
         )  # fmt: skip

@@ -91,6 +91,13 @@ class Cue:
         """Whether the file gives it a name of its own."""
         return self.given.name is not None
 
+    def give(self, beat: float) -> float:
+        """By how much later it may be [s]; as long as it likes, where the play has no time."""
+        given = self.given
+        if given.when is None and given.on is None and not given.go:
+            return float("inf")
+        return (given.may_wait or 0.0) * beat
+
     @property
     def walks(self) -> bool:
         """Whether it carries the players."""

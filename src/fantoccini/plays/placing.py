@@ -238,6 +238,7 @@ class Placing:
             )
         lane = self._lane(actor, gesture, begin)
         start = self._add(actor.lanes[lane], gesture, begin)
+        self._check_time(cue, actor, start - begin, start)
         self._note(cue, actor, lane, gesture, start)
 
     def _walk(self, cue: Cue, actor: Actor, begin: float) -> None:
@@ -245,8 +246,7 @@ class Placing:
         line = actor.lanes[0]
         if np.any(np.abs(line.rate) > _STILL):
             line.stop()
-        if given.on is None:
-            begin = max(begin, line.end)
+        asked, begin = begin, begin if given.on is not None else max(begin, line.end)
         others = [one for one in self.actors.values() if one is not actor and not one.hidden]
         goal = self._goal(cue, actor)
         wait = (given.may_wait or 0.0) * self._notes.beat
@@ -266,10 +266,25 @@ class Placing:
         else:
             gesture = Gesture.rest(player.alone, 1e-3, everything=False)
             start = way.begin
+        if given.on is not None:
+            self._check_time(cue, actor, way.end - cue.wanted, way.end)
+        else:
+            self._check_time(cue, actor, way.begin - asked, way.begin)
         actor.ways.append(way)
         actor.hidden = given.verb == "exits_to"
         marks = {**gesture.marks, ARRIVES: way.end - way.begin}
         self._note(cue, actor, 0, gesture, start, marks, way.end)
+
+    def _check_time(self, cue: Cue, actor: Actor, late: float, then: float) -> None:
+        """Refuses what cannot be in time."""
+        if late <= cue.give(self._notes.beat) + IN_TIME:
+            return
+        what = "arrive" if cue.walks and cue.given.on is not None else "begin"
+        beats = np.ceil(10.0 * late / self._notes.beat) / 10.0
+        raise _CannotBe(
+            f"{actor.player.name} cannot {what} before {self._notes.said(then)[3:]}; later by up "
+            f"to {beats:g} beats it can (`may wait: {beats:g}`)"
+        )
 
     def _note(
         self, cue: Cue, actor: Actor, lane: int, gesture: Gesture, start: float,
@@ -376,6 +391,8 @@ class _CannotBe(Exception):
     """A cue cannot be done; the text says why, and what can."""
 
 
+IN_TIME = 1.0 / 60.0
+"""So near to its time a cue is in time [s]."""
 _EYES = 0.42
 """Height of a player's face [m]."""
 

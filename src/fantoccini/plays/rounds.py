@@ -19,13 +19,11 @@ from fantoccini.plays.alone import excerpt, runs_alone
 from fantoccini.plays.casting import Cast, Places
 from fantoccini.plays.cues import Cue, Part, Timeline, lane_name
 from fantoccini.plays.kept import Kept, digest
-from fantoccini.plays.placing import Placing, Wishes
+from fantoccini.plays.placing import IN_TIME, Placing, Wishes
 from fantoccini.plays.settling import PAUSE, pause
 from fantoccini.plays.walks import Walks
 from fantoccini.runtime import default_threads
 
-IN_TIME = 1.0 / 60.0
-"""So near to its time a cue is in time [s]."""
 _ENOUGH = 0.25 * IN_TIME
 """Lateness that is not mended [s]."""
 _RINGS = 1.0

@@ -14,8 +14,8 @@ from fantoccini.gestures.timing import START
 from fantoccini.gestures.transition import limits
 from fantoccini.motion import EventKind, Trajectory
 from fantoccini.plays.alone import runs_alone
+from fantoccini.plays.placing import IN_TIME
 from fantoccini.plays.play import CueOfPlay, Play
-from fantoccini.plays.rounds import IN_TIME
 from fantoccini.plays.together import together
 from fantoccini.plays.touching import EVERY, Touch, touches
 
