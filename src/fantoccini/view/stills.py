@@ -60,14 +60,14 @@ class Stills:
         times = pose_times(self._play.marionette, self._run.resample(within), n)
         geometry = geometry_of(self._play.marionette, self._run.resample(times))
         width, letters = self._layout.viewport.width, self._letters
-        height = self._layout.viewport.height + 3.0 * letters
+        height = self._layout.viewport.height + 3.8 * letters
         across = min(ACROSS, len(times))
         rows = -(-len(times) // across)
         sheet = Sheet((round(across * width), round(rows * height)), LIGHT)
         for k, t in enumerate(times):
             column, row = k % across, k // across
             left, low = column * width, (rows - 1 - row) * height
-            viewport = replace(self._layout.viewport, x=left, y=low + 2.4 * letters)
+            viewport = replace(self._layout.viewport, x=left, y=low + 3.3 * letters)
             layout = replace(self._layout, viewport=viewport)
             sheet.floor(self._whole, layout, grid=False)
             sheet.polygons(compose(geometry, k, layout))
