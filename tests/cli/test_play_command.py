@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import wave
 from pathlib import Path
 
 import pytest
@@ -22,8 +24,12 @@ def folder(tmp_path_factory) -> Path:
 def played(folder):
     """The command with every kind of output."""
     out = [f"--out={folder / name}" for name in ("run.npz", "run.png", "run.mp4")]
+    with wave.open(str(folder / "drum.wav"), "wb") as sound:
+        sound.setparams((1, 2, 8000, 8000, "NONE", ""))
+        sound.writeframes(bytes(16000))
+    path = write_play(folder, more="sound: drum.wav\n")
     report, look = f"--report={folder / 'page.html'}", ["--size", "240x180", "--fps", "4"]
-    return fantoccini("play", write_play(folder), report, *out, *look)
+    return fantoccini("play", path, report, *out, *look)
 
 
 def test_a_play_that_holds_ends_with_0_and_tells_its_cue_times(played):
@@ -35,6 +41,7 @@ def test_a_play_that_holds_ends_with_0_and_tells_its_cue_times(played):
     assert "2 players, 6 degrees of freedom, 2 strings, 6 driven coordinates" in played.stdout
     assert "2 of 2 cues can be done" in played.stdout
     assert "the run holds" in played.stdout
+    assert {"1 caption", "drum.wav from 0.00 s for 1.00 s"} <= set(played.stdout.splitlines())
 
 
 def test_progress_tells_what_is_done(played):
@@ -48,7 +55,9 @@ def test_every_output_is_written(played, folder):
     run = fan.Trajectory.load(folder / "run.npz")
     assert run.t[-1] == pytest.approx(3.5, abs=0.01)
     assert (folder / "run.png").read_bytes().startswith(b"\x89PNG")
-    assert ffmpeg() and (folder / "run.mp4").stat().st_size > 1000
+    film = [ffmpeg(), "-hide_banner", "-i", str(folder / "run.mp4")]
+    streams = subprocess.run(film, capture_output=True, text=True).stderr
+    assert "Video: h264" in streams and "Audio: aac" in streams
     assert (folder / "page.html").read_text(encoding="utf-8").endswith("</html>\n")
     assert not list(folder.glob("*.part"))
 

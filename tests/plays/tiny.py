@@ -35,8 +35,8 @@ TOUCHES = """\
 MAY_TOUCH = TOUCHES.replace("sway.yaml,", "sway.yaml, optional: true,")
 
 
-def write_play(folder: Path, cues: str = CUES) -> Path:
-    """Writes a play with the files that it needs, and returns its path."""
+def write_play(folder: Path, cues: str = CUES, more: str = "") -> Path:
+    """Writes a play with the files that it needs, and more keys, and returns its path."""
     for name, text in (("bob.yaml", BALL), ("hop.yaml", HOP), ("sway.yaml", SWAY)):
         (folder / name).write_text(text, encoding="utf-8")
     path = folder / "tiny.yaml"
@@ -45,7 +45,7 @@ def write_play(folder: Path, cues: str = CUES) -> Path:
         "    here: {at: [0, -0.3]}\n    there: {at: [0, 0.3]}\n"
         "  obstacles: [{type: box, name: block, at: [-0.4, 0, 0.1], size: [0.1, 0.3, 0.2]}]\n"
         "cast:\n  one: {puppet: bob.yaml, at: here}\n  two: {puppet: bob.yaml, at: there}\n"
-        f'acts:\n  - act: "First <act>"\n    cues:\n{cues}',
+        f'acts:\n  - act: "First <act>"\n    cues:\n{cues}{more}',
         encoding="utf-8",
     )
     return path

@@ -73,7 +73,8 @@ def parts(score: Score) -> list[str]:
         gain = "" if sound.gain == 1.0 else f", {sound.gain:g} times as loud"
         found.append(f"{sound.path.name} from {sound.start:.2f} s for {sound.duration:.2f} s{gain}")
     if score.captions:
-        found.append(f"{len(score.captions)} captions")
+        n = len(score.captions)
+        found.append(f"{n} caption{'s' * (n > 1)}")
     return found
 
 

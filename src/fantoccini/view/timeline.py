@@ -22,6 +22,8 @@ _LANE = 21
 """Height of a lane [px]."""
 _LONGEST = 60.0
 """A row shows so much time at most [s]."""
+_CROSS = 0.025
+"""Width of a cross with its number over that of the row."""
 _LETTER = 5.6
 """Mean width of a letter [px]."""
 REFUSED = "#b3261e"
@@ -36,7 +38,7 @@ def timeline(play: Play) -> Figure:
     end = play.duration
     rows = max(1, int(np.ceil(end / _LONGEST - 1e-9)))
     each = end / rows
-    lanes = _lanes(play)
+    lanes = _lanes(play, _CROSS * each)
     captions = _stacked([(one.start, one.end, one.text) for one in play.score.captions])
     n = sum(len(own) for own in lanes.values()) + len(captions)
     left = 20.0 + 7.0 * max(len(plain(name, 18)) for name in (*lanes, "captions"))
@@ -70,8 +72,13 @@ def timeline(play: Play) -> Figure:
     return figure
 
 
-def _lanes(play: Play) -> dict[str, list[list[tuple[CueOfPlay, Bar]]]]:
-    """Player -> lanes of its cues, so that those of one lane follow each other."""
+def _lanes(play: Play, cross: float) -> dict[str, list[list[tuple[CueOfPlay, Bar]]]]:
+    """Player -> lanes of its cues, so that those of one lane follow each other.
+
+    Args:
+        play: compiled.
+        cross: width of the cross of a refused cue with its number before it [s].
+    """
     lanes: dict[str, list[list[tuple[CueOfPlay, Bar]]]] = {}
     for name in play.cast.players:
         own: list[list[tuple[CueOfPlay, Bar]]] = [[]]
@@ -80,7 +87,7 @@ def _lanes(play: Play) -> dict[str, list[list[tuple[CueOfPlay, Bar]]]]:
                 continue
             marks = cue.marks.get(name)
             if cue.refused or marks is None:
-                bar = cue.wanted, cue.wanted + 0.5, f"{cue.number}"
+                bar = cue.wanted - cross, cue.wanted + 0.4 * cross, f"{cue.number}"
             else:
                 bar = marks["start"], marks["end"], f"{cue.number} {cue.words}"
             free = [lane for lane in own if not lane or lane[-1][1][1] <= bar[0] + 1e-9]
