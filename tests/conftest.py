@@ -127,6 +127,7 @@ QUICK = (
     "plan/test_damaged_plans.py",
     "plan/test_plan_files.py",
     "plan/test_touching_plans.py",
+    "plays/test_props.py",
     "puppet/test_chain.py",
     "puppet/test_shapes.py",
     "puppet/test_winches.py",

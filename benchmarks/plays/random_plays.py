@@ -44,7 +44,7 @@ def random_play(seed: int, players: int = 2, cues: int = 8) -> dict[str, Any]:
         made = [_cue(rng, names, k) for k in range(max(1, int(cues // 2)))]
         acts.append({"act": f"act {act + 1}", "after": float(rng.integers(0, 3)), "cues": made})
     return {
-        "play": "random", "tempo": float(rng.choice([60.0, 90.0, 100.0, 120.0])), "cast": cast,
+        "play": "trial", "tempo": float(rng.choice([60.0, 90.0, 100.0, 120.0])), "cast": cast,
         "stage": {
             "space": {"x": [-1.0, 1.0], "y": [-1.0, 1.0]}, "marks": MARKS, "obstacles": [TABLE],
         },

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,15 +21,17 @@ from fantoccini.gestures import Gesture, gesture_names, load_gesture
 from fantoccini.gestures.gesture_file import bundled
 from fantoccini.gestures.notes import Notes
 from fantoccini.gestures.parameters import MADE
-from fantoccini.gestures.stepping import Step
+from fantoccini.gestures.stepping import STEP_TIME, Step
 from fantoccini.gestures.timing import Spot
 from fantoccini.gestures.walking import steps
 from fantoccini.plays.casting import Cast, Player
 from fantoccini.plays.footing import Footing
 from fantoccini.plays.play_file import HOW, CueFile
 
-_SAME = 1e-9
-"""Difference of places and headings that counts as none [m, rad]."""
+_STEP_TIMES = 0.5, 0.8
+"""Briefest and longest step [s]."""
+_PARTS = (1.0, 0.5, 2.0, 1.5, 1.0 / 3.0, 3.0)
+"""Beats of a step, those that are liked best first."""
 
 MARKS = {"looks_at": ("there",), "points_at": ("points",)}
 """Verb -> marks of the gesture that is made for it."""
@@ -194,8 +195,11 @@ def _or_raise(found: Gesture | str) -> Gesture:
     return found
 
 
-def step_time(beat: float, usual: float) -> float:
-    """The duration of a step: a beat, or a part of one or several, near the usual one [s]."""
-    if beat <= usual:
-        return beat * max(1, round(usual / beat))
-    return beat / max(1, math.floor(beat / usual + 0.5))
+def step_time(beat: float) -> float:
+    """The duration of a step: beats or a part of one, near the usual one and within bounds [s].
+
+    Quicker steps set the legs swinging, whose own period is near a second.
+    """
+    low, high = _STEP_TIMES
+    found = [beat * part for part in _PARTS if low <= beat * part <= high]
+    return min(found, key=lambda t: abs(t - STEP_TIME), default=STEP_TIME)

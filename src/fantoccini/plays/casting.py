@@ -42,7 +42,6 @@ class Player:
         hangs: where it hangs at the origin, facing the audience: gestures begin there.
         x0: where it hangs at the start.
         start: where it stands then.
-        holds: a prop that hangs on its right forearm at the start; "" for none.
     """
 
     name: str
@@ -50,7 +49,6 @@ class Player:
     hangs: State
     x0: State
     start: Footing
-    holds: str
 
     @cached_property
     def middle(self) -> complex:
@@ -125,7 +123,6 @@ class Places:
 
     def __init__(self, file: PlayFile, notes: Notes):
         self._file, self._notes = file, notes
-        self._props = {prop.name: np.array(prop.at) for prop in file.stage.props}
         self._obstacles = {
             one.name: np.array(getattr(one, "at", (0.0, 0.0, 0.0)), dtype=float)
             for one in file.stage.obstacles
@@ -134,11 +131,11 @@ class Places:
     @property
     def names(self) -> list[str]:
         """All that a place may be called, players apart."""
-        return [*self._file.stage.marks, *self._props, *self._obstacles]
+        return [*self._file.stage.marks, *self._obstacles]
 
     def still(self, name: str) -> Array | None:
-        """(3,) the place of a prop at the start, or of an obstacle [m]."""
-        return self._props.get(name, self._obstacles.get(name))
+        """(3,) the place of an obstacle [m]."""
+        return self._obstacles.get(name)
 
     def direction(self, given: float | str, spot: Spot) -> float | str:
         """An angle [rad], or the name of what lies there; 0 after a mistake."""
@@ -166,6 +163,8 @@ def read_cast(file: PlayFile, places: Places, notes: Notes) -> Cast:
     starts = {
         name: _start(file, one, ("cast", name), places, notes) for name, one in file.cast.items()
     }
+    for name, mark in file.stage.marks.items():
+        places.direction(mark.facing, ("stage", "marks", name, "facing"))
     notes.refuse()
     made: dict[tuple[str, str], tuple[Marionette, State, Pose]] = {}
     players, members = dict[str, Player](), []
@@ -181,14 +180,13 @@ def read_cast(file: PlayFile, places: Places, notes: Notes) -> Cast:
             notes.mistake(("cast", name), str(error))
             continue
         x0 = placed(alone, hangs, starts[name])
-        players[name] = Player(name, alone, hangs, x0, starts[name], one.holds or "")
+        players[name] = Player(name, alone, hangs, x0, starts[name])
         members.append(Member(name=name, puppet=puppet, pose=pose))
     notes.refuse()
     stage = file.stage
     try:
         scene = Scene(
-            scene=file.play, floor=stage.floor, contact=stage.contact, puppets=tuple(members),
-            props=stage.props, obstacles=stage.obstacles,
+            scene=file.play, floor=stage.floor, puppets=tuple(members), obstacles=stage.obstacles,
         )  # fmt: skip
         whole = Marionette(scene)
     except (PuppetError, FileError) as error:
@@ -205,7 +203,6 @@ def _check_names(file: PlayFile, notes: Notes) -> None:
     named: list[tuple[Spot, str, str]] = [
         *((("cast", name), name, "a player") for name in file.cast),
         *((("stage", "marks", name), name, "a mark") for name in stage.marks),
-        *((("stage", "props", i), prop.name, "a prop") for i, prop in enumerate(stage.props)),
         *(
             (("stage", "obstacles", i), one.name, "an obstacle")
             for i, one in enumerate(stage.obstacles)
@@ -215,18 +212,6 @@ def _check_names(file: PlayFile, notes: Notes) -> None:
         if name in taken:
             notes.mistake(spot, f"{name!r} is the name of {taken[name]}; needed: another name")
         taken.setdefault(name, what)
-    props = [prop.name for prop in stage.props]
-    held: dict[str, str] = {}
-    for name, one in file.cast.items():
-        if one.holds is None:
-            continue
-        if one.holds not in props:
-            text = f"no prop is called {one.holds!r}{nearest(one.holds, props)}"
-            notes.mistake(("cast", name, "holds"), text)
-        elif one.holds in held:
-            text = f"{held[one.holds]} holds {one.holds} already"
-            notes.mistake(("cast", name, "holds"), text)
-        held[one.holds] = name
 
 
 def _puppet(one: PlayerFile, spot: Spot, notes: Notes) -> Puppet | None:
@@ -335,7 +320,7 @@ def placed(alone: Marionette, hangs: State, there: Footing) -> State:
 
 
 def _together(whole: Marionette, players: Mapping[str, Player]) -> State:
-    """All players and props where they are at the start."""
+    """All players where they are at the start."""
     x = whole.state()
     q_D, q_K = np.array(x.q_D), np.array(x.q_K)
     for player in players.values():

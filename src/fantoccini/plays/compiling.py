@@ -13,6 +13,7 @@ from fantoccini.plays.casting import Cast
 from fantoccini.plays.cues import Cue
 from fantoccini.plays.kept import Kept
 from fantoccini.plays.play import CueOfPlay, Play
+from fantoccini.plays.play_file import said
 from fantoccini.plays.reading import read_script
 from fantoccini.plays.rounds import Round, Rounds
 from fantoccini.plays.together import together
@@ -181,15 +182,12 @@ class _Compiler:
 def described(cue: Cue) -> str:
     """A cue in words: ``columbine and pierrot: walks to centre``."""
     given, verb = cue.given, cue.given.verb
-    said = verb.replace("_", " ")
     what = getattr(given, verb)
     if verb == "does":
-        said = str(what)
-    elif what is not True:
-        said = f"{said} {what if isinstance(what, str) else [round(float(x), 3) for x in what]}"
-    if given.to is not None:
-        said += f" to {given.to}"
-    return f"{' and '.join(cue.who)}: {said}"
+        return f"{' and '.join(cue.who)}: {what}"
+    if not isinstance(what, (str, float)):
+        what = [round(float(x), 3) for x in what]
+    return f"{' and '.join(cue.who)}: {said(verb)} {what}"
 
 
 def _plain(name: str) -> str:

@@ -10,7 +10,7 @@ from fantoccini.errors import nearest
 from fantoccini.gestures import Gesture
 from fantoccini.gestures.notes import Notes
 from fantoccini.gestures.score_file import Time
-from fantoccini.gestures.timing import END, START, Reference, Spot, Times
+from fantoccini.gestures.timing import END, START, Reference, Spot, Times, in_order
 from fantoccini.plays.play_file import CueFile, PlayFile
 from fantoccini.puppet.values import NAME
 
@@ -20,8 +20,7 @@ WALKS = ("walks_to", "enters_to", "exits_to", "turns_to")
 """Verbs that carry a player."""
 _NAMED = {
     "walks_to": "walk", "enters_to": "enter", "exits_to": "exit", "turns_to": "turn",
-    "looks_at": "look", "points_at": "point", "gives": "give", "sits_on": "sit",
-    "stands_up": "stand", "puts_down": "put", "picks_up": "pick",
+    "looks_at": "look", "points_at": "point",
 }  # fmt: skip
 """Verb -> by which name times refer to it, where it has none of its own."""
 _OF_PLAYER = re.compile(
@@ -152,6 +151,7 @@ class Timeline:
                     notes.mistake((*cue.spot, "on"), text)
         notes.found += self._times.mistakes
         self._times.mistakes.clear()
+        self._check_order()
 
     def of_act(self, act: int) -> list[Cue]:
         """The cues of an act."""
@@ -173,11 +173,7 @@ class Timeline:
         """The cues that must be placed before it."""
         found = [one for one in cue.before.values() if one is not None]
         for spot, _ in self.times_of(cue):
-            ref = self._refs[spot]
-            if isinstance(ref, Reference) and isinstance(ref.target, Cue):
-                found.append(ref.target)
-            elif isinstance(ref, tuple) and ref[1] is not None:
-                found.append(ref[1])
+            found += self._referred(spot)
         return found
 
     def time(self, spot: Spot, act_start: float) -> float:
@@ -192,6 +188,27 @@ class Timeline:
             base = act_start if cue is None else cue.moments[moment]
             return base + offset * beat
         return act_start + (ref or 0.0) * beat
+
+    def _check_order(self) -> None:
+        """Notes cues that wait for those of a later act, or for themselves."""
+        for cue in self.cues:
+            for spot, _ in self.times_of(cue):
+                for one in self._referred(spot):
+                    if one.act > cue.act:
+                        line = self._notes.located.line(one.spot)
+                        text = f"waits for {one.name} on line {line}, a cue of a later act"
+                        self._notes.mistake(spot, text)
+        needs = {cue.spot: [one.spot for one in self.needs(cue)] for cue in self.cues}
+        _, mistake = in_order(needs, self._notes.located)
+        if mistake is not None:
+            self._notes.mistake(*mistake)
+
+    def _referred(self, spot: Spot) -> list[Cue]:
+        """The cue that a time refers to, if it does."""
+        ref = self._refs[spot]
+        if isinstance(ref, Reference) and isinstance(ref.target, Cue):
+            return [ref.target]
+        return [ref[1]] if isinstance(ref, tuple) and ref[1] is not None else []
 
     def _who(self, given: CueFile, spot: Spot) -> tuple[str, ...]:
         cast = list(self._file.cast)

@@ -39,7 +39,7 @@ class Overhead:
 
     Attributes:
         marks: name -> (x, y) [m].
-        standing: name -> polygons (n, 2) of props and obstacles that are in the way [m].
+        standing: name -> polygons (n, 2) of obstacles that are in the way [m].
         space: ((low, high) of x, (low, high) of y) of the hands [m]; None where they may be
             anywhere.
         starts: player -> where it is at the start.

@@ -1,4 +1,4 @@
-"""Least distances over a run of a play: of players, props, obstacles, the floor and strings."""
+"""Least distances over a run of a play: of players, obstacles, the floor and strings."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ WITHIN = 0.3
 
 @dataclass(frozen=True)
 class Least:
-    """The least distance of two owners: players, props, obstacles or the floor.
+    """The least distance of two owners: players, obstacles or the floor.
 
     Attributes:
         owners: whose bodies or strings they are.

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fantoccini.arrays import Array, Times
+from fantoccini.arrays import Array, MaskRows, Times
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.gestures import Gesture
 from fantoccini.gestures.joining import Line
@@ -21,6 +21,7 @@ from fantoccini.plays.acting import Repertory, Style
 from fantoccini.plays.casting import Cast, Places, Player
 from fantoccini.plays.cues import ARRIVES, Cue, Part, Timeline
 from fantoccini.plays.footing import Footing, Way
+from fantoccini.plays.play_file import said
 from fantoccini.plays.walks import Walks
 
 _STILL = 1e-9
@@ -35,15 +36,17 @@ class Actor:
 
     Attributes:
         player: who.
-        lanes: motions that add up; the first one holds the walks.
+        lanes: motions that add up: the walks, and gestures beside one another.
         ways: the walks so far, in order.
-        busy: cues that it has done.
+        played: the gestures so far: lane, end [s] and what they move.
+        done: end of the last cue [s].
         hidden: whether it has gone off.
     """
 
     player: Player
     lanes: list[Line]
     ways: list[Way] = field(default_factory=list)
+    played: list[tuple[int, float, MaskRows]] = field(default_factory=list)
     done: float = 0.0
     hidden: bool = False
 
@@ -58,7 +61,7 @@ class Actor:
     def kept(self) -> Actor:
         """The actor as it is now: what is added to this one does not change it."""
         lanes = [line.kept() for line in self.lanes]
-        return replace(self, lanes=lanes, ways=list(self.ways))
+        return replace(self, lanes=lanes, ways=list(self.ways), played=list(self.played))
 
     @property
     def last(self) -> Footing:
@@ -239,6 +242,7 @@ class Placing:
         lane = self._lane(actor, gesture, begin)
         start = self._add(actor.lanes[lane], gesture, begin)
         self._check_time(cue, actor, start - begin, start)
+        actor.played.append((lane, start + gesture.duration, gesture.named))
         self._note(cue, actor, lane, gesture, start)
 
     def _walk(self, cue: Cue, actor: Actor, begin: float) -> None:
@@ -248,10 +252,10 @@ class Placing:
             line.stop()
         asked, begin = begin, begin if given.on is not None else max(begin, line.end)
         others = [one for one in self.actors.values() if one is not actor and not one.hidden]
-        goal = self._goal(cue, actor)
+        goals = self._goals(cue, actor)
         wait = (given.may_wait or 0.0) * self._notes.beat
         way, why = self._walks.way(
-            player, actor.last, goal, begin, wait, [(o.player, o.track()) for o in others],
+            player, actor.last, goals, begin, wait, [(o.player, o.track()) for o in others],
             near=given.near, arrives=begin if given.on is not None else None, free_from=line.end,
         )  # fmt: skip
         if way is None:
@@ -306,35 +310,38 @@ class Placing:
                 smaller = self._wishes.smaller.get(cue.spot, 1.0)
                 style = replace(style, larger=style.larger * smaller)
                 return self._repertory.gesture(player, given, style, stands.heading)
-            if given.verb in ("looks_at", "points_at"):
-                where = given.looks_at if given.looks_at is not None else given.points_at
-                spot = (*cue.spot, given.verb.replace("_", " "))
-                place = self._place_of(where, spot, cue, actor)
-                return self._repertory.aimed(player, given.verb, place, stands)
+            where = given.looks_at if given.looks_at is not None else given.points_at
+            place = self._place_of(where, (*cue.spot, said(given.verb)), cue, actor)
+            return self._repertory.aimed(player, given.verb, place, stands)
         except StateError as error:
             raise _CannotBe(str(error)) from None
-        raise _CannotBe(f"`{given.verb.replace('_', ' ')}` is not known to this version")
 
-    def _goal(self, cue: Cue, actor: Actor) -> Footing:
-        """Where a walk leads."""
+    def _goals(self, cue: Cue, actor: Actor) -> list[Footing]:
+        """Where a walk leads: the last one is its own."""
         given, here = cue.given, actor.last
         if given.turns_to is not None:
-            return here.facing(self._heading(given.turns_to, here, cue, actor, "turns to"))
-        where = next(
-            one for one in (given.walks_to, given.enters_to, given.exits_to) if one is not None
-        )
-        marks = self._cast.file.stage.marks
-        facing: float | str | None = given.facing
-        if isinstance(where, str) and where in marks:
-            x, y = marks[where].at
-            facing = marks[where].facing if facing is None else facing
-            there = Footing(float(x), float(y))
-        else:
-            place = self._place_of(where, (*cue.spot, given.verb.replace("_", " ")), cue, actor)
-            there = Footing(float(place[0]), float(place[1]))
-        if facing is None:
-            return there.facing(here.towards(there.place) if there.place != here.place else 0.0)
-        return there.facing(self._heading(facing, there, cue, actor, "facing"))
+            return [here.facing(self._heading(given.turns_to, here, cue, actor, "turns to"))]
+        last = getattr(given, given.verb)
+        spots: list[Spot] = [(*cue.spot, "past", i) for i in range(len(given.past))]
+        spots.append((*cue.spot, said(given.verb)))
+        places = [
+            self._place_of(where, spot, cue, actor)
+            for where, spot in zip((*given.past, last), spots, strict=True)
+        ]
+        z = [here.place, *(complex(place[0], place[1]) for place in places)]
+        goals = []
+        for before, there, after in zip(z[:-1], z[1:], [*z[2:], z[-1]], strict=True):
+            way = after - there if after != there else there - before
+            heading = float(np.angle(way)) if way else here.heading
+            goals.append(Footing(there.real, there.imag, heading))
+        mark = self._cast.file.stage.marks.get(last) if isinstance(last, str) else None
+        facing = given.facing
+        if facing is None and mark is not None:
+            facing = mark.facing
+        if facing is not None:
+            heading = self._heading(facing, goals[-1], cue, actor, "facing")
+            goals[-1] = goals[-1].facing(heading)
+        return goals
 
     def _heading(
         self, given: float | str, there: Footing, cue: Cue, actor: Actor, key: str
@@ -366,23 +373,27 @@ class Placing:
     # -- lanes -------------------------------------------------------------------------------
 
     def _lane(self, actor: Actor, gesture: Gesture, begin: float) -> int:
-        """The first lane that can play a gesture at a time; the one that is free first else."""
-        for i, line in enumerate(actor.lanes):
-            if np.any(np.abs(line.rate) > _STILL):
-                line.stop()
+        """The lane of a gesture: the first that is free then, or a new one.
+
+        Where another gesture moves the same then, it is that one's, and begins after it.
+        """
+        for lane, until, named in actor.played:
+            if until > begin + _STILL and np.any(named & gesture.named):
+                return lane
+        for i, line in enumerate(actor.lanes[1:], 1):
             if line.end + line.lead_time(gesture.motion) <= begin + _STILL:
                 return i
-        busy = [
-            one for one in actor.lanes if not np.any(one.named & gesture.named) and one.end > begin
-        ]
-        if len(busy) == len(actor.lanes):
-            actor.lanes.append(Line(actor.lanes[0].most))
-            return len(actor.lanes) - 1
-        return min(range(len(actor.lanes)), key=lambda i: actor.lanes[i].end)
+        if all(until <= begin for _, until, _ in actor.played) and len(actor.lanes) > 1:
+            return 1
+        actor.lanes.append(Line(actor.lanes[0].most))
+        return len(actor.lanes) - 1
 
     def _add(self, line: Line, gesture: Gesture, begin: float) -> float:
         lead = line.lead_time(gesture.motion)
         if begin - lead > line.end:
+            if np.any(np.abs(line.rate) > _STILL):
+                line.stop()
+                lead = line.lead_time(gesture.motion)
             line.hold(begin - lead)
         return line.add(gesture.motion)
 

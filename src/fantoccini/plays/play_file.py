@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import os
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, WithJsonSchema
 
 from fantoccini.errors import nearest
 from fantoccini.gestures.score_file import Factor, Length, Mark, SoundsFile, Time
-from fantoccini.puppet.contact import ContactRule
 from fantoccini.puppet.files import described_schema
 from fantoccini.puppet.located import has_key, shown
 from fantoccini.puppet.schema import PoseValue
 from fantoccini.puppet.shapes import AnyObstacle
 from fantoccini.puppet.sized import SIZED, Size
-from fantoccini.puppet.values import Model, Name, NotNegative, Real, mistake, read_angle
-from fantoccini.scene.schema import Prop
+from fantoccini.puppet.values import (
+    Model,
+    Name,
+    NotNegative,
+    Real,
+    entries,
+    mistake,
+    read_angle,
+)
 
 DIRECTIONS = {"audience": 0.0, "left": 90.0, "back": 180.0, "right": -90.0}
 """Direction on the stage -> angle from the audience, which is along x [deg]."""
@@ -34,10 +40,7 @@ HOW: dict[str, dict[str, Any]] = {
 }
 """Word -> what it does to a gesture; factors multiply."""
 
-VERBS = (
-    "does", "walks_to", "enters_to", "exits_to", "turns_to", "looks_at", "points_at", "gives",
-    "sits_on", "stands_up", "puts_down", "picks_up",
-)  # fmt: skip
+VERBS = ("does", "walks_to", "enters_to", "exits_to", "turns_to", "looks_at", "points_at")
 """What a cue may be."""
 
 OF_GESTURES = ("how", "larger", "faster", "mirrored", "repeat", "lasts")
@@ -75,7 +78,7 @@ def _word(value: str) -> str:
 Where = Annotated[
     str | tuple[Real, Real] | tuple[Real, Real, Real], BeforeValidator(_where), SIZED
 ]
-"""A mark, a player or a prop by its name, or a place: x towards the audience, y to the left [m]."""
+"""A mark, a player or an obstacle, or a place: x towards the audience, y to its right [m]."""
 Facing = Annotated[
     float | str,
     BeforeValidator(_facing),
@@ -123,7 +126,7 @@ class SpaceFile(Model):
 
 
 class StageFile(Model):
-    """The stage: its marks, what stands and lies on it, and what hands can do above it."""
+    """The stage: its marks, what stands on it, and what hands can do above it."""
 
     marks: dict[Name, MarkFile] = Field(default_factory=dict)
     """Name -> place."""
@@ -134,13 +137,9 @@ class StageFile(Model):
     acceleration: Size = 12.0
     """Largest acceleration of them [m/s^2 or rad/s^2]."""
     clear: NotNegative = 0.005
-    """Distance that players, props, obstacles and strings keep [m]."""
+    """Distance that players, obstacles and strings keep [m]."""
     floor: Real = 0.0
     """Height of the floor [m]."""
-    contact: ContactRule | None = None
-    """Contact, where players and props touch; see scene files."""
-    props: tuple[Prop, ...] = ()
-    """Bodies that nothing holds, as in scene files."""
     obstacles: tuple[AnyObstacle, ...] = ()
     """Shapes that stand on the stage, as in scene files."""
 
@@ -158,8 +157,6 @@ class PlayerFile(Model):
     """By how much all its strings are wound in, to hang clear of the floor [m]."""
     pose: dict[str, PoseValue] = Field(default_factory=dict)
     """Start values that replace those of its file."""
-    holds: Name | None = None
-    """A prop that hangs on its right forearm at the start."""
 
 
 class CueFile(Model):
@@ -179,24 +176,14 @@ class CueFile(Model):
     """Likewise, of one who has done nothing yet."""
     exits_to: Where | None = Field(None, alias="exits to")
     """Likewise, of one who does nothing any more."""
+    past: tuple[Where, ...] = ()
+    """Marks or places that a walk leads by, in order, before its own."""
     turns_to: Facing | None = Field(None, alias="turns to")
-    """A direction, a mark, a player or a prop."""
+    """A direction, a mark, a player or an obstacle."""
     looks_at: Where | None = Field(None, alias="looks at")
-    """A player, a mark, a prop or a place [x, y, z]."""
+    """A player, a mark, an obstacle or a place [x, y, z]."""
     points_at: Where | None = Field(None, alias="points at")
     """Likewise."""
-    gives: Name | None = None
-    """A prop that it holds, to the player of `to`."""
-    to: Name | None = None
-    """Who gets it."""
-    sits_on: Name | None = Field(None, alias="sits on")
-    """A prop or an obstacle."""
-    stands_up: Literal[True] | None = Field(None, alias="stands up")
-    """After it sat."""
-    puts_down: Name | None = Field(None, alias="puts down")
-    """A prop that it holds."""
-    picks_up: Name | None = Field(None, alias="picks up")
-    """A prop that stands before it."""
 
     when: When | None = None
     """When it begins: a beat of the act, a time of the play by name, a moment of a cue (`bow.low`),
@@ -241,27 +228,27 @@ class CueFile(Model):
         """Refuses what contradicts itself."""
         found = [verb for verb in VERBS if getattr(self, verb) is not None]
         if len(found) != 1:
-            said = "both " + " and ".join(f"`{_said(v)}`" for v in found) if found else "no verb"
-            allowed = ", ".join(f"`{_said(verb)}`" for verb in VERBS)
-            raise mistake(f"found {said}; needed: one of {allowed}")
+            both = "both " + " and ".join(f"`{said(v)}`" for v in found) if found else "no verb"
+            allowed = ", ".join(f"`{said(verb)}`" for verb in VERBS)
+            raise mistake(f"found {both}; needed: one of {allowed}")
         (verb,) = found
         keys = self.model_fields_set
         if verb != "does" and (more := keys & set(OF_GESTURES)):
-            text = f"found `{_said(verb)}` with `{min(more)}`"
+            text = f"found `{said(verb)}` with `{min(more)}`"
             raise mistake(f"{text}; only `does` has `{min(more)}`")
-        if (verb == "gives") != (self.to is not None):
-            raise mistake("`gives` needs `to`, and nothing else has it")
         if "on" in keys and keys & {"when", "after"}:
             raise mistake("found both `on` and `when` or `after`; needed: one of them")
         if self.on is not None and len(self.on) != 1:
             raise mistake(f"found {len(self.on)} marks in `on`; needed: one")
         if self.lasts is not None and self.faster != 1.0:
             raise mistake("found both `lasts` and `faster`; needed: one of them")
-        if "near" in keys and verb not in ("walks_to", "enters_to", "exits_to"):
-            raise mistake(f"found `{_said(verb)}` with `near`; only walks have `near`")
+        walks = verb in ("walks_to", "enters_to", "exits_to")
+        if not walks and (more := keys & {"near", "past"}):
+            raise mistake(f"found `{said(verb)}` with `{min(more)}`; only walks have it")
 
 
-def _said(key: str) -> str:
+def said(key: str) -> str:
+    """A key as it is written: ``walks_to`` is ``walks to``."""
     return key.replace("_", " ")
 
 
@@ -272,7 +259,7 @@ class ActFile(Model):
     """Its name."""
     after: NotNegative = 0.0
     """Beats of pause before it."""
-    cues: Annotated[tuple[CueFile, ...], Field(min_length=1)]
+    cues: Annotated[tuple[CueFile, ...], entries(1)]
     """In the order in which they are told; each player does its own one after the other."""
 
 
@@ -291,7 +278,7 @@ class PlayFile(Model):
     """The stage."""
     times: dict[Name, NotNegative] = Field(default_factory=dict)
     """Name -> beat from the play's beginning, as of a drum in the music."""
-    acts: Annotated[tuple[ActFile, ...], Field(min_length=1)]
+    acts: Annotated[tuple[ActFile, ...], entries(1)]
     """One after the other."""
     sound: SoundsFile = ()
     """A sound file, or several with the times at which they begin."""

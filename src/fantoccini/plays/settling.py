@@ -79,16 +79,20 @@ class Swing:
         rates, changes = self._hands(t)
         acc = np.diff(rates, axis=0) / _DT
         rollout = self._marionette.rollout(self._x, acc, dt=_DT)
-        after = (t >= self._length) & (t <= self._length + _WINDOW)
-        after &= np.arange(len(t)) <= rollout.steps
-        count = max(1, int(np.sum(after)))
-        v = rollout.v_D * after[:, None]
-        value = float(np.sum(self._weights * v * v)) / count + _PATIENCE * p
+        # The window begins and ends between two steps, so that it moves smoothly with p.
+        since, until = (t - self._length) / _DT, (self._length + _WINDOW - t) / _DT
+        reached = np.arange(len(t)) <= rollout.steps
+        share = np.clip(np.minimum(since, until), 0.0, 1.0) * reached
+        by_time = np.where(since < until, 1.0, -1.0) * ((share > 0.0) & (share < 1.0)) / _DT
+        squares = rollout.v_D * rollout.v_D @ self._weights * _DT / _WINDOW
+        value = float(share @ squares) + _PATIENCE * p
         if not gradient:
             return value, np.zeros(1)
-        own = rollout.gradient(v_D=2.0 * self._weights * v / count).acc_K
+        by_v = 2.0 * self._weights * rollout.v_D * share[:, None] * _DT / _WINDOW
+        by_acc = rollout.gradient(v_D=by_v).acc_K
         by_p = -np.diff(changes, axis=0) / _DT
-        return value, np.array([float(np.sum(own * by_p)) + _PATIENCE])
+        slope = float(np.sum(by_acc * by_p)) - float(by_time @ squares) + _PATIENCE
+        return value, np.array([slope])
 
     def _hands(self, t: Array) -> tuple[Array, Array]:
         """(T, n_vK) rates of the hands and their derivatives at times after the beginning."""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from fantoccini.arrays import Array, Times
 from fantoccini.gestures.notes import Notes
-from fantoccini.gestures.stepping import STEP_TIME
 from fantoccini.gestures.walking import SWAY
 from fantoccini.plays.acting import step_time
 from fantoccini.plays.casting import Cast, Player
@@ -53,31 +53,26 @@ class Walks:
     def __init__(self, cast: Cast, notes: Notes):
         stage = cast.file.stage
         self._notes = notes
-        self.step_time = step_time(notes.beat, STEP_TIME)
+        self.step_time = step_time(notes.beat)
         self.blocked: list[Region] = []
         for one in stage.obstacles:
-            self.blocked += _regions(one.name, one, np.zeros(3))
-        for prop in stage.props:
-            if any(player.holds == prop.name for player in cast.players.values()):
-                continue
-            for shape in prop.shapes:
-                self.blocked += _regions(prop.name, shape, np.array(prop.at))
+            self.blocked += _regions(one.name, one)
         self._space = stage.space
         self._kept: dict[tuple[Any, ...], Way | NoWay] = {}
 
     def way(
-        self, player: Player, start: Footing, goal: Footing, begin: float, wait: float,
+        self, player: Player, start: Footing, goals: Sequence[Footing], begin: float, wait: float,
         others: Sequence[Track], *, near: float, arrives: float | None, free_from: float,
     ) -> tuple[Way | None, str]:  # fmt: skip
-        """A way from one footing to another past all others.
+        """A way by several footings past all others.
 
         Args:
             player: who walks.
-            start, goal: from where to where.
+            start, goals: from where, and by what places to where.
             begin: earliest time [s].
             wait: by how much later it may begin [s].
             others: where they are over time.
-            near: how far from the goal it may end [m].
+            near: how far from the last goal it may end [m].
             arrives: when it is to arrive [s]; as soon as it can when not given.
             free_from: when the player can begin at the earliest [s].
 
@@ -86,11 +81,7 @@ class Walks:
         """
         if arrives is not None:
             begin = free_from
-        found = self._found(player, start, goal, begin, wait, others)
-        other = found.nearest if isinstance(found, NoWay) else None
-        if other is not None and abs(other.place - goal.place) <= near:
-            goal = other
-            found = self._found(player, start, goal, begin, wait, others)
+        found = self._by_goals(player, start, goals, begin, wait, others, near)
         if isinstance(found, NoWay):
             return None, self._why(player, found)
         if arrives is None:
@@ -99,11 +90,34 @@ class Walks:
             early = arrives - found.end
             if abs(early) < _IN_TIME or found.begin + early < free_from - _IN_TIME:
                 break
-            again = self._found(player, start, goal, found.begin + early, 0.0, others)
+            later = found.begin + early
+            again = self._by_goals(player, start, goals, later, 0.0, others, near)
             if isinstance(again, NoWay):
                 break
             found = again
         return found, ""
+
+    def _by_goals(
+        self, player: Player, start: Footing, goals: Sequence[Footing], begin: float, wait: float,
+        others: Sequence[Track], near: float,
+    ) -> Way | NoWay:  # fmt: skip
+        """Ways from goal to goal as one."""
+        whole: Way | None = None
+        for i, goal in enumerate(goals):
+            found = self._found(player, start, goal, begin, wait, others)
+            other = found.nearest if isinstance(found, NoWay) else None
+            last = i == len(goals) - 1
+            if last and other is not None and abs(other.place - goal.place) <= near:
+                goal = other
+                found = self._found(player, start, goal, begin, wait, others)
+            if isinstance(found, NoWay):
+                return found
+            steps = found.steps if whole is None else (*whole.steps, *found.steps)
+            whole = replace(found if whole is None else whole, steps=steps)
+            # Later it only stands, which is a step that does not move.
+            start, begin, wait = goal, whole.end, 0.0
+        assert whole is not None
+        return whole
 
     def _found(
         self, player: Player, start: Footing, goal: Footing, begin: float, wait: float,
@@ -137,12 +151,12 @@ class Walks:
         return text
 
 
-def _regions(name: str, shape: Shape, at: Array) -> list[Region]:
+def _regions(name: str, shape: Shape) -> list[Region]:
     """What a shape takes of the stage, if it is not above the players."""
     low, high = _extent(shape)
-    if low[2] + at[2] > _REACH:
+    if low[2] > _REACH:
         return []
-    middle, half = 0.5 * (low + high) + at, 0.5 * (high - low)
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
     centre = float(middle[0]), float(middle[1])
     if isinstance(shape, BoxShape) and shape.orientation is None:
         return [Box(name, centre, (float(half[0]), float(half[1])))]

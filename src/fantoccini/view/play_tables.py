@@ -64,11 +64,10 @@ def cast_table(verification: Verification) -> Table:
         lines.append((
             name, given.puppet, f"{at} ({start.x:.2f}, {start.y:.2f})".strip(),
             f"{np.degrees(start.heading):.0f}", f"{_weight(verification, name):.2f}",
-            f"{walked:.2f}", player.holds or "-",
+            f"{walked:.2f}",
         ))  # fmt: skip
     header = (
         "player", "puppet", "starts at (x, y) [m]", "facing [deg]>", "weight [N]>", "walks [m]>",
-        "holds",
     )  # fmt: skip
     return Table(header, tuple(lines))
 

@@ -1,0 +1,330 @@
+"""Gestures with props: handing over, sitting down, putting down and picking up.
+
+    q_K(t) = q_K0 + d(t)
+
+Offsets are those of the bundled marionette, relative to where it hangs, so that they hold wherever
+it stands and whichever way it faces. A prop hangs by a handle across a forearm; nothing ties it
+there but friction. A handle is a bar of 14 cm across the forearm, at least 9 cm above what it
+carries: two forearms, side by side, fit under it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.gestures import Gesture
+from fantoccini.marionette import Marionette
+from fantoccini.motion import State
+
+Waypoints = list[tuple[float, float]]
+
+_SIDES = {"right": "left", "left": "right"}
+_BODY = ("head", "shoulder_left", "shoulder_right")
+_HANDLE = (0.061, 0.073, 0.318)
+"""Middle of the handle on a forearm that hangs: forward, to the arm's side, and above the floor for
+a puppet in its bundled pose [m]."""
+
+_APART, _ASIDE = 0.245, 0.032
+"""The receiver stands so far before the giver, and so far towards the giver's arm [m]: nearer, or
+in line, the forearms meet; farther, the handle comes to the receiver's wrist."""
+
+_PELVIS = 0.091
+"""The waist is so far above the bottom of the pelvis [m]."""
+_SITS_BACK = 0.005
+"""The strings stay so far before the middle of the seat while the puppet sits down [m]."""
+_LEANS = 0.055
+"""They come forward by so much afterwards, which sets the trunk up [m]."""
+_SLACK, _SAG = 0.012, 0.02
+"""The strings give way by so much more than the way down, at the end and on the way, so that the
+seat bears weight [m]."""
+_SEATS = (0.09, 0.18)
+"""Lowest and highest seat below the pelvis [m]."""
+
+_LOWEST = 0.075
+"""Farthest way of a prop down: below that the thighs would push it [m]."""
+_STANDS = (0.157, 0.068)
+"""Where a prop stands that was put down: forward, and to the arm's side [m]."""
+_OVERTRAVEL = 0.024
+"""Way down beyond the surface: the arm that reaches forward lifts the prop by so much [m]."""
+
+
+@dataclass(frozen=True)
+class Handing:
+    """A prop goes from one puppet's forearm to another's.
+
+    Attributes:
+        giver, receiver: their gestures, from a common start. The giver's has the marks ``offered``
+            and ``released``, the receiver's ``under`` and ``taken``.
+        forward, left: where the receiver stands, seen from the giver [m]; they face one another.
+        touching: pairs of bodies that may touch.
+    """
+
+    giver: Gesture
+    receiver: Gesture
+    forward: float
+    left: float
+    touching: tuple[tuple[str, str], ...]
+
+    def place(self, x: float, y: float, heading: float) -> tuple[float, float, float]:
+        """Place [m] and heading [rad] of the receiver for those of the giver."""
+        c, s = float(np.cos(heading)), float(np.sin(heading))
+        return (
+            x + c * self.forward - s * self.left,
+            y + s * self.forward + c * self.left,
+            heading + np.pi,
+        )
+
+
+@dataclass(frozen=True)
+class Sitting:
+    """A puppet sits down on what stands behind it, and stands up again.
+
+    Attributes:
+        down: mark ``down``.
+        up: from there to where it stood; mark ``up``.
+        back: distance of the middle of the seat behind the puppet [m].
+        touching: pairs of bodies that may touch.
+    """
+
+    down: Gesture
+    up: Gesture
+    back: float
+    touching: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class Putting:
+    """A prop comes to stand on something, or is taken from it.
+
+    Attributes:
+        gesture: marks ``down`` and ``free``, or ``under`` and ``up``.
+        forward, left: where the prop stands, seen from the puppet [m].
+        touching: pairs of bodies that may touch.
+    """
+
+    gesture: Gesture
+    forward: float
+    left: float
+    touching: tuple[tuple[str, str], ...]
+
+
+def handle_place(side: str = "right", *, raised: float = 0.0) -> tuple[float, float, float]:
+    """Where a handle's middle hangs on a forearm: forward, left and up from the puppet's place [m].
+
+    Args:
+        side: of the forearm.
+        raised: height of the puppet above its bundled pose [m].
+
+    Raises:
+        ValueError: the side is neither left nor right.
+    """
+    forward, aside, up = _HANDLE
+    return forward, _sign(side) * aside, up + raised
+
+
+def give(
+    stage: Marionette, giver: str, receiver: str, prop: str, *, side: str = "right"
+) -> Handing:
+    """The gestures by which a prop changes from one puppet's forearm to another's.
+
+    The giver holds it out; the receiver's forearm goes under the handle beside the giver's and
+    lifts it; the giver's sinks and goes back. It takes 10.6 s. Both hang as before afterwards.
+
+    Args:
+        stage: the scene.
+        giver, receiver: its members.
+        prop: which hangs by its handle on the giver's forearm.
+        side: of the giver's forearm; the receiver takes with the other.
+
+    Raises:
+        InputError: the members have other strings than the bundled marionette.
+        ValueError: the side is neither left nor right.
+    """
+    sign = _sign(side)
+    offers: Mapping[str, Waypoints] = {
+        "up": [(0, 0), (1.4, 0), (5.0, 0), (6.4, -0.05), (8.0, -0.05), (9.4, 0)],
+        "forward": [
+            (0, 0), (1.4, 0.28), (5.0, 0.28), (6.4, 0.34), (7.8, -0.14), (8.2, -0.14), (9.4, 0),
+        ],
+        "in": [(0, 0), (1.4, 0.08), (7.8, 0.08), (9.4, 0)],
+    }  # fmt: skip
+    takes: Mapping[str, Waypoints] = {
+        "down": [
+            (0, 0), (1.2, 0), (2.4, 0.045), (4.2, 0.045), (5.8, -0.016), (6.8, -0.016),
+            (8.4, -0.03), (8.8, -0.03), (10.6, 0),
+        ],
+        "forward": [
+            (0, 0), (1.2, -0.08), (2.0, -0.08), (3.8, 0.36), (4.2, 0.36), (5.8, 0.23), (6.8, 0.23),
+            (8.8, 0.04), (10.6, 0),
+        ],
+        "in": [(0, 0), (1.2, 0.03), (8.8, 0.03), (10.6, 0)],
+    }  # fmt: skip
+    gives = _of_string(
+        stage, giver, f"hand_{side}", offers, "give", {"offered": 1.4, "released": 7.0}
+    )
+    other = _SIDES[side]
+    gets = _of_string(
+        stage, receiver, f"hand_{other}", takes, "take", {"under": 3.8, "taken": 5.8}
+    )
+    arms = _body(giver, f"forearm_{side}"), _body(receiver, f"forearm_{other}")
+    touching = tuple((arm, prop) for arm in arms)
+    return Handing(gives, gets, _APART, sign * _ASIDE, touching)
+
+
+def sit(
+    stage: Marionette, who: str, on: str, height: float, *, distance: float = 0.135,
+    start: State | None = None,
+) -> Sitting:  # fmt: skip
+    """The gestures by which a puppet sits down on a seat behind it, and stands up again.
+
+    Args:
+        stage: the scene.
+        who: a member.
+        on: the prop or obstacle with the seat.
+        height: of the seat [m].
+        distance: of the seat's middle behind the puppet [m].
+        start: where the puppet hangs; ``stage.rest()`` when not given.
+
+    Raises:
+        InputError: the member has other strings than the bundled marionette.
+        ValueError: the seat is too low or too high, or so near that the puppet stands on it.
+    """
+    start = stage.rest() if start is None else start
+    drop = float(stage.pose(start, _body(who, "torso"))[2, 3]) - _PELVIS - height
+    low, high = _SEATS
+    if not low <= drop <= high:
+        raise ValueError(f"the seat is {drop:.3f} m below the pelvis; needed: {low} to {high} m")
+    if not 0.12 <= distance <= 0.2:
+        raise ValueError(f"the seat is {distance:g} m behind; needed: 0.12 to 0.2 m")
+    far, near = distance - _SITS_BACK, distance - _LEANS
+    moves: dict[str, Waypoints] = {}
+    for string in _BODY:
+        sagged = drop + _SAG
+        moves[f"{string}.down"] = [(0, 0), (1.6, sagged), (2.2, sagged), (3.0, drop + _SLACK)]
+        moves[f"{string}.back"] = [(0, 0), (1.4, far), (2.2, far), (3.0, near)]
+    for side in _SIDES:
+        knee = _SLACK + 0.3 * (drop - 0.114)
+        moves[f"knee_{side}.down"] = [(0, 0), (0.3, _SLACK), (1.4, knee)]
+        moves[f"knee_{side}.back"] = [(0, 0), (1.4, far)]
+        moves[f"hand_{side}.down"] = [(0, 0), (1.6, 0.3 * drop)]
+        moves[f"hand_{side}.back"] = [(0, 0), (1.6, 0.09)]
+    seated = 3.0
+    parts = ("thigh_left", "thigh_right", "torso", "skull")
+    return Sitting(
+        _of(stage, who, moves, "sit", {"down": seated}),
+        _of(stage, who, _reversed(moves, seated), "stand up", {"up": seated}),
+        distance,
+        tuple((_body(who, part), on) for part in parts),
+    )
+
+
+def put_down(
+    stage: Marionette, who: str, prop: str, height: float, *, side: str = "right",
+    start: State | None = None,
+) -> Putting:  # fmt: skip
+    """The gesture by which a puppet stands a prop on something and takes its forearm away.
+
+    Args:
+        stage: the scene.
+        who: a member.
+        prop: which hangs by its handle on the forearm; the origin of its frame is in its bottom.
+        height: of what it will stand on [m].
+        side: of the forearm.
+        start: where the puppet and the prop hang; ``stage.rest()`` when not given.
+
+    Raises:
+        InputError: the member has other strings than the bundled marionette.
+        ValueError: the prop hangs too low or too high above it.
+    """
+    start = stage.rest() if start is None else start
+    return _putting(stage, who, prop, float(stage.pose(start, prop)[2, 3]) - height, side, False)
+
+
+def pick_up(
+    stage: Marionette, who: str, prop: str, drop: float, *, side: str = "right"
+) -> Putting:
+    """:meth:`put_down` backwards: the forearm goes under the handle and lifts the prop.
+
+    Args:
+        stage: the scene.
+        who: a member.
+        prop: which stands at the place that is returned.
+        drop: how much lower its bottom is than where it will hang [m].
+        side: of the forearm.
+
+    Raises:
+        InputError: the member has other strings than the bundled marionette.
+        ValueError: the prop stands too low or too high.
+    """
+    return _putting(stage, who, prop, drop, side, True)
+
+
+def _putting(
+    stage: Marionette, who: str, prop: str, drop: float, side: str, back: bool
+) -> Putting:
+    sign, other = _sign(side), _SIDES[side]
+    if not 0.0 < drop <= _LOWEST:
+        text = f"{prop} would go down by {drop:.3f} m; needed: above 0, at most {_LOWEST} m"
+        raise ValueError(text)
+    low = drop + _OVERTRAVEL
+    sink: Waypoints = [(0, 0), (1.2, 0), (2.8, low), (5.6, low), (7.2, 0)]
+    moves: dict[str, Waypoints] = {f"{string}.down": sink for string in _BODY}
+    for knee in ("knee_left", "knee_right"):
+        moves[f"{knee}.down"] = [(t, 0.016 * x / low) for t, x in sink]
+        moves[f"{knee}.forward"] = [(t, 0.3 * x) for t, x in sink]
+    moves[f"hand_{other}.down"] = sink
+    under = low + 0.03
+    moves[f"hand_{side}.down"] = [
+        (0, 0), (1.2, 0), (2.8, low), (3.6, under), (5.6, under), (7.2, 0),
+    ]  # fmt: skip
+    moves[f"hand_{side}.forward"] = [
+        (0, 0), (1.2, 0.34), (3.6, 0.36), (5.2, -0.2), (5.8, -0.2), (7.2, 0),
+    ]  # fmt: skip
+    moves[f"hand_{side}.in"] = [(0, 0), (1.2, 0.06), (5.2, 0.06), (7.2, 0)]
+    end, name, marks = 7.2, "put down", {"down": 3.6, "free": 5.2}
+    if back:
+        moves = _reversed(moves, end)
+        name, marks = "pick up", {"under": 3.6, "up": 6.0}
+    forward, aside = _STANDS
+    touching = ((_body(who, f"forearm_{side}"), prop),)
+    return Putting(_of(stage, who, moves, name, marks), forward, sign * aside, touching)
+
+
+def _reversed(moves: Mapping[str, Sequence[tuple[float, float]]], end: float) -> dict[
+    str, Waypoints
+]:
+    """Waypoints backwards in time, on a clock that ends at a time [s]."""
+    return {
+        name: [(end - t, offset) for t, offset in reversed(points)]
+        for name, points in moves.items()
+    }
+
+
+def _of_string(
+    stage: Marionette, who: str, string: str, moves: Mapping[str, Waypoints], name: str,
+    marks: Mapping[str, float],
+) -> Gesture:  # fmt: skip
+    return _of(stage, who, {f"{string}.{way}": x for way, x in moves.items()}, name, marks)
+
+
+def _of(
+    stage: Marionette, who: str, moves: Mapping[str, Waypoints], name: str,
+    marks: Mapping[str, float],
+) -> Gesture:  # fmt: skip
+    points = {_body(who, channel): offsets for channel, offsets in moves.items()}
+    return Gesture.of(stage, points, name=name, marks=marks)
+
+
+def _body(who: str, name: str) -> str:
+    """A name in the scene; in a scene of one puppet names have no member before them."""
+    return f"{who}.{name}" if who else name
+
+
+def _sign(side: str) -> float:
+    """1 for left, -1 for right."""
+    if side not in _SIDES:
+        raise ValueError(f"side is {side!r}; it must be 'left' or 'right'")
+    return 1.0 if side == "left" else -1.0

@@ -1,0 +1,189 @@
+"""Plays compiled: cues in time and on their marks, what cannot be done, and what is kept."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.plays.placing import IN_TIME
+from fantoccini.plays.touching import touches
+from plays.conftest import Plays
+
+
+def refused(play: fan.Play) -> list[str]:
+    """Why cues cannot be done."""
+    return [cue.refused for cue in play.cues if cue.refused]
+
+
+def test_a_play_is_done_as_it_is_written(plays: Plays):
+    play = plays.compiled("""
+        {who: pierrot, walks to: centre, facing: left, says: Good evening}
+        {who: columbine, does: wave, on: {second: 5}}
+        {who: columbine, looks at: pierrot, when: pierrot arrives + 2}
+        {who: [pierrot, columbine], does: nod, after: 1, name: both}
+    """)
+    assert play, play.changes
+    walk, wave, look, both = play.cues
+    xy, heading = play.ways["pierrot"][-1].footing(np.array([walk.end]))
+    assert np.allclose(xy[0], [0.3, 0.1], atol=1e-9)
+    assert abs(heading[0] - 0.5 * np.pi) < 1e-9
+    assert look.start == pytest.approx(walk.end + 2 * 0.6, abs=1e-9)
+    assert both.start >= max(look.end, walk.end) + 0.6 - 1e-9
+    assert [one.text for one in play.score.captions] == ["Good evening"]
+    found = fan.verify_play(play)
+    assert found, found.faults
+    assert {one.cue.number for one in found.cues} == {1, 2, 3, 4}
+    # The limb turns on the beat: its hand leads by as much as it lags.
+    (seen,) = [one for one in found.cues if one.cue is wave]
+    assert seen.limb
+    assert abs(seen.seen - 5 * 0.6) <= IN_TIME
+    assert wave.marks["columbine"]["second"] < 5 * 0.6 - IN_TIME
+
+
+def test_hands_keep_their_bounds_and_their_space(plays: Plays):
+    play = plays.compiled("{who: all, walks to: centre, near: 1, past: [[0.6, 0]]}")
+    found = fan.verify_play(play)
+    assert found, found.faults
+    for speed, most_speed, acceleration, most in found.peaks.values():
+        assert speed <= most_speed * 1.002
+        assert acceleration <= most * 1.002
+    (x0, x1), (y0, y1) = found.space
+    assert x0 >= -1.0
+    assert x1 <= 1.0
+    assert y0 >= -1.2
+    assert y1 <= 1.2
+
+
+@pytest.mark.parametrize(
+    ("cues", "why"),
+    [
+        ("{who: pierrot, walks to: far}", "outside of the hands' space; the nearest place"),
+        ("{who: pierrot, walks to: table_side}", "table is there; the nearest place"),
+        ("{who: pierrot, walks to: columbine}", "columbine stands there"),
+        ("{who: pierrot, walks to: west}\n{who: pierrot, does: wave, when: 0, name: w}", ""),
+        ("{who: pierrot, does: nod}\n{who: pierrot, does: bow, when: 1}", "(`may wait: "),
+        ("{who: pierrot, walks to: centre, on: {arrives: 2}}", "cannot arrive before"),
+        ("{who: pierrot, exits to: centre}\n{who: pierrot, does: nod}", "is off the stage"),
+        ("{who: pierrot, points at: [0, 0.6, 3]}", "hand cannot point there"),
+        ("{who: columbine, does: bow, larger: 30}", "run stops"),
+    ],
+)
+def test_a_cue_that_cannot_be_done_is_named_and_the_rest_is_played(
+    plays: Plays, cues: str, why: str
+):
+    play = plays.compiled(cues + "\n{who: columbine, does: nod, name: last}")
+    reasons = refused(play)
+    if why:
+        assert len(reasons) == 1
+        assert why in reasons[0]
+        (cue,) = [cue for cue in play.cues if cue.refused]
+        (change,) = play.changes
+        assert change.line == cue.line
+        assert "cannot be done: " in change.message
+    else:
+        assert not reasons
+    assert not play.cues[-1].refused
+    found = fan.verify_play(play)
+    assert found, found.faults
+
+
+def test_what_is_optional_is_left_out(plays: Plays):
+    play = plays.compiled("""
+        {who: pierrot, walks to: far, optional: true}
+        {who: pierrot, does: nod}
+    """)
+    assert play.cues[0].refused
+    assert not play.refused
+    assert "is left out: " in play.changes[0].message
+
+
+def test_a_place_may_give(plays: Plays):
+    play = plays.compiled("{who: pierrot, walks to: table_side, near: 50 cm}")
+    assert play, play.changes
+    xy, _ = play.ways["pierrot"][-1].footing(np.array([play.duration]))
+    assert 0.1 < abs(complex(*xy[0]) - complex(-0.5, 0.5)) <= 0.5
+
+
+def test_a_wave_goes_on_while_one_walks(plays: Plays):
+    play = plays.compiled("""
+        {who: pierrot, walks to: [0.6, 0.6]}
+        {who: pierrot, does: wave, mirrored: true, when: 2}
+    """)
+    assert play, play.changes
+    assert set(play.score.lanes) == {"pierrot", "pierrot 2", "columbine"}
+    assert play.cues[0].start < play.cues[1].start < play.cues[1].end < play.cues[0].end + 4.0
+    assert fan.verify_play(play)
+
+
+def test_all_stand_where_a_show_waits(plays: Plays):
+    play = plays.compiled("""
+        {who: pierrot, walks to: centre}
+        {who: columbine, does: nod}
+        {who: columbine, does: wave, go: true, name: after_go}
+    """)
+    assert play, play.changes
+    (wait,) = play.score.waits
+    assert wait.t == pytest.approx(play.cues[0].end)
+    assert np.max(np.abs(play.score.offsets(wait.t)[1])) < 1e-6
+
+
+def test_acts_begin_when_all_before_has_ended(plays: Plays):
+    acts = """
+acts:
+  - act: one
+    cues: [{who: pierrot, does: wave}, {who: columbine, does: nod}]
+  - act: two
+    after: 2
+    cues: [{who: columbine, does: nod, when: 1, name: second}]
+"""
+    play = fan.load_play(plays.written(acts))
+    assert play.acts["two"] == pytest.approx(play.cues[0].end + 1.2)
+    assert play.cues[2].start == pytest.approx(play.acts["two"] + 0.6)
+    assert play.when(play.cues[2].start).startswith("two, beat 1.0")
+
+
+CUES = """
+{who: pierrot, walks to: centre}
+{who: columbine, does: march, on: {left: 5}}
+{who: pierrot, does: nod}
+{who: columbine, does: clap, how: timidly, name: clapping}
+"""
+
+
+def test_the_same_play_is_the_same_to_the_bit(plays: Plays):
+    one, two = plays.compiled(CUES), plays.compiled(CUES)
+    assert np.array_equal(one.score.gesture.coef, two.score.gesture.coef)
+    assert np.array_equal(fan.verify_play(one).run.q_D, fan.verify_play(two).run.q_D)
+
+
+def test_a_changed_play_uses_what_is_kept_and_is_as_from_nothing(plays: Plays):
+    first = plays.compiled(CUES)
+    made = first.kept.made
+    changed = CUES.replace("how: timidly", "how: smaller")
+    again = plays.compiled(changed, before=first)
+    anew = plays.compiled(changed)
+    assert np.array_equal(again.score.gesture.coef, anew.score.gesture.coef)
+    assert again.kept is first.kept
+    assert again.kept.made - made < 0.6 * anew.kept.made
+
+
+def test_what_touches_is_told_where_a_cue_is_forced(plays: Plays):
+    """Two runs of players that stand in one place: bodies and strings are found."""
+    play = plays.compiled("{who: pierrot, does: nod}")
+    run = fan.verify_play(play).run
+    table = play.marionette.coordinates
+    q_D, q_K = np.array(run.q_D), np.array(run.q_K)
+    for one, names in ((q_D, table.q_D), (q_K, table.q_K)):
+        ours = [i for i, name in enumerate(names) if name.startswith("pierrot.")]
+        theirs = [names.index(names[i].replace("pierrot.", "columbine.")) for i in ours]
+        one[:, theirs] = one[:, ours]
+        moved = [i for i in theirs if names[i].endswith(".y")]
+        one[:, moved] += 0.15
+    import dataclasses
+
+    found = touches(play.cast, dataclasses.replace(run, q_D=q_D, q_K=q_K))
+    kinds = {("string" in one.what, "string" in one.other) for one in found}
+    assert (False, False) in kinds
+    assert any("string" in one.what for one in found)
+    assert all(one.t == 0.0 for one in found if one.distance < 0.0)

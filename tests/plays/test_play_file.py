@@ -1,0 +1,108 @@
+"""Mistakes of play files, each at its line, and their JSON Schema."""
+
+from __future__ import annotations
+
+import jsonschema
+import pytest
+
+import fantoccini as fan
+from fantoccini.plays import is_play
+from fantoccini.puppet.located import read_file
+from plays.conftest import HEAD, Plays
+
+ACT = "acts:\n  - act: one\n    cues:\n      - {cue}\n"
+
+
+def mistakes(plays: Plays, cue: str, head: str = HEAD) -> list[str]:
+    """What is wrong with a cue, with its line in the file."""
+    path = plays.written(ACT.format(cue=cue), head)
+    with pytest.raises(fan.FileError) as caught:
+        fan.load_play(path)
+    line = read_file(path).lines["acts", 0, "cues", 0]
+    assert [one.line for one in caught.value.mistakes] == [line] * len(caught.value.mistakes)
+    return [one.message for one in caught.value.mistakes]
+
+
+@pytest.mark.parametrize(
+    ("cue", "said"),
+    [
+        ("{who: pierrot}", "found no verb; needed: one of `does`, `walks to`"),
+        ("{who: pierrot, does: wave, walks to: centre}", "found both `does` and `walks to`"),
+        ("{who: pierot, does: wave}", "no player is called 'pierot'; did you mean 'pierrot'?"),
+        ("{who: pierrot, does: wafe}", "did you mean 'wave'?"),
+        ("{who: pierrot, does: walk}", "walk needs a place: use `walks to:`"),
+        ("{who: pierrot, does: wave, how: timidely}", "did you mean 'timidly'?"),
+        ("{who: pierrot, walks to: centre, how: twice}", "only `does` has `how`"),
+        ("{who: pierrot, does: wave, near: 1}", "only walks have it"),
+        ("{who: pierrot, does: wave, on: {high: 3}}", "wave has no mark 'high'"),
+        ("{who: pierrot, does: wave, on: {up: 3}, after: 2}", "found both `on` and `when`"),
+        ("{who: pierrot, does: wave, when: drums}", "needed: a time, a mark, or a moment of a cue"),
+        ("{who: pierrot, does: wave, lasts: 3, faster: 2}", "found both `lasts` and `faster`"),
+        ("{who: pierrot, walks to: [1]}", "needed: a mark, a player, or a place"),
+        ("{who: pierrot, walks too: centre}", "this key is not known; did you mean 'walks to'?"),
+    ],
+)
+def test_a_cue_that_is_wrong_is_told_at_its_line(plays: Plays, cue: str, said: str):
+    found = mistakes(plays, cue)
+    assert any(said in one for one in found), found
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        ("pierrot: {at: west}", "pierrot: {at: wast}", "no mark is called 'wast'"),
+        ("pierrot: {at: west}", "west: {at: west}", "is the name of a player"),
+        ("pierrot: {at: west}", "left: {at: west}", "is the name of a direction"),
+        ("pierrot: {at: west}", "pierrot: {at: west, puppet: pupet}", "no bundled puppet"),
+        ("facing: audience", "facing: audiense", "did you mean 'audience'?"),
+        ("x: [-1, 1]", "x: [1, -1]", "needed: the lower one first"),
+    ],
+)
+def test_a_stage_and_a_cast_that_are_wrong_are_told(
+    plays: Plays, before: str, after: str, said: str
+):
+    path = plays.written(ACT.format(cue="{who: all, does: nod}"), HEAD.replace(before, after))
+    with pytest.raises(fan.FileError, match=said.replace("?", r"\?")):
+        fan.load_play(path)
+
+
+def test_keys_may_be_written_with_a_space_or_an_underline(plays: Plays):
+    for key in ("walks to", "walks_to"):
+        path = plays.written(ACT.format(cue=f"{{who: nobody, {key}: centre}}"))
+        with pytest.raises(fan.FileError, match="no player is called 'nobody'"):
+            fan.load_play(path)
+
+
+def test_the_schema_takes_what_compiles_and_refuses_two_verbs(plays: Plays):
+    schema = fan.play_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    good = read_file(plays.written(ACT.format(cue="{who: all, walks to: centre, near: 40 cm}")))
+    jsonschema.validate(good.data, schema)
+    assert is_play(good.file)
+    bad = read_file(plays.written(ACT.format(cue="{who: all, does: nod, walks to: centre}")))
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(bad.data, schema)
+
+
+def test_times_that_wait_for_each_other_are_told(plays: Plays):
+    acts = """
+acts:
+  - act: one
+    cues:
+      - {who: pierrot, does: wave, when: nod.end}
+      - {who: columbine, does: nod, when: wave.end}
+"""
+    with pytest.raises(fan.FileError, match="waits for itself, by way of"):
+        fan.load_play(plays.written(acts))
+
+
+def test_a_time_of_a_later_act_is_refused(plays: Plays):
+    acts = """
+acts:
+  - act: one
+    cues: [{who: pierrot, does: wave, when: nod.end}]
+  - act: two
+    cues: [{who: columbine, does: nod}]
+"""
+    with pytest.raises(fan.FileError, match="a cue of a later act"):
+        fan.load_play(plays.written(acts))

@@ -1,0 +1,80 @@
+"""Runs of players put together, pauses, and random plays."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from benchmarks.plays.random_plays import random_play
+from ruamel.yaml import YAML
+
+import fantoccini as fan
+from fantoccini.gestures.ends import Ends
+from fantoccini.gestures.stepping import Step
+from fantoccini.gestures.walking import steps
+from fantoccini.plays.settling import Swing, pause
+from plays.conftest import Plays
+
+
+def test_players_together_move_as_in_a_run_of_the_whole_stage(plays: Plays):
+    play = plays.compiled("{who: pierrot, does: wave}\n{who: columbine, does: clap, when: 1}")
+    found = fan.verify_play(play)
+    whole = fan.simulate(play.marionette, play.x0, play.inputs)
+    t = np.linspace(0.0, found.run.t[-1], 200)
+    one, other = found.run.resample(t), whole.resample(t)
+    assert np.max(np.abs(one.q_K - other.q_K)) < 1e-12
+    # Two integrations of different steps: the strings that snap taut set the difference.
+    assert np.max(np.abs(one.q_D - other.q_D)) < 1e-4
+    assert np.max(np.abs(one.tension.values - other.tension.values)) < 0.02
+    sums = {name: float(found.run.ledger[name][-1]) for name in ("work", "residual")}
+    assert sums["work"] == pytest.approx(float(whole.ledger["work"][-1]), abs=1e-4)
+    assert abs(sums["residual"]) < 1e-6
+    kinds = [(event.kind, event.name) for event in whole.events if event.name]
+    assert {name for _, name in kinds} == {e.name for e in found.run.events if e.name}
+
+
+@pytest.fixture(scope="module", name="after_a_walk")
+def _after_a_walk() -> tuple[fan.Marionette, fan.State, fan.Gesture]:
+    puppet = fan.puppets.marionette()
+    hangs = puppet.rest()
+    walk = steps(Ends(puppet.coordinates, hangs), [Step(0.1)] * 3)
+    inputs = walk.inputs(hangs, speed=1.5, acceleration=12.0)
+    run = fan.simulate(puppet, hangs, inputs, method="timestepping")
+    return puppet, run.state(len(run) - 1).replace(t=0.0), walk
+
+
+def test_the_gradient_of_swing_by_the_pause_is_that_of_differences():
+    puppet = fan.puppets.marionette()
+    hangs = puppet.rest()
+    # So gentle that no string snaps taut: the cost is smooth.
+    ends = [name for name in puppet.coordinates.q_K if name.endswith(".x")]
+    push = fan.Gesture.of(puppet, {name: [(0, 0), (1.0, 0.01)] for name in ends})
+    run = fan.simulate(puppet, hangs, push.inputs(hangs), method="timestepping")
+    x = run.state(len(run) - 1).replace(t=0.0)
+    swing = Swing(puppet, x, push.motion, 1.0)
+    h = 1e-5
+    for p in (0.1231, 0.4561, 0.77713):
+        _, (slope,) = swing.cost(p, gradient=True)
+        difference = (swing.cost(p + h)[0] - swing.cost(p - h)[0]) / (2.0 * h)
+        assert slope == pytest.approx(difference, rel=1e-5, abs=1e-9)
+
+
+def test_a_pause_uses_the_swing_of_the_walk_before(
+    after_a_walk: tuple[fan.Marionette, fan.State, fan.Gesture],
+):
+    puppet, x, walk = after_a_walk
+    waited, before, after = pause(puppet, x, walk.motion, 1.0)
+    assert 0.0 <= waited <= 1.0
+    assert after < before
+    tried = [Swing(puppet, x, walk.motion, 1.0).cost(p)[0] for p in np.linspace(0.0, 1.0, 21)]
+    assert Swing(puppet, x, walk.motion, 1.0).cost(waited)[0] < 1.3 * min(tried)
+
+
+@pytest.mark.parametrize("seed", [1, 3, 11])
+def test_a_random_play_compiles_and_holds(plays: Plays, seed: int):
+    path = plays.folder / "random.yaml"
+    YAML().dump(random_play(seed), path)
+    play = fan.load_play(path)
+    found = fan.verify_play(play)
+    assert found, found.faults
+    assert all(cue.refused or cue.marks for cue in play.cues)
+    assert len(play.changes) == sum(bool(cue.refused) for cue in play.cues)
