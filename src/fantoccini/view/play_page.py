@@ -171,7 +171,7 @@ def _measured(verification: Verification) -> list[str]:
     sections: list[tuple[str, str, Table]] = [
         (
             "Least clearances",
-            "Of bodies of every two players, obstacles and the floor, then of strings "
+            "Of bodies of players, obstacles and the floor, then of strings "
             "that come within 0.3 m of others, over the whole run.",
             play_tables.clearance_table(verification),
         ),
