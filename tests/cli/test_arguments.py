@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 COMMANDS = (
     "check", "schema", "info", "equations", "export", "simulate", "plan", "optimise", "follow",
-    "show", "take", "validate-reduction", "demo", "doctor",
+    "play", "show", "take", "validate-reduction", "demo", "doctor",
 )  # fmt: skip
 
 
@@ -141,7 +141,7 @@ def test_plain_text_keeps_letters_and_line_breaks() -> None:
     assert plain("a\x1b\x07\u202e\udcff") == "a\\x1b\\x07\\u202e\\udcff"
 
 
-@pytest.mark.parametrize("of", ["puppet", "scene", "inputs", "problem", "task"])
+@pytest.mark.parametrize("of", ["puppet", "scene", "inputs", "play", "problem", "task"])
 def test_schema_is_json(of) -> None:
     assert json.loads(fantoccini("schema", of).stdout)["type"] == "object"
 

@@ -15,6 +15,7 @@ from fantoccini.cli.requests import (
     FollowRequest,
     OptimiseRequest,
     PlanRequest,
+    PlayRequest,
     ShowRequest,
     SimulateRequest,
     takes,
@@ -70,7 +71,7 @@ def _top(
 @app.command()
 def check(
     files: Annotated[
-        list[str], typer.Argument(metavar="FILE...", help="Puppet files, or bundled names.")
+        list[str], typer.Argument(metavar="FILE...", help="Puppet files, plays, or bundled names.")
     ],
     inputs: Annotated[
         list[Path] | None,
@@ -78,7 +79,7 @@ def check(
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Check puppet files and list every mistake."""
+    """Check puppet files and plays, and list every mistake."""
     from fantoccini.cli.check import check_files
 
     check_files(files, inputs or [], quiet)
@@ -95,6 +96,7 @@ def schema(
     from fantoccini.motion import inputs_schema
     from fantoccini.optimal import task_schema
     from fantoccini.planning import problem_schema
+    from fantoccini.plays import play_schema
     from fantoccini.puppet import json_schema
     from fantoccini.retarget import mapping_schema
     from fantoccini.scene import json_schema as scene_schema
@@ -105,6 +107,7 @@ def schema(
         SchemaOf.INPUTS: inputs_schema,
         SchemaOf.GESTURE: gesture_schema,
         SchemaOf.SCORE: score_schema,
+        SchemaOf.PLAY: play_schema,
         SchemaOf.PROBLEM: problem_schema,
         SchemaOf.TASK: task_schema,
         SchemaOf.MAPPING: mapping_schema,
@@ -197,6 +200,18 @@ def follow(request: FollowRequest) -> None:
     from fantoccini.cli.follow import follow_file
 
     follow_file(request)
+
+
+@app.command("play")
+@takes(PlayRequest)
+def play(request: PlayRequest) -> None:
+    """Compile a play, simulate it and measure what it promises; write a report or a film.
+
+    Exits with 1 if a cue cannot be done as written or the run does not hold.
+    """
+    from fantoccini.cli.play import play_file
+
+    play_file(request)
 
 
 @app.command("show")

@@ -7,26 +7,31 @@ from pathlib import Path
 
 import typer
 
-from fantoccini.cli.files import marionette
+from fantoccini.cli.files import fail, marionette
 from fantoccini.cli.guard import MISTAKE
 from fantoccini.cli.motions import motion, parts
+from fantoccini.cli.play import checked_play
 from fantoccini.cli.terminal import say, write
 from fantoccini.cli.warn import inputs_warnings, puppet_warnings
 from fantoccini.errors import FileError, Mistake
 from fantoccini.marionette import Marionette, check_mass_matrix
+from fantoccini.plays import is_play
 from fantoccini.tree import measure
 
 
 def check_files(files: list[str], inputs: list[Path], quiet: bool) -> None:
-    """Checks puppets and, against each of them, inputs.
+    """Checks plays, and puppets with, against each of them, inputs.
 
     Args:
-        files: FILE arguments.
+        files: FILE arguments: puppets and plays.
         inputs: inputs files.
         quiet: print nothing about files without mistakes.
     """
     clean = True
     for file in files:
+        if is_play(file):
+            clean &= _play(file, inputs, quiet)
+            continue
         made = _puppet(file)
         clean &= made is not None
         if made is None:
@@ -54,6 +59,19 @@ def _puppet(file: str) -> Marionette | None:
         _list(error.mistakes)
         return None
     return made
+
+
+def _play(file: str, inputs: list[Path], quiet: bool) -> bool:
+    if inputs:
+        fail(f"applies to puppets, and {file} is a play", "--inputs")
+    try:
+        found = checked_play(Path(file))
+    except FileError as error:
+        _list(error.mistakes)
+        return False
+    if not quiet:
+        write(f"{file}: no mistakes; {found}; `fantoccini play` tells whether it can be done")
+    return True
 
 
 def _inputs(made: Marionette, path: Path, quiet: bool) -> bool:

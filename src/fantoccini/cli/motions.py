@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fantoccini.cli.terminal import table
+from fantoccini.cli.terminal import say, table, write
 from fantoccini.errors import Mistake
 from fantoccini.gestures import Late, Rehearsal, Score, is_score, load_score, rehearse
 from fantoccini.marionette import Marionette
@@ -35,9 +36,7 @@ class Motion:
     @property
     def of_films(self) -> dict[str, Any]:
         """Captions and sounds, as :func:`fantoccini.view.film` takes them."""
-        if self.score is None:
-            return {}
-        return {"captions": self.score.captions, "sounds": self.score.sounds}
+        return {} if self.score is None else films_of(self.score)
 
     def rehearsed(self) -> Motion:
         """The same with the limbs on the beat."""
@@ -59,6 +58,11 @@ def motion(marionette: Marionette, path: Path) -> Motion:
     return Motion(Input.load(marionette, path))
 
 
+def films_of(score: Score) -> dict[str, Any]:
+    """A score's captions and sounds, as :func:`fantoccini.view.film` takes them."""
+    return {"captions": score.captions, "sounds": score.sounds}
+
+
 def parts(score: Score) -> list[str]:
     """The waits, sounds and captions of a score, as lines of text."""
     found = []
@@ -69,8 +73,17 @@ def parts(score: Score) -> list[str]:
         gain = "" if sound.gain == 1.0 else f", {sound.gain:g} times as loud"
         found.append(f"{sound.path.name} from {sound.start:.2f} s for {sound.duration:.2f} s{gain}")
     if score.captions:
-        found.append(f"{len(score.captions)} captions")
+        n = len(score.captions)
+        found.append(f"{n} caption{'s' * (n > 1)}")
     return found
+
+
+def report_score(score: Score, out: Sequence[Path]) -> None:
+    """Prints what a score has beside motion, and which of the outputs lack its sound."""
+    for line in parts(score):
+        write(line)
+    if score.sounds and any(path.suffix.lower() == ".gif" for path in out):
+        say("a .gif is silent; an .mp4 has the score's sound")
 
 
 def report_lateness(found: Rehearsal) -> None:

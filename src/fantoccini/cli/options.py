@@ -10,7 +10,8 @@ from typing import Annotated
 import typer
 
 SchemaOf = enum.StrEnum(
-    "SchemaOf", ["PUPPET", "SCENE", "INPUTS", "GESTURE", "SCORE", "PROBLEM", "TASK", "MAPPING"]
+    "SchemaOf",
+    ["PUPPET", "SCENE", "INPUTS", "GESTURE", "SCORE", "PLAY", "PROBLEM", "TASK", "MAPPING"],
 )
 Planner = enum.StrEnum("Planner", {"EXPLORE": "explore", "EST2007": "est-2007"})
 Objective = enum.StrEnum("Objective", ["GENTLE", "TIME", "ACCELERATION"])

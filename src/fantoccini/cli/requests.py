@@ -289,6 +289,18 @@ class FollowRequest(PictureOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
+class PlayRequest(PictureOptions):
+    """Arguments of ``fantoccini play``."""
+
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Play file (YAML).")]
+    report: Annotated[
+        Path | None,
+        typer.Option(metavar="PATH", help="Write the report: one page with pictures, .html."),
+    ] = None
+    out: Out = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class ShowRequest:
     """Arguments of ``fantoccini show``."""
 

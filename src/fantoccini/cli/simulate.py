@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,14 +12,14 @@ import typer
 
 from fantoccini.cli.files import fail, marionette
 from fantoccini.cli.guard import FAILED, INTERRUPTED
-from fantoccini.cli.motions import Motion, motion, parts, report_lateness
+from fantoccini.cli.motions import Motion, motion, report_lateness, report_score
 from fantoccini.cli.options import StringModel
 from fantoccini.cli.outputs import check_outputs, write_outputs
 from fantoccini.cli.recording import load_recording, recorded_start, with_recorded_winches
 from fantoccini.cli.report import report
 from fantoccini.cli.requests import SimulateRequest
 from fantoccini.cli.start import read_values, start_state
-from fantoccini.cli.terminal import Steps, say, write
+from fantoccini.cli.terminal import Steps, say
 from fantoccini.cli.warn import warn
 from fantoccini.errors import SimulationError, Status
 from fantoccini.marionette import (
@@ -90,7 +88,10 @@ def simulate_file(request: SimulateRequest) -> None:
         write_outputs(puppet, run, out, request.plot, steps, look=look, films=films)
     if not request.quiet:
         if given_motion is not None:
-            _report_score(given_motion, out)
+            if given_motion.score is not None:
+                report_score(given_motion.score, out)
+            if given_motion.rehearsal is not None:
+                report_lateness(given_motion.rehearsal)
         report(run, seconds)
         _hint(request, run, seconds)
     end_with(run, trouble)
@@ -113,16 +114,6 @@ def _given(puppet: Marionette, request: SimulateRequest, steps: Steps) -> Motion
         fail("applies to a puppet that hangs at rest, and --start is given", "--on-beat")
     steps.step("rehearsing")
     return found.rehearsed()
-
-
-def _report_score(found: Motion, out: Sequence[Path]) -> None:
-    if found.score is not None:
-        for line in parts(found.score):
-            write(line)
-        if found.score.sounds and any(path.suffix.lower() == ".gif" for path in out):
-            say("a .gif is silent; an .mp4 has the score's sound")
-    if found.rehearsal is not None:
-        report_lateness(found.rehearsal)
 
 
 def timed(

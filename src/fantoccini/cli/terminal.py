@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, TextIO
 
 import typer
@@ -127,6 +127,20 @@ class Steps:
         def update(amount: float) -> None:
             if self._progress is not None and self._task is not None:
                 self._progress.update(self._task, completed=amount)
+
+        return update
+
+    def shares(self) -> Callable[[str, float], None]:
+        """One step whose name changes; call the result with what is done, and the share of it."""
+        last = ""
+
+        def update(text: str, share: float) -> None:
+            nonlocal last
+            if text != last and (self._progress is None or not last):
+                self._begin(text, 1.0)
+            last = text
+            if self._progress is not None and self._task is not None:
+                self._progress.update(self._task, completed=share, description=plain(text))
 
         return update
 

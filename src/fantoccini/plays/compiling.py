@@ -8,17 +8,17 @@ from collections.abc import Callable
 from fantoccini.errors import Status
 from fantoccini.gestures.notes import Notes
 from fantoccini.gestures.timing import END, START
-from fantoccini.plays.acting import Repertory, Style
-from fantoccini.plays.casting import Cast, Places, read_cast
-from fantoccini.plays.cues import Cue, Timeline
+from fantoccini.plays.acting import Style
+from fantoccini.plays.casting import Cast
+from fantoccini.plays.cues import Cue
 from fantoccini.plays.kept import Kept
 from fantoccini.plays.play import CueOfPlay, Play
-from fantoccini.plays.play_file import PlayFile, said
+from fantoccini.plays.play_file import said
+from fantoccini.plays.reading import read_script
 from fantoccini.plays.rounds import Round, Rounds
 from fantoccini.plays.together import together
 from fantoccini.plays.touching import Touch, touches
 from fantoccini.plays.whole import whole_score
-from fantoccini.puppet.located import read_file, validate
 
 ROUNDS = 12
 """Most rounds of placing and simulating."""
@@ -48,24 +48,14 @@ def load_play(
     Raises:
         FileError: with every mistake found and its location.
     """
-    located = read_file(path)
-    file = validate(PlayFile, located)
-    notes = Notes(located, file.tempo)
     tell = progress or (lambda what, share: None)
     tell("casting", 0.0)
-    places = Places(file, notes)
-    if before is not None and (before.cast.file.cast, before.cast.file.stage, file.play) == (
-        file.cast, file.stage, before.cast.file.play,
-    ):  # fmt: skip
-        cast = Cast(before.cast.players, before.cast.whole, before.cast.x0, file)
-    else:
-        cast = read_cast(file, places, notes)
-    repertory = Repertory(cast, notes)
-    timeline = Timeline(file, repertory.marks, notes)
-    notes.refuse()
+    script = read_script(path, before)
     kept = before.kept if before is not None else Kept()
-    rounds = Rounds(cast, timeline, repertory, places, notes, kept)
-    return _Compiler(cast, rounds, notes, kept, tell).play()
+    rounds = Rounds(
+        script.cast, script.timeline, script.repertory, script.places, script.notes, kept
+    )
+    return _Compiler(script.cast, rounds, script.notes, kept, tell).play()
 
 
 class _Compiler:

@@ -56,6 +56,11 @@ class CueOfPlay:
     marks: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @property
+    def words(self) -> str:
+        """What they do, without who does it."""
+        return self.what.removeprefix(f"{' and '.join(self.who)}: ")
+
+    @property
     def number_and_name(self) -> str:
         """``3 bow (pierrot, columbine)``"""
         return f"{self.number} {self.what} ({', '.join(self.who)})"
@@ -141,6 +146,15 @@ class Play:
     def refused(self) -> tuple[CueOfPlay, ...]:
         """The cues that cannot be done, but for those that may be left out."""
         return tuple(cue for cue in self.cues if cue.refused and not cue.optional)
+
+    @property
+    def lacking(self) -> tuple[Mistake, ...]:
+        """The changes that count: all but those of cues that may be left out."""
+        left_out = {
+            (cue.line, f"{cue.what} is left out: {cue.refused}")
+            for cue in self.cues if cue.refused and cue.optional
+        }  # fmt: skip
+        return tuple(one for one in self.changes if (one.line, one.message) not in left_out)
 
     def when(self, t: Times | float) -> str:
         """A time in words: its act, beat and second."""

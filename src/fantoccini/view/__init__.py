@@ -1,19 +1,22 @@
 """Pictures and film of a motion, without a GPU or a display.
 
 ``strip`` writes a row of poses, ``draw`` one state, ``plot`` the run against time, ``film`` an mp4
-or a gif. matplotlib and ffmpeg are loaded by the first call, not by importing this package; pyvista
-only where ``renderer="pyvista"`` asks for it.
+or a gif, ``play_report`` the page of a verified play. matplotlib and ffmpeg are loaded by the first
+call, not by importing this package; pyvista only where ``renderer="pyvista"`` asks for it.
 """
 
 from fantoccini.view.films import FilmError, film
 from fantoccini.view.optima import optimum_picture
 from fantoccini.view.pictures import draw, pose_times, strip
 from fantoccini.view.plans import plan_picture
+from fantoccini.view.play_page import play_report
 from fantoccini.view.plots import plot
+from fantoccini.view.stills import AUDIENCE
 from fantoccini.view.studio import RENDERERS
 from fantoccini.view.theme import DARK, LIGHT, Theme
 
 __all__ = [
+    "AUDIENCE",
     "DARK",
     "LIGHT",
     "RENDERERS",
@@ -23,6 +26,7 @@ __all__ = [
     "film",
     "optimum_picture",
     "plan_picture",
+    "play_report",
     "plot",
     "pose_times",
     "strip",

@@ -80,7 +80,7 @@ def strip_figure(
     whole = geometry_of(marionette, run.resample(np.linspace(run.t[0], run.t[-1], 400)))
     n = len(chosen)
     if look.size is None:
-        panel = _panel(geometry, look)
+        panel = panel_size(geometry, look)
         width = round(n * panel[0] + 40)
         unit = max(12.0, width / 130.0)  # a wide strip is seen from farther away
         height = round(panel[1] + 9.2 * unit)
@@ -228,7 +228,7 @@ def _features(marionette: Drawable, run: Trajectory) -> np.ndarray:
     return flat / max(float(np.linalg.norm(flat, axis=1).max()), 1e-12)
 
 
-def _panel(geometry: Geometry, look: Look) -> tuple[float, float]:
+def panel_size(geometry: Geometry, look: Look) -> tuple[float, float]:
     """Width and height [px] of one pose: as tall as fits a page, as wide as the motion."""
     layout = layout_of(geometry, Viewport(0.0, 0.0, 500.0, 500.0), look)
     centres, radii = geometry.balls(strings=look.focus == "all")

@@ -1,0 +1,124 @@
+"""``fantoccini play``: cue times, report, film, exit codes and mistakes."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import wave
+from pathlib import Path
+
+import pytest
+from tests.cli.command import fantoccini, mistake
+from tests.plays.tiny import MAY_TOUCH, TOUCHES, write_play
+
+import fantoccini as fan
+from fantoccini.media import ffmpeg
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("play")
+
+
+@pytest.fixture(scope="module")
+def played(folder):
+    """The command with every kind of output."""
+    out = [f"--out={folder / name}" for name in ("run.npz", "run.png", "run.mp4")]
+    with wave.open(str(folder / "drum.wav"), "wb") as sound:
+        sound.setparams((1, 2, 8000, 8000, "NONE", ""))
+        sound.writeframes(bytes(16000))
+    path = write_play(folder, more="sound: drum.wav\n")
+    report, look = f"--report={folder / 'page.html'}", ["--size", "240x180", "--fps", "4"]
+    return fantoccini("play", path, report, *out, *look)
+
+
+def test_a_play_that_holds_ends_with_0_and_tells_its_cue_times(played):
+    assert played.exit_code == 0, played.stderr
+    lines = [line.split() for line in played.stdout.splitlines()]
+    assert ["First", "<act>,", "from", "0.00", "s"] in lines
+    assert ["1", "14", "hop.yaml", "one", "0.50", "0.50", "+0"] in lines
+    assert ["2", "15", "hop.yaml", "(top)", "two", "2.00", "2.00", "+0"] in lines
+    assert "2 players, 6 degrees of freedom, 2 strings, 6 driven coordinates" in played.stdout
+    assert "2 of 2 cues can be done" in played.stdout
+    assert "the run holds" in played.stdout
+    assert {"1 caption", "drum.wav from 0.00 s for 1.00 s"} <= set(played.stdout.splitlines())
+
+
+def test_progress_tells_what_is_done(played):
+    said = played.stderr.splitlines()
+    assert said[0] == "casting"
+    for step in ("rehearsing", "looking for what touches", "simulating and measuring"):
+        assert any(line.startswith(step) for line in said)
+
+
+def test_every_output_is_written(played, folder):
+    run = fan.Trajectory.load(folder / "run.npz")
+    assert run.t[-1] == pytest.approx(3.5, abs=0.01)
+    assert (folder / "run.png").read_bytes().startswith(b"\x89PNG")
+    film = [ffmpeg(), "-hide_banner", "-i", str(folder / "run.mp4")]
+    streams = subprocess.run(film, capture_output=True, text=True).stderr
+    assert "Video: h264" in streams and "Audio: aac" in streams
+    assert (folder / "page.html").read_text(encoding="utf-8").endswith("</html>\n")
+    assert not list(folder.glob("*.part"))
+
+
+def test_a_cue_that_cannot_be_done_ends_with_1_and_its_line(tmp_path):
+    path = write_play(tmp_path, TOUCHES)
+    result = fantoccini("play", path, "--report", tmp_path / "page.html")
+    assert result.exit_code == 1
+    assert f"{path}:15: acts[0].cues[1]: one: sway.yaml cannot be done" in result.stderr
+    assert "cannot be done" in result.stdout
+    assert "1 of 2 cues can be done" in result.stdout
+    assert "cannot be done: " in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+def test_a_cue_that_may_be_left_out_is_told_and_ends_with_0(tmp_path):
+    result = fantoccini("play", write_play(tmp_path, MAY_TOUCH))
+    assert result.exit_code == 0
+    assert "acts[0].cues[1]: one: sway.yaml is left out" in result.stderr
+
+
+WRONG = {
+    "another report": (["--report", "page.pdf"], "page.pdf ends in '.pdf'; allowed: .html"),
+    "a report in no folder": (["--report", "no/page.html"], "there is no folder no"),
+    "another output": (["--out", "x.txt"], ".npz, .csv"),
+    "an output twice": (["--out", "x.npz", "--out", "x.npz"], "is given twice"),
+    "a look of nothing": (["--fps", "10"], "applies to a film, but none is written"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "message"), WRONG.values(), ids=WRONG)
+def test_wrong_arguments_are_mistakes(arguments, message, folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    assert message in " ".join(mistake("play", write_play(folder), *arguments).split())
+
+
+def test_a_mistake_of_the_file_ends_with_2(tmp_path):
+    path = write_play(tmp_path, "      - {who: three, does: hopp.yaml}\n")
+    found = mistake("play", path)
+    assert f"{path}:14: acts[0].cues[0].who" in found
+    assert found.startswith("casting\n")
+
+
+def test_a_file_of_another_kind_is_named(tmp_path):
+    write_play(tmp_path)
+    assert "this is a puppet file; a play has" in mistake("play", tmp_path / "bob.yaml")
+    assert "found nothing here" in mistake("play", tmp_path / "none.yaml")
+
+
+def test_check_reads_a_play_and_simulates_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr("fantoccini.plays.compiling.touches", None)
+    path = write_play(tmp_path)
+    result = fantoccini("check", path, "arm2d")
+    assert result.exit_code == 0
+    first, second, *_ = result.stdout.splitlines()
+    assert first.startswith(f"{path}: no mistakes; 2 players, 1 act, 2 cues")
+    assert second.startswith("arm2d: no mistakes")
+    wrong = write_play(tmp_path, "      - {who: one, does: hopp}\n      - {who: two, dos: hop}\n")
+    assert f"{wrong}:15: acts[0].cues[1].dos" in mistake("check", wrong)
+    assert "applies to puppets" in mistake("check", wrong, "--inputs", wrong)
+
+
+def test_the_schema_of_plays_is_json():
+    schema = json.loads(fantoccini("schema", "play").stdout)
+    assert {"play", "cast", "acts"} <= set(schema["properties"])

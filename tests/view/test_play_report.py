@@ -1,0 +1,170 @@
+"""The report of a play: it needs nothing else, has the figures, and nothing in it is cut."""
+
+from __future__ import annotations
+
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from tests.plays.tiny import TOUCHES, write_play
+
+import fantoccini as fan
+from fantoccini import view
+from fantoccini.plays import clearances, overhead
+from fantoccini.view.stage_plan import plan
+from fantoccini.view.stills import Stills
+from fantoccini.view.timeline import fitted, timeline
+
+
+class Page(HTMLParser):
+    """Tables as lists of cells, tags with their attributes, and the words."""
+
+    def __init__(self, text: str):
+        super().__init__()
+        self.lines: list[list[str]] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.words = ""
+        self._cell = False
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag == "tr":
+            self.lines.append([])
+        if tag in ("td", "th"):
+            self.lines[-1].append("")
+        self._cell = tag in ("td", "th") or (self._cell and tag not in ("p", "h1", "h2"))
+
+    def handle_endtag(self, tag):
+        self._cell = self._cell and tag not in ("td", "th")
+
+    def handle_data(self, data):
+        self.words += data
+        if self._cell:
+            self.lines[-1][-1] += data
+
+
+@pytest.fixture(scope="module")
+def verification(tmp_path_factory) -> fan.Verification:
+    play = fan.load_play(write_play(tmp_path_factory.mktemp("play")))
+    return fan.verify_play(play)
+
+
+@pytest.fixture(scope="module")
+def text(verification, tmp_path_factory) -> str:
+    path = tmp_path_factory.mktemp("report") / "page.html"
+    shares = []
+    assert view.play_report(verification, path, progress=shares.append) == path
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+    return path.read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def page(text) -> Page:
+    return Page(text)
+
+
+def test_the_page_needs_nothing_else(page, text):
+    sources = [known.get("src") or known.get("href") for tag, known in page.tags]
+    kinds = [source.split(";")[0] for source in sources if source is not None]
+    assert sorted(kinds) == ["data:image/png", "data:image/svg+xml", "data:image/svg+xml"]
+    assert not {"script", "link", "iframe"} & {tag for tag, _ in page.tags}
+    assert "url(" not in text and "@import" not in text
+
+
+def test_names_are_escaped(page):
+    assert "First <act>" in page.words
+    assert "Two <b>balls</b> & their hops." in page.words
+    assert not {"act", "b"} & {tag for tag, _ in page.tags}
+
+
+def test_the_page_has_the_cue_times(page):
+    assert ["1", "14", "hop.yaml", "one", "0.50", "0.50", "+0", "hands", ""] in page.lines
+    assert any(line[:4] == ["2", "15", "hop.yaml (top)", "two"] for line in page.lines)
+    assert "Every cue is done as written" in page.words
+
+
+def test_the_page_has_the_measured_figures(page, verification):
+    for name, tension in verification.tension.items():
+        (line,) = [one for one in page.lines if one[0] == name and len(one) == 5]
+        assert float(line[1]) == pytest.approx(tension, abs=0.006)
+        assert float(line[2]) == pytest.approx(100.0 * tension / (0.2 * 9.81), abs=0.6)
+    speed, bound, change, _ = verification.peaks["one.hold.length"]
+    (line,) = [one for one in page.lines if one[0] == "one.hold" and len(one) == 7]
+    assert [float(line[k]) for k in (1, 2, 4)] == pytest.approx([speed, bound, change], abs=0.006)
+    (low, high), _ = verification.space
+    assert ["x", f"{low + 0.0:.3f} to {high + 0.0:.3f}", "anywhere"] in page.lines
+
+
+def test_the_least_clearances_are_those_of_the_run(verification, page):
+    run = verification.run
+    found = {frozenset(one.owners): one for one in clearances(verification.play.cast, run)
+             if not one.of_strings}  # fmt: skip
+    one, two = (run.q_D[:, [run.coordinates.q_D.index(f"{name}.ball.{x}") for x in "xyz"]]
+                for name in ("one", "two"))  # fmt: skip
+    apart = np.linalg.norm(one - two, axis=1).min() - 0.1
+    assert found[frozenset(("one", "two"))].distance == pytest.approx(apart, abs=1e-4)
+    floor = found[frozenset(("one", "floor"))]
+    assert floor.distance == pytest.approx(one[:, 2].min() - 0.05, abs=1e-4)
+    block = found[frozenset(("two", "block"))].distance
+    assert block == pytest.approx(np.hypot(0.35, 0.15) - 0.05, abs=2e-3)
+    assert any(line[:2] == ["one - floor", "one.ball"] for line in page.lines)
+
+
+def test_a_play_that_fails_says_so_first(tmp_path):
+    verification = fan.verify_play(fan.load_play(write_play(tmp_path, TOUCHES)))
+    text = view.play_report(verification, tmp_path / "page.html").read_text(encoding="utf-8")
+    assert 'class="verdict fails">1 of 2 cues cannot be done as written' in text
+    assert f"{tmp_path / 'tiny.yaml'}:15: acts[0].cues[1]: one: sway.yaml cannot be done" in text
+    assert '<tr class="wrong"><td class="r">2</td><td class="r">15</td>' in text
+
+
+def inside(figure) -> list[str]:
+    """The words of a figure; fails where one is cut."""
+    figure.canvas.draw()
+    whole, words = figure.bbox, []
+    for axes in figure.axes:
+        ticks = [
+            tick.label1 for axis in (axes.xaxis, axes.yaxis) for tick in axis.get_major_ticks()
+            if axis.get_view_interval().min() <= tick.get_loc() <= axis.get_view_interval().max()
+        ]  # fmt: skip
+        for one in (*axes.texts, axes.xaxis.label, axes.yaxis.label, *ticks):
+            if not one.get_text() or not one.get_visible():
+                continue
+            box = one.get_window_extent()
+            assert whole.x0 <= box.x0 and box.x1 <= whole.x1, one.get_text()
+            assert whole.y0 <= box.y0 and box.y1 <= whole.y1, one.get_text()
+            words.append(one.get_text())
+    return words
+
+
+def test_the_drawings_name_everything_and_cut_nothing(verification):
+    play = verification.play
+    assert {"one", "two", "here", "there", "block"} <= set(inside(plan(play, verification.space)))
+    words = inside(timeline(play))
+    assert {"First <act>", "one", "two", "captions", "1 hop.yaml", "<Hop> & hop"} <= set(words)
+    stills = inside(Stills(play, verification.run).of_act("First <act>"))
+    assert [stills.count(name) for name in ("one", "two")] == [8, 8]
+
+
+def test_the_stage_from_above_has_what_stands_there(verification):
+    seen = overhead(verification.play)
+    assert seen.marks == {"here": (0.0, -0.3), "there": (0.0, 0.3)}
+    (polygon,) = seen.standing["block"]
+    np.testing.assert_allclose(polygon.min(axis=0), [-0.45, -0.15], atol=1e-9)
+    np.testing.assert_allclose(polygon.max(axis=0), [-0.35, 0.15], atol=1e-9)
+
+
+def test_words_are_cut_to_what_fits():
+    assert fitted("12 walks to the door", 200.0) == "12 walks to the door"
+    assert fitted("12 walks to the door", 60.0).startswith("12 walk")
+    assert fitted("12 walks to the door", 15.0) == "12"
+    assert fitted("12 walks to the door", 5.0) == ""
+
+
+def test_a_report_elsewhere_is_refused(verification, tmp_path):
+    with pytest.raises(ValueError, match=r"a report ends in \.html, not in '\.pdf'"):
+        view.play_report(verification, tmp_path / "page.pdf")
+    with pytest.raises(fan.PictureError, match="there is no folder"):
+        view.play_report(verification, tmp_path / "no" / "page.html")
