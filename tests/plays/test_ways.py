@@ -81,15 +81,15 @@ def test_nothing_in_the_way_is_straight_ahead():
     assert way.begin == 0.0 and len(way.steps) == 25
     assert way.length == pytest.approx(2.0)
     about = check(found(WEST, Footing(-1.0, 0.0, np.pi)), Footing(-1.0, 0.0, np.pi))
-    assert len(about.steps) == 5 and about.length == 0.0
+    assert len(about.steps) == 8 and about.length == 0.0
     assert found(WEST, WEST) == Way(WEST, 0.0, (), STEP_TIME)
 
 
-def test_turns_are_five_to_half_a_turn_and_walks_between():
+def test_turns_are_eight_to_half_a_turn_and_walks_between():
     goal = Footing(-1.0, 0.16, np.pi)
     way = check(found(WEST, goal), goal)
     kinds = "".join("t" if step.turn else "w" for step in way.steps)
-    assert kinds == "tttwwttt"
+    assert kinds == "ttttwwtttt"
 
 
 def test_a_way_is_walked_as_it_was_planned():

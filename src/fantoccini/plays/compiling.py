@@ -7,15 +7,16 @@ from collections.abc import Callable
 
 from fantoccini.errors import Status
 from fantoccini.gestures.notes import Notes
-from fantoccini.gestures.timing import END, START
+from fantoccini.gestures.timing import END, START, Spot
 from fantoccini.plays.acting import Style
 from fantoccini.plays.casting import Cast
 from fantoccini.plays.cues import Cue
 from fantoccini.plays.kept import Kept
+from fantoccini.plays.placing import IN_TIME
 from fantoccini.plays.play import CueOfPlay, Play
 from fantoccini.plays.play_file import said
 from fantoccini.plays.reading import read_script
-from fantoccini.plays.rounds import Round, Rounds
+from fantoccini.plays.rounds import TRIES, Round, Rounds
 from fantoccini.plays.together import together
 from fantoccini.plays.touching import Touch, touches
 from fantoccini.plays.whole import whole_score
@@ -68,26 +69,26 @@ class _Compiler:
 
     def play(self) -> Play:
         """The play, after as many rounds as it takes."""
-        rounds = 0
+        count = 0
         while True:
-            rounds += 1
-            self._tell("rehearsing", min(0.95, rounds / ROUNDS))
-            made = self._rounds.made()
-            last = rounds >= ROUNDS
+            count += 1
+            self._tell("rehearsing", min(0.95, count / ROUNDS))
+            made, last = self._rounds.made(), count >= ROUNDS
             if self._rounds.refuse_stopped(made) and not last:
                 continue
-            if rounds == 1 and self._rounds.settle(made):
+            if count == 1 and self._rounds.settle(made):
                 continue
-            if self._rounds.hurry(made) and not last:
+            if (self._rounds.hurry(made) or self._rounds.refuse_late()) and not last:
                 continue
             found = self._touches(made)
             if last or not self._mend(found):
                 break
         if self._touching and not found:
-            self._try_smaller()
+            self._try_again()
             made = self._rounds.made()
+            found = self._touches(made)
         self._tell("compiled", 1.0)
-        return self._made(made, found, rounds)
+        return self._made(made, found, count)
 
     # -- touches -----------------------------------------------------------------------------
 
@@ -117,23 +118,42 @@ class _Compiler:
                 self._touching.append(cue)
         return mended
 
-    def _try_smaller(self) -> None:
-        """Finds for gestures in which something would touch how large they can be."""
+    def _try_again(self) -> None:
+        """Tries what was refused because something would touch.
+
+        Once what comes later is refused as well, it may be done after all; otherwise a smaller
+        gesture may be, which the reason then says.
+        """
+        wishes = self._rounds.wishes
         for cue in self._touching[:_MOST_TRIED]:
-            if cue.given.does is None:
-                continue
-            why = self._rounds.wishes.refused.pop(cue.spot)
-            for factor in _SMALLER:
+            sizes = _SMALLER if cue.given.does is not None else ()
+            if cue is not self._touching[-1]:
+                sizes = (1.0, *sizes)
+            why = wishes.refused.pop(cue.spot)
+            for size in sizes:
                 self._tell("looking for what can be done", 0.98)
-                self._rounds.wishes.smaller[cue.spot] = factor
-                made = self._rounds.made()
-                done = all(run.status is Status.DONE for run in made.runs.values())
-                if done and not self._touches(made):
-                    size = factor * Style.of(cue.given).larger
-                    why += f"; it can be done with larger: {size:.2g}"
-                    break
-            del self._rounds.wishes.smaller[cue.spot]
-            self._rounds.wishes.refused[cue.spot] = why
+                wishes.smaller[cue.spot] = size
+                if not self._holds(cue):
+                    continue
+                if size < 1.0:
+                    larger = size * Style.of(cue.given).larger
+                    why += f"; it can be done with larger: {larger:.2g}"
+                    wishes.refused[cue.spot] = why
+                break
+            else:
+                wishes.refused[cue.spot] = why
+            wishes.smaller.pop(cue.spot, None)
+
+    def _holds(self, cue: Cue) -> bool:
+        """Whether a cue can be done beside all others, in time and without touching."""
+        made = self._rounds.made()
+        for _ in range(TRIES):
+            if not self._rounds.hurry(made):
+                break
+            made = self._rounds.made()
+        done = all(run.status is Status.DONE for run in made.runs.values())
+        in_time = all(abs(late) <= IN_TIME for late in self._rounds.late.values())
+        return done and not cue.refused and in_time and not self._touches(made)
 
     # -- the result --------------------------------------------------------------------------
 
@@ -142,7 +162,8 @@ class _Compiler:
         for cue in self._rounds.timeline.cues:
             self._note(cue)
         for touch in found:
-            notes.change(("acts",), f"{touch} {notes.said(touch.t)}")
+            spot: Spot = ("acts",) if touch.t > 0.0 else ("cast",)
+            notes.change(spot, f"{touch} {notes.said(touch.t)}")
         cues = tuple(self._cue(i, cue) for i, cue in enumerate(self._rounds.timeline.cues))
         score = whole_score(self._cast, made.motions, made.lanes, self._rounds.timeline, notes)
         parts = tuple(

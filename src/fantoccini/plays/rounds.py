@@ -30,7 +30,7 @@ _RINGS = 1.0
 """After the last cue, in which the puppets still swing [s]."""
 _SLACK = 0.6
 """After a cue, in which what touches is still its own doing [s]."""
-_TRIES = 4
+TRIES = 4
 """How often a cue's hands are moved in time."""
 _MOST_EARLY = 0.6
 """By how much hands lead limbs at most [s]."""
@@ -61,6 +61,7 @@ class Rounds:
     Attributes:
         timeline: the cues, as the last round has placed them.
         wishes: what rounds have found out.
+        late: place of a cue and player -> by how much its limb is late in the last round [s].
         settled: number of a cue -> its pause, and the trunk's speeds after it without the pause
             and with it [s, m/s, m/s].
 
@@ -79,6 +80,7 @@ class Rounds:
         self._cast, self._repertory, self._places = cast, repertory, places
         self._notes, self._kept = notes, kept
         self._walks = Walks(cast, notes)
+        self.late: dict[tuple[Spot, str], float] = {}
         self._tried: dict[tuple[Spot, str], int] = {}
 
     def made(self) -> Round:
@@ -157,14 +159,27 @@ class Rounds:
             return None
         return begun, excerpt(whole, begun, part.end)
 
+    def refuse_late(self) -> bool:
+        """Refuses cues whose limbs are not on their marks, however early the hands begin."""
+        changed = False
+        for (spot, name), late in self.late.items():
+            if abs(late) > IN_TIME and spot not in self.wishes.refused:
+                side = "late" if late > 0.0 else "early"
+                text = f"{name} would be {1e3 * abs(late):.0f} ms {side}, whenever its hands begin"
+                self.wishes.refused[spot] = text
+                changed = True
+        return changed
+
     def hurry(self, made: Round) -> bool:
         """Lets hands begin earlier, where limbs are late on the marks that cues are timed by."""
         changed = False
+        self.late.clear()
         for name, run in made.runs.items():
             for late, cue in self._late(name, run, made):
                 key = cue.spot, name
+                self.late[key] = late
                 tried = self._tried.get(key, 0)
-                if abs(late) < _ENOUGH or tried >= _TRIES:
+                if abs(late) < _ENOUGH or tried >= TRIES:
                     continue
                 before = self.wishes.earlier.get(key, 0.0)
                 after = float(np.clip(before + late, -_MOST_EARLY, _MOST_EARLY))
