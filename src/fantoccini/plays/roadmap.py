@@ -35,7 +35,7 @@ _LATTICE = 48
 """Places spread over the stage, to make way to."""
 _SAME = 0.01
 """Places nearer to each other than this count once [m]."""
-_COSINES = np.cos(TURN * np.arange(1, 5)) - 1e-9
+_COSINES = np.cos(TURN * np.arange(1, round(np.pi / TURN))) - 1e-9
 
 
 def turns(first: Complex, then: Complex) -> Array:
