@@ -42,7 +42,7 @@ def load_play(
     nearest thing that can be done; the rest is compiled.
 
     Args:
-        path: of the file.
+        path: of the file, or the name of a bundled play: ``trio``.
         progress: called with what is being done and the share of it, as for a progress bar.
         before: an earlier version of the play, whose runs are used where nothing has changed.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
+from pathlib import Path
 
 from fantoccini.errors import FileError
 from fantoccini.gestures.notes import Notes
@@ -16,6 +17,14 @@ from fantoccini.puppet.located import read_file, validate
 
 _OTHERS = ("puppet", "scene", "score", "gesture")
 """Keys of files of other kinds."""
+
+
+_REPERTORY = Path(__file__).parent / "repertory"
+
+
+def play_names() -> tuple[str, ...]:
+    """Names of the bundled plays."""
+    return tuple(sorted(path.stem for path in _REPERTORY.glob("*.yaml")))
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,12 +50,15 @@ def read_script(path: str | os.PathLike[str], before: Play | None = None) -> Scr
     """A play as it is written.
 
     Args:
-        path: of the file.
+        path: of the file, or the name of a bundled play.
         before: an earlier version of the play, whose cast is used where it has not changed.
 
     Raises:
         FileError: with every mistake found and its location.
     """
+    name = os.fspath(path)
+    if not Path(name).is_file() and name in play_names():
+        path = _REPERTORY / f"{name}.yaml"
     located = read_file(path)
     data = located.data if isinstance(located.data, dict) else {}
     other = next((kind for kind in _OTHERS if kind in data and "play" not in data), None)
