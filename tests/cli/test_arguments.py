@@ -67,7 +67,7 @@ WRONG = {
     "a file that is not there": (["info", "none.yaml"], "none.yaml: found nothing here"),
     "a folder": (["info", "."], "found a folder here"),
     "an unknown schema": (["schema", "foo"], "puppet"),
-    "a play that is none": (["perform", "README.md"], "is no play"),
+    "a play that is none": (["perform", fan.puppets.path("arm2d")], "is no play"),
     "a play that is not there": (["perform", "none.yaml"], "none.yaml"),
     "messages without a port": (["perform", "p.yaml", "--osc-in", "host"], "needed: HOST:PORT"),
     "messages that come back": (

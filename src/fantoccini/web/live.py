@@ -290,7 +290,6 @@ class Live(PageLoop):
         return clients[0] if len(clients) == 1 else device
 
     def _go(self) -> None:
-        """GO of a MIDI device."""
         if self.stage.show is not None:
             self.later(self._viewer("midi"), self.stage.show.go)
 
