@@ -71,10 +71,8 @@ class PlayTab:
     def update(self) -> None:
         """Shows where in the play it is."""
         show = self._show
-        shown = {
-            self._about: _about(show, self._live.stage.messages), self._list: _cues(show),
-        }  # fmt: skip
-        for part, content in shown.items():
+        about = _about(show, self._live.stage.messages)
+        for part, content in ((self._about, about), (self._list, _cues(show))):
             if part.content != content:
                 part.content = content
         hold = self._labels["Hold (Y)"]
