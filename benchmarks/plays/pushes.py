@@ -6,7 +6,7 @@ In each run four pushes come at random times, each to a random player:
 
     slip      a hand is jerked by 2 cm in a random direction within 0.1 s, and comes back: the size
               of a slip of a hand
-    impulse   a body is given 0.1 m/s times the player's mass within 0.1 s
+    impulse   a trunk or head is given 0.1 m/s times the player's mass within 0.1 s
 
 A cue holds where every limb that turns at a mark of its gesture does so within 1/60 s of when it
 does in a run that nobody pushes, and every body of its player is within 2 cm of where it is there,
@@ -74,7 +74,7 @@ class Pushes:
                 hand = str(rng.choice(hands))
                 self.jobs += slip(live, hand, WAY * way, float(t))
             else:
-                bodies = [b.name for b in live.marionette.tree.links if b.name.startswith(own)]
+                bodies = [own + "torso", own + "skull"]
                 force = GIVEN * players[who].alone.weight / 9.81 / WITHIN * way
                 self.jobs += impulse(live, str(rng.choice(bodies)), force, float(t))
         self.jobs.sort(key=lambda job: job[0])
@@ -98,9 +98,11 @@ def impulse(live: fan.Performance, body: str, force: np.ndarray, t: float):
     return [(t, lambda: live.push(body, force)), (t + WITHIN, lambda: live.push(body, None))]
 
 
-def performed(play: fan.Play, pushes: Pushes | None = None) -> Run:
+def performed(play: fan.Play, steady: bool, pushes: Pushes | None = None) -> Run:
     """A show from GO to its end; GO comes wherever it waits."""
     show = fan.Show(play)
+    if not steady:
+        show.steady = None
     if pushes is not None:
         pushes.plan(show)
     show.go()
@@ -146,17 +148,19 @@ def main() -> None:
     play = fan.load_play(sys.argv[1])
     seeds = int(sys.argv[2]) if len(sys.argv) > 2 else SEEDS
     print(play)
-    still = performed(play)
-    usual = turns(play, still)
-    for kind in ("slip", "impulse"):
-        count(play, still, usual, kind, seeds)
+    for steady in (True, False):
+        print(f"hands {'shift' if steady else 'do not shift'} against swing")
+        still = performed(play, steady)
+        usual = turns(play, still)
+        for kind in ("slip", "impulse"):
+            count(play, still, usual, kind, seeds, steady)
 
 
-def count(play, still: Run, usual, kind: str, seeds: int) -> None:
+def count(play, still: Run, usual, kind: str, seeds: int, steady: bool) -> None:
     began, rows = time.perf_counter(), []
     for seed in range(seeds):
         pushes = Pushes(kind, seed)
-        run = performed(play, pushes)
+        run = performed(play, steady, pushes)
         now = turns(play, run)
         for cue in play.cues:
             if cue.refused:

@@ -114,7 +114,7 @@ def test_skip_and_repeat_lead_from_where_the_hands_are(stage):
     show.skip()
     stage.pass_by(3.0)
     assert show.waiting.name == "cue 3"
-    assert stage.astray() < 1e-6
+    assert stage.astray() < 0.01  # the hands shift against the swing that the way left
     show.skip()
     stage.pass_by(2.0)
     assert show.present.number == 4
@@ -134,11 +134,11 @@ def test_hold_stops_within_a_third_of_a_second(stage):
     t = show.t
     stage.pass_by(0.5)
     assert show.t == t
-    assert np.max(np.abs(show.performance.state.v_K)) < 1e-9
+    assert np.max(np.abs(show.performance.state.v_K)) < 1e-5  # the shift fades
     show.go()
     stage.pass_by(1.0)
     assert show.t > t + 0.7
-    assert stage.astray() < 1e-3
+    assert stage.astray() < 0.01
     assert stage.within_bounds()
 
 
@@ -162,6 +162,33 @@ def test_a_player_is_taken_and_given_back_while_the_other_plays_on(stage, moved)
     stage.pass_by(2.5)
     assert stage.astray() < 1e-3
     assert stage.within_bounds()
+
+
+def test_hands_that_shift_against_swing_end_it_soon(play):
+    """Of a push of 0.5 N for 0.2 s."""
+
+    def swing(steady: bool) -> float:
+        stage, usual = Stage(play), Stage(play)
+        for one, force in ((stage, (0.0, 0.5, 0.0)), (usual, None)):
+            if not steady:
+                one.show.steady = None
+            one.show.go()
+            one.pass_by(0.5)
+            one.show.performance.push("columbine.torso", force)
+            one.pass_by(0.2)
+            one.show.performance.push("columbine.torso", None)
+            one.pass_by(2.0)
+        assert stage.within_bounds()
+        at, there = (one.show.performance for one in (stage, usual))
+        most = 0.0
+        for _ in range(20):
+            stage.pass_by(0.1)
+            usual.pass_by(0.1)
+            poses = [live.marionette.pose(live.state, "columbine.torso") for live in (at, there)]
+            most = max(most, float(np.linalg.norm(poses[0][:, 3] - poses[1][:, 3])))
+        return most
+
+    assert swing(True) < 0.5 * swing(False)
 
 
 def test_a_taken_player_stays_out_of_skips_and_all_hands_stop_and_go_on(stage):

@@ -56,6 +56,7 @@ class ScoreVoice:
         running: whether it goes on.
         now: the offsets.
         share: (2, 1) of the bounds of speed and acceleration, for what leads over.
+        shift: (n_vK,) and its rate: added to what the score moves.
 
     Args:
         score: what is played.
@@ -67,6 +68,8 @@ class ScoreVoice:
         self.conductor, self.running = Conductor(score), True
         self.now = Offsets.none(most.shape[1])
         self.share: Array = np.ones((2, 1))
+        nothing = np.zeros(most.shape[1])
+        self.shift: tuple[VecK, VecK] = nothing, nothing
         self._motion, self._most = motion, most
         self._pace, self._led, self._clock = 0.0, 0.0, 0.0
         self._lead: tuple[float, Array] | None = None
@@ -110,8 +113,8 @@ class ScoreVoice:
         own = ~self._instead
         there, _ = at(self._motion.breaks, self._motion.coef, t)
         self._lead, _ = transition(
-            self.now.d * own, self.now.rate * own, there * own, np.zeros(len(there)),
-            self._most * self.share,
+            (self.now.d - self.shift[0]) * own, (self.now.rate - self.shift[1]) * own,
+            there * own, np.zeros(len(there)), self._most * self.share,
         )  # fmt: skip
 
     def leave(self, moves: MaskRows) -> None:
@@ -133,7 +136,8 @@ class ScoreVoice:
             d, rate: (n_vK,) where they are, and how fast.
         """
         own_d, own_rate = self._score(0.0)
-        e, e_rate = (d - own_d) * moves, (rate - own_rate) * moves
+        e = (d - own_d - self.shift[0]) * moves
+        e_rate = (rate - own_rate - self.shift[1]) * moves
         nothing, duration, way = np.zeros(len(moves)), 0.0, None
         for _ in range(_TRIES):
             way, _ = transition(e, e_rate, nothing, nothing, self._left(duration))
@@ -183,7 +187,7 @@ class ScoreVoice:
 
     def _whole(self, d: VecK, rate: VecK) -> Offsets:
         """The score's offsets with the ways on top of it, or instead."""
-        d, rate = np.array(d), np.array(rate)
+        d, rate = d + self.shift[0], rate + self.shift[1]
         for way in self._ways:
             own, own_rate = way.at(self._clock)
             keeps = ~(way.moves & way.instead)

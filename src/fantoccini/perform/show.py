@@ -12,6 +12,7 @@ from fantoccini.gestures import Wait
 from fantoccini.motion import State
 from fantoccini.perform.performance import Performance
 from fantoccini.perform.score_voice import ScoreVoice
+from fantoccini.perform.steady import Steady
 from fantoccini.plays import CueOfPlay, Play
 
 _SHARE = np.array([[0.5], [0.25]])
@@ -57,6 +58,7 @@ class Show:
         play: compiled.
         performance: the simulated stage with its hands.
         taken: players that are in somebody's hands.
+        steady: shifts the hands against swing; None leaves it out.
         message: what was refused or has happened last, in words.
 
     Args:
@@ -73,6 +75,7 @@ class Show:
         )  # fmt: skip
         self.taken: frozenset[str] = frozenset()
         self.message = ""
+        self.steady: Steady | None = Steady(play, self.performance)
         done = (cue for cue in play.cues if not cue.refused)
         self._played = tuple(sorted(done, key=lambda cue: cue.start))
         self._tell: list[Callable[[Happening], None]] = []
@@ -224,6 +227,7 @@ class Show:
         lanes = self._lanes(who)
         if self.voice is not None:
             self.performance.leave_lanes(lanes)
+            self._forget([who])
         self.taken |= {who}
         self.message = f"{who} is in your hands"
 
@@ -243,6 +247,7 @@ class Show:
         """Stops all hands as fast as their bounds allow; :meth:`resume` or GO goes on."""
         if self.voice is not None:
             self.voice.halt()
+            self._forget(list(self.play.cast.players))
             self._halted = True
         self.message = "all hands have stopped"
 
@@ -259,6 +264,8 @@ class Show:
         left = float(duration)
         while True:
             part = min(left, self.performance.tick)
+            if self.steady is not None and self.voice is not None:
+                self.steady.update(self.voice, self.performance.state, self.taken)
             x = self.performance.advance(part)
             self._watch()
             left -= part
@@ -304,6 +311,12 @@ class Show:
 
     def _lead_back(self, players: list[str]) -> None:
         self.performance.lead_back([lane for who in players for lane in self._lanes(who)])
+
+    def _forget(self, players: list[str]) -> None:
+        """Hands that stop keep no shift."""
+        if self.steady is not None:
+            for who in players:
+                self.steady.forget(who)
 
     def _cue_of(self, wait: Wait) -> CueOfPlay:
         """The cue before which a wait is."""
