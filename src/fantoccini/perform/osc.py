@@ -118,15 +118,16 @@ class Osc:
         self._packet, self._builder = _library()
         self._told: dict[int, float] = {}
         self._end = threading.Event()
-        self._out = self._in = None
+        self._out: socket.socket | None = None
+        self._in: socket.socket | None = None
         self.heard_at = hear
         if send is not None:
-            self._out = _socket(send)
+            self._out, self._there = _socket(send)
             show.listen(self._tell)
         if hear is not None:
-            self._in = _socket(hear)
+            self._in, here = _socket(hear)
             try:
-                self._in.bind(hear)
+                self._in.bind(here)
             except OSError as error:
                 raise StateError(
                     f"messages cannot be heard at {hear}: {error.strerror}; "
@@ -231,9 +232,8 @@ class Osc:
         for value in values:
             message.add_arg(value)
         assert self._out is not None
-        assert self._send is not None
         try:
-            self._out.sendto(message.build().dgram, self._send)
+            self._out.sendto(message.build().dgram, self._there)
         except OSError as error:
             self.counts.lost += 1
             self.counts.last = f"not sent to {self._send}: {error.strerror}"
@@ -257,12 +257,12 @@ def _library() -> tuple[Any, Any]:
     return OscPacket, OscMessageBuilder
 
 
-def _socket(address: Address) -> socket.socket:
-    """A socket for datagrams of the address's kind."""
+def _socket(address: Address) -> tuple[socket.socket, Any]:
+    """A socket for datagrams of the address's kind, and the address as it takes it."""
     try:
-        kind = socket.getaddrinfo(address.host, address.port, type=socket.SOCK_DGRAM)[0][0]
+        found = socket.getaddrinfo(address.host, address.port, type=socket.SOCK_DGRAM)[0]
     except OSError as error:
         raise StateError(
             f"{address.host} is no address: {error.strerror}; needed: such as 127.0.0.1"
         ) from None
-    return socket.socket(kind, socket.SOCK_DGRAM)
+    return socket.socket(found[0], socket.SOCK_DGRAM), found[4]

@@ -58,7 +58,7 @@ class Steady:
 
     def __init__(self, play: Play, performance: Performance):
         self._play, self._performance = play, performance
-        self._members = _Members(play)
+        self._members = Members(play)
         run = together(play.cast, runs_alone(play.cast, play.motions, play.kept))
         self._clock = np.arange(run.t[0], run.t[-1], 1.0 / _WEIGHTS.rate)
         at = run.resample(self._clock)
@@ -120,7 +120,7 @@ class Steady:
         return found
 
 
-class _Members:
+class Members:
     """The bodies and hands of every player."""
 
     def __init__(self, play: Play):

@@ -290,8 +290,7 @@ class Live(PageLoop):
         return clients[0] if len(clients) == 1 else device
 
     def _go(self) -> None:
-        if self.stage.show is not None:
-            self.later(self._viewer("midi"), self.stage.show.go)
+        self.later(self._viewer("midi"), self.stage.go)
 
     def _follow_pads(self, duration: float) -> None:
         pressed, sticks = self._pads.pressed(), self._pads.sticks

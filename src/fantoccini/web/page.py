@@ -10,6 +10,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -86,9 +87,12 @@ class Page:
 
     @property
     def changes(self) -> tuple[str, ...]:
-        """What in the score of a live puppet is not as it is written, with file and line."""
-        score = self.show.stage.score if isinstance(self.show, Live) else None
-        return () if score is None else tuple(map(str, score.changes))
+        """What in the score or the play is not as it is written, with file and line."""
+        if not isinstance(self.show, Live):
+            return ()
+        stage = self.show.stage
+        performed = stage.score if stage.show is None else stage.show.play
+        return () if performed is None else tuple(map(str, performed.changes))
 
     @property
     def osc(self) -> Osc | None:
@@ -328,8 +332,13 @@ def open_show(
     look = theme_of(theme)
     _check_folder(record_to)
     live = Live(show.performance, look, record_to.absolute(), show=show)
+
+    def heard(do: Callable[[], None]) -> None:
+        do()
+        live.stage.sounds.changed()
+
     if hear is not None or send is not None:
-        live.stage.osc = Osc(show, hear, send, lambda do: live.later(None, do))
+        live.stage.osc = Osc(show, hear, send, lambda do: live.later(None, partial(heard, do)))
     script = SCRIPT + SOUND_SCRIPT + MIDI_SCRIPT
     try:
         server = Server(show.play.name, look, host, port, script, live.handlers)

@@ -200,7 +200,9 @@ class Stage:
         """GO: ends a wait of the score; begins the score where it is not played or has ended."""
         self._needed()
         playing = self.performance.score
-        if playing is None or playing.conductor.done:
+        if self.show is not None:
+            self.show.go()
+        elif playing is None or playing.conductor.done:
             playing = playing or self._begin()
             playing.seek(0.0)
             playing.running = True
