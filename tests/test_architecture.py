@@ -84,6 +84,7 @@ ONLY_IN = {
     "mujoco": {"exchange"},
     "coacd": {"runtime"},  # convex pieces
     "coal": {"clearance", "runtime"},  # exact meshes; how well pieces fit them
+    "pythonosc": {"perform"},
     "pyvista": {"view"},
     "viser": {"web"},
 }

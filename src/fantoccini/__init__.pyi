@@ -92,6 +92,7 @@ from .perform import (
     Handle as Handle,
     Performance as Performance,
     Recording as Recording,
+    Show as Show,
 )
 from .planning import (
     Clearance as Clearance,

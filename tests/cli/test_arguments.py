@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 COMMANDS = (
     "check", "schema", "info", "equations", "export", "simulate", "plan", "optimise", "follow",
-    "play", "show", "take", "validate-reduction", "demo", "doctor",
+    "play", "show", "perform", "take", "validate-reduction", "demo", "doctor",
 )  # fmt: skip
 
 
@@ -67,6 +67,13 @@ WRONG = {
     "a file that is not there": (["info", "none.yaml"], "none.yaml: found nothing here"),
     "a folder": (["info", "."], "found a folder here"),
     "an unknown schema": (["schema", "foo"], "puppet"),
+    "a play that is none": (["perform", fan.puppets.path("arm2d")], "is no play"),
+    "a play that is not there": (["perform", "none.yaml"], "none.yaml"),
+    "messages without a port": (["perform", "p.yaml", "--osc-in", "host"], "needed: HOST:PORT"),
+    "messages that come back": (
+        ["perform", "p.yaml", "--osc-in", "53001", "--osc-out", "127.0.0.1:53001"],
+        "needed: two addresses",
+    ),
     "a negative duration": (["simulate", "arm2d", "--duration", "-1"], "not a positive number"),
     "no duration": (["simulate", "arm2d", "--duration", "0"], "not a positive number"),
     "a duration that is no number": (["simulate", "arm2d", "--duration", "nan"], "nan is not"),

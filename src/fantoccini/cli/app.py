@@ -14,6 +14,7 @@ from fantoccini.cli.options import File, Inputs, Quiet, SchemaOf
 from fantoccini.cli.requests import (
     FollowRequest,
     OptimiseRequest,
+    PerformRequest,
     PlanRequest,
     PlayRequest,
     ShowRequest,
@@ -224,6 +225,19 @@ def show(request: ShowRequest) -> None:
     from fantoccini.cli.show import show_file
 
     show_file(request)
+
+
+@app.command("perform")
+@takes(PerformRequest)
+def perform(request: PerformRequest) -> None:
+    """Perform a play live in the browser: GO, hold, skip, repeat.
+
+    Serves the page on this machine only, until Ctrl-C. OSC messages direct it and tell of cues,
+    where addresses for them are given.
+    """
+    from fantoccini.cli.perform import perform_play
+
+    perform_play(request)
 
 
 @app.command()

@@ -301,7 +301,46 @@ class PlayRequest(PictureOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ShowRequest:
+class PageOptions:
+    """Options of commands that serve a live page."""
+
+    theme: Annotated[Theme, typer.Option(help="Theme of the page.")] = Theme.LIGHT
+    host: Annotated[
+        str,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Address to listen on; other machines can connect unless it is local.",
+        ),
+    ] = "127.0.0.1"
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="First port to try; 0 for any free port.")
+    ] = 8080
+    no_browser: Annotated[
+        bool, typer.Option("--no-browser", help="Print the address without opening a browser.")
+    ] = False
+    record_to: Annotated[
+        Path, typer.Option(metavar="DIR", help="Folder for recordings, gestures and films.")
+    ] = Path(".")
+    quiet: Quiet = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class PerformRequest(PageOptions):
+    """Arguments of ``fantoccini perform``."""
+
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Play (.yaml).")]
+    osc_in: Annotated[
+        str | None,
+        typer.Option(metavar="HOST:PORT", help="Where OSC messages are heard [nowhere]."),
+    ] = None
+    osc_out: Annotated[
+        str | None,
+        typer.Option(metavar="HOST:PORT", help="Where OSC messages are sent [nowhere]."),
+    ] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShowRequest(PageOptions):
     """Arguments of ``fantoccini show``."""
 
     file: Annotated[
@@ -324,25 +363,7 @@ class ShowRequest:
     score: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Score that a live puppet plays.")
     ] = None
-    theme: Annotated[Theme, typer.Option(help="Theme of the page.")] = Theme.LIGHT
-    host: Annotated[
-        str,
-        typer.Option(
-            metavar="ADDRESS",
-            help="Address to listen on; other machines can connect unless it is local.",
-        ),
-    ] = "127.0.0.1"
-    port: Annotated[
-        int, typer.Option(min=0, max=65535, help="First port to try; 0 for any free port.")
-    ] = 8080
-    no_browser: Annotated[
-        bool, typer.Option("--no-browser", help="Print the address without opening a browser.")
-    ] = False
-    record_to: Annotated[
-        Path, typer.Option(metavar="DIR", help="Folder for recordings, gestures and films.")
-    ] = Path(".")
     problem: Annotated[
         str | None,
         typer.Option(metavar="FILE", help="Problem file of a plan, unless it is bundled."),
     ] = None
-    quiet: Quiet = False

@@ -6,7 +6,7 @@ import contextlib
 from typing import TYPE_CHECKING
 
 from fantoccini.cli.files import check_folder, check_output, fail, puppet_path
-from fantoccini.cli.requests import ShowRequest
+from fantoccini.cli.requests import PageOptions, ShowRequest
 from fantoccini.cli.terminal import Steps, say, write
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Trajectory
@@ -47,7 +47,7 @@ def show_file(request: ShowRequest) -> None:
         page = open_page(
             subject, theme, request.host, request.port, folder, request.balance, request.score
         )
-    _serve(page, request)
+    serve(page, request)
 
 
 def show_plan(found: PlanResult, quiet: bool) -> None:
@@ -61,7 +61,7 @@ def show_plan(found: PlanResult, quiet: bool) -> None:
 
     request = ShowRequest(file=found.problem.name, quiet=quiet)
     subject = subject_of(found)
-    _serve(open_page(subject, request.theme.value, request.host, request.port), request)
+    serve(open_page(subject, request.theme.value, request.host, request.port), request)
 
 
 def show_run(marionette: Marionette, run: Trajectory, quiet: bool) -> None:
@@ -76,10 +76,10 @@ def show_run(marionette: Marionette, run: Trajectory, quiet: bool) -> None:
 
     request = ShowRequest(file=marionette.name, quiet=quiet)
     page = open_page(Subject(marionette, run), request.theme.value, request.host, request.port)
-    _serve(page, request)
+    serve(page, request)
 
 
-def _serve(page: Page, request: ShowRequest) -> None:
+def serve(page: Page, request: PageOptions) -> None:
     """Prints the address and serves the page until Ctrl-C."""
     try:
         with page, contextlib.suppress(KeyboardInterrupt):
@@ -92,7 +92,7 @@ def _serve(page: Page, request: ShowRequest) -> None:
             say(page.recording_status)
 
 
-def _announce(page: Page, request: ShowRequest) -> None:
+def _announce(page: Page, request: PageOptions) -> None:
     server = page.server
     if server.moved:
         say(f"port {request.port} is in use; the page is on port {server.port}")

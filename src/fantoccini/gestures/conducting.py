@@ -9,7 +9,7 @@ from fantoccini.arrays import check_not_negative
 from fantoccini.errors import UnknownNameError
 from fantoccini.gestures.score import Score, Wait
 
-_EARLY = 0.3
+EARLY = 0.3
 """So long before a wait GO counts already [s]: who presses it on the beat is early or late."""
 
 
@@ -91,17 +91,25 @@ class Conductor:
         self.t = min(t, self.score.duration)
         return self.t
 
-    def go(self) -> bool:
+    @property
+    def released(self) -> bool:
+        """Whether GO has been given for the next wait, which it has not passed yet."""
+        return self._released
+
+    def go(self, early: float = EARLY) -> bool:
         """GO: ends the wait, a loop after its round.
 
+        Args:
+            early: so long before a wait GO counts already [s].
+
         Returns:
-            Whether it did: elsewhere than at a wait, within a loop or shortly before a wait GO does
-            nothing.
+            Whether it did: earlier, after the last wait, and where GO has been given already, it
+            does nothing.
         """
         wait = self.upcoming
         if wait is None or self._released:
             return False
-        if self.waiting is None and self.t < wait.t - _EARLY:
+        if self.waiting is None and self.t < wait.t - early:
             return False
         self._released = True
         self.advance(0.0)

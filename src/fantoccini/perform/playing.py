@@ -9,7 +9,7 @@ from collections.abc import Collection
 import numpy as np
 
 from fantoccini.arrays import ConfigK, MaskRows, VecK
-from fantoccini.errors import UnknownNameError
+from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.gestures import Gesture, Score
 from fantoccini.motion import State
 from fantoccini.motion.binding import check_same_puppet
@@ -157,16 +157,60 @@ class Playing(Steered):
         with self._lock:
             self._player.stop_score()
 
+    def leave_lanes(self, lanes: Collection[str]) -> None:
+        """Leaves lanes of the score that is played to the hands; they stop, the others go on.
+
+        Raises:
+            StateError: no score is played, or a law moves the hands.
+            UnknownNameError: no lane is called that.
+        """
+        moves = self._moved_by(lanes)
+        with self._lock:
+            self._refuse_targets()
+            self._played_score().leave(moves)
+
+    def lead_back(self, lanes: Collection[str]) -> None:
+        """Lets lanes do what the score does, from where the hands are; the way keeps the bounds.
+
+        The hands' own targets are those of the start again.
+
+        Raises:
+            StateError: no score is played, or a law moves the hands.
+            UnknownNameError: no lane is called that.
+        """
+        moves = self._moved_by(lanes)
+        with self._lock:
+            self._refuse_targets()
+            voice, x, start = self._played_score(), self._x, self._start().q_K
+            rate = np.array(x.v_K)
+            for _, w in self.marionette.coordinates.quaternions_K:
+                rate[w : w + 3] = 0.0  # rates of rotation vectors are others; it stops first
+            voice.lead_back(moves, self._hands.away(start, x.q_K), rate)
+            names = self.marionette.coordinates.q_K
+            back = [name.rsplit(".", 1)[0] in lanes for name in names]
+            self._wanted = np.where(back, start, self._wanted)
+
     # -- inside ------------------------------------------------------------------------------
+
+    def _played_score(self) -> ScoreVoice:
+        if self._player.score is None:
+            raise StateError("no score is played: play_score begins one")
+        return self._player.score
+
+    def _moved_by(self, lanes: Collection[str]) -> MaskRows:
+        """(n_vK,) the driven velocities of lanes."""
+        for name in lanes:
+            if name not in self.lanes:
+                raise UnknownNameError("lane", name, list(self.lanes))
+        table = self.marionette.coordinates
+        found: MaskRows = np.zeros(table.n_vK, dtype=bool)
+        for name, (_, v) in channel_names(table).items():
+            found[v] |= name.rsplit(".", 1)[0] in lanes
+        return found
 
     def _without(self, motion: Gesture, armed: Collection[str]) -> Gesture:
         """The motion without the lanes that are armed."""
-        for name in armed:
-            if name not in self.lanes:
-                raise UnknownNameError("lane", name, list(self.lanes))
-        free: MaskRows = np.array(motion.named)
-        for name, (_, v) in channel_names(motion.coordinates).items():
-            free[v] &= name.rsplit(".", 1)[0] not in armed
+        free: MaskRows = motion.named & ~self._moved_by(armed)
         return dataclasses.replace(
             motion, named=free, coef=motion.coef * free[:, None], travel=motion.travel * free
         )

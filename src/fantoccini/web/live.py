@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fantoccini.errors import FantocciniError
-from fantoccini.perform import Balance, Performance
+from fantoccini.perform import Balance, Performance, Show
 from fantoccini.view.geometry import Geometry, force_arrows, geometry_at
 from fantoccini.view.theme import Theme
-from fantoccini.web import pad, sound
+from fantoccini.web import midi, pad, sound
 from fantoccini.web.controls import Controls, line_of_sight
 from fantoccini.web.drag import nudge
 from fantoccini.web.holder import Holder, Viewer, holder_text
@@ -75,6 +75,7 @@ class Live(PageLoop):
         record_to: folder for recordings.
         file: the puppet's file, loaded again when it is saved; or None.
         score: file of a score, or None.
+        show: a play that is performed on it, or None.
 
     Raises:
         FileError: with the mistakes of the score.
@@ -87,14 +88,15 @@ class Live(PageLoop):
         record_to: Path,
         file: Path | None = None,
         score: Path | None = None,
+        show: Show | None = None,
     ):
         super().__init__("live")
         self.performance, self.theme = performance, theme
         self.holder = Holder()
         self.paused, self.factor = False, 1.0
-        self.stage = Stage(performance, record_to, file, score)
+        self.stage = Stage(performance, record_to, file, score, show)
         self._file = None if file is None else WatchedFile(file, compiled)
-        self._pads = pad.Pads()
+        self._pads, self._midi = pad.Pads(), midi.Midi(self._go)
         self._jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._past: deque[tuple[float, np.ndarray]] = deque()
         self._refused: dict[Viewer, float] = {}
@@ -104,7 +106,10 @@ class Live(PageLoop):
     @property
     def handlers(self) -> dict[str, Handler]:
         """Websockets of our own."""
-        return {pad.PATH: self._pads.visit, sound.PATH: self.stage.sounds.visit}
+        return {
+            pad.PATH: self._pads.visit, sound.PATH: self.stage.sounds.visit,
+            midi.PATH: self._midi.visit,
+        }  # fmt: skip
 
     @property
     def recorder(self) -> Recorder:
@@ -151,12 +156,12 @@ class Live(PageLoop):
         """Advances by one frame."""
         if not self.paused:
             self.pause()
-        self.performance.advance(1.0 / REFRESH.rate)
+        (self.stage.show or self.performance).advance(1.0 / REFRESH.rate)
 
     def reset(self) -> None:
         """Returns to the start."""
         balanced = self.balance is not None
-        self.performance.reset()
+        (self.stage.show or self.performance).reset()
         self._past.clear()
         self.let_balance(balanced)
 
@@ -232,7 +237,7 @@ class Live(PageLoop):
         self._follow_pads(duration)
         if not self.paused:
             self.pushes.update(self._poses())
-            self.performance.advance(duration * self.factor)
+            (self.stage.show or self.performance).advance(duration * self.factor)
         self.stage.factor = 0.0 if self.paused else self.factor
         self.stage.frame()
         moment = self._moment()
@@ -279,13 +284,19 @@ class Live(PageLoop):
         t = np.array([at for at, _ in self._past])
         return t - t[-1], np.array([tension for _, tension in self._past]).T
 
+    def _viewer(self, device: str) -> Viewer:
+        """Who uses a device: one person with a mouse and a gamepad is one viewer."""
+        clients = list(self.server.viser.get_clients())
+        return clients[0] if len(clients) == 1 else device
+
+    def _go(self) -> None:
+        self.later(self._viewer("midi"), self.stage.go)
+
     def _follow_pads(self, duration: float) -> None:
         pressed, sticks = self._pads.pressed(), self._pads.sticks
         if not pressed and not sticks.moved:
             return
-        # One person with a mouse and a gamepad is one viewer.
-        clients = list(self.server.viser.get_clients())
-        viewer = clients[0] if len(clients) == 1 else self._pads.name
+        viewer = self._viewer(self._pads.name)
         for button, do in (
             (pad.NEXT, lambda: self.controls.select_next(1)),
             (pad.BEFORE, lambda: self.controls.select_next(-1)),

@@ -16,6 +16,7 @@ from fantoccini.web.moment import Moment
 from fantoccini.web.nodes import VIEWS, SceneNodes
 from fantoccini.web.panel import Plot, Views, bars, note, text
 from fantoccini.web.perform_tabs import GesturesTab, TakesTab
+from fantoccini.web.play_tab import PlayTab
 from fantoccini.web.recorder import Recorder
 from fantoccini.web.score_tab import ScoreTab
 from fantoccini.web.stage import Stage
@@ -110,7 +111,12 @@ class LivePanel:
         self._gestures = GesturesTab(live, gui, gestures, self._command)
         self._takes = TakesTab(live, gui, takes, self._command, theme.name)
         self._score: ScoreTab | None = None
-        if live.stage.score is not None:
+        self._play: PlayTab | None = None
+        if live.stage.show is not None:
+            self._play = PlayTab(
+                live, gui, tabs.add_tab("Play"), self._command, live.stage.show
+            )
+        elif live.stage.score is not None:
             self._score = ScoreTab(live, gui, tabs.add_tab("Score"), self._command, theme)
         self._pause.on_click(lambda e: live.later(e.client_id, live.pause))
         self._record.on_click(lambda e: live.later(e.client_id, live.record))
@@ -235,6 +241,8 @@ class LivePanel:
         if self._score is not None:
             self._score.build()
             self._score.update()
+        if self._play is not None:
+            self._play.update()
         if self._nodes.geometry.names:
             self._bars.content = bars(self._nodes.geometry.names, moment, self._nodes)
             t, tension = history

@@ -10,6 +10,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -19,13 +20,15 @@ from fantoccini.errors import FantocciniError, FileError, Mistake
 from fantoccini.marionette import Marionette, load
 from fantoccini.motion import Trajectory
 from fantoccini.motion.npz import ABOUT, UNREADABLE, about_of, read
-from fantoccini.perform import Performance, Recording
+from fantoccini.perform import Performance, Recording, Show
+from fantoccini.perform.osc import Address, Osc
 from fantoccini.planning import PlanResult, load_problem, problem_names
 from fantoccini.puppet import Puppet
 from fantoccini.scene import Scene
 from fantoccini.view.theme import theme_of
 from fantoccini.web.export import write_html
 from fantoccini.web.live import Live
+from fantoccini.web.midi import SCRIPT as MIDI_SCRIPT
 from fantoccini.web.pad import SCRIPT
 from fantoccini.web.plan_tree import PlanTree
 from fantoccini.web.replay import Replay, ResampledRun
@@ -84,9 +87,17 @@ class Page:
 
     @property
     def changes(self) -> tuple[str, ...]:
-        """What in the score of a live puppet is not as it is written, with file and line."""
-        score = self.show.stage.score if isinstance(self.show, Live) else None
-        return () if score is None else tuple(map(str, score.changes))
+        """What in the score or the play is not as it is written, with file and line."""
+        if not isinstance(self.show, Live):
+            return ()
+        stage = self.show.stage
+        performed = stage.score if stage.show is None else stage.show.play
+        return () if performed is None else tuple(map(str, performed.changes))
+
+    @property
+    def osc(self) -> Osc | None:
+        """Messages from and to a show, or None."""
+        return self.show.stage.osc if isinstance(self.show, Live) else None
 
     def wait(self) -> None:
         """Blocks until Ctrl-C, then closes the page; SIGHUP and SIGTERM also end Python."""
@@ -266,9 +277,7 @@ def open_page(
         ServerError: the address cannot be used.
     """
     look = theme_of(theme)
-    if not record_to.is_dir():
-        message = "there is no such folder for recordings"
-        raise FileError([Mistake(str(record_to), None, "", message)])
+    _check_folder(record_to)
     title = subject.marionette.name
     if subject.run is not None:
         motion = ResampledRun.of(subject.marionette, subject.run)
@@ -288,6 +297,58 @@ def open_page(
         shown = live
     shown.start()
     return Page(server, shown)
+
+
+def _check_folder(record_to: Path) -> None:
+    """Raises FileError where there is no folder for recordings."""
+    if not record_to.is_dir():
+        message = "there is no such folder for recordings"
+        raise FileError([Mistake(str(record_to), None, "", message)])
+
+
+def open_show(
+    show: Show,
+    theme: str,
+    host: str,
+    port: int,
+    record_to: Path = Path("."),
+    hear: Address | None = None,
+    send: Address | None = None,
+) -> Page:
+    """Serves a page on which a play is performed.
+
+    Args:
+        show: the play.
+        theme, host, port, record_to: see :func:`open_page`.
+        hear: where OSC messages are heard, or None.
+        send: where they go, or None.
+
+    Raises:
+        FileError: there is no such folder for recordings.
+        MissingLibraryError: python-osc is not installed.
+        StateError: an address of messages cannot be used.
+        ServerError: the address of the page cannot be used.
+    """
+    look = theme_of(theme)
+    _check_folder(record_to)
+    live = Live(show.performance, look, record_to.absolute(), show=show)
+
+    def heard(do: Callable[[], None]) -> None:
+        do()
+        live.stage.sounds.changed()
+
+    if hear is not None or send is not None:
+        live.stage.osc = Osc(show, hear, send, lambda do: live.later(None, partial(heard, do)))
+    script = SCRIPT + SOUND_SCRIPT + MIDI_SCRIPT
+    try:
+        server = Server(show.play.name, look, host, port, script, live.handlers)
+    except FantocciniError:
+        if live.stage.osc is not None:
+            live.stage.osc.stop()
+        raise
+    live.open(server)
+    live.start()
+    return Page(server, live)
 
 
 def is_script() -> bool:

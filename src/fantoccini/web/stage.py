@@ -9,7 +9,8 @@ from pathlib import Path
 from fantoccini.errors import FantocciniError, StateError
 from fantoccini.gestures import Score, load_score
 from fantoccini.marionette import Marionette
-from fantoccini.perform import Performance, Recording
+from fantoccini.perform import Performance, Recording, Show
+from fantoccini.perform.osc import Osc
 from fantoccini.perform.score_voice import ScoreVoice
 from fantoccini.web.instrument import Instrument
 from fantoccini.web.recorder import Recorder
@@ -30,6 +31,8 @@ class Stage:
         worker: writes and films.
         sounds: what is heard.
         score: that is played, or None.
+        show: the play that is performed, or None; its score is then played.
+        osc: messages from and to the show, or None.
         armed: lanes that a take or a score leaves to the hands.
         factor: speed of the page's time, 0 while it stands still.
 
@@ -38,6 +41,7 @@ class Stage:
         folder: for recordings, gestures and films.
         file: the puppet's, with gestures beside it; or None.
         score: file of a score, or None.
+        show: a play that is performed, or None.
 
     Raises:
         FileError: with the mistakes of the score.
@@ -49,14 +53,16 @@ class Stage:
         folder: Path,
         file: Path | None = None,
         score: Path | None = None,
+        show: Show | None = None,
     ):
-        self.performance, self._score_file = performance, score
+        self.performance, self._score_file, self.show = performance, score, show
         beside = () if file is None else (file.absolute().parent,)
         self.instrument = Instrument(performance, (*beside, folder))
         self.worker = Worker()
         self.takes = Takes(performance, folder, self.worker)
         self.recorder = Recorder(performance, folder, self._made)
         self.sounds = Sounds(self._heard)
+        self.osc: Osc | None = None
         self.armed: set[str] = set()
         self.factor = 1.0
         self._overdubs = False
@@ -68,6 +74,8 @@ class Stage:
         if score is not None:
             self._watched = WatchedFile(score, self._read)
             self._take_score(self._read(score))
+        elif show is not None:
+            self._take_score(show.play.score)
 
     def on_take(self, do: Callable[[], None]) -> None:
         """Calls something whenever there is a new take."""
@@ -130,6 +138,13 @@ class Stage:
         """Ends a recording, and waits until everything is written."""
         self.recorder.finish()
         self.worker.finish()
+        if self.osc is not None:
+            self.osc.stop()
+
+    @property
+    def messages(self) -> str:
+        """What became of OSC messages; empty without them."""
+        return "" if self.osc is None else f"OSC: {self.osc.counts}"
 
     # -- takes -------------------------------------------------------------------------------
 
@@ -185,7 +200,9 @@ class Stage:
         """GO: ends a wait of the score; begins the score where it is not played or has ended."""
         self._needed()
         playing = self.performance.score
-        if playing is None or playing.conductor.done:
+        if self.show is not None:
+            self.show.go()
+        elif playing is None or playing.conductor.done:
             playing = playing or self._begin()
             playing.seek(0.0)
             playing.running = True

@@ -1,0 +1,214 @@
+"""Counts the cues of a live show that hold although hands slip and bodies are pushed.
+
+    python -m benchmarks.plays.pushes PLAY.yaml [SEEDS]
+
+In each run four pushes come at random times, each to a random player:
+
+    slip      a hand is jerked by 2 cm in a random direction within 0.1 s, and comes back: the size
+              of a slip of a hand
+    impulse   a trunk or head is given 0.1 m/s times the player's mass within 0.1 s
+
+A cue holds where every limb that turns at a mark of its gesture does so within 1/60 s of when it
+does in a run that nobody pushes, and every body of its player is within 2 cm of where it is there,
+at the cue's beginning, marks and end. A cue is hit if its player is pushed while it is on.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+import fantoccini as fan
+from fantoccini.gestures import lateness
+from fantoccini.perform.steady import Members
+from fantoccini.plays import CueOfPlay
+
+SEEDS = 20
+PUSHES = 4
+WAY, WITHIN = 0.02, 0.1
+"""Of a slip [m, s]."""
+GIVEN = 0.1
+"""Speed of an impulse [m/s]."""
+LATE, NEAR = 1 / 60, 0.02
+"""How late a cue may be [s], and how far off a body [m]."""
+
+
+@dataclass
+class Run:
+    """A show on the play's clock, as :func:`fantoccini.lateness` reads it."""
+
+    t: np.ndarray
+    q_D: CubicSpline
+    q_K: CubicSpline
+
+    def resample(self, t: np.ndarray) -> SimpleNamespace:
+        return SimpleNamespace(q_D=self.q_D(t), q_K=self.q_K(t))
+
+
+@dataclass
+class Pushes:
+    """What is done to a show, in the ticks in which it is due."""
+
+    kind: str
+    seed: int
+    whom: list[tuple[float, str]] = field(default_factory=list)
+    """Times [s] and players."""
+    jobs: list[tuple[float, Callable[[], None]]] = field(default_factory=list)
+
+    def plan(self, show: fan.Show) -> None:
+        rng = np.random.default_rng(self.seed)
+        live, players = show.performance, show.play.cast.players
+        for t in np.sort(rng.uniform(1.0, show.play.duration - 1.0, PUSHES)):
+            who = str(rng.choice(list(players)))
+            own = show.play.cast.member(who)
+            way = rng.normal(size=3)
+            way /= np.linalg.norm(way)
+            self.whom.append((float(t), who))
+            if self.kind == "slip":
+                hands = [one.name for one in live.handles if one.name.startswith(own)]
+                hand = str(rng.choice(hands))
+                self.jobs += slip(live, hand, WAY * way, float(t))
+            else:
+                bodies = [own + "torso", own + "skull"]
+                force = GIVEN * players[who].alone.weight / 9.81 / WITHIN * way
+                self.jobs += impulse(live, str(rng.choice(bodies)), force, float(t))
+        self.jobs.sort(key=lambda job: job[0])
+
+    def act(self, t: float) -> None:
+        while self.jobs and t >= self.jobs[0][0]:
+            self.jobs.pop(0)[1]()
+
+
+def slip(live: fan.Performance, hand: str, way: np.ndarray, t: float):
+    def jerk() -> None:
+        live.move(hand, live.target(hand)[0] + way)
+
+    def back() -> None:
+        live.move(hand, live.target(hand)[0] - way)
+
+    return [(t, jerk), (t + WITHIN, back)]
+
+
+def impulse(live: fan.Performance, body: str, force: np.ndarray, t: float):
+    return [(t, lambda: live.push(body, force)), (t + WITHIN, lambda: live.push(body, None))]
+
+
+def performed(play: fan.Play, steady: bool, pushes: Pushes | None = None) -> Run:
+    """A show from GO to its end; GO comes wherever it waits."""
+    show = fan.Show(play)
+    if not steady:
+        show.steady = None
+    if pushes is not None:
+        pushes.plan(show)
+    show.go()
+    t, q_D, q_K = [], [], []
+    while not show.done:
+        if show.waiting is not None:
+            show.go()
+        x = show.advance(show.performance.tick)
+        if not t or show.t > t[-1]:
+            t.append(show.t)
+            q_D.append(x.q_D)
+            q_K.append(x.q_K)
+        if pushes is not None:
+            pushes.act(show.t)
+    clock = np.array(t)
+    return Run(clock, CubicSpline(clock, q_D), CubicSpline(clock, q_K))
+
+
+def turns(play: fan.Play, run: Run) -> dict[tuple[int, str, str, str], float]:
+    """(cue, player, mark, string) -> how late its limb is [s]."""
+    parts = {id(one): part for one, part in zip(play.score.cues, play.parts, strict=True)}
+    return {
+        (*parts[id(late.cue)], late.mark, late.string): late.seconds
+        for late in lateness(play.score, run)  # type: ignore[arg-type]
+    }
+
+
+def far(play: fan.Play, run: Run, still: Run, cue: CueOfPlay) -> float:
+    """How far a body of the cue's players is from where it is in the other run, at most [m]."""
+    most, links = 0.0, play.marionette.tree.links
+    for who in cue.who:
+        own = [i for i, b in enumerate(links) if b.name.startswith(play.cast.member(who))]
+        times = np.clip([*cue.marks[who].values()], run.t[0], run.t[-1])
+        there = [
+            play.marionette.poses(at.q_D, at.q_K)[:, own, :, 3]
+            for at in (run.resample(times), still.resample(times))
+        ]
+        most = max(most, float(np.max(np.linalg.norm(there[0] - there[1], axis=-1))))
+    return most
+
+
+def main() -> None:
+    play = fan.load_play(sys.argv[1])
+    seeds = int(sys.argv[2]) if len(sys.argv) > 2 else SEEDS
+    print(play)
+    for steady in (True, False):
+        print(f"hands {'shift' if steady else 'do not shift'} against swing")
+        still = performed(play, steady)
+        usual = turns(play, still)
+        settling(play, steady)
+        for kind in ("slip", "impulse"):
+            count(play, still, usual, kind, seeds, steady)
+
+
+def settling(play: fan.Play, steady: bool, seeds: int = 6) -> None:
+    """Prints how long a player's centre of mass is off by a centimetre after an impulse."""
+    members, found = Members(play), []
+    for seed in range(seeds):
+        rng = np.random.default_rng(seed)
+        who = int(rng.integers(len(members.names)))
+        begins = float(rng.uniform(3.0, 20.0))
+        shows = [fan.Show(play), fan.Show(play)]
+        for show in shows:
+            show.steady = show.steady if steady else None
+            show.go()
+            show.advance(begins)
+        tick, name = shows[0].performance.tick, members.names[who]
+        weight = play.cast.players[name].alone.weight
+        force = GIVEN * weight / 9.81 / WITHIN * np.array([0.6, 0.8, 0.0])
+        off = []
+        for k in range(round(8.0 / tick)):
+            body = f"{play.cast.member(name)}torso"
+            shows[0].performance.push(body, force if k * tick < WITHIN else None)
+            places = [members.middles(x.q_D, x.q_K)[who] for x in (s.advance(tick) for s in shows)]
+            off.append(np.linalg.norm((places[0] - places[1])[:2]))
+        far_off = np.flatnonzero(np.array(off) > 0.01)
+        found.append(tick * (far_off[-1] + 1) if len(far_off) else 0.0)
+    print(f"off by 1 cm after an impulse on a trunk: median {np.median(found):.2f} s of 8 s")
+
+
+def count(play, still: Run, usual, kind: str, seeds: int, steady: bool) -> None:
+    began, rows = time.perf_counter(), []
+    for seed in range(seeds):
+        pushes = Pushes(kind, seed)
+        run = performed(play, steady, pushes)
+        now = turns(play, run)
+        for cue in play.cues:
+            if cue.refused:
+                continue
+            late = max(
+                (abs(now[one] - usual[one]) for one in now if one[0] == cue.number), default=0.0
+            )
+            hit = any(cue.start <= t <= cue.end and who in cue.who for t, who in pushes.whom)
+            rows.append((late, far(play, run, still, cue), hit))
+    late, off, hit = (np.array(column) for column in zip(*rows, strict=True))
+    print(f"{kind}: {seeds} runs of {PUSHES}, {time.perf_counter() - began:.0f} s")
+    for which, of in (("all cues", np.ones(len(hit), dtype=bool)), ("cues that are hit", hit)):
+        on_time, there = late[of] <= LATE, off[of] <= NEAR
+        print(
+            f"  {which}: {np.sum(on_time & there)} of {np.sum(of)} hold "
+            f"({20 * np.mean(on_time & there):.1f} of 20); in time {np.sum(on_time)}, "
+            f"near {np.sum(there)}; late by {1e3 * np.quantile(late[of], 0.95):.1f} ms and off by "
+            f"{1e3 * np.quantile(off[of], 0.95):.1f} mm at 95 of 100"
+        )
+
+
+if __name__ == "__main__":
+    main()

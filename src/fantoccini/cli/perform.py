@@ -1,0 +1,55 @@
+"""``fantoccini perform``: a play, live in the browser."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from fantoccini.cli.files import check_folder, fail
+from fantoccini.cli.requests import PerformRequest
+from fantoccini.cli.show import serve
+from fantoccini.cli.terminal import Steps, say
+from fantoccini.errors import FileError, Mistake
+
+if TYPE_CHECKING:
+    from fantoccini.perform.osc import Address
+
+
+def perform_play(request: PerformRequest) -> None:
+    """Compiles a play and performs it until Ctrl-C."""
+    check_folder(request.record_to, "--record-to")
+    hear = _address(request.osc_in, "--osc-in")
+    send = _address(request.osc_out, "--osc-out")
+    if hear is not None and hear == send:
+        fail(f"found {hear} for --osc-in as well; needed: two addresses", "--osc-out")
+    from fantoccini.perform import Show
+    from fantoccini.plays import is_play, load_play
+    from fantoccini.web.page import open_show
+
+    if request.file.is_file() and not is_play(request.file):
+        message = "is no play; needed: YAML with the key `play`"
+        raise FileError([Mistake(str(request.file), None, "", message)])
+    with Steps(request.quiet) as steps:
+        steps.step(f"compiling {request.file}")
+        show = Show(load_play(request.file))
+        steps.step("opening the page")
+        page = open_show(
+            show, request.theme.value, request.host, request.port, request.record_to, hear, send
+        )
+    osc = page.osc
+    if osc is not None and not request.quiet:
+        if osc.heard_at is not None:
+            say(f"OSC messages are heard at {osc.heard_at}")
+        if send is not None:
+            say(f"OSC messages are sent to {send}")
+    serve(page, request)
+
+
+def _address(given: str | None, option: str) -> Address | None:
+    if given is None:
+        return None
+    from fantoccini.perform.osc import Address
+
+    try:
+        return Address.of(given)
+    except ValueError as error:
+        fail(str(error), option)

@@ -1,0 +1,52 @@
+"""MIDI of the browser: a note or a program change is GO.
+
+A script on the page asks the browser for its MIDI inputs and tells a websocket of the same server,
+which accepts connections from its own page only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+PATH = "/midi"
+
+SCRIPT = """
+(() => {
+  if (!navigator.requestMIDIAccess) return;
+  let socket = null;
+  const open = () => {
+    socket = new WebSocket(location.origin.replace(/^http/, "ws") + "/midi");
+  };
+  const heard = (event) => {
+    const [status, , velocity] = event.data, kind = status & 0xf0;
+    if (!(kind === 0xc0 || (kind === 0x90 && velocity > 0))) return;
+    if (socket === null || socket.readyState > 1) open();
+    if (socket.readyState === 1) socket.send("go");
+    else socket.addEventListener("open", () => socket.send("go"), { once: true });
+  };
+  navigator.requestMIDIAccess().then((access) => {
+    open();
+    const listen = () => access.inputs.forEach((input) => { input.onmidimessage = heard; });
+    access.onstatechange = listen;
+    listen();
+  }, () => {});
+})();
+"""
+
+
+class Midi:
+    """What MIDI devices of viewers send.
+
+    Args:
+        go: called on GO.
+    """
+
+    def __init__(self, go: Callable[[], object]):
+        self._go = go
+
+    async def visit(self, connection: Any) -> None:
+        """Serves a websocket to :data:`SCRIPT`."""
+        async for message in connection:
+            if message == "go":
+                self._go()

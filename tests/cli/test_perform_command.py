@@ -1,0 +1,50 @@
+"""fantoccini perform: a page and messages, until Ctrl-C."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+from pythonosc.osc_message_builder import OscMessageBuilder
+from pythonosc.osc_packet import OscPacket
+from tests.perform.played import PLAY
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_a_show_is_directed_by_messages_until_ctrl_c(tmp_path):
+    (tmp_path / "short.yaml").write_text(PLAY, encoding="utf-8")
+    ears = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    ears.bind(("127.0.0.1", 0))
+    ears.settimeout(30.0)
+    path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
+    process = subprocess.Popen(
+        [sys.executable, "-c", "from fantoccini.cli import main; main()", "perform", "short.yaml",
+         "--port", "0", "--no-browser", "--osc-in", "0",
+         "--osc-out", f"127.0.0.1:{ears.getsockname()[1]}"],
+        env={**os.environ, "PYTHONPATH": path}, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        text=True, cwd=tmp_path,
+    )  # fmt: skip
+    watch = threading.Timer(180.0, process.kill)
+    watch.start()
+    said = ""
+    while "press Ctrl-C to stop" not in said and (line := process.stderr.readline()):
+        said += line
+    heard_at = re.search(r"OSC messages are heard at 127\.0\.0\.1:(\d+)", said)
+    assert heard_at is not None, said
+    ears.sendto(OscMessageBuilder("/go").build().dgram, ("127.0.0.1", int(heard_at[1])))
+    told = [OscPacket(ears.recv(65536)).messages[0].message.address for _ in range(2)]
+    process.send_signal(signal.SIGINT)
+    process.communicate()
+    watch.cancel()
+    ears.close()
+    assert told == ["/act", "/cue/1/start"]
+    assert process.returncode == 0
+
+

@@ -1,0 +1,364 @@
+"""Shows: GO, hold, skip, repeat, taking over and giving back, within bounds and without jumps."""
+
+from __future__ import annotations
+
+import socket
+import time
+
+import numpy as np
+import pytest
+from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
+from pythonosc.osc_message_builder import OscMessageBuilder
+from pythonosc.osc_packet import OscPacket
+from tests.perform.played import PLAY
+
+import fantoccini as fan
+from fantoccini.errors import StateError, UnknownNameError
+from fantoccini.perform import reach
+from fantoccini.perform.osc import Address, Osc
+
+
+@pytest.fixture(scope="module")
+def play(tmp_path_factory):
+    path = tmp_path_factory.mktemp("play") / "short.yaml"
+    path.write_text(PLAY, encoding="utf-8")
+    return fan.load_play(path)
+
+
+class Stage:
+    """A show that is measured: the largest shares of bounds that its hands have used."""
+
+    def __init__(self, play):
+        self.show = fan.Show(play)
+        self.told = []
+        self.show.listen(lambda what: self.told.append((what.kind, what.number or what.name)))
+        self.most = np.zeros(2)
+
+    def pass_by(self, seconds: float) -> None:
+        live = self.show.performance
+        hands = live._hands
+        for _ in range(round(seconds / live.tick)):
+            before = np.array(live._x.v_K)
+            self.show.advance(live.tick)
+            used = (
+                reach.lengths(live._x.v_K, hands.group, len(hands.speed)) / hands.speed,
+                reach.lengths(live._x.v_K - before, hands.group, len(hands.speed))
+                / live.tick / hands.acceleration,
+            )  # fmt: skip
+            self.most = np.maximum(self.most, np.max(used, axis=1))
+
+    def astray(self, who: str = "") -> float:
+        """How far hands are from where the play has them at its time [m]."""
+        live, play = self.show.performance, self.show.play
+        there, _ = play.score.offsets(self.show.t)
+        away = np.abs(live._hands.away(play.x0.q_K, live._x.q_K) - there)
+        own = [name.startswith(who) for name in play.marionette.coordinates.v_K]
+        return float(np.max(away[own]))
+
+    def within_bounds(self) -> bool:
+        return bool(np.all(self.most <= 1.0 + 1e-9))
+
+
+@pytest.fixture
+def stage(play):
+    return Stage(play)
+
+
+def test_the_hands_do_what_is_compiled_and_what_happens_is_told(stage):
+    stage.pass_by(0.5)
+    assert stage.show.t == 0.0
+    stage.show.go()
+    stage.pass_by(5.0)
+    assert stage.astray() < 1e-3
+    assert stage.told == [("act", "One"), ("start", 1), ("start", 2), ("end", 1), ("end", 2)]
+    stage.pass_by(3.0)
+    cue = stage.show.play.cues[2]
+    assert stage.show.waiting is not None
+    assert stage.show.t == pytest.approx(cue.start)
+    assert stage.told[5:] == [("act", "Two"), ("wait", "cue 3")]
+    stage.show.go()
+    stage.pass_by(6.0)
+    assert stage.show.done
+    assert stage.told[7:] == [("start", 3), ("start", 4), ("end", 3), ("end", 4)]
+    assert stage.within_bounds()
+
+
+def test_early_go_is_kept_and_a_second_one_refused(stage):
+    stage.show.go()
+    stage.pass_by(1.0)
+    stage.show.go()
+    assert stage.show.message == "GO is kept for cue 3 (columbine: wave)"
+    assert stage.show.released
+    stage.show.go()
+    assert "GO is refused" in stage.show.message
+    stage.pass_by(7.0)
+    assert stage.show.t > stage.show.play.cues[2].start + 0.5
+    assert ("wait", "cue 3") not in stage.told
+    stage.show.go()
+    assert stage.show.message == "GO is refused: no cue waits any more"
+
+
+def test_skip_and_repeat_lead_from_where_the_hands_are(stage):
+    show = stage.show
+    show.repeat()
+    assert "refused" in show.message
+    show.go()
+    stage.pass_by(1.5)
+    show.skip()
+    stage.pass_by(2.0)
+    assert show.present.number == 2
+    show.repeat()
+    stage.pass_by(0.02)
+    assert show.t == show.play.cues[1].start
+    stage.pass_by(2.0)
+    show.skip()
+    stage.pass_by(3.0)
+    assert show.waiting.name == "cue 3"
+    assert stage.astray() < 0.01  # the hands shift against the swing that the way left
+    show.skip()
+    stage.pass_by(2.0)
+    assert show.present.number == 4
+    show.repeat()
+    assert show.next is None
+    show.skip()
+    assert show.message == "skip is refused: this is the last cue"
+    assert stage.within_bounds()
+
+
+def test_hold_stops_within_a_third_of_a_second(stage):
+    show = stage.show
+    show.go()
+    stage.pass_by(1.0)
+    show.hold()
+    stage.pass_by(0.35)
+    t = show.t
+    stage.pass_by(0.5)
+    assert show.t == t
+    assert np.max(np.abs(show.performance.state.v_K)) < 1e-5  # the shift fades
+    show.go()
+    stage.pass_by(1.0)
+    assert show.t > t + 0.7
+    assert stage.astray() < 0.01
+    assert stage.within_bounds()
+
+
+@pytest.mark.parametrize("moved", [False, True])
+def test_a_player_is_taken_and_given_back_while_the_other_plays_on(stage, moved):
+    show, live = stage.show, stage.show.performance
+    show.go()
+    stage.pass_by(0.8)
+    show.take("pierrot")
+    stage.pass_by(0.5)
+    still = np.array(live._x.q_K)
+    if moved:
+        live.move("pierrot.head", live.place("pierrot.head")[0] + [0.1, 0.0, 0.05])
+    stage.pass_by(1.5)
+    names = live.marionette.coordinates.q_K
+    others = [name.startswith("pierrot") and "head" not in name for name in names]
+    np.testing.assert_allclose(live._x.q_K[others], still[others], atol=1e-12)
+    assert stage.astray("columbine") < 1e-3
+    assert stage.astray("pierrot") > 0.01
+    show.give("pierrot")
+    stage.pass_by(2.5)
+    assert stage.astray() < 1e-3
+    assert stage.within_bounds()
+
+
+def test_hands_that_shift_against_swing_end_it_soon(play):
+    """Of a push of 0.5 N for 0.2 s."""
+
+    def swing(steady: bool) -> float:
+        stage, usual = Stage(play), Stage(play)
+        for one, force in ((stage, (0.0, 0.5, 0.0)), (usual, None)):
+            if not steady:
+                one.show.steady = None
+            one.show.go()
+            one.pass_by(0.5)
+            one.show.performance.push("columbine.torso", force)
+            one.pass_by(0.2)
+            one.show.performance.push("columbine.torso", None)
+            one.pass_by(2.0)
+        assert stage.within_bounds()
+        at, there = (one.show.performance for one in (stage, usual))
+        most = 0.0
+        for _ in range(20):
+            stage.pass_by(0.1)
+            usual.pass_by(0.1)
+            poses = [live.marionette.pose(live.state, "columbine.torso") for live in (at, there)]
+            most = max(most, float(np.linalg.norm(poses[0][:, 3] - poses[1][:, 3])))
+        return most
+
+    assert swing(True) < 0.5 * swing(False)
+
+
+def test_a_taken_player_stays_out_of_skips_and_all_hands_stop_and_go_on(stage):
+    show, live = stage.show, stage.show.performance
+    show.go()
+    stage.pass_by(1.0)
+    show.take("columbine")
+    stage.pass_by(0.5)
+    there = live.place("columbine.head")[0]
+    show.start(3)
+    stage.pass_by(1.5)
+    np.testing.assert_allclose(live.place("columbine.head")[0], there, atol=1e-9)
+    show.panic()
+    stage.pass_by(0.3)
+    assert np.max(np.abs(live.state.v_K)) < 1e-9
+    t = show.t
+    show.give("columbine")
+    stage.pass_by(0.5)
+    assert show.t == t
+    show.resume()
+    stage.pass_by(3.0)
+    assert show.t > t + 2.0
+    assert stage.astray() < 1e-3
+    assert stage.within_bounds()
+
+
+def test_what_there_is_not_is_refused(stage):
+    with pytest.raises(StateError, match="cues 1 to 4"):
+        stage.show.start(5)
+    with pytest.raises(UnknownNameError, match="did you mean 'pierrot'"):
+        stage.show.take("pierot")
+    stage.show.go()
+    stage.pass_by(0.5)
+    stage.show.reset()
+    assert stage.show.t == 0.0
+    assert stage.show.voice is None
+
+
+# -- OSC -------------------------------------------------------------------------------------------
+
+
+class Desk:
+    """What stands beside the stage: it sends messages and hears others."""
+
+    def __init__(self, stage: Stage):
+        self.stage, self.jobs = stage, []
+        self.ears = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.ears.bind(("127.0.0.1", 0))
+        self.ears.settimeout(5.0)
+        self.osc = Osc(
+            stage.show, Address("127.0.0.1", 0), Address(*self.ears.getsockname()),
+            self.jobs.append,
+        )  # fmt: skip
+
+    def raw(self, data: bytes) -> None:
+        self.ears.sendto(data, self.osc.heard_at)
+
+    def send(self, address: str, *values) -> None:
+        self.raw(built(address, *values).dgram)
+
+    def obeyed(self, n: int = 1) -> None:
+        """Waits for commands, and does them as the loop of a page would."""
+        end = time.monotonic() + 5.0
+        while len(self.jobs) < n:
+            assert time.monotonic() < end, self.osc.counts
+            time.sleep(0.002)
+        for job in self.jobs:
+            job()
+        self.jobs.clear()
+
+    def settled(self, what: str, n: int) -> None:
+        end = time.monotonic() + 5.0
+        while getattr(self.osc.counts, what) < n:
+            assert time.monotonic() < end, self.osc.counts
+            time.sleep(0.002)
+
+    def heard(self) -> tuple:
+        (message,) = OscPacket(self.ears.recv(65536)).messages
+        return message.message.address, *message.message.params
+
+
+def built(address: str, *values):
+    message = OscMessageBuilder(address)
+    for value in values:
+        message.add_arg(value)
+    return message.build()
+
+
+@pytest.fixture
+def desk(stage):
+    made = Desk(stage)
+    yield made
+    made.osc.stop()
+    made.ears.close()
+
+
+def test_messages_direct_the_show_and_tell_of_it(desk):
+    show = desk.stage.show
+    desk.send("/go")
+    desk.obeyed()
+    desk.stage.pass_by(0.1)
+    assert desk.heard() == ("/act", "One", pytest.approx(0.0, abs=0.01))
+    assert desk.heard() == ("/cue/1/start", 1, "wave", pytest.approx(0.0, abs=0.01))
+    for address, true in (
+        ("/hold", lambda: show.held), ("/resume", lambda: not show.held),
+        ("/player/pierrot/take", lambda: show.taken == {"pierrot"}),
+        ("/player/pierrot/give", lambda: not show.taken),
+        ("/cue/next", lambda: show.t == show.play.cues[1].start),
+        ("/cue/4/start", lambda: show.t == show.play.cues[3].start),
+        ("/cue/repeat", lambda: show.t == show.play.cues[3].start),
+        ("/panic", lambda: show.held),
+    ):  # fmt: skip
+        desk.send(address)
+        desk.obeyed()
+        assert true(), address
+    bundle = OscBundleBuilder(IMMEDIATELY)
+    bundle.add_content(built("/resume", 1.0))
+    bundle.add_content(built("/go", 0.0))  # a button that is released
+    desk.raw(bundle.build().dgram)
+    desk.obeyed()
+    assert not show.held
+    assert desk.osc.counts.heard == 10
+    assert desk.osc.counts.wrong == 0
+
+
+def test_what_is_echoed_makes_no_loop(desk):
+    desk.send("/go")
+    desk.obeyed()
+    desk.stage.pass_by(0.1)
+    desk.ears.recv(65536)  # /act
+    desk.raw(desk.ears.recv(65536))  # as it was sent
+    desk.send("/cue/1/start")  # without its arguments
+    desk.settled("echoes", 2)
+    assert desk.jobs == []
+
+
+@pytest.mark.parametrize(
+    "data", [b"", b"\0", b"go", b"/go", b"/go\0,", b"#bundle\0", b"/go\0,i\0\0", bytes(range(256))]
+)
+def test_broken_messages_are_counted(desk, data):
+    desk.raw(data)
+    desk.raw(b"\xff" * 999)
+    desk.send("/go")
+    desk.obeyed()
+    assert desk.osc.counts.wrong >= 1
+    desk.stage.pass_by(0.5)
+    assert desk.stage.show.t > 0.0
+
+
+def test_messages_that_are_no_commands_are_told(desk):
+    for address, values in (("/og", ()), ("/cue/x/start", ()), ("/go", ("now",))):
+        desk.send(address, *values)
+    desk.settled("wrong", 3)
+    assert "needed: no argument, or a number" in str(desk.osc.counts)
+    desk.send("/player/pulcinella/take")
+    desk.send("/cue/77/start")
+    desk.obeyed(2)
+    assert desk.osc.counts.refused == 2
+    assert "cues 1 to 4" in desk.osc.counts.last
+
+
+def test_addresses(stage):
+    assert Address.of("53001") == ("127.0.0.1", 53001)
+    assert str(Address.of("10.0.0.2:53000")) == "10.0.0.2:53000"
+    for wrong in ("", "host", "host:", "1.2.3.4:99999"):
+        with pytest.raises(ValueError, match="needed: HOST:PORT"):
+            Address.of(wrong)
+    first = Osc(stage.show, Address("127.0.0.1", 0), None, lambda do: None)
+    with pytest.raises(StateError, match="a port that is free"):
+        Osc(stage.show, first.heard_at, None, lambda do: None)
+    first.stop()
+    with pytest.raises(StateError, match="is no address"):
+        Osc(stage.show, None, Address("no such host.", 1), lambda do: None)
