@@ -62,6 +62,9 @@ def test_the_files_of_a_page_are_read_and_run(page, folder):
         elif re.search("^score:", block, flags=re.MULTILINE):
             (folder / title[1]).write_text(block, encoding="utf-8")
             assert fan.load_score(fan.puppets.marionette(), folder / title[1])
+        elif re.search("^play:", block, flags=re.MULTILINE):
+            (folder / title[1]).write_text(block, encoding="utf-8")
+            assert fan.verify_play(fan.load_play(folder / title[1]))
         elif re.search("^mapping:", block, flags=re.MULTILINE):
             (folder / title[1]).write_text(block, encoding="utf-8")
             assert load_mapping(folder / title[1]).joints

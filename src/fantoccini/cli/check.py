@@ -15,7 +15,7 @@ from fantoccini.cli.terminal import say, write
 from fantoccini.cli.warn import inputs_warnings, puppet_warnings
 from fantoccini.errors import FileError, Mistake
 from fantoccini.marionette import Marionette, check_mass_matrix
-from fantoccini.plays import is_play
+from fantoccini.plays import is_play, play_names
 from fantoccini.tree import measure
 
 
@@ -29,7 +29,7 @@ def check_files(files: list[str], inputs: list[Path], quiet: bool) -> None:
     """
     clean = True
     for file in files:
-        if is_play(file):
+        if is_play(file) or (file in play_names() and not Path(file).exists()):
             clean &= _play(file, inputs, quiet)
             continue
         made = _puppet(file)

@@ -5,7 +5,7 @@ from fantoccini.plays.from_above import Overhead, overhead
 from fantoccini.plays.least import Least, clearances
 from fantoccini.plays.play import CueOfPlay, Play
 from fantoccini.plays.play_file import is_play, play_schema
-from fantoccini.plays.reading import check_play
+from fantoccini.plays.reading import check_play, play_names
 from fantoccini.plays.touching import Touch
 from fantoccini.plays.verifying import CueTime, Verification, verify_play
 
@@ -22,6 +22,7 @@ __all__ = [
     "is_play",
     "load_play",
     "overhead",
+    "play_names",
     "play_schema",
     "verify_play",
 ]

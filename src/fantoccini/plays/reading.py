@@ -6,7 +6,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from fantoccini.errors import FileError
+from fantoccini.errors import FileError, Mistake, nearest
 from fantoccini.gestures.notes import Notes
 from fantoccini.plays.acting import Repertory
 from fantoccini.plays.casting import Cast, Places, read_cast
@@ -57,7 +57,10 @@ def read_script(path: str | os.PathLike[str], before: Play | None = None) -> Scr
         FileError: with every mistake found and its location.
     """
     name = os.fspath(path)
-    if not Path(name).is_file() and name in play_names():
+    if not Path(name).exists():
+        if name not in play_names():
+            text = f"found no file, and no bundled play of this name{nearest(name, play_names())}"
+            raise FileError([Mistake(name, None, "", text)])
         path = _REPERTORY / f"{name}.yaml"
     located = read_file(path)
     data = located.data if isinstance(located.data, dict) else {}
