@@ -1,0 +1,43 @@
+"""A play for three: who does what, where and when, compiled and measured.
+
+Prints when every cue is seen, and why one cannot be done: it asks Columbine to stand where the
+table is. Then a strip of pictures. Writes out/play.png.
+"""
+
+from pathlib import Path
+
+import fantoccini as fan
+from fantoccini import view
+
+PLAY = """
+play: by_the_table
+tempo: 100
+stage:
+  obstacles: [{name: table, type: box, size: [0.25, 0.25, 0.22], at: [0.2, 0, 0.11]}]
+  marks:
+    west: {at: [0, 0.65], facing: table}
+    east: {at: [0, -0.65], facing: table}
+    front: {at: [0.7, 0.3], facing: audience}
+cast:
+  pierrot: {at: west}
+  columbine: {at: east}
+acts:
+  - act: By the table
+    cues:
+      - {who: pierrot, does: wave, on: {second: 5}, says: Good evening!}
+      - {who: columbine, walks to: table}
+      - {who: pierrot, walks to: front, when: 8}
+      - {who: all, does: bow, after: 1}
+"""
+
+out = Path("out")
+out.mkdir(exist_ok=True)
+(out / "play.yaml").write_text(PLAY, encoding="utf-8")
+play = fan.load_play(out / "play.yaml", progress=lambda what, share: print(f"{share:4.0%} {what}"))
+for change in play.changes:
+    print(change)
+found = fan.verify_play(play)
+for one in found.cues:
+    print(f"{one.cue.words}: {one.who} at {one.seen:.2f} s, {1e3 * one.late:+.0f} ms")
+print(play, found, sep="\n")
+view.strip(play.marionette, found.run, out / "play.png", times=[0.0, 3.0, 7.0, 10.0])
