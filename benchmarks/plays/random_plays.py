@@ -39,9 +39,9 @@ def random_play(seed: int, players: int = 2, cues: int = 8) -> dict[str, Any]:
     names = PLAYERS[:players]
     starts = rng.permutation(["west", "east", "door"])[:players]
     cast = {name: {"at": str(at)} for name, at in zip(names, starts, strict=True)}
-    acts = []
+    acts, walked = [], set[str]()
     for act in range(int(rng.integers(1, 3))):
-        made = [_cue(rng, names, k) for k in range(max(1, int(cues // 2)))]
+        made = [_cue(rng, names, walked) for _ in range(max(1, cues // 2))]
         acts.append({"act": f"act {act + 1}", "after": float(rng.integers(0, 3)), "cues": made})
     return {
         "play": "trial", "tempo": float(rng.choice([60.0, 90.0, 100.0, 120.0])), "cast": cast,
@@ -52,7 +52,7 @@ def random_play(seed: int, players: int = 2, cues: int = 8) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _cue(rng: np.random.Generator, names: tuple[str, ...], k: int) -> dict[str, Any]:
+def _cue(rng: np.random.Generator, names: tuple[str, ...], walked: set[str]) -> dict[str, Any]:
     who: Any = str(rng.choice(names))
     if rng.random() < 0.15:
         who = "all"
@@ -80,15 +80,17 @@ def _cue(rng: np.random.Generator, names: tuple[str, ...], k: int) -> dict[str, 
         if when < 0.15:
             cue["when"] = float(rng.integers(0, 16))
             cue["may wait"] = 20.0 if rng.random() < 0.7 else 0.0
-        elif when < 0.35:
-            cue["when"] = f"{rng.choice(names)} arrives + {rng.integers(0, 3)}"
+        elif when < 0.35 and walked:
+            cue["when"] = f"{rng.choice(sorted(walked))} arrives + {rng.integers(0, 3)}"
         elif when < 0.4:
             cue["when"] = "drum"
         if "when" in cue and "may wait" not in cue and rng.random() < 0.7:
             cue["may wait"] = float(rng.integers(1, 10))
     if rng.random() < 0.1:
         cue["optional"] = True
-    cue["name"] = f"cue_{k}_{rng.integers(1_000_000)}"
+    cue["name"] = f"cue_{rng.integers(1_000_000_000)}"
+    if verb in ("walks to", "turns to"):
+        walked.update(names if who == "all" else [who])
     return cue
 
 

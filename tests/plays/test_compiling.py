@@ -8,7 +8,7 @@ import pytest
 import fantoccini as fan
 from fantoccini.plays.placing import IN_TIME
 from fantoccini.plays.touching import touches
-from plays.conftest import Plays
+from plays.conftest import HEAD, Plays
 
 
 def refused(play: fan.Play) -> list[str]:
@@ -66,7 +66,15 @@ def test_hands_keep_their_bounds_and_their_space(plays: Plays):
         ("{who: pierrot, walks to: centre, on: {arrives: 2}}", "cannot arrive before"),
         ("{who: pierrot, exits to: centre}\n{who: pierrot, does: nod}", "is off the stage"),
         ("{who: pierrot, points at: [0, 0.6, 3]}", "hand cannot point there"),
-        ("{who: columbine, does: bow, larger: 30}", "run stops"),
+        ("{who: columbine, does: bow, larger: 30}", "times slower it can be done"),
+        # A wave goes on in one heading.
+        (
+            "{who: pierrot, does: wave, larger: 0.5}\n{who: pierrot, turns to: right, when: 1}",
+            "cannot begin before beat",
+        ),
+        ("{who: pierrot, does: nod}\n{who: pierrot, does: nod, when: 1, name: n}", "may wait"),
+        ("{who: pierrot, does: wave, on: {second: 0.2}}", "cannot begin before beat 0.0"),
+        ("{who: pierrot, walks to: [-0.5, 0.1], when: 0, past: [table]}", "table is there"),
     ],
 )
 def test_a_cue_that_cannot_be_done_is_named_and_the_rest_is_played(
@@ -187,3 +195,86 @@ def test_what_touches_is_told_where_a_cue_is_forced(plays: Plays):
     assert (False, False) in kinds
     assert any("string" in one.what for one in found)
     assert all(one.t == 0.0 for one in found if one.distance < 0.0)
+
+
+def test_gestures_that_move_the_same_follow_the_last_of_them(plays: Plays):
+    play = plays.compiled("""
+        {who: pierrot, does: nod}
+        {who: pierrot, does: wave, repeat: 2, when: 0}
+        {who: pierrot, does: bow, when: 1, may wait: 30}
+    """)
+    assert play, play.changes
+    nod, wave, bow = play.cues
+    assert nod.end < wave.end
+    assert bow.start >= wave.end - 1e-9
+
+
+def test_a_turn_waits_for_the_wave_that_goes_on(plays: Plays):
+    play = plays.compiled("""
+        {who: pierrot, does: wave}
+        {who: pierrot, turns to: right, when: 1, may wait: 20}
+    """)
+    assert play, play.changes
+    assert play.cues[1].start >= play.cues[0].end - 1e-9
+
+
+def test_nothing_later_begins_before_a_go(plays: Plays):
+    play = plays.compiled("""
+        {who: columbine, does: clap}
+        {who: columbine, does: nod, go: true}
+        {who: pierrot, walks to: centre}
+        {who: pierrot, does: nod, when: 1, name: too_early}
+    """)
+    (reason,) = refused(play)
+    assert "before the GO of line" in reason
+    (wait,) = play.score.waits
+    assert np.max(np.abs(play.score.offsets(wait.t)[1])) < 1e-6
+    assert fan.verify_play(play)
+
+
+def test_what_follows_a_refused_cue_waits_for_the_one_before(plays: Plays):
+    play = plays.compiled("""
+        {who: pierrot, does: nod, repeat: 3}
+        {who: pierrot, does: nod, when: 2, name: refused}
+        {who: pierrot, does: clap}
+    """)
+    assert play.cues[1].refused
+    assert play.cues[2].start >= play.cues[0].end - 1e-9
+
+
+def test_a_walk_that_stands_first_is_late(plays: Plays):
+    cues = """
+        {who: columbine, walks to: [0, 0.05], when: 0}
+        {who: pierrot, walks to: [0.7, -0.7], when: 0, may wait: 20}
+    """
+    play = plays.compiled(cues)
+    assert play, play.changes
+    run = fan.verify_play(play).run
+    for cue in play.cues:
+        ends = [f"{cue.who[0]}.shoulder_left.{part}" for part in "xy"]
+        way = sum(np.abs(run[name] - run[name][0]) for name in ends)
+        moved = float(run.t[np.argmax(way > 1e-6)])
+        assert moved == pytest.approx(cue.start, abs=0.1)
+
+
+def test_who_leaves_is_passed_while_it_goes(plays: Plays):
+    play = plays.compiled("""
+        {who: columbine, exits to: [0.6, 0.6], when: 0}
+        {who: pierrot, walks to: [0.3, -0.6], when: 0, may wait: 30}
+    """)
+    assert play, play.changes
+    assert fan.verify_play(play)
+
+
+def test_an_edited_puppet_is_read_again(plays: Plays):
+    text = (fan.puppets.path("marionette")).read_text()
+    (plays.folder / "mine.yaml").write_text(text)
+    head = HEAD.replace("pierrot: {at: west}", "pierrot: {at: west, puppet: mine.yaml}")
+    acts = "acts: [{act: one, cues: [{who: pierrot, does: nod}]}]"
+    first = fan.load_play(plays.written(acts, head))
+    (plays.folder / "mine.yaml").write_text(text.replace("density: 1500", "density: 2500"))
+    again = fan.load_play(plays.written(acts, head), before=first)
+    anew = fan.load_play(plays.written(acts, head))
+    one, two = fan.verify_play(again).run, fan.verify_play(anew).run
+    assert np.array_equal(one.q_D, two.q_D)
+    assert not np.array_equal(one.q_D, fan.verify_play(first).run.q_D)

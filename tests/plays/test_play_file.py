@@ -38,6 +38,13 @@ def mistakes(plays: Plays, cue: str, head: str = HEAD) -> list[str]:
         ("{who: pierrot, does: wave, on: {up: 3}, after: 2}", "found both `on` and `when`"),
         ("{who: pierrot, does: wave, when: drums}", "needed: a time, a mark, or a moment of a cue"),
         ("{who: pierrot, does: wave, lasts: 3, faster: 2}", "found both `lasts` and `faster`"),
+        ("{who: pierrot, does: wave, on: {end: 3}}", "needed: a mark, or `when`"),
+        ("{who: pierrot, walks to: nowhere}", "found 'nowhere'; needed: a place [x, y]"),
+        ("{who: pierrot, turns to: nowhere}", "found 'nowhere'; needed: an angle"),
+        ("{who: pierrot, does: wave, facing: left}", "only walks have it"),
+        ("{who: pierrot, walks to: [1, 2, 3]}", "needed: [x, y]"),
+        ("{who: pierrot, does: nod, when: columbine arrives}", "columbine has no walk before"),
+        ("{who: pierrot, does: nod, when: 9000}", "an act lasts 30 minutes at most"),
         ("{who: pierrot, walks to: [1]}", "needed: a mark, a player, or a place"),
         ("{who: pierrot, walks too: centre}", "this key is not known; did you mean 'walks to'?"),
     ],
@@ -56,6 +63,9 @@ def test_a_cue_that_is_wrong_is_told_at_its_line(plays: Plays, cue: str, said: s
         ("pierrot: {at: west}", "pierrot: {at: west, puppet: pupet}", "no bundled puppet"),
         ("facing: audience", "facing: audiense", "did you mean 'audience'?"),
         ("x: [-1, 1]", "x: [1, -1]", "needed: the lower one first"),
+        ("space:", "clear: 0\n  space:", "found 0"),
+        ("pierrot: {at: west}", "pierrot: {at: west, puppet: arm2d}", "needed: a puppet that "),
+        ("tempo: 100", "tempo: 100\nsound: [{file: a.wav, at: drums}]", "a name of `times`"),
     ],
 )
 def test_a_stage_and_a_cast_that_are_wrong_are_told(
@@ -106,3 +116,18 @@ acts:
 """
     with pytest.raises(fan.FileError, match="a cue of a later act"):
         fan.load_play(plays.written(acts))
+
+
+def test_acts_have_names_of_their_own_and_nobody_enters_twice(plays: Plays):
+    acts = """
+acts:
+  - act: one
+    cues: [{who: pierrot, enters to: centre}]
+  - act: one
+    cues: [{who: pierrot, enters to: west}]
+"""
+    with pytest.raises(fan.FileError, match="another act is called 'one'"):
+        fan.load_play(plays.written(acts))
+    first, second = acts.rsplit("act: one", 1)
+    with pytest.raises(fan.FileError, match="on the stage already"):
+        fan.load_play(plays.written(f"{first}act: two{second}"))

@@ -62,7 +62,7 @@ def _run(
     cuts = _cuts(motion, starts)
     for begun, end in pairwise(cuts):
         own = Gesture(motion.coordinates, *excerpt(motion, begun, end))
-        key = digest(x, own, "part", stage.speed, stage.acceleration)
+        key = digest(x, own, "part", player.content, stage.speed, stage.acceleration)
         run = kept.get(key, partial(_part, player, x, own, stage))
         parts.append((begun, run))
         if run.status is not Status.DONE:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,12 +13,13 @@ import numpy as np
 
 from fantoccini import scene as scenes
 from fantoccini.arrays import Array
-from fantoccini.errors import FileError, PuppetError, UnknownNameError, nearest
+from fantoccini.errors import FileError, PuppetError, StateError, UnknownNameError, nearest
 from fantoccini.gestures.ends import Ends
 from fantoccini.gestures.notes import Notes
 from fantoccini.gestures.timing import Spot
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
+from fantoccini.plays.extents import extent
 from fantoccini.plays.footing import Footing
 from fantoccini.plays.play_file import DIRECTIONS, PlayerFile, PlayFile
 from fantoccini.puppet import Puppet
@@ -49,6 +51,11 @@ class Player:
     hangs: State
     x0: State
     start: Footing
+
+    @cached_property
+    def content(self) -> str:
+        """A hash of the puppet, as its file has it, and of the floor."""
+        return hashlib.blake2b(self.alone.puppet.to_yaml().encode()).hexdigest()
 
     @cached_property
     def middle(self) -> complex:
@@ -124,8 +131,7 @@ class Places:
     def __init__(self, file: PlayFile, notes: Notes):
         self._file, self._notes = file, notes
         self._obstacles = {
-            one.name: np.array(getattr(one, "at", (0.0, 0.0, 0.0)), dtype=float)
-            for one in file.stage.obstacles
+            one.name: 0.5 * np.sum(extent(one), axis=0) for one in file.stage.obstacles
         }
 
     @property
@@ -133,8 +139,15 @@ class Places:
         """All that a place may be called, players apart."""
         return [*self._file.stage.marks, *self._obstacles]
 
+    def check(self, given: object, spot: Spot) -> None:
+        """Notes a mistake where a name is no place."""
+        known = [*self._file.cast, *self.names]
+        if isinstance(given, str) and given not in known:
+            text = f"found {given!r}; needed: a place [x, y], or what is there"
+            self._notes.mistake(spot, text + nearest(given, known))
+
     def still(self, name: str) -> Array | None:
-        """(3,) the place of an obstacle [m]."""
+        """(3,) the middle of an obstacle [m]."""
         return self._obstacles.get(name)
 
     def direction(self, given: float | str, spot: Spot) -> float | str:
@@ -178,6 +191,15 @@ def read_cast(file: PlayFile, places: Places, notes: Notes) -> Cast:
             alone, hangs, pose = made[key]
         except (PuppetError, UnknownNameError) as error:
             notes.mistake(("cast", name), str(error))
+            continue
+        except StateError as error:
+            text = f"does not hang there with `lift: {one.lift:g}`: {error}"
+            notes.mistake(("cast", name), text)
+            continue
+        fixed = _fixed(alone)
+        if fixed:
+            text = f"{one.puppet} cannot be put anywhere: {fixed}; needed: a puppet that hangs free"
+            notes.mistake(("cast", name, "puppet"), text)
             continue
         x0 = placed(alone, hangs, starts[name])
         players[name] = Player(name, alone, hangs, x0, starts[name])
@@ -283,6 +305,20 @@ def _alone(
 def _scene_of_one(file: PlayFile, puppet: Puppet, pose: Pose) -> Scene:
     member = Member(name=_ALONE, puppet=puppet, pose=pose)
     return Scene(scene=_ALONE, floor=file.stage.floor, puppets=(member,))
+
+
+def _fixed(alone: Marionette) -> str:
+    """What ties a puppet to the place where its file has it; "" where nothing does."""
+    table, tree = alone.coordinates, alone.tree
+    moves = {*table.q_D, *table.q_K}
+    for link in tree.links:
+        name = link.name.removesuffix(".end")  # of a string
+        if link.parent < 0 and not {f"{name}.x", f"{name}.y"} <= moves:
+            return f"{name} does not move along x and y"
+    for string in tree.strings:
+        if any(point.link < 0 for point in string.points):
+            return f"the string {string.name} ends at a fixed place"
+    return ""
 
 
 def _middle(alone: Marionette, hangs: State) -> complex:

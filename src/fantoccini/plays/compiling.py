@@ -6,23 +6,22 @@ import os
 from collections.abc import Callable
 
 from fantoccini.errors import Status
-from fantoccini.gestures.notes import Notes
+from fantoccini.gestures.notes import LATE, Notes
 from fantoccini.gestures.timing import END, START, Spot
-from fantoccini.plays.acting import Style
 from fantoccini.plays.casting import Cast
-from fantoccini.plays.cues import Cue
+from fantoccini.plays.cues import Cue, said_in_act
 from fantoccini.plays.kept import Kept
 from fantoccini.plays.placing import IN_TIME
 from fantoccini.plays.play import CueOfPlay, Play
 from fantoccini.plays.play_file import said
 from fantoccini.plays.reading import read_script
-from fantoccini.plays.rounds import TRIES, Round, Rounds
+from fantoccini.plays.rounds import Round, Rounds
 from fantoccini.plays.together import together
 from fantoccini.plays.touching import Touch, touches
 from fantoccini.plays.whole import whole_score
 
-ROUNDS = 12
-"""Most rounds of placing and simulating."""
+PATIENT = 10
+"""Rounds in which free cues may still be let wait; later they are refused at once."""
 _WAIT = 0.4
 """What a free cue waits longer where something touches [s]."""
 _SMALLER = (0.75, 0.5)
@@ -51,7 +50,7 @@ def load_play(
     """
     tell = progress or (lambda what, share: None)
     tell("casting", 0.0)
-    script = read_script(path, before)
+    script = read_script(path)
     kept = before.kept if before is not None else Kept()
     rounds = Rounds(
         script.cast, script.timeline, script.repertory, script.places, script.notes, kept
@@ -68,24 +67,29 @@ class _Compiler:
         self._touching: list[Cue] = []
 
     def play(self) -> Play:
-        """The play, after as many rounds as it takes."""
-        count = 0
+        """The play, after as many rounds as it takes.
+
+        Every round refuses a cue or moves one, and each is moved so often at most.
+        """
+        rounds, count, settled = self._rounds, 0, False
         while True:
             count += 1
-            self._tell("rehearsing", min(0.95, count / ROUNDS))
-            made, last = self._rounds.made(), count >= ROUNDS
-            if self._rounds.refuse_stopped(made) and not last:
+            self._tell("rehearsing", 0.9 * (1.0 - 0.8**count))
+            made = rounds.made()
+            if rounds.refuse_fast(made) or rounds.refuse_stopped(made):
                 continue
-            if count == 1 and self._rounds.settle(made):
-                continue
-            if (self._rounds.hurry(made) or self._rounds.refuse_late()) and not last:
+            if not settled:
+                settled = True
+                if rounds.settle(made):
+                    continue
+            if rounds.hurry(made) or rounds.refuse_late():
                 continue
             found = self._touches(made)
-            if last or not self._mend(found):
+            if not self._mend(found, patient=count < PATIENT):
                 break
         if self._touching and not found:
             self._try_again()
-            made = self._rounds.made()
+            made = rounds.made()
             found = self._touches(made)
         self._tell("compiled", 1.0)
         return self._made(made, found, count)
@@ -96,26 +100,30 @@ class _Compiler:
         self._tell("looking for what touches", 0.97)
         return touches(self._cast, together(self._cast, made.runs))
 
-    def _mend(self, found: list[Touch]) -> bool:
-        """Lets the cues in which something touches first wait, or refuses them; whether any."""
-        seen: set[str] = set()
-        mended = False
+    def _mend(self, found: list[Touch], patient: bool) -> bool:
+        """Lets the cues in which something touches first wait, or refuses them; whether any.
+
+        Args:
+            found: what touches.
+            patient: whether cues may wait.
+        """
+        rounds, seen, mended = self._rounds, set[str](), False
         for touch in found:
             owners = {self._cast.owner(_plain(one)) for one in (touch.what, touch.other)}
-            if seen & owners:
+            if seen & owners or touch.t <= 0.0:
                 continue
-            seen |= owners
-            cue = self._rounds.blamed(touch.t, owners & {*self._cast.players})
-            if cue is None or cue.spot in self._rounds.wishes.refused:
+            cue = rounds.blamed(touch.t, owners & {*self._cast.players})
+            if cue is None:
+                continue
+            waits = rounds.wishes.pauses.get(cue.spot, 0.0) + _WAIT
+            if patient and waits <= rounds.most_pause(cue):
+                rounds.wishes.pauses[cue.spot] = waits
+            elif rounds.refuse(cue, f"{touch} {self._said(touch.t)}"):
+                self._touching.append(cue)
+            else:
                 continue
             mended = True
-            waits = self._rounds.wishes.pauses.get(cue.spot, 0.0) + _WAIT
-            if waits <= self._rounds.most_pause(cue):
-                self._rounds.wishes.pauses[cue.spot] = waits
-            else:
-                self._rounds.wishes.pauses.pop(cue.spot, None)
-                self._rounds.wishes.refused[cue.spot] = f"{touch} {self._notes.said(touch.t)}"
-                self._touching.append(cue)
+            seen |= owners
         return mended
 
     def _try_again(self) -> None:
@@ -124,36 +132,41 @@ class _Compiler:
         Once what comes later is refused as well, it may be done after all; otherwise a smaller
         gesture may be, which the reason then says.
         """
-        wishes = self._rounds.wishes
+        rounds = self._rounds
         for cue in self._touching[:_MOST_TRIED]:
             sizes = _SMALLER if cue.given.does is not None else ()
             if cue is not self._touching[-1]:
                 sizes = (1.0, *sizes)
-            why = wishes.refused.pop(cue.spot)
+            before = rounds.wishes.copied()
             for size in sizes:
-                self._tell("looking for what can be done", 0.98)
-                wishes.smaller[cue.spot] = size
-                if not self._holds(cue):
-                    continue
-                if size < 1.0:
-                    larger = size * Style.of(cue.given).larger
-                    why += f"; it can be done with larger: {larger:.2g}"
-                    wishes.refused[cue.spot] = why
-                break
-            else:
-                wishes.refused[cue.spot] = why
-            wishes.smaller.pop(cue.spot, None)
+                self._tell("looking for what can be done", 0.95)
+                del rounds.wishes.refused[cue.spot]
+                rounds.wishes.smaller[cue.spot] = size
+                holds = self._holds(cue)
+                if holds and size == 1.0:
+                    del rounds.wishes.smaller[cue.spot]
+                    break
+                rounds.wishes = before.copied()
+                if holds:
+                    larger = f"; it can be done with larger: {size * cue.given.larger:.2g}"
+                    rounds.wishes.refused[cue.spot] += larger
+                    break
 
     def _holds(self, cue: Cue) -> bool:
         """Whether a cue can be done beside all others, in time and without touching."""
-        made = self._rounds.made()
-        for _ in range(TRIES):
-            if not self._rounds.hurry(made):
-                break
-            made = self._rounds.made()
+        rounds = self._rounds
+        made = rounds.made()
+        while rounds.hurry(made):
+            made = rounds.made()
         done = all(run.status is Status.DONE for run in made.runs.values())
-        in_time = all(abs(late) <= IN_TIME for late in self._rounds.late.values())
+        in_time = all(abs(late) <= IN_TIME for late in rounds.late.values())
         return done and not cue.refused and in_time and not self._touches(made)
+
+    def _said(self, t: float) -> str:
+        """A time in words, in beats of its act."""
+        starts = self._rounds.act_starts
+        start = max(one for one in (0.0, *starts) if one <= t + LATE)
+        return said_in_act(t, start, self._notes.beat)
 
     # -- the result --------------------------------------------------------------------------
 
@@ -161,9 +174,14 @@ class _Compiler:
         notes, file = self._notes, self._cast.file
         for cue in self._rounds.timeline.cues:
             self._note(cue)
+        at_once: set[frozenset[str]] = set()
         for touch in found:
+            owners = frozenset(self._cast.owner(_plain(x)) for x in (touch.what, touch.other))
+            if touch.t <= 0.0 and owners in at_once:
+                continue
+            at_once |= {owners} if touch.t <= 0.0 else set()
             spot: Spot = ("acts",) if touch.t > 0.0 else ("cast",)
-            notes.change(spot, f"{touch} {notes.said(touch.t)}")
+            notes.change(spot, f"{touch} {self._said(touch.t)}")
         cues = tuple(self._cue(i, cue) for i, cue in enumerate(self._rounds.timeline.cues))
         score = whole_score(self._cast, made.motions, made.lanes, self._rounds.timeline, notes)
         parts = tuple(

@@ -14,6 +14,8 @@ from fantoccini.gestures.timing import END, START, Reference, Spot, Times, in_or
 from fantoccini.plays.play_file import CueFile, PlayFile
 from fantoccini.puppet.values import NAME
 
+_LONGEST = 1800.0
+"""How long an act lasts at most [s]."""
 ARRIVES = "arrives"
 """Mark of a walk: its end."""
 WALKS = ("walks_to", "enters_to", "exits_to", "turns_to")
@@ -46,6 +48,11 @@ class Part:
     start: float
     end: float
     marks: Mapping[str, float]
+
+
+def said_in_act(t: float, start: float, beat: float) -> str:
+    """A time in words: ``on beat 4.0 of the act (12.40 s)``."""
+    return f"on beat {(t - start) / beat:.1f} of the act ({t:.2f} s)"
 
 
 def lane_name(part: Part) -> str:
@@ -93,7 +100,7 @@ class Cue:
     def give(self, beat: float) -> float:
         """By how much later it may be [s]; as long as it likes, where the play has no time."""
         given = self.given
-        if given.when is None and given.on is None and not given.go:
+        if given.may_wait is None and given.when is None and given.on is None and not given.go:
             return float("inf")
         return (given.may_wait or 0.0) * beat
 
@@ -152,6 +159,7 @@ class Timeline:
         notes.found += self._times.mistakes
         self._times.mistakes.clear()
         self._check_order()
+        self._check_entrances()
 
     def of_act(self, act: int) -> list[Cue]:
         """The cues of an act."""
@@ -169,9 +177,18 @@ class Timeline:
             for i, time in enumerate(when)
         ]
 
+    def last_go(self, cue: Cue) -> Cue | None:
+        """The cue before it in its act that waits for GO."""
+        before = self.cues[self.acts[cue.act] : cue.index]
+        return next((one for one in reversed(before) if one.given.go), None)
+
     def needs(self, cue: Cue) -> list[Cue]:
         """The cues that must be placed before it."""
         found = [one for one in cue.before.values() if one is not None]
+        if cue.given.go:
+            found += self.cues[self.acts[cue.act] : cue.index]
+        elif (go := self.last_go(cue)) is not None:
+            found.append(go)
         for spot, _ in self.times_of(cue):
             found += self._referred(spot)
         return found
@@ -185,8 +202,9 @@ class Timeline:
             return ref.target.moments[ref.moment] + ref.offset * beat
         if isinstance(ref, tuple):
             moment, cue, offset = ref
-            base = act_start if cue is None else cue.moments[moment]
-            return base + offset * beat
+            assert cue is not None  # one that is not is a mistake
+            # What has happened in an act before has happened when this one begins.
+            return max(cue.moments[moment], act_start) + offset * beat
         return act_start + (ref or 0.0) * beat
 
     def _check_order(self) -> None:
@@ -202,6 +220,20 @@ class Timeline:
         _, mistake = in_order(needs, self._notes.located)
         if mistake is not None:
             self._notes.mistake(*mistake)
+
+    def _check_entrances(self) -> None:
+        """Notes entrances of those who are on the stage, and waits beyond all measure."""
+        away: dict[str, bool] = dict.fromkeys(self._file.cast, True)
+        for cue in self.cues:
+            for who in cue.who:
+                if cue.given.verb == "enters_to" and not away[who]:
+                    text = f"{who} is on the stage already; needed: `walks to`"
+                    self._notes.mistake((*cue.spot, "enters to"), text)
+                away[who] = cue.given.verb == "exits_to"
+            for spot, given in self.times_of(cue):
+                if isinstance(given, float) and given * self._notes.beat > _LONGEST:
+                    text = f"found beat {given:g}; an act lasts {_LONGEST / 60:g} minutes at most"
+                    self._notes.mistake(spot, text)
 
     def _referred(self, spot: Spot) -> list[Cue]:
         """The cue that a time refers to, if it does."""
@@ -227,7 +259,12 @@ class Timeline:
         match = _OF_PLAYER.fullmatch(given.strip()) if isinstance(given, str) else None
         if match is not None and match[1] in self._file.cast:
             offset = float(match[4] or 0.0) * (-1.0 if match[3] == "-" else 1.0)
-            return END, self._last(match[1], cue, match[2] == "arrives"), offset
+            last = self._last(match[1], cue, match[2] == "arrives")
+            if last is None:
+                what = "walk" if match[2] == "arrives" else "cue"
+                self._notes.mistake(spot, f"{match[1]} has no {what} before this one")
+                return None
+            return END, last, offset
         return self._times.read(given, spot)
 
     def _last(self, who: str, cue: Cue, walks: bool) -> Cue | None:

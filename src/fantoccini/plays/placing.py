@@ -6,100 +6,34 @@ A walk is planned past those that are placed before it; they, later, past it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
+from itertools import takewhile
 
 import numpy as np
 
-from fantoccini.arrays import Array, MaskRows, Times
+from fantoccini.arrays import Array
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.gestures import Gesture
 from fantoccini.gestures.joining import Line
-from fantoccini.gestures.notes import Notes
+from fantoccini.gestures.notes import LATE, Notes
 from fantoccini.gestures.timing import END, START, Spot
 from fantoccini.gestures.transition import limits
 from fantoccini.plays.acting import Repertory, Style
+from fantoccini.plays.actors import Actor, Wishes
 from fantoccini.plays.casting import Cast, Places, Player
-from fantoccini.plays.cues import ARRIVES, Cue, Part, Timeline
+from fantoccini.plays.cues import ARRIVES, Cue, Part, Timeline, said_in_act
 from fantoccini.plays.footing import Footing, Way
 from fantoccini.plays.play_file import said
 from fantoccini.plays.walks import Walks
 
+IN_TIME = 1.0 / 60.0
+"""So near to its time a cue is in time [s]."""
+_EYES = 0.42
+"""Height of a player's face [m]."""
 _STILL = 1e-9
 """Rate below which a lane is at rest [m/s or rad/s]."""
 _SAME_HEADING = 1e-3
 """Change of a heading that a gesture does not notice [rad]."""
-
-
-@dataclass
-class Actor:
-    """A player while its cues are placed.
-
-    Attributes:
-        player: who.
-        lanes: motions that add up: the walks, and gestures beside one another.
-        ways: the walks so far, in order.
-        played: the gestures so far: lane, end [s] and what they move.
-        done: end of the last cue [s].
-        hidden: whether it has gone off.
-    """
-
-    player: Player
-    lanes: list[Line]
-    ways: list[Way] = field(default_factory=list)
-    played: list[tuple[int, float, MaskRows]] = field(default_factory=list)
-    done: float = 0.0
-    hidden: bool = False
-
-    def stands(self, t: float) -> Footing:
-        """Where it stands at a time [s]."""
-        way = next((one for one in reversed(self.ways) if one.begin <= t), None)
-        if way is None:
-            return self.player.start
-        xy, heading = way.footing(np.array([t]))
-        return Footing(float(xy[0, 0]), float(xy[0, 1]), float(heading[0]))
-
-    def kept(self) -> Actor:
-        """The actor as it is now: what is added to this one does not change it."""
-        lanes = [line.kept() for line in self.lanes]
-        return replace(self, lanes=lanes, ways=list(self.ways), played=list(self.played))
-
-    @property
-    def last(self) -> Footing:
-        """Where it stands after all walks."""
-        return self.stands(np.inf)
-
-    def track(self) -> tuple[Times, Array]:
-        """(T,) times and (T, 2) places, straight between them."""
-        t, xy = [0.0], [[self.player.start.x, self.player.start.y]]
-        for way in self.ways:
-            if not way.steps:
-                continue
-            own = np.append(np.arange(way.begin, way.end, _TRACK), way.end)
-            own = own[own > t[-1]]
-            t += own.tolist()
-            xy += way.footing(own)[0].tolist()
-        return np.array(t), np.array(xy)
-
-
-_TRACK = 0.05
-"""Between samples of a walk, which is straight between them [s]."""
-
-
-@dataclass
-class Wishes:
-    """What rounds of compiling have found out about cues.
-
-    Attributes:
-        earlier: (cue, player) -> by how much its hands begin earlier, as limbs lag [s].
-        pauses: cue -> by how much later it begins, for swing [s].
-        refused: cue -> why it cannot be done.
-        smaller: cue -> factor of its size.
-    """
-
-    earlier: dict[tuple[Spot, str], float] = field(default_factory=dict)
-    pauses: dict[Spot, float] = field(default_factory=dict)
-    refused: dict[Spot, str] = field(default_factory=dict)
-    smaller: dict[Spot, float] = field(default_factory=dict)
 
 
 class Placing:
@@ -169,17 +103,8 @@ class Placing:
             self._place(left.pop(i), t)
 
     def _wanted(self, cue: Cue, act_start: float) -> float:
-        """When a cue is to begin, before what its gesture needs [s]."""
+        """When a cue, or its mark of `on`, is to be [s]."""
         spots = self.timeline.times_of(cue)
-        beat = self._notes.beat
-        if cue.given.go:
-            earlier = [
-                one.moments[END] for one in self.timeline.of_act(cue.act)
-                if one.moments and one.index < cue.index
-            ]  # fmt: skip
-            floor = max([act_start, *earlier])
-        else:
-            floor = -np.inf
         if spots:
             t = max(self.timeline.time(spot, act_start) for spot, _ in spots)
         else:
@@ -187,7 +112,12 @@ class Placing:
                 act_start if one is None or one.act != cue.act else one.moments[END]
                 for one in cue.before.values()
             )
-        return max(t + cue.given.after * beat, floor)
+        t += cue.given.after * self._notes.beat
+        go = self.timeline.last_go(cue)
+        if cue.given.go:
+            earlier = self.timeline.cues[self.timeline.acts[cue.act] : cue.index]
+            return max([t, act_start, *(one.moments[END] for one in earlier)])
+        return t if go is None or spots else max(t, go.moments[START])
 
     # -- one cue -----------------------------------------------------------------------------
 
@@ -198,6 +128,7 @@ class Placing:
         if not why:
             before = {name: self.actors[name].kept() for name in cue.who}
             try:
+                self._check_begin(cue, t)
                 for name in cue.who:
                     self._place_one(cue, self.actors[name], t)
             except _CannotBe as error:
@@ -206,7 +137,10 @@ class Placing:
         if why:
             cue.refused = why
             cue.parts = []
+            # What follows begins when it would have, but not while the player is busy.
+            busy = [one.moments[END] for one in cue.before.values() if one is not None]
             cue.moments = dict.fromkeys(cue.known, max(t, 0.0))
+            cue.moments[END] = max([t, 0.0, *busy])
             return
         cue.moments = {
             moment: max(_moment(part, moment) for part in cue.parts) for moment in cue.known
@@ -214,70 +148,107 @@ class Placing:
 
     def _place_one(self, cue: Cue, actor: Actor, t: float) -> None:
         given, name = cue.given, actor.player.name
-        if actor.hidden and given.verb != "enters_to":
+        if actor.away and given.verb != "enters_to":
             raise _CannotBe(f"{name} is off the stage")
         early = self._wishes.earlier.get((cue.spot, name), 0.0)
         pause = self._wishes.pauses.get(cue.spot, 0.0)
         ahead = 0.0
         if given.on is not None and not cue.walks:
             (mark,) = given.on
-            # The heading does not matter for times.
-            ahead = self._gesture(cue, actor, actor.last).marks[mark]
+            ahead = self._gesture(cue, actor, t).marks[mark]
         begin = t - ahead - early + pause
         if cue.walks:
-            self._walk(cue, actor, begin)
-            return
-        self._act(cue, actor, max(begin, 0.0))
+            self._walk(cue, actor, begin, begin)
+        else:
+            self._act(cue, actor, begin)
+
+    def _check_begin(self, cue: Cue, t: float) -> None:
+        """Refuses what would be before its act, or before a GO for which its act waits."""
+        start, go = self.act_starts[cue.act], self.timeline.last_go(cue)
+        if t < start - LATE:
+            said = self._said(start, cue)
+            raise _CannotBe(f"its time is {start - t:.2f} s before its act, which begins {said}")
+        if go is not None and t < go.moments[START] - LATE:
+            line = self._notes.located.line(go.spot)
+            raise _CannotBe(
+                f"its time is before the GO of line {line}, {self._said(go.moments[START], cue)}"
+            )
 
     def _act(self, cue: Cue, actor: Actor, begin: float) -> None:
-        """Places a gesture, in the first lane that is free then."""
-        stands = actor.stands(begin)
-        gesture = self._gesture(cue, actor, stands)
-        turned = abs(actor.stands(begin + gesture.duration).heading - stands.heading)
+        """Places a gesture in a lane, from the heading that the player then has."""
+        earliest = max(begin, self.act_starts[cue.act])
+        gesture = self._gesture(cue, actor, earliest)
+        lane, start = self._lane(actor, gesture, earliest)
+        if start > earliest + LATE:
+            gesture = self._gesture(cue, actor, start)
+        heading = actor.stands(start).heading
+        turned = abs(actor.stands(start + gesture.duration).heading - heading)
         if turned > _SAME_HEADING:
+            until = max(way.end for way in actor.ways)
             raise _CannotBe(
                 f"{actor.player.name} turns by {np.degrees(turned):.0f} deg meanwhile; it can "
-                f"begin {self._notes.said(max(way.end for way in actor.ways))}"
+                f"begin {self._said(until, cue)}"
             )
-        lane = self._lane(actor, gesture, begin)
-        start = self._add(actor.lanes[lane], gesture, begin)
+        start = self._add(actor.lanes[lane], gesture, start)
         self._check_time(cue, actor, start - begin, start)
-        actor.played.append((lane, start + gesture.duration, gesture.named))
+        actor.played.append((lane, start, start + gesture.duration, gesture.named))
         self._note(cue, actor, lane, gesture, start)
 
-    def _walk(self, cue: Cue, actor: Actor, begin: float) -> None:
-        given, player = cue.given, actor.player
-        line = actor.lanes[0]
+    def _walk(self, cue: Cue, actor: Actor, asked: float, begin: float) -> None:
+        """Places a walk that is to begin at a time, at another or later [s]."""
+        given, player, line = cue.given, actor.player, actor.lanes[0]
         if np.any(np.abs(line.rate) > _STILL):
             line.stop()
-        asked, begin = begin, begin if given.on is not None else max(begin, line.end)
-        others = [one for one in self.actors.values() if one is not actor and not one.hidden]
-        goals = self._goals(cue, actor)
-        wait = (given.may_wait or 0.0) * self._notes.beat
+        by = begin if given.on is not None else None
+        free = max(line.end, self.act_starts[cue.act])
+        begin = max(begin, free)
+        others = [one for one in self.actors.values() if one is not actor]
+        wait = max((given.may_wait or 0.0) * self._notes.beat - (begin - asked), 0.0)
         way, why = self._walks.way(
-            player, actor.last, goals, begin, wait, [(o.player, o.track()) for o in others],
-            near=given.near, arrives=begin if given.on is not None else None, free_from=line.end,
+            player, actor.last, self._goals(cue, actor), begin, wait,
+            [(one.player, one.track()) for one in others],
+            near=given.near, arrives=by, free_from=free,
         )  # fmt: skip
         if way is None:
             raise _CannotBe(why)
+        stands = len(list(takewhile(lambda step: step.stands, way.steps)))
+        starts = way.begin + stands * way.step_time
+        if by is not None:
+            self._check_time(cue, actor, abs(way.end - cue.wanted), way.end)
+        else:
+            self._check_time(cue, actor, starts - asked, starts)
+        until = self._turns_under(actor, way)
+        if until is not None:
+            self._check_time(cue, actor, until - asked, until)
+            if by is not None:
+                raise _CannotBe(f"{player.name} is busy until {self._said(until, cue)[3:]}")
+            self._walk(cue, actor, asked, until)
+            return
         if way.steps:
             try:
                 made = self._repertory.walk(player, way.steps, way.step_time)
             except UnknownNameError as error:
                 raise _CannotBe(f"{player.name} cannot walk: {error}") from None
             gesture = made.turned(way.start.heading)
-            start = self._add(line, gesture, way.begin)
+            self._add(line, gesture, way.begin)
         else:
             gesture = Gesture.rest(player.alone, 1e-3, everything=False)
-            start = way.begin
-        if given.on is not None:
-            self._check_time(cue, actor, way.end - cue.wanted, way.end)
-        else:
-            self._check_time(cue, actor, way.begin - asked, way.begin)
         actor.ways.append(way)
-        actor.hidden = given.verb == "exits_to"
-        marks = {**gesture.marks, ARRIVES: way.end - way.begin}
-        self._note(cue, actor, 0, gesture, start, marks, way.end)
+        actor.away = given.verb == "exits_to"
+        marks = {mark: t - (starts - way.begin) for mark, t in gesture.marks.items()}
+        marks[ARRIVES] = way.end - starts
+        self._note(cue, actor, 0, gesture, starts, marks, way.end)
+
+    def _turns_under(self, actor: Actor, way: Way) -> float | None:
+        """When the gestures end that go on while a way turns; None where there are none [s]."""
+        ends = []
+        for _, start, end, _ in actor.played:
+            since, until = max(start, way.begin), min(end, way.end)
+            if since < until - LATE:
+                _, heading = way.footing(np.linspace(since, until, 9))
+                if np.max(np.abs(heading - actor.stands(start).heading)) > _SAME_HEADING:
+                    ends.append(end)
+        return max(ends, default=None)
 
     def _check_time(self, cue: Cue, actor: Actor, late: float, then: float) -> None:
         """Refuses what cannot be in time."""
@@ -286,9 +257,13 @@ class Placing:
         what = "arrive" if cue.walks and cue.given.on is not None else "begin"
         beats = np.ceil(10.0 * late / self._notes.beat) / 10.0
         raise _CannotBe(
-            f"{actor.player.name} cannot {what} before {self._notes.said(then)[3:]}; later by up "
+            f"{actor.player.name} cannot {what} before {self._said(then, cue)[3:]}; later by up "
             f"to {beats:g} beats it can (`may wait: {beats:g}`)"
         )
+
+    def _said(self, t: float, cue: Cue) -> str:
+        """A time in words, in beats of the cue's act."""
+        return said_in_act(t, self.act_starts[cue.act], self._notes.beat)
 
     def _note(
         self, cue: Cue, actor: Actor, lane: int, gesture: Gesture, start: float,
@@ -302,8 +277,9 @@ class Placing:
 
     # -- what is done ------------------------------------------------------------------------
 
-    def _gesture(self, cue: Cue, actor: Actor, stands: Footing) -> Gesture:
-        given, player = cue.given, actor.player
+    def _gesture(self, cue: Cue, actor: Actor, t: float) -> Gesture:
+        """What a player does that begins at a time [s]."""
+        given, player, stands = cue.given, actor.player, actor.stands(t)
         try:
             if given.does is not None:
                 style = Style.of(given)
@@ -311,7 +287,12 @@ class Placing:
                 style = replace(style, larger=style.larger * smaller)
                 return self._repertory.gesture(player, given, style, stands.heading)
             where = given.looks_at if given.looks_at is not None else given.points_at
-            place = self._place_of(where, (*cue.spot, said(given.verb)), cue, actor)
+            spot = (*cue.spot, said(given.verb))
+            place = self._place_of(where, spot, t)
+            made = self._repertory.aimed(player, given.verb, place, stands)
+            # Both may have gone on until then.
+            then = t + min(made.marks.values())
+            place, stands = self._place_of(where, spot, then), actor.stands(then)
             return self._repertory.aimed(player, given.verb, place, stands)
         except StateError as error:
             raise _CannotBe(str(error)) from None
@@ -325,7 +306,7 @@ class Placing:
         spots: list[Spot] = [(*cue.spot, "past", i) for i in range(len(given.past))]
         spots.append((*cue.spot, said(given.verb)))
         places = [
-            self._place_of(where, spot, cue, actor)
+            self._place_of(where, spot, cue.wanted)
             for where, spot in zip((*given.past, last), spots, strict=True)
         ]
         z = [here.place, *(complex(place[0], place[1]) for place in places)]
@@ -349,18 +330,18 @@ class Placing:
         direction = self._places.direction(given, (*cue.spot, key))
         if not isinstance(direction, str):
             return direction
-        place = self._place_of(direction, (*cue.spot, key), cue, actor)
+        place = self._place_of(direction, (*cue.spot, key), cue.wanted)
         z = complex(place[0], place[1])
         return there.towards(z) if abs(z - there.place) > _STILL else there.heading
 
-    def _place_of(self, where: object, spot: Spot, cue: Cue, actor: Actor) -> Array:
-        """(3,) a place of the stage; of a player its head, at the time of the cue."""
+    def _place_of(self, where: object, spot: Spot, t: float) -> Array:
+        """(3,) a place of the stage; of a player its head, at a time [s]."""
         if not isinstance(where, str):
             assert isinstance(where, Sequence)
             numbers = [float(x) for x in where]
             return np.array([*numbers, _EYES][:3])
         if where in self.actors:
-            other = self.actors[where].stands(max(cue.wanted, 0.0))
+            other = self.actors[where].stands(max(t, 0.0))
             return np.array([other.x, other.y, _EYES])
         marks = self._cast.file.stage.marks
         if where in marks:
@@ -372,21 +353,26 @@ class Placing:
 
     # -- lanes -------------------------------------------------------------------------------
 
-    def _lane(self, actor: Actor, gesture: Gesture, begin: float) -> int:
-        """The lane of a gesture: the first that is free then, or a new one.
+    def _lane(self, actor: Actor, gesture: Gesture, begin: float) -> tuple[int, float]:
+        """The lane of a gesture, and when it can begin there [s].
 
-        Where another gesture moves the same then, it is that one's, and begins after it.
+        It is the first lane that is free then, or a new one. Where other gestures move the same
+        strings then, it begins after them, in the lane of the last.
         """
-        for lane, until, named in actor.played:
-            if until > begin + _STILL and np.any(named & gesture.named):
-                return lane
+        busy = [
+            (until, lane) for lane, _, until, named in actor.played
+            if until > begin + _STILL and np.any(named & gesture.named)
+        ]  # fmt: skip
+        if busy:
+            until, lane = max(busy)
+            return lane, max(until, begin)
         for i, line in enumerate(actor.lanes[1:], 1):
             if line.end + line.lead_time(gesture.motion) <= begin + _STILL:
-                return i
-        if all(until <= begin for _, until, _ in actor.played) and len(actor.lanes) > 1:
-            return 1
+                return i, begin
+        if len(actor.lanes) > 1 and all(until <= begin for _, _, until, _ in actor.played):
+            return 1, begin
         actor.lanes.append(Line(actor.lanes[0].most))
-        return len(actor.lanes) - 1
+        return len(actor.lanes) - 1, begin
 
     def _add(self, line: Line, gesture: Gesture, begin: float) -> float:
         lead = line.lead_time(gesture.motion)
@@ -402,10 +388,6 @@ class _CannotBe(Exception):
     """A cue cannot be done; the text says why, and what can."""
 
 
-IN_TIME = 1.0 / 60.0
-"""So near to its time a cue is in time [s]."""
-_EYES = 0.42
-"""Height of a player's face [m]."""
 
 
 def _moment(part: Part, moment: str) -> float:

@@ -9,6 +9,7 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, WithJso
 
 from fantoccini.errors import nearest
 from fantoccini.gestures.score_file import Factor, Length, Mark, SoundsFile, Time
+from fantoccini.gestures.timing import END, START
 from fantoccini.puppet.files import described_schema
 from fantoccini.puppet.located import has_key, shown
 from fantoccini.puppet.schema import PoseValue
@@ -56,7 +57,7 @@ def _times(value: Any) -> Any:
 
 
 def _facing(value: Any) -> Any:
-    if isinstance(value, str) and not value.rstrip().endswith(("deg", "rad")):
+    if isinstance(value, str) and not value.lstrip()[:1].isdigit() and value[:1] not in "+-.":
         return value
     return read_angle(value)
 
@@ -136,7 +137,7 @@ class StageFile(Model):
     """Largest speed of driven coordinates [m/s or rad/s]."""
     acceleration: Size = 12.0
     """Largest acceleration of them [m/s^2 or rad/s^2]."""
-    clear: NotNegative = 0.005
+    clear: Size = 0.005
     """Distance that players, obstacles and strings keep [m]."""
     floor: Real = 0.0
     """Height of the floor [m]."""
@@ -149,7 +150,7 @@ class PlayerFile(Model):
 
     puppet: str = "marionette"
     """Its file beside this one, or the name of a bundled one."""
-    at: Where
+    at: str | tuple[Real, Real]
     """The mark or place where it hangs at the start."""
     facing: Facing | None = None
     """Where it looks at the start; as the mark says by default."""
@@ -243,8 +244,15 @@ class CueFile(Model):
         if self.lasts is not None and self.faster != 1.0:
             raise mistake("found both `lasts` and `faster`; needed: one of them")
         walks = verb in ("walks_to", "enters_to", "exits_to")
-        if not walks and (more := keys & {"near", "past"}):
+        if not walks and (more := keys & {"near", "past", "facing"}):
             raise mistake(f"found `{said(verb)}` with `{min(more)}`; only walks have it")
+        places = [getattr(self, verb), *self.past] if walks else []
+        if any(not isinstance(place, str) and len(place) != 2 for place in places):
+            raise mistake(f"found a place of three numbers in `{said(verb)}`; needed: [x, y]")
+        if self.on is not None:
+            (mark,) = self.on
+            if mark in (START, END):
+                raise mistake(f"found `on: {{{mark}: ...}}`; needed: a mark, or `when`")
 
 
 def said(key: str) -> str:

@@ -10,9 +10,9 @@ from fantoccini.errors import FileError, Mistake, nearest
 from fantoccini.gestures.notes import Notes
 from fantoccini.plays.acting import Repertory
 from fantoccini.plays.casting import Cast, Places, read_cast
-from fantoccini.plays.cues import Timeline
-from fantoccini.plays.play import Play
-from fantoccini.plays.play_file import PlayFile
+from fantoccini.plays.cues import WALKS, Timeline
+from fantoccini.plays.play_file import PlayFile, said
+from fantoccini.plays.whole import sounds_of
 from fantoccini.puppet.located import read_file, validate
 
 _OTHERS = ("puppet", "scene", "score", "gesture")
@@ -46,12 +46,11 @@ class Script:
     notes: Notes
 
 
-def read_script(path: str | os.PathLike[str], before: Play | None = None) -> Script:
+def read_script(path: str | os.PathLike[str]) -> Script:
     """A play as it is written.
 
     Args:
         path: of the file, or the name of a bundled play.
-        before: an earlier version of the play, whose cast is used where it has not changed.
 
     Raises:
         FileError: with every mistake found and its location.
@@ -71,16 +70,36 @@ def read_script(path: str | os.PathLike[str], before: Play | None = None) -> Scr
     file = validate(PlayFile, located)
     notes = Notes(located, file.tempo)
     places = Places(file, notes)
-    if before is not None and (before.cast.file.cast, before.cast.file.stage, file.play) == (
-        file.cast, file.stage, before.cast.file.play,
-    ):  # fmt: skip
-        cast = Cast(before.cast.players, before.cast.whole, before.cast.x0, file)
-    else:
-        cast = read_cast(file, places, notes)
+    _check_names(file, places, notes)
+    cast = read_cast(file, places, notes)
     repertory = Repertory(cast, notes)
     timeline = Timeline(file, repertory.marks, notes)
+    sounds_of(file, notes)
     notes.refuse()
     return Script(cast, timeline, repertory, places, notes)
+
+
+def _check_names(file: PlayFile, places: Places, notes: Notes) -> None:
+    """Notes names of acts that are not their own, and places that are none."""
+    names: set[str] = set()
+    for a, act in enumerate(file.acts):
+        if act.act in names:
+            notes.mistake(("acts", a, "act"), f"another act is called {act.act!r}")
+        names.add(act.act)
+        for i, cue in enumerate(act.cues):
+            spot = "acts", a, "cues", i
+            for verb in (*WALKS, "looks_at", "points_at"):
+                where = getattr(cue, verb)
+                if where is None:
+                    continue
+                if verb == "turns_to":
+                    places.direction(where, (*spot, said(verb)))
+                else:
+                    places.check(where, (*spot, said(verb)))
+            for k, where in enumerate(cue.past):
+                places.check(where, (*spot, "past", k))
+            if cue.facing is not None:
+                places.direction(cue.facing, (*spot, "facing"))
 
 
 def check_play(path: str | os.PathLike[str]) -> PlayFile:

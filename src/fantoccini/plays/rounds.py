@@ -15,17 +15,20 @@ from fantoccini.gestures.notes import LATE, Notes
 from fantoccini.gestures.timing import Spot
 from fantoccini.motion import Trajectory
 from fantoccini.plays.acting import Repertory
+from fantoccini.plays.actors import Wishes
 from fantoccini.plays.alone import excerpt, runs_alone
 from fantoccini.plays.casting import Cast, Places
 from fantoccini.plays.cues import Cue, Part, Timeline, lane_name
 from fantoccini.plays.kept import Kept, digest
-from fantoccini.plays.placing import IN_TIME, Placing, Wishes
+from fantoccini.plays.placing import IN_TIME, Placing
 from fantoccini.plays.settling import PAUSE, pause
 from fantoccini.plays.walks import Walks
 from fantoccini.runtime import default_threads
 
 _ENOUGH = 0.25 * IN_TIME
 """Lateness that is not mended [s]."""
+PEAKS = 2e-3
+"""Share of a bound by which a peak may pass it: peaks of speeds are bounds themselves."""
 _RINGS = 1.0
 """After the last cue, in which the puppets still swing [s]."""
 _SLACK = 0.6
@@ -61,6 +64,7 @@ class Rounds:
     Attributes:
         timeline: the cues, as the last round has placed them.
         wishes: what rounds have found out.
+        act_starts: of every act, in the last round [s].
         late: place of a cue and player -> by how much its limb is late in the last round [s].
         settled: number of a cue -> its pause, and the trunk's speeds after it without the pause
             and with it [s, m/s, m/s].
@@ -80,6 +84,7 @@ class Rounds:
         self._cast, self._repertory, self._places = cast, repertory, places
         self._notes, self._kept = notes, kept
         self._walks = Walks(cast, notes)
+        self.act_starts: tuple[float, ...] = ()
         self.late: dict[tuple[Spot, str], float] = {}
         self._tried: dict[tuple[Spot, str], int] = {}
 
@@ -89,6 +94,7 @@ class Rounds:
             self._cast, self.timeline, self._repertory, self._places, self._walks,
             self.wishes, self._notes,
         )  # fmt: skip
+        self.act_starts = tuple(placing.act_starts)
         end = max(placing.end, *(a.done for a in placing.actors.values())) + _RINGS
         both = {name: placing.motion(name, end) for name in self._cast.players}
         motions = {name: whole for name, (whole, _) in both.items()}
@@ -101,17 +107,42 @@ class Rounds:
         runs = runs_alone(self._cast, motions, starts, self._kept)
         return Round(placing, motions, lanes, starts, runs)
 
+    def refuse(self, cue: Cue | None, why: str) -> bool:
+        """Refuses a cue, if it is one and is not refused yet; the others are moved anew."""
+        if cue is None or cue.spot in self.wishes.refused:
+            return False
+        self.wishes.refused[cue.spot] = why
+        self.wishes.pauses.pop(cue.spot, None)
+        self._tried.clear()
+        return True
+
     def refuse_stopped(self, made: Round) -> bool:
-        """Refuses the cues in which a run stopped before its end."""
-        changed = False
-        for name, run in made.runs.items():
-            if run.status is Status.DONE:
-                continue
-            cue = self.blamed(float(run.t[-1]), {name})
-            if cue is not None and cue.spot not in self.wishes.refused:
-                self.wishes.refused[cue.spot] = f"{name}'s run stops there: {run.status}"
-                changed = True
-        return changed
+        """Refuses the cues in which a run stopped before its end; whether there are any."""
+        return any([
+            self.refuse(
+                self.blamed(float(run.t[-1]), {name}), f"{name}'s run stops there: {run.status}"
+            )
+            for name, run in made.runs.items() if run.status is not Status.DONE
+        ])  # fmt: skip
+
+    def refuse_fast(self, made: Round) -> bool:
+        """Refuses the cues in which hands pass their bounds; whether there are any."""
+        stage, found = self._cast.file.stage, []
+        for name, motion in made.motions.items():
+            sizes = motion.peaks_of_pieces
+            for row, bound, what, unit in (
+                (0, stage.speed, "moves at", "m/s"), (1, stage.acceleration, "changes by", "m/s^2"),
+            ):  # fmt: skip
+                piece, v = np.unravel_index(int(np.argmax(sizes[:, row])), sizes[:, row].shape)
+                most = float(sizes[piece, row, v])
+                if most <= bound * (1.0 + PEAKS):
+                    continue
+                t = 0.5 * float(motion.breaks[piece] + motion.breaks[piece + 1])
+                slower = (most / bound) ** (1.0 / (row + 1))
+                text = f"{motion.coordinates.v_K[v]} {what} {most:.3g} {unit}, and the bound is "
+                text += f"{bound:g}; {1.02 * slower:.2g} times slower it can be done"
+                found.append(self.refuse(self.blamed(t, {name}), text))
+        return any(found)
 
     def settle(self, made: Round) -> bool:
         """Finds pauses of the cues that begin when they like."""
@@ -161,14 +192,14 @@ class Rounds:
 
     def refuse_late(self) -> bool:
         """Refuses cues whose limbs are not on their marks, however early the hands begin."""
-        changed = False
+        cues = {cue.spot: cue for cue in self.timeline.cues}
+        found = []
         for (spot, name), late in self.late.items():
-            if abs(late) > IN_TIME and spot not in self.wishes.refused:
+            if abs(late) > IN_TIME:
                 side = "late" if late > 0.0 else "early"
                 text = f"{name} would be {1e3 * abs(late):.0f} ms {side}, whenever its hands begin"
-                self.wishes.refused[spot] = text
-                changed = True
-        return changed
+                found.append(self.refuse(cues[spot], text))
+        return any(found)
 
     def hurry(self, made: Round) -> bool:
         """Lets hands begin earlier, where limbs are late on the marks that cues are timed by."""
@@ -213,10 +244,12 @@ class Rounds:
             one_cue = timed.get(id(late.cue))
             if one_cue is not None and late.mark in (one_cue.given.on or ()):
                 found.setdefault(id(one_cue), []).append(late.seconds)
-        return [
-            (float(np.mean(found.get(id(cue), [0.0]))) + _of_hands(cue, name), cue)
-            for cue in timed.values()
-        ]
+        lates = []
+        for cue in timed.values():
+            off = float(np.mean(found.get(id(cue), [0.0]))) + _of_hands(cue, name)
+            # Within what it may wait it is in time.
+            lates.append((off - min(max(off, 0.0), cue.give(self._notes.beat)), cue))
+        return lates
 
     def blamed(self, t: float, owners: set[str]) -> Cue | None:
         """The cue that has begun last of those that go on at a time; a gesture before a walk."""

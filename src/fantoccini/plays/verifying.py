@@ -16,11 +16,12 @@ from fantoccini.motion import EventKind, Trajectory
 from fantoccini.plays.alone import runs_alone
 from fantoccini.plays.placing import IN_TIME
 from fantoccini.plays.play import CueOfPlay, Play
+from fantoccini.plays.rounds import PEAKS
 from fantoccini.plays.together import together
 from fantoccini.plays.touching import EVERY, Touch, touches
 
-_ROUNDING = 2e-3
-"""Share of a bound by which a peak may pass it: peaks of speeds are bounds themselves."""
+_AT_REST = 1e-6
+"""Rate of hands that are at rest [m/s or rad/s]."""
 _WOUND = 0.75
 """By how much two strings wind around each other that have passed through one another [turns]."""
 
@@ -93,8 +94,9 @@ def verify_play(play: Play) -> Verification:
     """Simulates a play event-driven, and measures whether it is as it was compiled.
 
     Checked are: the run reaches its end; every cue that is done is seen within 1/60 s of its time;
-    players, props, obstacles and strings keep the stage's distance; strings never cross; the floor
-    is not touched; the hands keep their bounds and their space.
+    players, obstacles and strings keep the stage's distance; strings never cross; the floor is not
+    touched; the hands keep their bounds and their space, and rest where a show waits. The bodies of
+    one player are not checked against each other, nor against its own strings.
 
     Args:
         play: compiled.
@@ -102,17 +104,22 @@ def verify_play(play: Play) -> Verification:
     run = together(play.cast, runs_alone(play.cast, play.motions, play.starts, play.kept))
     faults = []
     if run.status is not Status.DONE:
-        faults.append(f"the run stops {play.when(run.t[-1])}: {run.status}")
+        faults.append(f"the run stops in {play.when(run.t[-1])}: {run.status}")
     found = tuple(touches(play.cast, run))
-    faults += [f"{one} {play.when(one.t)}" for one in found]
+    faults += [f"{one}, in {play.when(one.t)}" for one in found]
     cues = cue_times(play, run)
     for one in cues:
         if abs(one.late) > IN_TIME + 1e-9:
             side = "late" if one.late > 0.0 else "early"
             faults.append(
                 f"line {one.cue.line}: {one.cue.what}: {one.who} is {1e3 * abs(one.late):.0f} ms "
-                f"{side} {play.when(one.wanted)}"
+                f"{side}, in {play.when(one.wanted)}"
             )
+    faults += [
+        f"hands move by {rate:.2g} m/s where a show waits, in {play.when(wait.t)}"
+        for wait in play.score.waits
+        if (rate := float(np.max(np.abs(play.score.offsets(wait.t)[1])))) > _AT_REST
+    ]
     peaks, over = _peaks(play)
     space, outside = _space(play, run.q_K)
     strings = StringsApart(play.marionette).over(*(x[::EVERY] for x in (run.q_D, run.q_K, run.t)))
@@ -144,7 +151,7 @@ def cue_times(play: Play, run: Trajectory) -> tuple[CueTime, ...]:
             seen.setdefault((number, who), []).append(late.seconds)
     found = []
     for cue in play.cues:
-        if cue.refused:
+        if cue.refused or cue.start > run.t[-1]:
             continue
         for who, marks in cue.marks.items():
             own, hands = seen.get((cue.number, who)), marks[cue.mark or START]
@@ -167,11 +174,11 @@ def _peaks(play: Play) -> tuple[dict[str, tuple[float, float, float, float]], li
             float(peaks[0, v]), float(most[0, v]), float(peaks[1, v]), float(most[1, v]),
         )  # fmt: skip
         for row, what, unit in ((0, "moves at", "m/s"), (1, "changes by", "m/s^2")):
-            if peaks[row, v] > most[row, v] * (1.0 + _ROUNDING):
+            if peaks[row, v] > most[row, v] * (1.0 + PEAKS):
                 piece = int(np.argmax(score.gesture.peaks_of_pieces[:, row, v]))
                 when = play.when(score.gesture.breaks[piece])
                 over.append(
-                    f"{name} {what} {peaks[row, v]:.3g} {unit} {when}; "
+                    f"{name} {what} {peaks[row, v]:.3g} {unit} in {when}; "
                     f"the bound is {most[row, v]:.3g}"
                 )
     return found, over

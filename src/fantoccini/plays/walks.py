@@ -13,19 +13,11 @@ from fantoccini.gestures.notes import Notes
 from fantoccini.gestures.walking import SWAY
 from fantoccini.plays.acting import step_time
 from fantoccini.plays.casting import Cast, Player
+from fantoccini.plays.extents import extent
 from fantoccini.plays.footing import Footing, Way
 from fantoccini.plays.regions import Box, Disk, Rectangle, Region
 from fantoccini.plays.ways import NoWay, Other, find_way
-from fantoccini.puppet.shapes import (
-    Box as BoxShape,
-    Capsule,
-    Ellipsoid,
-    Mesh,
-    Shape,
-    Sphere,
-    load_mesh,
-)
-from fantoccini.puppet.values import value_of
+from fantoccini.puppet.shapes import Box as BoxShape, Shape
 
 _LONGEST_STEP = 0.1
 """[m]"""
@@ -123,7 +115,7 @@ class Walks:
         self, player: Player, start: Footing, goal: Footing, begin: float, wait: float,
         others: Sequence[Track],
     ) -> Way | NoWay:  # fmt: skip
-        around = tuple((other.name, t[-1], xy[-1, 0], xy[-1, 1], len(t), float(np.sum(xy)))
+        around = tuple((other.name, t.tobytes(), xy.tobytes())
                        for other, (t, xy) in others)  # fmt: skip
         key = (player.name, start, goal, round(begin, 9), wait, around)
         if key not in self._kept:
@@ -153,7 +145,7 @@ class Walks:
 
 def _regions(name: str, shape: Shape) -> list[Region]:
     """What a shape takes of the stage, if it is not above the players."""
-    low, high = _extent(shape)
+    low, high = extent(shape)
     if low[2] > _REACH:
         return []
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
@@ -161,25 +153,3 @@ def _regions(name: str, shape: Shape) -> list[Region]:
     if isinstance(shape, BoxShape) and shape.orientation is None:
         return [Box(name, centre, (float(half[0]), float(half[1])))]
     return [Disk(name, centre, float(np.hypot(half[0], half[1])))]
-
-
-def _extent(shape: Shape) -> tuple[Array, Array]:
-    """Least and largest x, y and z (3,) of a shape [m]."""
-    if isinstance(shape, Capsule):
-        ends = np.array([shape.from_, shape.to], dtype=float)
-        radius = value_of(shape.radius)
-        return ends.min(axis=0) - radius, ends.max(axis=0) + radius
-    if isinstance(shape, Mesh):
-        points = load_mesh(shape).vertices
-        return points.min(axis=0), points.max(axis=0)
-    assert isinstance(shape, (BoxShape, Sphere, Ellipsoid))
-    at = np.array(shape.at, dtype=float)
-    if isinstance(shape, Sphere):
-        half = np.full(3, value_of(shape.radius))
-        return at - half, at + half
-    turn = np.eye(3) if shape.orientation is None else shape.orientation.matrix
-    if isinstance(shape, BoxShape):
-        half = np.abs(turn) @ (0.5 * np.array([value_of(x) for x in shape.size]))
-    else:
-        half = np.sqrt(np.square(turn) @ np.square([value_of(x) for x in shape.radii]))
-    return at - half, at + half

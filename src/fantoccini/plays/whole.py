@@ -7,23 +7,23 @@ from collections.abc import Mapping
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.gestures import Caption, Gesture, Played, Score, Wait
+from fantoccini.errors import nearest
+from fantoccini.gestures import Caption, Gesture, Played, Score, Sound, Wait
 from fantoccini.gestures.notes import Notes
+from fantoccini.gestures.score_file import Time
 from fantoccini.gestures.sounding import read_sounds
+from fantoccini.gestures.timing import Spot
 from fantoccini.motion import pieces
 from fantoccini.plays.casting import Cast
 from fantoccini.plays.cues import Timeline, lane_name
+from fantoccini.plays.play_file import PlayFile
 
 
 def whole_score(
     cast: Cast, motions: Mapping[str, Gesture], lanes: Mapping[str, Mapping[str, Gesture]],
     timeline: Timeline, notes: Notes,
 ) -> Score:  # fmt: skip
-    """All players' motions as one score of the stage.
-
-    Raises:
-        FileError: a sound file is missing.
-    """
+    """All players' motions as one score of the stage."""
     file = cast.file
     own = {
         label: on_stage(cast, name, gesture)
@@ -45,11 +45,7 @@ def whole_score(
             captions.append(Caption(start, max(end, start + 1.0), cue.given.says))
         if cue.given.go:
             waits.append(Wait(f"cue {number}", min(start, cue.wanted)))
-    sounds = read_sounds(
-        file.sound, lambda given, spot: (0.0 if isinstance(given, str) else given) * notes.beat,
-        notes,
-    )
-    notes.refuse()
+    sounds = sounds_of(file, notes)
     marks = {name: beat * notes.beat for name, beat in file.times.items()}
     return Score(
         cast.whole, whole.called(file.play), tuple(played), marks,
@@ -57,6 +53,20 @@ def whole_score(
         file.stage.speed, file.stage.acceleration, tuple(sorted(waits, key=lambda one: one.t)),
         sounds, own, file.tempo,
     )  # fmt: skip
+
+
+def sounds_of(file: PlayFile, notes: Notes) -> tuple[Sound, ...]:
+    """The sounds of a play; notes those that are missing, and times that are none."""
+
+    def time(given: Time, spot: Spot) -> float:
+        if not isinstance(given, str):
+            return given * notes.beat
+        if given not in file.times:
+            text = f"found {given!r}; needed: a beat, or a name of `times`"
+            notes.mistake(spot, text + nearest(given, file.times))
+        return file.times.get(given, 0.0) * notes.beat
+
+    return read_sounds(file.sound, time, notes)
 
 
 def on_stage(cast: Cast, name: str, own: Gesture) -> Gesture:

@@ -1,0 +1,90 @@
+"""Players while their cues are placed, and what rounds of compiling have found out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from fantoccini.arrays import Array, MaskRows, Times
+from fantoccini.gestures.joining import Line
+from fantoccini.gestures.timing import Spot
+from fantoccini.plays.casting import Player
+from fantoccini.plays.footing import Footing, Way
+
+_TRACK = 0.05
+"""Between samples of a walk, which is straight between them [s]."""
+
+
+@dataclass
+class Actor:
+    """A player while its cues are placed.
+
+    Attributes:
+        player: who.
+        lanes: motions that add up: the walks, and gestures beside one another.
+        ways: the walks so far, in order.
+        played: the gestures so far: lane, start and end [s], and what they move.
+        done: end of the last cue [s].
+        away: whether it has gone off.
+    """
+
+    player: Player
+    lanes: list[Line]
+    ways: list[Way] = field(default_factory=list)
+    played: list[tuple[int, float, float, MaskRows]] = field(default_factory=list)
+    done: float = 0.0
+    away: bool = False
+
+    def stands(self, t: float) -> Footing:
+        """Where it stands at a time [s]."""
+        way = next((one for one in reversed(self.ways) if one.begin <= t), None)
+        if way is None:
+            return self.player.start
+        xy, heading = way.footing(np.array([t]))
+        return Footing(float(xy[0, 0]), float(xy[0, 1]), float(heading[0]))
+
+    def kept(self) -> Actor:
+        """The actor as it is now: what is added to this one does not change it."""
+        lanes = [line.kept() for line in self.lanes]
+        return replace(self, lanes=lanes, ways=list(self.ways), played=list(self.played))
+
+    @property
+    def last(self) -> Footing:
+        """Where it stands after all walks."""
+        return self.stands(np.inf)
+
+    def track(self) -> tuple[Times, Array]:
+        """(T,) times and (T, 2) places, straight between them."""
+        t, xy = [0.0], [[self.player.start.x, self.player.start.y]]
+        for way in self.ways:
+            if not way.steps:
+                continue
+            own = np.append(np.arange(way.begin, way.end, _TRACK), way.end)
+            own = own[own > t[-1]]
+            t += own.tolist()
+            xy += way.footing(own)[0].tolist()
+        return np.array(t), np.array(xy)
+
+
+@dataclass
+class Wishes:
+    """What rounds of compiling have found out about cues.
+
+    Attributes:
+        earlier: (cue, player) -> by how much its hands begin earlier, as limbs lag [s].
+        pauses: cue -> by how much later it begins, for swing [s].
+        refused: cue -> why it cannot be done.
+        smaller: cue -> factor of its size.
+    """
+
+    earlier: dict[tuple[Spot, str], float] = field(default_factory=dict)
+    pauses: dict[Spot, float] = field(default_factory=dict)
+    refused: dict[Spot, str] = field(default_factory=dict)
+    smaller: dict[Spot, float] = field(default_factory=dict)
+
+    def copied(self) -> Wishes:
+        """The same, to come back to."""
+        return Wishes(
+            dict(self.earlier), dict(self.pauses), dict(self.refused), dict(self.smaller)
+        )
