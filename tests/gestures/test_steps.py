@@ -115,8 +115,10 @@ def test_knees_go_up_in_turn_but_not_where_it_stands(puppet):
         d, _ = gesture.offsets((k + 0.5) * 0.5)
         up = {s: d[v_K.index(f"knee_{s}.length")] for s in ("left", "right")}
         side = ("left", "right")[walked.index(k) % 2] if k in walked else ""
+        # On the spot they go less high: the hips turn, and the knees would meet.
+        high = 0.06 if GIVEN[k].length else 0.025
         for s, length in up.items():
-            assert length == pytest.approx(-0.06 if s == side else 0.0, abs=1e-12)
+            assert length == pytest.approx(-high if s == side else 0.0, abs=1e-12)
 
 
 def test_equal_steps_are_a_walk(puppet):
