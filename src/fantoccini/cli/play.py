@@ -109,8 +109,10 @@ def _summary(verification: Verification, compiling: float, verifying: float) -> 
         f"coordinates; compiled in {compiling:.1f} s, {_count(play.rounds, 'round')}, "
         f"verified in {verifying:.1f} s"
     )
-    refused = len(play.refused)
-    cues = f"{len(play.cues) - refused} of {len(play.cues)} cues can be done"
+    done = sum(not cue.refused for cue in play.cues)
+    left = len(play.cues) - done - len(play.refused)
+    cues = f"{done} of {_count(len(play.cues), 'cue')} can be done"
+    cues += f", {left} left out" if left else ""
     worst = f"no cue more than {1e3 * verification.worst:.0f} ms off"
     broken = len(verification.faults)
     write(f"{cues}; {worst}; " + (f"{_count(broken, 'fault')}" if broken else "the run holds"))

@@ -24,7 +24,7 @@ class CueOfPlay:
         number: in the play, from 1 on: ``/cue/N/start``.
         act: its act's name.
         who: the players.
-        what: what they do, in words: ``wave``, ``walks to centre``.
+        what: who does what, in words: ``pierrot: walks to centre``.
         name: by which times refer to it.
         line: of the file.
         wanted: when it, or the mark of ``on``, is to be [s].
@@ -60,11 +60,6 @@ class CueOfPlay:
         """What they do, without who does it."""
         return self.what.removeprefix(f"{' and '.join(self.who)}: ")
 
-    @property
-    def number_and_name(self) -> str:
-        """``3 bow (pierrot, columbine)``"""
-        return f"{self.number} {self.what} ({', '.join(self.who)})"
-
 
 @dataclass(frozen=True, eq=False)
 class Play:
@@ -74,7 +69,7 @@ class Play:
 
         play = fan.load_play("bows.yaml")
         for cue in play.cues:
-            print(cue.number_and_name, cue.start, cue.refused)
+            print(cue.number, cue.what, cue.start, cue.refused)
         run = fan.simulate(play.marionette, play.x0, play.inputs)
 
     Attributes:
