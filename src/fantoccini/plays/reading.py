@@ -58,8 +58,8 @@ def read_script(path: str | os.PathLike[str]) -> Script:
     name = os.fspath(path)
     if not Path(name).exists():
         if name not in play_names():
-            text = f"found nothing here, and no bundled play of this name{nearest(name, play_names())}"
-            raise FileError([Mistake(name, None, "", text)])
+            text = "found nothing here, and no bundled play of this name"
+            raise FileError([Mistake(name, None, "", text + nearest(name, play_names()))])
         path = _REPERTORY / f"{name}.yaml"
     located = read_file(path)
     data = located.data if isinstance(located.data, dict) else {}
