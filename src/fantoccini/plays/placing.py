@@ -156,11 +156,11 @@ class Placing:
         if given.on is not None and not cue.walks:
             (mark,) = given.on
             ahead = self._gesture(cue, actor, t).marks[mark]
-        begin = t - ahead - early + pause
+        asked = t - ahead - early
         if cue.walks:
-            self._walk(cue, actor, begin, begin)
+            self._walk(cue, actor, asked, asked + pause)
         else:
-            self._act(cue, actor, begin)
+            self._act(cue, actor, asked, asked + pause)
 
     def _check_begin(self, cue: Cue, t: float) -> None:
         """Refuses what would be before its act, or before a GO for which its act waits."""
@@ -174,8 +174,11 @@ class Placing:
                 f"its time is before the GO of line {line}, {self._said(go.moments[START], cue)}"
             )
 
-    def _act(self, cue: Cue, actor: Actor, begin: float) -> None:
-        """Places a gesture in a lane, from the heading that the player then has."""
+    def _act(self, cue: Cue, actor: Actor, asked: float, begin: float) -> None:
+        """Places a gesture in a lane, from the heading that the player then has.
+
+        It is to begin at one time, and begins at another or later [s].
+        """
         earliest = max(begin, self.act_starts[cue.act])
         gesture = self._gesture(cue, actor, earliest)
         lane, start = self._lane(actor, gesture, earliest)
@@ -190,7 +193,7 @@ class Placing:
                 f"begin {self._said(until, cue)}"
             )
         start = self._add(actor.lanes[lane], gesture, start)
-        self._check_time(cue, actor, start - begin, start)
+        self._check_time(cue, actor, start - asked, start)
         actor.played.append((lane, start, start + gesture.duration, gesture.named))
         self._note(cue, actor, lane, gesture, start)
 
