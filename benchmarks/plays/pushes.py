@@ -31,8 +31,8 @@ from fantoccini.plays import CueOfPlay
 
 SEEDS = 20
 PUSHES = 4
-WAY, WITHIN = 0.02, 0.1
-"""Of a slip [m, s]."""
+SLIP, SLIP_TIME = 0.02, 0.1
+"""How far a hand slips [m], and in which time [s]."""
 GIVEN = 0.1
 """Speed of an impulse [m/s]."""
 LATE, NEAR = 1 / 60, 0.02
@@ -53,7 +53,7 @@ class Run:
 
 @dataclass
 class Pushes:
-    """What is done to a show, in the ticks in which it is due."""
+    """Pushes of a show, each with the time at which it is given."""
 
     kind: str
     seed: int
@@ -73,10 +73,10 @@ class Pushes:
             if self.kind == "slip":
                 hands = [one.name for one in live.handles if one.name.startswith(own)]
                 hand = str(rng.choice(hands))
-                self.jobs += slip(live, hand, WAY * way, float(t))
+                self.jobs += slip(live, hand, SLIP * way, float(t))
             else:
                 bodies = [own + "torso", own + "skull"]
-                force = GIVEN * players[who].alone.weight / 9.81 / WITHIN * way
+                force = GIVEN * players[who].alone.weight / 9.81 / SLIP_TIME * way
                 self.jobs += impulse(live, str(rng.choice(bodies)), force, float(t))
         self.jobs.sort(key=lambda job: job[0])
 
@@ -92,11 +92,11 @@ def slip(live: fan.Performance, hand: str, way: np.ndarray, t: float):
     def back() -> None:
         live.move(hand, live.target(hand)[0] - way)
 
-    return [(t, jerk), (t + WITHIN, back)]
+    return [(t, jerk), (t + SLIP_TIME, back)]
 
 
 def impulse(live: fan.Performance, body: str, force: np.ndarray, t: float):
-    return [(t, lambda: live.push(body, force)), (t + WITHIN, lambda: live.push(body, None))]
+    return [(t, lambda: live.push(body, force)), (t + SLIP_TIME, lambda: live.push(body, None))]
 
 
 def performed(play: fan.Play, steady: bool, pushes: Pushes | None = None) -> Run:
@@ -127,7 +127,7 @@ def turns(play: fan.Play, run: Run) -> dict[tuple[int, str, str, str], float]:
     parts = {id(one): part for one, part in zip(play.score.cues, play.parts, strict=True)}
     return {
         (*parts[id(late.cue)], late.mark, late.string): late.seconds
-        for late in lateness(play.score, run)  # type: ignore[arg-type]
+        for late in lateness(play.score, run)
     }
 
 
@@ -172,11 +172,11 @@ def settling(play: fan.Play, steady: bool, seeds: int = 6) -> None:
             show.advance(begins)
         tick, name = shows[0].performance.tick, members.names[who]
         weight = play.cast.players[name].alone.weight
-        force = GIVEN * weight / 9.81 / WITHIN * np.array([0.6, 0.8, 0.0])
+        force = GIVEN * weight / 9.81 / SLIP_TIME * np.array([0.6, 0.8, 0.0])
         off = []
         for k in range(round(8.0 / tick)):
             body = f"{play.cast.member(name)}torso"
-            shows[0].performance.push(body, force if k * tick < WITHIN else None)
+            shows[0].performance.push(body, force if k * tick < SLIP_TIME else None)
             places = [members.middles(x.q_D, x.q_K)[who] for x in (s.advance(tick) for s in shows)]
             off.append(np.linalg.norm((places[0] - places[1])[:2]))
         far_off = np.flatnonzero(np.array(off) > 0.01)

@@ -55,9 +55,9 @@ def said_in_act(t: float, start: float, beat: float) -> str:
     return f"on beat {(t - start) / beat:.1f} of the act ({t:.2f} s)"
 
 
-def lane_name(part: Part) -> str:
-    """The name of a part's lane: the player's, and from the second lane on a number."""
-    return part.who if part.lane == 0 else f"{part.who} {part.lane + 1}"
+def lane_name(who: str, lane: int) -> str:
+    """The name of a lane: the player's, and from the second lane on a number."""
+    return who if lane == 0 else f"{who} {lane + 1}"
 
 
 @dataclass

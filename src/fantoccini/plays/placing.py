@@ -21,7 +21,7 @@ from fantoccini.gestures.transition import limits
 from fantoccini.plays.acting import Repertory, Style
 from fantoccini.plays.actors import Actor, Wishes
 from fantoccini.plays.casting import Cast, Places, Player
-from fantoccini.plays.cues import ARRIVES, Cue, Part, Timeline, said_in_act
+from fantoccini.plays.cues import ARRIVES, Cue, Part, Timeline, lane_name, said_in_act
 from fantoccini.plays.footing import Footing, Way
 from fantoccini.plays.play_file import said
 from fantoccini.plays.walks import Walks
@@ -80,7 +80,7 @@ class Placing:
         lanes = {}
         for i, line in enumerate(actor.lanes):
             line.hold(until)
-            label = name if i == 0 else f"{name} {i + 1}"
+            label = lane_name(name, i)
             lanes[label] = Gesture(actor.player.alone.coordinates, *line.motion, label)
         whole, *others = lanes.values()
         for other in others:

@@ -227,7 +227,7 @@ class Rounds:
             for part in cue.parts:
                 if part.who != name or cue.walks:
                     continue
-                lane = lane_name(part)
+                lane = lane_name(part.who, part.lane)
                 one = Played(lane, cue.name, part.start, part.end, part.marks, cue.name)
                 played.append(one)
                 if cue.given.on is not None:

@@ -36,7 +36,8 @@ def whole_score(
     for number, cue in enumerate(timeline.cues, 1):
         for part in cue.parts:
             name = cue.name if len(cue.who) == 1 else f"{cue.name} {part.who}"
-            played.append(Played(lane_name(part), cue.name, part.start, part.end, part.marks, name))
+            lane = lane_name(part.who, part.lane)
+            played.append(Played(lane, cue.name, part.start, part.end, part.marks, name))
         if not cue.parts:
             continue
         start = min(part.start for part in cue.parts)
