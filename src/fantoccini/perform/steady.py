@@ -21,7 +21,6 @@ from fantoccini.motion import State
 from fantoccini.perform.performance import Performance
 from fantoccini.perform.score_voice import ScoreVoice
 from fantoccini.plays import Play
-from fantoccini.plays.alone import runs_alone
 from fantoccini.plays.together import together
 from fantoccini.tree import link_inertia
 
@@ -59,7 +58,7 @@ class Steady:
     def __init__(self, play: Play, performance: Performance):
         self._play, self._performance = play, performance
         self._members = Members(play)
-        run = together(play.cast, runs_alone(play.cast, play.motions, play.starts, play.kept))
+        run = together(play.cast, play.runs())
         self._clock = np.arange(run.t[0], run.t[-1], 1.0 / _WEIGHTS.rate)
         at = run.resample(self._clock)
         self._usual = self._members.middles(at.q_D, at.q_K)[..., :2]

@@ -25,8 +25,8 @@ from fantoccini.gestures.stepping import STEP_TIME, Step
 from fantoccini.gestures.timing import Spot
 from fantoccini.gestures.walking import steps
 from fantoccini.plays.casting import Cast, Player
+from fantoccini.plays.cue_file import HOW, CueFile
 from fantoccini.plays.footing import Footing
-from fantoccini.plays.play_file import HOW, CueFile
 
 _STEP_TIMES = 0.5, 0.8
 """Briefest and longest step [s]."""

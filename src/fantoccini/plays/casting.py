@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -13,15 +13,18 @@ import numpy as np
 
 from fantoccini import scene as scenes
 from fantoccini.arrays import Array
-from fantoccini.errors import FileError, PuppetError, StateError, UnknownNameError, nearest
+from fantoccini.errors import FileError, PuppetError, StateError, UnknownNameError
 from fantoccini.gestures.ends import Ends
 from fantoccini.gestures.notes import Notes
 from fantoccini.gestures.timing import Spot
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
-from fantoccini.plays.extents import extent
+from fantoccini.plays.contacts import asked_pairs, rules_of
+from fantoccini.plays.cue_file import DIRECTIONS
 from fantoccini.plays.footing import Footing
-from fantoccini.plays.play_file import DIRECTIONS, PlayerFile, PlayFile
+from fantoccini.plays.play_file import PlayerFile, PlayFile
+from fantoccini.plays.starts import Places, start_of
+from fantoccini.plays.things import Thing, read_things
 from fantoccini.puppet import Puppet
 from fantoccini.puppet.files import bundled
 from fantoccini.scene import Scene
@@ -98,16 +101,25 @@ class Cast:
         whole: all on the stage.
         x0: where everything hangs and lies at the start.
         file: the play.
+        things: its props, by name.
     """
 
     players: Mapping[str, Player]
     whole: Marionette
     x0: State
     file: PlayFile
+    things: Mapping[str, Thing] = field(default_factory=dict)
 
     def member(self, name: str) -> str:
         """What stands before the names of a player's coordinates."""
         return f"{name}." if len(self.players) > 1 else ""
+
+    def named(self, name: str) -> str:
+        """``pierrot.torso`` as it is called in the scene of all; other names stay as they are."""
+        if len(self.players) > 1:
+            return name
+        (only,) = self.players
+        return name.removeprefix(f"{only}.")
 
     def owner(self, name: str) -> str:
         """The player whose body or string a name of the stage is; else the name itself."""
@@ -120,50 +132,6 @@ class Cast:
         return first if first in self.players and "." in name else name
 
 
-class Places:
-    """What names of places and directions mean.
-
-    Args:
-        file: the play.
-        notes: take mistakes.
-    """
-
-    def __init__(self, file: PlayFile, notes: Notes):
-        self._file, self._notes = file, notes
-        self._obstacles = {
-            one.name: 0.5 * np.sum(extent(one), axis=0) for one in file.stage.obstacles
-        }
-
-    @property
-    def names(self) -> list[str]:
-        """All that a place may be called, players apart."""
-        return [*self._file.stage.marks, *self._obstacles]
-
-    def check(self, given: object, spot: Spot) -> None:
-        """Notes a mistake where a name is no place."""
-        known = [*self._file.cast, *self.names]
-        if isinstance(given, str) and given not in known:
-            text = f"found {given!r}; needed: a place [x, y], or what is there"
-            self._notes.mistake(spot, text + nearest(given, known))
-
-    def still(self, name: str) -> Array | None:
-        """(3,) the middle of an obstacle [m]."""
-        return self._obstacles.get(name)
-
-    def direction(self, given: float | str, spot: Spot) -> float | str:
-        """An angle [rad], or the name of what lies there; 0 after a mistake."""
-        if not isinstance(given, str):
-            return given
-        if given in DIRECTIONS:
-            return float(np.radians(DIRECTIONS[given]))
-        known = [*self._file.cast, *self.names]
-        if given not in known:
-            text = f"found {given!r}; needed: an angle, a direction or what is there"
-            self._notes.mistake(spot, text + nearest(given, [*DIRECTIONS, *known]))
-            return 0.0
-        return given
-
-
 def read_cast(file: PlayFile, places: Places, notes: Notes) -> Cast:
     """The cast of a play.
 
@@ -174,7 +142,7 @@ def read_cast(file: PlayFile, places: Places, notes: Notes) -> Cast:
     notes.refuse()
     puppets = {name: _puppet(one, ("cast", name), notes) for name, one in file.cast.items()}
     starts = {
-        name: _start(file, one, ("cast", name), places, notes) for name, one in file.cast.items()
+        name: start_of(file, one, ("cast", name), places, notes) for name, one in file.cast.items()
     }
     for name, mark in file.stage.marks.items():
         places.direction(mark.facing, ("stage", "marks", name, "facing"))
@@ -205,17 +173,24 @@ def read_cast(file: PlayFile, places: Places, notes: Notes) -> Cast:
         players[name] = Player(name, alone, hangs, x0, starts[name])
         members.append(Member(name=name, puppet=puppet, pose=pose))
     notes.refuse()
+    lifts = {name: one.lift for name, one in file.cast.items()}
+    things = read_things(file, starts, lifts, places, notes)
+    notes.refuse()
     stage = file.stage
+    alone = f"{next(iter(players))}." if len(players) == 1 else ""
+    rules = rules_of(asked_pairs(file), lambda part: part.removeprefix(alone))
     try:
         scene = Scene(
             scene=file.play, floor=stage.floor, puppets=tuple(members), obstacles=stage.obstacles,
+            props=tuple(one.prop for one in things.values()),
+            contact=rules if rules.pairs else None,
         )  # fmt: skip
         whole = Marionette(scene)
     except (PuppetError, FileError) as error:
         for one_mistake in error.mistakes:
             notes.mistake(("stage",), f"{one_mistake.key}: {one_mistake.message}")
         notes.refuse()
-    return Cast(players, whole, _together(whole, players), file)
+    return Cast(players, whole, _together(whole, players), file, things)
 
 
 def _check_names(file: PlayFile, notes: Notes) -> None:
@@ -225,6 +200,7 @@ def _check_names(file: PlayFile, notes: Notes) -> None:
     named: list[tuple[Spot, str, str]] = [
         *((("cast", name), name, "a player") for name in file.cast),
         *((("stage", "marks", name), name, "a mark") for name in stage.marks),
+        *((("props", name), name, "a prop") for name in file.props),
         *(
             (("stage", "obstacles", i), one.name, "an obstacle")
             for i, one in enumerate(stage.obstacles)
@@ -253,37 +229,6 @@ def _puppet(one: PlayerFile, spot: Spot, notes: Notes) -> Puppet | None:
         notes.mistake((*spot, "puppet"), f"{one.puppet} is a scene; needed: one puppet")
         return None
     return puppet
-
-
-def _start(
-    file: PlayFile, one: PlayerFile, spot: Spot, places: Places, notes: Notes
-) -> Footing:
-    """Where a player stands at the start."""
-    heading: float | str = 0.0
-    if isinstance(one.at, str):
-        mark = file.stage.marks.get(one.at)
-        if mark is None:
-            text = f"no mark is called {one.at!r}{nearest(one.at, file.stage.marks)}"
-            notes.mistake((*spot, "at"), text)
-            return Footing(0.0, 0.0)
-        x, y = mark.at
-        heading = places.direction(mark.facing, ("stage", "marks", one.at, "facing"))
-    else:
-        x, y = one.at[:2]
-    if one.facing is not None:
-        heading = places.direction(one.facing, (*spot, "facing"))
-    there = Footing(x, y)
-    if isinstance(heading, str):
-        place = places.still(heading)
-        if place is None:
-            other = file.cast.get(heading)
-            at = other.at if other is not None else heading
-            if isinstance(at, str):
-                mark = file.stage.marks.get(at)
-                at = (0.0, 0.0) if mark is None else mark.at
-            place = np.array([at[0], at[1], 0.0])
-        heading = there.towards(complex(place[0], place[1]))
-    return there.facing(heading)
 
 
 def _alone(

@@ -9,11 +9,11 @@ from fantoccini.errors import Status
 from fantoccini.gestures.notes import LATE, Notes
 from fantoccini.gestures.timing import END, START, Spot
 from fantoccini.plays.casting import Cast
+from fantoccini.plays.cue_file import said
 from fantoccini.plays.cues import Cue, said_in_act
 from fantoccini.plays.kept import Kept
 from fantoccini.plays.placing import IN_TIME
 from fantoccini.plays.play import CueOfPlay, Play
-from fantoccini.plays.play_file import said
 from fantoccini.plays.reading import read_script
 from fantoccini.plays.rounds import Round, Rounds
 from fantoccini.plays.together import together
@@ -158,7 +158,7 @@ class _Compiler:
         made = rounds.made()
         while rounds.hurry(made):
             made = rounds.made()
-        done = all(run.status is Status.DONE for run in made.runs.values())
+        done = all(run.status is Status.DONE for run in made.runs.players.values())
         in_time = all(abs(late) <= IN_TIME for late in rounds.late.values())
         return done and not cue.refused and in_time and not self._touches(made)
 
@@ -194,7 +194,8 @@ class _Compiler:
         ways = {name: tuple(actor.ways) for name, actor in made.placing.actors.items()}
         return Play(
             file.play, notes.located, self._cast, score, parts, cues, tuple(notes.changes), acts,
-            made.motions, made.starts, ways, self._rounds.settled, rounds, self._kept,
+            made.motions, made.starts, made.meetings, ways, self._rounds.settled, rounds,
+            self._kept,
         )  # fmt: skip
 
     def _note(self, cue: Cue) -> None:

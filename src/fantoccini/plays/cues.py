@@ -11,7 +11,8 @@ from fantoccini.gestures import Gesture
 from fantoccini.gestures.notes import Notes
 from fantoccini.gestures.score_file import Time
 from fantoccini.gestures.timing import END, START, Reference, Spot, Times, in_order
-from fantoccini.plays.play_file import CueFile, PlayFile
+from fantoccini.plays.cue_file import CueFile
+from fantoccini.plays.play_file import PlayFile
 from fantoccini.puppet.values import NAME
 
 _LONGEST = 1800.0

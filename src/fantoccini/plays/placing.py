@@ -20,10 +20,12 @@ from fantoccini.gestures.timing import END, START, Spot
 from fantoccini.gestures.transition import limits
 from fantoccini.plays.acting import Repertory, Style
 from fantoccini.plays.actors import Actor, Wishes
-from fantoccini.plays.casting import Cast, Places, Player
+from fantoccini.plays.casting import Cast, Player
+from fantoccini.plays.companies import Meeting
+from fantoccini.plays.cue_file import said
 from fantoccini.plays.cues import ARRIVES, Cue, Part, Timeline, lane_name, said_in_act
 from fantoccini.plays.footing import Footing, Way
-from fantoccini.plays.play_file import said
+from fantoccini.plays.starts import Places
 from fantoccini.plays.walks import Walks
 
 IN_TIME = 1.0 / 60.0
@@ -86,6 +88,10 @@ class Placing:
         for other in others:
             whole += other
         return whole, lanes
+
+    def meetings(self, until: float) -> tuple[Meeting, ...]:
+        """Who may touch what until a time [s]."""
+        return ()
 
     # -- time --------------------------------------------------------------------------------
 

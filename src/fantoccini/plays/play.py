@@ -11,8 +11,10 @@ from fantoccini.gestures import Gesture, Score
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State
 from fantoccini.plays.casting import Cast
+from fantoccini.plays.companies import Meeting
 from fantoccini.plays.footing import Way
 from fantoccini.plays.kept import Kept
+from fantoccini.plays.runs import Runs, runs_of
 from fantoccini.puppet.located import Located
 
 
@@ -84,6 +86,7 @@ class Play:
         acts: name -> when it begins [s].
         motions: player -> all that its hands do.
         starts: player -> times at which its cues begin [s].
+        meetings: players and props that may touch, and when.
         ways: player -> its walks.
         settled: cue's number -> its pause [s], and the trunk's speeds after it without the pause
             and with it [m/s].
@@ -101,6 +104,7 @@ class Play:
     acts: Mapping[str, float]
     motions: Mapping[str, Gesture] = field(repr=False)
     starts: Mapping[str, tuple[float, ...]] = field(repr=False)
+    meetings: tuple[Meeting, ...]
     ways: Mapping[str, tuple[Way, ...]]
     settled: Mapping[int, tuple[float, float, float]]
     rounds: int
@@ -131,6 +135,10 @@ class Play:
     def inputs(self) -> Input:
         """The motion of all hands."""
         return self.score.inputs(self.x0)
+
+    def runs(self) -> Runs:
+        """The event-driven runs of all, made in parts that are kept."""
+        return runs_of(self.cast, self.motions, self.starts, self.meetings, self.kept)
 
     @property
     def duration(self) -> float:

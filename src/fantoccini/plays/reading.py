@@ -9,9 +9,11 @@ from pathlib import Path
 from fantoccini.errors import FileError, Mistake, nearest
 from fantoccini.gestures.notes import Notes
 from fantoccini.plays.acting import Repertory
-from fantoccini.plays.casting import Cast, Places, read_cast
+from fantoccini.plays.casting import Cast, read_cast
+from fantoccini.plays.cue_file import said
 from fantoccini.plays.cues import WALKS, Timeline
-from fantoccini.plays.play_file import PlayFile, said
+from fantoccini.plays.play_file import PlayFile
+from fantoccini.plays.starts import Places
 from fantoccini.plays.whole import sounds_of
 from fantoccini.puppet.located import read_file, validate
 

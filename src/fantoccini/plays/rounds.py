@@ -16,12 +16,14 @@ from fantoccini.gestures.timing import Spot
 from fantoccini.motion import Trajectory
 from fantoccini.plays.acting import Repertory
 from fantoccini.plays.actors import Wishes
-from fantoccini.plays.alone import excerpt, runs_alone
-from fantoccini.plays.casting import Cast, Places
+from fantoccini.plays.casting import Cast
+from fantoccini.plays.companies import Meeting
 from fantoccini.plays.cues import Cue, Part, Timeline, lane_name
 from fantoccini.plays.kept import Kept, digest
 from fantoccini.plays.placing import IN_TIME, Placing
+from fantoccini.plays.runs import Runs, excerpt, runs_of
 from fantoccini.plays.settling import PAUSE, pause
+from fantoccini.plays.starts import Places
 from fantoccini.plays.walks import Walks
 from fantoccini.runtime import default_threads
 
@@ -48,14 +50,16 @@ class Round:
         motions: player -> what its hands do.
         lanes: player -> lane -> its part of that.
         starts: player -> times at which its cues begin [s].
-        runs: player -> its event-driven run.
+        meetings: who may touch what, and when.
+        runs: of all, event-driven.
     """
 
     placing: Placing
     motions: Mapping[str, Gesture]
     lanes: Mapping[str, Mapping[str, Gesture]]
     starts: Mapping[str, tuple[float, ...]]
-    runs: Mapping[str, Trajectory]
+    meetings: tuple[Meeting, ...]
+    runs: Runs
 
 
 class Rounds:
@@ -104,8 +108,9 @@ class Rounds:
                         if part.who == name)
             for name in motions
         }  # fmt: skip
-        runs = runs_alone(self._cast, motions, starts, self._kept)
-        return Round(placing, motions, lanes, starts, runs)
+        meetings = placing.meetings(end)
+        runs = runs_of(self._cast, motions, starts, meetings, self._kept)
+        return Round(placing, motions, lanes, starts, meetings, runs)
 
     def refuse(self, cue: Cue | None, why: str) -> bool:
         """Refuses a cue, if it is one and is not refused yet; the others are moved anew."""
@@ -122,7 +127,7 @@ class Rounds:
             self.refuse(
                 self.blamed(float(run.t[-1]), {name}), f"{name}'s run stops there: {run.status}"
             )
-            for name, run in made.runs.items() if run.status is not Status.DONE
+            for name, run in made.runs.players.items() if run.status is not Status.DONE
         ])  # fmt: skip
 
     def refuse_fast(self, made: Round) -> bool:
@@ -157,7 +162,7 @@ class Rounds:
             if motion is None or most <= 0.0:
                 continue
             begun, own = motion
-            run, alone = made.runs[part.who], self._cast.players[part.who].alone
+            run, alone = made.runs.players[part.who], self._cast.players[part.who].alone
             x = run.at(begun)
             key = digest(x, Gesture(alone.coordinates, *own), most, "pause")
             job = partial(pause, alone, x, own, most)
@@ -205,7 +210,7 @@ class Rounds:
         """Lets hands begin earlier, where limbs are late on the marks that cues are timed by."""
         changed = False
         self.late.clear()
-        for name, run in made.runs.items():
+        for name, run in made.runs.players.items():
             for late, cue in self._late(name, run, made):
                 key = cue.spot, name
                 self.late[key] = late

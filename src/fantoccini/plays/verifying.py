@@ -13,7 +13,6 @@ from fantoccini.gestures import lateness
 from fantoccini.gestures.timing import START
 from fantoccini.gestures.transition import limits
 from fantoccini.motion import EventKind, Trajectory
-from fantoccini.plays.alone import runs_alone
 from fantoccini.plays.placing import IN_TIME
 from fantoccini.plays.play import CueOfPlay, Play
 from fantoccini.plays.rounds import PEAKS
@@ -101,7 +100,8 @@ def verify_play(play: Play) -> Verification:
     Args:
         play: compiled.
     """
-    run = together(play.cast, runs_alone(play.cast, play.motions, play.starts, play.kept))
+    runs = play.runs()
+    run = together(play.cast, runs)
     faults = []
     if run.status is not Status.DONE:
         faults.append(f"the run stops in {play.when(run.t[-1])}: {run.status}")

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
-
-from fantoccini.arrays import Array
 from fantoccini.errors import nearest
 from fantoccini.gestures import Caption, Gesture, Played, Score, Sound, Wait
 from fantoccini.gestures.notes import Notes
 from fantoccini.gestures.score_file import Time
 from fantoccini.gestures.sounding import read_sounds
 from fantoccini.gestures.timing import Spot
-from fantoccini.motion import pieces
 from fantoccini.plays.casting import Cast
+from fantoccini.plays.companies import of_stage
 from fantoccini.plays.cues import Timeline, lane_name
 from fantoccini.plays.play_file import PlayFile
 
@@ -25,11 +22,14 @@ def whole_score(
 ) -> Score:  # fmt: skip
     """All players' motions as one score of the stage."""
     file = cast.file
+    table = cast.whole.coordinates
     own = {
-        label: on_stage(cast, name, gesture)
+        label: of_stage(table, cast.member(name), gesture)
         for name, of_player in lanes.items() for label, gesture in of_player.items()
     }  # fmt: skip
-    whole, *others = (on_stage(cast, name, motion) for name, motion in motions.items())
+    whole, *others = (
+        of_stage(table, cast.member(name), motion) for name, motion in motions.items()
+    )
     for other in others:
         whole += other
     played, captions, waits = [], [], []
@@ -68,15 +68,3 @@ def sounds_of(file: PlayFile, notes: Notes) -> tuple[Sound, ...]:
         return file.times.get(given, 0.0) * notes.beat
 
     return read_sounds(file.sound, time, notes)
-
-
-def on_stage(cast: Cast, name: str, own: Gesture) -> Gesture:
-    """A player's gesture as one of the stage."""
-    table, mine = cast.whole.coordinates, own.coordinates
-    known, of_mine = pieces.channel_names(table), pieces.channel_names(mine)
-    coef: Array = np.zeros((len(own.coef), table.n_vK, own.coef.shape[2]))
-    named, travel = np.zeros(table.n_vK, dtype=bool), np.zeros(table.n_vK)
-    for channel, (_, v) in of_mine.items():
-        to = known[cast.member(name) + channel][1]
-        coef[:, to], named[to], travel[to] = own.coef[:, v], own.named[v], own.travel[v]
-    return Gesture(table, own.breaks, coef, named, travel, own.name, own.marks, own.turns)

@@ -1,0 +1,244 @@
+"""Companies: players and props that may touch each other, and are simulated together.
+
+At every time a play is in companies: who touches nobody is one alone. Where a prop is taken, given
+or left, companies change, and the states of their members go on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.gestures import Gesture
+from fantoccini.marionette import Marionette
+from fantoccini.motion import State, pieces
+from fantoccini.plays.casting import Cast
+from fantoccini.plays.contacts import Pair, rules_of
+from fantoccini.plays.kept import Kept
+from fantoccini.puppet.contact import FLOOR
+from fantoccini.scene import Scene
+from fantoccini.scene.schema import Member
+from fantoccini.tree import CoordinateTable
+
+PropState = tuple[Array, Array]
+"""(7,) place and quaternion of a prop, and (6,) its velocities."""
+
+
+@dataclass(frozen=True)
+class Meeting:
+    """Players and props that may touch for a while.
+
+    Attributes:
+        begin, end: [s].
+        players, props: who takes part.
+        pairs: what may touch.
+    """
+
+    begin: float
+    end: float
+    players: tuple[str, ...]
+    props: tuple[str, ...]
+    pairs: frozenset[Pair]
+
+
+@dataclass(frozen=True)
+class Company:
+    """Players and props that are simulated together, in the order of the cast.
+
+    Attributes:
+        players, props: who takes part.
+        pairs: what may touch.
+    """
+
+    players: tuple[str, ...]
+    props: tuple[str, ...] = ()
+    pairs: frozenset[Pair] = frozenset()
+
+
+@dataclass(frozen=True)
+class Span:
+    """A company for a while.
+
+    Attributes:
+        company: who.
+        begin, end: [s].
+    """
+
+    company: Company
+    begin: float
+    end: float
+
+
+def spans(players: Sequence[str], meetings: Iterable[Meeting], end: float) -> tuple[Span, ...]:
+    """The companies of a play over time, in order of their beginnings.
+
+    Args:
+        players: all, in the order of the cast.
+        meetings: who may touch what, and when; who meets nobody is alone.
+        end: of the play [s].
+    """
+    listed = [one for one in meetings if one.begin < min(one.end, end)]
+    cuts = sorted({0.0, end, *(min(t, end) for one in listed for t in (one.begin, one.end))})
+    open_: dict[Company, float] = {}
+    found = []
+    for begin, until in pairwise(cuts):
+        now = _companies(players, [m for m in listed if m.begin <= begin and m.end >= until])
+        for gone in [company for company in open_ if company not in now]:
+            found.append(Span(gone, open_.pop(gone), begin))
+        for company in now:
+            open_.setdefault(company, begin)
+    found += [Span(company, begin, end) for company, begin in open_.items()]
+    return tuple(sorted(found, key=lambda one: (one.begin, one.company.players)))
+
+
+def _companies(players: Sequence[str], meetings: Sequence[Meeting]) -> list[Company]:
+    """Who is connected with whom by meetings."""
+    groups: list[set[str]] = [{name} for name in players]
+    for meeting in meetings:
+        own = {*meeting.players, *meeting.props}
+        joined = [group for group in groups if group & own]
+        groups = [group for group in groups if group not in joined]
+        groups.append(own.union(*joined))
+    order = {name: i for i, name in enumerate(players)}
+    companies = []
+    for group in groups:
+        own_meetings = [one for one in meetings if group & {*one.players, *one.props}]
+        pairs = frozenset[Pair]().union(*(one.pairs for one in own_meetings))
+        members = tuple(sorted(group & {*players}, key=order.__getitem__))
+        companies.append(Company(members, tuple(sorted(group - {*players})), pairs))
+    return sorted(companies, key=lambda one: [order[name] for name in one.players])
+
+
+@dataclass(frozen=True, eq=False)
+class Staged:
+    """A company as it is simulated.
+
+    Attributes:
+        company: who.
+        marionette: all of them.
+        prefixes: player -> what stands before the names of its parts there.
+        props: prop -> its name there.
+        content: says all that it is.
+    """
+
+    company: Company
+    marionette: Marionette
+    prefixes: Mapping[str, str]
+    props: Mapping[str, str]
+    content: str
+
+    def motion(self, motions: Mapping[str, Gesture]) -> Gesture:
+        """Motions of the players, each in its own coordinates, as one."""
+        table = self.marionette.coordinates
+        whole, *others = (
+            of_stage(table, prefix, motions[name]) for name, prefix in self.prefixes.items()
+        )
+        for other in others:
+            whole += other
+        return whole
+
+    def state(
+        self, players: Mapping[str, State], props: Mapping[str, PropState]
+    ) -> State:
+        """The state of all from those of its members."""
+        tree, x = self.marionette.tree, self.marionette.state()
+        table = self.marionette.coordinates
+        parts = {name: np.array(getattr(x, name)) for name in ("q_D", "v_D", "q_K", "v_K")}
+        rows = [*(one.name for one in tree.strings), *(one.name for one in tree.limits)]
+        taut, slip = np.zeros(len(rows), dtype=bool), np.zeros(len(tree.strings))
+        for name, prefix in self.prefixes.items():
+            own = players[name]
+            assert own.coordinates is not None
+            for part, values in parts.items():
+                names = getattr(own.coordinates, part)
+                where = [getattr(table, part).index(prefix + one) for one in names]
+                values[where] = getattr(own, part)
+            mine = [i for i, row in enumerate(rows) if row.startswith(prefix)]
+            taut[mine] = own.taut
+            strings = [i for i in mine if i < len(slip)]
+            slip[strings] = own.slip if len(own.slip) else 0.0
+        for name, local in self.props.items():
+            for part, values in zip(("q_D", "v_D"), props[name], strict=True):
+                first = getattr(table, part).index(f"{local}.x")
+                parts[part][first : first + len(values)] = values
+        return State(0.0, **parts, taut=taut, slip=slip, coordinates=table)
+
+    def local(self, name: str) -> str:
+        """The name there of a body, a prop, an obstacle or the floor of the stage."""
+        if name in self.props:
+            return self.props[name]
+        first, dot, rest = name.partition(".")
+        if dot and first in self.prefixes:
+            return self.prefixes[first] + rest
+        return name
+
+    def on_stage(self, name: str) -> str:
+        """The name on the stage of a body, a prop, an obstacle or the floor there."""
+        for prop, local in self.props.items():
+            if name == local or name.startswith(f"{local}."):
+                return prop + name.removeprefix(local)
+        for player, prefix in self.prefixes.items():
+            if prefix and name.startswith(prefix):
+                return f"{player}.{name.removeprefix(prefix)}"
+        known = {FLOOR, *(one.name for one in self.marionette.puppet.obstacles)}
+        (only,) = self.prefixes if len(self.prefixes) == 1 else ("",)
+        return name if name in known or not only else f"{only}.{name}"
+
+
+def staged(cast: Cast, company: Company, kept: Kept) -> Staged:
+    """A company as it is simulated.
+
+    Args:
+        cast: of the play.
+        company: who.
+        kept: has what was made before.
+    """
+    players = [cast.players[name] for name in company.players]
+    if len(players) == 1 and not company.props and not company.pairs:
+        (only,) = players
+        return Staged(company, only.alone, {only.name: ""}, {}, only.content)
+    things = [cast.things[name] for name in company.props]
+    used = {name for pair in company.pairs for name in pair}
+    obstacles = tuple(one for one in cast.file.stage.obstacles if one.name in used)
+    alone = len(players) == 1
+    prefixes = {one.name: "" if alone else f"player_{i}." for i, one in enumerate(players, 1)}
+    props = {one.name: f"prop_{i}" for i, one in enumerate(things, 1)}
+    content = repr((
+        [one.content for one in players], [one.content for one in things],
+        sorted(map(sorted, company.pairs)), [repr(one) for one in obstacles],
+        cast.file.stage.floor,
+    ))  # fmt: skip
+
+    def made() -> Marionette:
+        local = Staged(company, players[0].alone, prefixes, props, content).local
+        scene = Scene(
+            scene="company", floor=cast.file.stage.floor,
+            contact=rules_of(company.pairs, local),
+            puppets=tuple(
+                Member(name=f"player_{i}", puppet=one.alone.puppet)
+                for i, one in enumerate(players, 1)
+            ),
+            props=tuple(
+                one.prop.model_copy(update={"name": props[one.name]}) for one in things
+            ),
+            obstacles=obstacles,
+        )  # fmt: skip
+        return Marionette(scene)
+
+    marionette = kept.get(f"company {content}", made)
+    return Staged(company, marionette, prefixes, props, content)
+
+
+def of_stage(table: CoordinateTable, prefix: str, own: Gesture) -> Gesture:
+    """A player's gesture in the coordinates of all, where its names have a prefix."""
+    known, of_mine = pieces.channel_names(table), pieces.channel_names(own.coordinates)
+    coef: Array = np.zeros((len(own.coef), table.n_vK, own.coef.shape[2]))
+    named, travel = np.zeros(table.n_vK, dtype=bool), np.zeros(table.n_vK)
+    for channel, (_, v) in of_mine.items():
+        to = known[prefix + channel][1]
+        coef[:, to], named[to], travel[to] = own.coef[:, v], own.named[v], own.travel[v]
+    return Gesture(table, own.breaks, coef, named, travel, own.name, own.marks, own.turns)

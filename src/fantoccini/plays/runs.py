@@ -1,0 +1,312 @@
+"""Event-driven runs of every company of a play.
+
+A run is made in parts, from one rest of the hands to the next; a part depends on the state in
+which it begins and on what the hands do in it. So a change leaves the parts before it as they are,
+and a play that is compiled after a change is, to the bit, the one that is compiled from nothing.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.errors import Status
+from fantoccini.gestures import Gesture, piecewise
+from fantoccini.gestures.joining import Motion
+from fantoccini.motion import Columns, ContactPoints, State, Trajectory
+from fantoccini.motion.trajectory import LEDGER
+from fantoccini.plays.casting import Cast
+from fantoccini.plays.companies import Meeting, PropState, Span, Staged, spans, staged
+from fantoccini.plays.kept import Kept, digest
+from fantoccini.plays.play_file import StageFile
+from fantoccini.runtime import default_threads
+from fantoccini.simulation import simulate
+
+_REST = 1e-9
+"""Rate below which hands are at rest [m/s or rad/s]."""
+_SHORTEST = 0.5
+"""Of a part, so that beginning anew costs little [s]."""
+_SAMPLED = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
+_COLUMNS = ("tension", "limit_force", "taut", "violation", "slip")
+ENERGIES = ("kinetic", "potential")
+"""Columns of a ledger that are of now; the others add up over time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A company's run.
+
+    Attributes:
+        staged: the company, as it was simulated.
+        begin: when it begins [s].
+        whole: its run, from time 0 on.
+        ended: whether it reached the end of its span.
+    """
+
+    staged: Staged
+    begin: float
+    whole: Trajectory
+    ended: bool
+
+    @property
+    def end(self) -> float:
+        """When it ends [s]."""
+        return self.begin + float(self.whole.t[-1])
+
+    def of_player(self, name: str, alone: State) -> Trajectory:
+        """The part of it that a player does, in the player's coordinates."""
+        prefix, run = self.staged.prefixes[name], self.whole
+        own = alone.coordinates
+        assert own is not None
+        changes: dict[str, Any] = {}
+        for part in _SAMPLED[1:]:
+            kind = f"{'q' if part[0] == 'q' else 'v'}_{part[-1]}"
+            all_names = getattr(run.coordinates, kind)
+            where = [all_names.index(prefix + one) for one in getattr(own, kind)]
+            changes[part] = getattr(run, part)[:, where]
+        for part in _COLUMNS:
+            columns: Columns | None = getattr(run, part)
+            if columns is not None:
+                changes[part] = _of(columns, prefix)
+        events = tuple(
+            dataclasses.replace(event, name=event.name.removeprefix(prefix))
+            for event in run.events if event.name.startswith(prefix) and "|" not in event.name
+        )  # fmt: skip
+        return dataclasses.replace(
+            run, **changes, events=events, coordinates=own, contact=None, contact_residual=None,
+            effort=None,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """The runs of a play.
+
+    Attributes:
+        companies: in order of their beginnings; those that could begin.
+        players: player -> its own, from the start on.
+    """
+
+    companies: tuple[Run, ...]
+    players: Mapping[str, Trajectory]
+
+    def with_prop(self, name: str, t: float) -> Run | None:
+        """The run in which a prop takes part at a time [s]; None where it stands by itself."""
+        for one in self.companies:
+            if name in one.staged.props and one.begin <= t <= one.end:
+                return one
+        return None
+
+
+def runs_of(
+    cast: Cast, motions: Mapping[str, Gesture], starts: Mapping[str, Sequence[float]],
+    meetings: Sequence[Meeting], kept: Kept,
+) -> Runs:  # fmt: skip
+    """The event-driven runs of a play, as many side by side as there are threads.
+
+    Args:
+        cast: of the play.
+        motions: player -> what its hands do.
+        starts: player -> times at which its cues begin [s].
+        meetings: who may touch what, and when.
+        kept: has the parts that were made before.
+    """
+    end = max(motion.duration for motion in motions.values())
+    work = _Work(cast, motions, starts, kept)
+    with ThreadPoolExecutor(default_threads()) as pool:
+        # Each waits for those before it only, which have begun when it does.
+        futures: list[tuple[Span, Future[Run | None]]] = []
+        for span in spans(list(cast.players), meetings, end):
+            futures.append((span, pool.submit(work.run, span, tuple(futures))))
+        found = [future.result() for _, future in futures]
+    companies = tuple(run for run in found if run is not None)
+    players = {
+        name: _joined([
+            (run.begin, run.of_player(name, player.x0))
+            for run in companies if name in run.staged.prefixes
+        ])
+        for name, player in cast.players.items()
+    }  # fmt: skip
+    return Runs(companies, players)
+
+
+@dataclass(frozen=True)
+class _Work:
+    cast: Cast
+    motions: Mapping[str, Gesture]
+    starts: Mapping[str, Sequence[float]]
+    kept: Kept
+
+    def run(
+        self, span: Span, before: Sequence[tuple[Span, Future[Run | None]]]
+    ) -> Run | None:
+        """A company's run; None where one of its members does not come so far."""
+        cast, company = self.cast, span.company
+        players: dict[str, State] = {}
+        props: dict[str, PropState] = {}
+        for name in (*company.players, *company.props):
+            last = _last(name, span, before)
+            if last is None:
+                if name in cast.players:
+                    players[name] = cast.players[name].x0
+                else:
+                    props[name] = prop_start(cast, name)
+                continue
+            run = last.result()
+            if run is None or not run.ended:
+                return None
+            if name in cast.players:
+                players[name] = run.of_player(name, cast.players[name].x0).state(-1)
+            else:
+                props[name] = prop_states(run, name, still=run.end < span.begin)
+        stage = staged(cast, company, self.kept)
+        x = stage.state(players, props)
+        motion = stage.motion({
+            name: Gesture(self.motions[name].coordinates,
+                          *excerpt(self.motions[name], span.begin, span.end))
+            for name in company.players
+        })  # fmt: skip
+        starts = sorted(t - span.begin for name in company.players for t in self.starts[name])
+        found = _in_parts(stage, x, motion, starts, cast.file.stage, self.kept)
+        return Run(stage, span.begin, found, found.status is Status.DONE)
+
+
+def _last(
+    name: str, span: Span, before: Sequence[tuple[Span, Future[Run | None]]]
+) -> Future[Run | None] | None:
+    """The run before a span in which a player or prop takes part."""
+    for earlier, future in reversed(before):
+        company = earlier.company
+        if name in (*company.players, *company.props) and earlier.end <= span.begin:
+            return future
+    return None
+
+
+def prop_start(cast: Cast, name: str) -> PropState:
+    """Where a prop is at the start, at rest."""
+    prop = cast.things[name].prop
+    assert prop.orientation is not None
+    return np.array([*prop.at, *prop.orientation.quaternion]), np.zeros(6)
+
+
+def prop_states(run: Run, name: str, *, still: bool = False) -> PropState:
+    """Where a prop is at a run's end; at rest, where it has stood since then."""
+    local, whole = run.staged.props[name], run.whole
+    q = whole.coordinates.q_D.index(f"{local}.x")
+    v = whole.coordinates.v_D.index(f"{local}.x")
+    rates = np.zeros(6) if still else np.array(whole.v_D[-1, v : v + 6])
+    return np.array(whole.q_D[-1, q : q + 7]), rates
+
+
+def _in_parts(
+    stage: Staged, x: State, motion: Gesture, starts: Sequence[float], bounds: StageFile,
+    kept: Kept,
+) -> Trajectory:  # fmt: skip
+    """A run part by part."""
+    parts = list[tuple[float, Trajectory]]()
+    for begun, end in pairwise(_cuts(motion, starts)):
+        own = Gesture(motion.coordinates, *excerpt(motion, begun, end))
+        key = digest(x, own, "part", stage.content, bounds.speed, bounds.acceleration)
+        run = kept.get(key, partial(_part, stage, x, own, bounds))
+        parts.append((begun, run))
+        if run.status is not Status.DONE:
+            break
+        x = run.state(len(run) - 1).replace(t=0.0)
+    return _joined(parts)
+
+
+def _part(stage: Staged, x: State, motion: Gesture, bounds: StageFile) -> Trajectory:
+    inputs = motion.inputs(x, speed=bounds.speed, acceleration=bounds.acceleration)
+    return simulate(stage.marionette, x, inputs, effort=False, throw=False)
+
+
+def _cuts(motion: Gesture, starts: Sequence[float]) -> list[float]:
+    """Times from 0 to the end at which a part begins or ends: where the hands rest."""
+    cuts = [0.0]
+    for t in sorted(starts):
+        if t < cuts[-1] + _SHORTEST or t > motion.duration - _SHORTEST:
+            continue
+        if np.max(np.abs(motion.offsets(t)[1])) < _REST:
+            cuts.append(float(t))
+    return [*cuts, motion.duration]
+
+
+def excerpt(whole: Gesture, begun: float, end: float) -> Motion:
+    """A motion from one time to another, from offsets of 0 at its beginning."""
+    clock = np.union1d(whole.breaks, [begun, end])
+    coef = piecewise.on(whole.breaks, whole.coef, clock)
+    inside = (clock[:-1] >= begun) & (clock[:-1] < end)
+    breaks, own = np.append(clock[:-1][inside], end), coef[inside]
+    own[:, :, 0] -= own[0, :, 0]
+    return Motion(breaks - begun, own, whole.named, np.zeros_like(whole.travel))
+
+
+def _joined(parts: Sequence[tuple[float, Trajectory]]) -> Trajectory:
+    """Runs one after the other as one run."""
+    runs = [run for _, run in parts]
+    first, last = runs[0], runs[-1]
+    if len(runs) == 1:
+        return first
+    changes: dict[str, Any] = {
+        name: np.concatenate([getattr(run, name) for run in runs]) for name in _SAMPLED
+    }
+    # Where two parts meet, rounding may put one before the other.
+    changes["t"] = np.maximum.accumulate(np.concatenate([begun + run.t for begun, run in parts]))
+    for name in _COLUMNS:
+        own: Columns | None = getattr(first, name)
+        if own is not None:
+            changes[name] = own.like(np.concatenate([getattr(run, name).values for run in runs]))
+    if first.contact is not None:
+        changes["contact"] = _contacts(runs)
+        changes["contact_residual"] = np.concatenate([
+            np.zeros(len(run)) if run.contact_residual is None else run.contact_residual
+            for run in runs
+        ])  # fmt: skip
+    events = tuple(
+        dataclasses.replace(event, t=begun + event.t)
+        for begun, run in parts for event in run.events
+    )  # fmt: skip
+    return dataclasses.replace(
+        first, **changes, ledger=first.ledger.like(_ledger(runs)), events=events,
+        status=last.status, blamed=last.blamed, seconds=None,
+    )  # fmt: skip
+
+
+def _contacts(runs: Sequence[Trajectory]) -> ContactPoints:
+    """Points of runs one after the other, which have the same pairs."""
+    points = [run.contact for run in runs if run.contact is not None]
+    before = np.cumsum([0, *(len(run) for run in runs[:-1])])
+    return dataclasses.replace(
+        points[0],
+        **{
+            field.name: np.concatenate([getattr(one, field.name) for one in points])
+            for field in dataclasses.fields(ContactPoints) if field.name not in ("names", "sample")
+        },
+        sample=np.concatenate([one.sample + n for one, n in zip(points, before, strict=True)]),
+    )  # fmt: skip
+
+
+def _of(columns: Columns, prefix: str) -> Columns:
+    """The columns of a player, by its own names."""
+    where = [i for i, name in enumerate(columns.names) if name.startswith(prefix)]
+    names = tuple(columns.names[i].removeprefix(prefix) for i in where)
+    return dataclasses.replace(columns, names=names, values=columns.values[:, where])
+
+
+def _ledger(runs: Sequence[Trajectory]) -> Array:
+    """Losses and work go on from one run to the next."""
+    goes_on = np.array([name not in ENERGIES for name in LEDGER])
+    found, before = [], np.zeros(len(LEDGER))
+    for run in runs:
+        values = run.ledger.values + before * goes_on
+        before = values[-1]
+        found.append(values)
+    return np.concatenate(found)
