@@ -136,6 +136,65 @@ def test_a_scene_takes_the_rules_of_its_puppets_or_has_its_own(tmp_path):
     assert ("crate", "a.body") not in made.names
 
 
+def staged(places: dict, pair: dict) -> fan.Marionette:
+    """Arms at places, a crate and a wall, with a pair that has its own rule."""
+    arm = loads(ARM.replace("CONTACT", "true"))
+    box = {"type": "box", "size": [0.1, 0.1, 0.1]}
+    return fan.Marionette(
+        fan.Scene.model_validate({
+            "scene": "s", "contact": {"friction": 0.2, "pairs": [pair]},
+            "puppets": [{"name": name, "puppet": arm} | place for name, place in places.items()],
+            "props": [{"name": "crate", "at": [9, 0, 1], "shapes": [box | {"mass": 1}]}],
+            "obstacles": [box | {"name": "wall", "at": [0, 9, 0]}],
+        })
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("between", ["p floor", "crate p", "p p", "p wall", "crate wall"])
+@pytest.mark.parametrize("rule", [{"friction": 0.9}, {"meet": False}])
+@pytest.mark.parametrize(
+    "place", [{}, {"at": [2, 0, 0], "orientation": {"axis": [0, 0, 1], "angle": 1}}]
+)
+def test_a_puppets_name_means_the_same_whoever_else_is_there(between, rule, place):
+    """Names of parts have nothing before them in a scene of one."""
+    pair = {"between": between.split()} | rule
+    found = []
+    for others in {}, {"q": {"at": [50, 0, 0]}}:
+        contacts = staged({"p": place} | others, pair).model.contacts
+        rubs = zip(contacts.names, contacts.friction, strict=True)
+        found.append(
+            {
+                frozenset(name.removeprefix("p.") for name in names): friction
+                for names, friction in rubs
+                if not any(name.startswith("q.") for name in names)
+            }
+        )
+    assert found[0] == found[1]
+    unruled = staged({"p": place}, {"between": ["floor", "floor"], "meet": False}).model.contacts
+    assert len(found[0]) < len(unruled.names) or 0.9 in found[0].values()
+
+
+def test_a_puppet_named_as_one_of_its_bodies_is_in_no_pair_by_that_name():
+    text = (
+        "scene: s\nfloor: 0\ncontact:\n  pairs:\n  - {between: [WHAT, floor], meet: false}\n"
+        "puppets:\n- {name: torso, puppet: marionette}\n"
+    )
+    with pytest.raises(PuppetError, match=r"<string>:7: puppets\[0\].name: the name 'torso' is"):
+        fan.loads(text.replace("WHAT", "torso"))
+    left = fan.loads(text.replace("WHAT", "skull")).model.contacts.names
+    assert ("torso", "floor") in left and ("skull", "floor") not in left
+
+
+def test_an_unknown_name_in_a_scenes_pair_is_located(tmp_path):
+    own = "contact:\n  pairs:\n" + "".join(
+        f"  - {{between: [a, {name}], friction: 1}}\n" for name in ("floor", "crat")
+    )
+    with pytest.raises(PuppetError) as error:
+        fan.load(scene(tmp_path, "true", "true", own))
+    text = "scene.yaml:6: contact.pairs[1].between[1]: no body, obstacle, prop or puppet is called "
+    assert text + "'crat'; did you mean 'crate'?" in str(error.value)
+
+
 TWINS = """
 puppet: twins
 floor: 0

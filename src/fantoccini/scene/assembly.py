@@ -2,24 +2,26 @@
 
 Every puppet stands on a massless frame with the member's name, so that its coordinates mean the
 same wherever it is placed. In a scene of several puppets the names of its parts begin with the
-member's name and a dot.
+member's name and a dot. In pairs of contact that name stands for all of them, in a scene of one
+puppet too.
 """
 
 from __future__ import annotations
 
 import os
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
 
 from fantoccini.errors import Mistake, PuppetError, nearest
-from fantoccini.puppet import Puppet
+from fantoccini.puppet import Contact, Puppet
 from fantoccini.puppet.contact import FLOOR
 from fantoccini.puppet.dump import plain
 from fantoccini.puppet.files import bundled
-from fantoccini.puppet.located import Finding, Located, Origin, read_file, validate
+from fantoccini.puppet.located import Finding, Located, Origin, read_file, shown, validate
 from fantoccini.puppet.written import named, parameters
 from fantoccini.scene.schema import Member, Prop, Scene, is_scene
 
@@ -103,6 +105,8 @@ def _name_clashes(scene: Scene, placed: list[_Placed]) -> list[Finding]:
     """Names of the scene that parts of its puppets have already."""
     taken = {one.part(name) for one in placed for name, _ in named(plain(one.puppet))}
     unused = {one.member.name for one in placed if one.frame == "world"}
+    if isinstance(scene.contact, Contact):
+        unused -= {name for pair in scene.contact.pairs for name in pair.between}
     return [
         (path, f"the name {name!r} is taken by a part of the puppet; names are used once")
         for path, name in scene.names()
@@ -171,8 +175,10 @@ def _shared(key: str, own: Any, placed: list[_Placed], found: list[Finding]) -> 
 
 def _contact(scene: Scene, placed: list[_Placed], found: list[Finding]) -> Any:
     """The scene's own rules of contact, or else those that the puppets' files agree on."""
+    if isinstance(scene.contact, Contact):
+        return plain(scene.contact) | {"pairs": _pairs(scene, scene.contact, placed, found)}
     if scene.contact is not None:
-        return plain(scene.contact)
+        return scene.contact
     given = [one for one in placed if one.puppet.contact is not None]
     if not given:
         return None
@@ -189,6 +195,33 @@ def _contact(scene: Scene, placed: list[_Placed], found: list[Finding]) -> Any:
         for pair in rule.get("pairs", [])
     ]
     return shared[0] | {"pairs": pairs}
+
+
+def _pairs(
+    scene: Scene, rules: Contact, placed: list[_Placed], found: list[Finding]
+) -> list[dict[str, Any]]:
+    """The scene's own pairs; where nothing stands before names, a puppet's is spelt out."""
+    parts = {
+        one.member.name: [
+            one.part(part.name) for part in (*one.puppet.bodies, *one.puppet.obstacles)
+        ]
+        for one in placed
+    }
+    known = {FLOOR, *(name for _, name in scene.names())}.union(*parts.values())
+    alone = parts if len(placed) == 1 else {}
+    pairs: list[dict[str, Any]] = []
+    for i, pair in enumerate(rules.pairs):
+        for k, name in enumerate(pair.between):
+            if name not in known:
+                text = f"no body, obstacle, prop or puppet is called {shown(name)}"
+                path = ("contact", "pairs", i, "between", k)
+                found.append((path, text + nearest(name[:64], known)))
+        first, second = (alone.get(name, [name]) for name in pair.between)
+        pairs += [
+            plain(pair) | {"between": [a, b]} for a, b in product(first, second)
+            if a < b or first is not second
+        ]  # fmt: skip
+    return pairs
 
 
 def _folder(placed: list[_Placed], located: Located) -> Path:
