@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
 from fantoccini.arrays import Array, MaskRows, Times
+from fantoccini.gestures import Gesture
 from fantoccini.gestures.joining import Line
 from fantoccini.gestures.timing import Spot
 from fantoccini.plays.casting import Player
 from fantoccini.plays.footing import Footing, Way
 
+STILL = 1e-9
+"""Rate below which a lane is at rest [m/s or rad/s]."""
 _TRACK = 0.05
 """Between samples of a walk, which is straight between them [s]."""
+
+
+class CannotBe(Exception):
+    """A cue cannot be done; the text says why, and what can."""
 
 
 @dataclass
@@ -49,6 +56,45 @@ class Actor:
         lanes = [line.kept() for line in self.lanes]
         return replace(self, lanes=lanes, ways=list(self.ways), played=list(self.played))
 
+    def lane(self, gesture: Gesture, begin: float) -> tuple[int, float]:
+        """The lane of a gesture, and when it can begin there [s].
+
+        It is the first lane that is free then, or a new one. Where other gestures move the same
+        strings then, it begins after them, in the lane of the last.
+        """
+        busy = [
+            (until, lane) for lane, _, until, named in self.played
+            if until > begin + STILL and np.any(named & gesture.named)
+        ]  # fmt: skip
+        if busy:
+            until, lane = max(busy)
+            return lane, max(until, begin)
+        for i, line in enumerate(self.lanes[1:], 1):
+            if line.end + line.lead_time(gesture.motion) <= begin + STILL:
+                return i, begin
+        if len(self.lanes) > 1 and all(until <= begin for _, _, until, _ in self.played):
+            return 1, begin
+        self.lanes.append(Line(self.lanes[0].most))
+        return len(self.lanes) - 1, begin
+
+    def add(self, lane: int, gesture: Gesture, begin: float) -> float:
+        """Adds a gesture that is to begin at a time; when it does [s]."""
+        line = self.lanes[lane]
+        lead = line.lead_time(gesture.motion)
+        if begin - lead > line.end:
+            if np.any(np.abs(line.rate) > STILL):
+                line.stop()
+                lead = line.lead_time(gesture.motion)
+            line.hold(begin - lead)
+        return line.add(gesture.motion)
+
+    def rests(self) -> float:
+        """Brings all its strings to rest; when they are [s]."""
+        for line in self.lanes:
+            if np.any(np.abs(line.rate) > STILL):
+                line.stop()
+        return max(line.end for line in self.lanes)
+
     @property
     def last(self) -> Footing:
         """Where it stands after all walks."""
@@ -76,15 +122,18 @@ class Wishes:
         pauses: cue -> by how much later it begins, for swing [s].
         refused: cue -> why it cannot be done.
         smaller: cue -> factor of its size.
+        hangs: cue -> where the handle hangs that is given or put down, as the player sees it.
+        stands: cue -> where the prop stands that is picked up.
     """
 
     earlier: dict[tuple[Spot, str], float] = field(default_factory=dict)
     pauses: dict[Spot, float] = field(default_factory=dict)
     refused: dict[Spot, str] = field(default_factory=dict)
     smaller: dict[Spot, float] = field(default_factory=dict)
+    hangs: dict[Spot, tuple[float, float, float]] = field(default_factory=dict)
+    stands: dict[Spot, Footing] = field(default_factory=dict)
 
     def copied(self) -> Wishes:
         """The same, to come back to."""
-        return Wishes(
-            dict(self.earlier), dict(self.pauses), dict(self.refused), dict(self.smaller)
-        )
+        own = {one.name: dict(getattr(self, one.name)) for one in fields(self)}
+        return Wishes(**own)

@@ -177,8 +177,8 @@ def read_cast(file: PlayFile, places: Places, notes: Notes) -> Cast:
     things = read_things(file, starts, lifts, places, notes)
     notes.refuse()
     stage = file.stage
-    alone = f"{next(iter(players))}." if len(players) == 1 else ""
-    rules = rules_of(asked_pairs(file), lambda part: part.removeprefix(alone))
+    only = f"{next(iter(players))}." if len(players) == 1 else ""
+    rules = rules_of(asked_pairs(file), lambda part: part.removeprefix(only))
     try:
         scene = Scene(
             scene=file.play, floor=stage.floor, puppets=tuple(members), obstacles=stage.obstacles,

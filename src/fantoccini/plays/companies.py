@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.gestures import Gesture
+from fantoccini.gestures.timing import Spot
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State, pieces
 from fantoccini.plays.casting import Cast
@@ -36,6 +38,10 @@ class Meeting:
         begin, end: [s].
         players, props: who takes part.
         pairs: what may touch.
+        kind: whether a prop ``hangs`` on a forearm, is ``given``, ``put`` or ``picked`` up, or
+            somebody ``sits``.
+        cue: where the cue is written by which it has begun; None from the start on.
+        bears: from when to when a seat bears who sits [s].
     """
 
     begin: float
@@ -43,6 +49,9 @@ class Meeting:
     players: tuple[str, ...]
     props: tuple[str, ...]
     pairs: frozenset[Pair]
+    kind: Literal["hangs", "given", "put", "picked", "sits"]
+    cue: Spot | None = None
+    bears: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from fantoccini.errors import Status
-from fantoccini.gestures.notes import LATE, Notes
+from fantoccini.gestures.notes import Notes
 from fantoccini.gestures.timing import END, START, Spot
 from fantoccini.plays.casting import Cast
-from fantoccini.plays.cue_file import said
-from fantoccini.plays.cues import Cue, said_in_act
+from fantoccini.plays.cue_file import WITH_PROPS, said
+from fantoccini.plays.cues import Cue, Part, said_in_act
+from fantoccini.plays.handled import failures
 from fantoccini.plays.kept import Kept
 from fantoccini.plays.placing import IN_TIME
 from fantoccini.plays.play import CueOfPlay, Play
@@ -78,6 +79,8 @@ class _Compiler:
             made = rounds.made()
             if rounds.refuse_fast(made) or rounds.refuse_stopped(made):
                 continue
+            if rounds.look(made) or rounds.refuse_failures(made):
+                continue
             if not settled:
                 settled = True
                 if rounds.settle(made):
@@ -98,7 +101,7 @@ class _Compiler:
 
     def _touches(self, made: Round) -> list[Touch]:
         self._tell("looking for what touches", 0.97)
-        return touches(self._cast, together(self._cast, made.runs))
+        return touches(self._cast, together(self._cast, made.runs), made.meetings)
 
     def _mend(self, found: list[Touch], patient: bool) -> bool:
         """Lets the cues in which something touches first wait, or refuses them; whether any.
@@ -156,17 +159,17 @@ class _Compiler:
         """Whether a cue can be done beside all others, in time and without touching."""
         rounds = self._rounds
         made = rounds.made()
-        while rounds.hurry(made):
+        while rounds.hurry(made) or rounds.look(made):
             made = rounds.made()
         done = all(run.status is Status.DONE for run in made.runs.players.values())
         in_time = all(abs(late) <= IN_TIME for late in rounds.late.values())
-        return done and not cue.refused and in_time and not self._touches(made)
+        right = done and not cue.refused and in_time
+        right = right and not failures(self._cast, made.meetings, made.runs)
+        return right and not self._touches(made)
 
     def _said(self, t: float) -> str:
         """A time in words, in beats of its act."""
-        starts = self._rounds.act_starts
-        start = max(one for one in (0.0, *starts) if one <= t + LATE)
-        return said_in_act(t, start, self._notes.beat)
+        return said_in_act(t, self._rounds.act_start(t), self._notes.beat)
 
     # -- the result --------------------------------------------------------------------------
 
@@ -215,8 +218,16 @@ class _Compiler:
             self._notes.located.line(cue.spot) or 0, cue.wanted, cue.give(self._notes.beat), start,
             end, next(iter(given.on)) if given.on is not None else "", given.go, given.says or "",
             cue.refused, given.optional,
-            {part.who: {**part.marks, START: part.start, END: part.end} for part in parts},
+            {who: _marks_of(parts, who) for who in dict.fromkeys(part.who for part in parts)},
         )  # fmt: skip
+
+
+def _marks_of(parts: Sequence[Part], who: str) -> dict[str, float]:
+    """The marks of a player in a cue, its beginning and its end [s]."""
+    own = [part for part in parts if part.who == who]
+    marks = {mark: t for part in own for mark, t in part.marks.items()}
+    ends = {START: min(part.start for part in own), END: max(part.end for part in own)}
+    return marks | ends
 
 
 def described(cue: Cue) -> str:
@@ -225,6 +236,10 @@ def described(cue: Cue) -> str:
     what = getattr(given, verb)
     if verb == "does":
         return f"{' and '.join(cue.who)}: {what}"
+    if verb in WITH_PROPS:
+        (who,), to = given.who, given.to or given.onto
+        with_what = f" {'to' if given.to else 'onto'} {to}" if to else ""
+        return f"{who}: {said(verb)} {what}{with_what}"
     if not isinstance(what, (str, float)):
         what = [round(float(x), 3) for x in what]
     return f"{' and '.join(cue.who)}: {said(verb)} {what}"

@@ -14,6 +14,8 @@ FRICTION = 0.6
 """Coefficient of friction of all that touches."""
 SEATED = ("thigh_left", "thigh_right", "torso", "skull")
 """Bodies that touch what one sits on."""
+_FEET = ("shin_left", "shin_right")
+"""Bodies that touch the floor and the seat's legs then."""
 
 
 def hanging(player: str, side: str, prop: str) -> Pair:
@@ -28,7 +30,8 @@ def standing(prop: str, on: str) -> frozenset[Pair]:
 
 def sitting(player: str, seat: str) -> frozenset[Pair]:
     """A player that sits."""
-    return frozenset(frozenset((f"{player}.{body}", seat)) for body in SEATED)
+    on_seat = {frozenset((f"{player}.{body}", seat)) for body in (*SEATED, *_FEET)}
+    return frozenset(on_seat | {frozenset((f"{player}.{foot}", FLOOR)) for foot in _FEET})
 
 
 def asked_pairs(file: PlayFile) -> frozenset[Pair]:
@@ -40,13 +43,13 @@ def asked_pairs(file: PlayFile) -> frozenset[Pair]:
             found |= {hanging(player, side, prop) for side in ("left", "right")}
     for act in file.acts:
         for cue in act.cues:
-            (who, *_), seat = cue.who, cue.sits_on or cue.stands_up_from
+            who, seat = cue.who[0], cue.sits_on or cue.stands_up_from
             if seat is not None:
                 found |= sitting(who, seat)
-            prop = cue.puts_down or cue.picks_up
-            if prop is not None:
-                found |= {hanging(who, side, prop) for side in ("left", "right")}
-                found |= standing(prop, cue.onto or FLOOR)
+            handled = cue.puts_down or cue.picks_up
+            if handled is not None:
+                found |= {hanging(who, side, handled) for side in ("left", "right")}
+                found |= standing(handled, cue.onto or FLOOR)
     return frozenset(found)
 
 

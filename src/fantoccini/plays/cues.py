@@ -23,7 +23,8 @@ WALKS = ("walks_to", "enters_to", "exits_to", "turns_to")
 """Verbs that carry a player."""
 _NAMED = {
     "walks_to": "walk", "enters_to": "enter", "exits_to": "exit", "turns_to": "turn",
-    "looks_at": "look", "points_at": "point",
+    "looks_at": "look", "points_at": "point", "gives": "give", "sits_on": "sit",
+    "stands_up_from": "stand_up", "puts_down": "put_down", "picks_up": "pick_up",
 }  # fmt: skip
 """Verb -> by which name times refer to it, where it has none of its own."""
 _OF_PLAYER = re.compile(
@@ -139,6 +140,8 @@ class Timeline:
             for i, given in enumerate(act.cues):
                 spot: Spot = ("acts", a, "cues", i)
                 who = self._who(given, spot)
+                if given.to is not None and given.to in file.cast and given.to not in who:
+                    who = (*who, given.to)
                 name = given.name or _NAMED.get(given.verb, given.does or "")
                 name = name.rsplit(".", 1)[0]
                 known = (*marks(given, spot), START, END)

@@ -5,35 +5,33 @@ A walk is planned past those that are placed before it; they, later, past it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import takewhile
 
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import StateError, UnknownNameError
+from fantoccini.errors import StateError
 from fantoccini.gestures import Gesture
 from fantoccini.gestures.joining import Line
 from fantoccini.gestures.notes import LATE, Notes
-from fantoccini.gestures.timing import END, START, Spot
+from fantoccini.gestures.timing import END, START
 from fantoccini.gestures.transition import limits
 from fantoccini.plays.acting import Repertory, Style
-from fantoccini.plays.actors import Actor, Wishes
+from fantoccini.plays.actors import STILL, Actor, CannotBe, Wishes
+from fantoccini.plays.aims import Aims
 from fantoccini.plays.casting import Cast, Player
 from fantoccini.plays.companies import Meeting
-from fantoccini.plays.cue_file import said
+from fantoccini.plays.cue_file import WITH_PROPS, said
 from fantoccini.plays.cues import ARRIVES, Cue, Part, Timeline, lane_name, said_in_act
-from fantoccini.plays.footing import Footing, Way
+from fantoccini.plays.doing import note, walk_along
+from fantoccini.plays.footing import Way
+from fantoccini.plays.handling import Handling
 from fantoccini.plays.starts import Places
 from fantoccini.plays.walks import Walks
 
 IN_TIME = 1.0 / 60.0
 """So near to its time a cue is in time [s]."""
-_EYES = 0.42
-"""Height of a player's face [m]."""
-_STILL = 1e-9
-"""Rate below which a lane is at rest [m/s or rad/s]."""
 _SAME_HEADING = 1e-3
 """Change of a heading that a gesture does not notice [rad]."""
 
@@ -63,6 +61,8 @@ class Placing:
             name: Actor(player, [Line(_most(player, bounds.speed, bounds.acceleration))])
             for name, player in cast.players.items()
         }
+        self._aims = Aims(cast, places, self.actors)
+        self._handling = Handling(cast, walks, repertory, self.actors, wishes)
         self.act_starts: list[float] = []
         start = 0.0
         for act, given in enumerate(cast.file.acts):
@@ -73,7 +73,7 @@ class Placing:
         self.end = start
         for actor in self.actors.values():
             for line in actor.lanes:
-                if np.any(np.abs(line.rate) > _STILL):
+                if np.any(np.abs(line.rate) > STILL):
                     line.stop()
 
     def motion(self, name: str, until: float) -> tuple[Gesture, dict[str, Gesture]]:
@@ -91,7 +91,7 @@ class Placing:
 
     def meetings(self, until: float) -> tuple[Meeting, ...]:
         """Who may touch what until a time [s]."""
-        return ()
+        return self._handling.meetings(until)
 
     # -- time --------------------------------------------------------------------------------
 
@@ -133,13 +133,18 @@ class Placing:
         why = self._wishes.refused.get(cue.spot, "")
         if not why:
             before = {name: self.actors[name].kept() for name in cue.who}
+            things = self._handling.kept()
             try:
                 self._check_begin(cue, t)
+                if cue.given.verb in WITH_PROPS:
+                    self._handle(cue, t)
+                    return
                 for name in cue.who:
                     self._place_one(cue, self.actors[name], t)
-            except _CannotBe as error:
+            except CannotBe as error:
                 why = str(error)
                 self.actors.update(before)
+                self._handling.back(things)
         if why:
             cue.refused = why
             cue.parts = []
@@ -155,7 +160,9 @@ class Placing:
     def _place_one(self, cue: Cue, actor: Actor, t: float) -> None:
         given, name = cue.given, actor.player.name
         if actor.away and given.verb != "enters_to":
-            raise _CannotBe(f"{name} is off the stage")
+            raise CannotBe(f"{name} is off the stage")
+        if cue.walks:
+            self._handling.check_stands(actor)
         early = self._wishes.earlier.get((cue.spot, name), 0.0)
         pause = self._wishes.pauses.get(cue.spot, 0.0)
         ahead = 0.0
@@ -168,15 +175,25 @@ class Placing:
         else:
             self._act(cue, actor, asked, asked + pause)
 
+    def _handle(self, cue: Cue, t: float) -> None:
+        """Places a cue with a prop that begins at a time [s]."""
+        for name in cue.who:
+            if self.actors[name].away:
+                raise CannotBe(f"{name} is off the stage")
+        begin = max(t + self._wishes.pauses.get(cue.spot, 0.0), self.act_starts[cue.act])
+        wait = max((cue.given.may_wait or 0.0) * self._notes.beat - (begin - t), 0.0)
+        begun = self._handling.place(cue, begin, wait)
+        self._check_time(cue, self.actors[cue.who[-1]], begun - t, begun)
+
     def _check_begin(self, cue: Cue, t: float) -> None:
         """Refuses what would be before its act, or before a GO for which its act waits."""
         start, go = self.act_starts[cue.act], self.timeline.last_go(cue)
         if t < start - LATE:
             said = self._said(start, cue)
-            raise _CannotBe(f"its time is {start - t:.2f} s before its act, which begins {said}")
+            raise CannotBe(f"its time is {start - t:.2f} s before its act, which begins {said}")
         if go is not None and t < go.moments[START] - LATE:
             line = self._notes.located.line(go.spot)
-            raise _CannotBe(
+            raise CannotBe(
                 f"its time is before the GO of line {line}, {self._said(go.moments[START], cue)}"
             )
 
@@ -187,26 +204,26 @@ class Placing:
         """
         earliest = max(begin, self.act_starts[cue.act])
         gesture = self._gesture(cue, actor, earliest)
-        lane, start = self._lane(actor, gesture, earliest)
+        lane, start = actor.lane(gesture, earliest)
         if start > earliest + LATE:
             gesture = self._gesture(cue, actor, start)
         heading = actor.stands(start).heading
         turned = abs(actor.stands(start + gesture.duration).heading - heading)
         if turned > _SAME_HEADING:
             until = max(way.end for way in actor.ways)
-            raise _CannotBe(
+            raise CannotBe(
                 f"{actor.player.name} turns by {np.degrees(turned):.0f} deg meanwhile; it can "
                 f"begin {self._said(until, cue)}"
             )
-        start = self._add(actor.lanes[lane], gesture, start)
+        start = actor.add(lane, gesture, start)
         self._check_time(cue, actor, start - asked, start)
         actor.played.append((lane, start, start + gesture.duration, gesture.named))
-        self._note(cue, actor, lane, gesture, start)
+        note(cue, actor, lane, gesture, start)
 
     def _walk(self, cue: Cue, actor: Actor, asked: float, begin: float) -> None:
         """Places a walk that is to begin at a time, at another or later [s]."""
         given, player, line = cue.given, actor.player, actor.lanes[0]
-        if np.any(np.abs(line.rate) > _STILL):
+        if np.any(np.abs(line.rate) > STILL):
             line.stop()
         by = begin if given.on is not None else None
         free = max(line.end, self.act_starts[cue.act])
@@ -214,12 +231,12 @@ class Placing:
         others = [one for one in self.actors.values() if one is not actor]
         wait = max((given.may_wait or 0.0) * self._notes.beat - (begin - asked), 0.0)
         way, why = self._walks.way(
-            player, actor.last, self._goals(cue, actor), begin, wait,
+            player, actor.last, self._aims.goals(cue, actor), begin, wait,
             [(one.player, one.track()) for one in others],
             near=given.near, arrives=by, free_from=free,
         )  # fmt: skip
         if way is None:
-            raise _CannotBe(why)
+            raise CannotBe(why)
         stands = len(list(takewhile(lambda step: step.stands, way.steps)))
         starts = way.begin + stands * way.step_time
         if by is not None:
@@ -230,23 +247,14 @@ class Placing:
         if until is not None:
             self._check_time(cue, actor, until - asked, until)
             if by is not None:
-                raise _CannotBe(f"{player.name} is busy until {self._said(until, cue)[3:]}")
+                raise CannotBe(f"{player.name} is busy until {self._said(until, cue)[3:]}")
             self._walk(cue, actor, asked, until)
             return
-        if way.steps:
-            try:
-                made = self._repertory.walk(player, way.steps, way.step_time)
-            except UnknownNameError as error:
-                raise _CannotBe(f"{player.name} cannot walk: {error}") from None
-            gesture = made.turned(way.start.heading)
-            self._add(line, gesture, way.begin)
-        else:
-            gesture = Gesture.rest(player.alone, 1e-3, everything=False)
-        actor.ways.append(way)
+        gesture, _ = walk_along(actor, way, self._repertory)
         actor.away = given.verb == "exits_to"
         marks = {mark: t - (starts - way.begin) for mark, t in gesture.marks.items()}
         marks[ARRIVES] = way.end - starts
-        self._note(cue, actor, 0, gesture, starts, marks, way.end)
+        note(cue, actor, 0, gesture, starts, marks, way.end)
 
     def _turns_under(self, actor: Actor, way: Way) -> float | None:
         """When the gestures end that go on while a way turns; None where there are none [s]."""
@@ -265,7 +273,7 @@ class Placing:
             return
         what = "arrive" if cue.walks and cue.given.on is not None else "begin"
         beats = np.ceil(10.0 * late / self._notes.beat) / 10.0
-        raise _CannotBe(
+        raise CannotBe(
             f"{actor.player.name} cannot {what} before {self._said(then, cue)[3:]}; later by up "
             f"to {beats:g} beats it can (`may wait: {beats:g}`)"
         )
@@ -273,16 +281,6 @@ class Placing:
     def _said(self, t: float, cue: Cue) -> str:
         """A time in words, in beats of the cue's act."""
         return said_in_act(t, self.act_starts[cue.act], self._notes.beat)
-
-    def _note(
-        self, cue: Cue, actor: Actor, lane: int, gesture: Gesture, start: float,
-        marks: Mapping[str, float] | None = None, end: float | None = None,
-    ) -> None:  # fmt: skip
-        end = start + gesture.duration if end is None else end
-        own = gesture.marks if marks is None else marks
-        placed = {mark: start + t for mark, t in own.items()}
-        cue.parts.append(Part(actor.player.name, lane, gesture, start, end, placed))
-        actor.done = max(actor.done, end)
 
     # -- what is done ------------------------------------------------------------------------
 
@@ -297,106 +295,14 @@ class Placing:
                 return self._repertory.gesture(player, given, style, stands.heading)
             where = given.looks_at if given.looks_at is not None else given.points_at
             spot = (*cue.spot, said(given.verb))
-            place = self._place_of(where, spot, t)
+            place = self._aims.place_of(where, spot, t)
             made = self._repertory.aimed(player, given.verb, place, stands)
             # Both may have gone on until then.
             then = t + min(made.marks.values())
-            place, stands = self._place_of(where, spot, then), actor.stands(then)
+            place, stands = self._aims.place_of(where, spot, then), actor.stands(then)
             return self._repertory.aimed(player, given.verb, place, stands)
         except StateError as error:
-            raise _CannotBe(str(error)) from None
-
-    def _goals(self, cue: Cue, actor: Actor) -> list[Footing]:
-        """Where a walk leads: the last one is its own."""
-        given, here = cue.given, actor.last
-        if given.turns_to is not None:
-            return [here.facing(self._heading(given.turns_to, here, cue, actor, "turns to"))]
-        last = getattr(given, given.verb)
-        spots: list[Spot] = [(*cue.spot, "past", i) for i in range(len(given.past))]
-        spots.append((*cue.spot, said(given.verb)))
-        places = [
-            self._place_of(where, spot, cue.wanted)
-            for where, spot in zip((*given.past, last), spots, strict=True)
-        ]
-        z = [here.place, *(complex(place[0], place[1]) for place in places)]
-        goals = []
-        for before, there, after in zip(z[:-1], z[1:], [*z[2:], z[-1]], strict=True):
-            way = after - there if after != there else there - before
-            heading = float(np.angle(way)) if way else here.heading
-            goals.append(Footing(there.real, there.imag, heading))
-        mark = self._cast.file.stage.marks.get(last) if isinstance(last, str) else None
-        facing = given.facing
-        if facing is None and mark is not None:
-            facing = mark.facing
-        if facing is not None:
-            heading = self._heading(facing, goals[-1], cue, actor, "facing")
-            goals[-1] = goals[-1].facing(heading)
-        return goals
-
-    def _heading(
-        self, given: float | str, there: Footing, cue: Cue, actor: Actor, key: str
-    ) -> float:
-        direction = self._places.direction(given, (*cue.spot, key))
-        if not isinstance(direction, str):
-            return direction
-        place = self._place_of(direction, (*cue.spot, key), cue.wanted)
-        z = complex(place[0], place[1])
-        return there.towards(z) if abs(z - there.place) > _STILL else there.heading
-
-    def _place_of(self, where: object, spot: Spot, t: float) -> Array:
-        """(3,) a place of the stage; of a player its head, at a time [s]."""
-        if not isinstance(where, str):
-            assert isinstance(where, Sequence)
-            numbers = [float(x) for x in where]
-            return np.array([*numbers, _EYES][:3])
-        if where in self.actors:
-            other = self.actors[where].stands(max(t, 0.0))
-            return np.array([other.x, other.y, _EYES])
-        marks = self._cast.file.stage.marks
-        if where in marks:
-            return np.array([*marks[where].at, 0.0], dtype=float)
-        still = self._places.still(where)
-        if still is None:
-            raise _CannotBe(f"nothing is called {where!r}")
-        return still
-
-    # -- lanes -------------------------------------------------------------------------------
-
-    def _lane(self, actor: Actor, gesture: Gesture, begin: float) -> tuple[int, float]:
-        """The lane of a gesture, and when it can begin there [s].
-
-        It is the first lane that is free then, or a new one. Where other gestures move the same
-        strings then, it begins after them, in the lane of the last.
-        """
-        busy = [
-            (until, lane) for lane, _, until, named in actor.played
-            if until > begin + _STILL and np.any(named & gesture.named)
-        ]  # fmt: skip
-        if busy:
-            until, lane = max(busy)
-            return lane, max(until, begin)
-        for i, line in enumerate(actor.lanes[1:], 1):
-            if line.end + line.lead_time(gesture.motion) <= begin + _STILL:
-                return i, begin
-        if len(actor.lanes) > 1 and all(until <= begin for _, _, until, _ in actor.played):
-            return 1, begin
-        actor.lanes.append(Line(actor.lanes[0].most))
-        return len(actor.lanes) - 1, begin
-
-    def _add(self, line: Line, gesture: Gesture, begin: float) -> float:
-        lead = line.lead_time(gesture.motion)
-        if begin - lead > line.end:
-            if np.any(np.abs(line.rate) > _STILL):
-                line.stop()
-                lead = line.lead_time(gesture.motion)
-            line.hold(begin - lead)
-        return line.add(gesture.motion)
-
-
-class _CannotBe(Exception):
-    """A cue cannot be done; the text says why, and what can."""
-
-
+            raise CannotBe(str(error)) from None
 
 
 def _moment(part: Part, moment: str) -> float:

@@ -136,9 +136,15 @@ class Play:
         """The motion of all hands."""
         return self.score.inputs(self.x0)
 
-    def runs(self) -> Runs:
-        """The event-driven runs of all, made in parts that are kept."""
-        return runs_of(self.cast, self.motions, self.starts, self.meetings, self.kept)
+    def runs(self, *, exact: bool = False) -> Runs:
+        """The runs of all, made in parts that are kept.
+
+        Args:
+            exact: whether what touches is simulated event-driven, not in time steps.
+        """
+        return runs_of(
+            self.cast, self.motions, self.starts, self.meetings, self.kept, exact=exact
+        )
 
     @property
     def duration(self) -> float:

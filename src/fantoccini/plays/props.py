@@ -240,7 +240,7 @@ def put_down(
         ValueError: the prop hangs too low or too high above it.
     """
     start = stage.rest() if start is None else start
-    return _putting(stage, who, prop, float(stage.pose(start, prop)[2, 3]) - height, side, False)
+    return putting(stage, who, prop, float(stage.pose(start, prop)[2, 3]) - height, side=side)
 
 
 def pick_up(
@@ -259,11 +259,11 @@ def pick_up(
         InputError: the member has other strings than the bundled marionette.
         ValueError: the prop stands too low or too high.
     """
-    return _putting(stage, who, prop, drop, side, True)
+    return putting(stage, who, prop, drop, side=side, back=True)
 
 
-def _putting(
-    stage: Marionette, who: str, prop: str, drop: float, side: str, back: bool
+def putting(
+    stage: Marionette, who: str, prop: str, drop: float, *, side: str = "right", back: bool = False
 ) -> Putting:
     sign, other = _sign(side), _SIDES[side]
     if not 0.0 < drop <= _LOWEST:

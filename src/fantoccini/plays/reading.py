@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from fantoccini.errors import FileError, Mistake, nearest
 from fantoccini.gestures.notes import Notes
+from fantoccini.gestures.timing import Spot
 from fantoccini.plays.acting import Repertory
 from fantoccini.plays.casting import Cast, read_cast
-from fantoccini.plays.cue_file import said
+from fantoccini.plays.cue_file import CueFile, said
 from fantoccini.plays.cues import WALKS, Timeline
 from fantoccini.plays.play_file import PlayFile
 from fantoccini.plays.starts import Places
@@ -98,10 +100,30 @@ def _check_names(file: PlayFile, places: Places, notes: Notes) -> None:
                     places.direction(where, (*spot, said(verb)))
                 else:
                     places.check(where, (*spot, said(verb)))
+            _check_props(file, cue, spot, notes)
             for k, where in enumerate(cue.past):
                 places.check(where, (*spot, "past", k))
             if cue.facing is not None:
                 places.direction(cue.facing, (*spot, "facing"))
+
+
+def _check_props(file: PlayFile, cue: CueFile, spot: Spot, notes: Notes) -> None:
+    """Notes names of props, and of what they are given, put and sat on, that are none."""
+    obstacles = [one.name for one in file.stage.obstacles]
+    seats = [*file.props, *obstacles]
+    kinds: dict[str, tuple[Sequence[str], str]] = {
+        "gives": (list(file.props), "prop"), "puts_down": (list(file.props), "prop"),
+        "picks_up": (list(file.props), "prop"), "sits_on": (seats, "prop or obstacle"),
+        "stands_up_from": (seats, "prop or obstacle"), "onto": (obstacles, "obstacle"),
+        "to": (list(file.cast), "player"),
+    }  # fmt: skip
+    for key, (known, what) in kinds.items():
+        name = getattr(cue, key)
+        if name is not None and name not in known:
+            text = f"no {what} is called {name!r}{nearest(name, known)}"
+            notes.mistake((*spot, said(key)), text)
+    if cue.to is not None and cue.to in cue.who:
+        notes.mistake((*spot, "to"), f"{cue.to} gives it to itself; needed: another player")
 
 
 def check_play(path: str | os.PathLike[str]) -> PlayFile:

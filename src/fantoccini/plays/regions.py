@@ -31,6 +31,11 @@ class Region(Protocol):
         """Of what stands there."""
         ...
 
+    @property
+    def centre(self) -> tuple[float, float]:
+        """Its middle [m]."""
+        ...
+
     def distance(self, points: Complex) -> Array:
         """(...) from points (...) to its border; 0 or less within it [m]."""
         ...

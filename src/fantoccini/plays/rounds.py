@@ -18,7 +18,8 @@ from fantoccini.plays.acting import Repertory
 from fantoccini.plays.actors import Wishes
 from fantoccini.plays.casting import Cast
 from fantoccini.plays.companies import Meeting
-from fantoccini.plays.cues import Cue, Part, Timeline, lane_name
+from fantoccini.plays.cues import Cue, Part, Timeline, lane_name, said_in_act
+from fantoccini.plays.handled import failures, handle_seen, stands_seen
 from fantoccini.plays.kept import Kept, digest
 from fantoccini.plays.placing import IN_TIME, Placing
 from fantoccini.plays.runs import Runs, excerpt, runs_of
@@ -37,6 +38,12 @@ _SLACK = 0.6
 """After a cue, in which what touches is still its own doing [s]."""
 TRIES = 4
 """How often a cue's hands are moved in time."""
+_LOOKS = 3
+"""How often it is seen where a prop is that is handled."""
+_SEEN = 1e-3
+"""By how much it is elsewhere than it was thought, for this to matter [m]."""
+_JUST_BEFORE = 1e-6
+"""Before a prop is handled, in which it is seen [s]."""
 _MOST_EARLY = 0.6
 """By how much hands lead limbs at most [s]."""
 
@@ -91,6 +98,8 @@ class Rounds:
         self.act_starts: tuple[float, ...] = ()
         self.late: dict[tuple[Spot, str], float] = {}
         self._tried: dict[tuple[Spot, str], int] = {}
+        self._looked: dict[Spot, int] = {}
+        self._by_spot = {cue.spot: cue for cue in timeline.cues}
 
     def made(self) -> Round:
         """The next round."""
@@ -119,6 +128,7 @@ class Rounds:
         self.wishes.refused[cue.spot] = why
         self.wishes.pauses.pop(cue.spot, None)
         self._tried.clear()
+        self._looked.clear()
         return True
 
     def refuse_stopped(self, made: Round) -> bool:
@@ -129,6 +139,50 @@ class Rounds:
             )
             for name, run in made.runs.players.items() if run.status is not Status.DONE
         ])  # fmt: skip
+
+    def refuse_failures(self, made: Round) -> bool:
+        """Refuses the cues by which props do not come where they should; whether there are any."""
+        found = False
+        for one in failures(self._cast, made.meetings, made.runs):
+            cue = self._by_spot.get(one.cue) if one.cue else self.blamed(one.t, {*one.players})
+            said = said_in_act(one.t, self.act_start(one.t), self._notes.beat)
+            # What comes later may be otherwise without it.
+            if self.refuse(cue, f"{one.text} {said}"):
+                found = True
+                break
+        return found
+
+    def look(self, made: Round) -> bool:
+        """Sees where props are that are handled; whether that changes what is done."""
+        changed = False
+        for meeting in made.meetings:
+            spot = meeting.cue
+            if spot is None or meeting.kind not in ("given", "put", "picked"):
+                continue
+            (prop,), who = meeting.props, meeting.players[0]
+            if self._looked.get(spot, 0) >= _LOOKS:
+                continue
+            self._looked[spot] = self._looked.get(spot, 0) + 1
+            if meeting.kind == "picked":
+                there = stands_seen(self._cast, made.runs, prop, meeting.begin)
+                before = self.wishes.stands.get(spot)
+                if there is None:
+                    continue
+                self.wishes.stands[spot] = there
+                changed |= before is None or abs(there.place - before.place) > _SEEN
+                continue
+            here = made.placing.actors[who].stands(meeting.begin)
+            seen = handle_seen(self._cast, made.runs, prop, meeting.begin - _JUST_BEFORE, here)
+            if seen is None:
+                continue
+            known = self.wishes.hangs.get(spot)
+            self.wishes.hangs[spot] = seen
+            changed |= known is None or not np.allclose(seen, known, rtol=0.0, atol=_SEEN)
+        return changed
+
+    def act_start(self, t: float) -> float:
+        """When the act has begun that goes on at a time [s]."""
+        return max(one for one in (0.0, *self.act_starts) if one <= t + LATE)
 
     def refuse_fast(self, made: Round) -> bool:
         """Refuses the cues in which hands pass their bounds; whether there are any."""
@@ -197,13 +251,12 @@ class Rounds:
 
     def refuse_late(self) -> bool:
         """Refuses cues whose limbs are not on their marks, however early the hands begin."""
-        cues = {cue.spot: cue for cue in self.timeline.cues}
         found = []
         for (spot, name), late in self.late.items():
             if abs(late) > IN_TIME:
                 side = "late" if late > 0.0 else "early"
                 text = f"{name} would be {1e3 * abs(late):.0f} ms {side}, whenever its hands begin"
-                found.append(self.refuse(cues[spot], text))
+                found.append(self.refuse(self._by_spot[spot], text))
         return any(found)
 
     def hurry(self, made: Round) -> bool:

@@ -13,7 +13,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -21,10 +21,11 @@ from fantoccini.arrays import Array
 from fantoccini.errors import Status
 from fantoccini.gestures import Gesture, piecewise
 from fantoccini.gestures.joining import Motion
+from fantoccini.marionette import TimeStepping
 from fantoccini.motion import Columns, ContactPoints, State, Trajectory
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.plays.casting import Cast
-from fantoccini.plays.companies import Meeting, PropState, Span, Staged, spans, staged
+from fantoccini.plays.companies import Company, Meeting, PropState, Span, Staged, spans, staged
 from fantoccini.plays.kept import Kept, digest
 from fantoccini.plays.play_file import StageFile
 from fantoccini.runtime import default_threads
@@ -34,6 +35,14 @@ _REST = 1e-9
 """Rate below which hands are at rest [m/s or rad/s]."""
 _SHORTEST = 0.5
 """Of a part, so that beginning anew costs little [s]."""
+_STEP, _EVERY = 1e-3, 5
+"""Time step of companies that touch [s], and every which of them is kept."""
+_METHODS: dict[tuple[bool, bool], tuple[Literal["event", "steps"], ...]] = {
+    (False, False): ("event",), (False, True): ("event",), (True, False): ("steps",),
+    (True, True): ("event", "steps"),
+}  # fmt: skip
+"""Whether anything touches, and is to be event-driven -> methods, each tried if those before it
+stop."""
 _SAMPLED = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
 _COLUMNS = ("tension", "limit_force", "taut", "violation", "slip")
 ENERGIES = ("kinetic", "potential")
@@ -49,12 +58,14 @@ class Run:
         begin: when it begins [s].
         whole: its run, from time 0 on.
         ended: whether it reached the end of its span.
+        stepped: why parts of it were simulated in time steps that were to be event-driven.
     """
 
     staged: Staged
     begin: float
     whole: Trajectory
     ended: bool
+    stepped: tuple[str, ...] = ()
 
     @property
     def end(self) -> float:
@@ -64,6 +75,8 @@ class Run:
     def of_player(self, name: str, alone: State) -> Trajectory:
         """The part of it that a player does, in the player's coordinates."""
         prefix, run = self.staged.prefixes[name], self.whole
+        if self.staged.company == Company((name,)):
+            return run
         own = alone.coordinates
         assert own is not None
         changes: dict[str, Any] = {}
@@ -108,9 +121,12 @@ class Runs:
 
 def runs_of(
     cast: Cast, motions: Mapping[str, Gesture], starts: Mapping[str, Sequence[float]],
-    meetings: Sequence[Meeting], kept: Kept,
+    meetings: Sequence[Meeting], kept: Kept, *, exact: bool = False,
 ) -> Runs:  # fmt: skip
-    """The event-driven runs of a play, as many side by side as there are threads.
+    """The runs of a play, as many side by side as there are threads.
+
+    They are event-driven where nothing may touch, and else in time steps of a millisecond, or
+    ``exact``: event-driven as well, but for parts in which that stops, as friction may jam.
 
     Args:
         cast: of the play.
@@ -118,9 +134,10 @@ def runs_of(
         starts: player -> times at which its cues begin [s].
         meetings: who may touch what, and when.
         kept: has the parts that were made before.
+        exact: whether what touches is simulated event-driven.
     """
     end = max(motion.duration for motion in motions.values())
-    work = _Work(cast, motions, starts, kept)
+    work = _Work(cast, motions, starts, kept, exact)
     with ThreadPoolExecutor(default_threads()) as pool:
         # Each waits for those before it only, which have begun when it does.
         futures: list[tuple[Span, Future[Run | None]]] = []
@@ -144,6 +161,7 @@ class _Work:
     motions: Mapping[str, Gesture]
     starts: Mapping[str, Sequence[float]]
     kept: Kept
+    exact: bool
 
     def run(
         self, span: Span, before: Sequence[tuple[Span, Future[Run | None]]]
@@ -175,8 +193,38 @@ class _Work:
             for name in company.players
         })  # fmt: skip
         starts = sorted(t - span.begin for name in company.players for t in self.starts[name])
-        found = _in_parts(stage, x, motion, starts, cast.file.stage, self.kept)
-        return Run(stage, span.begin, found, found.status is Status.DONE)
+        found, stepped = self._in_parts(stage, x, motion, starts)
+        return Run(stage, span.begin, found, found.status is Status.DONE, stepped)
+
+    def _in_parts(
+        self, stage: Staged, x: State, motion: Gesture, starts: Sequence[float]
+    ) -> tuple[Trajectory, tuple[str, ...]]:
+        """A run part by part, and why parts of it are in time steps that were not to be."""
+        bounds, touches, stepped = self.cast.file.stage, bool(stage.company.pairs), list[str]()
+        parts = list[tuple[float, Trajectory]]()
+        for begun, end in pairwise(_cuts(motion, starts)):
+            own = Gesture(motion.coordinates, *excerpt(motion, begun, end))
+            if touches or self._steps:
+                x = stage.marionette.project(x)
+            for method in _METHODS[touches, self.exact]:
+                key = digest(
+                    x, own, "part", stage.content, bounds.speed, bounds.acceleration, method
+                )
+                run = self.kept.get(key, partial(_part, stage, x, own, bounds, method))
+                if run.status is Status.DONE or method != "event":
+                    break
+                if touches:
+                    stepped.append(str(run.status))
+            parts.append((begun, run))
+            if run.status is not Status.DONE:
+                break
+            x = run.state(len(run) - 1).replace(t=0.0)
+        return _joined(parts), tuple(stepped)
+
+    @property
+    def _steps(self) -> bool:
+        """Whether states may come from time steps, which keep strings' lengths less exactly."""
+        return bool(self.cast.things)
 
 
 def _last(
@@ -192,9 +240,10 @@ def _last(
 
 def prop_start(cast: Cast, name: str) -> PropState:
     """Where a prop is at the start, at rest."""
-    prop = cast.things[name].prop
-    assert prop.orientation is not None
-    return np.array([*prop.at, *prop.orientation.quaternion]), np.zeros(6)
+    thing = cast.things[name]
+    x, y, z = (float(one) for one in thing.prop.at)
+    half = 0.5 * thing.stands.heading
+    return np.array([x, y, z, np.cos(half), 0.0, 0.0, np.sin(half)]), np.zeros(6)
 
 
 def prop_states(run: Run, name: str, *, still: bool = False) -> PropState:
@@ -206,26 +255,17 @@ def prop_states(run: Run, name: str, *, still: bool = False) -> PropState:
     return np.array(whole.q_D[-1, q : q + 7]), rates
 
 
-def _in_parts(
-    stage: Staged, x: State, motion: Gesture, starts: Sequence[float], bounds: StageFile,
-    kept: Kept,
-) -> Trajectory:  # fmt: skip
-    """A run part by part."""
-    parts = list[tuple[float, Trajectory]]()
-    for begun, end in pairwise(_cuts(motion, starts)):
-        own = Gesture(motion.coordinates, *excerpt(motion, begun, end))
-        key = digest(x, own, "part", stage.content, bounds.speed, bounds.acceleration)
-        run = kept.get(key, partial(_part, stage, x, own, bounds))
-        parts.append((begun, run))
-        if run.status is not Status.DONE:
-            break
-        x = run.state(len(run) - 1).replace(t=0.0)
-    return _joined(parts)
-
-
-def _part(stage: Staged, x: State, motion: Gesture, bounds: StageFile) -> Trajectory:
+def _part(
+    stage: Staged, x: State, motion: Gesture, bounds: StageFile, method: str
+) -> Trajectory:
     inputs = motion.inputs(x, speed=bounds.speed, acceleration=bounds.acceleration)
-    return simulate(stage.marionette, x, inputs, effort=False, throw=False)
+    alone = stage.marionette
+    if method == "event":
+        return simulate(alone, x, inputs, effort=False, throw=False)
+    steps = TimeStepping(dt=_STEP)
+    return simulate(
+        alone, x, inputs, method=steps, save_every=_EVERY, effort=False, throw=False
+    )
 
 
 def _cuts(motion: Gesture, starts: Sequence[float]) -> list[float]:
@@ -284,14 +324,12 @@ def _contacts(runs: Sequence[Trajectory]) -> ContactPoints:
     """Points of runs one after the other, which have the same pairs."""
     points = [run.contact for run in runs if run.contact is not None]
     before = np.cumsum([0, *(len(run) for run in runs[:-1])])
-    return dataclasses.replace(
-        points[0],
-        **{
-            field.name: np.concatenate([getattr(one, field.name) for one in points])
-            for field in dataclasses.fields(ContactPoints) if field.name not in ("names", "sample")
-        },
-        sample=np.concatenate([one.sample + n for one, n in zip(points, before, strict=True)]),
-    )  # fmt: skip
+    own: dict[str, Any] = {
+        field.name: np.concatenate([getattr(one, field.name) for one in points])
+        for field in dataclasses.fields(ContactPoints) if field.name not in ("names", "sample")
+    }
+    sample = np.concatenate([one.sample + n for one, n in zip(points, before, strict=True)])
+    return ContactPoints(sample=sample, names=points[0].names, **own)
 
 
 def _of(columns: Columns, prefix: str) -> Columns:

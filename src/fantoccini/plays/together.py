@@ -101,12 +101,12 @@ class _Whole:
             all_names = getattr(self._table, kind)
             names = getattr(own.coordinates, kind)
             places = [all_names.index(self._named(run, one)) for one in names]
-            self.parts[part][np.ix_(inside, places)] = getattr(own, part)
+            self.parts[part][np.ix_(inside, np.array(places))] = getattr(own, part)
         for what, all_of in self.columns.items():
             mine: Columns | None = getattr(own, what)
             if mine is not None:
                 columns = [all_of.names.index(self._named(run, one)) for one in mine.names]
-                self.found[what][np.ix_(inside, columns)] = mine.values
+                self.found[what][np.ix_(inside, np.array(columns, dtype=int))] = mine.values
         # When one company takes over from another, only the one before counts.
         first = (self._t[inside] == run.begin) & (run.begin > 0.0)
         self.ledger[inside] += np.where(first[:, None], 0.0, own.ledger.values)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -10,6 +12,8 @@ from fantoccini.arrays import Array, Times
 from fantoccini.clearance import Clearance, StringsApart
 from fantoccini.motion import Trajectory
 from fantoccini.plays.casting import Cast
+from fantoccini.plays.companies import Meeting
+from fantoccini.plays.contacts import Pair
 from fantoccini.puppet.contact import FLOOR
 from fantoccini.runtime import default_threads
 
@@ -42,24 +46,30 @@ class Touch:
         return f"{self.what} would come within {1e3 * self.distance:.0f} mm of {self.other}"
 
 
-def touches(cast: Cast, run: Trajectory) -> list[Touch]:
+def touches(cast: Cast, run: Trajectory, meetings: Sequence[Meeting] = ()) -> list[Touch]:
     """Where two things come nearer than the stage says, in order of time.
 
-    Bodies of different players, props and obstacles keep clear of one another, strings of all of
-    them; the floor is only not to be passed. Strings of one player only do not cross.
+    Bodies of different players, props and obstacles keep clear of one another, but for what a cue
+    lets touch, and then only while it does; strings keep clear of all of them. The floor is only
+    not to be passed. Strings of one player only do not cross.
 
     Args:
         cast: of the play.
         run: of the stage; measured at every :data:`EVERY` of its samples.
+        meetings: what may touch, and when.
     """
     t, q_D, q_K = run.t[::EVERY], run.q_D[::EVERY], run.q_K[::EVERY]
     clear = cast.file.stage.clear
     links = [link.name for link in cast.whole.tree.links]
     on_floor = [frozenset((name, FLOOR)) for name in links]
-    found = _bodies(Clearance(cast.whole, free=on_floor), t, q_D, q_K, clear)
+    asked = {pair: frozenset(map(cast.named, pair)) for one in meetings for pair in one.pairs}
+    free = [*on_floor, *asked.values()]
+    found = _bodies(Clearance(cast.whole, free=free), t, q_D, q_K, clear)
     if cast.whole.puppet.floor is not None:
-        found += [one for one in _bodies(Clearance(cast.whole), t, q_D, q_K, 0.0)
+        stand = [*(frozenset((name, FLOOR)) for name in cast.things), *asked.values()]
+        found += [one for one in _bodies(Clearance(cast.whole, free=stand), t, q_D, q_K, 0.0)
                   if FLOOR in (one.what, one.other)]  # fmt: skip
+    found += _unasked(cast, t, q_D, q_K, meetings, asked)
     strings = StringsApart(cast.whole).over(q_D, q_K, t)
     near = strings.nearer_than(clear)
     for one in (*near.strings, *near.bodies):
@@ -71,6 +81,32 @@ def touches(cast: Cast, run: Trajectory) -> list[Touch]:
         names = f"string {crossing.what}", f"string {crossing.other}"
         found.append(Touch(crossing.t, *names, 0.0, crosses=True))
     return sorted(found, key=lambda one: one.t)
+
+
+def _unasked(
+    cast: Cast, t: Times, q_D: Array, q_K: Array, meetings: Sequence[Meeting],
+    asked: Mapping[Pair, Pair],
+) -> list[Touch]:  # fmt: skip
+    """What may touch for a while, at other times."""
+    found: list[Touch] = []
+    clearance = Clearance(cast.whole, strings=False)
+    names = [link.name for link in cast.whole.tree.links]
+    names += [one.name for one in clearance.obstacles]
+    pairs = [frozenset(pair) for pair in combinations(dict.fromkeys(names), 2)]
+    for pair, own in asked.items():
+        # Props do not move by themselves: what they stand on they may touch at all times.
+        if not any(cast.owner(name) in cast.players for name in own):
+            continue
+        other = np.ones(len(t), dtype=bool)
+        for one in meetings:
+            if pair in one.pairs:
+                other &= (t < one.begin) | (t > one.end)
+        if not np.any(other):
+            continue
+        alone = Clearance(cast.whole, strings=False, free=[p for p in pairs if p != own])
+        clear = 0.0 if FLOOR in own else cast.file.stage.clear
+        found += _bodies(alone, t[other], q_D[other], q_K[other], clear)
+    return found
 
 
 def _bodies(

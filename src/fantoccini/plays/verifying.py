@@ -13,6 +13,7 @@ from fantoccini.gestures import lateness
 from fantoccini.gestures.timing import START
 from fantoccini.gestures.transition import limits
 from fantoccini.motion import EventKind, Trajectory
+from fantoccini.plays.handled import failures
 from fantoccini.plays.placing import IN_TIME
 from fantoccini.plays.play import CueOfPlay, Play
 from fantoccini.plays.rounds import PEAKS
@@ -63,6 +64,8 @@ class Verification:
         catches: string -> how often it snapped taut.
         space: farthest places of the hands: ((low, high) of x, (low, high) of y) [m].
         windings: pairs of strings that are wound around each other.
+        stepped: why parts in which something touches were simulated in time steps, as their
+            event-driven run stops.
     """
 
     play: Play
@@ -75,6 +78,7 @@ class Verification:
     catches: Mapping[str, int]
     space: tuple[tuple[float, float], tuple[float, float]]
     windings: tuple[Winding, ...] = field(default=(), repr=False)
+    stepped: tuple[str, ...] = ()
 
     def __bool__(self) -> bool:
         return not self.faults
@@ -100,12 +104,15 @@ def verify_play(play: Play) -> Verification:
     Args:
         play: compiled.
     """
-    runs = play.runs()
+    runs = play.runs(exact=True)
     run = together(play.cast, runs)
-    faults = []
+    faults = [
+        f"{one.text}, in {play.when(one.t)}"
+        for one in failures(play.cast, play.meetings, runs)
+    ]
     if run.status is not Status.DONE:
         faults.append(f"the run stops in {play.when(run.t[-1])}: {run.status}")
-    found = tuple(touches(play.cast, run))
+    found = tuple(touches(play.cast, run, play.meetings))
     faults += [f"{one}, in {play.when(one.t)}" for one in found]
     cues = cue_times(play, run)
     for one in cues:
@@ -137,8 +144,9 @@ def verify_play(play: Play) -> Verification:
     }
     tension = {name: float(np.max(run.tension[name])) for name in run.tension}
     return Verification(
-        play, run, tuple(faults), cues, found, peaks, tension, catches, space, wound
-    )
+        play, run, tuple(faults), cues, found, peaks, tension, catches, space, wound,
+        tuple(why for one in runs.companies for why in one.stepped),
+    )  # fmt: skip
 
 
 def cue_times(play: Play, run: Trajectory) -> tuple[CueTime, ...]:

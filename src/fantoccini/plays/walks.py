@@ -16,6 +16,7 @@ from fantoccini.plays.casting import Cast, Player
 from fantoccini.plays.extents import extent
 from fantoccini.plays.footing import Footing, Way
 from fantoccini.plays.regions import Box, Disk, Rectangle, Region
+from fantoccini.plays.things import Thing
 from fantoccini.plays.ways import NoWay, Other, find_way
 from fantoccini.puppet.shapes import Box as BoxShape, Shape
 
@@ -27,6 +28,8 @@ _REACH = 0.6
 """Height below which what stands on the stage is in the way [m]."""
 _TRIES = 4
 """Of beginnings with which a walk is to arrive in time."""
+_SAMPLE = 0.02
+"""Between places of a way that are looked at [s]."""
 _IN_TIME = 1e-6
 """Difference of times that counts as none [s]."""
 
@@ -49,6 +52,9 @@ class Walks:
         self.blocked: list[Region] = []
         for one in stage.obstacles:
             self.blocked += _regions(one.name, one)
+        for thing in cast.things.values():
+            if not thing.held_by and cast.file.props[thing.name].on is None:
+                self.blocked.append(_around(thing))
         self._space = stage.space
         self._kept: dict[tuple[Any, ...], Way | NoWay] = {}
 
@@ -89,6 +95,52 @@ class Walks:
             found = again
         return found, ""
 
+    @staticmethod
+    def clear(player: Player) -> float:
+        """How far a player keeps from what stands on the stage [m]."""
+        return player.radius + SWAY + _SWING
+
+    def is_clear(self, player: Player, place: Footing) -> bool:
+        """Whether nothing that stands on the stage is too near to a place."""
+        at = np.array(place.place)
+        return all(float(one.distance(at)) >= self.clear(player) for one in self.blocked)
+
+    def in_the_way(self, player: Player, way: Way, others: Sequence[Track]) -> str | None:
+        """Who comes too near to a player on a way, until it is there."""
+        n = int(np.ceil((way.end - way.begin) / _SAMPLE)) + 1
+        t = np.linspace(way.begin, way.end, n)
+        xy, _ = way.footing(t)
+        for other, (clock, path) in others:
+            own = np.stack([np.interp(t, clock, path[:, i]) for i in (0, 1)], axis=1)
+            apart = self.clear(player) + self.clear(other)
+            if np.min(np.linalg.norm(xy - own, axis=1)) < apart:
+                return other.name
+        return None
+
+    def middle(self, name: str) -> complex:
+        """The middle of what stands on the stage [m]."""
+        return next(complex(*one.centre) for one in self.blocked if one.name == name)
+
+    def sides(self, name: str, seen: complex, inset: float) -> list[tuple[float, complex]]:
+        """Where something can be put on an obstacle: headings and places [rad, m].
+
+        Args:
+            name: of the obstacle.
+            seen: from where.
+            inset: how far from its border, where it is large enough [m].
+        """
+        (one,) = [region for region in self.blocked if region.name == name]
+        middle = self.middle(name)
+        if not isinstance(one, Box):
+            assert isinstance(one, Disk)
+            heading = float(np.angle(middle - seen))
+            return [(heading, middle - max(one.radius - inset, 0.0) * np.exp(1j * heading))]
+        found = []
+        for k, half in enumerate((*one.half, *one.half)):
+            heading = one.yaw + 0.5 * np.pi * k
+            found.append((heading, middle - max(half - inset, 0.0) * np.exp(1j * heading)))
+        return found
+
     def _by_goals(
         self, player: Player, start: Footing, goals: Sequence[Footing], begin: float, wait: float,
         others: Sequence[Track], near: float,
@@ -119,7 +171,6 @@ class Walks:
                        for other, (t, xy) in others)  # fmt: skip
         key = (player.name, start, goal, round(begin, 9), wait, around)
         if key not in self._kept:
-            clear = player.radius + SWAY + _SWING
             space = None
             if self._space is not None:
                 (a, b), (c, d) = self._space.x, self._space.y
@@ -127,11 +178,9 @@ class Walks:
                 space = Rectangle((a + r, c + r), (b - r, d - r))
             self._kept[key] = find_way(
                 start, goal, begin=begin, step_time=self.step_time, longest_step=_LONGEST_STEP,
-                radius=clear, blocked=self.blocked, space=space, latest_begin=begin + wait,
-                others=[
-                    Other(other.name, t, xy, other.radius + SWAY + _SWING)
-                    for other, (t, xy) in others
-                ],
+                radius=self.clear(player), blocked=self.blocked, space=space,
+                latest_begin=begin + wait,
+                others=[Other(other.name, t, xy, self.clear(other)) for other, (t, xy) in others],
             )  # fmt: skip
         return self._kept[key]
 
@@ -153,3 +202,15 @@ def _regions(name: str, shape: Shape) -> list[Region]:
     if isinstance(shape, BoxShape) and shape.orientation is None:
         return [Box(name, centre, (float(half[0]), float(half[1])))]
     return [Disk(name, centre, float(np.hypot(half[0], half[1])))]
+
+
+def _around(thing: Thing) -> Region:
+    """What a prop on the floor takes of the stage."""
+    ends = np.array([extent(shape) for shape in thing.prop.shapes])
+    low, high = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    there = thing.stands
+    centre = there.place + np.exp(1j * there.heading) * complex(middle[0], middle[1])
+    return Box(
+        thing.name, (centre.real, centre.imag), (float(half[0]), float(half[1])), there.heading
+    )
