@@ -7,7 +7,6 @@ of them and behind there is nothing else.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -15,16 +14,17 @@ import numpy as np
 from fantoccini.errors import InputError
 from fantoccini.gestures import Gesture
 from fantoccini.gestures.stepping import Step
-from fantoccini.gestures.timing import END, START, Spot
+from fantoccini.gestures.timing import END, START
 from fantoccini.plays import props
 from fantoccini.plays.acting import Repertory
 from fantoccini.plays.actors import Actor, CannotBe, Wishes
 from fantoccini.plays.casting import Cast
 from fantoccini.plays.companies import Meeting
-from fantoccini.plays.contacts import Pair, hanging, sitting, standing
+from fantoccini.plays.contacts import hanging, standing
 from fantoccini.plays.cues import Cue
 from fantoccini.plays.doing import note, walk_along
 from fantoccini.plays.footing import Footing, Way
+from fantoccini.plays.holdings import Hangs, Seated, Stands
 from fantoccini.plays.things import top_of
 from fantoccini.plays.walks import Walks
 from fantoccini.puppet.contact import FLOOR
@@ -44,60 +44,6 @@ _APART = 0.02
 _INSET = 0.05
 """A prop is put so far from the border of what it is put on, where that is large enough [m]."""
 _OTHER = {"left": "right", "right": "left"}
-
-
-@dataclass(frozen=True)
-class Hangs:
-    """A prop on a forearm.
-
-    Attributes:
-        player, side: whose.
-        since: [s].
-        cue: by which it came there; None from the start on.
-        stem: the side of the forearm on which its stem is, outer or inner.
-    """
-
-    player: str
-    side: str
-    since: float
-    cue: Spot | None = None
-    stem: str = "outer"
-
-
-@dataclass(frozen=True)
-class Stands:
-    """A prop that stands somewhere.
-
-    Attributes:
-        place: where, and the direction of its x.
-        height: of its bottom [m].
-        on: the obstacle or the floor.
-    """
-
-    place: Footing
-    height: float
-    on: str
-
-
-@dataclass(frozen=True)
-class Seated:
-    """A player that sits.
-
-    Attributes:
-        seat: on what.
-        since: when it began to step back to it [s].
-        down: when it sat [s].
-        cue: by which it sat down.
-        up: how it stands up.
-        ahead: where it stepped back from.
-    """
-
-    seat: str
-    since: float
-    down: float
-    cue: Spot
-    up: Gesture
-    ahead: Footing
 
 
 class Handling:
@@ -133,10 +79,10 @@ class Handling:
         """Who may touch what until a time [s]."""
         found = list(self._met)
         found += [
-            self._hanging(prop, one, until)
+            one.meeting(prop, until)
             for prop, one in self.where.items() if isinstance(one, Hangs)
         ]
-        found += [self._sitting(who, one, until, until) for who, one in self.seated.items()]
+        found += [one.meeting(who, until, until) for who, one in self.seated.items()]
         return tuple(found)
 
     def kept(self) -> tuple[object, ...]:
@@ -186,9 +132,7 @@ class Handling:
         here = giver.last
         x, y, heading = handing.place(here.x, here.y, here.heading)
         there = Footing(x, y, heading)
-        away = self._walks.clear(giver.player) + self._walks.clear(receiver.player) + _APART
-        back = away - abs(there.place - here.place)
-        before = Footing(*_along(there, -back), heading)
+        before = self._apart(there, receiver, here, giver)
         self._come(cue, receiver, before, there, begin, wait, beside=giver)
         start = max(receiver.rests(), giver.rests()) + _CALM
         ends = [
@@ -204,7 +148,7 @@ class Handling:
             Meeting(start, end, cue.who, (prop,), frozenset(pairs), "given", cue.spot)
         )
         self.where[prop] = Hangs(str(given.to), other, end, cue.spot, _stem_after(held.stem))
-        retreat = Footing(*_along(here, -back), here.heading)
+        retreat = self._apart(here, giver, receiver.last, receiver)
         self._straight(cue, giver, retreat, end, beside=receiver)
 
     def _sits(self, cue: Cue, begin: float, wait: float) -> None:
@@ -224,7 +168,9 @@ class Handling:
         self._come(cue, actor, before, there, begin, wait)
         since = actor.ways[-1].begin
         end = self._do(cue, actor, sits.down, actor.rests() + _CALM)
-        self.seated[who] = Seated(seat, since, end, cue.spot, sits.up, before)
+        self.seated[who] = Seated(
+            seat, seat in self._cast.things, since, end, cue.spot, sits.up, before
+        )
 
     def _stands_up(self, cue: Cue, begin: float, wait: float) -> None:
         (who,) = cue.who
@@ -234,7 +180,7 @@ class Handling:
             raise CannotBe(f"{who} does not sit on {cue.given.stands_up_from}, but {sits}")
         start = max(begin, actor.rests())
         self._straight(cue, actor, one.ahead, self._do(cue, actor, one.up, start))
-        self._met.append(self._sitting(who, one, start, actor.ways[-1].end))
+        self._met.append(one.meeting(who, start, actor.ways[-1].end))
         del self.seated[who]
 
     def _puts_down(self, cue: Cue, begin: float, wait: float) -> None:
@@ -410,25 +356,19 @@ class Handling:
                 return one
         raise CannotBe(f"{actor.player.name} has no room to step up to it")
 
+    def _apart(self, one: Footing, actor: Actor, other: Footing, beside: Actor) -> Footing:
+        """The nearest place behind a footing that is as far from another as two must be."""
+        away = self._walks.clear(actor.player) + self._walks.clear(beside.player) + _APART
+        ways = 0.01 * np.arange(int(100 * 2.0 * away) + 1)
+        behind = one.place - ways * np.exp(1j * one.heading)
+        z = behind[int(np.argmax(np.abs(behind - other.place) >= away))]
+        return Footing(float(z.real), float(z.imag), one.heading)
+
     # -- who meets ---------------------------------------------------------------------------
 
     def _close(self, prop: str, held: Hangs, until: float) -> None:
         if until > held.since:
-            self._met.append(self._hanging(prop, held, until))
-
-    def _hanging(self, prop: str, one: Hangs, until: float) -> Meeting:
-        pairs: frozenset[Pair] = standing(prop, FLOOR) | {hanging(one.player, one.side, prop)}
-        return Meeting(one.since, until, (one.player,), (prop,), pairs, "hangs", one.cue)
-
-    def _sitting(self, who: str, one: Seated, up: float, until: float) -> Meeting:
-        is_prop = one.seat in self._cast.things
-        pairs = sitting(who, one.seat)
-        if is_prop:
-            pairs |= standing(one.seat, FLOOR)
-        taking_part = (one.seat,) if is_prop else ()
-        return Meeting(
-            one.since, until, (who,), taking_part, pairs, "sits", one.cue, (one.down, up)
-        )
+            self._met.append(held.meeting(prop, until))
 
 
 def _along(one: Footing, forward: float) -> tuple[float, float]:
