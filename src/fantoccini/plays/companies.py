@@ -67,6 +67,11 @@ class Company:
     props: tuple[str, ...] = ()
     pairs: frozenset[Pair] = frozenset()
 
+    @property
+    def sits(self) -> bool:
+        """Whether a player may touch the floor."""
+        return any(FLOOR in pair and any("." in name for name in pair) for pair in self.pairs)
+
 
 @dataclass(frozen=True)
 class Span:

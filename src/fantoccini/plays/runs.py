@@ -13,7 +13,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -35,14 +35,12 @@ _REST = 1e-9
 """Rate below which hands are at rest [m/s or rad/s]."""
 _SHORTEST = 0.5
 """Of a part, so that beginning anew costs little [s]."""
-_STEP, _EVERY = 1e-3, 5
-"""Time step of companies that touch [s], and every which of them is kept."""
-_METHODS: dict[tuple[bool, bool], tuple[Literal["event", "steps"], ...]] = {
-    (False, False): ("event",), (False, True): ("event",), (True, False): ("steps",),
-    (True, True): ("event", "steps"),
-}  # fmt: skip
-"""Whether anything touches, and is to be event-driven -> methods, each tried if those before it
-stop."""
+_STEPS = {"steps": 1e-3, "fine steps": 2.5e-4}
+"""Time steps of companies that touch [s]."""
+_EVERY = 5e-3
+"""Between samples of theirs that are kept [s]."""
+_SITS = "somebody sits with the feet on the floor"
+"""Why fine time steps are taken at once."""
 _SAMPLED = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
 _COLUMNS = ("tension", "limit_force", "taut", "violation", "slip")
 ENERGIES = ("kinetic", "potential")
@@ -58,7 +56,7 @@ class Run:
         begin: when it begins [s].
         whole: its run, from time 0 on.
         ended: whether it reached the end of its span.
-        stepped: why parts of it were simulated in time steps that were to be event-driven.
+        stepped: why parts of it were simulated in fine time steps, not event-driven.
     """
 
     staged: Staged
@@ -125,8 +123,9 @@ def runs_of(
 ) -> Runs:  # fmt: skip
     """The runs of a play, as many side by side as there are threads.
 
-    They are event-driven where nothing may touch, and else in time steps of a millisecond, or
-    ``exact``: event-driven as well, but for parts in which that stops, as friction may jam.
+    They are event-driven where nothing may touch, else in time steps of 1 ms, or ``exact``: then
+    event-driven as well, but in steps of 0.25 ms where that stops, as friction may jam, and where
+    somebody sits with the feet on the floor: there it does, after a thousand events a second.
 
     Args:
         cast: of the play.
@@ -134,7 +133,7 @@ def runs_of(
         starts: player -> times at which its cues begin [s].
         meetings: who may touch what, and when.
         kept: has the parts that were made before.
-        exact: whether what touches is simulated event-driven.
+        exact: whether what touches is simulated as exactly as can be.
     """
     end = max(motion.duration for motion in motions.values())
     work = _Work(cast, motions, starts, kept, exact)
@@ -206,20 +205,29 @@ class _Work:
             own = Gesture(motion.coordinates, *excerpt(motion, begun, end))
             if touches or self._steps:
                 x = stage.marionette.project(x)
-            for method in _METHODS[touches, self.exact]:
+            for method in self._methods(stage.company):
                 key = digest(
                     x, own, "part", stage.content, bounds.speed, bounds.acceleration, method
                 )
                 run = self.kept.get(key, partial(_part, stage, x, own, bounds, method))
-                if run.status is Status.DONE or method != "event":
+                if run.status is Status.DONE or not touches:
                     break
-                if touches:
-                    stepped.append(str(run.status))
+                stepped.append(str(run.status))
             parts.append((begun, run))
             if run.status is not Status.DONE:
                 break
             x = run.state(len(run) - 1).replace(t=0.0)
+        if self.exact and stage.company.sits:
+            stepped.append(_SITS)
         return _joined(parts), tuple(stepped)
+
+    def _methods(self, company: Company) -> tuple[str, ...]:
+        """Ways to simulate a company, each for when those before it stop."""
+        if not company.pairs:
+            return ("event",)
+        if not self.exact:
+            return ("steps",)
+        return ("fine steps",) if company.sits else ("event", "fine steps")
 
     @property
     def _steps(self) -> bool:
@@ -262,10 +270,11 @@ def _part(
     alone = stage.marionette
     if method == "event":
         return simulate(alone, x, inputs, effort=False, throw=False)
-    steps = TimeStepping(dt=_STEP)
+    dt = _STEPS[method]
     return simulate(
-        alone, x, inputs, method=steps, save_every=_EVERY, effort=False, throw=False
-    )
+        alone, x, inputs, method=TimeStepping(dt=dt), save_every=round(_EVERY / dt),
+        effort=False, throw=False,
+    )  # fmt: skip
 
 
 def _cuts(motion: Gesture, starts: Sequence[float]) -> list[float]:
