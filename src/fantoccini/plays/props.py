@@ -27,9 +27,17 @@ _HANDLE = (0.061, 0.073, 0.318)
 """Middle of the handle on a forearm that hangs: forward, to the arm's side, and above the floor for
 a puppet in its bundled pose [m]."""
 
-_APART, _ASIDE = 0.245, 0.032
-"""The receiver stands so far before the giver, and so far towards the giver's arm [m]: nearer, or
-in line, the forearms meet; farther, the handle comes to the receiver's wrist."""
+_ELBOW, _FOREARM = (0.008, 0.077), (0.839, 0.402)
+"""A forearm that hangs: its elbow, and its direction, forward and to the arm's side [m]."""
+_ALONG = 0.061
+"""The handle hangs so far from the elbow along the forearm [m]."""
+_HELD = {"forward": 0.05, "in": 0.055, "up": 0.045}
+_HELD_ELBOW, _HELD_FOREARM = (0.0155, 0.073), (0.983, 0.06)
+"""What moves the hand's string to hold something out; elbow and direction of the forearm then."""
+_LOW, _LIFTED, _SUNK = 0.0, 0.052, -0.005
+"""Up: the receiver's hand before it takes, when it has taken; the giver's when it gives [m]."""
+_BESIDE, _STEP = 0.05, 0.1
+"""Distance of the two forearms, and the receiver's step to the side [m]."""
 
 _PELVIS = 0.091
 """The waist is so far above the bottom of the pelvis [m]."""
@@ -67,6 +75,7 @@ class Handing:
     forward: float
     left: float
     touching: tuple[tuple[str, str], ...]
+    turned: float
 
     def place(self, x: float, y: float, heading: float) -> tuple[float, float, float]:
         """Place [m] and heading [rad] of the receiver for those of the giver."""
@@ -74,7 +83,7 @@ class Handing:
         return (
             x + c * self.forward - s * self.left,
             y + s * self.forward + c * self.left,
-            heading + np.pi,
+            heading + self.turned,
         )
 
 
@@ -126,8 +135,9 @@ def handle_place(side: str = "right", *, raised: float = 0.0) -> tuple[float, fl
 
 
 def give(
-    stage: Marionette, giver: str, receiver: str, prop: str, *, side: str = "right"
-) -> Handing:
+    stage: Marionette, giver: str, receiver: str, prop: str, *, side: str = "right",
+    hangs: tuple[float, float, float] | None = None,
+) -> Handing:  # fmt: skip
     """The gestures by which a prop changes from one puppet's forearm to another's.
 
     The giver holds it out; the receiver's forearm goes under the handle beside the giver's and
@@ -143,35 +153,55 @@ def give(
         InputError: the members have other strings than the bundled marionette.
         ValueError: the side is neither left nor right.
     """
-    sign = _sign(side)
-    offers: Mapping[str, Waypoints] = {
-        "up": [(0, 0), (1.4, 0), (5.0, 0), (6.4, -0.05), (8.0, -0.05), (9.4, 0)],
-        "forward": [
-            (0, 0), (1.4, 0.28), (5.0, 0.28), (6.4, 0.34), (7.8, -0.14), (8.2, -0.14), (9.4, 0),
+    other, held = _SIDES[side], _HELD
+    gives: dict[str, Waypoints] = {
+        f"hand_{side}.up": [
+            (0, 0), (2.0, held["up"]), (6.8, held["up"]), (8.2, _SUNK), (11.0, _SUNK), (13.0, 0),
         ],
-        "in": [(0, 0), (1.4, 0.08), (7.8, 0.08), (9.4, 0)],
+        f"hand_{side}.forward": [(0, 0), (2.0, held["forward"]), (11.0, held["forward"]), (13.0, 0)],
+        f"hand_{side}.in": [(0, 0), (2.0, held["in"]), (11.0, held["in"]), (13.0, 0)],
     }  # fmt: skip
-    takes: Mapping[str, Waypoints] = {
-        "down": [
-            (0, 0), (1.2, 0), (2.4, 0.045), (4.2, 0.045), (5.8, -0.016), (6.8, -0.016),
-            (8.4, -0.03), (8.8, -0.03), (10.6, 0),
-        ],
-        "forward": [
-            (0, 0), (1.2, -0.08), (2.0, -0.08), (3.8, 0.36), (4.2, 0.36), (5.8, 0.23), (6.8, 0.23),
-            (8.8, 0.04), (10.6, 0),
-        ],
-        "in": [(0, 0), (1.2, 0.03), (8.8, 0.03), (10.6, 0)],
-    }  # fmt: skip
-    gives = _of_string(
-        stage, giver, f"hand_{side}", offers, "give", {"offered": 1.4, "released": 7.0}
-    )
-    other = _SIDES[side]
-    gets = _of_string(
-        stage, receiver, f"hand_{other}", takes, "take", {"under": 3.8, "taken": 5.8}
+    gets = _aside(other, [(0, 0), (2.0, 0), (4.6, 1), (8.4, 1), (11.0, 0), (13.0, 0)])
+    gets[f"hand_{other}.up"] = [
+        (0, 0), (2.0, _LOW), (5.0, _LOW), (6.6, _LIFTED), (11.0, _LIFTED), (13.0, 0),
+    ]  # fmt: skip
+    forward, inward = _HELD["forward"], _HELD["in"]
+    gets[f"hand_{other}.forward"] = [(0, 0), (2.0, forward), (11.0, forward), (13.0, 0)]
+    gets[f"hand_{other}.{other}"] = _sum(
+        gets[f"hand_{other}.{other}"], [(0, 0), (2.0, -inward), (11.0, -inward), (13.0, 0)]
     )
     arms = _body(giver, f"forearm_{side}"), _body(receiver, f"forearm_{other}")
-    touching = tuple((arm, prop) for arm in arms)
-    return Handing(gives, gets, _APART, sign * _ASIDE, touching)
+    forward, left = _beside(side, hangs)
+    return Handing(
+        _of(stage, giver, gives, "give", {"offered": 2.0, "released": 8.2}),
+        _of(stage, receiver, gets, "take", {"under": 4.6, "taken": 6.6}),
+        forward, left, tuple((arm, prop) for arm in arms), 0.0,
+    )  # fmt: skip
+
+
+def _beside(side: str, hangs: tuple[float, float, float] | None) -> tuple[float, float]:
+    """Where the receiver stands before it steps aside to the giver: forward and left [m]."""
+    sign = _sign(side)
+    along = _ALONG
+    if hangs is not None:
+        elbow, way = np.array(_ELBOW), np.array(_FOREARM)
+        along = float((np.array([hangs[0], sign * hangs[1]]) - elbow) @ way / (way @ way))
+    held = np.array(_HELD_ELBOW) + along * np.array(_HELD_FOREARM)
+    own = np.array(_HELD_ELBOW) + _ALONG * np.array(_HELD_FOREARM)
+    return float(held[0] - own[0]), sign * float(held[1] + own[1] + _BESIDE + _STEP)
+
+
+def _aside(side: str, share: Waypoints) -> dict[str, Waypoints]:
+    """A whole puppet carried a step to a side [m]."""
+    strings = (*_BODY, *(f"{limb}_{end}" for limb in ("hand", "knee") for end in _SIDES))
+    return {f"{string}.{side}": [(t, _STEP * x) for t, x in share] for string in strings}
+
+
+def _sum(one: Waypoints, other: Waypoints) -> Waypoints:
+    """Of two, at the times of both; straight between waypoints."""
+    times = sorted({t for t, _ in (*one, *other)})
+    values = np.array([np.interp(times, *np.transpose(x)) for x in (one, other)])
+    return list(zip(times, values.sum(axis=0).tolist(), strict=True))
 
 
 def sit(
