@@ -17,27 +17,34 @@ import numpy as np
 
 from fantoccini.gestures import Gesture
 from fantoccini.marionette import Marionette
-from fantoccini.motion import State
+from fantoccini.motion import State, pieces
 
 Waypoints = list[tuple[float, float]]
 
 _SIDES = {"right": "left", "left": "right"}
 _BODY = ("head", "shoulder_left", "shoulder_right")
-_HANDLE = (0.061, 0.073, 0.318)
-"""Middle of the handle on a forearm that hangs: forward, to the arm's side, and above the floor for
-a puppet in its bundled pose [m]."""
+_HANDLE = (0.061, 0.089, 0.324)
+"""Middle of the handle's bar on a forearm in the bundled pose: forward, to the arm's side, and above
+the floor [m]."""
 
 _ELBOW, _FOREARM = (0.008, 0.077), (0.839, 0.402)
 """A forearm that hangs: its elbow, and its direction, forward and to the arm's side [m]."""
-_ALONG = 0.061
-"""The handle hangs so far from the elbow along the forearm [m]."""
-_HELD = {"forward": 0.05, "in": 0.055, "up": 0.045}
-_HELD_ELBOW, _HELD_FOREARM = (0.0155, 0.073), (0.983, 0.06)
+_ALONG, _ABOVE = 0.061, 0.009
+"""The handle hangs so far from the elbow along the forearm; seen from above it is so much farther,
+as it is above a forearm that slopes [m]."""
+_HELD = {"forward": 0.2, "in": 0.065, "up": 0.03}
+_HELD_ELBOW, _HELD_FOREARM = (0.0431, 0.073), (0.986, 0.003)
 """What moves the hand's string to hold something out; elbow and direction of the forearm then."""
-_LOW, _LIFTED, _SUNK = 0.0, 0.052, -0.005
+_TAKES, _TAKEN = 0.09, (0.103, 0.068)
+"""Inward, the string of the receiver's hand; middle of the forearm then: forward, aside [m]."""
+_LOW, _LIFTED, _SUNK = -0.02, 0.036, -0.05
 """Up: the receiver's hand before it takes, when it has taken; the giver's when it gives [m]."""
-_BESIDE, _STEP = 0.05, 0.1
+_BESIDE, _STEP = 0.058, 0.125
 """Distance of the two forearms, and the receiver's step to the side [m]."""
+
+_CARRIED = {"out": 0.1, "up": 0.035}
+"""What moves the hand's string to hold a prop away from the knees [m]."""
+_CARRY_TIME = 1.5
 
 _PELVIS = 0.091
 """The waist is so far above the bottom of the pelvis [m]."""
@@ -158,14 +165,16 @@ def give(
         f"hand_{side}.up": [
             (0, 0), (2.0, held["up"]), (6.8, held["up"]), (8.2, _SUNK), (11.0, _SUNK), (13.0, 0),
         ],
-        f"hand_{side}.forward": [(0, 0), (2.0, held["forward"]), (11.0, held["forward"]), (13.0, 0)],
+        f"hand_{side}.forward": [
+            (0, 0), (2.0, held["forward"]), (6.8, held["forward"]), (8.2, 0.3), (11.0, 0.3), (13.0, 0),
+        ],
         f"hand_{side}.in": [(0, 0), (2.0, held["in"]), (11.0, held["in"]), (13.0, 0)],
     }  # fmt: skip
     gets = _aside(other, [(0, 0), (2.0, 0), (4.6, 1), (8.4, 1), (11.0, 0), (13.0, 0)])
     gets[f"hand_{other}.up"] = [
         (0, 0), (2.0, _LOW), (5.0, _LOW), (6.6, _LIFTED), (11.0, _LIFTED), (13.0, 0),
     ]  # fmt: skip
-    forward, inward = _HELD["forward"], _HELD["in"]
+    forward, inward = _HELD["forward"], _TAKES
     gets[f"hand_{other}.forward"] = [(0, 0), (2.0, forward), (11.0, forward), (13.0, 0)]
     gets[f"hand_{other}.{other}"] = _sum(
         gets[f"hand_{other}.{other}"], [(0, 0), (2.0, -inward), (11.0, -inward), (13.0, 0)]
@@ -181,14 +190,14 @@ def give(
 
 def _beside(side: str, hangs: tuple[float, float, float] | None) -> tuple[float, float]:
     """Where the receiver stands before it steps aside to the giver: forward and left [m]."""
-    sign = _sign(side)
-    along = _ALONG
+    sign, along = _sign(side), _ALONG
     if hangs is not None:
         elbow, way = np.array(_ELBOW), np.array(_FOREARM)
-        along = float((np.array([hangs[0], sign * hangs[1]]) - elbow) @ way / (way @ way))
+        seen = np.array([hangs[0], sign * hangs[1]]) - elbow
+        along = float(seen @ way / (way @ way)) - _ABOVE
     held = np.array(_HELD_ELBOW) + along * np.array(_HELD_FOREARM)
-    own = np.array(_HELD_ELBOW) + _ALONG * np.array(_HELD_FOREARM)
-    return float(held[0] - own[0]), sign * float(held[1] + own[1] + _BESIDE + _STEP)
+    forward, aside = _TAKEN
+    return float(held[0]) - forward, sign * (float(held[1]) + aside + _BESIDE + _STEP)
 
 
 def _aside(side: str, share: Waypoints) -> dict[str, Waypoints]:
@@ -251,6 +260,43 @@ def sit(
     )
 
 
+def carry(stage: Marionette, who: str, *, side: str = "right") -> Gesture:
+    """Holds what hangs on a forearm away from the knees, for a walk: 1.5 s.
+
+    The string of the hand stays where it is then, and must be carried along from there:
+    ``steps(Ends(table, carried(start, gesture)), ...)``, moved by the gesture's last offsets.
+
+    Args:
+        stage: the scene.
+        who: a member.
+        side: of the forearm.
+
+    Raises:
+        InputError: the member has other strings than the bundled marionette.
+        ValueError: the side is neither left nor right.
+    """
+    _sign(side)
+    moves = {way: [(0, 0), (_CARRY_TIME, offset)] for way, offset in _CARRIED.items()}
+    return _of_string(stage, who, f"hand_{side}", moves, "carry", {"carried": _CARRY_TIME})
+
+
+def lower(stage: Marionette, who: str, *, side: str = "right") -> Gesture:
+    """From the pose of :func:`carry` back to where the forearm hangs: 1.5 s; the same arguments."""
+    _sign(side)
+    moves = {way: [(0, offset), (_CARRY_TIME, 0)] for way, offset in _CARRIED.items()}
+    return _of_string(stage, who, f"hand_{side}", moves, "lower", {"lowered": _CARRY_TIME})
+
+
+def carried(start: State, gesture: Gesture) -> tuple[State, dict[str, float]]:
+    """Where strings' ends are after a gesture, and by what it moved them: coordinate -> offset."""
+    q_K, by = np.array(start.q_K), {}
+    for name, (q, v) in pieces.channel_names(gesture.coordinates).items():
+        if gesture.named[v.start]:
+            by[name] = float(gesture.ends[0][1, v.start])
+            q_K[q] += by[name]
+    return start.replace(q_K=q_K), by
+
+
 def put_down(
     stage: Marionette, who: str, prop: str, height: float, *, side: str = "right",
     start: State | None = None,
@@ -300,24 +346,24 @@ def _putting(
         text = f"{prop} would go down by {drop:.3f} m; needed: above 0, at most {_LOWEST} m"
         raise ValueError(text)
     low = drop + _OVERTRAVEL
-    sink: Waypoints = [(0, 0), (1.2, 0), (2.8, low), (5.6, low), (7.2, 0)]
-    moves: dict[str, Waypoints] = {f"{string}.down": sink for string in _BODY}
+    moves = _aside(other, [(0, 0), (5.2, 0), (7.6, 1), (9.6, 1), (12.0, 0)])
+    sink: Waypoints = [(0, 0), (2.0, 0), (4.0, low), (7.6, low), (9.6, 0), (12.0, 0)]
+    for string in (*_BODY, f"hand_{other}"):
+        moves[f"{string}.down"] = sink
     for knee in ("knee_left", "knee_right"):
         moves[f"{knee}.down"] = [(t, 0.016 * x / low) for t, x in sink]
         moves[f"{knee}.forward"] = [(t, 0.3 * x) for t, x in sink]
-    moves[f"hand_{other}.down"] = sink
-    under = low + 0.03
     moves[f"hand_{side}.down"] = [
-        (0, 0), (1.2, 0), (2.8, low), (3.6, under), (5.6, under), (7.2, 0),
+        (0, 0), (2.0, 0.02), (4.0, low + 0.02), (5.0, low + 0.06), (7.6, low + 0.06), (9.6, 0),
     ]  # fmt: skip
-    moves[f"hand_{side}.forward"] = [
-        (0, 0), (1.2, 0.34), (3.6, 0.36), (5.2, -0.2), (5.8, -0.2), (7.2, 0),
-    ]  # fmt: skip
-    moves[f"hand_{side}.in"] = [(0, 0), (1.2, 0.06), (5.2, 0.06), (7.2, 0)]
-    end, name, marks = 7.2, "put down", {"down": 3.6, "free": 5.2}
+    moves[f"hand_{side}.forward"] = [(0, 0), (2.0, 0.36), (7.6, 0.36), (9.6, 0)]
+    moves[f"hand_{side}.{other}"] = _sum(
+        moves[f"hand_{side}.{other}"], [(0, 0), (2.0, 0.08), (7.6, 0.08), (9.6, 0)]
+    )
+    end, name, marks = 12.0, "put down", {"down": 4.4, "free": 7.6}
     if back:
         moves = _reversed(moves, end)
-        name, marks = "pick up", {"under": 3.6, "up": 6.0}
+        name, marks = "pick up", {"under": 6.8, "up": 10.0}
     forward, aside = _STANDS
     touching = ((_body(who, f"forearm_{side}"), prop),)
     return Putting(_of(stage, who, moves, name, marks), forward, sign * aside, touching)
