@@ -11,11 +11,14 @@ carries: two forearms, side by side, fit under it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fantoccini.gestures import Gesture
+from fantoccini.gestures.ends import Ends
+from fantoccini.gestures.stepping import STEP_TIME, Step
+from fantoccini.gestures.walking import steps
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State, pieces
 
@@ -27,11 +30,13 @@ _HANDLE = (0.061, 0.089, 0.324)
 """Middle of the handle's bar on a forearm in the bundled pose: forward, to the arm's side, and above
 the floor [m]."""
 
-_ELBOW, _FOREARM = (0.008, 0.077), (0.839, 0.402)
-"""A forearm that hangs: its elbow, and its direction, forward and to the arm's side [m]."""
-_ALONG, _ABOVE = 0.061, 0.009
-"""The handle hangs so far from the elbow along the forearm; seen from above it is so much farther,
-as it is above a forearm that slopes [m]."""
+_HANGING = (0.008, 0.077), (0.839, 0.402), 0.009
+_CARRYING = (0.0119, 0.0883), (0.647, 0.763), 0.0
+"""Of a forearm that hangs, and in the pose of :func:`carry`: its elbow and its direction, forward
+and to the arm's side, and how much farther from the elbow a handle seems that hangs on it, as it is
+above a forearm that slopes [m]."""
+_ALONG = 0.061
+"""The handle hangs so far from the elbow along the forearm [m]."""
 _HELD = {"forward": 0.2, "in": 0.065, "up": 0.03}
 _HELD_ELBOW, _HELD_FOREARM = (0.0431, 0.073), (0.986, 0.003)
 """What moves the hand's string to hold something out; elbow and direction of the forearm then."""
@@ -62,7 +67,7 @@ _LOWEST = 0.075
 """Farthest way of a prop down: below that the thighs would push it [m]."""
 _STANDS = (0.157, 0.068)
 """Where a prop stands that was put down: forward, and to the arm's side [m]."""
-_OVERTRAVEL = 0.024
+_OVERTRAVEL = 0.016
 """Way down beyond the surface: the arm that reaches forward lifts the prop by so much [m]."""
 
 
@@ -143,7 +148,7 @@ def handle_place(side: str = "right", *, raised: float = 0.0) -> tuple[float, fl
 
 def give(
     stage: Marionette, giver: str, receiver: str, prop: str, *, side: str = "right",
-    hangs: tuple[float, float, float] | None = None,
+    hangs: tuple[float, float, float] | None = None, carried: bool = False,
 ) -> Handing:  # fmt: skip
     """The gestures by which a prop changes from one puppet's forearm to another's.
 
@@ -161,14 +166,15 @@ def give(
         ValueError: the side is neither left nor right.
     """
     other, held = _SIDES[side], _HELD
+    begins = _CARRIED if carried else {"up": 0.0, "out": 0.0}
     gives: dict[str, Waypoints] = {
         f"hand_{side}.up": [
-            (0, 0), (2.0, held["up"]), (6.8, held["up"]), (8.2, _SUNK), (11.0, _SUNK), (13.0, 0),
+            (0, begins["up"]), (2.0, held["up"]), (6.8, held["up"]), (8.2, _SUNK), (11.0, _SUNK), (13.0, 0),
         ],
         f"hand_{side}.forward": [
             (0, 0), (2.0, held["forward"]), (6.8, held["forward"]), (8.2, 0.3), (11.0, 0.3), (13.0, 0),
         ],
-        f"hand_{side}.in": [(0, 0), (2.0, held["in"]), (11.0, held["in"]), (13.0, 0)],
+        f"hand_{side}.in": [(0, -begins["out"]), (2.0, held["in"]), (11.0, held["in"]), (13.0, 0)],
     }  # fmt: skip
     gets = _aside(other, [(0, 0), (2.0, 0), (4.6, 1), (8.4, 1), (11.0, 0), (13.0, 0)])
     gets[f"hand_{other}.up"] = [
@@ -180,7 +186,7 @@ def give(
         gets[f"hand_{other}.{other}"], [(0, 0), (2.0, -inward), (11.0, -inward), (13.0, 0)]
     )
     arms = _body(giver, f"forearm_{side}"), _body(receiver, f"forearm_{other}")
-    forward, left = _beside(side, hangs)
+    forward, left = _beside(side, hangs, carried)
     return Handing(
         _of(stage, giver, gives, "give", {"offered": 2.0, "released": 8.2}),
         _of(stage, receiver, gets, "take", {"under": 4.6, "taken": 6.6}),
@@ -188,13 +194,15 @@ def give(
     )  # fmt: skip
 
 
-def _beside(side: str, hangs: tuple[float, float, float] | None) -> tuple[float, float]:
+def _beside(
+    side: str, hangs: tuple[float, float, float] | None, carried: bool
+) -> tuple[float, float]:
     """Where the receiver stands before it steps aside to the giver: forward and left [m]."""
     sign, along = _sign(side), _ALONG
     if hangs is not None:
-        elbow, way = np.array(_ELBOW), np.array(_FOREARM)
-        seen = np.array([hangs[0], sign * hangs[1]]) - elbow
-        along = float(seen @ way / (way @ way)) - _ABOVE
+        elbow, way, above = _CARRYING if carried else _HANGING
+        seen = np.array([hangs[0], sign * hangs[1]]) - np.array(elbow)
+        along = float(seen @ way / np.dot(way, way)) - above
     held = np.array(_HELD_ELBOW) + along * np.array(_HELD_FOREARM)
     forward, aside = _TAKEN
     return float(held[0]) - forward, sign * (float(held[1]) + aside + _BESIDE + _STEP)
@@ -263,8 +271,7 @@ def sit(
 def carry(stage: Marionette, who: str, *, side: str = "right") -> Gesture:
     """Holds what hangs on a forearm away from the knees, for a walk: 1.5 s.
 
-    The string of the hand stays where it is then, and must be carried along from there:
-    ``steps(Ends(table, carried(start, gesture)), ...)``, moved by the gesture's last offsets.
+    Then :func:`steps_carrying` walks, and :func:`lower` takes it back.
 
     Args:
         stage: the scene.
@@ -287,14 +294,26 @@ def lower(stage: Marionette, who: str, *, side: str = "right") -> Gesture:
     return _of_string(stage, who, f"hand_{side}", moves, "lower", {"lowered": _CARRY_TIME})
 
 
-def carried(start: State, gesture: Gesture) -> tuple[State, dict[str, float]]:
-    """Where strings' ends are after a gesture, and by what it moved them: coordinate -> offset."""
+def steps_carrying(
+    pose: Gesture, start: State, who: str, given: Sequence[Step], step_time: float = STEP_TIME
+) -> Gesture:
+    """Steps in the pose of :func:`carry`, which turns along; turned :func:`lower` leads out of it.
+
+    Args:
+        pose: made by :func:`carry`.
+        start: where the puppet hangs when it does not carry.
+        who: a member.
+        given, step_time: see :func:`fantoccini.gestures.walking.steps`.
+    """
+    table, of = pose.coordinates, f"{who}." if who else ""
     q_K, by = np.array(start.q_K), {}
-    for name, (q, v) in pieces.channel_names(gesture.coordinates).items():
-        if gesture.named[v.start]:
-            by[name] = float(gesture.ends[0][1, v.start])
+    for name, (q, v) in pieces.channel_names(table).items():
+        if pose.named[v.start]:
+            by[name] = float(pose.ends[0][1, v.start])
             q_K[q] += by[name]
-    return start.replace(q_K=q_K), by
+    walk = steps(Ends(table, start.replace(q_K=q_K), of), given, step_time).moved(by)
+    # What follows counts from where the strings would be without the pose.
+    return replace(walk, travel=steps(Ends(table, start, of), given, step_time).travel)
 
 
 def put_down(
@@ -346,21 +365,23 @@ def _putting(
         text = f"{prop} would go down by {drop:.3f} m; needed: above 0, at most {_LOWEST} m"
         raise ValueError(text)
     low = drop + _OVERTRAVEL
-    moves = _aside(other, [(0, 0), (5.2, 0), (7.6, 1), (9.6, 1), (12.0, 0)])
-    sink: Waypoints = [(0, 0), (2.0, 0), (4.0, low), (7.6, low), (9.6, 0), (12.0, 0)]
+    moves = _aside(other, [(0, 0), (5.4, 0), (7.8, 1), (9.6, 1), (12.0, 0)])
+    sink: Waypoints = [(0, 0), (2.0, 0), (4.0, low), (7.8, low), (9.8, 0), (12.0, 0)]
     for string in (*_BODY, f"hand_{other}"):
         moves[f"{string}.down"] = sink
     for knee in ("knee_left", "knee_right"):
         moves[f"{knee}.down"] = [(t, 0.016 * x / low) for t, x in sink]
         moves[f"{knee}.forward"] = [(t, 0.3 * x) for t, x in sink]
     moves[f"hand_{side}.down"] = [
-        (0, 0), (2.0, 0.02), (4.0, low + 0.02), (5.0, low + 0.06), (7.6, low + 0.06), (9.6, 0),
+        (0, 0), (2.0, 0.05), (4.0, low + 0.05), (5.4, low + 0.13), (7.8, low + 0.13), (9.8, 0),
     ]  # fmt: skip
-    moves[f"hand_{side}.forward"] = [(0, 0), (2.0, 0.36), (7.6, 0.36), (9.6, 0)]
+    moves[f"hand_{side}.forward"] = [
+        (0, 0), (2.0, 0.3), (4.0, 0.3), (5.4, 0.44), (7.8, 0.44), (9.8, 0),
+    ]  # fmt: skip
     moves[f"hand_{side}.{other}"] = _sum(
-        moves[f"hand_{side}.{other}"], [(0, 0), (2.0, 0.08), (7.6, 0.08), (9.6, 0)]
+        moves[f"hand_{side}.{other}"], [(0, 0), (2.0, 0.08), (7.8, 0.08), (9.8, 0)]
     )
-    end, name, marks = 12.0, "put down", {"down": 4.4, "free": 7.6}
+    end, name, marks = 12.0, "put down", {"down": 4.4, "free": 7.8}
     if back:
         moves = _reversed(moves, end)
         name, marks = "pick up", {"under": 6.8, "up": 10.0}
