@@ -4,8 +4,8 @@
 
 Offsets are those of the bundled marionette, relative to where it hangs, so that they hold wherever
 it stands and whichever way it faces. A prop hangs by a handle across a forearm; nothing ties it
-there but friction. A handle is a bar of 14 cm across the forearm, at least 9 cm above what it
-carries: two forearms, side by side, fit under it.
+there but friction. A handle is a stem and on it a bar whose ends are free: the arm lies under one
+half, beside the stem, and comes and goes sideways, so that strings never pass the bar.
 """
 
 from __future__ import annotations
@@ -30,11 +30,6 @@ _HANDLE = (0.061, 0.089, 0.324)
 """Middle of the handle's bar on a forearm in the bundled pose: forward, to the arm's side, and above
 the floor [m]."""
 
-_HANGING = (0.008, 0.077), (0.839, 0.402), 0.009
-_CARRYING = (0.0119, 0.0883), (0.647, 0.763), 0.0
-"""Of a forearm that hangs, and in the pose of :func:`carry`: its elbow and its direction, forward
-and to the arm's side, and how much farther from the elbow a handle seems that hangs on it, as it is
-above a forearm that slopes [m]."""
 _ALONG = 0.061
 """The handle hangs so far from the elbow along the forearm [m]."""
 _HELD = {"forward": 0.2, "in": 0.065, "up": 0.03}
@@ -65,9 +60,9 @@ _SEATS = (0.09, 0.18)
 
 _LOWEST = 0.075
 """Farthest way of a prop down: below that the thighs would push it [m]."""
-_STANDS = (0.157, 0.068)
+_STANDS = (0.173, 0.061)
 """Where a prop stands that was put down: forward, and to the arm's side [m]."""
-_OVERTRAVEL = 0.016
+_OVERTRAVEL = 0.024
 """Way down beyond the surface: the arm that reaches forward lifts the prop by so much [m]."""
 
 
@@ -78,8 +73,9 @@ class Handing:
     Attributes:
         giver, receiver: their gestures, from a common start. The giver's has the marks ``offered``
             and ``released``, the receiver's ``under`` and ``taken``.
-        forward, left: where the receiver stands, seen from the giver [m]; they face one another.
+        forward, left: where the receiver stands, seen from the giver [m].
         touching: pairs of bodies that may touch.
+        turned: how far the receiver's heading is from the giver's [rad].
     """
 
     giver: Gesture
@@ -148,18 +144,22 @@ def handle_place(side: str = "right", *, raised: float = 0.0) -> tuple[float, fl
 
 def give(
     stage: Marionette, giver: str, receiver: str, prop: str, *, side: str = "right",
-    hangs: tuple[float, float, float] | None = None, carried: bool = False,
+    along: float | None = None, carried: bool = False,
 ) -> Handing:  # fmt: skip
     """The gestures by which a prop changes from one puppet's forearm to another's.
 
-    The giver holds it out; the receiver's forearm goes under the handle beside the giver's and
-    lifts it; the giver's sinks and goes back. It takes 10.6 s. Both hang as before afterwards.
+    They stand side by side and face the same way. The giver holds it out; the receiver steps aside
+    to it with its forearm under the outer half of the bar, lifts it, and steps back with it when
+    the giver's arm has sunk. No string passes the bar. It takes 13 s. Both hang as before
+    afterwards; the stem is again on the outer side of the arm that holds it.
 
     Args:
         stage: the scene.
         giver, receiver: its members.
-        prop: which hangs by its handle on the giver's forearm.
+        prop: which hangs by its handle on the giver's forearm, the stem on its outer side.
         side: of the giver's forearm; the receiver takes with the other.
+        along: how far from the elbow it hangs there: :func:`along_forearm` [m].
+        carried: whether the giver is in the pose of :func:`carry`.
 
     Raises:
         InputError: the members have other strings than the bundled marionette.
@@ -186,7 +186,7 @@ def give(
         gets[f"hand_{other}.{other}"], [(0, 0), (2.0, -inward), (11.0, -inward), (13.0, 0)]
     )
     arms = _body(giver, f"forearm_{side}"), _body(receiver, f"forearm_{other}")
-    forward, left = _beside(side, hangs, carried)
+    forward, left = _beside(side, _ALONG if along is None else along)
     return Handing(
         _of(stage, giver, gives, "give", {"offered": 2.0, "released": 8.2}),
         _of(stage, receiver, gets, "take", {"under": 4.6, "taken": 6.6}),
@@ -194,18 +194,28 @@ def give(
     )  # fmt: skip
 
 
-def _beside(
-    side: str, hangs: tuple[float, float, float] | None, carried: bool
-) -> tuple[float, float]:
+def _beside(side: str, along: float) -> tuple[float, float]:
     """Where the receiver stands before it steps aside to the giver: forward and left [m]."""
-    sign, along = _sign(side), _ALONG
-    if hangs is not None:
-        elbow, way, above = _CARRYING if carried else _HANGING
-        seen = np.array([hangs[0], sign * hangs[1]]) - np.array(elbow)
-        along = float(seen @ way / np.dot(way, way)) - above
     held = np.array(_HELD_ELBOW) + along * np.array(_HELD_FOREARM)
     forward, aside = _TAKEN
-    return float(held[0]) - forward, sign * (float(held[1]) + aside + _BESIDE + _STEP)
+    return float(held[0]) - forward, _sign(side) * (float(held[1]) + aside + _BESIDE + _STEP)
+
+
+def along_forearm(
+    stage: Marionette, state: State, who: str, prop: str, height: float, *, side: str = "right"
+) -> float:
+    """How far from the elbow a handle hangs on a forearm [m], for :func:`give`.
+
+    Args:
+        stage: the scene.
+        state: after a walk, say; it may swing.
+        who: a member.
+        prop: what hangs.
+        height: of its handle's bar above its origin [m].
+        side: of the forearm.
+    """
+    thing, arm = stage.pose(state, prop), stage.pose(state, _body(who, f"forearm_{side}"))
+    return float(-arm[:3, 2] @ (thing[:3, 3] + height * thing[:3, 2] - arm[:3, 3]))
 
 
 def _aside(side: str, share: Waypoints) -> dict[str, Waypoints]:
@@ -373,11 +383,9 @@ def _putting(
         moves[f"{knee}.down"] = [(t, 0.016 * x / low) for t, x in sink]
         moves[f"{knee}.forward"] = [(t, 0.3 * x) for t, x in sink]
     moves[f"hand_{side}.down"] = [
-        (0, 0), (2.0, 0.05), (4.0, low + 0.05), (5.4, low + 0.13), (7.8, low + 0.13), (9.8, 0),
+        (0, 0), (2.0, 0.02), (4.0, low + 0.02), (5.0, low + 0.06), (7.8, low + 0.06), (9.8, 0),
     ]  # fmt: skip
-    moves[f"hand_{side}.forward"] = [
-        (0, 0), (2.0, 0.3), (4.0, 0.3), (5.4, 0.44), (7.8, 0.44), (9.8, 0),
-    ]  # fmt: skip
+    moves[f"hand_{side}.forward"] = [(0, 0), (2.0, 0.36), (7.8, 0.36), (9.8, 0)]
     moves[f"hand_{side}.{other}"] = _sum(
         moves[f"hand_{side}.{other}"], [(0, 0), (2.0, 0.08), (7.8, 0.08), (9.8, 0)]
     )
