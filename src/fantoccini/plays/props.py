@@ -39,7 +39,7 @@ _TAKES, _TAKEN = 0.09, (0.103, 0.068)
 """Inward, the string of the receiver's hand; middle of the forearm then: forward, aside [m]."""
 _LOW, _LIFTED, _SUNK = -0.02, 0.036, -0.05
 """Up: the receiver's hand before it takes, when it has taken; the giver's when it gives [m]."""
-_BESIDE, _STEP = 0.058, 0.125
+_BESIDE, _STEP = 0.058, 0.24
 """Distance of the two forearms, and the receiver's step to the side [m]."""
 
 _CARRIED = {"out": 0.1, "up": 0.035}
@@ -62,6 +62,8 @@ _LOWEST = 0.075
 """Farthest way of a prop down: below that the thighs would push it [m]."""
 _STANDS = (0.173, 0.061)
 """Where a prop stands that was put down: forward, and to the arm's side [m]."""
+_LEAVES = 0.125
+"""Way to the side on which the arm comes out from under the bar [m]."""
 _OVERTRAVEL = 0.024
 """Way down beyond the surface: the arm that reaches forward lifts the prop by so much [m]."""
 
@@ -150,7 +152,7 @@ def give(
 
     They stand side by side and face the same way. The giver holds it out; the receiver steps aside
     to it with its forearm under the outer half of the bar, lifts it, and steps back with it when
-    the giver's arm has sunk. No string passes the bar. It takes 13 s. Both hang as before
+    the giver's arm has sunk. No string passes the bar. It takes 13.8 s. Both hang as before
     afterwards; the stem is again on the outer side of the arm that holds it.
 
     Args:
@@ -169,27 +171,28 @@ def give(
     begins = _CARRIED if carried else {"up": 0.0, "out": 0.0}
     gives: dict[str, Waypoints] = {
         f"hand_{side}.up": [
-            (0, begins["up"]), (2.0, held["up"]), (6.8, held["up"]), (8.2, _SUNK), (11.0, _SUNK), (13.0, 0),
+            (0, begins["up"]), (2.0, held["up"]), (7.4, held["up"]), (8.8, _SUNK), (11.8, _SUNK),
+            (13.8, 0),
         ],
         f"hand_{side}.forward": [
-            (0, 0), (2.0, held["forward"]), (6.8, held["forward"]), (8.2, 0.3), (11.0, 0.3), (13.0, 0),
+            (0, 0), (2.0, held["forward"]), (7.4, held["forward"]), (8.8, 0.3), (11.8, 0.3), (13.8, 0),
         ],
-        f"hand_{side}.in": [(0, -begins["out"]), (2.0, held["in"]), (11.0, held["in"]), (13.0, 0)],
+        f"hand_{side}.in": [(0, -begins["out"]), (2.0, held["in"]), (11.8, held["in"]), (13.8, 0)],
     }  # fmt: skip
-    gets = _aside(other, [(0, 0), (2.0, 0), (4.6, 1), (8.4, 1), (11.0, 0), (13.0, 0)])
+    gets = _aside(other, _STEP, [(0, 0), (2.0, 0), (5.2, 1), (9.0, 1), (12.0, 0), (13.8, 0)])
     gets[f"hand_{other}.up"] = [
-        (0, 0), (2.0, _LOW), (5.0, _LOW), (6.6, _LIFTED), (11.0, _LIFTED), (13.0, 0),
+        (0, 0), (2.0, _LOW), (5.6, _LOW), (7.2, _LIFTED), (12.0, _LIFTED), (13.8, 0),
     ]  # fmt: skip
     forward, inward = _HELD["forward"], _TAKES
-    gets[f"hand_{other}.forward"] = [(0, 0), (2.0, forward), (11.0, forward), (13.0, 0)]
+    gets[f"hand_{other}.forward"] = [(0, 0), (2.0, forward), (12.0, forward), (13.8, 0)]
     gets[f"hand_{other}.{other}"] = _sum(
-        gets[f"hand_{other}.{other}"], [(0, 0), (2.0, -inward), (11.0, -inward), (13.0, 0)]
+        gets[f"hand_{other}.{other}"], [(0, 0), (2.0, -inward), (12.0, -inward), (13.8, 0)]
     )
     arms = _body(giver, f"forearm_{side}"), _body(receiver, f"forearm_{other}")
     forward, left = _beside(side, _ALONG if along is None else along)
     return Handing(
-        _of(stage, giver, gives, "give", {"offered": 2.0, "released": 8.2}),
-        _of(stage, receiver, gets, "take", {"under": 4.6, "taken": 6.6}),
+        _of(stage, giver, gives, "give", {"offered": 2.0, "released": 8.8}),
+        _of(stage, receiver, gets, "take", {"under": 5.2, "taken": 7.2}),
         forward, left, tuple((arm, prop) for arm in arms), 0.0,
     )  # fmt: skip
 
@@ -218,10 +221,10 @@ def along_forearm(
     return float(-arm[:3, 2] @ (thing[:3, 3] + height * thing[:3, 2] - arm[:3, 3]))
 
 
-def _aside(side: str, share: Waypoints) -> dict[str, Waypoints]:
+def _aside(side: str, way: float, share: Waypoints) -> dict[str, Waypoints]:
     """A whole puppet carried a step to a side [m]."""
     strings = (*_BODY, *(f"{limb}_{end}" for limb in ("hand", "knee") for end in _SIDES))
-    return {f"{string}.{side}": [(t, _STEP * x) for t, x in share] for string in strings}
+    return {f"{string}.{side}": [(t, way * x) for t, x in share] for string in strings}
 
 
 def _sum(one: Waypoints, other: Waypoints) -> Waypoints:
@@ -375,7 +378,7 @@ def _putting(
         text = f"{prop} would go down by {drop:.3f} m; needed: above 0, at most {_LOWEST} m"
         raise ValueError(text)
     low = drop + _OVERTRAVEL
-    moves = _aside(other, [(0, 0), (5.4, 0), (7.8, 1), (9.6, 1), (12.0, 0)])
+    moves = _aside(other, _LEAVES, [(0, 0), (5.4, 0), (7.8, 1), (9.6, 1), (12.0, 0)])
     sink: Waypoints = [(0, 0), (2.0, 0), (4.0, low), (7.8, low), (9.8, 0), (12.0, 0)]
     for string in (*_BODY, f"hand_{other}"):
         moves[f"{string}.down"] = sink
