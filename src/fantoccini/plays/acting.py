@@ -24,6 +24,7 @@ from fantoccini.gestures.parameters import MADE
 from fantoccini.gestures.stepping import STEP_TIME, Step
 from fantoccini.gestures.timing import Spot
 from fantoccini.gestures.walking import steps
+from fantoccini.plays import props
 from fantoccini.plays.casting import Cast, Player
 from fantoccini.plays.cue_file import HOW, CueFile
 from fantoccini.plays.footing import Footing
@@ -136,15 +137,40 @@ class Repertory:
                 self._kept[key] = str(error)
         return _or_raise(self._kept[key])
 
-    def walk(self, player: Player, way: tuple[Step, ...], step_time: float) -> Gesture:
+    def walk(
+        self, player: Player, way: tuple[Step, ...], step_time: float, carries: str = ""
+    ) -> Gesture:
         """Steps of a player, from the heading at the start of the play on.
+
+        Args:
+            player: who walks.
+            way: the steps.
+            step_time: of each [s].
+            carries: the forearm on which something hangs.
 
         Raises:
             UnknownNameError: it has other strings than the bundled marionette.
         """
-        key = (player.alone, "walk", way, step_time)
+        key = (player.alone, "walk", way, step_time, carries)
         if key not in self._kept:
-            self._kept[key] = steps(player.ends(), way, step_time)
+            if carries:
+                pose = self.pose(player, carries)
+                made = props.steps_carrying(pose, player.hangs, "", way, step_time)
+            else:
+                made = steps(player.ends(), way, step_time)
+            self._kept[key] = made
+        return _or_raise(self._kept[key])
+
+    def pose(self, player: Player, side: str) -> Gesture:
+        """The gesture that takes up the pose in which something is carried.
+
+        Raises:
+            UnknownNameError: it has other strings than the bundled marionette.
+        """
+        key = (player.alone, "pose", side)
+        if key not in self._kept:
+            player.ends()
+            self._kept[key] = props.carry(player.alone, "", side=side)
         return _or_raise(self._kept[key])
 
     def _read(self, player: Player, name: str) -> Gesture | str:

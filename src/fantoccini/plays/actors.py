@@ -122,7 +122,8 @@ class Wishes:
         pauses: cue -> by how much later it begins, for swing [s].
         refused: cue -> why it cannot be done.
         smaller: cue -> factor of its size.
-        hangs: cue -> where the handle hangs that is given or put down, as the player sees it.
+        hangs: cue -> how far from the elbow the handle hangs that is given or put down, and its
+            height [m].
         stands: cue -> where the prop stands that is picked up.
     """
 
@@ -130,7 +131,7 @@ class Wishes:
     pauses: dict[Spot, float] = field(default_factory=dict)
     refused: dict[Spot, str] = field(default_factory=dict)
     smaller: dict[Spot, float] = field(default_factory=dict)
-    hangs: dict[Spot, tuple[float, float, float]] = field(default_factory=dict)
+    hangs: dict[Spot, tuple[float, float]] = field(default_factory=dict)
     stands: dict[Spot, Footing] = field(default_factory=dict)
 
     def copied(self) -> Wishes:

@@ -24,7 +24,7 @@ from fantoccini.plays.cue_file import DIRECTIONS
 from fantoccini.plays.footing import Footing
 from fantoccini.plays.play_file import PlayerFile, PlayFile
 from fantoccini.plays.starts import Places, start_of
-from fantoccini.plays.things import Thing, read_things
+from fantoccini.plays.things import PropState, Thing, read_things
 from fantoccini.puppet import Puppet
 from fantoccini.puppet.files import bundled
 from fantoccini.scene import Scene
@@ -102,6 +102,7 @@ class Cast:
         x0: where everything hangs and lies at the start.
         file: the play.
         things: its props, by name.
+        lie: prop -> its state at the start.
     """
 
     players: Mapping[str, Player]
@@ -109,6 +110,7 @@ class Cast:
     x0: State
     file: PlayFile
     things: Mapping[str, Thing] = field(default_factory=dict)
+    lie: Mapping[str, PropState] = field(default_factory=dict)
 
     def member(self, name: str) -> str:
         """What stands before the names of a player's coordinates."""
@@ -190,7 +192,8 @@ def read_cast(file: PlayFile, places: Places, notes: Notes) -> Cast:
         for one_mistake in error.mistakes:
             notes.mistake(("stage",), f"{one_mistake.key}: {one_mistake.message}")
         notes.refuse()
-    return Cast(players, whole, _together(whole, players), file, things)
+    lie = {name: one.start for name, one in things.items()}
+    return Cast(players, whole, all_together(whole, players, lie), file, things, lie)
 
 
 def _check_names(file: PlayFile, notes: Notes) -> None:
@@ -300,8 +303,10 @@ def placed(alone: Marionette, hangs: State, there: Footing) -> State:
     )  # fmt: skip
 
 
-def _together(whole: Marionette, players: Mapping[str, Player]) -> State:
-    """All players where they are at the start."""
+def all_together(
+    whole: Marionette, players: Mapping[str, Player], lie: Mapping[str, PropState]
+) -> State:
+    """All players and props where they are at the start."""
     x = whole.state()
     q_D, q_K = np.array(x.q_D), np.array(x.q_K)
     for player in players.values():
@@ -312,6 +317,9 @@ def _together(whole: Marionette, players: Mapping[str, Player]) -> State:
                 q_D[whole.coordinates.q_D.index(own)] = value
             else:
                 q_K[whole.coordinates.q_K.index(own)] = value
+    for name, (q, _) in lie.items():
+        first = whole.coordinates.q_D.index(f"{name}.x")
+        q_D[first : first + len(q)] = q
     return dataclasses.replace(x, q_D=q_D, q_K=q_K)
 
 

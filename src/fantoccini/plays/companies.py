@@ -6,6 +6,7 @@ or left, companies change, and the states of their members go on.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -18,16 +19,15 @@ from fantoccini.gestures import Gesture
 from fantoccini.gestures.timing import Spot
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State, pieces
-from fantoccini.plays.casting import Cast
-from fantoccini.plays.contacts import Pair, rules_of
+from fantoccini.plays.casting import Cast, all_together, placed
+from fantoccini.plays.contacts import Pair, hanging, rules_of
 from fantoccini.plays.kept import Kept
+from fantoccini.plays.things import PropState
 from fantoccini.puppet.contact import FLOOR
 from fantoccini.scene import Scene
 from fantoccini.scene.schema import Member
 from fantoccini.tree import CoordinateTable
 
-PropState = tuple[Array, Array]
-"""(7,) place and quaternion of a prop, and (6,) its velocities."""
 
 
 @dataclass(frozen=True)
@@ -245,6 +245,35 @@ def staged(cast: Cast, company: Company, kept: Kept) -> Staged:
 
     marionette = kept.get(f"company {content}", made)
     return Staged(company, marionette, prefixes, props, content)
+
+
+def settled(cast: Cast, kept: Kept) -> Cast:
+    """A cast in which what hangs on forearms at the start hangs there in equilibrium.
+
+    Raises:
+        StateError: something does not hang there.
+    """
+    players, lie = dict(cast.players), dict(cast.lie)
+    for who, player in cast.players.items():
+        held = [one for one in cast.things.values() if one.held_by == who]
+        if not held:
+            continue
+        pairs = frozenset(hanging(who, one.side, one.name) for one in held)
+        company = Company((who,), tuple(one.name for one in held), pairs)
+        stage = staged(cast, company, kept)
+        # The place of a handle is that on the arm of the puppet as its file has it.
+        as_written = placed(player.alone, player.alone.state(), player.start)
+        x = stage.marionette.rest(stage.state({who: as_written}, lie))
+        table = stage.marionette.coordinates
+        own = {name: float(x[name]) for name in player.alone.coordinates.q_D}
+        players[who] = dataclasses.replace(
+            player, x0=player.x0.replace(q_D=np.array(list(own.values())))
+        )
+        for one in held:
+            first = table.q_D.index(f"{stage.props[one.name]}.x")
+            lie[one.name] = (x.q_D[first : first + 7], np.zeros(6))
+    x0 = all_together(cast.whole, players, lie)
+    return dataclasses.replace(cast, players=players, lie=lie, x0=x0)
 
 
 def of_stage(table: CoordinateTable, prefix: str, own: Gesture) -> Gesture:

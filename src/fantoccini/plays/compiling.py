@@ -9,6 +9,7 @@ from fantoccini.errors import Status
 from fantoccini.gestures.notes import Notes
 from fantoccini.gestures.timing import END, START, Spot
 from fantoccini.plays.casting import Cast
+from fantoccini.plays.companies import settled
 from fantoccini.plays.cue_file import WITH_PROPS, said
 from fantoccini.plays.cues import Cue, Part, said_in_act
 from fantoccini.plays.handled import failures
@@ -53,10 +54,9 @@ def load_play(
     tell("casting", 0.0)
     script = read_script(path)
     kept = before.kept if before is not None else Kept()
-    rounds = Rounds(
-        script.cast, script.timeline, script.repertory, script.places, script.notes, kept
-    )
-    return _Compiler(script.cast, rounds, script.notes, kept, tell).play()
+    cast = settled(script.cast, kept)
+    rounds = Rounds(cast, script.timeline, script.repertory, script.places, script.notes, kept)
+    return _Compiler(cast, rounds, script.notes, kept, tell).play()
 
 
 class _Compiler:

@@ -61,17 +61,16 @@ def failures(cast: Cast, meetings: Sequence[Meeting], runs: Runs) -> list[Failur
 
 
 def handle_seen(
-    cast: Cast, runs: Runs, prop: str, t: float, here: Footing
-) -> tuple[float, float, float] | None:
-    """Where a handle's middle is at a time: forward, left [m] and its height; None if unknown."""
-    run = runs.with_prop(prop, t)
-    handle = cast.things[prop].handle
+    cast: Cast, runs: Runs, meeting: Meeting, t: float
+) -> tuple[float, float] | None:
+    """How far from the elbow a handle hangs at a time, and its height [m]; None if unknown."""
+    (prop,), who = meeting.props, meeting.players[0]
+    run, handle = runs.with_prop(prop, t), cast.things[prop].handle
     if run is None or handle is None:
         return None
-    pose = _poses(run, prop, np.array([t - run.begin]))[0]
+    pose, arm = (_poses(run, x, np.array([t - run.begin]))[0] for x in (prop, _arm(meeting, who)))
     place = pose[:, 3] + handle * pose[:, 2]
-    seen = here.seen(complex(place[0], place[1]))
-    return float(seen.real), float(seen.imag), float(place[2])
+    return float(-arm[:, 2] @ (place - arm[:, 3])), float(place[2])
 
 
 def stands_seen(cast: Cast, runs: Runs, prop: str, t: float) -> Footing | None:
@@ -98,9 +97,7 @@ def _runs(meeting: Meeting, runs: Runs) -> Iterator[tuple[Run, float, float]]:
 
 def _hangs(cast: Cast, meeting: Meeting, run: Run, t: Times) -> Failure | None:
     (prop,), (who,) = meeting.props, meeting.players
-    forearm = next(
-        name for pair in meeting.pairs for name in pair if name.startswith(f"{who}.forearm_")
-    )
+    forearm = _arm(meeting, who)
     handle = cast.things[prop].handle
     assert handle is not None
     thing, arm = (_poses(run, name, t) for name in (prop, forearm))
@@ -147,6 +144,12 @@ def _sits(cast: Cast, meeting: Meeting, run: Run, _: Times) -> Failure | None:
         return None
     text = f"{who} would not sit: the seat bears {bears / weight:.0%} of its weight"
     return Failure(run.begin + since, meeting.players, text, meeting.cue)
+
+
+def _arm(meeting: Meeting, who: str) -> str:
+    """The forearm of a player on which something hangs."""
+    names = {name for pair in meeting.pairs for name in pair}
+    return next(name for name in sorted(names) if name.startswith(f"{who}.forearm_"))
 
 
 def _poses(run: Run, name: str, t: Times) -> Array:

@@ -22,7 +22,7 @@ from fantoccini.plays.casting import Cast
 from fantoccini.plays.companies import Meeting
 from fantoccini.plays.contacts import hanging, standing
 from fantoccini.plays.cues import Cue
-from fantoccini.plays.doing import note, walk_along
+from fantoccini.plays.doing import carry_pose, note, walk_along
 from fantoccini.plays.footing import Footing, Way
 from fantoccini.plays.holdings import Hangs, Seated, Stands
 from fantoccini.plays.things import top_of
@@ -127,14 +127,20 @@ class Handling:
         self.check_stands(giver)
         self.check_stands(receiver)
         handing = self._made(
-            lambda: props.give(giver.player.alone, "", "", prop, side=held.side), giver
+            lambda: props.give(
+                giver.player.alone, "", "", prop, side=held.side, along=self._along(cue),
+                carried=True,
+            ),
+            giver,
         )
         here = giver.last
         x, y, heading = handing.place(here.x, here.y, here.heading)
         there = Footing(x, y, heading)
         before = self._apart(there, receiver, here, giver)
         self._come(cue, receiver, before, there, begin, wait, beside=giver)
-        start = max(receiver.rests(), giver.rests()) + _CALM
+        giver.rests()
+        posed = carry_pose(giver, held.side, begin, self._repertory)
+        start = max(receiver.rests(), posed) + _CALM
         ends = [
             self._do(cue, actor, gesture, start)
             for actor, gesture in ((giver, handing.giver), (receiver, handing.receiver))
@@ -197,7 +203,10 @@ class Handling:
         there = self._put_place(onto, puts, actor)
         before = self._clear_of(there, -1.0, actor)
         self._come(cue, actor, before, there, begin, wait)
-        start = actor.rests() + _CALM
+        lowers = self._made(
+            lambda: props.lower(actor.player.alone, "", side=held.side), actor
+        )
+        start = self._do(cue, actor, lowers, actor.rests()) + _CALM
         end = self._do(cue, actor, puts.gesture, start)
         self._close(prop, held, start)
         pairs = standing(prop, onto) | {hanging(who, held.side, prop)}
@@ -271,11 +280,21 @@ class Handling:
         lift = self._cast.file.cast[actor.player.name].lift
         return props.handle_place(side, raised=lift)[2] - handle
 
+    def carries(self, who: str) -> str:
+        """The forearm on which something hangs that a player carries; "" where nothing does."""
+        sides = [one.side for one in self.where.values()
+                 if isinstance(one, Hangs) and one.player == who]  # fmt: skip
+        return sides[0] if sides else ""
+
+    def _along(self, cue: Cue) -> float | None:
+        seen = self._wishes.hangs.get(cue.spot)
+        return None if seen is None else seen[0]
+
     def _hangs_at(self, cue: Cue, actor: Actor, prop: str, held: Hangs) -> float:
         seen = self._wishes.hangs.get(cue.spot)
         handle = self._cast.things[prop].handle
         assert handle is not None
-        return seen[2] - handle if seen else self._would_hang(actor, prop, held.side)
+        return seen[1] - handle if seen else self._would_hang(actor, prop, held.side)
 
     def _seat(self, name: str, actor: Actor) -> tuple[complex, float, float]:
         """Middle of a seat [m], the direction in which one sits [rad], and its height [m]."""
@@ -304,7 +323,9 @@ class Handling:
         *, beside: Actor | None = None,
     ) -> None:  # fmt: skip
         """A walk to a place before something, and the last straight steps."""
-        free = max(actor.rests(), begin)
+        actor.rests()
+        carries = self.carries(actor.player.name)
+        free = max(carry_pose(actor, carries, begin, self._repertory), begin)
         if abs(actor.last.place - before.place) > 1e-6 or actor.last.heading != before.heading:
             others = [
                 (one.player, one.track()) for one in self._actors.values() if one is not actor
@@ -337,7 +358,8 @@ class Handling:
         self._walk(cue, actor, way)
 
     def _walk(self, cue: Cue, actor: Actor, way: Way) -> None:
-        gesture, start = walk_along(actor, way, self._repertory)
+        carries = self.carries(actor.player.name)
+        gesture, start = walk_along(actor, way, self._repertory, carries)
         note(cue, actor, 0, gesture, start, {}, way.end)
 
     def _do(self, cue: Cue, actor: Actor, gesture: Gesture, start: float) -> float:

@@ -24,7 +24,7 @@ from fantoccini.plays.casting import Cast, Player
 from fantoccini.plays.companies import Meeting
 from fantoccini.plays.cue_file import WITH_PROPS, said
 from fantoccini.plays.cues import ARRIVES, Cue, Part, Timeline, lane_name, said_in_act
-from fantoccini.plays.doing import note, walk_along
+from fantoccini.plays.doing import carry_pose, note, walk_along
 from fantoccini.plays.footing import Way
 from fantoccini.plays.handling import Handling
 from fantoccini.plays.starts import Places
@@ -226,7 +226,9 @@ class Placing:
         if np.any(np.abs(line.rate) > STILL):
             line.stop()
         by = begin if given.on is not None else None
-        free = max(line.end, self.act_starts[cue.act])
+        carries = self._handling.carries(player.name)
+        earliest = self.act_starts[cue.act] if by is not None else begin
+        free = max(carry_pose(actor, carries, earliest, self._repertory), self.act_starts[cue.act])
         begin = max(begin, free)
         others = [one for one in self.actors.values() if one is not actor]
         wait = max((given.may_wait or 0.0) * self._notes.beat - (begin - asked), 0.0)
@@ -250,7 +252,7 @@ class Placing:
                 raise CannotBe(f"{player.name} is busy until {self._said(until, cue)[3:]}")
             self._walk(cue, actor, asked, until)
             return
-        gesture, _ = walk_along(actor, way, self._repertory)
+        gesture, _ = walk_along(actor, way, self._repertory, carries)
         actor.away = given.verb == "exits_to"
         marks = {mark: t - (starts - way.begin) for mark, t in gesture.marks.items()}
         marks[ARRIVES] = way.end - starts

@@ -159,7 +159,7 @@ class Rounds:
             spot = meeting.cue
             if spot is None or meeting.kind not in ("given", "put", "picked"):
                 continue
-            (prop,), who = meeting.props, meeting.players[0]
+            (prop,) = meeting.props
             if self._looked.get(spot, 0) >= _LOOKS:
                 continue
             self._looked[spot] = self._looked.get(spot, 0) + 1
@@ -171,8 +171,7 @@ class Rounds:
                 self.wishes.stands[spot] = there
                 changed |= before is None or abs(there.place - before.place) > _SEEN
                 continue
-            here = made.placing.actors[who].stands(meeting.begin)
-            seen = handle_seen(self._cast, made.runs, prop, meeting.begin - _JUST_BEFORE, here)
+            seen = handle_seen(self._cast, made.runs, meeting, meeting.begin - _JUST_BEFORE)
             if seen is None:
                 continue
             known = self.wishes.hangs.get(spot)

@@ -25,9 +25,10 @@ from fantoccini.marionette import TimeStepping
 from fantoccini.motion import Columns, ContactPoints, State, Trajectory
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.plays.casting import Cast
-from fantoccini.plays.companies import Company, Meeting, PropState, Span, Staged, spans, staged
+from fantoccini.plays.companies import Company, Meeting, Span, Staged, spans, staged
 from fantoccini.plays.kept import Kept, digest
 from fantoccini.plays.play_file import StageFile
+from fantoccini.plays.things import PropState
 from fantoccini.runtime import default_threads
 from fantoccini.simulation import simulate
 
@@ -175,7 +176,7 @@ class _Work:
                 if name in cast.players:
                     players[name] = cast.players[name].x0
                 else:
-                    props[name] = prop_start(cast, name)
+                    props[name] = cast.lie[name]
                 continue
             run = last.result()
             if run is None or not run.ended:
@@ -244,14 +245,6 @@ def _last(
         if name in (*company.players, *company.props) and earlier.end <= span.begin:
             return future
     return None
-
-
-def prop_start(cast: Cast, name: str) -> PropState:
-    """Where a prop is at the start, at rest."""
-    thing = cast.things[name]
-    x, y, z = (float(one) for one in thing.prop.at)
-    half = 0.5 * thing.stands.heading
-    return np.array([x, y, z, np.cos(half), 0.0, 0.0, np.sin(half)]), np.zeros(6)
 
 
 def prop_states(run: Run, name: str, *, still: bool = False) -> PropState:

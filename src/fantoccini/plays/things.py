@@ -22,6 +22,9 @@ from fantoccini.plays.starts import Places
 from fantoccini.puppet.values import value_of
 from fantoccini.scene.schema import Prop
 
+PropState = tuple[Array, Array]
+"""(7,) place and quaternion of a prop, and (6,) its velocities."""
+
 _FOLDER = Path(__file__).parent / "things"
 
 
@@ -54,6 +57,13 @@ class Thing:
     def name(self) -> str:
         """In the play."""
         return self.prop.name
+
+    @property
+    def start(self) -> PropState:
+        """Where it is at the start, before what is held has settled on the arm."""
+        x, y, z = (float(one) for one in self.prop.at)
+        half = 0.5 * self.stands.heading
+        return np.array([x, y, z, np.cos(half), 0.0, 0.0, np.sin(half)]), np.zeros(6)
 
 
 def thing_names() -> tuple[str, ...]:

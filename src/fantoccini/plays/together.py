@@ -15,8 +15,8 @@ from fantoccini.errors import Status
 from fantoccini.motion import Columns, ContactPoints, EventRecord, Trajectory
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.plays.casting import Cast
-from fantoccini.plays.companies import PropState
-from fantoccini.plays.runs import ENERGIES, Run, Runs, prop_start, prop_states
+from fantoccini.plays.runs import ENERGIES, Run, Runs, prop_states
+from fantoccini.plays.things import PropState
 from fantoccini.tree import CoordinateTable
 
 SAMPLE = 0.005
@@ -34,7 +34,7 @@ def together(cast: Cast, runs: Runs) -> Trajectory:
     t = np.append(np.arange(0.0, end - 0.5 * SAMPLE, SAMPLE), end)
     whole = _Whole(cast, t)
     for name in cast.things:
-        whole.stands(name, -1.0, prop_start(cast, name))
+        whole.stands(name, -1.0, cast.lie[name])
     for run in runs.companies:
         whole.add(run)
     first = runs.companies[0].whole
