@@ -155,7 +155,8 @@ def test_a_prop_is_handed_over_and_no_string_passes_it(kind, side, place, off):
     where = handle_in(scene, run, kind, hers)
     assert 0.03 < -where[-1, 2] < 0.088
     assert np.ptp(where[run.t > 15.0], axis=0).max() < 0.002
-    assert nearest(scene, run, kind, (his, hers)) > 0.005
+    # A handle 1 cm nearer to the hand is nearer to its string as well.
+    assert nearest(scene, run, kind, (his, hers)) > (0.005 if off == 0.0 else 0.004)
 
 
 @pytest.mark.parametrize(("kind", "side"), [("ball", "right"), ("basket", "left")])
