@@ -67,8 +67,9 @@ def stage(puppets: list, things: list, obstacles=(), pairs=()) -> fan.Marionette
         if thing["name"] == "chair":
             continue
         free.append({"between": [one["name"], thing["name"]], "meet": False})
+        of = f"{one['name']}." if len(puppets) > 1 else ""
         free += [
-            {"between": [f"{one['name']}.forearm_{side}", thing["name"]], "friction": 0.6}
+            {"between": [f"{of}forearm_{side}", thing["name"]], "friction": 0.6}
             for side in ("left", "right")
         ]
     rules = RULES | {"pairs": [*free, *pairs]}
@@ -241,4 +242,4 @@ def test_a_basket_is_put_down():
     assert np.ptp(where[stood], axis=0).max() < 1e-3
     assert where[stood, 2].mean() == pytest.approx(top, abs=2e-3)
     assert own[stood].mean(axis=0) == pytest.approx([putting.forward, putting.left], abs=0.01)
-    assert set(touched) == {"table", f"columbine.forearm_{side}"}
+    assert set(touched) == {"table", f"forearm_{side}"}
