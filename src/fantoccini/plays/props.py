@@ -27,8 +27,8 @@ Waypoints = list[tuple[float, float]]
 _SIDES = {"right": "left", "left": "right"}
 _BODY = ("head", "shoulder_left", "shoulder_right")
 _HANDLE = (0.061, 0.089, 0.324)
-"""Middle of the handle's bar on a forearm in the bundled pose: forward, to the arm's side, and above
-the floor [m]."""
+"""Middle of the handle's bar on a forearm in the bundled pose: forward, to the arm's side, and
+above the floor [m]."""
 
 _ALONG = 0.061
 """The handle hangs so far from the elbow along the forearm [m]."""
@@ -175,7 +175,8 @@ def give(
             (13.8, 0),
         ],
         f"hand_{side}.forward": [
-            (0, 0), (2.0, held["forward"]), (7.4, held["forward"]), (8.8, 0.3), (11.8, 0.3), (13.8, 0),
+            (0, 0), (2.0, held["forward"]), (7.4, held["forward"]), (8.8, 0.3), (11.8, 0.3),
+            (13.8, 0),
         ],
         f"hand_{side}.in": [(0, -begins["out"]), (2.0, held["in"]), (11.8, held["in"]), (13.8, 0)],
     }  # fmt: skip
