@@ -29,7 +29,6 @@ from fantoccini.scene.schema import Member
 from fantoccini.tree import CoordinateTable
 
 
-
 @dataclass(frozen=True)
 class Meeting:
     """Players and props that may touch for a while.

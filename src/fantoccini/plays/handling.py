@@ -139,7 +139,8 @@ class Handling:
         before = self._apart(there, receiver, here, giver)
         self._come(cue, receiver, before, there, begin, wait, beside=giver)
         giver.rests()
-        posed = carry_pose(giver, held.side, begin, self._repertory)
+        soon = receiver.rests() - props.CARRY_TIME
+        posed = carry_pose(giver, held.side, max(begin, soon), self._repertory)
         start = max(receiver.rests(), posed) + _CALM
         ends = [
             self._do(cue, actor, gesture, start)

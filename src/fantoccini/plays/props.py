@@ -35,7 +35,7 @@ _ALONG = 0.061
 _HELD = {"forward": 0.2, "in": 0.065, "up": 0.03}
 _HELD_ELBOW, _HELD_FOREARM = (0.0431, 0.073), (0.986, 0.003)
 """What moves the hand's string to hold something out; elbow and direction of the forearm then."""
-_TAKES, _TAKEN = 0.09, (0.103, 0.068)
+_TAKES, _TAKEN = 0.09, (0.083, 0.068)
 """Inward, the string of the receiver's hand; middle of the forearm then: forward, aside [m]."""
 _LOW, _LIFTED, _SUNK = -0.02, 0.036, -0.05
 """Up: the receiver's hand before it takes, when it has taken; the giver's when it gives [m]."""
@@ -44,7 +44,8 @@ _BESIDE, _STEP = 0.058, 0.24
 
 _CARRIED = {"out": 0.1, "up": 0.035}
 """What moves the hand's string to hold a prop away from the knees [m]."""
-_CARRY_TIME = 1.5
+CARRY_TIME = 1.5
+"""Duration of what takes up that pose [s]."""
 
 _PELVIS = 0.091
 """The waist is so far above the bottom of the pelvis [m]."""
@@ -297,15 +298,15 @@ def carry(stage: Marionette, who: str, *, side: str = "right") -> Gesture:
         ValueError: the side is neither left nor right.
     """
     _sign(side)
-    moves = {way: [(0, 0), (_CARRY_TIME, offset)] for way, offset in _CARRIED.items()}
-    return _of_string(stage, who, f"hand_{side}", moves, "carry", {"carried": _CARRY_TIME})
+    moves = {way: [(0, 0), (CARRY_TIME, offset)] for way, offset in _CARRIED.items()}
+    return _of_string(stage, who, f"hand_{side}", moves, "carry", {"carried": CARRY_TIME})
 
 
 def lower(stage: Marionette, who: str, *, side: str = "right") -> Gesture:
     """From the pose of :func:`carry` back to where the forearm hangs: 1.5 s; the same arguments."""
     _sign(side)
-    moves = {way: [(0, offset), (_CARRY_TIME, 0)] for way, offset in _CARRIED.items()}
-    return _of_string(stage, who, f"hand_{side}", moves, "lower", {"lowered": _CARRY_TIME})
+    moves = {way: [(0, offset), (CARRY_TIME, 0)] for way, offset in _CARRIED.items()}
+    return _of_string(stage, who, f"hand_{side}", moves, "lower", {"lowered": CARRY_TIME})
 
 
 def steps_carrying(
