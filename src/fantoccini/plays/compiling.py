@@ -53,6 +53,7 @@ def load_play(
     tell("casting", 0.0)
     script = read_script(path)
     kept = before.kept if before is not None else Kept()
+    script.repertory.kept = kept
     rounds = Rounds(
         script.cast, script.timeline, script.repertory, script.places, script.notes, kept
     )
