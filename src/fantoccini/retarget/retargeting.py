@@ -104,7 +104,7 @@ class Placed:
         start: where it hangs.
         clip: in metres, with z up.
         places: of the parts.
-        lean: by how much strings are drawn to lean, of how they do where it hangs; 0 is straight up.
+        lean: by how much strings are drawn to lean, of how they do where it hangs; 0 is upright.
     """
 
     figure: Figure
