@@ -55,7 +55,7 @@ def load_bvh(path: str | os.PathLike[str]) -> Capture:
     """
     path = Path(path)
     if os.fspath(path) in clip_names() and not path.exists():
-        path = _CLIPS / f"{path}.bvh"
+        path = bundled_clip(str(path))
     try:
         if path.stat().st_size > _MAX_BYTES:
             _fail(path, None, f"has more than {_MAX_BYTES / 1e6:.0f} MB")
@@ -72,6 +72,11 @@ def load_bvh(path: str | os.PathLike[str]) -> Capture:
 def clip_names() -> tuple[str, ...]:
     """Names of the bundled clips, of the CMU data base; ``capture/clips/NOTICE`` says more."""
     return tuple(sorted(p.stem for p in _CLIPS.glob("*.bvh")))
+
+
+def bundled_clip(name: str) -> Path:
+    """The file of a bundled clip."""
+    return _CLIPS / f"{name}.bvh"
 
 
 class _Words:

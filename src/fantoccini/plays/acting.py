@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 
 from fantoccini.arrays import Array
+from fantoccini.capture import clip_names
+from fantoccini.capture.bvh import bundled_clip
 from fantoccini.errors import (
     FileError,
     InputError,
@@ -24,10 +26,13 @@ from fantoccini.gestures.parameters import MADE
 from fantoccini.gestures.stepping import STEP_TIME, Step
 from fantoccini.gestures.timing import Spot
 from fantoccini.gestures.walking import steps
+from fantoccini.marionette import Marionette
 from fantoccini.plays import props
 from fantoccini.plays.casting import Cast, Player
+from fantoccini.plays.clips import Clip, is_clip, read_clip
 from fantoccini.plays.cue_file import HOW, CueFile
 from fantoccini.plays.footing import Footing
+from fantoccini.plays.kept import Kept
 
 _STEP_TIMES = 0.5, 0.8
 """Briefest and longest step [s]."""
@@ -70,6 +75,7 @@ class Repertory:
 
     Attributes:
         cast: of the play.
+        kept: takes clips that were made into gestures, for the next time.
 
     Args:
         cast: of the play.
@@ -78,6 +84,8 @@ class Repertory:
 
     def __init__(self, cast: Cast, notes: Notes):
         self.cast, self._notes = cast, notes
+        self.kept = Kept()
+        self._files: dict[tuple[Marionette, str], Gesture | Clip | str] = {}
         self._kept: dict[tuple[Any, ...], Gesture | str] = {}
         self._wrong: set[tuple[str, str]] = set()
 
@@ -173,24 +181,28 @@ class Repertory:
             self._kept[key] = props.carry(player.alone, "", side=side)
         return _or_raise(self._kept[key])
 
-    def _read(self, player: Player, name: str) -> Gesture | str:
-        """A gesture file, take or bundled gesture; the mistake where there is none."""
-        key = (player.alone, "file", name)
-        if key not in self._kept:
-            self._kept[key] = self._loaded(player, name)
-        return self._kept[key]
+    def _read(self, player: Player, name: str) -> Gesture | Clip | str:
+        """A gesture file, take, clip or bundled gesture; the mistake where there is none."""
+        key = (player.alone, name)
+        if key not in self._files:
+            self._files[key] = self._loaded(player, name)
+        return self._files[key]
 
-    def _loaded(self, player: Player, name: str) -> Gesture | str:
+    def _loaded(self, player: Player, name: str) -> Gesture | Clip | str:
         path: Path | None = self._notes.located.beside(name)
         if path is None and name in gesture_names():
             if not bundled(name).is_file():
                 say = {"walk": "walks to"}.get(name, name)
                 return f"{name} needs a place: use `{say}:`"
             path = bundled(name)
+        if path is None and name in clip_names():
+            path = bundled_clip(name)
         if path is None:
-            text = f"no file beside this one, and no bundled gesture, is called {name!r}"
-            return text + nearest(name, sorted({*gesture_names()} - {*MADE}))
+            text = f"no file beside this one, and no bundled gesture or clip, is called {name!r}"
+            return text + nearest(name, sorted({*gesture_names(), *clip_names()} - {*MADE}))
         try:
+            if is_clip(path):
+                return read_clip(player, path)
             return load_gesture(player.alone, path, player.hangs)
         except (FileError, InputError) as error:
             return "; ".join(str(one) for one in error.mistakes)
@@ -204,11 +216,15 @@ class Repertory:
         if isinstance(found, str):
             return found
         stage = self.cast.file.stage
+        lasts = None if given.lasts is None else given.lasts * self._notes.beat
         try:
-            made = found.mirrored() if style.mirrored else found
-            made = made.scaled(style.larger).faster(style.faster)
-            if given.lasts is not None:
-                made = made.lasting(given.lasts * self._notes.beat)
+            if isinstance(found, Clip):
+                beat = self._notes.beat
+                found = found.gesture(style.larger, style.faster, lasts, stage, beat, self.kept)
+            else:
+                found = found.faster(style.faster)
+                found = found if lasts is None else found.lasting(lasts)
+            made = (found.mirrored() if style.mirrored else found).scaled(style.larger)
             made = made.repeated(style.repeat, speed=stage.speed, acceleration=stage.acceleration)
             return made.turned(heading)
         except (UnknownNameError, StateError) as error:

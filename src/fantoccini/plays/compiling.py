@@ -54,6 +54,7 @@ def load_play(
     tell("casting", 0.0)
     script = read_script(path)
     kept = before.kept if before is not None else Kept()
+    script.repertory.kept = kept
     cast = settled(script.cast, kept)
     rounds = Rounds(cast, script.timeline, script.repertory, script.places, script.notes, kept)
     return _Compiler(cast, rounds, script.notes, kept, tell).play()

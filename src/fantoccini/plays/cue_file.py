@@ -105,7 +105,8 @@ class CueFile(Model):
     who: Names
     """A player, several, or `all`."""
     does: str | None = None
-    """A gesture: a file or a take (.npz) beside this one, or a bundled one."""
+    """A gesture: a file, a take (.npz) or a clip of motion capture (.bvh) beside this one, or a
+    bundled gesture or clip."""
     walks_to: Where | None = Field(None, alias="walks to")
     """A mark or a place."""
     enters_to: Where | None = Field(None, alias="enters to")

@@ -143,7 +143,7 @@ class Timeline:
                 if given.to is not None and given.to in file.cast and given.to not in who:
                     who = (*who, given.to)
                 name = given.name or _NAMED.get(given.verb, given.does or "")
-                name = name.rsplit(".", 1)[0]
+                name = name.rsplit("/", 1)[-1].rsplit(".", 1)[0]
                 known = (*marks(given, spot), START, END)
                 cue = Cue(spot, len(self.cues), a, given, who, name, known)
                 cue.before = {one: last.get(one) for one in who}

@@ -333,7 +333,7 @@ class Handling:
             ]
             way, why = self._walks.way(
                 actor.player, actor.last, [before], free, wait, others, near=0.0, arrives=None,
-                free_from=free,
+                free_from=free, carries=bool(carries),
             )  # fmt: skip
             if way is None:
                 raise CannotBe(why)

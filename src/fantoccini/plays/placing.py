@@ -235,7 +235,7 @@ class Placing:
         way, why = self._walks.way(
             player, actor.last, self._aims.goals(cue, actor), begin, wait,
             [(one.player, one.track()) for one in others],
-            near=given.near, arrives=by, free_from=free,
+            near=given.near, arrives=by, free_from=free, carries=bool(carries),
         )  # fmt: skip
         if way is None:
             raise CannotBe(why)

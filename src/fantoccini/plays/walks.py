@@ -22,6 +22,8 @@ from fantoccini.puppet.shapes import Box as BoxShape, Shape
 
 _LONGEST_STEP = 0.1
 """[m]"""
+_CARRYING = 2.0
+"""Factor of a step's duration for who carries something."""
 _SWING = 0.02
 """How far bodies swing beyond the disk of their strings' ends in a walk [m]."""
 _REACH = 0.6
@@ -61,6 +63,7 @@ class Walks:
     def way(
         self, player: Player, start: Footing, goals: Sequence[Footing], begin: float, wait: float,
         others: Sequence[Track], *, near: float, arrives: float | None, free_from: float,
+        carries: bool = False,
     ) -> tuple[Way | None, str]:  # fmt: skip
         """A way by several footings past all others.
 
@@ -73,13 +76,14 @@ class Walks:
             near: how far from the last goal it may end [m].
             arrives: when it is to arrive [s]; as soon as it can when not given.
             free_from: when the player can begin at the earliest [s].
+            carries: whether something hangs on its forearm: then it steps more slowly.
 
         Returns:
             The way, or None and why there is none.
         """
         if arrives is not None:
             begin = free_from
-        found = self._by_goals(player, start, goals, begin, wait, others, near)
+        found = self._by_goals(player, start, goals, begin, wait, others, near, carries)
         if isinstance(found, NoWay):
             return None, self._why(player, found)
         if arrives is None:
@@ -89,7 +93,7 @@ class Walks:
             if abs(early) < _IN_TIME or found.begin + early < free_from - _IN_TIME:
                 break
             later = found.begin + early
-            again = self._by_goals(player, start, goals, later, 0.0, others, near)
+            again = self._by_goals(player, start, goals, later, 0.0, others, near, carries)
             if isinstance(again, NoWay):
                 break
             found = again
@@ -143,17 +147,17 @@ class Walks:
 
     def _by_goals(
         self, player: Player, start: Footing, goals: Sequence[Footing], begin: float, wait: float,
-        others: Sequence[Track], near: float,
+        others: Sequence[Track], near: float, carries: bool,
     ) -> Way | NoWay:  # fmt: skip
         """Ways from goal to goal as one."""
         whole: Way | None = None
         for i, goal in enumerate(goals):
-            found = self._found(player, start, goal, begin, wait, others)
+            found = self._found(player, start, goal, begin, wait, others, carries)
             other = found.nearest if isinstance(found, NoWay) else None
             last = i == len(goals) - 1
             if last and other is not None and abs(other.place - goal.place) <= near:
                 goal = other
-                found = self._found(player, start, goal, begin, wait, others)
+                found = self._found(player, start, goal, begin, wait, others, carries)
             if isinstance(found, NoWay):
                 return found
             steps = found.steps if whole is None else (*whole.steps, *found.steps)
@@ -165,11 +169,11 @@ class Walks:
 
     def _found(
         self, player: Player, start: Footing, goal: Footing, begin: float, wait: float,
-        others: Sequence[Track],
+        others: Sequence[Track], carries: bool,
     ) -> Way | NoWay:  # fmt: skip
         around = tuple((other.name, t.tobytes(), xy.tobytes())
                        for other, (t, xy) in others)  # fmt: skip
-        key = (player.name, start, goal, round(begin, 9), wait, around)
+        key = (player.name, start, goal, round(begin, 9), wait, carries, around)
         if key not in self._kept:
             space = None
             if self._space is not None:
@@ -177,7 +181,8 @@ class Walks:
                 r = player.radius + SWAY
                 space = Rectangle((a + r, c + r), (b - r, d - r))
             self._kept[key] = find_way(
-                start, goal, begin=begin, step_time=self.step_time, longest_step=_LONGEST_STEP,
+                start, goal, begin=begin, longest_step=_LONGEST_STEP,
+                step_time=self.step_time * (_CARRYING if carries else 1.0),
                 radius=self.clear(player), blocked=self.blocked, space=space,
                 latest_begin=begin + wait,
                 others=[Other(other.name, t, xy, self.clear(other)) for other, (t, xy) in others],

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -24,6 +24,7 @@ from fantoccini.errors import ARRIVED, Outcome, StateError
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State, Trajectory
 from fantoccini.optimal import MPC, Bounds, Smooth, Task, Track
+from fantoccini.retarget.figure import Figure
 from fantoccini.retarget.mapping import SIDES, MappingFile
 from fantoccini.retarget.retargeting import WEIGHTS, Retargeted, places_in, retarget_clip
 from fantoccini.simulation import simulate
@@ -119,9 +120,7 @@ class Followed:
     @property
     def inputs(self) -> Input:
         """The motion of the hands, from ``retargeted.start`` on."""
-        start = self.run.state(0)
-        t = start.t + self.interval * np.arange(len(self.acc_K) + 1, dtype=float)
-        made = Input.segments(self.retargeted.marionette, t, start.q_K, start.v_K, self.acc_K)
+        made = driven(self.retargeted.marionette, self.run.state(0), self.acc_K)
         return made.called(self.retargeted.clip.name)
 
     def guides(self, times: Times) -> list[Array]:
@@ -186,36 +185,64 @@ def follow_clip(
         raise StateError("follow_clip: a retargeted clip has its mapping, start and travel already")
     x0 = clip.start
     t = x0.t + eased(clip.t)
-    n = int(np.ceil((t[-1] - x0.t) / INTERVAL - 1e-9)) + _STILL
+    tracks = tracks_along(clip.figure, t, *smoothed(clip))
+    acc_K, arrived = lead_along(marionette, x0, t[-1], tracks, speed, acceleration, progress)
+    # Run again from the inputs alone: what a stand does that is not watched.
+    run = simulate(marionette, x0, driven(marionette, x0, acc_K), effort=False, throw=False)
+    arrived = arrived and run.status in ARRIVED
+    status = FollowStatus.FOLLOWS if arrived else FollowStatus.STOPPED
+    return Followed(clip, status, run, acc_K, INTERVAL, t, time.perf_counter() - began)
+
+
+def lead_along(
+    marionette: Marionette,
+    x0: State,
+    until: float,
+    tracks: Sequence[Track],
+    speed: float | Mapping[str, float] = SPEED,
+    acceleration: float | Mapping[str, float] = ACCELERATION,
+    progress: Callable[[float], None] | None = None,
+) -> tuple[Array, bool]:
+    """Accelerations of the hands with which parts follow tracks, by MPC in an event-driven run.
+
+    Args:
+        marionette: the puppet.
+        x0: where it hangs at rest.
+        until: the time at which the tracks end; the hands come to rest after it [s].
+        tracks: of parts and hands.
+        speed, acceleration, progress: see :func:`follow_clip`.
+
+    Returns:
+        (n, n_vK) accelerations over intervals of ``INTERVAL`` each, and whether the run arrived.
+    """
+    n = int(np.ceil((until - x0.t) / INTERVAL - 1e-9)) + _STILL
     names = marionette.coordinates.v_K
     bounds = Bounds(
         speed=_every(speed, SPEED, names), acceleration=_every(acceleration, ACCELERATION, names)
     )
     most = bounds.magnitudes(marionette, "acceleration")
     task = Task(
-        marionette, x0, n * INTERVAL, _tracks(clip, t), _SMOOTH, bounds, interval=INTERVAL, dt=_DT
+        marionette, x0, n * INTERVAL, list(tracks), _SMOOTH, bounds, interval=INTERVAL, dt=_DT
     )
     mpc = MPC(marionette, task, _HORIZON * INTERVAL, _HORIZON, dt=_DT, deadline=1e9)
     stepper = marionette.stepper(x0, "event")
     acc_K = np.zeros((n, marionette.coordinates.n_vK))
-    arrived = True
     for i in range(n):
         acc_K[i] = mpc.step(stepper.state)
         if i == n - 1:
             acc_K[i] = np.clip(-stepper.state.v_K / INTERVAL, -most, most)
         stepper.advance(INTERVAL, acc_K[i], throw=False)
         if not stepper.arrived:
-            acc_K, arrived = acc_K[: i + 1], False
-            break
+            return acc_K[: i + 1], False
         if progress is not None:
             progress((i + 1) / n)
-    # Run again from the inputs alone: what a stand does that is not watched.
+    return acc_K, True
+
+
+def driven(marionette: Marionette, x0: State, acc_K: Array) -> Input:
+    """The motion of the hands with accelerations (n, n_vK) over intervals."""
     times = x0.t + INTERVAL * np.arange(len(acc_K) + 1, dtype=float)
-    inputs = Input.segments(marionette, times, x0.q_K, x0.v_K, acc_K)
-    run = simulate(marionette, x0, inputs, effort=False, throw=False)
-    arrived = arrived and run.status in ARRIVED
-    status = FollowStatus.FOLLOWS if arrived else FollowStatus.STOPPED
-    return Followed(clip, status, run, acc_K, INTERVAL, t, time.perf_counter() - began)
+    return Input.segments(marionette, times, x0.q_K, x0.v_K, acc_K)
 
 
 def places_of(retargeted: Retargeted, run: Trajectory, t: Times) -> dict[str, Array]:
@@ -257,19 +284,25 @@ def eased(t: Times, ease: float = _EASE) -> Times:
     return np.where(s < 0.5 * ease, first, np.where(s > end - 0.5 * ease, last, middle))
 
 
-def _tracks(clip: Retargeted, t: Times) -> list[Track]:
-    """What the puppet follows: its parts in the hanging poses, and the hands of those."""
-    frames = _WIDTH * (len(t) - 1) / float(clip.t[-1])
+def smoothed(clip: Retargeted) -> tuple[dict[str, Array], Array]:
+    """Part -> (T, 3) places in the hanging poses, and (T, n_qK) their hands, smoothed."""
+    frames = _WIDTH * (len(clip.t) - 1) / float(clip.t[-1])
 
     def smooth(values: Array) -> Array:
         return np.asarray(gaussian_filter1d(values, frames, axis=0, mode="nearest"))
 
+    return {part: smooth(clip.hung[part]) for part in WEIGHTS}, smooth(clip.reach.q_K)
+
+
+def tracks_along(
+    figure: Figure, t: Times, places: Mapping[str, Array], q_K: Array
+) -> list[Track]:
+    """What a puppet follows: places of its parts by time, and its hands."""
     tracks = []
     for part, weight in WEIGHTS.items():
-        body, at = clip.figure.points[part]
-        path = (t, smooth(clip.hung[part]))
-        tracks.append(Track.point(body, path, at=at, weight=_WEIGHT * weight))
-    table, q_K = clip.marionette.coordinates, smooth(clip.reach.q_K)
+        body, at = figure.points[part]
+        tracks.append(Track.point(body, (t, places[part]), at=at, weight=_WEIGHT * weight))
+    table = figure.marionette.coordinates
     tracks += [
         Track.coordinate(table.q_K[q], (t, q_K[:, q]), weight=_WEIGHT_K)
         for q, _ in table.scalars_K

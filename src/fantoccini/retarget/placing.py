@@ -27,6 +27,8 @@ _LEAST = 1e-3
 """Length of a part of a person, at least [m]."""
 _OPPOSITE = 1e-9
 """Sine of the angle below which directions are parallel, or opposite."""
+_UPRIGHT = 0.3
+"""Sine of the angle of the line across a trunk to the vertical, above which it has a heading."""
 _ON_FLOOR = 2.0
 """Per cent of the frames in which the lower foot is lower than the floor."""
 
@@ -46,7 +48,10 @@ class Placing:
     scale: float
 
 
-def place(figure: Figure, clip: Capture, joints: Mapping[str, int], travel: float = 1.0) -> Placing:
+def place(
+    figure: Figure, clip: Capture, joints: Mapping[str, int], travel: float = 1.0,
+    turning: float = 1.0,
+) -> Placing:  # fmt: skip
     """Places of a puppet's parts that moves as a clip.
 
     The clip begins where the puppet is, and looks as it does; the floor is below the puppet's feet.
@@ -56,18 +61,26 @@ def place(figure: Figure, clip: Capture, joints: Mapping[str, int], travel: floa
         clip: in metres, with z up.
         joints: part -> index of the joint.
         travel: share of the way along the floor that is kept; 0 stays on the spot.
+        turning: share of the trunk's turning about the vertical that is kept; with 0 the puppet
+            looks one way throughout.
 
     Raises:
         StateError: a skeleton whose parts have no length, or a place that is not finite.
     """
     x = {part: clip.positions[:, i] for part, i in joints.items()}
     _check(clip, x)
+    facing = clip.rotations[:, joints["head"]]
+    if turning != 1.0:
+        back = _turns_back(x, 1.0 - turning)
+        hips = 0.5 * (x["hip_left"] + x["hip_right"])
+        x = {part: hips + np.einsum("tij,tj->ti", back, one - hips) for part, one in x.items()}
+        facing = back @ facing
     turn = _turn_to(figure, x)
     x = {part: value @ turn.T for part, value in x.items()}
-    facing = turn @ clip.rotations[:, joints["head"]]
+    facing = turn @ facing
     leg = float(np.median(_length(x, "hip", "knee") + _length(x, "knee", "foot")))
     scale = figure.leg / leg
-    axes = axes_of(x["shoulder_left"], x["shoulder_right"], x["hip_left"], x["hip_right"])
+    axes = _trunks(x)
     trunk = axes @ figure.axes.T
     parts = {"trunk": _hips(figure, x, scale, travel)}
     for part in ("neck", *(f"{begin}_{side}" for begin, *_ in LIMBS for side in SIDES)):
@@ -91,6 +104,11 @@ def place(figure: Figure, clip: Capture, joints: Mapping[str, int], travel: floa
     return Placing(parts, frames, scale)
 
 
+def _trunks(x: Mapping[str, Array]) -> Array:
+    """(T, 3, 3) columns forward, left, up of the trunk."""
+    return axes_of(x["shoulder_left"], x["shoulder_right"], x["hip_left"], x["hip_right"])
+
+
 def _check(clip: Capture, x: Mapping[str, Array]) -> None:
     """Raises StateError where a place is not finite, or a part of the person has no length."""
     name = clip.name or "clip"
@@ -108,11 +126,26 @@ def _check(clip: Capture, x: Mapping[str, Array]) -> None:
             raise StateError(f"{name}: the skeleton has no length {what}")
 
 
+def _turns_back(x: Mapping[str, Array], share: float) -> Array:
+    """(T, 3, 3) turns about z that take out a share of the trunk's turning since the first frame.
+
+    Where the trunk lies on its side, so that its heading means nothing, they go on evenly.
+    """
+    left = _trunks(x)[..., 1]
+    some = np.flatnonzero(np.hypot(left[:, 0], left[:, 1]) > _UPRIGHT)
+    heading = np.zeros(len(left))
+    if len(some):
+        own = np.unwrap(np.arctan2(-left[some, 0], left[some, 1]))
+        heading = np.interp(np.arange(len(left)), some, own - own[0])
+    c, s = np.cos(share * heading), np.sin(share * heading)
+    made = np.tile(np.eye(3), (len(left), 1, 1))
+    made[:, 0, 0], made[:, 0, 1], made[:, 1, 0], made[:, 1, 1] = c, s, -s, c
+    return made
+
+
 def _turn_to(figure: Figure, x: Mapping[str, Array]) -> Array:
     """(3, 3) turn about z after which the clip begins as the puppet looks."""
-    first = axes_of(*(x[part][:1] for part in
-                      ("shoulder_left", "shoulder_right", "hip_left", "hip_right")))[0]  # fmt: skip
-    left = first[:, 1]
+    left = _trunks({part: path[:1] for part, path in x.items()})[0][:, 1]
     angle = np.arctan2(figure.forward[1], figure.forward[0]) - np.arctan2(-left[0], left[1])
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

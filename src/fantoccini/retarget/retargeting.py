@@ -95,13 +95,66 @@ class Retargeted:
         return self.marionette.rest(self.reach[0].state)
 
 
-def retarget_clip(
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A clip, and where the parts of a puppet are to be in it.
+
+    Attributes:
+        figure: the puppet as a person.
+        start: where it hangs.
+        clip: in metres, with z up.
+        places: of the parts.
+        lean: by how much strings are drawn to lean, of how they do where it hangs; 0 is upright.
+    """
+
+    figure: Figure
+    start: State
+    clip: Capture
+    places: Placing
+    lean: float = 0.0
+
+
+def place_clip(
     marionette: Marionette,
     clip: Capture | str | os.PathLike[str],
     mapping: MappingFile | str | os.PathLike[str] | None = None,
     start: State | None = None,
     travel: float = 1.0,
     up: str | None = None,
+    turning: float = 1.0,
+) -> Placed:
+    """Where the parts of a puppet are to be in captured motion; arguments as :func:`retarget_clip`.
+
+    Nothing is searched for, so that mistakes of a clip are found at once.
+    """
+    if not isinstance(clip, Capture):
+        clip = load_bvh(clip)
+    refuse_contact(marionette.model, "follow")
+    check_not_negative(travel=travel, turning=turning)
+    name = clip.name or "clip"
+    if len(clip.t) > 1:
+        clip = clip.without_calibration()
+    if len(clip.t) < 2:
+        raise StateError(f"{name} has one frame; needed: at least two")
+    if mapping is None:
+        mapping = find_mapping(clip.skeleton, name)
+    elif not isinstance(mapping, MappingFile):
+        mapping = load_mapping(mapping)
+    joints = joints_of(mapping, clip.skeleton, name)
+    clip = clip.upright(_up(clip, joints) if up is None else up)
+    start = marionette.rest() if start is None else start
+    figure = figure_of(marionette, start, mapping.puppet)
+    return Placed(figure, start, clip, place(figure, clip, joints, travel, turning))
+
+
+def retarget_clip(
+    marionette: Marionette,
+    clip: Capture | Placed | str | os.PathLike[str],
+    mapping: MappingFile | str | os.PathLike[str] | None = None,
+    start: State | None = None,
+    travel: float = 1.0,
+    up: str | None = None,
+    turning: float = 1.0,
 ) -> Retargeted:
     """The hanging poses of a puppet that are nearest to captured motion, one a frame.
 
@@ -113,33 +166,22 @@ def retarget_clip(
         start: where the puppet hangs, from which the first pose is looked for.
         travel: share of the way along the floor that is kept; 0 stays on the spot.
         up: ``y`` or ``z``; the axis along which trunks point most when not given.
+        turning: share of the trunk's turning about the vertical that is kept; with 0 the puppet
+            looks one way throughout.
 
     Raises:
         FileError: files with mistakes, or joints that are not found.
         StateError: the puppet has not the bodies of a person, or has contact.
     """
-    if not isinstance(clip, Capture):
-        clip = load_bvh(clip)
-    refuse_contact(marionette.model, "follow")
-    check_not_negative(travel=travel)
-    name = clip.name or "clip"
-    clip = clip.without_calibration()
-    if len(clip.t) < 2:
-        raise StateError(f"{name} has one frame; needed: at least two")
-    if mapping is None:
-        mapping = find_mapping(clip.skeleton, name)
-    elif not isinstance(mapping, MappingFile):
-        mapping = load_mapping(mapping)
-    joints = joints_of(mapping, clip.skeleton, name)
-    clip = clip.upright(_up(clip, joints) if up is None else up)
-    start = marionette.rest() if start is None else start
-    figure = figure_of(marionette, start, mapping.puppet)
-    placing = place(figure, clip, joints, travel)
+    if not isinstance(clip, Placed):
+        clip = place_clip(marionette, clip, mapping, start, travel, up, turning)
+    figure, start, placing = clip.figure, clip.start, clip.places
     targets: dict[What, Any] = {
         figure.points[part]: placing.parts[part] for part in WEIGHTS
     }
     weights: dict[What, float] = {figure.points[part]: w for part, w in WEIGHTS.items()}
-    for coordinate, values in straight_up(figure, placing.frames, start).items():
+    above = straight_up(figure, placing.frames, start, clip.lean)
+    for coordinate, values in above.items():
         targets[coordinate] = values
         weights[coordinate] = _ABOVE
     first = {what: values[:1] for what, values in targets.items()}
@@ -149,7 +191,8 @@ def retarget_clip(
         found = reach(marionette, targets, begun, iterations=_ITERATIONS, **options)
     except StateError:  # the first pose is on the edge of tipping over
         found = reach(marionette, targets, start, iterations=_ITERATIONS, **options)
-    return Retargeted(marionette, figure, clip, clip.t - clip.t[0], placing, found)
+    t = clip.clip.t - clip.clip.t[0]
+    return Retargeted(marionette, figure, clip.clip, t, placing, found)
 
 
 def _up(clip: Capture, joints: Mapping[str, int]) -> str:
@@ -221,7 +264,7 @@ def hangers(figure: Figure, start: State) -> list[Hanger]:
 
 
 def straight_up(
-    figure: Figure, frames: Mapping[str, Array], start: State
+    figure: Figure, frames: Mapping[str, Array], start: State, lean: float = 0.0
 ) -> dict[str, Array]:
     """Driven scalar -> (T,) values with which strings run straight up; others as in a state.
 
@@ -229,16 +272,24 @@ def straight_up(
         figure: of the puppet.
         frames: part -> (T, 3, 4) orientation and origin of its body.
         start: the state.
+        lean: by how much those of other parts than the head lean instead, of how they do in that
+            state.
     """
     table, n = figure.marionette.coordinates, len(frames["trunk"])
     found = {table.q_K[q]: np.full(n, start.q_K[q]) for q, _ in table.scalars_K}
+    poses = figure.marionette.poses(start.q_D[None], start.q_K[None])[0]
     for string in hangers(figure, start):
         frame = frames[string.part]
         tie = frame[:, :, :3] @ string.at + frame[:, :, 3]
+        off = np.zeros(3)
+        if lean and string.part != "head":
+            hung = poses[link_index(figure.marionette.model, figure.bodies[string.part])]
+            off = lean * (string.top - hung[:, :3] @ string.at - hung[:, 3]) * [1.0, 1.0, 0.0]
         for name, axis in string.ends.items():
-            found[name] = found[name] + (tie - string.top) @ axis
+            found[name] = found[name] + (tie + off - string.top) @ axis
         if string.length:
-            found[string.length] = np.maximum(string.top[2] - tie[:, 2], 0.01)
+            up = np.maximum(string.top[2] - tie[:, 2], 0.01)
+            found[string.length] = np.hypot(up, np.linalg.norm(off))
     return found
 
 

@@ -1,0 +1,99 @@
+"""Clips of motion capture as cues: how near the limbs of a verified play are to the clip.
+
+    python -m benchmarks.plays.clips [--after-walk] [CLIP ...]
+
+Bundled clips, and those of :mod:`benchmarks.capture.clips`. Each is done by a player alone in a
+play with the stage's usual bounds, from rest or after a walk and a turn. Errors are root mean
+squares in per cent of the puppet's height: of the nearest hanging poses, and what the run of the
+play adds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from benchmarks.capture.clips import write
+from scipy.spatial.transform import Rotation
+
+import fantoccini as fan
+from fantoccini.capture import clip_names
+from fantoccini.capture.bvh import bundled_clip
+from fantoccini.retarget import clip_gesture, place_on_spot
+from fantoccini.retarget.following import GROUPS
+from fantoccini.retarget.retargeting import places_in
+
+PLAY = """play: clip
+cast:
+  pierrot: {at: [0, 0]}
+acts:
+  - act: one
+    cues:
+"""
+WALK = "      - {who: pierrot, walks to: [0.3, 0.2], facing: left}\n"
+
+
+def measured(path: Path, folder: Path, walks: bool) -> str:
+    """A row of the table."""
+    (folder / path.name).write_bytes(path.read_bytes())
+    cue = f"      - {{who: pierrot, does: {path.name}}}\n"
+    (folder / "clip.yaml").write_text(PLAY + (WALK if walks else "") + cue)
+    began = time.perf_counter()
+    play = fan.load_play(folder / "clip.yaml")
+    compiled = time.perf_counter() - began
+    cue_of_play = play.cues[-1]
+    if cue_of_play.refused:
+        return f"| {path.stem} | refused: {cue_of_play.refused} |"
+    found = fan.verify_play(play)
+    player, bounds = play.cast.players["pierrot"], play.cast.file.stage
+    made = clip_gesture(
+        place_on_spot(player.alone, path, start=player.hangs),
+        speed=bounds.speed, acceleration=bounds.acceleration,
+    )  # fmt: skip
+    run, clip = found.run.resample(cue_of_play.start + made.t), made.retargeted
+    seen = places_in(clip.figure, player.alone.poses(run.q_D, run.q_K))
+    at, heading = np.array([player.start.x, player.start.y]), player.start.heading
+    for way in play.ways["pierrot"]:
+        (at,), (heading,) = way.footing(np.array([cue_of_play.start]))
+    turn = Rotation.from_euler("z", heading).as_matrix()
+    middle = np.array([player.middle.real, player.middle.imag, 0.0])
+
+    def rms(errors: list[np.ndarray]) -> float:
+        size = float(np.sqrt(np.mean(np.sum(np.square(errors), axis=-1))))
+        return 100.0 * size / clip.figure.height
+
+    cells = []
+    for parts in GROUPS.values():
+        wanted = {part: clip.places.parts[part] for part in parts}
+        hung = rms([clip.hung[part] - wanted[part] for part in parts])
+        off = rms([
+            seen[part] - (wanted[part] - middle) @ turn.T - [*at, 0.0] for part in parts
+        ])  # fmt: skip
+        cells.append(f"{hung:.1f} + {off - hung:.1f}")
+    return (
+        f"| {path.stem} | {clip.t[-1]:.1f} s | {compiled:.1f} s | {' | '.join(cells)} | "
+        f"{len(found.faults)} |"
+    )
+
+
+def main() -> None:
+    """Prints the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--after-walk", action="store_true")
+    parser.add_argument("clips", nargs="*")
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "own").mkdir()
+        paths = [bundled_clip(one) for one in clip_names()] + write(folder / "own", "lafan1")
+        print(f"| clip | length | compiled in | {' | '.join(GROUPS)} | faults |")
+        for path in paths:
+            if not given.clips or path.stem in given.clips:
+                print(measured(path, folder, given.after_walk), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,278 @@
+"""Clips of motion capture in plays: seen in the run, on the spot, within bounds; mistakes told."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benchmarks.capture.clips import write
+from scipy.spatial.transform import Rotation
+from tests.capture.test_retarget import NAMES, STANDS, captured
+
+import fantoccini as fan
+from fantoccini.capture import clip_names
+from fantoccini.gestures import gesture_names
+from fantoccini.plays import check_play, clips
+from fantoccini.retarget import ClipGesture, clip_gesture, figure_of, find_mapping, place_on_spot
+from fantoccini.retarget.following import GROUPS
+from fantoccini.retarget.mapping import joints_of
+from fantoccini.retarget.placing import place
+from fantoccini.retarget.retargeting import places_in
+from plays.conftest import HEAD, Plays
+from plays.test_play_file import mistakes
+from plays.tiny import BALL
+
+FRAMES = 60
+BOUNDS = {"speed": 1.5, "acceleration": 12.0}
+"""Those of a stage that gives none."""
+WITHIN = 1.0 + 2e-3
+"""By how much peaks may pass a bound, as where a play is verified."""
+
+
+@pytest.fixture(scope="module", name="wave")
+def _wave(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two seconds of a clip of one who waves: the arm goes up."""
+    folder = tmp_path_factory.mktemp("clips")
+    whole = next(path for path in write(folder, "lafan1") if path.stem == "wave")
+    head, _, motion = whole.read_text().partition("MOTION\n")
+    _, interval, *rows = motion.splitlines()
+    text = [f"{head}MOTION", f"Frames: {FRAMES}", interval, *rows[20 : 20 + FRAMES], ""]
+    path = folder / "up.bvh"
+    path.write_text("\n".join(text))
+    return path
+
+
+@pytest.fixture(name="short")
+def _short(wave: Path, plays: Plays) -> Path:
+    """The clip in a folder beside the plays."""
+    (plays.folder / "clips").mkdir()
+    return Path(shutil.copy(wave, plays.folder / "clips"))
+
+
+@pytest.fixture(scope="module", name="marionette")
+def _marionette() -> fan.Marionette:
+    return fan.puppets.marionette()
+
+
+@pytest.fixture(scope="module", name="waving")
+def _waving(wave: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[fan.Play, Path]:
+    """A play in which one walks and turns first, and each waves as in a clip."""
+    plays = Plays(tmp_path_factory.mktemp("waving"))
+    shutil.copy(wave, plays.folder)
+    play = plays.compiled(
+        "{who: pierrot, walks to: [0.1, 0.4], facing: left}\n{who: pierrot, does: up.bvh}\n"
+        "{who: columbine, does: up.bvh, name: hers}\n"
+        "{who: columbine, does: nod, when: up.over + 2}"
+    )
+    return play, plays.folder / "up.bvh"
+
+
+@pytest.fixture(scope="module", name="verified")
+def _verified(waving: tuple[fan.Play, Path]) -> fan.Verification:
+    return fan.verify_play(waving[0])
+
+
+@pytest.fixture(scope="module", name="made")
+def _made(waving: tuple[fan.Play, Path]) -> ClipGesture:
+    player = waving[0].cast.players["pierrot"]
+    return clip_gesture(place_on_spot(player.alone, waving[1], start=player.hangs), **BOUNDS)
+
+
+def test_a_play_with_a_clip_compiles_and_holds(
+    waving: tuple[fan.Play, Path], verified: fan.Verification
+):
+    play, _ = waving
+    assert play.changes == ()
+    assert verified, verified.faults
+    marks = play.cues[1].marks["pierrot"]
+    assert marks["start"] < marks["begins"] < marks["over"] < marks["end"]
+    # The clip's time begins and ends slowly, over 0.5 s each.
+    lasts = (FRAMES - 1) / 30.0 + 0.5
+    assert marks["over"] - marks["begins"] == pytest.approx(lasts, abs=1e-3)
+    assert play.cues[3].start == pytest.approx(marks["over"] + 2 * 0.6, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("who", "number", "most"),
+    # What motion adds to the errors of hanging poses, as a share of the height; after a walk and a
+    # turn the swing that they have left is on top of it.
+    [("columbine", 3, 0.025), ("pierrot", 2, 0.09)],
+)
+def test_the_limbs_are_seen_to_do_the_clip(
+    waving: tuple[fan.Play, Path], verified: fan.Verification, made: ClipGesture,
+    who: str, number: int, most: float,
+):  # fmt: skip
+    """In the stage's run, against the clip carried to where the player stands."""
+    play, _ = waving
+    start = play.cues[number - 1].start
+    player, found, table = play.cast.players[who], made.retargeted, play.marionette.coordinates
+    run = verified.run.resample(start + made.t)
+    own = player.alone.coordinates
+    q_D = run.q_D[:, [table.q_D.index(f"{who}.{name}") for name in own.q_D]]
+    q_K = run.q_K[:, [table.q_K.index(f"{who}.{name}") for name in own.q_K]]
+    seen = places_in(found.figure, player.alone.poses(q_D, q_K))
+    xy, heading = [player.start.x, player.start.y], player.start.heading
+    for way in play.ways[who]:
+        (xy,), (heading,) = way.footing(np.array([start]))
+    turn = Rotation.from_euler("z", heading).as_matrix()
+    middle = np.array([player.middle.real, player.middle.imag, 0.0])
+
+    def rms(errors: list[np.ndarray]) -> float:
+        size = float(np.sqrt(np.mean(np.sum(np.square(errors), axis=-1))))
+        return size / found.figure.height
+
+    for group in ("hands", "head"):
+        parts = GROUPS[group]
+        clip = [found.places.parts[part] for part in parts]
+        there = [(path - middle) @ turn.T + [*xy, 0.0] for path in clip]
+        off = rms([seen[part] - path for part, path in zip(parts, there, strict=True)])
+        hung = rms([found.hung[part] - path for part, path in zip(parts, clip, strict=True)])
+        assert off - hung < most, group
+        if who == "columbine":  # as where the gesture was made
+            (alone,) = [one.above for one in made.report if one.name == group]
+            assert off - hung == pytest.approx(alone, abs=3e-3)
+    path = found.places.parts["hand_right"]
+    assert rms([path - path[0]]) > 0.2  # one who hangs still does not
+
+
+def test_a_clip_keeps_its_bounds_whichever_way_the_puppet_looks(made: ClipGesture):
+    for angle in np.radians([0.0, 30.0, 45.0, 100.0]):
+        speed, acceleration = made.gesture.turned(float(angle)).peaks
+        assert np.max(speed) <= BOUNDS["speed"] * WITHIN
+        assert np.max(acceleration) <= BOUNDS["acceleration"] * WITHIN
+    offsets, rates = made.gesture.ends
+    assert np.max(np.abs(offsets)) < 1e-9
+    assert np.max(np.abs(rates)) < 1e-9
+    assert made.crossings == ()
+
+
+def test_turning_and_travel_are_left_out(marionette: fan.Marionette):
+    """A clip of one who turns and wanders is that of one who does neither."""
+    rng = np.random.default_rng(3)
+    moving = STANDS + 0.02 * rng.normal(size=(60, len(NAMES), 3))
+    head = Rotation.random(60, random_state=1).as_matrix()
+    turns = _spin(np.cumsum(rng.normal(scale=0.3, size=60)))
+    way = np.cumsum(rng.normal(scale=0.1, size=(60, 1, 3)), axis=0) * [1.0, 1.0, 0.0]
+    turned = captured(np.einsum("tij,tkj->tki", turns, moving) + way, turns @ head)
+    figure, plain = figure_of(marionette, marionette.rest()), captured(moving, head)
+    joints = joints_of(find_mapping(plain.skeleton), plain.skeleton)
+    one, two = (place(figure, clip, joints, 0.0, turning=0.0) for clip in (plain, turned))
+    for part, path in one.parts.items():
+        np.testing.assert_allclose(two.parts[part], path, atol=1e-9)
+    # All turning is kept by default, and half of it on demand.
+    spun = np.einsum("tij,kj->tki", _spin(0.05 * np.arange(60)), STANDS)
+    for turning in (1.0, 0.5):
+        found = place(figure, captured(spun), joints, 0.0, turning=turning).parts
+        across = found["shoulder_left"] - found["shoulder_right"]
+        angle = np.unwrap(np.arctan2(-across[:, 0], across[:, 1]))
+        np.testing.assert_allclose(angle, turning * 0.05 * np.arange(60), atol=1e-9)
+
+
+def _spin(angles: np.ndarray) -> np.ndarray:
+    return Rotation.from_euler("z", angles[:, None]).as_matrix()
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        ("none.bvh", None, "no file beside this one, and no bundled gesture or clip"),
+        ("../up.bvh", None, "no file beside this one"),
+        ("walk_upp", None, "did you mean 'walk_up'?"),
+        ("clips/up.bvh", ("HIERARCHY", "HIERARKY"), "up.bvh:1: found 'HIERARKY'; needed: "),
+        ("clips/up.bvh", ("Frames: 60", "Frames: 61"), "the file ends after 60 frames"),
+        ("clips/up.bvh", ("LeftForeArm", "Elbow"), "elbow_left is missing; give a mapping file "),
+    ],
+)
+def test_mistakes_of_clips_are_told_at_their_cue(
+    plays: Plays, short: Path, name: str, change: tuple[str, str] | None, said: str
+):
+    if change is not None:
+        short.write_text(short.read_text().replace(*change))
+    (message,) = mistakes(plays, f"{{who: pierrot, does: {name}}}")
+    assert said in message
+
+
+def test_a_player_that_is_no_person_is_told(plays: Plays, short: Path):
+    head = HEAD.replace("{at: west}", "{at: west, puppet: bob.yaml}")
+    (plays.folder / "bob.yaml").write_text(BALL)
+    path = plays.written(
+        "acts:\n  - act: one\n    cues:\n      - {who: pierrot, does: clips/up.bvh}\n", head
+    )
+    with pytest.raises(fan.FileError, match="has no body 'torso', the trunk of a person"):
+        check_play(path)
+
+
+def test_a_mapping_file_beside_a_clip_is_its_own(plays: Plays, short: Path):
+    short.write_text(short.read_text().replace("LeftForeArm", "Elbow"))
+    joints = {**fan.retarget.load_mapping("motionbuilder").joints, "elbow_left": "Elbow"}
+    lines = "".join(f"  {part}: {joint}\n" for part, joint in joints.items())
+    short.with_suffix(".yaml").write_text(f"mapping: mine\njoints:\n{lines}")
+    check_play(plays.written(
+        "acts:\n  - act: one\n    cues:\n      - {who: pierrot, does: clips/up.bvh}\n"
+    ))  # fmt: skip
+
+
+def test_a_check_simulates_nothing_and_a_change_keeps_the_clip(
+    plays: Plays, short: Path, monkeypatch: pytest.MonkeyPatch
+):
+    cues = "{who: pierrot, does: clips/up.bvh}\n{who: columbine, does: nod}"
+    first = plays.compiled(cues)
+    again = plays.compiled(cues)
+    for name, motion in first.motions.items():
+        assert np.array_equal(motion.coef, again.motions[name].coef)
+
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("a clip is made again")
+
+    monkeypatch.setattr(clips, "clip_gesture", refuse)
+    changed = plays.compiled(cues.replace("nod", "bow"), before=first)
+    assert np.array_equal(changed.motions["pierrot"].coef[:20], first.motions["pierrot"].coef[:20])
+    check_play(plays.folder / "trial.yaml")
+    short.write_text(short.read_text() + "\n")  # another file, though it says the same
+    with pytest.raises(AssertionError, match="made again"):
+        plays.compiled(cues, before=first)
+
+
+@pytest.mark.slow  # two clips, which two players do
+def test_clips_are_changed_as_gestures_are(plays: Plays, short: Path):
+    play = plays.compiled(
+        "{who: pierrot, does: clips/up.bvh, lasts: 9, mirrored: true}\n"
+        "{who: columbine, does: clips/up.bvh, larger: 1.2, repeat: 2, when: 0}"
+    )
+    assert play.changes == ()
+    found = fan.verify_play(play)
+    assert found, found.faults
+    one, two = (cue.marks[who] for cue, who in zip(play.cues, play.cast.players, strict=True))
+    assert one["end"] - one["start"] == pytest.approx(9 * 0.6, abs=1e-9)
+    assert {"begins", "over", "begins 2", "over 2"} <= {*two}
+    for speed, _, acceleration, _ in found.peaks.values():
+        assert speed <= BOUNDS["speed"] * WITHIN
+        assert acceleration <= BOUNDS["acceleration"] * WITHIN
+    # The arm that goes up is the other one.
+    rise = {name: np.ptp(found.run[f"{name}.length"]) for name in
+            ("pierrot.hand_left", "pierrot.hand_right")}  # fmt: skip
+    plain = {name: np.ptp(found.run[f"{name}.length"]) for name in
+             ("columbine.hand_left", "columbine.hand_right")}  # fmt: skip
+    assert (rise["pierrot.hand_left"] > rise["pierrot.hand_right"]) != (
+        plain["columbine.hand_left"] > plain["columbine.hand_right"]
+    )
+
+
+@pytest.mark.slow  # four speeds are tried
+def test_a_clip_that_is_too_fast_is_refused_with_what_can_be_done(plays: Plays, short: Path):
+    slow = HEAD.replace("stage:\n", "stage:\n  speed: 0.2\n  acceleration: 1\n")
+    cue = f"{{who: pierrot, does: clips/{short.name}, faster: 2}}"
+    play = fan.load_play(plays.written(f"acts:\n  - {{act: one, cues: [{cue}]}}\n", slow))
+    (refused,) = [cue.refused for cue in play.cues]
+    found = re.search(r"the hands would be \d+ % of the puppet's height farther", refused)
+    can = re.search(r"with `faster: ([\d.]+)` it can be done$", refused)
+    assert found, refused
+    assert can, refused
+    assert 1.0 <= float(can[1]) < 2.0
+
+
+def test_no_clip_is_called_as_a_gesture():
+    assert not {*clip_names()} & {*gesture_names()}
