@@ -37,9 +37,9 @@ _HELD_ELBOW, _HELD_FOREARM = (0.0431, 0.073), (0.986, 0.003)
 """What moves the hand's string to hold something out; elbow and direction of the forearm then."""
 _TAKES, _TAKEN = 0.09, (0.083, 0.068)
 """Inward, the string of the receiver's hand; middle of the forearm then: forward, aside [m]."""
-_LOW, _LIFTED, _SUNK = -0.02, 0.036, -0.05
+_LOW, _LIFTED, _SUNK = -0.028, 0.036, -0.058
 """Up: the receiver's hand before it takes, when it has taken; the giver's when it gives [m]."""
-_BESIDE, _STEP = 0.058, 0.24
+_BESIDE, _STEP = 0.051, 0.24
 """Distance of the two forearms, and the receiver's step to the side [m]."""
 
 _CARRIED = {"out": 0.1, "up": 0.035}

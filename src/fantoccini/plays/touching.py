@@ -19,6 +19,8 @@ from fantoccini.runtime import default_threads
 
 EVERY = 4
 """So many samples of a run are one that is measured: 50 a second."""
+AT_HAND = 0.001
+"""Who handles a prop, the prop, and who is given it, with their strings, keep this distance [m]."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +52,8 @@ def touches(cast: Cast, run: Trajectory, meetings: Sequence[Meeting] = ()) -> li
     """Where two things come nearer than the stage says, in order of time.
 
     Bodies of different players, props and obstacles keep clear of one another, but for what a cue
-    lets touch, and then only while it does; strings keep clear of all of them. The floor is only
-    not to be passed. Strings of one player only do not cross.
+    lets touch, and then only while it does; strings keep clear of all of them. Who handles a prop,
+    and the prop, only need not touch otherwise. The floor is only not to be passed. Strings of one player only do not cross.
 
     Args:
         cast: of the play.
@@ -65,6 +67,7 @@ def touches(cast: Cast, run: Trajectory, meetings: Sequence[Meeting] = ()) -> li
     asked = {pair: frozenset(map(cast.named, pair)) for one in meetings for pair in one.pairs}
     free = [*on_floor, *asked.values()]
     found = _bodies(Clearance(cast.whole, free=free), t, q_D, q_K, clear)
+    found = [one for one in found if not _at_hand(cast, one, meetings)]
     if cast.whole.puppet.floor is not None:
         stand = [*(frozenset((name, FLOOR)) for name in cast.things), *asked.values()]
         found += [one for one in _bodies(Clearance(cast.whole, free=stand), t, q_D, q_K, 0.0)
@@ -76,11 +79,24 @@ def touches(cast: Cast, run: Trajectory, meetings: Sequence[Meeting] = ()) -> li
         if cast.owner(one.what) != cast.owner(one.other):
             what = f"string {one.what}"
             other = f"string {one.other}" if one in near.strings else one.other
-            found.append(Touch(one.t, what, other, one.distance))
+            touch = Touch(one.t, what, other, one.distance)
+            if not _at_hand(cast, touch, meetings):
+                found.append(touch)
     for crossing in strings.crossings():
         names = f"string {crossing.what}", f"string {crossing.other}"
         found.append(Touch(crossing.t, *names, 0.0, crosses=True))
     return sorted(found, key=lambda one: one.t)
+
+
+def _at_hand(cast: Cast, touch: Touch, meetings: Sequence[Meeting]) -> bool:
+    """Whether two are near, but not touching, of whom a cue lets the one handle the other."""
+    if touch.distance < AT_HAND:
+        return False
+    owners = {cast.owner(one.removeprefix("string ")) for one in (touch.what, touch.other)}
+    return any(
+        owners <= {*one.players, *one.props} for one in meetings
+        if one.begin <= touch.t <= one.end
+    )  # fmt: skip
 
 
 def _unasked(
