@@ -42,6 +42,7 @@ PACKAGES = {
     "exchange": "Translates puppets to MuJoCo's format and simulates them there.",
     "planning": "Searches for inputs that reach a goal, improves them, follows them with LQR.",
     "view": "Pictures, plots and films without a display.",
+    "animation": "Motions as animations for other programs: glTF, OpenUSD.",
     "web": "The page in the browser: live play, replay, plans, one-file export.",
     "cli": "The command `fantoccini`.",
 }

@@ -47,7 +47,7 @@ Out = Annotated[
     typer.Option(
         metavar="PATH",
         help="Write the motion. The ending selects the format: .npz .csv (numbers), .png .svg .pdf "
-        "(strip of poses), .mp4 .gif (film); repeatable.",
+        "(strip of poses), .mp4 .gif (film), .glb .usda .usdc (animation); repeatable.",
     ),
 ]
 SaveInputs = Annotated[

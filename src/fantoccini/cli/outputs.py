@@ -6,7 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fantoccini.cli.files import FILMS, NUMBERS, PICTURES, check_output, fail, writing
+from fantoccini.animation import check_bodies, export
+from fantoccini.cli.files import (  # fmt: skip
+    ANIMATIONS, FILMS, NUMBERS, PICTURES, check_output, fail, writing,
+)
 from fantoccini.cli.look import Look
 from fantoccini.cli.terminal import Steps
 from fantoccini.marionette import Marionette
@@ -19,11 +22,11 @@ def check_outputs(out: Sequence[Path], plot: Path | None) -> None:
     """Raises a usage error if a file cannot be written, before any long computation.
 
     Args:
-        out: numbers, strips and films.
+        out: numbers, strips, films and animations.
         plot: plot against time.
     """
     for path in out:
-        check_output(path, (*NUMBERS, *PICTURES, *FILMS), "--out")
+        check_output(path, (*NUMBERS, *PICTURES, *FILMS, *ANIMATIONS), "--out")
     if plot is not None:
         check_output(plot, PICTURES, "--plot")
     paths = [*out, *([plot] if plot else [])]
@@ -56,15 +59,16 @@ def write_outputs(
     Args:
         marionette: the puppet.
         run: its motion.
-        out: numbers, strips and films.
+        out: numbers, strips, films and animations.
         plot: plot against time.
         steps: reports progress.
         poses: times of a strip's poses; see :func:`fantoccini.view.strip`.
-        look: of pictures and films.
+        look: of pictures, films and animations.
         films: captions and sounds, as :func:`fantoccini.view.film` takes them.
         guides: lines in strips and films, likewise.
     """
     look = look or Look()
+    check_bodies(marionette, look.bodies)
     if look.forces and run.contact is None:
         fail(f"{marionette.name} has no contact, so that there are no forces to draw", "--forces")
     for path in out:
@@ -92,6 +96,9 @@ def _write(
         run.save(path)
     elif ending == ".csv":
         run.to_csv(path)
+    elif ending in ANIMATIONS:
+        steps.step(f"writing {path}")
+        export(run, path, marionette=marionette, **look.given("fps", "bodies"))
     elif ending in PICTURES:
         from fantoccini import view
 

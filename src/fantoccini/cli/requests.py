@@ -81,7 +81,16 @@ class PictureOptions:
         typer.Option(metavar="WxH", help="Size of strips and films [px] [960x720 for films]."),
     ] = None
     fps: Annotated[
-        float | None, typer.Option(metavar="N", help="Frames per second of films [30].")
+        float | None,
+        typer.Option(
+            metavar="N",
+            help="Frames per second of films [30], keys per second of animations [.glb: where the "
+            "motion needs them, .usda .usdc: 60].",
+        ),
+    ] = None
+    bodies: Annotated[
+        str | None,
+        typer.Option(metavar="NAME,...", help="Bodies in animations; all by default."),
     ] = None
     forces: Annotated[
         bool, typer.Option("--forces", help="Draw the forces of contacts in strips and films.")
@@ -91,7 +100,7 @@ class PictureOptions:
     @property
     def look(self) -> Look:
         """The look of pictures; a usage error if an option has an invalid value."""
-        return Look.of(self.view, self.focus, self.theme, self.size, self.fps, self.forces)
+        return Look.of(self.view, self.focus, self.theme, self.size, self.fps, self.forces, self.bodies)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,154 @@
+"""Where an animation has keys: as few as keep what is between them within a tolerance.
+
+Between two keys a glTF player runs a cubic through the values and the rates at both, component by
+component; it normalises a quaternion afterwards. The keys lie on a fine grid of samples. From each
+the next one is as far ahead as the tolerance lets it be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.arrays import Array, Indices, Times
+
+_JUMP = 0.01
+"""A rate that jumps by more than this share of the largest one is two tangents of one key."""
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A translation or an orientation at the samples of a grid.
+
+    Attributes:
+        t: (T,) times [s]; an impact is two samples at one time.
+        x: (T, n) values; unit quaternions have no jumps of sign.
+        v: (T, n) their rates.
+        tolerance: of values [m or 1].
+        unit: the values are quaternions.
+    """
+
+    t: Times
+    x: Array
+    v: Array
+    tolerance: float
+    unit: bool
+
+    @property
+    def still(self) -> bool:
+        """Whether it never leaves its first value."""
+        return bool(np.max(np.abs(self.x - self.x[0]), initial=0.0) < 0.01 * self.tolerance)
+
+
+@dataclass(frozen=True, eq=False)
+class Keys:
+    """Samples of a curve that are keys.
+
+    Attributes:
+        before, after: (K,) the sample whose rate arrives, and the one whose rate leaves; they
+            differ at an impact.
+    """
+
+    before: Indices
+    after: Indices
+
+    def evaluate(self, curve: Curve, t: Times) -> Array:
+        """(m, n) what a player shows at times [s]."""
+        times = curve.t[self.before]
+        k = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
+        a, b = self.after[k], self.before[k + 1]
+        return _shown(curve, a, b, t)
+
+
+def cubic_keys(curve: Curve) -> Keys:
+    """The keys of a curve, found from each to the next."""
+    first, last = (np.searchsorted(curve.t, curve.t, side=side) for side in ("left", "right"))
+    last -= 1
+    before, after, stride = [0], [int(last[0])], 8
+    for end in np.unique(np.append(first[_jumps(curve)], first[-1])):
+        while before[-1] < end:
+            at = after[-1]
+            to = _farthest(lambda to, at=at: _fits(curve, at, to), at, int(end), stride)
+            stride = to - at
+            before.append(int(first[to]))
+            after.append(int(last[to]))
+    return Keys(np.array(before), np.array(after))
+
+
+def linear_keys(t: Times, x: Array, tolerance: float, unit: bool = False) -> Indices:
+    """(K,) samples between which straight lines keep values (T, n) within a tolerance."""
+    kept, last, stride = [0], len(t) - 1, 8
+
+    def fits(at: int, to: int) -> bool:
+        s = ((t[at + 1 : to] - t[at]) / max(t[to] - t[at], 1e-12))[:, None]
+        shown = x[at] + s * (x[to] - x[at])
+        if unit:
+            shown /= np.linalg.norm(shown, axis=1, keepdims=True)
+        return bool(np.max(np.abs(shown - x[at + 1 : to]), initial=0.0) <= tolerance)
+
+    while kept[-1] < last:
+        at = kept[-1]
+        to = _farthest(lambda to, at=at: fits(at, to), at, last, stride)
+        stride = to - at
+        # Of several samples at one time a line can have only one.
+        kept.append(int(np.searchsorted(t, t[to], side="right")) - 1)
+    return np.array(kept)
+
+
+def _jumps(curve: Curve) -> Indices:
+    """The samples before impacts that the curve shows."""
+    twice = np.flatnonzero(np.diff(curve.t) <= 0.0)
+    if not len(twice):
+        return twice
+    jump = np.max(np.abs(curve.v[twice + 1] - curve.v[twice]), axis=1)
+    return twice[jump > _JUMP * np.max(np.abs(curve.v))]
+
+
+def _farthest(fits: Callable[[int], bool], at: int, end: int, stride: int) -> int:
+    """The last sample up to which it fits, by doubling and halving; the next one always does."""
+    good, step = at + 1, max(1, stride)
+    bad = end + 1
+    while good < end:
+        to = min(at + step, end)
+        if to <= good:
+            step *= 2
+            continue
+        if not fits(to):
+            bad = to
+            break
+        good, step = to, 2 * step
+    while bad - good > 1 and bad <= end:
+        middle = (good + bad) // 2
+        if fits(middle):
+            good = middle
+        else:
+            bad = middle
+    return good
+
+
+def _fits(curve: Curve, at: int, to: int) -> bool:
+    inside = slice(at + 1, to)
+    shown = _shown(curve, np.array([at]), np.array([to]), curve.t[inside])
+    away = shown - curve.x[inside]
+    worst = np.max(np.einsum("ij,ij->i", away, away), initial=0.0)
+    return bool(worst <= curve.tolerance**2)
+
+
+def _shown(curve: Curve, a: Indices, b: Indices, t: Times) -> Array:
+    """(m, n) the cubics from samples ``a`` to samples ``b``, at times [s]."""
+    start, h = curve.t[a], curve.t[b] - curve.t[a]
+    s = ((t - start) / np.where(h > 0.0, h, 1.0))[:, None]
+    h = h[:, None]
+    ss = s * s
+    sss = ss * s
+    x = (
+        (2 * sss - 3 * ss + 1) * curve.x[a]
+        + h * (sss - 2 * ss + s) * curve.v[a]
+        + (3 * ss - 2 * sss) * curve.x[b]
+        + h * (sss - ss) * curve.v[b]
+    )
+    if curve.unit:
+        x /= np.sqrt(np.einsum("ij,ij->i", x, x))[:, None]
+    return x
