@@ -70,7 +70,7 @@ def cubic_keys(curve: Curve) -> Keys:
     for end in np.unique(np.append(first[_jumps(curve)], first[-1])):
         while before[-1] < end:
             at = after[-1]
-            to = _farthest(lambda to, at=at: _fits(curve, at, to), at, int(end), stride)
+            to = _farthest(lambda to, at=at: _error(curve, at, to), at, int(end), stride, 4)
             stride = to - at
             before.append(int(first[to]))
             after.append(int(last[to]))
@@ -81,16 +81,16 @@ def linear_keys(t: Times, x: Array, tolerance: float, unit: bool = False) -> Ind
     """(K,) samples between which straight lines keep values (T, n) within a tolerance."""
     kept, last, stride = [0], len(t) - 1, 8
 
-    def fits(at: int, to: int) -> bool:
+    def error(at: int, to: int) -> float:
         s = ((t[at + 1 : to] - t[at]) / max(t[to] - t[at], 1e-12))[:, None]
         shown = x[at] + s * (x[to] - x[at])
         if unit:
             shown /= np.linalg.norm(shown, axis=1, keepdims=True)
-        return bool(np.max(np.abs(shown - x[at + 1 : to]), initial=0.0) <= tolerance)
+        return float(np.max(np.abs(shown - x[at + 1 : to]), initial=0.0) / tolerance)
 
     while kept[-1] < last:
         at = kept[-1]
-        to = _farthest(lambda to, at=at: fits(at, to), at, last, stride)
+        to = _farthest(lambda to, at=at: error(at, to), at, last, stride, 2)
         stride = to - at
         # Of several samples at one time a line can have only one.
         kept.append(int(np.searchsorted(t, t[to], side="right")) - 1)
@@ -106,34 +106,34 @@ def _jumps(curve: Curve) -> Indices:
     return twice[jump > _JUMP * np.max(np.abs(curve.v))]
 
 
-def _farthest(fits: Callable[[int], bool], at: int, end: int, stride: int) -> int:
-    """The last sample up to which it fits, by doubling and halving; the next one always does."""
-    good, step = at + 1, max(1, stride)
-    bad = end + 1
-    while good < end:
-        to = min(at + step, end)
-        if to <= good:
-            step *= 2
-            continue
-        if not fits(to):
-            bad = to
-            break
-        good, step = to, 2 * step
-    while bad - good > 1 and bad <= end:
-        middle = (good + bad) // 2
-        if fits(middle):
-            good = middle
+def _farthest(error: Callable[[int], float], at: int, end: int, stride: int, power: int) -> int:
+    """About the last sample up to which the error is below 1; the next one always will do.
+
+    The error grows as the distance to the power of the order of the curve; from the error at one
+    distance the next is guessed.
+    """
+    good, bad = at + 1, end + 1
+    to = min(at + max(stride, 2), end)
+    while good < to < bad:
+        found = error(to)
+        if found <= 1.0:
+            good = to
         else:
-            bad = middle
+            bad = to
+        guess = at + int((to - at) * min(0.97 * max(found, 1e-9) ** (-1.0 / power), 4.0))
+        if bad - good <= 1 + (good - at) // 32:
+            break
+        to = min(max(guess, good + 1), bad - 1)
     return good
 
 
-def _fits(curve: Curve, at: int, to: int) -> bool:
+def _error(curve: Curve, at: int, to: int) -> float:
+    """The largest error between two keys, in tolerances."""
     inside = slice(at + 1, to)
     shown = _shown(curve, np.array([at]), np.array([to]), curve.t[inside])
     away = shown - curve.x[inside]
     worst = np.max(np.einsum("ij,ij->i", away, away), initial=0.0)
-    return bool(worst <= curve.tolerance**2)
+    return float(np.sqrt(worst) / curve.tolerance)
 
 
 def _shown(curve: Curve, a: Indices, b: Indices, t: Times) -> Array:
