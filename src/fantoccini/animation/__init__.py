@@ -3,8 +3,7 @@
 ``export`` writes what the ending of the file's name asks for; a table says which endings there are.
 """
 
-from fantoccini.animation.exporting import export
-from fantoccini.animation.formats import ENDINGS
-from fantoccini.animation.scene import check_bodies
+import lazy_loader
 
-__all__ = ["ENDINGS", "check_bodies", "export"]
+# Loaded when first asked for: the endings alone are needed by every command.
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

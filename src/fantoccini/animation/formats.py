@@ -6,11 +6,12 @@ import math
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
-from fantoccini.animation.scene import AnimatedScene
+if TYPE_CHECKING:
+    from fantoccini.animation.scene import AnimatedScene
 
-Writer = Callable[[AnimatedScene, Path], None]
+Writer: TypeAlias = "Callable[[AnimatedScene, Path], None]"
 
 MAX_FPS = 1000.0
 """Keys per second, at most."""

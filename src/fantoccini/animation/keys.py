@@ -26,20 +26,20 @@ class Curve:
         t: (T,) times [s]; an impact is two samples at one time.
         x: (T, n) values; unit quaternions have no jumps of sign.
         v: (T, n) their rates.
-        tolerance: of values [m or 1].
+        tolerance: (T,) of values [m or 1].
         unit: the values are quaternions.
     """
 
     t: Times
     x: Array
     v: Array
-    tolerance: float
+    tolerance: Array
     unit: bool
 
     @property
     def still(self) -> bool:
         """Whether it never leaves its first value."""
-        return bool(np.max(np.abs(self.x - self.x[0]), initial=0.0) < 0.01 * self.tolerance)
+        return bool(np.all(np.abs(self.x - self.x[0]) < 0.01 * self.tolerance[:, None]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +60,18 @@ class Keys:
         k = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
         a, b = self.after[k], self.before[k + 1]
         return _shown(curve, a, b, t)
+
+    def halved(self, curve: Curve, at: Indices) -> Keys:
+        """With a key in the middle of every span that holds one of the samples."""
+        k = np.unique(np.searchsorted(self.before, at, side="right") - 1)
+        k = k[(k >= 0) & (k < len(self.before) - 1)]
+        middle = (self.after[k] + self.before[k + 1]) // 2
+        middle = middle[(middle > self.after[k]) & (middle < self.before[k + 1])]
+        t = curve.t[middle]
+        first, last = (np.searchsorted(curve.t, t, side=side) for side in ("left", "right"))
+        both = np.append(self.before, first), np.append(self.after, last - 1)
+        order = np.argsort(both[0])
+        return Keys(both[0][order], both[1][order])
 
 
 def cubic_keys(curve: Curve) -> Keys:
@@ -132,8 +144,8 @@ def _error(curve: Curve, at: int, to: int) -> float:
     inside = slice(at + 1, to)
     shown = _shown(curve, np.array([at]), np.array([to]), curve.t[inside])
     away = shown - curve.x[inside]
-    worst = np.max(np.einsum("ij,ij->i", away, away), initial=0.0)
-    return float(np.sqrt(worst) / curve.tolerance)
+    errors = np.sqrt(np.einsum("ij,ij->i", away, away)) / curve.tolerance[inside]
+    return float(np.max(errors, initial=0.0))
 
 
 def _shown(curve: Curve, a: Indices, b: Indices, t: Times) -> Array:

@@ -3,7 +3,7 @@
 Each span has two joints, nodes at its two points; a vertex at the share s of the span is moved by
 (1 - s) of the one and s of the other. So a straight span follows its two bodies without keys. The
 joints are turned along the span, roughly, lest the tube be flattened. A slack string sags by morph
-targets: the main shapes of its curve in the run, found by a singular value decomposition.
+targets: the main shapes of its curve in the run, the eigenvectors of its second moments.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _THICKNESS = 0.0008
 """Radius relative to the size of the scene."""
 _TURN = 0.01
 """By how much a joint may be turned wrongly, as a part of its quaternion."""
-_SAG = 5e-4
+_SAG = 1e-3
 """How far a slack string may be from its curve, relative to the size of the scene."""
 _MOST_SHAPES = 8
 _COLOUR = rgb("#6e6a62")
@@ -140,9 +140,9 @@ def _shapes(spans: Spans, tolerance: float, rings: int) -> tuple[Array, Array]:
     if spans.sag is None:
         return np.zeros((0, 0, 3)), np.zeros((len(spans.t), 0))
     flat = spans.curves(rings).reshape(len(spans.t), -1)
-    left, size, shapes = np.linalg.svd(flat, full_matrices=False)
-    weights = left * size
-    for m in range(1, min(_MOST_SHAPES, len(size)) + 1):
+    shapes = np.linalg.eigh(flat.T @ flat)[1].T[::-1]
+    weights = flat @ shapes.T
+    for m in range(1, _MOST_SHAPES + 1):
         if np.abs(weights[:, :m] @ shapes[:m] - flat).max() <= tolerance:
             break
     biggest = np.abs(shapes[:m]).max(axis=1)

@@ -11,7 +11,7 @@ from typing import NoReturn
 import typer
 
 from fantoccini import puppets
-from fantoccini.animation import ENDINGS
+from fantoccini.animation.formats import ENDINGS
 from fantoccini.cli.terminal import plain
 from fantoccini.errors import FantocciniError, Mistake, PuppetError, nearest
 from fantoccini.marionette import Marionette, StringModel, load

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fantoccini.animation import check_bodies, export
 from fantoccini.cli.files import (  # fmt: skip
     ANIMATIONS, FILMS, NUMBERS, PICTURES, check_output, fail, writing,
 )
@@ -43,6 +42,14 @@ def check_extras(picture: Path | None, save: Path | None) -> None:
         check_output(save, (".npz",), "--save")
 
 
+def check_bodies(marionette: Marionette, look: Look) -> None:
+    """Raises UnknownNameError where ``--bodies`` names something else than a body."""
+    if look.bodies is not None:
+        from fantoccini import animation
+
+        animation.check_bodies(marionette, look.bodies)
+
+
 def write_outputs(
     marionette: Marionette,
     run: Trajectory,
@@ -68,7 +75,7 @@ def write_outputs(
         guides: lines in strips and films, likewise.
     """
     look = look or Look()
-    check_bodies(marionette, look.bodies)
+    check_bodies(marionette, look)
     if look.forces and run.contact is None:
         fail(f"{marionette.name} has no contact, so that there are no forces to draw", "--forces")
     for path in out:
@@ -97,6 +104,8 @@ def _write(
     elif ending == ".csv":
         run.to_csv(path)
     elif ending in ANIMATIONS:
+        from fantoccini.animation import export
+
         steps.step(f"writing {path}")
         export(run, path, marionette=marionette, **look.given("fps", "bodies"))
     elif ending in PICTURES:
