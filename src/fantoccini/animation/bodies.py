@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -100,7 +101,7 @@ def tracks_of(scene: AnimatedScene, grid: Grid) -> dict[int, BodyTracks]:
 
 
 def _mend(
-    scene: AnimatedScene, tracks: dict[int, BodyTracks], wrong: dict[int, Indices]
+    scene: AnimatedScene, tracks: dict[int, BodyTracks], wrong: Mapping[int, Indices]
 ) -> None:
     """Puts keys in between about the samples at which links are too far off."""
     for k, at in wrong.items():

@@ -93,7 +93,7 @@ def _parts(what: Moving) -> tuple[Drawable, Trajectory]:
         case Verification():
             return what.play.marionette, what.run
         case Followed():
-            return what.puppet, what.run
+            return what.retargeted.marionette, what.run
     raise ValueError(
         f"found {type(what).__name__}; what can be exported is a run, a recording, a plan, an "
         "optimum, a followed clip or a verified play"

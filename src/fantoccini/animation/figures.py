@@ -5,23 +5,22 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from fantoccini.animation.gltf import Document, Node, placed
+from fantoccini.animation.pieces import ROUGHNESS, floor_of, linear_colour, piece_of
+from fantoccini.animation.scene import AnimatedScene
 from fantoccini.arrays import Array
-from fantoccini.view.meshes import TriangleMesh, frame_along, triangles
-from fantoccini.view.silhouettes import Solid, box, capsule
-
-_ROUGHNESS = 0.75
+from fantoccini.view.meshes import TriangleMesh
+from fantoccini.view.silhouettes import Solid
+from fantoccini.view.theme import LIGHT
 
 
 def material(document: Document, colour: Array) -> int:
-    """The material of a colour (3,); glTF's are linear, ours those of screens."""
-    linear = np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
+    """The material of a colour (3,)."""
     look = {
-        "baseColorFactor": [*(round(float(c), 4) for c in linear), 1.0],
+        "baseColorFactor": [*linear_colour(colour), 1.0],
         "metallicFactor": 0.0,
-        "roughnessFactor": _ROUGHNESS,
+        "roughnessFactor": ROUGHNESS,
     }
     return document.once("materials", {"pbrMetallicRoughness": look})
 
@@ -43,47 +42,14 @@ def mesh(document: Document, surface: TriangleMesh, colour: Array) -> int:
 
 
 def solid_node(document: Document, solid: Solid, name: str) -> Node:
-    """A node with a solid, in its link's frame.
-
-    Balls, ellipsoids and boxes are one ball and one box, scaled; capsules of one size are one.
-    """
-    node: Node = {"name": name}
-    same = np.zeros(3)
-    if solid.kind == "capsule":
-        apart = solid.points[1] - solid.points[0]
-        length, radius = float(np.linalg.norm(apart)), solid.radius
-        middle = solid.points.mean(axis=0)
-        if length <= 1e-9 * radius:
-            node["mesh"] = mesh(document, _BALL, solid.colour)
-            return placed(node, middle, None, np.full(3, radius))
-        ends = np.array([[0.0, 0.0, -0.5], [0.0, 0.0, 0.5]]) * round(length, 9)
-        shape = triangles(capsule(0, solid.colour, ends, round(radius, 9)))
-        node["mesh"] = mesh(document, shape, solid.colour)
-        return placed(node, middle, _turn(frame_along(apart / length)))
-    if solid.kind == "faces" and solid.smooth:
-        node["mesh"] = mesh(document, triangles(solid), solid.colour)
-        return placed(node, same)
-    centre = solid.points.mean(axis=0)
-    scale = np.linalg.norm(solid.half, axis=0)
-    axes = solid.half / scale
-    axes[:, 2] *= np.sign(np.linalg.det(axes))
-    unit = _BOX if solid.kind == "faces" else _BALL
-    node["mesh"] = mesh(document, unit, solid.colour)
-    return placed(node, centre, _turn(axes), scale)
+    """A node with a solid, in its link's frame."""
+    piece = piece_of(solid)
+    node: Node = {"name": name, "mesh": mesh(document, piece.surface, solid.colour)}
+    return placed(node, piece.r, piece.q, piece.scale)
 
 
-def floor_node(document: Document, middle: Array, half: float, colour: Array) -> Node:
-    """A square that faces up, about ``middle`` (3,)."""
-    corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * half
-    up = np.tile([0.0, 0.0, 1.0], (4, 1))
-    square = TriangleMesh(corners, np.array([[0, 1, 2], [0, 2, 3]]), up)
-    return placed({"name": "floor", "mesh": mesh(document, square, colour)}, middle)
-
-
-def _turn(axes: Array) -> Array:
-    """(4,) quaternion of axes (3, 3)."""
-    return np.roll(Rotation.from_matrix(axes).as_quat(), 1)
-
-
-_BALL = triangles(capsule(0, np.zeros(3), np.zeros((2, 3)), 1.0))
-_BOX = triangles(box(0, np.zeros(3), np.zeros(3), np.eye(3)))
+def floor_node(document: Document, scene: AnimatedScene) -> Node:
+    """A node with the floor."""
+    piece = floor_of(scene)
+    node: Node = {"name": "floor", "mesh": mesh(document, piece.surface, LIGHT.bottom)}
+    return placed(node, piece.r)

@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+from fantoccini.errors import MissingLibraryError
 
 if TYPE_CHECKING:
     from fantoccini.animation.scene import AnimatedScene
@@ -17,6 +20,20 @@ MAX_FPS = 1000.0
 """Keys per second, at most."""
 
 
+class Library(NamedTuple):
+    """A library that one format needs.
+
+    Attributes:
+        module: that it brings.
+        name: of the package.
+        extra: of ours, that installs it.
+    """
+
+    module: str
+    name: str
+    extra: str
+
+
 class Format(NamedTuple):
     """How files of an ending are written.
 
@@ -24,10 +41,12 @@ class Format(NamedTuple):
         module: of this package; its function ``write`` takes the scene and the path. Imported when
             it is first needed.
         fps: keys per second where none are given; None for keys where the motion needs them.
+        library: that it needs.
     """
 
     module: str
     fps: float | None
+    library: Library | None = None
 
     @property
     def write(self) -> Writer:
@@ -36,11 +55,9 @@ class Format(NamedTuple):
         return writer
 
 
-FORMATS = {
-    ".glb": Format("glb", None),
-    ".usda": Format("usd", 60.0),
-    ".usdc": Format("usd", 60.0),
-}
+_USD = Format("usd", 60.0, Library("pxr", "usd-core", "usd"))
+
+FORMATS = {".glb": Format("glb", None), ".usda": _USD, ".usdc": _USD}
 
 ENDINGS = tuple(FORMATS)
 
@@ -50,6 +67,7 @@ def format_of(path: Path, fps: float | None) -> tuple[Format, float | None]:
 
     Raises:
         ValueError: an unknown ending, or a rate that is not possible.
+        MissingLibraryError: the format's library is not installed.
     """
     ending = path.suffix.lower()
     if ending not in FORMATS:
@@ -57,5 +75,7 @@ def format_of(path: Path, fps: float | None) -> tuple[Format, float | None]:
         raise ValueError(f"{path} {found}; an animation ends in {', '.join(ENDINGS)}")
     if fps is not None and not (math.isfinite(fps) and 0.0 < fps <= MAX_FPS):
         raise ValueError(f"fps is {fps:g}; it must be positive and at most {MAX_FPS:g}")
-    found_format = FORMATS[ending]
-    return found_format, found_format.fps if fps is None else fps
+    form = FORMATS[ending]
+    if form.library is not None and find_spec(form.library.module) is None:
+        raise MissingLibraryError(f"a file that ends in {ending}", *form.library[1:])
+    return form, form.fps if fps is None else fps

@@ -11,6 +11,7 @@ from fantoccini.animation.bodies import Track, tracks_of
 from fantoccini.animation.figures import floor_node, solid_node
 from fantoccini.animation.gltf import Channels, Document, placed, xyzw
 from fantoccini.animation.grid import Grid
+from fantoccini.animation.pieces import named_solids
 from fantoccini.animation.scene import AnimatedScene
 from fantoccini.animation.spans import Looks, Spans
 from fantoccini.animation.strands import Strands
@@ -18,8 +19,6 @@ from fantoccini.arrays import Array, Times
 from fantoccini.errors import Status
 from fantoccini.motion import rotation
 from fantoccini.tree import WORLD
-from fantoccini.view.shapes import handles
-from fantoccini.view.theme import LIGHT
 
 _UP = np.sqrt(0.5) * np.array([1.0, -1.0, 0.0, 0.0])
 """The world's z becomes glTF's y."""
@@ -37,7 +36,7 @@ def write(scene: AnimatedScene, path: Path) -> None:
     nodes = _bodies(scene, grid, document, channels, root)
     _solids(scene, document, {WORLD: root, **nodes})
     strands = Strands(document, channels, scene, nodes, root)
-    looks = Looks.of(scene, grid)
+    looks = Looks.among(scene, grid)
     meshes = [strands.add(line, Spans.of(scene, line, looks)) for line in scene.lines]
     # Skinned meshes stand beside the root: joints alone move them.
     document.content["scenes"] = [{"nodes": [root, *meshes]}]
@@ -112,21 +111,12 @@ def _line(t: Times, x: Array) -> _Move:
 
 
 def _solids(scene: AnimatedScene, document: Document, nodes: dict[int, int]) -> None:
-    """Adds shapes and the ends of strings to the nodes of their links; obstacles and the floor."""
-    geometry, counts = scene.geometry, dict[str, int]()
-    for solid in (*geometry.solids, *handles(scene.tree, LIGHT, geometry.size)):
-        if solid.link not in nodes or (solid.link == WORLD and not scene.whole):
-            continue
-        of = "world" if solid.link == WORLD else scene.tree.links[solid.link].name
-        counts[of] = counts.get(of, 0) + 1
-        node = solid_node(document, solid, f"{of}_shape{counts[of]}")
-        _hang(document, nodes[solid.link], document.add("nodes", node))
-    if geometry.ground and scene.whole:
-        low, high = geometry.ground_box()
-        middle = np.append(0.5 * (low + high), geometry.floor)
-        half = 0.5 * float((high - low).max()) + 0.5 * geometry.size
-        floor = floor_node(document, middle, half, LIGHT.bottom)
-        _hang(document, nodes[WORLD], document.add("nodes", floor))
+    """Adds shapes to the nodes of their links; obstacles and the floor to the world's."""
+    for name, solid in named_solids(scene):
+        node = document.add("nodes", solid_node(document, solid, name))
+        _hang(document, nodes[solid.link], node)
+    if scene.geometry.ground and scene.whole:
+        _hang(document, nodes[WORLD], document.add("nodes", floor_node(document, scene)))
 
 
 def _hang(document: Document, parent: int, child: int) -> None:

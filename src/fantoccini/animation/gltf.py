@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fantoccini.arrays import Array
 
@@ -52,7 +53,7 @@ class Document:
             self._known[key] = self.add(kind, what)
         return self._known[key]
 
-    def numbers(self, part: str, values: Array, bounds: bool = False) -> int:
+    def numbers(self, part: str, values: NDArray[Any], bounds: bool = False) -> int:
         """An accessor of values (n,) or (n, k) in a part of the buffer; equal ones are kept once.
 
         Args:
@@ -81,7 +82,7 @@ class Document:
     def save(self, path: Path) -> None:
         """Writes a .glb file."""
         views: dict[str, int] = {}
-        data, listed = bytearray(), []
+        data, listed = bytearray(), list[dict[str, int]]()
         for part, more in _VIEWS.items():
             if self._parts[part]:
                 views[part] = len(listed)

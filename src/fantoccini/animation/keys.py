@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -82,7 +83,7 @@ def cubic_keys(curve: Curve) -> Keys:
     for end in np.unique(np.append(first[_jumps(curve)], first[-1])):
         while before[-1] < end:
             at = after[-1]
-            to = _farthest(lambda to, at=at: _error(curve, at, to), at, int(end), stride, 4)
+            to = _farthest(partial(_error, curve, at), at, int(end), stride, 4)
             stride = to - at
             before.append(int(first[to]))
             after.append(int(last[to]))
@@ -102,7 +103,7 @@ def linear_keys(t: Times, x: Array, tolerance: float, unit: bool = False) -> Ind
 
     while kept[-1] < last:
         at = kept[-1]
-        to = _farthest(lambda to, at=at: error(at, to), at, last, stride, 2)
+        to = _farthest(partial(error, at), at, last, stride, 2)
         stride = to - at
         # Of several samples at one time a line can have only one.
         kept.append(int(np.searchsorted(t, t[to], side="right")) - 1)

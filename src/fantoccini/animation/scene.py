@@ -122,7 +122,7 @@ class AnimatedScene:
         return np.array([self.still.number(x) for x in point.at])
 
     def frames(self, fps: float) -> Times:
-        """Times of frames, from the run's start on, and of its end."""
+        """Times of frames [s], from the run's start to its end."""
         n = int(np.floor(self.run.duration * fps * (1.0 + 1e-12)))
         times: Times = self.run.t[0] + np.arange(n + 1) / fps
         return np.minimum(times, self.run.t[-1])

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from fantoccini.animation.grid import Grid
 from fantoccini.animation.scene import AnimatedScene, Line
 from fantoccini.arrays import Array, Indices, Quaternion, Times
-from fantoccini.motion import rotation
+from fantoccini.motion import Trajectory, rotation
 from fantoccini.tree import WORLD
 from fantoccini.view import rope
 
@@ -19,10 +20,9 @@ _RATE = 60.0
 
 @dataclass(frozen=True, eq=False)
 class Looks:
-    """The samples of a grid at which strings are looked at, and what holds there.
+    """Samples at which strings are looked at, and what holds there.
 
     Attributes:
-        at: (T,) samples of the grid.
         t: (T,) their times [s].
         poses: (T, n_links, 3, 4).
         turns: orientations (T, 4) by link.
@@ -30,7 +30,6 @@ class Looks:
         floor: height under which nothing sags [m]; minus infinity without a floor.
     """
 
-    at: Indices
     t: Times
     poses: Array
     turns: dict[int, Quaternion]
@@ -39,25 +38,30 @@ class Looks:
     floor: float
 
     @classmethod
-    def of(cls, scene: AnimatedScene, grid: Grid) -> Looks:
+    def among(cls, scene: AnimatedScene, grid: Grid) -> Looks:
         """Even samples, and those around every change of a taut string to a slack one or back."""
-        run = grid.run
-        last = len(grid.t) - 1
+        taut, last = grid.run.taut.values, len(grid.t) - 1
         even = np.searchsorted(grid.t, np.arange(0.0, grid.t[-1], 1.0 / _RATE))
-        change = np.flatnonzero(np.any(np.diff(run.taut.values.astype(int), axis=0), axis=1))
+        change = np.flatnonzero(np.any(taut[1:] != taut[:-1], axis=1))
         at = np.unique(np.clip([*even, *change, *(change + 1), last], 0, last))
-        at = at[np.append(np.diff(grid.t[at]) > 0.0, True)]
+        return cls.of(scene, grid.run, grid.t, at[np.append(np.diff(grid.t[at]) > 0.0, True)])
+
+    @classmethod
+    def of(cls, scene: AnimatedScene, run: Trajectory, t: Times, at: Indices) -> Looks:
+        """Samples of a run, whose times in the file are ``t``."""
         still, q_D, q_K = scene.still, run.q_D[at], run.q_K[at]
-        lengths = still.string_lengths(q_D, q_K) + (0.0 if run.slip is None else run.slip.values[at])
-        wires = np.array([s.wire for s in scene.tree.strings], dtype=bool)
         poses = still.poses(q_D, q_K)
-        turns = {
-            k: _quaternions(poses[:, k, :, :3])
-            for k in {p.link for line in scene.lines for p in line.points} - {WORLD}
-        }
-        floor = scene.geometry.floor if scene.geometry.ground else -np.inf
-        taut = run.taut.values[at] | wires
-        return cls(at, grid.t[at], poses, turns, lengths, taut, floor)
+        slip = 0.0 if run.slip is None else run.slip.values[at]
+        wires = np.array([s.wire for s in scene.tree.strings], dtype=bool)
+        links = {point.link for line in scene.lines for point in line.points} - {WORLD}
+        return cls(
+            t=t[at],
+            poses=poses,
+            turns={k: _quaternions(poses[:, k, :, :3]) for k in links},
+            lengths=still.string_lengths(q_D, q_K) + slip,
+            taut=run.taut.values[at] | wires,
+            floor=scene.geometry.floor if scene.geometry.ground else -np.inf,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,33 +96,40 @@ class Spans:
         directions = np.where(length > 1e-9, away / np.maximum(length, 1e-9), [0.0, 0.0, 1.0])
         sag = None
         if line.string is not None:
-            slack = ~looks.taut[:, line.string]
+            slack = np.logical_not(looks.taut[:, line.string])
             if slack.any():
                 sag = np.where(slack, looks.lengths[:, line.string], 0.0)
         return cls(
             looks.t, points, directions, _carried(directions), looks.turns, sag, looks.floor
         )
 
-    def curves(self, rings: int) -> Array:
+    def sags(self, rings: int) -> Array:
         """(T, S, rings, 3) by how much the string is off the straight spans, in their frames [m].
 
         The rings are evenly spread along the string.
         """
-        assert self.sag is not None
-        n = len(self.directions)
-        share = np.linspace(0.0, 1.0, rings)[:, None]
-        out = np.zeros((len(self.t), n, rings, 3))
-        for k in np.flatnonzero(self.sag > 0.0):
+        turns = np.swapaxes(rotation.matrix(self.frames), 0, 1)
+        return (self.curves(rings) - self._straight(rings)) @ turns
+
+    def curves(self, rings: int) -> Array:
+        """(T, S, rings, 3) points along the string [m]."""
+        out, n = self._straight(rings), len(self.directions)
+        sag = np.zeros(len(self.t)) if self.sag is None else self.sag
+        for k in np.flatnonzero(sag > 0.0):
             points = self.points[k]
             lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
-            own = self.sag[k] * (lengths / lengths.sum() if lengths.sum() else 1.0 / n)
+            own = sag[k] * (lengths / lengths.sum() if lengths.sum() else 1.0 / n)
             for s in range(n):
                 line = rope.hanging(points[s], points[s + 1], float(own[s]))
                 line = np.maximum(line, [-np.inf, -np.inf, min(self.floor, *points[s : s + 2, 2])])
-                straight = points[s] + share * (points[s + 1] - points[s])
-                turn = rotation.matrix(self.frames[s, k])
-                out[k, s] = (_even(line, rings) - straight) @ turn
+                out[k, s] = _even(line, rings)
         return out
+
+    def _straight(self, rings: int) -> Array:
+        share = np.linspace(0.0, 1.0, rings)[:, None]
+        starts, ends = self.points[:, :-1, None], self.points[:, 1:, None]
+        straight: Array = starts + share * (ends - starts)
+        return straight
 
 
 def _even(line: Array, n: int) -> Array:
@@ -148,6 +159,4 @@ def _arc(a: Array, b: Array) -> Quaternion:
 
 
 def _quaternions(matrices: Array) -> Quaternion:
-    from scipy.spatial.transform import Rotation
-
     return np.roll(Rotation.from_matrix(matrices).as_quat(), 1, axis=-1)

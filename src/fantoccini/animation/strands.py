@@ -18,22 +18,22 @@ from fantoccini.animation.gltf import Channels, Document, placed, xyzw
 from fantoccini.animation.keys import linear_keys
 from fantoccini.animation.scene import AnimatedScene, Line
 from fantoccini.animation.spans import Spans
-from fantoccini.arrays import Array, Times
+from fantoccini.arrays import Array
 from fantoccini.motion import rotation
 from fantoccini.tree import WORLD
 from fantoccini.view.theme import rgb
 
 _SIDES = 3
-_RINGS = 17
+RINGS = 17
 """On every span of a string that is slack at times."""
-_THICKNESS = 0.0008
+THICKNESS = 0.0008
 """Radius relative to the size of the scene."""
 _TURN = 0.01
 """By how much a joint may be turned wrongly, as a part of its quaternion."""
 _SAG = 1e-3
 """How far a slack string may be from its curve, relative to the size of the scene."""
 _MOST_SHAPES = 8
-_COLOUR = rgb("#6e6a62")
+COLOUR = rgb("#6e6a62")
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Strands:
     def add(self, line: Line, spans: Spans) -> int:
         """Adds one line; returns the node of its mesh."""
         joints = self._joints(line, spans)
-        rings = 2 if spans.sag is None else _RINGS
+        rings = 2 if spans.sag is None else RINGS
         shapes, weights = _shapes(spans, _SAG * self.scene.geometry.size, rings)
         primitive = self._tube(line, len(spans.directions), rings)
         made: dict[str, Any] = {"primitives": [primitive]}
@@ -118,7 +118,7 @@ class Strands:
             (first + which).ravel() for which in (here, then, _SIDES + here, _SIDES + then)
         )
         faces = np.stack([a, b, c, b, d, c], axis=1).reshape(-1)
-        radius = _THICKNESS * self.scene.geometry.size
+        radius = THICKNESS * self.scene.geometry.size
         add = self.document.numbers
         attributes = {
             "POSITION": add("vectors", (radius * normals).astype(np.float32), True),
@@ -126,7 +126,7 @@ class Strands:
             "JOINTS_0": add("joints", joints.astype(np.uint8)),
             "WEIGHTS_0": add("weights", weights.astype(np.float32)),
         }
-        colour = _COLOUR if line.colour is None else line.colour
+        colour = COLOUR if line.colour is None else line.colour
         return {
             "attributes": attributes,
             "indices": add("indices", faces.astype(np.uint16)),
@@ -139,7 +139,7 @@ def _shapes(spans: Spans, tolerance: float, rings: int) -> tuple[Array, Array]:
     n = len(spans.directions)
     if spans.sag is None:
         return np.zeros((0, 0, 3)), np.zeros((len(spans.t), 0))
-    flat = spans.curves(rings).reshape(len(spans.t), -1)
+    flat = spans.sags(rings).reshape(len(spans.t), -1)
     shapes = np.linalg.eigh(flat.T @ flat)[1].T[::-1]
     weights = flat @ shapes.T
     for m in range(1, _MOST_SHAPES + 1):

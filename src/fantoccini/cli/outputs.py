@@ -6,8 +6,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from fantoccini.animation.formats import format_of
 from fantoccini.cli.files import (  # fmt: skip
-    ANIMATIONS, FILMS, NUMBERS, PICTURES, check_output, fail, writing,
+    ANIMATIONS,
+    FILMS,
+    NUMBERS,
+    PICTURES,
+    check_output,
+    fail,
+    writing,
 )
 from fantoccini.cli.look import Look
 from fantoccini.cli.terminal import Steps
@@ -26,6 +33,8 @@ def check_outputs(out: Sequence[Path], plot: Path | None) -> None:
     """
     for path in out:
         check_output(path, (*NUMBERS, *PICTURES, *FILMS, *ANIMATIONS), "--out")
+        if path.suffix.lower() in ANIMATIONS:
+            format_of(path, None)
     if plot is not None:
         check_output(plot, PICTURES, "--plot")
     paths = [*out, *([plot] if plot else [])]
