@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fantoccini.arrays import Array, Times
-from fantoccini.motion import Trajectory
+from fantoccini.motion import Trajectory, rotation
+from fantoccini.motion.interpolate import Places
 
 RATE = 480.0
 """Samples of a second."""
+_ROUGH = 1e-6
+"""What a step is off, to be looked at more closely [m or rad]."""
 _APART = 1e-6
 """Samples this close to an impact are left out [s]: single precision hardly tells them apart."""
 
@@ -33,6 +37,7 @@ class Grid:
         start, span = run.t[0], run.duration
         impacts = np.unique(run.t[1:][np.diff(run.t) <= 0.0]) - start
         even = _single(np.arange(int(span * rate) + 1) / rate)
+        even = np.union1d(even, _single(_rough(run, 2.0 / rate) - start))
         fixed = np.append(impacts, span)
         near = np.searchsorted(fixed, even)
         gaps = np.abs(fixed[np.clip([near - 1, near], 0, len(fixed) - 1)] - even)
@@ -45,6 +50,41 @@ class Grid:
             left = run.resample(np.minimum(start + times, run.t[-1]), side="left")
             right = _joined(left, right, first)
         return cls(_single(times), right)
+
+
+def _rough(run: Trajectory, shorter: float) -> Times:
+    """Times inside of short steps that the run does not cross smoothly.
+
+    In runs of fixed steps positions and velocities belong together to the order of the step only,
+    and impacts are smeared out: what the run is between its samples then has to be looked at.
+    """
+    h, table = np.diff(run.t), run.coordinates
+    off = np.zeros(len(h))
+    parts = (
+        (run.q_D, run.v_D, run.acc_D, table.scalars_D, table.quaternions_D),
+        (run.q_K, run.v_K, run.acc_K, table.scalars_K, table.quaternions_K),
+    )
+    for q, v, acc, scalars, quaternions in parts:
+        for change, rates in _changes(q, scalars, quaternions):
+            v0, v1, a0, a1 = v[:-1, rates], v[1:, rates], acc[:-1, rates], acc[1:, rates]
+            step = h[:, None]
+            slip = change - step * (v0 + v1) / 2.0 + step**2 * (a1 - a0) / 12.0
+            jump = step * (v1 - v0 - step * (a0 + a1) / 2.0)
+            off = np.maximum(off, np.abs(np.hstack([slip, jump])).max(axis=1, initial=0.0))
+    steps = np.flatnonzero((h > 0.0) & (h < shorter) & (off > _ROUGH))
+    times: Times = run.t[steps, None] + h[steps, None] * np.array([0.0, 0.25, 0.5, 0.75, 1.0])
+    return times.ravel()
+
+
+def _changes(
+    q: Array, scalars: Places, quaternions: Places
+) -> Iterator[tuple[Array, list[int] | slice]]:
+    """By how much coordinates change from sample to sample, and where their rates are."""
+    if scalars:
+        yield np.diff(q[:, [at for at, _ in scalars]], axis=0), [rate for _, rate in scalars]
+    for at, rate in quaternions:
+        turns = q[:, at : at + 4]
+        yield rotation.between(turns[:-1], turns[1:]), slice(rate, rate + 3)
 
 
 def _joined(left: Trajectory, right: Trajectory, first: Array) -> Trajectory:
