@@ -71,7 +71,7 @@ class _Writer:
             motion = scene.motion(k, self.run)
             self._set(prims[k].AddTranslateOp(), [Gf.Vec3d(*x) for x in motion.r.tolist()])
             turns = rotation.continuous(motion.q).tolist()
-            self._set(prims[k].AddOrientOp(), [Gf.Quatf(*x) for x in turns])
+            self._set(_turn(prims[k]), [Gf.Quatd(*x) for x in turns])
         for name, solid in named_solids(scene):
             self._piece(prims[solid.link].GetPath(), name, piece_of(solid), solid.colour)
         if scene.geometry.ground and scene.whole:
@@ -104,7 +104,7 @@ class _Writer:
         surface = piece.surface
         mesh = self._prim(UsdGeom.Mesh, above, name)
         mesh.AddTranslateOp().Set(Gf.Vec3d(*piece.r.tolist()))
-        mesh.AddOrientOp().Set(Gf.Quatf(*piece.q.tolist()))
+        _turn(mesh).Set(Gf.Quatd(*piece.q.tolist()))
         if np.any(piece.scale != 1.0):
             mesh.AddScaleOp().Set(Gf.Vec3f(*piece.scale.tolist()))
         mesh.CreatePointsAttr(_vectors(surface.vertices))
@@ -157,11 +157,16 @@ class _Writer:
         UsdShade.MaterialBindingAPI.Apply(what.GetPrim()).Bind(self._materials[tuple(linear)])
 
 
+def _turn(prim: Any) -> Any:
+    """An orientation of doubles: USD takes the arc cosine of w, which loses half of its digits."""
+    return prim.AddOrientOp(UsdGeom.XformOp.PrecisionDouble)
+
+
 def _vectors(values: Array) -> Any:
     return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values, dtype=np.float32))
 
 
 def _flat(value: Any) -> Any:
-    if isinstance(value, Gf.Quatf):
+    if isinstance(value, Gf.Quatd):
         return [value.GetReal(), *value.GetImaginary()]
     return value
