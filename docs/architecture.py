@@ -125,6 +125,11 @@ TASKS = (
         ("show it: live, or as a replay", ("web/live.py", "web/replay.py")),
         ("write it as one file", ("web/export.py",)),
     )),
+    Task("a format of animations", (
+        ("a line of `FORMATS`, with the library that it needs", ("animation/formats.py",)),
+        ("its function `write(scene, path)`", ("animation/usd.py",)),
+        ("describe it", ("/docs/export.md", "/docs/cli.md")),
+    )),
     Task("a page of the docs", (
         ("write it; link it from the README where it helps", ("/docs/install.md", "/README.md")),
         ("place it in the navigation", ("/mkdocs.yml",)),

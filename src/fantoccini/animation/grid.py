@@ -37,7 +37,7 @@ class Grid:
         start, span = run.t[0], run.duration
         impacts = np.unique(run.t[1:][np.diff(run.t) <= 0.0]) - start
         even = _single(np.arange(int(span * rate) + 1) / rate)
-        even = np.union1d(even, _single(_rough(run, 2.0 / rate) - start))
+        even = np.union1d(even, _single(_rough(run, 3.0 / rate) - start))
         fixed = np.append(impacts, span)
         near = np.searchsorted(fixed, even)
         gaps = np.abs(fixed[np.clip([near - 1, near], 0, len(fixed) - 1)] - even)
