@@ -3,7 +3,7 @@
 ``export`` writes what the ending of the file's name asks for; a table says which endings there are.
 """
 
-import lazy_loader
+from lazy_loader import attach_stub
 
 # Loaded when first asked for: the endings alone are needed by every command.
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

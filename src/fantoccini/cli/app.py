@@ -156,7 +156,7 @@ def export(
         typer.Argument(
             metavar="OUT",
             help="Of a puppet: folder, created if missing. Of a motion: file; its ending selects "
-            "the format, as for `simulate --out`.",
+            "the format, as that of --out does for simulate.",
         ),
     ],
     force: Annotated[

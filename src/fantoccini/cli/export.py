@@ -35,7 +35,7 @@ def export_motion(
     if force:
         fail("applies to puppets; a file is replaced in any case", "--force")
     look = Look.of(None, None, None, None, fps, bodies=bodies)
-    check_outputs([out], None)
+    check_outputs([out], None, _OPTION)
     look.check([out])
     from fantoccini.web.page import subject_of
 

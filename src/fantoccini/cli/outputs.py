@@ -24,15 +24,17 @@ from fantoccini.motion import Trajectory
 if TYPE_CHECKING:
     from fantoccini.view.geometry import Guides
 
-def check_outputs(out: Sequence[Path], plot: Path | None) -> None:
+
+def check_outputs(out: Sequence[Path], plot: Path | None, option: str = "--out") -> None:
     """Raises a usage error if a file cannot be written, before any long computation.
 
     Args:
         out: numbers, strips, films and animations.
         plot: plot against time.
+        option: that ``out`` was given for.
     """
     for path in out:
-        check_output(path, (*NUMBERS, *PICTURES, *FILMS, *ANIMATIONS), "--out")
+        check_output(path, (*NUMBERS, *PICTURES, *FILMS, *ANIMATIONS), option)
         if path.suffix.lower() in ANIMATIONS:
             format_of(path, None)
     if plot is not None:
@@ -40,7 +42,7 @@ def check_outputs(out: Sequence[Path], plot: Path | None) -> None:
     paths = [*out, *([plot] if plot else [])]
     for path in paths:
         if [p.absolute() for p in paths].count(path.absolute()) > 1:
-            fail(f"{path} is given twice", "--out")
+            fail(f"{path} is given twice", option)
 
 
 def check_extras(picture: Path | None, save: Path | None) -> None:
