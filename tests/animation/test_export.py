@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.animation.glb_reader import Player
+from tests.animation.test_glb import TOLERANCE, errors
 from tests.cli.command import fantoccini, mistake
+from tests.plays.tiny import write_play
 
 import fantoccini as fan
 from fantoccini.perform import Performance
@@ -68,6 +70,27 @@ def test_a_recording_is_exported_as_its_run(tmp_path: Path) -> None:
         for k, what in enumerate((recording, recording.trajectory))
     ]
     assert files[0].read_bytes() == files[1].read_bytes()
+
+
+def test_a_plan_is_exported_among_its_obstacles(tmp_path: Path) -> None:
+    problem = fan.load_problem("arm3d_boxes")
+    found = fan.solve(problem, time_limit=20.0, confirm=False)
+    path = fan.export(found, tmp_path / "plan.glb")
+    run, player = found.trajectory, Player(path)
+    assert max(errors(path, run).values()) < TOLERANCE
+    boxes = [name for name in player.names if name.startswith("world_shape")]
+    assert len(boxes) >= len(problem.rollouts.clearance.obstacles) > 0
+
+
+def test_a_play_is_exported_from_python_and_from_the_command_line(tmp_path: Path) -> None:
+    play = write_play(tmp_path)
+    verified = fan.verify_play(fan.load_play(play))
+    path = fan.export(verified, tmp_path / "python.glb")
+    player = Player(path)
+    assert {"one.ball", "two.ball", "one.hold", "two.hold"} <= set(player.names)
+    assert max(errors(path, verified.run).values()) < TOLERANCE
+    assert fantoccini("play", play, "--out", tmp_path / "command.glb").exit_code == 0
+    assert (tmp_path / "command.glb").read_bytes() == path.read_bytes()
 
 
 def test_simulate_writes_animations(tmp_path: Path) -> None:

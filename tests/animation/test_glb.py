@@ -15,6 +15,7 @@ from tests.animation.glb_reader import UP, Player
 import fantoccini as fan
 from fantoccini.tree import grow
 from fantoccini.view import rope
+from fantoccini.view.geometry import chain_points
 from fantoccini.view.shapes import link_solids
 from fantoccini.view.still import Still
 
@@ -171,6 +172,20 @@ def test_a_string_that_is_slack_lies_on_the_floor(tmp_path: Path) -> None:
     player = Player(fan.export(run, tmp_path / "run.glb"))
     low = player.vertices("hand_left", np.array([1.0]))[0, :, 1].min()
     assert -0.01 < low < 0.05
+
+
+def test_chains_run_through_their_masses(tmp_path: Path) -> None:
+    crane = fan.puppets.crane(string_model="chain")
+    run = fan.simulate(crane, crane.rest(), t_end=0.1)
+    path = fan.export(run, tmp_path / "run.glb")
+    assert max(errors(path, run).values()) < TOLERANCE
+    still, t = still_of(run), np.linspace(0.0, 0.1, 5)
+    moved = run.resample(t)
+    points = chain_points(still.tree, still.poses(moved.q_D, moved.q_K))[0]
+    rings = Player(path).vertices("hoist", t).reshape(len(t), -1, 3, 3).mean(axis=2)
+    # Each span has a ring at either end.
+    wanted = np.repeat(points, 2, axis=1)[:, 1:-1] @ UP.T
+    assert np.abs(rings - wanted).max() < TOLERANCE
 
 
 def test_keys_at_a_rate_are_exact_at_its_frames(thrown: fan.Trajectory, tmp_path: Path) -> None:
