@@ -107,7 +107,7 @@ $(VENV)/stamp-demo: pyproject.toml $(VENV)/stamp-venv
 
 $(VENV)/stamp-test: pyproject.toml $(VENV)/stamp-venv
 	$(PIP) --editable '.[test]'
-	sh .ci/test-packages
+	sh .ci/test-packages $(VENV)
 	touch $@
 
 $(VENV)/stamp-docs: pyproject.toml $(VENV)/stamp-venv

@@ -42,6 +42,7 @@ PACKAGES = {
     "exchange": "Translates puppets to MuJoCo's format and simulates them there.",
     "planning": "Searches for inputs that reach a goal, improves them, follows them with LQR.",
     "view": "Pictures, plots and films without a display.",
+    "animation": "Motions as animations for other programs: glTF, OpenUSD.",
     "web": "The page in the browser: live play, replay, plans, one-file export.",
     "cli": "The command `fantoccini`.",
 }
@@ -123,6 +124,11 @@ TASKS = (
         ("recognise it", ("web/page.py",)),
         ("show it: live, or as a replay", ("web/live.py", "web/replay.py")),
         ("write it as one file", ("web/export.py",)),
+    )),
+    Task("a format of animations", (
+        ("a line of `FORMATS`, with the library that it needs", ("animation/formats.py",)),
+        ("its function `write(scene, path)`", ("animation/usd.py",)),
+        ("describe it", ("/docs/export.md", "/docs/cli.md")),
     )),
     Task("a page of the docs", (
         ("write it; link it from the README where it helps", ("/docs/install.md", "/README.md")),

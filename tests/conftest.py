@@ -50,6 +50,7 @@ CONTACT = (
 
 SLOW = (
     *CONTACT,
+    "animation/test_three.py",
     "cli/test_simulate_command.py",
     "codegen/test_c99.py",
     "contact/test_contact_lanes.py",

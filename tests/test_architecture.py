@@ -56,6 +56,7 @@ ORDER = (
     "exchange",  # plans are verified in what it makes of a puppet
     "planning",
     "view",
+    "animation",
     "web",
     "cli",
 )
@@ -85,6 +86,7 @@ ONLY_IN = {
     "coacd": {"runtime"},  # convex pieces
     "coal": {"clearance", "runtime"},  # exact meshes; how well pieces fit them
     "pythonosc": {"perform"},
+    "pxr": {"animation"},
     "pyvista": {"view"},
     "viser": {"web"},
 }

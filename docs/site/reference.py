@@ -23,6 +23,7 @@ TITLES = {
     "sweeps": "Sweeps",
     "reduction": "Validation of the mixed model",
     "view": "Pictures and films",
+    "animation": "Animations for other programs",
     "web": "Browser",
     "puppet": "Puppet schema",
     "scene": "Scenes",

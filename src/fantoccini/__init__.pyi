@@ -1,6 +1,9 @@
 """The public names of fantoccini, and where each is defined."""
 
 from . import puppets as puppets
+from .animation import (
+    export as export,
+)
 from .capture import (
     Capture as Capture,
     Skeleton as Skeleton,

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from fantoccini.cli.guard import GuardedGroup
-from fantoccini.cli.options import File, Inputs, Quiet, SchemaOf
+from fantoccini.cli.options import Bodies, File, Fps, Inputs, Quiet, SchemaOf
 from fantoccini.cli.requests import (
     FollowRequest,
     OptimiseRequest,
@@ -148,20 +148,38 @@ def equations(
 
 @app.command()
 def export(
-    file: File,
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder; created if missing.")],
+    file: Annotated[
+        str, typer.Argument(metavar="FILE", help="Puppet, or run, recording or plan (.npz).")
+    ],
+    out: Annotated[
+        Path,
+        typer.Argument(
+            metavar="OUT",
+            help="Of a puppet: folder, created if missing. Of a motion: file; its ending selects "
+            "the format, as that of --out does for simulate.",
+        ),
+    ],
     force: Annotated[
         bool, typer.Option("--force", help="Write into a folder that is not empty.")
     ] = False,
+    fps: Fps = None,
+    bodies: Bodies = None,
+    problem: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="Problem file of a plan, unless it is bundled."),
+    ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Write a puppet's equations as C99.
+    """Write a puppet's equations as C99, or a saved motion as animation, film or numbers.
 
-    The files depend only on libm. The header documents every argument.
+    The C99 files depend only on libm. The header documents every argument.
     """
-    from fantoccini.cli.export import export_c99
+    from fantoccini.cli.export import export_c99, export_motion
 
-    export_c99(file, folder, force, quiet)
+    if file.lower().endswith(".npz"):
+        export_motion(file, out, force, fps, bodies, problem, quiet)
+    else:
+        export_c99(file, out, force, fps, bodies, problem, quiet)
 
 
 @app.command("simulate")

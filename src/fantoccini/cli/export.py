@@ -1,4 +1,4 @@
-"""``fantoccini export``: a puppet's equations as C99 files."""
+"""``fantoccini export``: a puppet's equations as C99 files; a saved motion in other formats."""
 
 from __future__ import annotations
 
@@ -9,21 +9,61 @@ from pathlib import Path
 
 from fantoccini import codegen
 from fantoccini.cli.files import check_folder, fail, marionette, writing
-from fantoccini.cli.terminal import Steps, write
+from fantoccini.cli.look import Look
+from fantoccini.cli.outputs import check_outputs, write_outputs
+from fantoccini.cli.terminal import Steps, say, write
+from fantoccini.errors import Status
 from fantoccini.marionette import check_mass_matrix
 
-_OPTION = "DIR"
+_OPTION = "OUT"
 
 
-def export_c99(file: str, folder: Path, force: bool, quiet: bool) -> None:
+def export_motion(
+    file: str, out: Path, force: bool, fps: float | None, bodies: str | None,
+    problem: str | None, quiet: bool,
+) -> None:  # fmt: skip
+    """Writes a saved motion; the ending of ``out`` selects the format.
+
+    Args:
+        file: run, recording or plan (.npz).
+        out: file to write.
+        force: of puppets only.
+        fps, bodies: of films and animations.
+        problem: problem file of a plan that is not bundled.
+        quiet: do not say that the run stopped early.
+    """
+    if force:
+        fail("applies to puppets; a file is replaced in any case", "--force")
+    look = Look.of(None, None, None, None, fps, bodies=bodies)
+    check_outputs([out], None, _OPTION)
+    look.check([out])
+    from fantoccini.web.page import subject_of
+
+    with Steps(quiet) as steps:
+        subject = subject_of(file, problem, steps.step)
+        assert subject.run is not None
+        write_outputs(subject.marionette, subject.run, [out], None, steps, look=look)
+    run = subject.run
+    if run.status is not Status.DONE and not quiet:
+        say(f"fantoccini: the run ended at t = {run.t[-1]:g} s: {run.status.message}")
+
+
+def export_c99(
+    file: str, folder: Path, force: bool, fps: float | None, bodies: str | None,
+    problem: str | None, quiet: bool,
+) -> None:  # fmt: skip
     """Writes the files; each appears complete or not at all.
 
     Args:
         file: FILE argument.
         folder: of the files; created if it does not exist.
         force: write into a folder that is not empty, over files of the same name.
+        fps, bodies, problem: of motions only.
         quiet: do not list them.
     """
+    for option, value in (("--fps", fps), ("--bodies", bodies), ("--problem", problem)):
+        if value is not None:
+            fail("applies to motions (.npz)", option)
     _check(folder, force)
     puppet = marionette(file)
     with Steps(quiet) as steps:

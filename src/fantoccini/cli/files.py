@@ -11,6 +11,7 @@ from typing import NoReturn
 import typer
 
 from fantoccini import puppets
+from fantoccini.animation.formats import ENDINGS
 from fantoccini.cli.terminal import plain
 from fantoccini.errors import FantocciniError, Mistake, PuppetError, nearest
 from fantoccini.marionette import Marionette, StringModel, load
@@ -19,6 +20,7 @@ from fantoccini.progress import OnStep
 NUMBERS = (".npz", ".csv")
 PICTURES = (".png", ".svg", ".pdf")
 FILMS = (".mp4", ".gif")
+ANIMATIONS = ENDINGS
 
 
 class OutputError(FantocciniError):

@@ -1,4 +1,4 @@
-"""Options that set the look of pictures and films."""
+"""Options that set the look of pictures, films and animations."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fantoccini.cli.files import FILMS, PICTURES, fail
+from fantoccini.cli.files import ANIMATIONS, FILMS, PICTURES, fail
 from fantoccini.cli.options import Focus, Theme
 
 _VIEWS = ("auto", "front", "side", "three-quarter")
@@ -27,8 +27,9 @@ class Look:
         focus: ``all`` or ``bodies``.
         theme: ``light`` or ``dark``.
         size: width and height [px].
-        fps: frames per second of a film.
+        fps: frames per second of a film, keys per second of an animation.
         forces: draw the forces of contacts.
+        bodies: that an animation shows.
     """
 
     view: str | tuple[float, float] | None = None
@@ -37,11 +38,12 @@ class Look:
     size: tuple[int, int] | None = None
     fps: float | None = None
     forces: bool | None = None
+    bodies: tuple[str, ...] | None = None
 
     @classmethod
     def of(
         cls, view: str | None, focus: Focus | None, theme: Theme | None, size: str | None,
-        fps: float | None, forces: bool = False,
+        fps: float | None, forces: bool = False, bodies: str | None = None,
     ) -> Look:  # fmt: skip
         """The look from the values of options.
 
@@ -53,20 +55,22 @@ class Look:
         return cls(
             None if view is None else _view(view), None if focus is None else focus.value,
             None if theme is None else theme.value, None if size is None else _size(size), fps,
-            forces or None,
+            forces or None, None if bodies is None else _names(bodies),
         )  # fmt: skip
 
     def check(self, out: Sequence[Path], plot: Path | None = None) -> None:
         """Raises a usage error if an option applies to none of the output files."""
         endings = {path.suffix.lower() for path in out}
         film, strip = bool(endings & {*FILMS}), bool(endings & {*PICTURES})
+        animation = bool(endings & {*ANIMATIONS})
         for option, value, applies, what in (
             ("--view", self.view, film or strip, "a strip or a film"),
             ("--focus", self.focus, film or strip, "a strip or a film"),
             ("--theme", self.theme, film or strip or plot is not None, "a picture or a film"),
             ("--size", self.size, film or strip, "a strip or a film"),
-            ("--fps", self.fps, film, "a film"),
+            ("--fps", self.fps, film or animation, "a film or an animation"),
             ("--forces", self.forces, film or strip, "a strip or a film"),
+            ("--bodies", self.bodies, animation, "an animation"),
         ):
             if value is not None and not applies:
                 fail(f"applies to {what}, but none is written", option)
@@ -91,6 +95,13 @@ def _view(text: str) -> str | tuple[float, float]:
             "--view",
         )
     return azimuth, elevation
+
+
+def _names(text: str) -> tuple[str, ...]:
+    names = tuple(name.strip() for name in text.split(","))
+    if not all(names):
+        fail(f"{text!r} is not NAME,NAME,...", "--bodies")
+    return names
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -47,8 +47,19 @@ Out = Annotated[
     typer.Option(
         metavar="PATH",
         help="Write the motion. The ending selects the format: .npz .csv (numbers), .png .svg .pdf "
-        "(strip of poses), .mp4 .gif (film); repeatable.",
+        "(strip of poses), .mp4 .gif (film), .glb .usda .usdc (animation); repeatable.",
     ),
+]
+Fps = Annotated[
+    float | None,
+    typer.Option(
+        metavar="N",
+        help="Frames per second of films [30], keys per second of animations [.glb: where the "
+        "motion needs them; .usda .usdc: 60].",
+    ),
+]
+Bodies = Annotated[
+    str | None, typer.Option(metavar="NAME,...", help="Bodies of animations; all by default.")
 ]
 SaveInputs = Annotated[
     Path | None,

@@ -6,7 +6,16 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fantoccini.cli.files import FILMS, NUMBERS, PICTURES, check_output, fail, writing
+from fantoccini.animation.formats import format_of
+from fantoccini.cli.files import (  # fmt: skip
+    ANIMATIONS,
+    FILMS,
+    NUMBERS,
+    PICTURES,
+    check_output,
+    fail,
+    writing,
+)
 from fantoccini.cli.look import Look
 from fantoccini.cli.terminal import Steps
 from fantoccini.marionette import Marionette
@@ -15,21 +24,25 @@ from fantoccini.motion import Trajectory
 if TYPE_CHECKING:
     from fantoccini.view.geometry import Guides
 
-def check_outputs(out: Sequence[Path], plot: Path | None) -> None:
+
+def check_outputs(out: Sequence[Path], plot: Path | None, option: str = "--out") -> None:
     """Raises a usage error if a file cannot be written, before any long computation.
 
     Args:
-        out: numbers, strips and films.
+        out: numbers, strips, films and animations.
         plot: plot against time.
+        option: that ``out`` was given for.
     """
     for path in out:
-        check_output(path, (*NUMBERS, *PICTURES, *FILMS), "--out")
+        check_output(path, (*NUMBERS, *PICTURES, *FILMS, *ANIMATIONS), option)
+        if path.suffix.lower() in ANIMATIONS:
+            format_of(path, None)
     if plot is not None:
         check_output(plot, PICTURES, "--plot")
     paths = [*out, *([plot] if plot else [])]
     for path in paths:
         if [p.absolute() for p in paths].count(path.absolute()) > 1:
-            fail(f"{path} is given twice", "--out")
+            fail(f"{path} is given twice", option)
 
 
 def check_extras(picture: Path | None, save: Path | None) -> None:
@@ -38,6 +51,14 @@ def check_extras(picture: Path | None, save: Path | None) -> None:
         check_output(picture, PICTURES, "--picture")
     if save is not None:
         check_output(save, (".npz",), "--save")
+
+
+def check_bodies(marionette: Marionette, look: Look) -> None:
+    """Raises UnknownNameError where ``--bodies`` names something else than a body."""
+    if look.bodies is not None:
+        from fantoccini import animation
+
+        animation.check_bodies(marionette, look.bodies)
 
 
 def write_outputs(
@@ -56,15 +77,16 @@ def write_outputs(
     Args:
         marionette: the puppet.
         run: its motion.
-        out: numbers, strips and films.
+        out: numbers, strips, films and animations.
         plot: plot against time.
         steps: reports progress.
         poses: times of a strip's poses; see :func:`fantoccini.view.strip`.
-        look: of pictures and films.
+        look: of pictures, films and animations.
         films: captions and sounds, as :func:`fantoccini.view.film` takes them.
         guides: lines in strips and films, likewise.
     """
     look = look or Look()
+    check_bodies(marionette, look)
     if look.forces and run.contact is None:
         fail(f"{marionette.name} has no contact, so that there are no forces to draw", "--forces")
     for path in out:
@@ -92,6 +114,11 @@ def _write(
         run.save(path)
     elif ending == ".csv":
         run.to_csv(path)
+    elif ending in ANIMATIONS:
+        from fantoccini.animation import export
+
+        steps.step(f"writing {path}")
+        export(run, path, marionette=marionette, **look.given("fps", "bodies"))
     elif ending in PICTURES:
         from fantoccini import view
 

@@ -12,8 +12,10 @@ import typer
 
 from fantoccini.cli.look import Look
 from fantoccini.cli.options import (
+    Bodies,
     File,
     Focus,
+    Fps,
     Inputs,
     Method,
     Objective,
@@ -80,9 +82,8 @@ class PictureOptions:
         str | None,
         typer.Option(metavar="WxH", help="Size of strips and films [px] [960x720 for films]."),
     ] = None
-    fps: Annotated[
-        float | None, typer.Option(metavar="N", help="Frames per second of films [30].")
-    ] = None
+    fps: Fps = None
+    bodies: Bodies = None
     forces: Annotated[
         bool, typer.Option("--forces", help="Draw the forces of contacts in strips and films.")
     ] = False
@@ -91,7 +92,9 @@ class PictureOptions:
     @property
     def look(self) -> Look:
         """The look of pictures; a usage error if an option has an invalid value."""
-        return Look.of(self.view, self.focus, self.theme, self.size, self.fps, self.forces)
+        return Look.of(
+            self.view, self.focus, self.theme, self.size, self.fps, self.forces, self.bodies
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

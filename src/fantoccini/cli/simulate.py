@@ -14,7 +14,7 @@ from fantoccini.cli.files import fail, marionette
 from fantoccini.cli.guard import FAILED, INTERRUPTED
 from fantoccini.cli.motions import Motion, motion, report_lateness, report_score
 from fantoccini.cli.options import StringModel
-from fantoccini.cli.outputs import check_outputs, write_outputs
+from fantoccini.cli.outputs import check_bodies, check_outputs, write_outputs
 from fantoccini.cli.recording import load_recording, recorded_start, with_recorded_winches
 from fantoccini.cli.report import report
 from fantoccini.cli.requests import SimulateRequest
@@ -71,6 +71,7 @@ def simulate_file(request: SimulateRequest) -> None:
     with Steps(request.quiet) as steps:
         chain = request.string_model is StringModel.CHAIN
         puppet = marionette(request.file, steps.step, "chain" if chain else "constraint")
+        check_bodies(puppet, look)
         given_motion = _given(puppet, request, steps)
         inputs = None if given_motion is None else given_motion.inputs
         recording = load_recording(request.inputs)

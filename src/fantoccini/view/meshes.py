@@ -46,7 +46,7 @@ def _capsule(ends: np.ndarray, radius: float) -> TriangleMesh:
     """Two half-spheres and the tube between them; one ball where the ends coincide."""
     apart = ends[1] - ends[0]
     length = float(np.linalg.norm(apart))
-    frame = _frame(apart / length) if length > 1e-9 * radius else np.eye(3)
+    frame = frame_along(apart / length) if length > 1e-9 * radius else np.eye(3)
     directions, faces = _ball(rims=2 if length > 1e-9 * radius else 1)
     normals = directions @ frame.T
     # The first half of the vertices belongs to the far end.
@@ -112,7 +112,7 @@ def _ball(rims: int) -> tuple[np.ndarray, np.ndarray]:
     return corners, np.concatenate([top, *(b.reshape(-1, 3) for b in bands), bottom])
 
 
-def _frame(axis: np.ndarray) -> np.ndarray:
+def frame_along(axis: np.ndarray) -> np.ndarray:
     """A rotation (3, 3) whose third column is a unit vector."""
     first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     first /= np.linalg.norm(first)

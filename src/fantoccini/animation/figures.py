@@ -1,0 +1,55 @@
+"""Meshes and materials of solids in a glTF document; what looks the same is kept once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fantoccini.animation.gltf import Document, Node, placed
+from fantoccini.animation.pieces import ROUGHNESS, floor_of, linear_colour, piece_of
+from fantoccini.animation.scene import AnimatedScene
+from fantoccini.arrays import Array
+from fantoccini.view.meshes import TriangleMesh
+from fantoccini.view.silhouettes import Solid
+from fantoccini.view.theme import LIGHT
+
+
+def material(document: Document, colour: Array) -> int:
+    """The material of a colour (3,)."""
+    look = {
+        "baseColorFactor": [*linear_colour(colour), 1.0],
+        "metallicFactor": 0.0,
+        "roughnessFactor": ROUGHNESS,
+    }
+    return document.once("materials", {"pbrMetallicRoughness": look})
+
+
+def mesh(document: Document, surface: TriangleMesh, colour: Array) -> int:
+    """The mesh of a surface."""
+    small = len(surface.vertices) < 65535
+    faces = surface.faces.reshape(-1).astype(np.uint16 if small else np.uint32)
+    vertices = surface.vertices.astype(np.float32)
+    attributes = {"POSITION": document.numbers("vectors", vertices, bounds=True)}
+    if surface.normals is not None:
+        attributes["NORMAL"] = document.numbers("vectors", surface.normals.astype(np.float32))
+    primitive: dict[str, Any] = {
+        "attributes": attributes,
+        "indices": document.numbers("indices", faces),
+        "material": material(document, colour),
+    }
+    return document.once("meshes", {"primitives": [primitive]})
+
+
+def solid_node(document: Document, solid: Solid, name: str) -> Node:
+    """A node with a solid, in its link's frame."""
+    piece = piece_of(solid)
+    node: Node = {"name": name, "mesh": mesh(document, piece.surface, solid.colour)}
+    return placed(node, piece.r, piece.q, piece.scale)
+
+
+def floor_node(document: Document, scene: AnimatedScene) -> Node:
+    """A node with the floor."""
+    piece = floor_of(scene)
+    node: Node = {"name": "floor", "mesh": mesh(document, piece.surface, LIGHT.bottom)}
+    return placed(node, piece.r)
