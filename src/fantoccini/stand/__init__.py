@@ -1,0 +1,35 @@
+"""Stands: the machines that move puppets, and whether they can do a motion."""
+
+from fantoccini.stand.axes import Axis, AxisMap, AxisMotion, axes_of
+from fantoccini.stand.check import Limit, StandCheck, check_stand
+from fantoccini.stand.remedies import remedies
+from fantoccini.stand.slower import Slowed, inputs_of, slowed, slower
+from fantoccini.stand.stand_file import (
+    Stand,
+    is_stand,
+    load_stand,
+    loads_stand,
+    stand_names,
+    stand_schema,
+)
+
+__all__ = [
+    "Axis",
+    "AxisMap",
+    "AxisMotion",
+    "Limit",
+    "Slowed",
+    "Stand",
+    "StandCheck",
+    "axes_of",
+    "check_stand",
+    "inputs_of",
+    "is_stand",
+    "load_stand",
+    "loads_stand",
+    "remedies",
+    "slowed",
+    "slower",
+    "stand_names",
+    "stand_schema",
+]
