@@ -1,8 +1,8 @@
 """Stands: the machines that move puppets, and whether they can do a motion."""
 
 from fantoccini.stand.axes import Axis, AxisMap, AxisMotion, axes_of
-from fantoccini.stand.check import Limit, StandCheck, check_stand
-from fantoccini.stand.remedies import remedies
+from fantoccini.stand.check import QUANTITIES, Limit, StandCheck, check_stand
+from fantoccini.stand.remedies import lost_lines, remedies
 from fantoccini.stand.slower import Slowed, inputs_of, slowed, slower
 from fantoccini.stand.stand_file import (
     Stand,
@@ -14,6 +14,7 @@ from fantoccini.stand.stand_file import (
 )
 
 __all__ = [
+    "QUANTITIES",
     "Axis",
     "AxisMap",
     "AxisMotion",
@@ -27,6 +28,7 @@ __all__ = [
     "is_stand",
     "load_stand",
     "loads_stand",
+    "lost_lines",
     "remedies",
     "slowed",
     "slower",

@@ -79,7 +79,7 @@ class Axis:
 
     def count(self, position: Array) -> Array:
         """(...) whole microsteps or counts at positions (...), with the motor's direction."""
-        return self.direction * np.rint(position * self.counts)
+        return np.asarray(self.direction * np.rint(position * self.counts))
 
     @property
     def direction(self) -> int:
@@ -165,7 +165,7 @@ class AxisMap:
     @cached_property
     def inverse(self) -> Array:
         """(n, m) p = inverse (q_K - zero)."""
-        return np.linalg.pinv(self.J)
+        return np.asarray(np.linalg.pinv(self.J))
 
     def motion(self, t: Times, q_K: Array, v_K: Array, acc_K: Array) -> AxisMotion:
         """Axis positions, velocities and accelerations of driven motion (T, n_qK), (T, n_vK) twice.
@@ -187,6 +187,10 @@ class AxisMap:
             return self.motion(times, *moved.evaluate(times))
         run = moved if times is None else moved.resample(times)
         return self.motion(run.t, run.q_K, run.v_K, run.acc_K)
+
+    def refuse_held(self, t: Times, q_K: Array) -> None:
+        """Raises a FileError if motion (T, n_qK) moves what no axis moves."""
+        self.stand.refuse(self._moved_though_held(t, q_K))
 
     def coordinates_of(self, position: Array) -> Array:
         """(..., m) driven coordinates [m or rad] at axis positions (..., n)."""

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, Mask
 from fantoccini.errors import Status
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Columns, Trajectory
@@ -299,7 +299,7 @@ _MOST = 100.0
 """Demand over bound that is told at most: a motor beyond its curve has no torque at all."""
 
 
-def _first(t: Array, broken: Array) -> float | None:
+def _first(t: Array, broken: Mask) -> float | None:
     return float(t[np.argmax(broken)]) if np.any(broken) else None
 
 

@@ -7,6 +7,7 @@ radians per metre (or radian) of the axis.
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -42,7 +43,7 @@ def _torque(value: Any) -> Any:
         points.append((read_real(point[0]), read_real(point[1])))
     if points[0][0] != 0.0:
         raise mistake(f"the first point is at {points[0][0]:g} turns/s; needed: one at 0")
-    for (slow, _), (fast, _) in zip(points, points[1:], strict=False):
+    for (slow, _), (fast, _) in pairwise(points):
         if not slow < fast:
             raise mistake(f"found {fast:g} turns/s after {slow:g}; needed: speeds that increase")
     for speed, torque in points:

@@ -43,6 +43,16 @@ def remedies(check: StandCheck) -> tuple[str, ...]:
     return tuple(found)
 
 
+def lost_lines(check: StandCheck) -> tuple[str, ...]:
+    """The steps that steppers lose, in words."""
+    lines = []
+    for name, lost in check.lost.items():
+        count = f"at least {lost.steps} full steps" if lost.steps else "perhaps no step"
+        how = f", it lags by up to {lost.lag:.3g}" if lost.lag > 0.01 else ""
+        lines.append(f"{name} loses {count}, from t = {lost.since:.3f} s on{how}")
+    return tuple(lines)
+
+
 def _travel(check: StandCheck, axis: Axis, k: int) -> str:
     p, unit = check.motion.position[:, k], axis.unit
     return (

@@ -9,7 +9,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import SimulationError, StateError
-from fantoccini.marionette import Marionette, Method, TimeStepping, Variational
+from fantoccini.marionette import Marionette, Method, MethodName, TimeStepping, Variational
 from fantoccini.motion import Input, State, Trajectory, polynomial
 from fantoccini.simulation import simulate
 from fantoccini.stand.check import StandCheck, check_stand
@@ -168,7 +168,7 @@ def _started(marionette: Marionette, x0: State) -> State:
     return x0 if not np.any(x0.v_D) else marionette.project(x0)
 
 
-def _method(run: Trajectory) -> Method | str:
+def _method(run: Trajectory) -> Method | MethodName:
     if run.method not in ("timestepping", "variational"):
         return "event"
     steps = np.diff(run.t)
