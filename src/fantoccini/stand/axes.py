@@ -244,11 +244,14 @@ def with_axis(axis: Axis, **changes: object) -> Axis:
 
 
 def _not_driven(name: str, table: CoordinateTable, places: dict[str, tuple[int, int]]) -> str:
-    if name in table.commands or name in table.commands.values():
+    wound = name in table.q_D and name.endswith(".length")
+    if wound or name in table.commands or name in table.commands.values():
         return (
             f"{name} has a drive of its own in the puppet's file; a stand moves coordinates that "
             "follow their inputs exactly: take the drive out"
         )
+    if name in table.q_D:
+        return f"{name} moves by forces, not by inputs; a stand moves driven coordinates"
     owner = name.split(".")[0]
     if any(rotation.startswith(f"{owner}.") for rotation in table.rotations) and (
         name in table.q_K or name in table.v_K or name in table.rotations

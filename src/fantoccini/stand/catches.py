@@ -25,6 +25,8 @@ from fantoccini.stand.motors import Stepper
 
 _LEAST = 1e-9
 """Impulse at the motor from which a catch is kept [N m s]."""
+_MOST = 10.0
+"""Impulse over bound that is told at most: a motor at its largest torque takes none."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,7 @@ def kicks(
             if size > _LEAST:
                 load, w = abs(float(torque[at, k])), motion.velocity[at, k] * axis.ratio
                 most = taken(axis, load, w, size**2 / lost)
-                margin = 100.0 * (1.0 - size / most) if most > 0.0 else -100.0
+                margin = 100.0 * (1.0 - size / max(most, size / _MOST))
                 strings = tuple(dict.fromkeys(e.name for e in own))
                 found.append(Kick(axis.name, float(t), strings, size, most, margin))
     return tuple(found)

@@ -15,8 +15,10 @@ from __future__ import annotations
 import dataclasses
 import os
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+from scipy.interpolate import Akima1DInterpolator
 
 from fantoccini.arrays import Array, Mask
 from fantoccini.errors import Status
@@ -33,6 +35,9 @@ RATE = 1000.0
 COARSE = 0.02, 0.2
 """Time between samples of a run [s], and change of a force from one to the next over its largest,
 from which both on peaks may be missed between them."""
+
+_LEAST_SMOOTH = 3
+"""Samples through which a smooth curve goes; a line goes through fewer."""
 
 QUANTITIES = ("travel", "speed", "acceleration", "step rate", "torque", "catch")
 """What may not be enough, in order."""
@@ -181,10 +186,10 @@ def check_stand(
     bound.motion_of(run)  # refuses what the stand's axes do not move
     if run.effort is None:
         run = with_effort(run, marionette)
-    fine = run.resample(_times(run))
-    motion = bound.motion_of(fine)
-    assert fine.effort is not None
-    force = bound.forces(fine.effort.values)
+    assert run.effort is not None
+    times = _times(run)
+    motion = bound.motion_of(run, times)
+    force = between(run.t, bound.forces(run.effort.values), times)
     torque = np.stack(
         [torque_of(axis, motion, force, k) for k, axis in enumerate(bound.axes)], axis=1
     )
@@ -220,6 +225,25 @@ def torque_of(axis: Axis, motion: AxisMotion, force: Array, k: int) -> Array:
         torque = torque + friction.viscous * w
         torque = torque + friction.coulomb * w / np.sqrt(w**2 + friction.speed**2)
     return np.asarray(torque)
+
+
+def between(t: Array, values: Array, times: Array) -> Array:
+    """Values (T, n) of a run at other times, smooth between its samples (Akima) but for impacts.
+
+    At an impact, which is several samples at one time, they are those after it.
+    """
+    out = np.empty((len(times), values.shape[1]))
+    impacts = np.flatnonzero(np.diff(t) <= 0.0) + 1
+    for first, last in pairwise([0, *impacts, len(t)]):
+        own = slice(first, last)
+        end = np.inf if last == len(t) else t[last]
+        at = (times >= t[first]) & (times < end)
+        if last - first < _LEAST_SMOOTH:
+            for k in range(values.shape[1]):
+                out[at, k] = np.interp(times[at], t[own], values[own, k])
+        elif np.any(at):
+            out[at] = Akima1DInterpolator(t[own], values[own])(times[at])
+    return out
 
 
 def with_effort(run: Trajectory, marionette: Marionette) -> Trajectory:
@@ -295,7 +319,7 @@ def _rate(axis: str, quantity: str, unit: str, t: Array, demand: Array, bound: A
     )  # fmt: skip
 
 
-_MOST = 100.0
+_MOST = 10.0
 """Demand over bound that is told at most: a motor beyond its curve has no torque at all."""
 
 

@@ -13,7 +13,7 @@ from fantoccini.stand.axes import Axis, with_axis
 from fantoccini.stand.check import StandCheck, torque_of
 from fantoccini.stand.motors import Belt, Drum, Screw, Stepper
 
-RATIOS = np.geomspace(0.1, 10.0, 241)
+RATIOS = np.geomspace(0.25, 4.0, 241)
 """Factors of what a turn moves that are tried."""
 SPARE = 1.0 / 0.9
 """Of the torque: a tenth of it is kept back."""
@@ -21,26 +21,33 @@ MAX_PEAKS = 3
 """Peaks of acceleration that are named."""
 _NEAR = 0.1
 """Peaks nearer than this are one [s]."""
+_STILL = 0.005
+"""Speed of a motor that counts as rest [turns/s]."""
 _LARGE_SHARE = 0.5
 """Part of the torque that is the axis' own inertia, from which smoother inputs help."""
 
 
 def remedies(check: StandCheck) -> tuple[str, ...]:
-    """What would help, one sentence each, axis by axis."""
-    found = []
+    """What would help, a line for each axis on which something is not enough."""
+    lines = []
     for k, axis in enumerate(check.axes):
         broken = {name for name, limit in check.of(axis.name).items() if limit.broken is not None}
+        found = []
         if "travel" in broken:
             found.append(_travel(check, axis, k))
-        if "speed" in broken or "step rate" in broken:
-            found.append(_speed(check, axis, broken))
+        if "speed" in broken:
+            found.append(_speed(check, axis))
+        if "step rate" in broken:
+            found.append(_microsteps(check, axis))
         if "acceleration" in broken:
             found.append(_smoother(check, axis, k))
         if "torque" in broken:
             found += _torque(check, axis, k)
-        if "catch" in broken:
+        elif "catch" in broken:
             found.append(_catch(check, axis))
-    return tuple(found)
+        if found:
+            lines.append(f"{axis.name}: {'; '.join(found)}")
+    return tuple(lines)
 
 
 def lost_lines(check: StandCheck) -> tuple[str, ...]:
@@ -48,7 +55,7 @@ def lost_lines(check: StandCheck) -> tuple[str, ...]:
     lines = []
     for name, lost in check.lost.items():
         count = f"at least {lost.steps} full steps" if lost.steps else "perhaps no step"
-        how = f", it lags by up to {lost.lag:.3g}" if lost.lag > 0.01 else ""
+        how = f"; it lags by up to {lost.lag:.3g} of them" if lost.lag > 0.1 else ""
         lines.append(f"{name} loses {count}, from t = {lost.since:.3f} s on{how}")
     return tuple(lines)
 
@@ -56,19 +63,23 @@ def lost_lines(check: StandCheck) -> tuple[str, ...]:
 def _travel(check: StandCheck, axis: Axis, k: int) -> str:
     p, unit = check.motion.position[:, k], axis.unit
     return (
-        f"{axis.name}: a travel of at least [{np.min(p):.4g}, {np.max(p):.4g}] {unit}; it is "
+        f"a travel of at least [{np.min(p):.4g}, {np.max(p):.4g}] {unit}; it is "
         f"[{axis.travel[0]:g}, {axis.travel[1]:g}] {unit}"
     )
 
 
-def _speed(check: StandCheck, axis: Axis, broken: set[str]) -> str:
-    limits = check.of(axis.name)
-    name = "speed" if "speed" in broken else "step rate"
-    text = f"{axis.name}: {limits[name].value:.4g} {limits[name].unit} of {name}"
-    if name == "step rate" and isinstance(axis.motor, Stepper):
-        fewer = axis.motor.microsteps * limits[name].bound / limits[name].value
-        return f"{text}, or at most {int(fewer)} microsteps instead of {axis.motor.microsteps}"
-    return f"{text}, or a path that takes {1.0 - limits[name].margin / 100.0:.3g} times as long"
+def _speed(check: StandCheck, axis: Axis) -> str:
+    limit = check.of(axis.name)["speed"]
+    longer = 1.0 - limit.margin / 100.0
+    return f"{limit.value:.4g} {limit.unit} of speed, or a path {longer:.3g} times as long in time"
+
+
+def _microsteps(check: StandCheck, axis: Axis) -> str:
+    limit, motor = check.of(axis.name)["step rate"], axis.motor
+    assert isinstance(motor, Stepper)
+    fewer = int(motor.microsteps * limit.bound / limit.value)
+    text = f"a controller that makes {limit.value:.4g} steps/s"
+    return f"{text}, or {fewer} microsteps instead of {motor.microsteps}" if fewer else text
 
 
 def _smoother(check: StandCheck, axis: Axis, k: int) -> str:
@@ -76,7 +87,7 @@ def _smoother(check: StandCheck, axis: Axis, k: int) -> str:
     peaks = peaks_of(check.motion.t, np.abs(check.motion.acceleration[:, k]))
     where = ", ".join(f"{t:.2f} s ({size:.3g} {limit.unit})" for t, size in peaks)
     return (
-        f"{axis.name}: smoother inputs where its acceleration peaks, at {where}; {limit.bound:g} "
+        f"smoother inputs where its acceleration peaks, at {where}; {limit.bound:g} "
         f"{limit.unit} are there, so that a move there may take "
         f"{np.sqrt(1.0 - limit.margin / 100.0):.3g} times as long"
     )
@@ -88,7 +99,8 @@ def _torque(check: StandCheck, axis: Axis, k: int) -> list[str]:
     i = int(np.argmax(np.where(over, demand / np.maximum(there, 1e-9), 0.0)))
     w = abs(axis.ratio * check.motion.velocity[i, k]) / (2.0 * np.pi)
     factor = demand[i] / there[i] if there[i] > 0.0 else np.inf
-    text = f"{axis.name}: a motor with {demand[i] * SPARE:.3g} N m at {w:.3g} turns/s"
+    when = "at rest" if w < _STILL else f"at {w:.3g} turns/s"
+    text = f"a motor with {demand[i] * SPARE:.3g} N m {when}"
     if np.isfinite(factor):
         text += f", {factor * SPARE:.3g} times what it has there"
     found = [f"{text} (a tenth to spare)"]
@@ -96,13 +108,13 @@ def _torque(check: StandCheck, axis: Axis, k: int) -> list[str]:
     if good:
         near = min(good, key=lambda s: abs(np.log(s)))
         run = [s for s in good if (s > 1.0) == (near > 1.0)]
-        found.append(f"{axis.name}: {_of_ratio(axis, float(min(run)), float(max(run)))}")
+        found.append("or " + _of_ratio(axis, float(min(run)), float(max(run))))
     else:
-        found.append(f"{axis.name}: no drum, pulley or gear makes this motor suffice")
+        found.append("no drum, pulley or gear makes this motor suffice")
     own = axis.inertia * axis.ratio * np.abs(check.motion.acceleration[:, k])
     if own[i] > _LARGE_SHARE * demand[i]:
         found.append(
-            f"{axis.name}: smoother inputs at {check.motion.t[i]:.2f} s, where "
+            f"smoother inputs at {check.motion.t[i]:.2f} s, where "
             f"{100.0 * own[i] / demand[i]:.0f} % of the torque turn its own rotor and drum"
         )
     return found
@@ -139,7 +151,7 @@ def _catch(check: StandCheck, axis: Axis) -> str:
     worst = min((h for h in check.kicks if h.axis == axis.name), key=lambda h: h.margin)
     n = sum(h.axis == axis.name and h.margin < 0.0 for h in check.kicks)
     return (
-        f"{axis.name}: softer catches of {', '.join(worst.strings)} ({n} are too hard, the worst "
+        f"softer catches of {', '.join(worst.strings)} ({n} are too hard, the worst "
         f"at t = {limit.t:.3f} s), a spring in the string, or a motor that takes "
         f"{-limit.margin + 100.0:.0f} % of this one's impulse"
     )

@@ -24,6 +24,8 @@ _LEAST_GAP = 1e-3
 """Samples of a run nearer than this make no pieces of their own [s]."""
 _COMPARED = 120.0
 """Times per second at which two motions are compared."""
+_SAVED = 500.0
+"""Samples per second of a slower run."""
 _LEAST_STEP = 1e-4
 """Of a run with a fixed step [s]."""
 
@@ -94,9 +96,11 @@ def slowed(check: StandCheck, factor: float) -> Slowed:
     run, marionette = check.run, check.marionette
     x = run.state(0)
     x0 = dataclasses.replace(x, v_D=x.v_D / factor, v_K=x.v_K / factor)
+    end, method = float(run.t[0] + factor * run.duration), _method(run)
+    n = max(2, round(_SAVED * (end - run.t[0])))
     made = simulate(
-        marionette, _started(marionette, x0), inputs_of(run, factor),
-        float(run.t[0] + factor * run.duration), method=_method(run),
+        marionette, _started(marionette, x0), inputs_of(run, factor), end, method=method,
+        save_at=np.linspace(run.t[0], end, n) if method == "event" else None,
     )  # fmt: skip
     apart, body, t, rms = distances(marionette, run, made, factor)
     again = check_stand(check.map.stand, made, marionette)

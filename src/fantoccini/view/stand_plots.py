@@ -140,7 +140,8 @@ def _axis_row(row: Array, check: StandCheck, k: int, theme: Theme) -> None:
         panel.plot(t, np.where(over, values, np.nan), color=RED, linewidth=1.6)
         size = float(np.max(np.abs(values), initial=1e-9))
         if symmetric:
-            most = max(1.15 * size, min(1.1 * float(np.max(above)), 4.0 * size))
+            there = 1.1 * float(np.max(above))
+            most = max(1.15 * size, min(there, 4.0 * size), 0.1 * there)
             panel.set_ylim(-most, most)
         panel.set_xlim(t[0], t[-1])
     row[0].set_ylabel(plain(axis.name, 20), fontsize=8.5, color=theme.ink)
