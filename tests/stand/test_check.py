@@ -121,7 +121,7 @@ def test_the_hump_that_a_catch_must_not_pass(load):
     (axis,) = axes_of(stand("0.4"))
     T, M, caught = 0.4, 0.4 * load, 2e-5
     J = axis.inertia + caught
-    most = taken(axis, M, 0.0, caught)
+    most = float(taken(axis, *(np.array(x) for x in (M, 0.0, caught))))
     rest = -np.arcsin(load) / 50
 
     def escapes(impulse: float) -> bool:

@@ -18,7 +18,7 @@ import numpy as np
 
 from fantoccini.arrays import Array, Times
 from fantoccini.errors import nearest
-from fantoccini.motion import Input, Trajectory
+from fantoccini.motion import Input, Trajectory, interpolate
 from fantoccini.stand.determined import factors, listed
 from fantoccini.stand.motors import Motor, Shaft, Transmission
 from fantoccini.stand.stand_file import AxisFile, Stand
@@ -185,8 +185,12 @@ class AxisMap:
             if times is None:
                 raise ValueError("an input has no samples; needed: times")
             return self.motion(times, *moved.evaluate(times))
-        run = moved if times is None else moved.resample(times)
-        return self.motion(run.t, run.q_K, run.v_K, run.acc_K)
+        samples, table = (moved.q_K, moved.v_K, moved.acc_K), moved.coordinates
+        if times is None:
+            return self.motion(moved.t, *samples)
+        at = interpolate.bracket(moved.t, times, "right")
+        places = table.scalars_K, table.quaternions_K
+        return self.motion(times, *interpolate.motion(moved.t, samples, *places, *at))
 
     def refuse_held(self, t: Times, q_K: Array) -> None:
         """Raises a FileError if motion (T, n_qK) moves what no axis moves."""

@@ -68,22 +68,26 @@ def kicks(
         return ()
     times, impulses = impulses_of(run, marionette)
     pushed = impulses[:, bound.v] @ bound.J
+    lost, strings = np.zeros(len(times)), [dict[str, None]() for _ in times]
+    for event in caught:
+        i = int(np.searchsorted(times, event.t))
+        if i < len(times) and times[i] == event.t:
+            lost[i] += event.impulse * abs(event.speed)
+            strings[i][event.name] = None
+    at = np.minimum(np.searchsorted(motion.t, times), len(motion.t) - 1)
     found = []
-    for i, t in enumerate(times):
-        at = min(int(np.searchsorted(motion.t, t)), len(motion.t) - 1)
-        own = [e for e in caught if e.t == t]
-        lost = sum(e.impulse * abs(e.speed) for e in own)
-        if not own or lost <= 0.0:
-            continue
-        for k, axis in steppers:
-            size = abs(float(pushed[i, k])) / axis.ratio
-            if size > _LEAST:
-                load, w = abs(float(torque[at, k])), motion.velocity[at, k] * axis.ratio
-                most = taken(axis, load, w, size**2 / lost)
-                margin = 100.0 * (1.0 - size / max(most, size / _MOST))
-                strings = tuple(dict.fromkeys(e.name for e in own))
-                found.append(Kick(axis.name, float(t), strings, size, most, margin))
-    return tuple(found)
+    for k, axis in steppers:
+        size = np.abs(pushed[:, k]) / axis.ratio
+        hit = np.flatnonzero((size > _LEAST) & (lost > 0.0))
+        here, own = at[hit], size[hit]
+        w = motion.velocity[here, k] * axis.ratio
+        most = taken(axis, np.abs(torque[here, k]), w, own**2 / lost[hit])
+        margin = 100.0 * (1.0 - own / np.maximum(most, own / _MOST))
+        found += [
+            Kick(axis.name, float(times[i]), tuple(strings[i]), float(x), float(m), float(left))
+            for i, x, m, left in zip(hit, own, most, margin, strict=True)
+        ]
+    return tuple(sorted(found, key=lambda kick: kick.t))
 
 
 def impulses_of(run: Trajectory, marionette: Marionette) -> tuple[Array, Array]:
@@ -109,20 +113,19 @@ def impulses_of(run: Trajectory, marionette: Marionette) -> tuple[Array, Array]:
     return times, np.asarray(pushed - rest)
 
 
-def taken(axis: Axis, load: float, speed: float, caught: float) -> float:
-    """The largest impulse that a stepper takes without losing steps [N m s].
+def taken(axis: Axis, load: Array, speed: Array, caught: Array) -> Array:
+    """(...) largest impulses that a stepper takes without losing steps [N m s].
 
     Args:
         axis: of the stepper.
-        load: of its motor [N m].
-        speed: of its motor [rad/s].
-        caught: inertia of what catches it, at the motor [kg m^2].
+        load: (...) of its motor [N m].
+        speed: (...) of its motor [rad/s].
+        caught: (...) inertia of what catches it, at the motor [kg m^2].
     """
     motor = axis.motor
     assert isinstance(motor, Stepper)
-    most = float(motor.largest(np.array([speed]), np.zeros(1))[0])
-    if load >= most:
-        return 0.0
-    a = np.arcsin(load / most)
+    most = np.maximum(motor.largest(speed, load), 1e-300)
+    a = np.arcsin(np.minimum(load / most, 1.0))
     hump = 4.0 / motor.steps * (2.0 * most * np.cos(a) - load * (np.pi - 2.0 * a))
-    return float(np.sqrt(2.0 * (axis.inertia + caught) * hump))
+    held = np.where(load < most, np.maximum(hump, 0.0), 0.0)
+    return np.asarray(np.sqrt(2.0 * (axis.inertia + caught) * held))

@@ -235,13 +235,14 @@ def between(t: Array, values: Array, times: Array) -> Array:
     out = np.empty((len(times), values.shape[1]))
     impacts = np.flatnonzero(np.diff(t) <= 0.0) + 1
     for first, last in pairwise([0, *impacts, len(t)]):
-        own = slice(first, last)
-        end = np.inf if last == len(t) else t[last]
-        at = (times >= t[first]) & (times < end)
+        own, end = slice(first, last), len(times)
+        if last < len(t):
+            end = int(np.searchsorted(times, t[last]))
+        at = slice(int(np.searchsorted(times, t[first])), end)
         if last - first < _LEAST_SMOOTH:
             for k in range(values.shape[1]):
                 out[at, k] = np.interp(times[at], t[own], values[own, k])
-        elif np.any(at):
+        elif at.stop > at.start:
             out[at] = Akima1DInterpolator(t[own], values[own])(times[at])
     return out
 
