@@ -11,8 +11,8 @@ from tests.stand.hoist import HOIST, lift, stand
 import fantoccini as fan
 from fantoccini.puppets import path
 from fantoccini.stand import check_stand, inputs_of, loads_stand, slowed, slower
-from fantoccini.stand.slower import distances
 from fantoccini.stand.stand_file import STANDS
+from fantoccini.stand.tempo import distances
 
 CONDUCT = path("stand6").parent / "performances" / "conduct.yaml"
 

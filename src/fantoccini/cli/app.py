@@ -28,8 +28,8 @@ Simulate, plan and play marionettes: articulated bodies hung from massless strin
 
 FILE is a puppet file (YAML) or the name of a bundled puppet; `fantoccini info` lists those.
 
-Exit codes: 0 done. 1 the run stopped before its end, or this machine lacks something.
-2 mistakes in files or arguments. 130 stopped with Ctrl-C; results so far are still written.
+Exit codes: 0 done. 1 the run stopped before its end, something cannot be done, or this machine
+lacks something. 2 mistakes in files or arguments. 130 stopped with Ctrl-C; results so far are still written.
 
 Data go to stdout, messages and progress to stderr.
 """

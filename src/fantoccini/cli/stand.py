@@ -16,7 +16,7 @@ from fantoccini.errors import FileError, Mistake
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Trajectory
 from fantoccini.stand import StandCheck, check_stand, load_stand, lost_lines, remedies
-from fantoccini.stand.slower import Slowed, slower as found_slower
+from fantoccini.stand.tempo import Slowed, slower as found_slower
 
 _MAX_NAMED = 12
 """Broken limits that are listed."""
@@ -76,7 +76,7 @@ def _print(found: StandCheck, tempo: tuple[Slowed | None, str] | None) -> None:
         lines.append((axis.name, axis.kind, *cells))
     table("Margins [%]", ("axis", "motor", *(f"{q}>" for q in used)), lines)
     for limit in found.broken[:_MAX_NAMED]:
-        write(f"from t = {limit.broken:.3f} s: {limit} ({-limit.margin:.0f} % over)")
+        write(f"from t = {limit.broken:.3f} s: {limit} ({limit.over} too much)")
     if len(found.broken) > _MAX_NAMED:
         write(f"and {len(found.broken) - _MAX_NAMED} more")
     for line in lost_lines(found):

@@ -2,8 +2,7 @@
 
 from fantoccini.stand.axes import Axis, AxisMap, AxisMotion, axes_of
 from fantoccini.stand.check import QUANTITIES, Limit, StandCheck, check_stand
-from fantoccini.stand.remedies import lost_lines, remedies
-from fantoccini.stand.slower import Slowed, inputs_of, slowed, slower
+from fantoccini.stand.helping import lost_lines, remedies
 from fantoccini.stand.stand_file import (
     Stand,
     is_stand,
@@ -12,6 +11,7 @@ from fantoccini.stand.stand_file import (
     stand_names,
     stand_schema,
 )
+from fantoccini.stand.tempo import Slowed, inputs_of, slowed, slower
 
 __all__ = [
     "QUANTITIES",

@@ -188,9 +188,11 @@ class AxisMap:
         samples, table = (moved.q_K, moved.v_K, moved.acc_K), moved.coordinates
         if times is None:
             return self.motion(moved.t, *samples)
-        at = interpolate.bracket(moved.t, times, "right")
-        places = table.scalars_K, table.quaternions_K
-        return self.motion(times, *interpolate.motion(moved.t, samples, *places, *at))
+        left, right, s = interpolate.bracket(moved.t, times, "right")
+        between = interpolate.motion(
+            moved.t, samples, table.scalars_K, table.quaternions_K, left, right, s
+        )
+        return self.motion(times, *between)
 
     def refuse_held(self, t: Times, q_K: Array) -> None:
         """Raises a FileError if motion (T, n_qK) moves what no axis moves."""

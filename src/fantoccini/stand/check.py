@@ -39,6 +39,9 @@ from which both on peaks may be missed between them."""
 _LEAST_SMOOTH = 3
 """Samples through which a smooth curve goes; a line goes through fewer."""
 
+_MOST = 10.0
+"""Demand over bound that is told at most: a motor beyond its curve has no torque at all."""
+
 QUANTITIES = ("travel", "speed", "acceleration", "step rate", "torque", "catch")
 """What may not be enough, in order."""
 
@@ -71,10 +74,14 @@ class Limit:
         if self.quantity == "travel":
             text = f"{self.axis} is at {self.value:.4g} {self.unit}, its travel ends at "
             return f"{text}{self.bound:.4g}"
-        return (
-            f"{self.axis} needs {self.value:.4g} {self.unit} of {self.quantity}, and has "
-            f"{self.bound:.4g}"
-        )
+        has = f"{self.bound:.4g}" if self.bound > 0.0 else "none at that speed and load"
+        return f"{self.axis} needs {self.value:.4g} {self.unit} of {self.quantity}, and has {has}"
+
+    @property
+    def over(self) -> str:
+        """By how much it is broken at worst."""
+        much = -self.margin >= 100.0 * (_MOST - 1.0)
+        return f"over {_MOST:.0f} times" if much else f"{max(-self.margin, 0.0):.0f} %"
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,8 +164,8 @@ class StandCheck:
             )
         return (
             f"{name} cannot do it: at t = {first.broken:.3f} s the {first.quantity} of "
-            f"{first.axis} is not enough; at worst, at t = {first.t:.3f} s, {first}, "
-            f"{-first.margin:.0f} % too little"
+            f"{first.axis} is not enough; at worst, at t = {first.t:.3f} s, {first} "
+            f"({first.over} too much)"
         )
 
 
@@ -318,10 +325,6 @@ def _rate(axis: str, quantity: str, unit: str, t: Array, demand: Array, bound: A
         axis, quantity, unit, float(demand[i]), float(bound[i]), margin, float(t[i]),
         _first(t, demand > bound * (1.0 + _ROUNDING)),
     )  # fmt: skip
-
-
-_MOST = 10.0
-"""Demand over bound that is told at most: a motor beyond its curve has no torque at all."""
 
 
 def _first(t: Array, broken: Mask) -> float | None:

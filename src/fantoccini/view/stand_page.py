@@ -116,7 +116,7 @@ def _broken(check: StandCheck) -> Table:
     lines = tuple(
         (
             f"{limit.broken:.3f}", limit.axis, limit.quantity, f"{limit.value:.4g}",
-            f"{limit.bound:.4g}", limit.unit, f"{limit.t:.3f}", f"{-limit.margin:.0f} %",
+            f"{limit.bound:.4g}", limit.unit, f"{limit.t:.3f}", limit.over,
         )
         for limit in check.broken[:MAX_NAMED]
     )  # fmt: skip

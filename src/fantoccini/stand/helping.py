@@ -1,7 +1,7 @@
 """What would help a stand that cannot do a run: another ratio, another motor, smoother inputs.
 
 All of it is computed for the motion as it is. Only a slower tempo changes the motion, which is
-simulated again (:mod:`fantoccini.stand.slower`).
+simulated again (:mod:`fantoccini.stand.tempo`).
 """
 
 from __future__ import annotations
