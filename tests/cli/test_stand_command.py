@@ -66,6 +66,9 @@ def test_wrong_arguments(files):
         "winch.moves.line.length: line.length is not a driven": (
             files / "good.yaml", _other(files),
         ),
+        "arm2d has other coordinates than the run": (
+            files / "good.yaml", files / "run.npz", "--puppet", "arm2d",
+        ),
         "allowed: .html": (files / "good.yaml", files / "run.npz", "--report", files / "page.pdf"),
     }  # fmt: skip
     for words, arguments in wrong.items():

@@ -29,7 +29,8 @@ Simulate, plan and play marionettes: articulated bodies hung from massless strin
 FILE is a puppet file (YAML) or the name of a bundled puppet; `fantoccini info` lists those.
 
 Exit codes: 0 done. 1 the run stopped before its end, something cannot be done, or this machine
-lacks something. 2 mistakes in files or arguments. 130 stopped with Ctrl-C; results so far are still written.
+lacks something. 2 mistakes in files or arguments. 130 stopped with Ctrl-C; results so far are
+still written.
 
 Data go to stdout, messages and progress to stderr.
 """
@@ -308,7 +309,7 @@ def stand_check(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="Run or recording (.npz).")],
     puppet: Annotated[
         str | None,
-        typer.Option(metavar="FILE", help="The run's puppet, if other numbers than its own count."),
+        typer.Option(metavar="FILE", help="The run's puppet, where the run does not say."),
     ] = None,
     report: Annotated[
         Path | None, typer.Option(metavar="PATH", help="Write a page with plots (.html).")

@@ -9,7 +9,7 @@ from typing import Any
 
 import typer
 
-from fantoccini.cli.files import check_output, marionette
+from fantoccini.cli.files import check_output, fail, marionette
 from fantoccini.cli.guard import FAILED
 from fantoccini.cli.terminal import Steps, table, write
 from fantoccini.errors import FileError, Mistake
@@ -60,7 +60,10 @@ def _motion(path: Path, puppet: str | None, steps: Steps) -> tuple[Marionette, T
         return recording.marionette, recording.trajectory
     run = Trajectory.load(path)
     if puppet is not None:
-        return marionette(puppet, steps.step), run
+        made, table = marionette(puppet, steps.step), run.coordinates
+        if (made.coordinates.q_D, made.coordinates.v_K) != (table.q_D, table.v_K):
+            fail(f"{puppet} has other coordinates than the run", "--puppet")
+        return made, run
     if run.puppet is None:
         text = "the run does not say what its puppet is; needed: --puppet FILE"
         raise FileError([Mistake(str(path), None, "", text)])

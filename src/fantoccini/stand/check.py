@@ -24,6 +24,7 @@ from fantoccini.arrays import Array, Mask
 from fantoccini.errors import Status
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Columns, Trajectory
+from fantoccini.simulation.contact_effort import contact_effort
 from fantoccini.stand.axes import Axis, AxisMap, AxisMotion
 from fantoccini.stand.catches import Kick, kicks
 from fantoccini.stand.losing import LostSteps, lost_steps
@@ -181,7 +182,7 @@ def check_stand(
 
     Raises:
         FileError: the stand is not one for this puppet, or moves what this run moves otherwise.
-        ValueError: the run does not say what its puppet is, and none is given.
+        ValueError: the run does not say what its puppet is, and none is given; or it is another.
     """
     if not isinstance(stand, Stand):
         stand = load_stand(stand)
@@ -189,6 +190,10 @@ def check_stand(
         if run.puppet is None:
             raise ValueError("the run does not say what moved; needed: its marionette")
         marionette = Marionette(run.puppet)
+    elif (marionette.coordinates.q_D, marionette.coordinates.v_K) != (
+        run.coordinates.q_D, run.coordinates.v_K
+    ):  # fmt: skip
+        raise ValueError(f"the run is not one of {marionette.name}: it has other coordinates")
     bound = AxisMap.of(stand, run.coordinates)
     bound.motion_of(run)  # refuses what the stand's axes do not move
     if run.effort is None:
@@ -259,6 +264,8 @@ def with_effort(run: Trajectory, marionette: Marionette) -> Trajectory:
     force = marionette.effort(
         run.q_D, run.v_D, run.q_K, run.v_K, run.acc_D, run.acc_K, run.tension.values
     )
+    if run.contact is not None:
+        force = force + contact_effort(marionette.model, run.contact, run.q_D, run.q_K)
     columns = Columns(run.coordinates.v_K, force, "driven velocity")
     return dataclasses.replace(run, effort=columns)
 
