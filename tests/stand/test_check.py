@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.integrate
+import scipy.optimize
 from tests.stand.hoist import HOIST, LIFT, MASS, RADIUS, ROTOR, STAND, lift, stand
 
 import fantoccini as fan
@@ -132,6 +133,32 @@ def test_the_hump_that_a_catch_must_not_pass(load):
         return bool(np.min(found.y[0]) < rest - 2 * np.pi / 50)
 
     assert not escapes(0.995 * most) and escapes(1.005 * most)
+
+
+@pytest.mark.parametrize("height", [0.005, 0.01])
+def test_a_simulated_stepper_takes_the_catches_that_the_check_says(hoist, height):
+    """A bob falls into its string, whose winch is a rotor on a simulated stepper motor."""
+    slack = replace(hoist.rest({"line.length": 0.8}), taut=np.array([False]))
+    run = fan.simulate(hoist, replace(slack, q_D=slack.q_D + height), t_end=0.4)
+
+    def margin(torque: float) -> float:
+        return check_stand(stand(f"{torque}"), run, hoist).of("winch")["catch"].margin
+
+    torque = scipy.optimize.brentq(margin, 0.05, 5.0, xtol=1e-4)
+    real = fan.loads(
+        HOIST + f"drives: [{{on: line.length, inertia: {ROTOR}, drum: {RADIUS}, "
+        "motor: {type: stepper, torque: {parameter: torque, value: 0.1}, microsteps: 1600}}]"
+    )
+    state = {"bob.z": 0.2 + height, "line.length": 0.8, "line.command.length": 0.8}
+
+    def keeps(torque: float) -> bool:
+        made = real.with_parameters({"torque": torque})
+        run = fan.simulate(
+            made, made.state(state), t_end=0.2, method=fan.TimeStepping(dt=2e-5), throw=False
+        )
+        return run.status is fan.Status.DONE
+
+    assert keeps(1.05 * torque) and not keeps(0.95 * torque)
 
 
 def test_steps_lost_under_a_constant_load():
