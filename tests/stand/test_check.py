@@ -102,7 +102,7 @@ def test_power_goes_into_the_puppet_the_rotors_and_friction(conducted):
     caught = float(np.sum(run.v_K[at] * impulses))
     work = scipy.integrate.trapezoid(arrives, t) + caught
     exchanged = scipy.integrate.trapezoid(np.abs(arrives), t)
-    assert work == pytest.approx(run.ledger["work"][-1], abs=0.01 * exchanged)
+    assert work == pytest.approx(run.ledger["work"][-1], abs=2e-3 * exchanged)
     assert abs(caught) > 1e-4 * exchanged
 
 
