@@ -41,6 +41,7 @@ PACKAGES = {
     "perform": "The live engine: targets of hands become inputs in real time; recordings.",
     "exchange": "Translates puppets to MuJoCo's format and simulates them there.",
     "planning": "Searches for inputs that reach a goal, improves them, follows them with LQR.",
+    "stand": "Stands: files, axes bound to driven coordinates, and whether they can do a run.",
     "view": "Pictures, plots and films without a display.",
     "animation": "Motions as animations for other programs: glTF, OpenUSD.",
     "web": "The page in the browser: live play, replay, plans, one-file export.",

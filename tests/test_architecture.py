@@ -55,6 +55,7 @@ ORDER = (
     "perform",
     "exchange",  # plans are verified in what it makes of a puppet
     "planning",
+    "stand",
     "view",
     "animation",
     "web",

@@ -20,6 +20,7 @@ from fantoccini import puppet, scene
 from fantoccini.puppet import Puppet
 from fantoccini.puppet.yaml_text import read_text
 from fantoccini.retarget import load_mapping
+from fantoccini.stand import AxisMap
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -68,6 +69,10 @@ def test_the_files_of_a_page_are_read_and_run(page, folder):
         elif re.search("^mapping:", block, flags=re.MULTILINE):
             (folder / title[1]).write_text(block, encoding="utf-8")
             assert load_mapping(folder / title[1]).joints
+        elif re.search("^stand:", block, flags=re.MULTILINE):
+            (folder / title[1]).write_text(block, encoding="utf-8")
+            stand = fan.load_stand(folder / title[1])
+            assert AxisMap.of(stand, fan.load(stand.puppet_path).coordinates).axes
         elif re.search("^problem:", block, flags=re.MULTILINE):
             (folder / title[1]).write_text(block, encoding="utf-8")
             assert fan.solve(fan.load_problem(folder / title[1]), seed=0)

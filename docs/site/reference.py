@@ -20,6 +20,7 @@ TITLES = {
     "plays": "Plays",
     "perform": "Live performance",
     "planning": "Planning",
+    "stand": "Stands",
     "sweeps": "Sweeps",
     "reduction": "Validation of the mixed model",
     "view": "Pictures and films",

@@ -140,6 +140,13 @@ from .simulation import (
     simulate as simulate,
     simulate_batch as simulate_batch,
 )
+from .stand import (
+    Stand as Stand,
+    StandCheck as StandCheck,
+    check_stand as check_stand,
+    load_stand as load_stand,
+    stand_schema as stand_schema,
+)
 from .sweeps import (
     Case as Case,
     SweepResult as SweepResult,

@@ -21,8 +21,10 @@ ROOT = Path(__file__).resolve().parents[2]
 
 COMMANDS = (
     "check", "schema", "info", "equations", "export", "simulate", "plan", "optimise", "follow",
-    "play", "show", "perform", "take", "validate-reduction", "demo", "doctor",
+    "play", "show", "perform", "take", "validate-reduction", "stand", "demo", "doctor",
 )  # fmt: skip
+PARTS = ("stand check",)
+"""Commands of groups."""
 
 
 def test_help_names_every_command_and_the_exit_codes() -> None:
@@ -35,9 +37,9 @@ def test_help_names_every_command_and_the_exit_codes() -> None:
 
 def test_the_documentation_names_every_option() -> None:
     text = (ROOT / "docs" / "cli.md").read_text(encoding="utf-8")
-    for command in COMMANDS:
+    for command in (*COMMANDS, *PARTS):
         assert f"fantoccini {command}" in text
-        for word in fantoccini(command, "--help").stdout.split():
+        for word in fantoccini(*command.split(), "--help").stdout.split():
             if word.startswith("--") and word.strip(",") != "--help":
                 assert word.strip(",") in text, (command, word)
 

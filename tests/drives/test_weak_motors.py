@@ -34,6 +34,11 @@ LOAD = 0.3 * 9.81 * 0.01
 """What the bob asks of the motor at rest [N m]."""
 TOLD = 0.01 * 2 * np.pi / 3200 * 25465
 """A length that is a whole number of microsteps, near 0.5 m."""
+SOFT = """\
+    motor: {type: servo, torque: 0.05}
+    control: {type: pd, stiffness: 0.01, damping: 0.001}
+"""
+SOFT_WITHOUT_MOTOR = "    control: {type: pd, stiffness: 0.01, damping: 0.001}\n"
 METHODS = ("event", "timestepping", "variational")
 
 
@@ -211,3 +216,33 @@ def test_a_performance_tells_the_hand(stepped):
     take = live.stop()
     assert take.trajectory.status is take.replay().status is Status.LOST_STEPS
     assert take.duration == pytest.approx(0.1, abs=0.01)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("soft", [SOFT, SOFT_WITHOUT_MOTOR])
+def test_a_controller_that_asks_for_too_little_runs_away(soft, method, capsys):
+    """It let the puppet fall for ever, its motor not at its bound, and the run ended DONE."""
+    hoist = fan.loads(HOIST + soft)
+    x0 = hoist.project(hoist.state({"line.length": 0.5}))
+    with pytest.raises(SimulationError, match=r"controller asks for too little") as found:
+        fan.simulate(hoist, x0, t_end=5.0, method=fine(method))
+    run = found.value.trajectory
+    (event,) = [e for e in run.events if e.kind == "runaway"]
+    # 1 m below all commands, with next to no force: s = a t^2 / 2.
+    fall = 0.3 * 9.81 / (0.3 + 1e-5 / 0.01**2)
+    there = np.sqrt(2.0 / fall)
+    # At the end of a step, which is long where `event` chooses it.
+    late = 1.2 if method == "event" else 1.02  # with friction
+    assert there * (1 - 1e-3) < event.t < there * late
+    assert run.status is Status.RUNAWAY and run.blamed == ("line.length",) and run.t[-1] < 1.0
+    report(run, 1.0)
+    assert "reached its end" not in capsys.readouterr().out
+
+
+def test_a_rotor_without_control_that_turns_is_told(capsys):
+    """It has no command to run away from, but nobody is left to believe that it held."""
+    hoist = fan.loads(HOIST)
+    x0 = hoist.project(hoist.state({"line.length": 0.5}))
+    run = fan.simulate(hoist, x0, t_end=2.0, method="timestepping")
+    report(run, 1.0)
+    assert "line.length has no control: its rotor turned freely" in capsys.readouterr().out

@@ -28,8 +28,9 @@ Simulate, plan and play marionettes: articulated bodies hung from massless strin
 
 FILE is a puppet file (YAML) or the name of a bundled puppet; `fantoccini info` lists those.
 
-Exit codes: 0 done. 1 the run stopped before its end, or this machine lacks something.
-2 mistakes in files or arguments. 130 stopped with Ctrl-C; results so far are still written.
+Exit codes: 0 done. 1 the run stopped before its end, something cannot be done, or this machine
+lacks something. 2 mistakes in files or arguments. 130 stopped with Ctrl-C; results so far are
+still written.
 
 Data go to stdout, messages and progress to stderr.
 """
@@ -72,7 +73,8 @@ def _top(
 @app.command()
 def check(
     files: Annotated[
-        list[str], typer.Argument(metavar="FILE...", help="Puppet files, plays, or bundled names.")
+        list[str],
+        typer.Argument(metavar="FILE...", help="Puppet files, plays, stands, or bundled names."),
     ],
     inputs: Annotated[
         list[Path] | None,
@@ -80,7 +82,7 @@ def check(
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Check puppet files and plays, and list every mistake."""
+    """Check puppet files, plays and stands, and list every mistake."""
     from fantoccini.cli.check import check_files
 
     check_files(files, inputs or [], quiet)
@@ -101,6 +103,7 @@ def schema(
     from fantoccini.puppet import json_schema
     from fantoccini.retarget import mapping_schema
     from fantoccini.scene import json_schema as scene_schema
+    from fantoccini.stand import stand_schema
 
     schemas = {
         SchemaOf.PUPPET: json_schema,
@@ -112,6 +115,7 @@ def schema(
         SchemaOf.PROBLEM: problem_schema,
         SchemaOf.TASK: task_schema,
         SchemaOf.MAPPING: mapping_schema,
+        SchemaOf.STAND: stand_schema,
     }
     typer.echo(json.dumps(schemas[of](), indent=2))
 
@@ -306,6 +310,42 @@ def validate_reduction(
     from fantoccini.cli.reduction import validate_file
 
     validate_file(file, inputs, out, quiet)
+
+
+stand_app = typer.Typer(
+    help="Stands: whether they can do a run.", no_args_is_help=True, rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)  # fmt: skip
+app.add_typer(stand_app, name="stand")
+
+
+@stand_app.command("check")
+def stand_check(
+    stand: Annotated[
+        str, typer.Argument(metavar="STAND", help="Stand file, or name of a bundled stand.")
+    ],
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="Run or recording (.npz).")],
+    puppet: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="The run's puppet, where the run does not say."),
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option(metavar="PATH", help="Write a page with plots (.html).")
+    ] = None,
+    slower: Annotated[
+        bool,
+        typer.Option(help="Where it cannot, simulate the run again at slower tempos."),
+    ] = True,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Tell whether a stand can do a run: margins of every axis, what breaks, what would help.
+
+    Exits with 1 if it cannot.
+    """
+    from fantoccini.cli.stand import check_run
+
+    check_run(stand, run, puppet, report, slower, as_json, quiet)
 
 
 @app.command()

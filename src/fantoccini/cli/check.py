@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+import numpy as np
 import typer
 
 from fantoccini.cli.files import fail, marionette
@@ -16,14 +17,18 @@ from fantoccini.cli.warn import inputs_warnings, puppet_warnings
 from fantoccini.errors import FileError, Mistake
 from fantoccini.marionette import Marionette, check_mass_matrix
 from fantoccini.plays import is_play, play_names
+from fantoccini.stand import AxisMap, is_stand, load_stand, stand_names
 from fantoccini.tree import measure
+
+_RATE = 200.0
+"""Times per second at which inputs are looked at."""
 
 
 def check_files(files: list[str], inputs: list[Path], quiet: bool) -> None:
-    """Checks plays, and puppets with, against each of them, inputs.
+    """Checks plays and stands, and puppets with, against each of them, inputs.
 
     Args:
-        files: FILE arguments: puppets and plays.
+        files: FILE arguments: puppets, plays and stands.
         inputs: inputs files.
         quiet: print nothing about files without mistakes.
     """
@@ -31,6 +36,9 @@ def check_files(files: list[str], inputs: list[Path], quiet: bool) -> None:
     for file in files:
         if is_play(file) or (file in play_names() and not Path(file).exists()):
             clean &= _play(file, inputs, quiet)
+            continue
+        if is_stand(file) or (file in stand_names() and not Path(file).exists()):
+            clean &= _stand(file, inputs, quiet)
             continue
         made = _puppet(file)
         clean &= made is not None
@@ -71,6 +79,41 @@ def _play(file: str, inputs: list[Path], quiet: bool) -> bool:
         return False
     if not quiet:
         write(f"{file}: no mistakes; {found}; `fantoccini play` tells whether it can be done")
+    return True
+
+
+def _stand(file: str, inputs: list[Path], quiet: bool) -> bool:
+    """A stand by itself, bound to its puppet, and with every inputs file."""
+    try:
+        stand = load_stand(file)
+        path = stand.puppet_path
+        made = None if path is None else marionette(str(path))
+        bound = None if made is None else AxisMap.of(stand, made.coordinates)
+    except FileError as error:
+        _list(error.mistakes)
+        return False
+    if not quiet:
+        of = "no puppet named" if made is None else f"moves {made.name}"
+        held = "" if bound is None or not bound.held else f", {len(bound.held)} coordinates held"
+        write(f"{file}: no mistakes; {len(stand.file.axes)} axes, {of}{held}")
+    clean = True
+    for given in inputs:
+        if made is None or bound is None:
+            fail(f"{file} names no puppet, which inputs need", "--inputs")
+        clean &= _inputs(made, given, quiet) and _moved(bound, made, given)
+    return clean
+
+
+def _moved(bound: AxisMap, made: Marionette, path: Path) -> bool:
+    """Whether a stand moves what inputs move."""
+    given = motion(made, path).inputs
+    times = np.linspace(given.start, given.end, max(2, round(_RATE * given.duration)))
+    q_K = np.nan_to_num(given.evaluate(times)[0])
+    try:
+        bound.refuse_held(times, q_K)
+    except FileError as error:
+        _list(error.mistakes)
+        return False
     return True
 
 

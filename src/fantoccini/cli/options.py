@@ -11,8 +11,11 @@ import typer
 
 SchemaOf = enum.StrEnum(
     "SchemaOf",
-    ["PUPPET", "SCENE", "INPUTS", "GESTURE", "SCORE", "PLAY", "PROBLEM", "TASK", "MAPPING"],
-)
+    [
+        "PUPPET", "SCENE", "INPUTS", "GESTURE", "SCORE", "PLAY", "PROBLEM", "TASK", "MAPPING",
+        "STAND",
+    ],
+)  # fmt: skip
 Planner = enum.StrEnum("Planner", {"EXPLORE": "explore", "EST2007": "est-2007"})
 Objective = enum.StrEnum("Objective", ["GENTLE", "TIME", "ACCELERATION"])
 Theme = enum.StrEnum("Theme", ["LIGHT", "DARK"])

@@ -9,6 +9,9 @@ import numpy as np
 from fantoccini.cli.terminal import number, table, write
 from fantoccini.motion import EventKind, Trajectory
 
+_FAR = 1.0
+"""Way of a rotor that is told [m or rad]."""
+
 
 def report(run: Trajectory, seconds: float) -> None:
     """Prints the summary of a run, which took ``seconds`` to compute."""
@@ -48,6 +51,8 @@ def report(run: Trajectory, seconds: float) -> None:
         did = "ran away" if drive.ran_away else f"lost steps {drive.lost_steps} times"
         off = "" if drive.error is None else f", {abs(drive.error):.3g} (m, rad) off at the end"
         write(f"{name} {did} from t = {drive.since:.6g} s on{off}")
+    for name, way in _turned_freely(run):
+        write(f"{name} has no control: its rotor turned freely, by {way:.3g} (m, rad)")
     if run.violation is not None:
         worst = float(np.max(run.violation.values, initial=0.0))
         write(f"largest violation of strings and limits: {worst:.2g} (m, rad)")
@@ -56,6 +61,19 @@ def report(run: Trajectory, seconds: float) -> None:
         f"{run.duration:.6g} s of motion in {seconds:.3g} s, {speed:.3g} times real time "
         f"(method {run.method}, {len(run)} samples): {run.status.message}"
     )
+
+
+def _turned_freely(run: Trajectory) -> list[tuple[str, float]]:
+    """The drives without control that went farther than one that runs away."""
+    drives = () if run.puppet is None else run.puppet.drives
+    free = [name for drive in drives if not drive.follows for name in drive.on]
+    table, found = run.coordinates, []
+    for name in free:
+        if name in table.q_D:
+            way = float(np.ptp(run.q_D[:, table.q_D.index(name)]))
+            if way > _FAR:
+                found.append((name, way))
+    return found
 
 
 def longest_slack(run: Trajectory, string: str) -> float:

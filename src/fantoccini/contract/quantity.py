@@ -19,7 +19,7 @@ SIZES: dict[str, str] = {
     "n_links": "links",
     "n_points": "points of all strings",
     "n_motors": "velocities that motors move",
-    "n_watched": "drives whose motor may be too weak",
+    "n_watched": "drives that may be too weak for their command",
     "n_contacts": "contact points that a step has room for; 0 without contact",
     "n_solids": "solids of the links, where they may touch; else 0",
     "n_packed": "numbers of the factor M = F^T F",

@@ -53,7 +53,8 @@ def touches(cast: Cast, run: Trajectory, meetings: Sequence[Meeting] = ()) -> li
 
     Bodies of different players, props and obstacles keep clear of one another, but for what a cue
     lets touch, and then only while it does; strings keep clear of all of them. Who handles a prop,
-    and the prop, only need not touch otherwise. The floor is only not to be passed. Strings of one player only do not cross.
+    and the prop, only need not touch otherwise. The floor is only not to be passed. Strings of one
+    player only do not cross.
 
     Args:
         cast: of the play.

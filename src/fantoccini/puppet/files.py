@@ -62,7 +62,8 @@ def described_schema(model: type[BaseModel], title: str) -> dict[str, Any]:
     schema = model.model_json_schema(by_alias=True)
     for part in schema["$defs"].values():
         if "const" in part.get("properties", {}).get("type", {}):
-            part["required"] = ["type", *part.get("required", [])]  # a file always names the shape
+            # A file always names the shape.
+            part["required"] = list(dict.fromkeys(["type", *part.get("required", [])]))
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **schema,

@@ -34,13 +34,19 @@ def weak_motors(marionette: Marionette, run: Trajectory) -> str:
         where = "" if off is None else f", {abs(off):.3g} {unit} off at the end"
         force = "N" if _moves(row) and row.drive.drum is None else "N m"
         has = _max_torque(marionette, row)
-        need = f"its load takes {load:.3g} {force} to follow the command, its motor has {has:.3g}"
-        if load <= has:
-            need += " and gives way to catches and accelerations"
+        need = f"its load takes {load:.3g} {force} to follow the command, "
+        if row.drive.motor is None:
+            need += "and its controller asks for too little"
+        elif load > has:
+            need += f"its motor has {has:.3g}"
+        else:
+            need += f"its motor has {has:.3g} and gives way to catches and accelerations"
+            if not row.steps:
+                need += ", or its controller asks for too little"
         texts.append(f"{name} {did} from t = {overload.since:.6g} s on{where}: {need}")
     if len(rows) > MAX_NAMED:
         texts.append(f"{len(rows) - MAX_NAMED} more")
-    advice = "give them stronger motors or more gear, or inputs that ask for less"
+    advice = "give them stronger motors, more gear or stiffer control, or ask less of them"
     return "".join(f"; {text}" for text in texts) + f"; {advice}"
 
 

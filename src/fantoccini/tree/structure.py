@@ -348,8 +348,8 @@ class Tree:
 
     @property
     def watched(self) -> tuple[DriveRow, ...]:
-        """Drives whose motor may be too weak to follow the command."""
-        return tuple(d for d in self.drives if d.command and d.drive.motor is not None)
+        """Drives whose motor or controller may be too weak to follow the command."""
+        return tuple(d for d in self.drives if d.command)
 
     @cached_property
     def blamable(self) -> tuple[str, ...]:

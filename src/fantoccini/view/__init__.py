@@ -1,8 +1,9 @@
 """Pictures and film of a motion, without a GPU or a display.
 
 ``strip`` writes a row of poses, ``draw`` one state, ``plot`` the run against time, ``film`` an mp4
-or a gif, ``play_report`` the page of a verified play. matplotlib and ffmpeg are loaded by the first
-call, not by importing this package; pyvista only where ``renderer="pyvista"`` asks for it.
+or a gif, ``play_report`` the page of a verified play, ``stand_report`` that of a stand's check.
+matplotlib and ffmpeg are loaded by the first call, not by importing this package; pyvista only
+where ``renderer="pyvista"`` asks for it.
 """
 
 from fantoccini.view.films import FilmError, film
@@ -11,6 +12,7 @@ from fantoccini.view.pictures import draw, pose_times, strip
 from fantoccini.view.plans import plan_picture
 from fantoccini.view.play_page import play_report
 from fantoccini.view.plots import plot
+from fantoccini.view.stand_page import stand_report
 from fantoccini.view.stills import AUDIENCE
 from fantoccini.view.studio import RENDERERS
 from fantoccini.view.theme import DARK, LIGHT, Theme
@@ -29,5 +31,6 @@ __all__ = [
     "play_report",
     "plot",
     "pose_times",
+    "stand_report",
     "strip",
 ]

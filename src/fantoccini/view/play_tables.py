@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from html import escape
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,45 +9,10 @@ import numpy as np
 from fantoccini.motion import EventKind
 from fantoccini.plays import clearances
 from fantoccini.tree import measure
+from fantoccini.view.pages import Table
 
 if TYPE_CHECKING:
     from fantoccini.plays import CueOfPlay, Verification
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table of a page.
-
-    Attributes:
-        header: of the columns; those that end in ``>`` are set flush right.
-        lines: cells as plain text.
-        wrong: indices of lines that say what does not hold.
-    """
-
-    header: tuple[str, ...]
-    lines: tuple[tuple[str, ...], ...]
-    wrong: frozenset[int] = frozenset()
-
-    def html(self) -> str:
-        """The table; names are escaped."""
-        right = [heading.endswith(">") for heading in self.header]
-        head = _row("th", [heading.rstrip(">") for heading in self.header], right)
-        body = "\n".join(
-            _row("td", line, right, "wrong" if i in self.wrong else "")
-            for i, line in enumerate(self.lines)
-        )
-        return (
-            f'<div class="wide"><table>\n<thead>{head}</thead>\n<tbody>\n{body}\n</tbody>\n'
-            "</table></div>"
-        )
-
-
-def _row(tag: str, cells: Iterable[str], right: Sequence[bool], kind: str = "") -> str:
-    made = "".join(
-        f'<{tag} class="r">{escape(cell)}</{tag}>' if flush else f"<{tag}>{escape(cell)}</{tag}>"
-        for cell, flush in zip(cells, right, strict=True)
-    )
-    return f'<tr class="{kind}">{made}</tr>' if kind else f"<tr>{made}</tr>"
 
 
 def cast_table(verification: Verification) -> Table:

@@ -3,7 +3,8 @@
 //   a stepper loses a step where it lags by more than half a period of its torque behind the tooth
 //   that it holds: beyond that, the torque turns it to the next one;
 //   a drive runs away where it is farther than runaway_distance outside of all commands since the
-//   run began, with its motor out of step or at its bound; beyond gone_distance the run ends.
+//   run began, with its motor out of step or at its bound; beyond gone_distance it runs away
+//   whatever its motor could still exert, and the run ends.
 //
 // Written for any Real.
 #pragma once
@@ -85,8 +86,9 @@ struct MotorWatch {
     }
     for (int d = 0; d < D; ++d) {
       const Mask weak = Model::watched_steps[d] ? lost_[d] : share[d] < Real(Tolerance::saturated_share);
-      const Mask away = strays[d] && weak;
-      gone = gone || (away && beyond[d] > Real(Tolerance::gone_distance[Model::watched_turns[d]]));
+      const Mask far = beyond[d] > Real(Tolerance::gone_distance[Model::watched_turns[d]]);
+      const Mask away = strays[d] && (weak || far);
+      gone = gone || (away && far);
       strays[d] = away && !astray_[d];
       astray_[d] = astray_[d] || away;
     }

@@ -1,0 +1,36 @@
+"""Will this stand do it? The paper's six winches, with motors that are strong enough and too weak.
+
+The puppet conducts. A check says how much of every motor is left, and which one loses steps first;
+for the weak ones it computes what would help and simulates a slower tempo, at which the puppet
+moves otherwise. Writes out/strong.html and out/weak.html.
+"""
+
+from pathlib import Path
+
+import fantoccini as fan
+from fantoccini import view
+from fantoccini.stand import loads_stand, lost_lines, remedies, slower
+from fantoccini.stand.stand_file import STANDS
+
+out = Path("out")
+out.mkdir(exist_ok=True)
+
+puppet = fan.puppets.stand6()
+moves = fan.puppets.path("stand6").parent / "performances" / "conduct.yaml"
+run = fan.simulate(puppet, puppet.rest(), fan.Input.load(puppet, moves), 5.0)
+
+strong = fan.check_stand("six_winches", run, puppet)
+print(strong.summary())
+view.stand_report(strong, out / "strong.html")
+
+# The same stand with motors that are strong and slow, as on a supply of 12 V.
+text = (STANDS / "six_winches.yaml").read_text(encoding="utf-8")
+text = text.replace("[[0, 0.88], [11, 0.88], [16, 0.60], [22, 0.44], [33, 0.29]]",
+                    "[[0, 0.50], [1, 0.42], [3, 0.10], [4, 0.015]]")  # fmt: skip
+weak = fan.check_stand(loads_stand(text), run, puppet)
+print(weak.summary())
+for line in (*lost_lines(weak), *remedies(weak)):
+    print(line)
+found = slower(weak)
+print("slower:", found[1])
+view.stand_report(weak, out / "weak.html", found)

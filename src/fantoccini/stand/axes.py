@@ -1,0 +1,266 @@
+"""Axes of a stand bound to a puppet: the linear map from axis positions to driven coordinates.
+
+    q_K = zero + J p,   v_K = J pdot,   acc_K = J pddot,   F = J^T f_K
+
+p are the positions of the axes, J their factors, f_K the forces on the driven coordinates (virtual
+work). J has full column rank, so that p follows from q_K; with more coordinates than axes, what
+q_K leaves over is not zero where a motion asks for what the stand cannot do.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from fantoccini.arrays import Array, Times
+from fantoccini.errors import nearest
+from fantoccini.motion import Input, Trajectory, interpolate
+from fantoccini.stand.determined import factors, listed
+from fantoccini.stand.motors import Motor, Shaft, Transmission
+from fantoccini.stand.stand_file import AxisFile, Stand
+from fantoccini.tree import CoordinateTable
+
+MAX_COUPLED = 1e-4
+"""By how much coordinates may leave what coupled axes can do [m or rad]."""
+MAX_HELD = 1e-6
+"""By how much a coordinate that no axis moves may change [m or rad]."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """An axis of a stand.
+
+    Attributes:
+        name: of the axis.
+        motor, transmission: as written.
+        file: what the file says of it.
+    """
+
+    name: str
+    motor: Motor
+    transmission: Transmission
+    file: AxisFile
+
+    @property
+    def unit(self) -> str:
+        """Of its position: m or rad."""
+        return "rad" if isinstance(self.transmission, Shaft) else "m"
+
+    @property
+    def kind(self) -> str:
+        """stepper, dc or servo."""
+        return self.motor.type
+
+    @property
+    def ratio(self) -> float:
+        """n > 0: angle of the motor per position [rad/m or 1]."""
+        return 2.0 * math.pi * self.file.gear / self.transmission.way
+
+    @property
+    def inertia(self) -> float:
+        """J: at the motor, of rotor, transmission and what moves along [kg m^2]."""
+        shared = self.transmission.inertia / self.file.gear**2 + self.file.mass / self.ratio**2
+        return self.motor.inertia + shared
+
+    @property
+    def travel(self) -> tuple[float, float]:
+        """Lowest and highest position [m or rad]."""
+        assert self.file.travel is not None
+        return self.file.travel
+
+    @property
+    def counts(self) -> float:
+        """Microsteps, or counts of the encoder, per position [1/m or 1/rad]."""
+        return self.motor.counts * self.ratio / (2.0 * math.pi)
+
+    def count(self, position: Array) -> Array:
+        """(...) whole microsteps or counts at positions (...), with the motor's direction."""
+        return np.asarray(self.direction * np.rint(position * self.counts))
+
+    @property
+    def direction(self) -> int:
+        """1, or -1 where the motor turns backwards."""
+        return -1 if self.file.reversed else 1
+
+
+@dataclass(frozen=True, eq=False)
+class AxisMotion:
+    """Positions of all axes over time; T samples, n axes.
+
+    Attributes:
+        axes: the axes.
+        t: (T,) times [s].
+        position, velocity, acceleration: (T, n) [m or rad, per s, per s^2].
+    """
+
+    axes: tuple[Axis, ...]
+    t: Times
+    position: Array
+    velocity: Array
+    acceleration: Array
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def of(self, name: str) -> tuple[Array, Array, Array]:
+        """(T,) position, velocity and acceleration of an axis."""
+        k = [axis.name for axis in self.axes].index(name)
+        return self.position[:, k], self.velocity[:, k], self.acceleration[:, k]
+
+
+@dataclass(frozen=True, eq=False)
+class AxisMap:
+    """The axes of a stand, and the driven coordinates that they move.
+
+    Attributes:
+        stand: the stand.
+        axes: n axes, in the file's order.
+        names: m driven coordinates that they move.
+        held: driven coordinates that nothing moves.
+        q, v: (m,) places of the moved ones in q_K and v_K.
+        held_q: places of the held ones in q_K.
+        J: (m, n) factors.
+        zero: (m,) values where all axes are at 0 [m or rad].
+    """
+
+    stand: Stand
+    axes: tuple[Axis, ...]
+    names: tuple[str, ...]
+    held: tuple[str, ...]
+    q: Array
+    v: Array
+    held_q: Array
+    J: Array
+    zero: Array
+
+    @classmethod
+    def of(cls, stand: Stand, table: CoordinateTable) -> AxisMap:
+        """Binds a stand to the driven coordinates of a puppet.
+
+        Raises:
+            FileError: a coordinate is not driven, or axes are not determined by coordinates.
+        """
+        places = {table.v_K[v]: (q, v) for q, v in table.scalars_K}
+        found: list[tuple[tuple[str | int, ...], str]] = []
+        for axis, file in stand.file.axes.items():
+            for name in file.moves:
+                if name not in places:
+                    text = _not_driven(name, table, places)
+                    found.append((("axes", axis, "moves", name), text))
+        stand.refuse(found)
+        names, J = factors({name: axis.moves for name, axis in stand.file.axes.items()})
+        held = [name for name in table.q_K if name not in names]
+        return cls(
+            stand, axes_of(stand), names, tuple(held),
+            np.array([places[n][0] for n in names], dtype=np.intp),
+            np.array([places[n][1] for n in names], dtype=np.intp),
+            np.array([table.q_K.index(n) for n in held], dtype=np.intp),
+            J, np.array([stand.file.zero.get(name, 0.0) for name in names]),
+        )  # fmt: skip
+
+    @cached_property
+    def inverse(self) -> Array:
+        """(n, m) p = inverse (q_K - zero)."""
+        return np.asarray(np.linalg.pinv(self.J))
+
+    def motion(self, t: Times, q_K: Array, v_K: Array, acc_K: Array) -> AxisMotion:
+        """Axis positions, velocities and accelerations of driven motion (T, n_qK), (T, n_vK) twice.
+
+        Raises:
+            FileError: the motion moves what no axis moves, or what coupled axes cannot.
+        """
+        q, v, acc = q_K[:, self.q] - self.zero, v_K[:, self.v], acc_K[:, self.v]
+        found = [*self._moved_though_held(t, q_K), *self._left_over(t, q)]
+        self.stand.refuse(found)
+        p, pdot, pddot = (x @ self.inverse.T for x in (q, v, acc))
+        return AxisMotion(self.axes, t, p, pdot, pddot)
+
+    def motion_of(self, moved: Trajectory | Input, times: Times | None = None) -> AxisMotion:
+        """The motion of a run or an input at times [s]; at a run's samples by default."""
+        if isinstance(moved, Input):
+            if times is None:
+                raise ValueError("an input has no samples; needed: times")
+            return self.motion(times, *moved.evaluate(times))
+        samples, table = (moved.q_K, moved.v_K, moved.acc_K), moved.coordinates
+        if times is None:
+            return self.motion(moved.t, *samples)
+        left, right, s = interpolate.bracket(moved.t, times, "right")
+        between = interpolate.motion(
+            moved.t, samples, table.scalars_K, table.quaternions_K, left, right, s
+        )
+        return self.motion(times, *between)
+
+    def refuse_held(self, t: Times, q_K: Array) -> None:
+        """Raises a FileError if motion (T, n_qK) moves what no axis moves."""
+        self.stand.refuse(self._moved_though_held(t, q_K))
+
+    def coordinates_of(self, position: Array) -> Array:
+        """(..., m) driven coordinates [m or rad] at axis positions (..., n)."""
+        return self.zero + position @ self.J.T
+
+    def forces(self, effort: Array) -> Array:
+        """(..., n) forces F = J^T f_K of the axes on what they move, of efforts (..., n_vK)."""
+        return effort[..., self.v] @ self.J
+
+    def _moved_though_held(
+        self, t: Times, q_K: Array
+    ) -> list[tuple[tuple[str | int, ...], str]]:
+        found: list[tuple[tuple[str | int, ...], str]] = []
+        for name, place in zip(self.held, self.held_q, strict=True):
+            away = np.abs(q_K[:, place] - q_K[0, place])
+            if np.max(away) > MAX_HELD:
+                first = t[np.argmax(away > MAX_HELD)]
+                text = (
+                    f"no axis moves {name}, and the motion moves it from t = {first:.4g} s on, by "
+                    f"up to {np.max(away):.4g}; hold it still, or let an axis move it"
+                )
+                found.append((("axes",), text))
+        return found
+
+    def _left_over(self, t: Times, q: Array) -> list[tuple[tuple[str | int, ...], str]]:
+        left = np.abs(q - q @ self.inverse.T @ self.J.T)
+        if not left.size or np.max(left) <= MAX_COUPLED:
+            return []
+        sample, k = np.unravel_index(np.argmax(left), left.shape)
+        own = [axis.name for axis, factor in zip(self.axes, self.J[k], strict=True) if factor]
+        text = (
+            f"{listed(own)} cannot move {self.names[k]} apart from what else they move, and the "
+            f"motion asks for {left[sample, k]:.4g} more at t = {t[sample]:.4g} s; check `zero`, "
+            "or give it an axis of its own"
+        )
+        return [(("axes", own[0], "moves"), text)]
+
+
+def axes_of(stand: Stand) -> tuple[Axis, ...]:
+    """The axes of a stand."""
+    made = []
+    for name, file in stand.file.axes.items():
+        assert file.motor is not None and file.transmission is not None
+        made.append(Axis(name, file.motor, file.transmission, file))
+    return tuple(made)
+
+
+def with_axis(axis: Axis, **changes: object) -> Axis:
+    """The axis with other values of its file, as ``gear``."""
+    return dataclasses.replace(axis, file=axis.file.model_copy(update=changes))
+
+
+def _not_driven(name: str, table: CoordinateTable, places: dict[str, tuple[int, int]]) -> str:
+    wound = name in table.q_D and name.endswith(".length")
+    if wound or name in table.commands or name in table.commands.values():
+        return (
+            f"{name} has a drive of its own in the puppet's file; a stand moves coordinates that "
+            "follow their inputs exactly: take the drive out"
+        )
+    if name in table.q_D:
+        return f"{name} moves by forces, not by inputs; a stand moves driven coordinates"
+    owner = name.split(".")[0]
+    if any(rotation.startswith(f"{owner}.") for rotation in table.rotations) and (
+        name in table.q_K or name in table.v_K or name in table.rotations
+    ):
+        return f"{name} is part of an orientation, which no axis moves; hold it still"
+    return f"{name} is not a driven coordinate{nearest(name, places)}"

@@ -1,0 +1,84 @@
+"""Axes and driven coordinates: a linear map, virtual work, and what a stand cannot move."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.errors import FileError
+from fantoccini.stand import AxisMap, loads_stand
+
+MOTOR = """
+    motor: {type: servo, torque: 5, inertia: 1.0e-5}
+    transmission: {type: drum, radius: 0.02}
+    travel: [-5, 5]
+    speed: 5
+    acceleration: 50
+"""
+CRANE = f"""
+stand: crane
+axes:
+  carriage:{MOTOR}    moves: {{trolley: 1, hoist.length: -1}}
+  winch:{MOTOR}    moves: {{hoist.length: 1}}
+zero: {{hoist.length: 0.5}}
+"""
+
+
+@pytest.fixture(scope="module")
+def crane():
+    return fan.puppets.crane()
+
+
+@pytest.fixture(scope="module")
+def hoisted(crane):
+    given = fan.Input.waypoints(
+        crane, {"hoist.length": [(0, 2.5), (1, 2.0), (2, 2.2)], "trolley": [(0.3, 0), (1.5, 0.4)]}
+    )
+    return fan.simulate(crane, crane.rest({"hoist.length": 2.5}), given, t_end=2.5)
+
+
+def test_a_carriage_that_takes_string(crane, hoisted):
+    """By hand: trolley = p_c, length = 0.5 - p_c + p_w."""
+    bound = AxisMap.of(loads_stand(CRANE), crane.coordinates)
+    motion = bound.motion_of(hoisted)
+    trolley, length = (
+        hoisted.q_K[:, hoisted.coordinates.q_K.index(n)] for n in ("trolley", "hoist.length")
+    )
+    assert np.allclose(motion.of("carriage")[0], trolley, atol=1e-14)
+    assert np.allclose(motion.of("winch")[0], length - 0.5 + trolley, atol=1e-14)
+    rates = np.gradient(motion.position, motion.t, axis=0)
+    assert np.allclose(rates[5:-5], motion.velocity[5:-5], atol=0.05)
+
+
+def test_the_power_of_axes_is_that_of_coordinates(crane, hoisted):
+    """Virtual work: F . pdot = f_K . v_K, whatever the map."""
+    bound = AxisMap.of(loads_stand(CRANE), crane.coordinates)
+    motion, effort = bound.motion_of(hoisted), hoisted.effort.values
+    by_axes = np.sum(bound.forces(effort) * motion.velocity, axis=1)
+    by_coordinates = np.sum(effort * hoisted.v_K, axis=1)
+    assert np.allclose(by_axes, by_coordinates, atol=1e-9 * np.max(np.abs(by_coordinates)))
+    assert np.max(np.abs(by_axes)) > 1.0
+
+
+def test_what_no_axis_moves_must_hold_still(crane, hoisted):
+    only = CRANE.replace("moves: {trolley: 1, hoist.length: -1}", "moves: {trolley: 1}")
+    only = only[: only.index("  winch")]
+    bound = AxisMap.of(loads_stand(only), crane.coordinates)
+    assert bound.held == ("hoist.length",)
+    with pytest.raises(FileError, match=r":3: axes: no axis moves hoist\.length.* by up to 0\.5"):
+        bound.motion_of(hoisted)
+
+
+def test_coordinates_that_one_axis_moves_must_go_together(crane):
+    one = CRANE.replace("{trolley: 1, hoist.length: -1}", "{trolley: 2, hoist.length: 1}")
+    one = one[: one.index("  winch")] + "zero: {hoist.length: 2.5}\n"
+    bound = AxisMap.of(loads_stand(one), crane.coordinates)
+    start = crane.rest({"hoist.length": 2.5})
+    times = np.linspace(0, 2, 50)
+    along = {"hoist.length": [(0, 2.5), (1, 2.0)], "trolley": [(0, 0), (1, -1.0)]}
+    given = fan.Input.waypoints(crane, along).bound(start.q_K)
+    assert np.allclose(bound.motion_of(given, times).position[-1], -0.5)
+    apart = fan.Input.waypoints(crane, along | {"trolley": [(0, 0), (1, -0.8)]}).bound(start.q_K)
+    with pytest.raises(FileError, match=r"cannot move .* apart from what else they move"):
+        bound.motion_of(apart, times)

@@ -1,0 +1,132 @@
+"""Stand files: what they say, and their mistakes with the line of each."""
+
+from __future__ import annotations
+
+import jsonschema
+import numpy as np
+import pytest
+from tests.stand.hoist import HOIST, STAND, stand
+
+import fantoccini as fan
+from fantoccini.errors import FileError
+from fantoccini.puppet.located import read_file
+from fantoccini.stand import AxisMap, axes_of, load_stand, loads_stand, stand_names, stand_schema
+from fantoccini.stand.stand_file import STANDS
+
+
+@pytest.mark.parametrize("name", stand_names())
+def test_bundled_stands_move_their_puppets(name):
+    read = load_stand(name)
+    made = fan.load(read.puppet_path)
+    bound = AxisMap.of(read, made.coordinates)
+    assert len(bound.axes) in (6, 21) and all(a.kind == "stepper" for a in bound.axes)
+    p = np.random.default_rng(1).normal(size=(5, len(bound.axes)))
+    q = bound.coordinates_of(p)
+    assert np.allclose((q - bound.zero) @ bound.inverse.T, p, atol=1e-12)
+    for axis in bound.axes:
+        low, high = axis.travel
+        assert axis.file.home is not None and low <= axis.file.home.at <= high
+
+
+def test_the_schema_takes_the_bundled_stands():
+    schema = stand_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    for name in stand_names():
+        jsonschema.validate(read_file(STANDS / f"{name}.yaml").data, schema)
+    wrong = {"stand": "a", "axes": {"x": {"moves": {"q": 1}, "motor": {"type": "steper"}}}}
+    with pytest.raises(jsonschema.ValidationError, match="steper"):
+        jsonschema.validate(wrong, schema)
+    assert schema["title"] == "fantoccini stand"
+
+
+def test_transmissions_and_counts():
+    """Closed forms: a turn moves 2 pi r, pi d, pitch teeth, lead, 2 pi."""
+    ways = {
+        "{type: drum, radius: 0.02}": 2 * np.pi * 0.02,
+        "{type: drum, diameter: 0.02}": np.pi * 0.02,
+        "{type: belt, pitch: 0.002, teeth: 20}": 0.04,
+        "{type: screw, lead: 0.008}": 0.008,
+        "{type: shaft}": 2 * np.pi,
+    }
+    for text, way in ways.items():
+        made = STAND.replace("{type: drum, radius: 0.01}", text + "\n    gear: 3\n    mass: 0.2")
+        (axis,) = axes_of(loads_stand(made.replace("TORQUE", "1")))
+        assert axis.ratio == pytest.approx(3 * 2 * np.pi / way)
+        assert axis.counts == pytest.approx(3 * 3200 / way)
+        assert axis.inertia == pytest.approx(1e-5 + 0.2 / axis.ratio**2)
+        assert axis.count(np.array([way])) == 9600
+    (axis,) = axes_of(stand(acceleration="reversed: true\n    acceleration"))
+    assert axis.count(np.array([0.5])) == -np.rint(0.5 * axis.counts)
+
+
+def test_what_motors_give():
+    (axis,) = axes_of(stand("[[0, 0.4], [10, 0.2]]"))
+    w = 2 * np.pi * np.array([0.0, 5.0, -5.0, 10.0, 10.1])
+    assert np.allclose(axis.motor.largest(w, np.ones(5)), [0.4, 0.3, 0.3, 0.2, 0.0])
+    dc = "{type: dc, constant: 0.05, current: 2, resistance: 4, voltage: 12, inertia: 1.0e-5}"
+    text = STAND.replace("{type: stepper, torque: TORQUE, inertia: 1.0e-5}", dc)
+    (axis,) = axes_of(loads_stand(text))
+    # At rest by the current; at 200 rad/s (12 - 10) / 4 A; braking the back-EMF helps; no-load 240.
+    speed, torque = np.array([0.0, 200.0, 200.0, 240.0]), np.array([1.0, 1.0, -1.0, 1.0])
+    assert np.allclose(axis.motor.largest(speed, torque), [0.1, 0.025, 0.1, 0.0])
+
+
+WRONG = {
+    "a motor of no kind": ("type: stepper", "type: steper", 5, "did you mean 'stepper'"),
+    "a torque of 0": ("TORQUE", "0", 5, "needed: a positive number"),
+    "speeds that fall": ("TORQUE", "[[0, 1], [5, 1], [4, 1]]", 5, "needed: speeds that increase"),
+    "a curve that begins late": ("TORQUE", "[[1, 1], [5, 1]]", 5, "needed: one at 0"),
+    "radius and diameter": ("radius: 0.01", "radius: 0.01, diameter: 0.02", 6, "one of them"),
+    "no travel": ("    travel: [0.2, 0.9]\n", "", 4, "travel: this key is missing"),
+    "a travel backwards": ("[0.2, 0.9]", "[0.9, 0.2]", 8, "the lower one first"),
+    "a factor of 0": ("line.length: 1", "line.length: 0", 7, "a factor that is not 0"),
+    "nothing to move": ("{line.length: 1}", "{}", 7, "found nothing"),
+    "home outside": (
+        "    speed: 1\n", "    speed: 1\n    home: {towards: min, at: 0.1, speed: 1}\n", 10,
+        "within travel",
+    ),
+    "an unknown key": ("    speed: 1\n", "    sped: 1\n    speed: 1\n", 9, "did you mean 'speed'"),
+    "like nobody": ("    speed: 1\n", "    like: wich\n", 9, "there is no axis 'wich'"),
+    "like itself": ("    speed: 1\n", "    like: winch\n", 9, "would be like itself"),
+    "zero of what nothing moves": (
+        "axes:", "zero: {line.lenght: 1}\naxes:", 3, "did you mean 'line.length'",
+    ),
+    "a controller for nobody": (
+        "axes:", "controller: {type: grbl, names: {wnch: X}}\naxes:", 3, "did you mean 'winch'",
+    ),
+    "a controller of no kind": ("axes:", "controller: {type: grb}\naxes:", 3, "allowed: "),
+    "two axes for one coordinate": (
+        "axes:", "axes:\n  other: {like: winch, moves: {line.length: 2}}", 8,
+        "moving other by 1 with winch by -2 changes nothing; 2 axes move 1 coordinates",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("old, new, line, words", WRONG.values(), ids=WRONG)
+def test_mistakes_have_their_line(old, new, line, words):
+    assert old in STAND
+    with pytest.raises(FileError) as found:
+        loads_stand(STAND.replace(old, new).replace("TORQUE", "0.5").lstrip("\n"), "s.yaml")
+    assert words in str(found.value)
+    if line:
+        assert any(m.line == line - 1 for m in found.value.mistakes), str(found.value)
+
+
+def test_axes_are_bound_to_what_is_driven():
+    hoist = fan.loads(HOIST)
+    with pytest.raises(FileError, match=r"did you mean 'line\.length'"):
+        AxisMap.of(stand(**{"line.length": "lines.length"}), hoist.coordinates)
+    driven = fan.loads(HOIST + "drives: [{on: line.length, inertia: 1.0e-5, drum: 0.01}]")
+    with pytest.raises(FileError, match="has a drive of its own"):
+        AxisMap.of(stand(), driven.coordinates)
+    bar = fan.puppets.marionette_bar()
+    with pytest.raises(FileError, match="part of an orientation"):
+        AxisMap.of(stand(**{"line.length": "bar.qx"}), bar.coordinates)
+
+
+def test_a_puppet_that_is_not_there(tmp_path):
+    (tmp_path / "s.yaml").write_text(STAND.replace("TORQUE", "1") + "puppet: nobody\n")
+    with pytest.raises(FileError, match="neither a file 'nobody' here nor a bundled puppet"):
+        _ = load_stand(tmp_path / "s.yaml").puppet_path
+    with pytest.raises(FileError, match="did you mean 'six_winches'"):
+        load_stand("six_winch")
