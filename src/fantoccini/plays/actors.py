@@ -124,6 +124,8 @@ class Wishes:
         smaller: cue -> factor of its size.
         hangs: cue -> how far from the elbow the handle hangs that is given or put down, and its
             height [m].
+        calms: (cue, player) -> by how much its hands take out swing before it: see
+            ``calming``.
         stands: cue -> where the prop stands that is picked up.
     """
 
@@ -132,6 +134,7 @@ class Wishes:
     refused: dict[Spot, str] = field(default_factory=dict)
     smaller: dict[Spot, float] = field(default_factory=dict)
     hangs: dict[Spot, tuple[float, float]] = field(default_factory=dict)
+    calms: dict[tuple[Spot, str], tuple[float, ...]] = field(default_factory=dict)
     stands: dict[Spot, Footing] = field(default_factory=dict)
 
     def copied(self) -> Wishes:

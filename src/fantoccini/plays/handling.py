@@ -14,10 +14,11 @@ import numpy as np
 from fantoccini.errors import InputError
 from fantoccini.gestures import Gesture
 from fantoccini.gestures.stepping import Step
-from fantoccini.gestures.timing import END, START
+from fantoccini.gestures.timing import END, START, Spot
 from fantoccini.plays import props
 from fantoccini.plays.acting import Repertory
 from fantoccini.plays.actors import Actor, CannotBe, Wishes
+from fantoccini.plays.calming import NONE, calm_gesture
 from fantoccini.plays.casting import Cast
 from fantoccini.plays.companies import Meeting
 from fantoccini.plays.contacts import hanging, standing
@@ -35,8 +36,8 @@ _STEP, _STEP_TIME = 0.05, 1.0
 """Longest step of those that lead up to a thing or away from it [m], and its duration [s]."""
 _BEFORE_SEAT = 0.135
 """A player sits down from so far before the middle of the seat [m]."""
-_CALM = 0.8
-"""Pause before something is handled, in which swing settles [s]."""
+_CALM = 0.3
+"""Pause before something is handled [s]."""
 _FARTHEST = 1.0
 """Farthest from a thing that a player steps up to it [m]."""
 _APART = 0.02
@@ -52,6 +53,7 @@ class Handling:
     Attributes:
         where: prop -> on whose forearm it hangs, or where it stands.
         seated: player -> on what it sits.
+        calmed: (cue, player) -> when it begins to take out its swing [s].
 
     Args:
         cast, walks, repertory: of the play.
@@ -67,6 +69,7 @@ class Handling:
         self._actors, self._wishes = actors, wishes
         self._met: list[Meeting] = []
         self.seated: dict[str, Seated] = {}
+        self.calmed: dict[tuple[Spot, str], float] = {}
         self.where: dict[str, Hangs | Stands] = {}
         for name, thing in cast.things.items():
             if thing.held_by:
@@ -141,7 +144,7 @@ class Handling:
         giver.rests()
         soon = receiver.rests() - props.CARRY_TIME
         posed = carry_pose(giver, held.side, max(begin, soon), self._repertory)
-        start = max(receiver.rests(), posed) + _CALM
+        start = self._calm(cue, max(receiver.rests(), posed), giver, receiver)
         ends = [
             self._do(cue, actor, gesture, start)
             for actor, gesture in ((giver, handing.giver), (receiver, handing.receiver))
@@ -174,7 +177,7 @@ class Handling:
         before = self._clear_of(there, 1.0, actor)
         self._come(cue, actor, before, there, begin, wait)
         since = actor.ways[-1].begin
-        end = self._do(cue, actor, sits.down, actor.rests() + _CALM)
+        end = self._do(cue, actor, sits.down, self._calm(cue, actor.rests(), actor))
         self.seated[who] = Seated(
             seat, seat in self._cast.things, since, end, cue.spot, sits.up, before
         )
@@ -207,7 +210,7 @@ class Handling:
         lowers = self._made(
             lambda: props.lower(actor.player.alone, "", side=held.side), actor
         )
-        start = self._do(cue, actor, lowers, actor.rests()) + _CALM
+        start = self._calm(cue, self._do(cue, actor, lowers, actor.rests()), actor)
         end = self._do(cue, actor, puts.gesture, start)
         self._close(prop, held, start)
         pairs = standing(prop, onto) | {hanging(who, held.side, prop)}
@@ -237,7 +240,7 @@ class Handling:
         there = Footing(z.real, z.imag, stands.heading)
         before = self._clear_of(there, -1.0, actor)
         self._come(cue, actor, before, there, begin, wait)
-        start = actor.rests() + _CALM
+        start = self._calm(cue, actor.rests(), actor)
         end = self._do(cue, actor, puts.gesture, start)
         pairs = standing(prop, one.on) | {hanging(who, side, prop)}
         self._met.append(Meeting(start, end, (who,), (prop,), pairs, "picked", cue.spot))
@@ -370,6 +373,17 @@ class Handling:
         actor.played.append((0, begun, begun + own.duration, own.named))
         note(cue, actor, 0, own, begun)
         return begun + own.duration
+
+    def _calm(self, cue: Cue, begin: float, *actors: Actor) -> float:
+        """Takes out swing from a time on; when what is to be done can begin [s]."""
+        for actor in actors:
+            key = cue.spot, actor.player.name
+            gesture = calm_gesture(actor.player.alone, self._wishes.calms.get(key, NONE))
+            lane, start = actor.lane(gesture, begin)
+            start = actor.add(lane, gesture, start)
+            actor.played.append((lane, start, start + gesture.duration, gesture.named))
+            self.calmed[key] = start
+        return max(actor.rests() for actor in actors) + _CALM
 
     def _clear_of(self, there: Footing, side: float, actor: Actor) -> Footing:
         """The nearest place ahead (1) or behind (-1) that is clear of what stands there."""

@@ -5,6 +5,7 @@ A walk is planned past those that are placed before it; they, later, past it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import takewhile
 
@@ -15,7 +16,7 @@ from fantoccini.errors import StateError
 from fantoccini.gestures import Gesture
 from fantoccini.gestures.joining import Line
 from fantoccini.gestures.notes import LATE, Notes
-from fantoccini.gestures.timing import END, START
+from fantoccini.gestures.timing import END, START, Spot
 from fantoccini.gestures.transition import limits
 from fantoccini.plays.acting import Repertory, Style
 from fantoccini.plays.actors import STILL, Actor, CannotBe, Wishes
@@ -88,6 +89,11 @@ class Placing:
         for other in others:
             whole += other
         return whole, lanes
+
+    @property
+    def calmed(self) -> Mapping[tuple[Spot, str], float]:
+        """(cue, player) -> when it begins to take out its swing [s]."""
+        return self._handling.calmed
 
     def meetings(self, until: float) -> tuple[Meeting, ...]:
         """Who may touch what until a time [s]."""

@@ -16,6 +16,7 @@ from fantoccini.gestures.timing import Spot
 from fantoccini.motion import Trajectory
 from fantoccini.plays.acting import Repertory
 from fantoccini.plays.actors import Wishes
+from fantoccini.plays.calming import NONE, calm_gesture, calming
 from fantoccini.plays.casting import Cast
 from fantoccini.plays.companies import Meeting
 from fantoccini.plays.cues import Cue, Part, Timeline, lane_name, said_in_act
@@ -99,6 +100,7 @@ class Rounds:
         self.late: dict[tuple[Spot, str], float] = {}
         self._tried: dict[tuple[Spot, str], int] = {}
         self._looked: dict[Spot, int] = {}
+        self._calmed: dict[tuple[Spot, str], float] = {}
         self._by_spot = {cue.spot: cue for cue in timeline.cues}
 
     def made(self) -> Round:
@@ -129,6 +131,7 @@ class Rounds:
         self.wishes.pauses.pop(cue.spot, None)
         self._tried.clear()
         self._looked.clear()
+        self._calmed.clear()
         return True
 
     def refuse_stopped(self, made: Round) -> bool:
@@ -154,7 +157,7 @@ class Rounds:
 
     def look(self, made: Round) -> bool:
         """Sees where props are that are handled; whether that changes what is done."""
-        changed = False
+        changed = self._calm(made)
         for meeting in made.meetings:
             spot = meeting.cue
             if spot is None or meeting.kind not in ("given", "put", "picked"):
@@ -177,6 +180,27 @@ class Rounds:
             known = self.wishes.hangs.get(spot)
             self.wishes.hangs[spot] = seen
             changed |= known is None or not np.allclose(seen, known, rtol=0.0, atol=_SEEN)
+        return changed
+
+    def _calm(self, made: Round) -> bool:
+        """Finds motions that take out swing; whether that changes what is done."""
+        jobs: dict[str, Callable[[], tuple[float, ...]]] = {}
+        keys: dict[str, tuple[Spot, str]] = {}
+        for (spot, name), start in made.placing.calmed.items():
+            run, alone = made.runs.players[name], self._cast.players[name].alone
+            if start >= float(run.t[-1]) or self._calmed.get((spot, name)) == start:
+                continue
+            x = run.at(start)
+            label = f"calm {spot} {name}"
+            key = digest(x, calm_gesture(alone, NONE), "calm")
+            jobs[label] = partial(self._kept.get, key, partial(calming, alone, x))
+            keys[label] = spot, name
+            self._calmed[spot, name] = start
+        changed = False
+        for label, offsets in self._kept.side_by_side(jobs, default_threads()).items():
+            before = self.wishes.calms.get(keys[label], NONE)
+            self.wishes.calms[keys[label]] = offsets
+            changed |= not np.allclose(before, offsets, rtol=0.0, atol=_SEEN)
         return changed
 
     def act_start(self, t: float) -> float:
