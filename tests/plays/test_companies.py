@@ -1,0 +1,183 @@
+"""Who is simulated with whom, and plays in which a prop is given."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.plays.companies import Company, Meeting, Span, spans
+from fantoccini.plays.contacts import hanging
+from fantoccini.plays.handled import failures
+from fantoccini.plays.together import together
+
+PLAY = """\
+play: gift
+tempo: 100
+stage:
+  marks:
+    west: {at: [0, 0.4], facing: right}
+    east: {at: [0, -0.4], facing: left}
+    front: {at: [0.5, -0.6]}
+cast:
+  pierrot: {at: west}
+  columbine: {at: east}
+props:
+  ball: {held by: pierrot}
+acts:
+  - act: A gift
+    cues:
+      - {who: pierrot, gives: ball, to: columbine}
+      - {who: pierrot, does: wave, when: give.taken + 20}
+"""
+
+
+def meeting(begin: float, end: float, players: str, props: str = "p") -> Meeting:
+    pairs = frozenset(hanging(one, "left", "p") for one in players)
+    return Meeting(begin, end, tuple(players), tuple(props), pairs, "hangs")
+
+
+def test_companies_are_who_is_connected_by_meetings():
+    found = spans("abc", [meeting(0, 4, "a"), meeting(4, 6, "ab"), meeting(6, 9, "b")], 9.0)
+    assert found == (
+        Span(Company(("a",), ("p",), meeting(0, 4, "a").pairs), 0.0, 4.0),
+        Span(Company(("b",)), 0.0, 4.0),
+        Span(Company(("c",)), 0.0, 9.0),
+        Span(Company(("a", "b"), ("p",), meeting(4, 6, "ab").pairs), 4.0, 6.0),
+        Span(Company(("a",)), 6.0, 9.0),
+        Span(Company(("b",), ("p",), meeting(6, 9, "b").pairs), 6.0, 9.0),
+    )
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_at_every_time_each_player_and_prop_is_in_one_company(seed):
+    rng = np.random.default_rng(seed)
+    players, met = "abcd", []
+    for prop in "pq":
+        t = 0.0
+        while t < 8.0:
+            end = t + rng.uniform(0.5, 3.0)
+            who = "".join(sorted(rng.choice(list(players), rng.integers(1, 3), replace=False)))
+            met.append(meeting(t, end, who, prop))
+            t = end + rng.choice([0.0, 1.0])
+    found = spans(players, met, 8.0)
+    for t in rng.uniform(0.0, 8.0, 30):
+        now = [one.company for one in found if one.begin <= t < one.end]
+        assert sorted(name for one in now for name in one.players) == list(players)
+        of_prop = [name for one in now for name in one.props]
+        assert len(of_prop) == len(set(of_prop))
+        for one in met:
+            if one.begin <= t < one.end:
+                (company,) = [c for c in now if one.props[0] in c.props]
+                assert {*one.players} <= {*company.players} and one.pairs <= company.pairs
+    assert [one.begin for one in found] == sorted(one.begin for one in found)
+
+
+@pytest.fixture(scope="module")
+def gift(tmp_path_factory):
+    path = tmp_path_factory.mktemp("plays") / "gift.yaml"
+    path.write_text(PLAY, encoding="utf-8")
+    return fan.load_play(path)
+
+
+@pytest.mark.slow
+def test_a_ball_is_given_in_a_play(gift):
+    assert gift, gift.changes
+    give, wave = gift.cues
+    assert give.who == ("pierrot", "columbine")
+    assert give.what == "pierrot: gives ball to columbine"
+    marks = {**give.marks["pierrot"], **give.marks["columbine"]}
+    assert marks["offered"] < marks["under"] < marks["taken"] < marks["released"]
+    assert wave.start == pytest.approx(marks["taken"] + 20 * gift.score.beat, abs=0.1)
+    kinds = [(one.kind, one.players) for one in sorted(gift.meetings, key=lambda one: one.begin)]
+    assert kinds == [
+        ("hangs", ("pierrot",)), ("given", ("pierrot", "columbine")), ("hangs", ("columbine",)),
+    ]  # fmt: skip
+    found = fan.verify_play(gift)
+    assert found, found.faults
+    pushed = {frozenset(names) for names in np.array(found.run.contact.names)[
+        np.unique(found.run.contact.pair)
+    ].tolist()}  # fmt: skip
+    assert pushed == {
+        frozenset(("ball", "pierrot.forearm_right")), frozenset(("ball", "columbine.forearm_left")),
+    }  # fmt: skip
+
+
+@pytest.mark.slow
+def test_the_run_of_the_stage_is_that_of_its_companies(gift):
+    """Energies and places where one company takes over from another."""
+    runs = gift.runs()
+    whole = together(gift.cast, runs)
+    for one in runs.companies:
+        if "ball" not in one.staged.props:
+            continue
+        local = one.staged.props["ball"]
+        t = np.linspace(one.begin, one.end, 7)[1:-1]
+        own = one.whole.resample(t - one.begin)
+        for axis in "xyz":
+            assert whole.resample(t)[f"ball.{axis}"] == pytest.approx(
+                own[f"{local}.{axis}"], abs=2e-4
+            )
+    steps = np.abs(np.diff(whole["ball.z"]))
+    assert steps.max() < 0.005  # nowhere does it jump
+    assert not failures(gift.cast, gift.meetings, runs)
+    # As much energy as work came in, less what contact, strings and air have taken.
+    ledger = whole.ledger
+    energy = ledger["kinetic"] + ledger["potential"]
+    taken = ledger["damping"] + ledger["impact"] + ledger["slip"] + ledger["friction"]
+    off = energy - energy[0] + taken - ledger["work"]
+    assert np.abs(off).max() < 0.05
+
+
+@pytest.mark.parametrize(
+    ("cue", "text"),
+    [
+        ("{who: pierrot, gives: ball}", "no `to`; `gives` has `to`, and only it"),
+        ("{who: pierrot, does: bow, to: columbine}", "`does` with `to`"),
+        ("{who: all, gives: ball, to: columbine}", "several players; needed: one"),
+        ("{who: pierrot, gives: bal, to: columbine}", "no prop is called 'bal'; did you mean"),
+        ("{who: pierrot, gives: ball, to: pierrot}", "gives it to itself"),
+        ("{who: pierrot, gives: ball, to: nobody}", "no player is called 'nobody'"),
+        ("{who: pierrot, sits on: sofa}", "no prop or obstacle is called 'sofa'"),
+        ("{who: pierrot, puts down: ball, onto: table}", "no obstacle is called 'table'"),
+        ("{who: pierrot, puts down: ball}", "no `onto`"),
+        ("{who: pierrot, gives: ball, to: columbine, on: {taken: 4}}", "needed: `when`"),
+    ],
+)
+def test_mistakes_of_cues_with_props_have_their_line(tmp_path, cue, text):
+    path = tmp_path / "gift.yaml"
+    path.write_text(PLAY.replace("{who: pierrot, gives: ball, to: columbine}", cue))
+    with pytest.raises(fan.FileError) as error:
+        fan.plays.check_play(path)
+    assert text in str(error.value)
+    assert "gift.yaml:16" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("prop", "text"),
+    [
+        ("{}", "nothing of `held by` and a place"),
+        ("{held by: pierrot, at: west}", "both of `held by` and a place"),
+        ("{held by: pierot}", "no player is called 'pierot'; did you mean 'pierrot'?"),
+        ("{like: bal, held by: pierrot}", "no bundled prop is called 'bal'; did you mean 'ball'?"),
+        ("{like: chair, held by: pierrot}", "has no handle"),
+        ("{at: west, on: table}", "needed: an obstacle"),
+        ("{at: westt}", "no mark is called 'westt'; did you mean 'west'?"),
+    ],
+)
+def test_mistakes_of_props_have_their_line(tmp_path, prop, text):
+    path = tmp_path / "gift.yaml"
+    path.write_text(PLAY.replace("ball: {held by: pierrot}", f"ball: {prop}"))
+    with pytest.raises(fan.FileError) as error:
+        fan.plays.check_play(path)
+    assert text in str(error.value)
+    assert "gift.yaml:12" in str(error.value)
+
+
+def test_who_does_not_hold_a_prop_cannot_give_it(tmp_path):
+    path = tmp_path / "gift.yaml"
+    path.write_text(PLAY.replace("who: pierrot, gives: ball, to: columbine",
+                                 "who: columbine, gives: ball, to: pierrot"))  # fmt: skip
+    (why,) = fan.load_play(path).changes
+    assert "gift.yaml:16" in str(why)
+    assert "columbine does not hold ball: pierrot holds it" in str(why)
