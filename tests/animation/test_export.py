@@ -133,7 +133,7 @@ REFUSED = {
     "a body": (["run.glb", "--bodies", "loer"], "did you mean 'lower'?"),
     "no body": (["run.glb", "--bodies", "lower,,"], "is not NAME,NAME,..."),
     "a rate": (["run.glb", "--fps", "-3"], "must be positive"),
-    "bodies of numbers": (["run.csv", "--bodies", "lower"], "applies to an animation"),
+    "bodies of numbers": (["run.npz", "--bodies", "lower"], "applies to an animation"),
 }
 
 

@@ -93,7 +93,7 @@ class AnimatedScene:
         names = None if bodies == "all" else bodies
         named = _chosen(tree, names)
         every = _lines(still)
-        lines = tuple(line for line in every if _ends_on(line, named, still))
+        lines = tuple(line for line in every if _ends_on(line, named, tree))
         ends = {point.link for line in lines for point in line.points} - {WORLD}
         links = tuple(sorted({*named, *ends}))
         return cls(
@@ -103,8 +103,8 @@ class AnimatedScene:
 
     def without_lines(self) -> AnimatedScene:
         """With bodies alone: no strings, and nothing that only holds one."""
-        bodies = {body.name for body in self.still.puppet.bodies}
-        links = tuple(k for k in self.links if self.tree.links[k].name in bodies)
+        names = body_names(self.tree)
+        links = tuple(k for k in self.links if self.tree.links[k].name in names)
         return replace(self, links=links, parents=_parents(self.tree, links), lines=())
 
     @property
@@ -153,7 +153,15 @@ def check_bodies(shown: Drawable, bodies: Bodies | None) -> None:
     names = [link.name for link in shown.tree.links]
     for name in bodies or ():
         if name not in names:
-            raise UnknownNameError("body", name, [body.name for body in shown.puppet.bodies])
+            raise UnknownNameError("body", name, body_names(shown.tree))
+
+
+def body_names(tree: Tree) -> list[str]:
+    """Names of the links that are bodies, mirrored twins too; the others hold ends of strings."""
+    strings = {row.name for row in (*tree.strings, *tree.chains)}
+    names = [link.name for link in tree.links]
+    # An end is called after its string, as `hand.end`.
+    return [name for name in names if name.rpartition(".")[0] not in strings]
 
 
 def _parents(tree: Tree, links: Sequence[int]) -> dict[int, int]:
@@ -169,11 +177,11 @@ def _chosen(tree: Tree, bodies: Sequence[str] | None) -> tuple[int, ...]:
     return tuple(k for k, name in enumerate(names) if bodies is None or name in bodies)
 
 
-def _ends_on(line: Line, links: Sequence[int], still: Still) -> bool:
+def _ends_on(line: Line, links: Sequence[int], tree: Tree) -> bool:
     """Whether a line hangs on one of the links, and otherwise on nothing but world and hands."""
-    bodies = {body.name for body in still.puppet.bodies}
+    bodies = body_names(tree)
     on = {point.link for point in line.points} - {WORLD}
-    rest = [k for k in on.difference(links) if still.tree.links[k].name in bodies]
+    rest = [k for k in on.difference(links) if tree.links[k].name in bodies]
     return not rest and (not on or not on.isdisjoint(links))
 
 
