@@ -101,7 +101,7 @@ def test_the_skeleton_is_the_puppet_with_joints_at_zero(
 
 def test_angles_do_not_jump(greeting: fan.Trajectory, tmp_path: Path) -> None:
     turns = channels(fan.export(greeting, tmp_path / "greeting.bvh", fps=120))[:, 3:]
-    assert np.abs(np.diff(turns, axis=0)).max() < 60.0
+    assert np.abs(np.diff(turns, axis=0)).max() < 20.0
 
 
 @pytest.mark.filterwarnings("ignore")
