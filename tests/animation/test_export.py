@@ -31,8 +31,6 @@ def test_an_unknown_body_is_told_the_nearest(thrown: fan.Trajectory, tmp_path: P
 def test_a_mirrored_twin_is_a_body(greeting: fan.Trajectory, tmp_path: Path) -> None:
     with pytest.raises(fan.UnknownNameError, match="did you mean 'shin_right'"):
         fan.export(greeting, tmp_path / "run.bvh", bodies=["shin_rigt"])
-    with pytest.raises(fan.UnknownNameError, match="did you mean"):
-        fan.export(greeting, tmp_path / "run.bvh", bodies=["torso", "al"])
 
 
 @pytest.mark.parametrize("fps", [0.0, -1.0, np.nan, np.inf, 1e4])
