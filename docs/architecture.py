@@ -43,7 +43,7 @@ PACKAGES = {
     "planning": "Searches for inputs that reach a goal, improves them, follows them with LQR.",
     "stand": "Stands: files, axes bound to driven coordinates, and whether they can do a run.",
     "view": "Pictures, plots and films without a display.",
-    "animation": "Motions as animations for other programs: glTF, OpenUSD.",
+    "animation": "Motions as animations for other programs: glTF, OpenUSD, BVH, tables.",
     "web": "The page in the browser: live play, replay, plans, one-file export.",
     "cli": "The command `fantoccini`.",
 }

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import csv
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 
 @contextmanager
@@ -27,3 +31,25 @@ def replacing(path: str | Path) -> Iterator[Path]:
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def write_table(columns: Mapping[str, Sequence[Any] | np.ndarray], path: str | Path) -> None:
+    """Writes columns of the same length as CSV, under a line with their names.
+
+    Numbers read back to the same bits; flags are 0 and 1.
+
+    Raises:
+        FileNotFoundError: the folder does not exist.
+    """
+    lists = [_plain(values) for values in columns.values()]
+    with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(zip(*lists, strict=True))
+
+
+def _plain(values: Sequence[Any] | np.ndarray) -> Sequence[Any]:
+    if not isinstance(values, np.ndarray):
+        return values
+    listed: list[Any] = (values.astype(int) if values.dtype == bool else values).tolist()
+    return listed

@@ -28,6 +28,11 @@ def test_an_unknown_body_is_told_the_nearest(thrown: fan.Trajectory, tmp_path: P
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_mirrored_twin_is_a_body(greeting: fan.Trajectory, tmp_path: Path) -> None:
+    with pytest.raises(fan.UnknownNameError, match="did you mean 'shin_right'"):
+        fan.export(greeting, tmp_path / "run.bvh", bodies=["shin_rigt"])
+
+
 @pytest.mark.parametrize("fps", [0.0, -1.0, np.nan, np.inf, 1e4])
 def test_a_rate_that_is_none_is_refused(
     thrown: fan.Trajectory, tmp_path: Path, fps: float
@@ -133,7 +138,7 @@ REFUSED = {
     "a body": (["run.glb", "--bodies", "loer"], "did you mean 'lower'?"),
     "no body": (["run.glb", "--bodies", "lower,,"], "is not NAME,NAME,..."),
     "a rate": (["run.glb", "--fps", "-3"], "must be positive"),
-    "bodies of numbers": (["run.csv", "--bodies", "lower"], "applies to an animation"),
+    "bodies of numbers": (["run.npz", "--bodies", "lower"], "applies to an animation"),
 }
 
 

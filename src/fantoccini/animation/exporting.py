@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TypeAlias
 
 from fantoccini.animation.formats import format_of
-from fantoccini.animation.scene import AnimatedScene
+from fantoccini.animation.scene import AnimatedScene, Bodies
 from fantoccini.files import replacing
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Trajectory
@@ -28,7 +27,7 @@ def export(
     what: Moving,
     path: str | os.PathLike[str],
     fps: float | None = None,
-    bodies: Sequence[str] | None = None,
+    bodies: Bodies | None = None,
     marionette: Marionette | None = None,
 ) -> Path:
     """Writes a motion as an animation that other programs open. The file appears whole.
@@ -39,6 +38,10 @@ def export(
       as many as keep every point of a body within 0.01 mm. With ``fps`` they are linear, at so many
       a second: for programs that do not read splines, as Blender.
     - ``.usda``, ``.usdc``: OpenUSD, text or binary; linear, at 60 a second unless ``fps`` is given.
+    - ``.bvh``: the bodies as a skeleton, in metres, y up; at 60 frames a second unless ``fps`` is
+      given.
+    - ``.csv``: the columns of the run, at every sample, or at ``fps`` a second; with ``bodies``
+      their poses and the ends of their strings as well.
 
     Args:
         what: a run, recording, plan, optimum, followed clip or verified play. A run that stopped
@@ -46,7 +49,7 @@ def export(
         path: of the file.
         fps: keys per second.
         bodies: names of those that are written, with strings between them and the world; all unless
-            given.
+            given, and for ``all``.
         marionette: what moved, where a run should be shown with other obstacles than its puppet's.
 
     Returns:

@@ -40,7 +40,7 @@ class Format(NamedTuple):
     Attributes:
         module: of this package; its function ``write`` takes the scene and the path. Imported when
             it is first needed.
-        fps: keys per second where none are given; None for keys where the motion needs them.
+        fps: keys per second where none are given; None for keys where the motion needs or has them.
         library: that it needs.
     """
 
@@ -57,7 +57,13 @@ class Format(NamedTuple):
 
 _USD = Format("usd", 60.0, Library("pxr", "usd-core", "usd"))
 
-FORMATS = {".glb": Format("glb", None), ".usda": _USD, ".usdc": _USD}
+FORMATS = {
+    ".glb": Format("glb", None),
+    ".usda": _USD,
+    ".usdc": _USD,
+    ".bvh": Format("bvh", 60.0),
+    ".csv": Format("table", None),
+}
 
 ENDINGS = tuple(FORMATS)
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from fantoccini.tree import WORLD, Point, Tree
 from fantoccini.view.geometry import Geometry, geometry_of
 from fantoccini.view.still import Drawable, Still
 from fantoccini.view.theme import rgb
+
+Bodies: TypeAlias = Sequence[str] | Literal["all"]
+"""Names of bodies, or all."""
 
 _SAMPLES = 200
 """Samples of a run from which its extent and floor are found."""
@@ -49,6 +53,7 @@ class AnimatedScene:
         parents: of each of them the nearest ancestor that is shown, or ``WORLD``.
         lines: strings, chains and springs that are shown.
         whole: everything is shown.
+        named: bodies were asked for, by name or all.
         fps: keys per second; None where the motion decides.
     """
 
@@ -58,13 +63,20 @@ class AnimatedScene:
     parents: dict[int, int]
     lines: tuple[Line, ...]
     whole: bool
+    named: bool
     fps: float | None
 
     @classmethod
     def of(
-        cls, shown: Drawable, run: Trajectory, bodies: Sequence[str] | None, fps: float | None
+        cls, shown: Drawable, run: Trajectory, bodies: Bodies | None, fps: float | None
     ) -> AnimatedScene:
         """The scene of a run.
+
+        Args:
+            shown: what moves.
+            run: its motion.
+            bodies: names of those that are shown; all for ``all`` and None.
+            fps: keys per second.
 
         Raises:
             UnknownNameError: there is no such body.
@@ -78,16 +90,22 @@ class AnimatedScene:
         if own != found:
             raise ValueError(f"the run is of another puppet than {tree.name}")
         check_bodies(still, bodies)
-        named = _chosen(tree, bodies)
+        names = None if bodies == "all" else bodies
+        named = _chosen(tree, names)
         every = _lines(still)
-        lines = tuple(line for line in every if _ends_on(line, named, still))
+        lines = tuple(line for line in every if _ends_on(line, named, tree))
         ends = {point.link for line in lines for point in line.points} - {WORLD}
         links = tuple(sorted({*named, *ends}))
-        parents = {}
-        for k in links:
-            above = (a for a in tree.ancestors(k)[1:] if a in links)
-            parents[k] = next(above, WORLD)
-        return cls(still, run, links, parents, lines, bodies is None, fps)
+        return cls(
+            still, run, links, _parents(tree, links), lines, whole=names is None,
+            named=bodies is not None, fps=fps,
+        )  # fmt: skip
+
+    def without_lines(self) -> AnimatedScene:
+        """With bodies alone: no strings, and nothing that only holds one."""
+        names = body_names(self.tree)
+        links = tuple(k for k in self.links if self.tree.links[k].name in names)
+        return replace(self, links=links, parents=_parents(self.tree, links), lines=())
 
     @property
     def tree(self) -> Tree:
@@ -128,12 +146,29 @@ class AnimatedScene:
         return np.minimum(times, self.run.t[-1])
 
 
-def check_bodies(shown: Drawable, bodies: Sequence[str] | None) -> None:
+def check_bodies(shown: Drawable, bodies: Bodies | None) -> None:
     """Raises UnknownNameError where one of the names is no body's."""
+    if bodies == "all":
+        return
     names = [link.name for link in shown.tree.links]
     for name in bodies or ():
         if name not in names:
-            raise UnknownNameError("body", name, [body.name for body in shown.puppet.bodies])
+            raise UnknownNameError("body", name, body_names(shown.tree))
+
+
+def body_names(tree: Tree) -> list[str]:
+    """Names of the links that are bodies, mirrored twins too; the others hold ends of strings."""
+    strings = {row.name for row in (*tree.strings, *tree.chains)}
+    names = [link.name for link in tree.links]
+    # An end is called after its string, as `hand.end`.
+    return [name for name in names if name.rpartition(".")[0] not in strings]
+
+
+def _parents(tree: Tree, links: Sequence[int]) -> dict[int, int]:
+    """Of each of these links the nearest ancestor among them, or ``WORLD``."""
+    return {
+        k: next((above for above in tree.ancestors(k)[1:] if above in links), WORLD) for k in links
+    }
 
 
 def _chosen(tree: Tree, bodies: Sequence[str] | None) -> tuple[int, ...]:
@@ -142,11 +177,11 @@ def _chosen(tree: Tree, bodies: Sequence[str] | None) -> tuple[int, ...]:
     return tuple(k for k, name in enumerate(names) if bodies is None or name in bodies)
 
 
-def _ends_on(line: Line, links: Sequence[int], still: Still) -> bool:
+def _ends_on(line: Line, links: Sequence[int], tree: Tree) -> bool:
     """Whether a line hangs on one of the links, and otherwise on nothing but world and hands."""
-    bodies = {body.name for body in still.puppet.bodies}
+    bodies = body_names(tree)
     on = {point.link for point in line.points} - {WORLD}
-    rest = [k for k in on.difference(links) if still.tree.links[k].name in bodies]
+    rest = [k for k in on.difference(links) if tree.links[k].name in bodies]
     return not rest and (not on or not on.isdisjoint(links))
 
 

@@ -20,7 +20,7 @@ from fantoccini.progress import OnStep
 NUMBERS = (".npz", ".csv")
 PICTURES = (".png", ".svg", ".pdf")
 FILMS = (".mp4", ".gif")
-ANIMATIONS = ENDINGS
+ANIMATIONS = tuple(ending for ending in ENDINGS if ending not in NUMBERS)
 
 
 class OutputError(FantocciniError):

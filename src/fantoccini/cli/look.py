@@ -7,10 +7,14 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from fantoccini.cli.files import ANIMATIONS, FILMS, PICTURES, fail
+from fantoccini.animation.formats import ENDINGS
+from fantoccini.cli.files import FILMS, PICTURES, fail
 from fantoccini.cli.options import Focus, Theme
+
+if TYPE_CHECKING:
+    from fantoccini.animation.scene import Bodies
 
 _VIEWS = ("auto", "front", "side", "three-quarter")
 _MIN_SIZE, _MAX_SIZE = 16, 8192
@@ -27,9 +31,9 @@ class Look:
         focus: ``all`` or ``bodies``.
         theme: ``light`` or ``dark``.
         size: width and height [px].
-        fps: frames per second of a film, keys per second of an animation.
+        fps: frames per second of a film, keys of an animation, rows of a table.
         forces: draw the forces of contacts.
-        bodies: that an animation shows.
+        bodies: that an animation or a table has; names or ``all``.
     """
 
     view: str | tuple[float, float] | None = None
@@ -38,7 +42,7 @@ class Look:
     size: tuple[int, int] | None = None
     fps: float | None = None
     forces: bool | None = None
-    bodies: tuple[str, ...] | None = None
+    bodies: Bodies | None = None
 
     @classmethod
     def of(
@@ -62,15 +66,15 @@ class Look:
         """Raises a usage error if an option applies to none of the output files."""
         endings = {path.suffix.lower() for path in out}
         film, strip = bool(endings & {*FILMS}), bool(endings & {*PICTURES})
-        animation = bool(endings & {*ANIMATIONS})
+        moving = bool(endings & {*ENDINGS})
         for option, value, applies, what in (
             ("--view", self.view, film or strip, "a strip or a film"),
             ("--focus", self.focus, film or strip, "a strip or a film"),
             ("--theme", self.theme, film or strip or plot is not None, "a picture or a film"),
             ("--size", self.size, film or strip, "a strip or a film"),
-            ("--fps", self.fps, film or animation, "a film or an animation"),
+            ("--fps", self.fps, film or moving, "a film, an animation or a table (.csv)"),
             ("--forces", self.forces, film or strip, "a strip or a film"),
-            ("--bodies", self.bodies, animation, "an animation"),
+            ("--bodies", self.bodies, moving, "an animation or a table (.csv)"),
         ):
             if value is not None and not applies:
                 fail(f"applies to {what}, but none is written", option)
@@ -97,7 +101,9 @@ def _view(text: str) -> str | tuple[float, float]:
     return azimuth, elevation
 
 
-def _names(text: str) -> tuple[str, ...]:
+def _names(text: str) -> Bodies:
+    if text.strip() == "all":
+        return "all"
     names = tuple(name.strip() for name in text.split(","))
     if not all(names):
         fail(f"{text!r} is not NAME,NAME,...", "--bodies")

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fantoccini.animation.formats import format_of
+from fantoccini.animation.formats import ENDINGS, format_of
 from fantoccini.cli.files import (  # fmt: skip
     ANIMATIONS,
     FILMS,
@@ -35,7 +35,7 @@ def check_outputs(out: Sequence[Path], plot: Path | None, option: str = "--out")
     """
     for path in out:
         check_output(path, (*NUMBERS, *PICTURES, *FILMS, *ANIMATIONS), option)
-        if path.suffix.lower() in ANIMATIONS:
+        if path.suffix.lower() in ENDINGS:
             format_of(path, None)
     if plot is not None:
         check_output(plot, PICTURES, "--plot")
@@ -112,9 +112,7 @@ def _write(
     ending = path.suffix.lower()
     if ending == ".npz":
         run.save(path)
-    elif ending == ".csv":
-        run.to_csv(path)
-    elif ending in ANIMATIONS:
+    elif ending in ENDINGS:
         from fantoccini.animation import export
 
         steps.step(f"writing {path}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 from collections import Counter
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ import numpy as np
 
 from fantoccini.arrays import Array, Times, frozen
 from fantoccini.errors import StateError, Status, UnknownNameError
-from fantoccini.files import replacing
+from fantoccini.files import write_table
 from fantoccini.motion import archive, interpolate
 from fantoccini.motion.columns import Columns
 from fantoccini.motion.contacts import ContactPoints
@@ -280,15 +279,7 @@ class Trajectory:
 
     def to_csv(self, path: str | Path) -> None:
         """Writes :meth:`columns` as CSV; numbers read back to the same bits, flags as 0 and 1."""
-        columns = self.columns()
-        lists = [
-            (values.astype(int) if values.dtype == bool else values).tolist()
-            for values in columns.values()
-        ]
-        with replacing(path) as temporary, temporary.open("w", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(columns)
-            writer.writerows(zip(*lists, strict=True))
+        write_table(self.columns(), path)
 
     def save(self, path: str | Path) -> None:
         """Writes an npz file that holds everything, the puppet included. The file appears whole.
@@ -302,7 +293,8 @@ class Trajectory:
         if Path(path).suffix.lower() != ".npz":
             raise ValueError(
                 f"found {str(path)!r}; a trajectory is saved as .npz. to_csv writes CSV, "
-                "fantoccini.export animations (.glb, .usda, .usdc), and fantoccini.view.film films"
+                "fantoccini.export animations (.glb, .usda, .usdc, .bvh), and fantoccini.view.film "
+                "films"
             )
         archive.save({f.name: getattr(self, f.name) for f in dataclasses.fields(self)}, path)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +12,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import UnknownNameError
-from fantoccini.files import replacing
+from fantoccini.files import write_table
 from fantoccini.sweeps.case import PUPPET, Case
 from fantoccini.sweeps.design import Design
 from fantoccini.sweeps.outcome import Failure, Outcome
@@ -145,10 +144,7 @@ class SweepResult:
             for place in np.ndindex(column.shape[1:]):
                 index = f"[{','.join(map(str, place))}]" if place else ""
                 flat[name + index] = column[(slice(None), *place)].tolist()
-        with replacing(path) as temporary, temporary.open("w", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(flat)
-            writer.writerows(zip(*flat.values(), strict=True))
+        write_table(flat, path)
 
     def _column(self, name: str) -> Array:
         """A value or a figure, (n_cases, ...)."""
