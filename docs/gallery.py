@@ -152,6 +152,28 @@ PIECES = (
 )  # fmt: skip
 
 
+PLAYS = {
+    "duet": (
+        "Pierrot brings a ball on his arm. Columbine comes beside him, puts her arm under the "
+        "other half of the bar that it hangs by, and lifts it off. Nothing holds the ball but what "
+        "touches it.",
+        (1.0, 33.6, 36.8, 39.6, 51.4, 59.4),
+    ),
+    "chase": (
+        "One player chases another round a table. Their ways are planned past the table and past "
+        "each other.",
+        (1.0, 8.0, 14.0, 20.0, 26.0, 32.0),
+    ),
+    "trio": (
+        "Pierrot comes in and greets his friends; all three come forward and bow together.",
+        (1.0, 8.0, 16.0, 24.0, 31.0, 34.5),
+    ),
+}
+"""Play -> what is seen, and times of the strip's poses [s]."""
+PACE = 4.0
+"""Seconds of a play per second of its film."""
+
+
 def perform(piece: Piece) -> tuple[fan.Marionette, Trajectory]:
     """The puppet of a piece and its motion."""
     marionette = getattr(fan.puppets, piece.puppet)()
@@ -179,6 +201,22 @@ def draw(piece: Piece, marionette: fan.Marionette, run: Trajectory) -> None:
     view.film(
         marionette, run.resample(times), PICTURES / f"{piece.puppet}.gif", fps=FPS, size=piece.size,
         view=piece.view, focus=piece.focus, theme=piece.theme, speed=piece.speed,
+    )  # fmt: skip
+
+
+def draw_play(name: str) -> None:
+    """Writes strip and film of a bundled play."""
+    play = fan.load_play(name)
+    run = fan.verify_play(play).run
+    _, times = PLAYS[name]
+    times = tuple(t for t in times if t < run.t[-1])
+    view.strip(
+        play.marionette, run, PICTURES / f"{name}.png", times=times, view=view.AUDIENCE, scale=0.6
+    )
+    part = run.resample(np.arange(0.0, run.t[-1], PACE / FPS))
+    view.film(
+        play.marionette, part, PICTURES / f"{name}.gif", fps=FPS, size=(320, 260),
+        view=view.AUDIENCE, theme="dark", speed=PACE, captions=play.score.captions,
     )  # fmt: skip
 
 
@@ -218,7 +256,20 @@ def page() -> str:
             f"Film: {piece.part[0]:g} to {piece.part[1]:g} s{pace}. The motion:\n\n"
             f"```\n{piece.command}\n```\n"
         )
-    return "\n".join([*parts, _NUMBER, _PLAN])
+    plays = [
+        f"## A play: {name}\n\n{text} It is written in "
+        f"[{_lines(name)} lines](../src/fantoccini/plays/repertory/{name}.yaml); see [Plays]"
+        f"(plays.md).\n\n![{name}: film](pictures/gallery/{name}.gif)\n\n"
+        f"![{name}: poses](pictures/gallery/{name}.png)\n\nFilm: all of it, {PACE:g} times as "
+        f"fast. The play:\n\n```\nfantoccini play {name} --out {name}.mp4\n```\n"
+        for name, (text, _) in PLAYS.items()
+    ]
+    return "\n".join([*parts, *plays, _NUMBER, _PLAN])
+
+
+def _lines(name: str) -> int:
+    path = ROOT / "src" / "fantoccini" / "plays" / "repertory" / f"{name}.yaml"
+    return len(path.read_text(encoding="utf-8").splitlines())
 
 
 _HEAD = """# Gallery
@@ -270,6 +321,10 @@ def main() -> None:
         if not only or piece.puppet in only:
             draw(piece, *perform(piece))
             print(piece.puppet, flush=True)
+    for name in PLAYS:
+        if not only or name in only:
+            draw_play(name)
+            print(name, flush=True)
     if not only or "number" in only:
         draw_number()
     if not only:
