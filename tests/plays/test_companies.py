@@ -181,3 +181,15 @@ def test_who_does_not_hold_a_prop_cannot_give_it(tmp_path):
     why, *_ = fan.load_play(path).changes
     assert "gift.yaml:16" in str(why)
     assert "columbine does not hold ball: pierrot holds it" in str(why)
+
+
+@pytest.mark.slow
+def test_a_ball_is_given_live(gift):
+    """In time steps of the whole stage, with feedback against swing."""
+    show = fan.Show(gift)
+    show.go()
+    while not show.done:
+        x = show.advance(0.5)
+    ball, arm = (gift.marionette.pose(x, name)[:3, 3] for name in ("ball", "columbine.torso"))
+    assert np.linalg.norm((ball - arm)[:2]) < 0.25
+    assert ball[2] > 0.15  # it hangs
