@@ -33,10 +33,14 @@ T = TypeVar("T")
 
 _STEP, _STEP_TIME = 0.05, 1.0
 """Longest step of those that lead up to a thing or away from it [m], and its duration [s]."""
+_AT_TABLE = 0.025
+"""The same at a table, which shins that swing must not touch [m]."""
+_BACK = 0.1
+"""A walk to a table ends at least so far from where one puts something down [m]."""
 _BEFORE_SEAT = 0.135
 """A player sits down from so far before the middle of the seat [m]."""
-_CALM = 0.8
-"""Pause before something is handled, in which swing settles [s]."""
+_CALM, _STILL = 0.8, 2.0
+"""Pauses before something is handled, and at a table, in which swing settles [s]."""
 _FARTHEST = 1.0
 """Farthest from a thing that a player steps up to it [m]."""
 _APART = 0.02
@@ -200,16 +204,16 @@ class Handling:
         hangs = self._hangs_at(cue, actor, prop, held)
         puts = self._putting(actor, prop, held.side, hangs, top, onto, along=self._along(cue))
         there = self._put_place(onto, puts, actor)
-        before = self._clear_of(there, -1.0, actor)
-        self._come(cue, actor, before, there, begin, wait)
-        start = actor.rests() + _CALM
+        before = self._clear_of(there, -1.0, actor, _BACK)
+        self._come(cue, actor, before, there, begin, wait, step=_AT_TABLE)
+        start = actor.rests() + _STILL
         end = self._do(cue, actor, puts.gesture, start)
         self._close(prop, held, start)
         pairs = standing(prop, onto) | {hanging(who, held.side, prop)}
         self._met.append(Meeting(start, end, (who,), (prop,), pairs, "put", cue.spot))
         z = there.place + np.exp(1j * there.heading) * complex(puts.forward, puts.left)
         self.where[prop] = Stands(Footing(z.real, z.imag, there.heading), top, onto)
-        self._straight(cue, actor, before, end)
+        self._straight(cue, actor, before, end, step=_AT_TABLE)
 
     def _picks_up(self, cue: Cue, begin: float, wait: float) -> None:
         prop, (who,) = str(cue.given.picks_up), cue.who
@@ -228,14 +232,14 @@ class Handling:
         stands = self._wishes.stands.get(cue.spot, one.place)
         z = stands.place - np.exp(1j * stands.heading) * complex(puts.forward, puts.left)
         there = Footing(z.real, z.imag, stands.heading)
-        before = self._clear_of(there, -1.0, actor)
-        self._come(cue, actor, before, there, begin, wait)
-        start = actor.rests() + _CALM
+        before = self._clear_of(there, -1.0, actor, _BACK)
+        self._come(cue, actor, before, there, begin, wait, step=_AT_TABLE)
+        start = actor.rests() + _STILL
         end = self._do(cue, actor, puts.gesture, start)
         pairs = standing(prop, one.on) | {hanging(who, side, prop)}
         self._met.append(Meeting(start, end, (who,), (prop,), pairs, "picked", cue.spot))
         self.where[prop] = Hangs(who, side, end, cue.spot)
-        self._straight(cue, actor, before, end)
+        self._straight(cue, actor, before, end, step=_AT_TABLE)
 
     # -- what is so --------------------------------------------------------------------------
 
@@ -334,7 +338,7 @@ class Handling:
 
     def _come(
         self, cue: Cue, actor: Actor, before: Footing, there: Footing, begin: float, wait: float,
-        *, beside: Actor | None = None,
+        *, beside: Actor | None = None, step: float = _STEP,
     ) -> None:  # fmt: skip
         """A walk to a place before something, and the last straight steps."""
         actor.rests()
@@ -352,15 +356,16 @@ class Handling:
                 raise CannotBe(why)
             self._walk(cue, actor, way)
             free = way.end
-        self._straight(cue, actor, there, free, beside=beside)
+        self._straight(cue, actor, there, free, beside=beside, step=step)
 
     def _straight(
-        self, cue: Cue, actor: Actor, there: Footing, begin: float, beside: Actor | None = None
-    ) -> None:
+        self, cue: Cue, actor: Actor, there: Footing, begin: float,
+        beside: Actor | None = None, step: float = _STEP,
+    ) -> None:  # fmt: skip
         """Straight steps, forward or backward, past nobody."""
         here = actor.last
         along = here.seen(there.place).real
-        n = max(1, int(np.ceil(abs(along) / _STEP)))
+        n = max(1, int(np.ceil(abs(along) / step)))
         way = Way(here, begin, (Step(along / n),) * n, _STEP_TIME)
         others = [
             (one.player, one.track()) for one in self._actors.values()
@@ -384,10 +389,12 @@ class Handling:
         note(cue, actor, 0, own, begun)
         return begun + own.duration
 
-    def _clear_of(self, there: Footing, side: float, actor: Actor) -> Footing:
+    def _clear_of(
+        self, there: Footing, side: float, actor: Actor, least: float = 0.02
+    ) -> Footing:
         """The nearest place ahead (1) or behind (-1) that is clear of what stands there."""
-        for k in range(1, int(_FARTHEST / 0.02)):
-            one = Footing(*_along(there, side * 0.02 * k), there.heading)
+        for way in np.arange(least, _FARTHEST, 0.02):
+            one = Footing(*_along(there, side * float(way)), there.heading)
             if self._walks.is_clear(actor.player, one):
                 return one
         raise CannotBe(f"{actor.player.name} has no room to step up to it")

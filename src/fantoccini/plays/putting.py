@@ -49,7 +49,7 @@ _GLIDES = 0.1
 """The puppet glides so far ahead over its feet, which swing too wide in steps at a table [m]."""
 _UPRIGHT, _LEAVES = 0.015, 0.11
 """Ways inward: with the arm that sets the prop upright, and to come out from under the bar [m]."""
-_DURATION = 15.5
+_DURATION = 17.5
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Putting:
 def put_down(
     stage: Marionette, who: str, prop: str, height: float, *, start: State, side: str = "right"
 ) -> Putting:
-    """The gesture by which a puppet stands a prop on something and takes its forearm away: 15.5 s.
+    """The gesture by which a puppet stands a prop on something and takes its forearm away: 17.5 s.
 
     It begins in the pose of :func:`~fantoccini.plays.props.carry` and ends where the puppet hangs.
 
@@ -138,22 +138,22 @@ def putting(
     touches = -(drop + _RAISED) / _GAIN
     sunk = touches - _SINKS
     moves = aside_by(other, 1.0, [
-        (0, 0), (5.6, 0), (7.5, _UPRIGHT), (8.0, _UPRIGHT), (10.0, _LEAVES), (12.7, _LEAVES),
+        (0, 0), (7.1, 0), (9.0, _UPRIGHT), (9.5, _UPRIGHT), (11.5, _LEAVES), (14.2, _LEAVES),
         (_DURATION, 0),
     ])  # fmt: skip
     moves |= aside_by("forward", _GLIDES, _reach(0.0, 1.0))
     moves[f"{hand}.up"] = [
-        (0, CARRIED["up"]), (1.0, _RISES), (4.5, out["up"]), (5.0, out["up"]), (6.5, touches),
-        (7.5, sunk), (10.2, sunk), (13.0, 0), (_DURATION, 0),
+        (0, CARRIED["up"]), (1.0, _RISES), (6.0, out["up"]), (6.5, out["up"]), (8.0, touches),
+        (9.0, sunk), (11.7, sunk), (14.5, 0), (_DURATION, 0),
     ]  # fmt: skip
     moves[f"{hand}.forward"] = _reach(0.0, _GLIDES + out["forward"])
     moves[f"{hand}.{other}"] = summed(
         moves[f"{hand}.{other}"], _reach(-CARRIED["out"], out["in"])
     )
-    name, marks = "put down", {"down": 6.5, "free": 10.0}
+    name, marks = "put down", {"down": 8.0, "free": 11.5}
     if back:
         moves, name = backwards(moves, _DURATION), "pick up"
-        marks = {"under": _DURATION - 8.0, "up": _DURATION - 5.0}
+        marks = {"under": _DURATION - 9.5, "up": _DURATION - 6.5}
     forward = _GLIDES + _STANDS - _NEARER * drop + along - ALONG
     touching = ((of_member(who, f"forearm_{side}"), prop),)
     return Putting(
@@ -163,4 +163,4 @@ def putting(
 
 def _reach(before: float, out: float) -> Waypoints:
     """From an offset to another while something is held out, and to none."""
-    return [(0, before), (0.5, before), (4.5, out), (10.0, out), (14.0, 0), (_DURATION, 0)]
+    return [(0, before), (0.5, before), (6.0, out), (11.5, out), (16.0, 0), (_DURATION, 0)]
