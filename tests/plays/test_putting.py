@@ -21,7 +21,7 @@ TOP = 0.2
 
 
 def puppet() -> fan.Marionette:
-    return fan.Marionette(bundled("marionette"))
+    return fan.load(bundled("marionette"))
 
 
 def write(
