@@ -14,7 +14,7 @@ from fantoccini import plays
 from fantoccini.clearance import Clearance, StringsApart
 from fantoccini.gestures.stepping import Step
 from fantoccini.marionette import link_index
-from fantoccini.plays import props
+from fantoccini.plays import props, putting
 from fantoccini.puppet.contact import FLOOR
 
 RAISED = 0.02
@@ -219,10 +219,10 @@ def test_a_seat_bears_who_sits_and_lets_her_stand_up():
 
 
 def test_a_basket_is_put_down():
-    side, place, top = "left", (0.3, 0.2, -1.2), 0.16
-    x, y = seen(*place, 0.18, 0.07)
+    side, place, top = "left", (0.3, 0.2, -1.2), 0.195
+    x, y = seen(*place, 0.36, 0.07)
     table = {
-        "name": "table", "type": "box", "size": [0.08, 0.16, top], "at": [x, y, top / 2],
+        "name": "table", "type": "box", "size": [0.3, 0.3, top], "at": [x, y, top / 2],
         "orientation": {"axis": [0, 0, 1], "angle": place[2]},
     }  # fmt: skip
     scene = stage(
@@ -230,16 +230,20 @@ def test_a_basket_is_put_down():
         [{"between": ["table", "columbine"], "meet": False}],
     )  # fmt: skip
     x0 = scene.rest()
-    putting = props.put_down(scene, "", "basket", top, side=side)
-    whole = putting.gesture
-    run = fan.simulate(scene, x0, whole.inputs(x0), t_end=14.0, method=METHOD, save_every=10)
+    pose = props.carry(scene, "", side=side)
+    pose = pose.then(pose.rest(scene, 1.0, everything=False))
+    carried = fan.simulate(scene, x0, pose.inputs(x0), t_end=2.5, method=METHOD)
+    start = carried.state(len(carried) - 1)
+    down = putting.put_down(scene, "", "basket", top, start=start, side=side)
+    whole = pose.then(down.gesture)
+    run = fan.simulate(scene, x0, whole.inputs(x0), t_end=22.0, method=METHOD, save_every=10)
     assert run.status is fan.Status.DONE
     touched = met(run, "basket")
     where = np.stack([run[f"basket.{axis}"] for axis in "xyz"], axis=1)
     c, s = np.cos(place[2]), np.sin(place[2])
     own = (where[:, :2] - place[:2]) @ np.array([[c, -s], [s, c]])
-    stood = run.t > 8.0
+    stood = run.t > 14.5
     assert np.ptp(where[stood], axis=0).max() < 1e-3
     assert where[stood, 2].mean() == pytest.approx(top, abs=2e-3)
-    assert own[stood].mean(axis=0) == pytest.approx([putting.forward, putting.left], abs=0.01)
+    assert own[stood].mean(axis=0) == pytest.approx([down.forward, down.left], abs=0.01)
     assert set(touched) == {"table", f"forearm_{side}"}

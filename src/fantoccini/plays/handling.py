@@ -15,7 +15,7 @@ from fantoccini.errors import InputError
 from fantoccini.gestures import Gesture
 from fantoccini.gestures.stepping import Step
 from fantoccini.gestures.timing import END, START, Spot
-from fantoccini.plays import props
+from fantoccini.plays import props, putting
 from fantoccini.plays.acting import Repertory
 from fantoccini.plays.actors import Actor, CannotBe, Wishes
 from fantoccini.plays.calming import NONE, calm_gesture
@@ -34,6 +34,10 @@ T = TypeVar("T")
 
 _STEP, _STEP_TIME = 0.05, 1.0
 """Longest step of those that lead up to a thing or away from it [m], and its duration [s]."""
+_AT_TABLE = 0.025
+"""The same at a table, which shins that swing must not touch [m]."""
+_BACK = 0.1
+"""A walk to a table ends at least so far from where one puts something down [m]."""
 _BEFORE_SEAT = 0.135
 """A player sits down from so far before the middle of the seat [m]."""
 _CALM = 0.3
@@ -42,7 +46,7 @@ _FARTHEST = 1.0
 """Farthest from a thing that a player steps up to it [m]."""
 _APART = 0.02
 """By how much more than their radii two are apart before one comes up to the other [m]."""
-_INSET = 0.05
+_INSET = 0.03
 """A prop is put so far from the border of what it is put on, where that is large enough [m]."""
 _OTHER = {"left": "right", "right": "left"}
 
@@ -200,24 +204,19 @@ class Handling:
         self.check_stands(actor)
         top = top_of(self._cast.file, onto)
         assert top is not None  # or it is a mistake
-        low = self._hangs_at(cue, actor, prop, held) - top
-        puts = self._made(
-            lambda: props.putting(actor.player.alone, "", prop, low, side=held.side), actor
-        )
+        hangs = self._hangs_at(cue, actor, prop, held)
+        puts = self._putting(actor, prop, held.side, hangs, top, onto, along=self._along(cue))
         there = self._put_place(onto, puts, actor)
-        before = self._clear_of(there, -1.0, actor)
-        self._come(cue, actor, before, there, begin, wait)
-        lowers = self._made(
-            lambda: props.lower(actor.player.alone, "", side=held.side), actor
-        )
-        start = self._calm(cue, self._do(cue, actor, lowers, actor.rests()), actor)
+        before = self._clear_of(there, -1.0, actor, _BACK)
+        self._come(cue, actor, before, there, begin, wait, step=_AT_TABLE)
+        start = self._calm(cue, actor.rests(), actor)
         end = self._do(cue, actor, puts.gesture, start)
         self._close(prop, held, start)
         pairs = standing(prop, onto) | {hanging(who, held.side, prop)}
         self._met.append(Meeting(start, end, (who,), (prop,), pairs, "put", cue.spot))
         z = there.place + np.exp(1j * there.heading) * complex(puts.forward, puts.left)
         self.where[prop] = Stands(Footing(z.real, z.imag, there.heading), top, onto)
-        self._straight(cue, actor, before, end)
+        self._straight(cue, actor, before, end, step=_AT_TABLE)
 
     def _picks_up(self, cue: Cue, begin: float, wait: float) -> None:
         prop, (who,) = str(cue.given.picks_up), cue.who
@@ -231,21 +230,19 @@ class Handling:
         if (taken := self._on(actor, side)) is not None:
             raise CannotBe(f"{who}'s arms are not free: {taken} hangs there")
         self.check_stands(actor)
-        low = self._would_hang(actor, prop, side) - one.height
-        puts = self._made(
-            lambda: props.putting(actor.player.alone, "", prop, low, side=side, back=True), actor
-        )
+        hangs = self._would_hang(actor, prop, side)
+        puts = self._putting(actor, prop, side, hangs, one.height, one.on, back=True)
         stands = self._wishes.stands.get(cue.spot, one.place)
         z = stands.place - np.exp(1j * stands.heading) * complex(puts.forward, puts.left)
         there = Footing(z.real, z.imag, stands.heading)
-        before = self._clear_of(there, -1.0, actor)
-        self._come(cue, actor, before, there, begin, wait)
+        before = self._clear_of(there, -1.0, actor, _BACK)
+        self._come(cue, actor, before, there, begin, wait, step=_AT_TABLE)
         start = self._calm(cue, actor.rests(), actor)
         end = self._do(cue, actor, puts.gesture, start)
         pairs = standing(prop, one.on) | {hanging(who, side, prop)}
         self._met.append(Meeting(start, end, (who,), (prop,), pairs, "picked", cue.spot))
         self.where[prop] = Hangs(who, side, end, cue.spot)
-        self._straight(cue, actor, before, end)
+        self._straight(cue, actor, before, end, step=_AT_TABLE)
 
     # -- what is so --------------------------------------------------------------------------
 
@@ -277,12 +274,32 @@ class Handling:
         except (InputError, ValueError) as error:
             raise CannotBe(f"{actor.player.name} cannot do it: {error}") from None
 
+    def _putting(
+        self, actor: Actor, prop: str, side: str, hangs: float, top: float, on: str, *,
+        along: float | None = None, back: bool = False,
+    ) -> putting.Putting:  # fmt: skip
+        """How a player puts a prop down on something, or picks it up from there."""
+        least, most = (hangs - drop for drop in reversed(putting.DROPS))
+        if not least <= top <= most:
+            off, near = ("low", least + 5e-4) if top < least else ("high", most - 5e-4)
+            raise CannotBe(
+                f"{on} is {top:.3f} m high, which is too {off} for {actor.player.name}; needed: "
+                f"{least:.3f} to {most:.3f} m, {near:.3f} m is nearest"
+            )
+        along = putting.ALONG if along is None else along
+        return self._made(
+            lambda: putting.putting(
+                actor.player.alone, "", prop, hangs - top, side=side, along=along, back=back
+            ),
+            actor,
+        )
+
     def _would_hang(self, actor: Actor, prop: str, side: str) -> float:
-        """Height of a prop's bottom that hangs on a forearm [m]."""
+        """Height of a prop's bottom that a player carries on a forearm [m]."""
         handle = self._cast.things[prop].handle
         assert handle is not None
         lift = self._cast.file.cast[actor.player.name].lift
-        return props.handle_place(side, raised=lift)[2] - handle
+        return props.handle_place(side, raised=lift)[2] + putting.HIGHER - handle
 
     def carries(self, who: str) -> str:
         """The forearm on which something hangs that a player carries; "" where nothing does."""
@@ -312,7 +329,7 @@ class Handling:
         middle = self._walks.middle(name)
         return middle, Footing(middle.real, middle.imag).towards(actor.last.place), top
 
-    def _put_place(self, onto: str, puts: props.Putting, actor: Actor) -> Footing:
+    def _put_place(self, onto: str, puts: putting.Putting, actor: Actor) -> Footing:
         """From where a player puts something on an obstacle: the side that is nearest."""
         way, found = complex(puts.forward, puts.left), []
         for heading, inside in self._walks.sides(onto, actor.last.place, _INSET):
@@ -324,7 +341,7 @@ class Handling:
 
     def _come(
         self, cue: Cue, actor: Actor, before: Footing, there: Footing, begin: float, wait: float,
-        *, beside: Actor | None = None,
+        *, beside: Actor | None = None, step: float = _STEP,
     ) -> None:  # fmt: skip
         """A walk to a place before something, and the last straight steps."""
         actor.rests()
@@ -342,15 +359,16 @@ class Handling:
                 raise CannotBe(why)
             self._walk(cue, actor, way)
             free = way.end
-        self._straight(cue, actor, there, free, beside=beside)
+        self._straight(cue, actor, there, free, beside=beside, step=step)
 
     def _straight(
-        self, cue: Cue, actor: Actor, there: Footing, begin: float, beside: Actor | None = None
-    ) -> None:
+        self, cue: Cue, actor: Actor, there: Footing, begin: float,
+        beside: Actor | None = None, step: float = _STEP,
+    ) -> None:  # fmt: skip
         """Straight steps, forward or backward, past nobody."""
         here = actor.last
         along = here.seen(there.place).real
-        n = max(1, int(np.ceil(abs(along) / _STEP)))
+        n = max(1, int(np.ceil(abs(along) / step)))
         way = Way(here, begin, (Step(along / n),) * n, _STEP_TIME)
         others = [
             (one.player, one.track()) for one in self._actors.values()
@@ -385,10 +403,12 @@ class Handling:
             self.calmed[key] = start
         return max(actor.rests() for actor in actors) + _CALM
 
-    def _clear_of(self, there: Footing, side: float, actor: Actor) -> Footing:
+    def _clear_of(
+        self, there: Footing, side: float, actor: Actor, least: float = 0.02
+    ) -> Footing:
         """The nearest place ahead (1) or behind (-1) that is clear of what stands there."""
-        for k in range(1, int(_FARTHEST / 0.02)):
-            one = Footing(*_along(there, side * 0.02 * k), there.heading)
+        for way in np.arange(least, _FARTHEST, 0.02):
+            one = Footing(*_along(there, side * float(way)), there.heading)
             if self._walks.is_clear(actor.player, one):
                 return one
         raise CannotBe(f"{actor.player.name} has no room to step up to it")

@@ -1,4 +1,4 @@
-"""Gestures with props: handing over, sitting down, putting down and picking up.
+"""Gestures with props: carrying, handing over and sitting down.
 
     q_K(t) = q_K0 + d(t)
 
@@ -24,8 +24,8 @@ from fantoccini.motion import State, pieces
 
 Waypoints = list[tuple[float, float]]
 
-_SIDES = {"right": "left", "left": "right"}
-_BODY = ("head", "shoulder_left", "shoulder_right")
+SIDES = {"right": "left", "left": "right"}
+BODY = ("head", "shoulder_left", "shoulder_right")
 _HANDLE = (0.061, 0.089, 0.324)
 """Middle of the handle's bar on a forearm in the bundled pose: forward, to the arm's side, and
 above the floor [m]."""
@@ -42,7 +42,7 @@ _LOW, _LIFTED, _SUNK = -0.028, 0.036, -0.058
 _BESIDE, _STEP = 0.051, 0.24
 """Distance of the two forearms, and the receiver's step to the side [m]."""
 
-_CARRIED = {"out": 0.1, "up": 0.035}
+CARRIED = {"out": 0.1, "up": 0.035}
 """What moves the hand's string to hold a prop away from the knees [m]."""
 CARRY_TIME = 1.5
 """Duration of what takes up that pose [s]."""
@@ -58,15 +58,6 @@ _SLACK, _SAG = 0.012, 0.02
 seat bears weight [m]."""
 _SEATS = (0.09, 0.18)
 """Lowest and highest seat below the pelvis [m]."""
-
-_LOWEST = 0.075
-"""Farthest way of a prop down: below that the thighs would push it [m]."""
-_STANDS = (0.173, 0.061)
-"""Where a prop stands that was put down: forward, and to the arm's side [m]."""
-_LEAVES = 0.125
-"""Way to the side on which the arm comes out from under the bar [m]."""
-_OVERTRAVEL = 0.024
-"""Way down beyond the surface: the arm that reaches forward lifts the prop by so much [m]."""
 
 
 @dataclass(frozen=True)
@@ -115,22 +106,6 @@ class Sitting:
     touching: tuple[tuple[str, str], ...]
 
 
-@dataclass(frozen=True)
-class Putting:
-    """A prop comes to stand on something, or is taken from it.
-
-    Attributes:
-        gesture: marks ``down`` and ``free``, or ``under`` and ``up``.
-        forward, left: where the prop stands, seen from the puppet [m].
-        touching: pairs of bodies that may touch.
-    """
-
-    gesture: Gesture
-    forward: float
-    left: float
-    touching: tuple[tuple[str, str], ...]
-
-
 def handle_place(side: str = "right", *, raised: float = 0.0) -> tuple[float, float, float]:
     """Where a handle's middle hangs on a forearm: forward, left and up from the puppet's place [m].
 
@@ -142,7 +117,7 @@ def handle_place(side: str = "right", *, raised: float = 0.0) -> tuple[float, fl
         ValueError: the side is neither left nor right.
     """
     forward, aside, up = _HANDLE
-    return forward, _sign(side) * aside, up + raised
+    return forward, sign_of(side) * aside, up + raised
 
 
 def give(
@@ -168,8 +143,8 @@ def give(
         InputError: the members have other strings than the bundled marionette.
         ValueError: the side is neither left nor right.
     """
-    other, held = _SIDES[side], _HELD
-    begins = _CARRIED if carried else {"up": 0.0, "out": 0.0}
+    other, held = SIDES[side], _HELD
+    begins = CARRIED if carried else {"up": 0.0, "out": 0.0}
     gives: dict[str, Waypoints] = {
         f"hand_{side}.up": [
             (0, begins["up"]), (2.0, held["up"]), (7.4, held["up"]), (8.8, _SUNK), (11.8, _SUNK),
@@ -181,20 +156,20 @@ def give(
         ],
         f"hand_{side}.in": [(0, -begins["out"]), (2.0, held["in"]), (11.8, held["in"]), (13.8, 0)],
     }  # fmt: skip
-    gets = _aside(other, _STEP, [(0, 0), (2.0, 0), (5.2, 1), (9.0, 1), (12.0, 0), (13.8, 0)])
+    gets = aside_by(other, _STEP, [(0, 0), (2.0, 0), (5.2, 1), (9.0, 1), (12.0, 0), (13.8, 0)])
     gets[f"hand_{other}.up"] = [
         (0, 0), (2.0, _LOW), (5.6, _LOW), (7.2, _LIFTED), (12.0, _LIFTED), (13.8, 0),
     ]  # fmt: skip
     forward, inward = _HELD["forward"], _TAKES
     gets[f"hand_{other}.forward"] = [(0, 0), (2.0, forward), (12.0, forward), (13.8, 0)]
-    gets[f"hand_{other}.{other}"] = _sum(
+    gets[f"hand_{other}.{other}"] = summed(
         gets[f"hand_{other}.{other}"], [(0, 0), (2.0, -inward), (12.0, -inward), (13.8, 0)]
     )
-    arms = _body(giver, f"forearm_{side}"), _body(receiver, f"forearm_{other}")
+    arms = of_member(giver, f"forearm_{side}"), of_member(receiver, f"forearm_{other}")
     forward, left = _beside(side, _ALONG if along is None else along)
     return Handing(
-        _of(stage, giver, gives, "give", {"offered": 2.0, "released": 8.8}),
-        _of(stage, receiver, gets, "take", {"under": 5.2, "taken": 7.2}),
+        gesture_of(stage, giver, gives, "give", {"offered": 2.0, "released": 8.8}),
+        gesture_of(stage, receiver, gets, "take", {"under": 5.2, "taken": 7.2}),
         forward, left, tuple((arm, prop) for arm in arms), 0.0,
     )  # fmt: skip
 
@@ -203,7 +178,7 @@ def _beside(side: str, along: float) -> tuple[float, float]:
     """Where the receiver stands before it steps aside to the giver: forward and left [m]."""
     held = np.array(_HELD_ELBOW) + along * np.array(_HELD_FOREARM)
     forward, aside = _TAKEN
-    return float(held[0]) - forward, _sign(side) * (float(held[1]) + aside + _BESIDE + _STEP)
+    return float(held[0]) - forward, sign_of(side) * (float(held[1]) + aside + _BESIDE + _STEP)
 
 
 def along_forearm(
@@ -219,17 +194,17 @@ def along_forearm(
         height: of its handle's bar above its origin [m].
         side: of the forearm.
     """
-    thing, arm = stage.pose(state, prop), stage.pose(state, _body(who, f"forearm_{side}"))
+    thing, arm = stage.pose(state, prop), stage.pose(state, of_member(who, f"forearm_{side}"))
     return float(-arm[:3, 2] @ (thing[:3, 3] + height * thing[:3, 2] - arm[:3, 3]))
 
 
-def _aside(side: str, way: float, share: Waypoints) -> dict[str, Waypoints]:
+def aside_by(side: str, way: float, share: Waypoints) -> dict[str, Waypoints]:
     """A whole puppet carried a step to a side [m]."""
-    strings = (*_BODY, *(f"{limb}_{end}" for limb in ("hand", "knee") for end in _SIDES))
+    strings = (*BODY, *(f"{limb}_{end}" for limb in ("hand", "knee") for end in SIDES))
     return {f"{string}.{side}": [(t, way * x) for t, x in share] for string in strings}
 
 
-def _sum(one: Waypoints, other: Waypoints) -> Waypoints:
+def summed(one: Waypoints, other: Waypoints) -> Waypoints:
     """Of two, at the times of both; straight between waypoints."""
     times = sorted({t for t, _ in (*one, *other)})
     values = np.array([np.interp(times, *np.transpose(x)) for x in (one, other)])
@@ -255,7 +230,7 @@ def sit(
         ValueError: the seat is too low or too high, or so near that the puppet stands on it.
     """
     start = stage.rest() if start is None else start
-    drop = float(stage.pose(start, _body(who, "torso"))[2, 3]) - _PELVIS - height
+    drop = float(stage.pose(start, of_member(who, "torso"))[2, 3]) - _PELVIS - height
     low, high = _SEATS
     if not low <= drop <= high:
         raise ValueError(f"the seat is {drop:.3f} m below the pelvis; needed: {low} to {high} m")
@@ -263,11 +238,11 @@ def sit(
         raise ValueError(f"the seat is {distance:g} m behind; needed: 0.12 to 0.2 m")
     far, near = distance - _SITS_BACK, distance - _LEANS
     moves: dict[str, Waypoints] = {}
-    for string in _BODY:
+    for string in BODY:
         sagged = drop + _SAG
         moves[f"{string}.down"] = [(0, 0), (1.6, sagged), (2.2, sagged), (3.0, drop + _SLACK)]
         moves[f"{string}.back"] = [(0, 0), (1.4, far), (2.2, far), (3.0, near)]
-    for side in _SIDES:
+    for side in SIDES:
         knee = _SLACK + 0.3 * (drop - 0.114)
         moves[f"knee_{side}.down"] = [(0, 0), (0.3, _SLACK), (1.4, knee)]
         moves[f"knee_{side}.back"] = [(0, 0), (1.4, far)]
@@ -276,10 +251,10 @@ def sit(
     seated = 3.0
     parts = ("thigh_left", "thigh_right", "torso", "skull")
     return Sitting(
-        _of(stage, who, moves, "sit", {"down": seated}),
-        _of(stage, who, _reversed(moves, seated), "stand up", {"up": seated}),
+        gesture_of(stage, who, moves, "sit", {"down": seated}),
+        gesture_of(stage, who, backwards(moves, seated), "stand up", {"up": seated}),
         distance,
-        tuple((_body(who, part), on) for part in parts),
+        tuple((of_member(who, part), on) for part in parts),
     )
 
 
@@ -297,15 +272,15 @@ def carry(stage: Marionette, who: str, *, side: str = "right") -> Gesture:
         InputError: the member has other strings than the bundled marionette.
         ValueError: the side is neither left nor right.
     """
-    _sign(side)
-    moves = {way: [(0, 0), (CARRY_TIME, offset)] for way, offset in _CARRIED.items()}
+    sign_of(side)
+    moves = {way: [(0, 0), (CARRY_TIME, offset)] for way, offset in CARRIED.items()}
     return _of_string(stage, who, f"hand_{side}", moves, "carry", {"carried": CARRY_TIME})
 
 
 def lower(stage: Marionette, who: str, *, side: str = "right") -> Gesture:
     """From the pose of :func:`carry` back to where the forearm hangs: 1.5 s; the same arguments."""
-    _sign(side)
-    moves = {way: [(0, offset), (CARRY_TIME, 0)] for way, offset in _CARRIED.items()}
+    sign_of(side)
+    moves = {way: [(0, offset), (CARRY_TIME, 0)] for way, offset in CARRIED.items()}
     return _of_string(stage, who, f"hand_{side}", moves, "lower", {"lowered": CARRY_TIME})
 
 
@@ -331,79 +306,7 @@ def steps_carrying(
     return replace(walk, travel=steps(Ends(table, start, of), given, step_time).travel)
 
 
-def put_down(
-    stage: Marionette, who: str, prop: str, height: float, *, side: str = "right",
-    start: State | None = None,
-) -> Putting:  # fmt: skip
-    """The gesture by which a puppet stands a prop on something and takes its forearm away.
-
-    Args:
-        stage: the scene.
-        who: a member.
-        prop: which hangs by its handle on the forearm; the origin of its frame is in its bottom.
-        height: of what it will stand on [m].
-        side: of the forearm.
-        start: where the puppet and the prop hang; ``stage.rest()`` when not given.
-
-    Raises:
-        InputError: the member has other strings than the bundled marionette.
-        ValueError: the prop hangs too low or too high above it.
-    """
-    start = stage.rest() if start is None else start
-    return putting(stage, who, prop, float(stage.pose(start, prop)[2, 3]) - height, side=side)
-
-
-def pick_up(
-    stage: Marionette, who: str, prop: str, drop: float, *, side: str = "right"
-) -> Putting:
-    """:meth:`put_down` backwards: the forearm goes under the handle and lifts the prop.
-
-    Args:
-        stage: the scene.
-        who: a member.
-        prop: which stands at the place that is returned.
-        drop: how much lower its bottom is than where it will hang [m].
-        side: of the forearm.
-
-    Raises:
-        InputError: the member has other strings than the bundled marionette.
-        ValueError: the prop stands too low or too high.
-    """
-    return putting(stage, who, prop, drop, side=side, back=True)
-
-
-def putting(
-    stage: Marionette, who: str, prop: str, drop: float, *, side: str = "right", back: bool = False
-) -> Putting:
-    sign, other = _sign(side), _SIDES[side]
-    if not 0.0 < drop <= _LOWEST:
-        text = f"{prop} would go down by {drop:.3f} m; needed: above 0, at most {_LOWEST} m"
-        raise ValueError(text)
-    low = drop + _OVERTRAVEL
-    moves = _aside(other, _LEAVES, [(0, 0), (5.4, 0), (7.8, 1), (9.6, 1), (12.0, 0)])
-    sink: Waypoints = [(0, 0), (2.0, 0), (4.0, low), (7.8, low), (9.8, 0), (12.0, 0)]
-    for string in (*_BODY, f"hand_{other}"):
-        moves[f"{string}.down"] = sink
-    for knee in ("knee_left", "knee_right"):
-        moves[f"{knee}.down"] = [(t, 0.016 * x / low) for t, x in sink]
-        moves[f"{knee}.forward"] = [(t, 0.3 * x) for t, x in sink]
-    moves[f"hand_{side}.down"] = [
-        (0, 0), (2.0, 0.02), (4.0, low + 0.02), (5.0, low + 0.06), (7.8, low + 0.06), (9.8, 0),
-    ]  # fmt: skip
-    moves[f"hand_{side}.forward"] = [(0, 0), (2.0, 0.36), (7.8, 0.36), (9.8, 0)]
-    moves[f"hand_{side}.{other}"] = _sum(
-        moves[f"hand_{side}.{other}"], [(0, 0), (2.0, 0.08), (7.8, 0.08), (9.8, 0)]
-    )
-    end, name, marks = 12.0, "put down", {"down": 4.4, "free": 7.8}
-    if back:
-        moves = _reversed(moves, end)
-        name, marks = "pick up", {"under": 6.8, "up": 10.0}
-    forward, aside = _STANDS
-    touching = ((_body(who, f"forearm_{side}"), prop),)
-    return Putting(_of(stage, who, moves, name, marks), forward, sign * aside, touching)
-
-
-def _reversed(moves: Mapping[str, Sequence[tuple[float, float]]], end: float) -> dict[
+def backwards(moves: Mapping[str, Sequence[tuple[float, float]]], end: float) -> dict[
     str, Waypoints
 ]:
     """Waypoints backwards in time, on a clock that ends at a time [s]."""
@@ -417,24 +320,24 @@ def _of_string(
     stage: Marionette, who: str, string: str, moves: Mapping[str, Waypoints], name: str,
     marks: Mapping[str, float],
 ) -> Gesture:  # fmt: skip
-    return _of(stage, who, {f"{string}.{way}": x for way, x in moves.items()}, name, marks)
+    return gesture_of(stage, who, {f"{string}.{way}": x for way, x in moves.items()}, name, marks)
 
 
-def _of(
+def gesture_of(
     stage: Marionette, who: str, moves: Mapping[str, Waypoints], name: str,
     marks: Mapping[str, float],
 ) -> Gesture:  # fmt: skip
-    points = {_body(who, channel): offsets for channel, offsets in moves.items()}
+    points = {of_member(who, channel): offsets for channel, offsets in moves.items()}
     return Gesture.of(stage, points, name=name, marks=marks)
 
 
-def _body(who: str, name: str) -> str:
+def of_member(who: str, name: str) -> str:
     """A name in the scene; in a scene of one puppet names have no member before them."""
     return f"{who}.{name}" if who else name
 
 
-def _sign(side: str) -> float:
+def sign_of(side: str) -> float:
     """1 for left, -1 for right."""
-    if side not in _SIDES:
+    if side not in SIDES:
         raise ValueError(f"side is {side!r}; it must be 'left' or 'right'")
     return 1.0 if side == "left" else -1.0
