@@ -7,15 +7,17 @@ move is the root of the sum of squares over all axes, degrees beside mm, as GRBL
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StandError
-from fantoccini.stand.axes import Axis
+from fantoccini.stand.axes import Axis, axes_of
 from fantoccini.stand.controllers import Grbl, Klipper, Marlin
 from fantoccini.stand.grbl_planner import GrblSettings
 from fantoccini.stand.set_points import GENTLE, SetPoints
+from fantoccini.stand.stand_file import Stand
 from fantoccini.stand.timed_moves import Limits, TimedMoves, timed_moves
 
 LETTERS = {"grbl": "XYZABC", "fluidnc": "XYZABC", "marlin": "XYZABCUVW"}
@@ -40,44 +42,49 @@ def units(axes: tuple[Axis, ...]) -> Array:
     return np.array([1000.0 if axis.unit == "m" else np.degrees(1.0) for axis in axes])
 
 
-def letters(points: SetPoints) -> str:
-    """Of the axes, in order.
+def letters(stand: Stand, controller: Any) -> str:
+    """Of a stand's axes, in order.
 
     Raises:
         StandError: there are too many axes.
         FileError: the controller has other names.
     """
-    known = LETTERS[points.controller.type]
-    if len(points.axes) > len(known):
+    known, axes = LETTERS[controller.type], tuple(stand.file.axes)
+    if len(axes) > len(known):
         raise StandError(
-            f"{points.controller.type} moves up to {len(known)} axes, the stand has "
-            f"{len(points.axes)}; needed: several controllers, or one as klipper"
+            f"{controller.type} moves up to {len(known)} axes, the stand has {len(axes)}; needed: "
+            "several controllers, or klipper"
         )
-    names = points.controller.names
+    names = controller.names
     free = [letter for letter in known if letter not in names.values()]
     out, found = [], []
-    for axis in points.axes:
-        name = str(names[axis.name]) if axis.name in names else free.pop(0)
+    for axis in axes:
+        name = str(names[axis]) if axis in names else free.pop(0)
         if name not in known or name in out:
             text = f"found {name!r}; needed: a letter of {known}, one an axis"
-            found.append((("controller", "names", axis.name), text))
+            found.append((("controller", "names", axis), text))
         out.append(name)
-    points.map.stand.refuse([*found])
+    stand.refuse([*found])
     return "".join(out)
 
 
-def grbl_settings(points: SetPoints) -> GrblSettings:
-    """What the controller is to be told of the stand."""
-    scale, axes = units(points.axes), points.axes
+def grbl_settings(stand: Stand, controller: Any, rate: float) -> GrblSettings:
+    """What a controller is to be told of a stand that takes set points at a rate.
+
+    Raises:
+        StandError, FileError: as of :func:`letters`; it is not GRBL, FluidNC or Marlin.
+    """
+    if not isinstance(controller, Grbl | Marlin):
+        raise StandError(f"{controller.type} is not grbl, fluidnc or marlin; give --controller")
+    axes = axes_of(stand)
+    scale = units(axes)
     acceleration = SPARE * scale * np.array([axis.file.acceleration for axis in axes])
-    junction = float(np.max(acceleration)) / points.rate**2 / 4.0
-    controller = points.controller
+    junction = float(np.max(acceleration)) / rate**2 / 4.0
     return GrblSettings(
-        letters(points), np.array([axis.counts for axis in axes]) / scale,
+        letters(stand, controller), np.array([axis.counts for axis in axes]) / scale,
         SPARE_RATE * scale * np.array([axis.file.speed for axis in axes]), acceleration,
         max(LEAST_JUNCTION, junction), tuple(axis.direction < 0 for axis in axes),
-        scale * points.at_home(), controller.planner,
-        controller.buffer if isinstance(controller, Grbl) else 128,
+        controller.planner, controller.buffer if isinstance(controller, Grbl) else 128,
     )  # fmt: skip
 
 
@@ -98,7 +105,7 @@ def gcode(points: SetPoints, inverse: bool = True) -> str:
             f"{points.controller.type} takes no G-code; needed: another ending, or --controller "
             "grbl, fluidnc, marlin or klipper"
         )
-    settings = grbl_settings(points)
+    settings = grbl_settings(points.map.stand, points.controller, points.rate)
     limits = Limits(
         settings.steps, settings.rate, settings.acceleration, settings.junction, settings.planner
     )
@@ -123,7 +130,7 @@ class _Text:
         points, names = self.points, self.settings.letters
         lines = ["G21", "G90", "G94"]
         if points.home:
-            home = self._words(self._steps(self.settings.at_home))
+            home = self._words(self._steps(points.at_home() * self.scale))
             lines += ["G28" if self.marlin else "$H", self._called(home)]
         else:
             legs = points.legs_before()
@@ -260,15 +267,14 @@ def _klipper(points: SetPoints) -> str:
         if points.home and axis.file.home is not None:
             home = axis.file.home
             first, last = (scale[k] * x for x in axis.travel)
-            far, back = (-1, 1) if home.towards == "min" else (1, -1)
-            over = far * (last - first)
+            over = (first - last) if home.towards == "min" else (last - first)
             lines += [
                 f"MANUAL_STEPPER STEPPER={name} ENABLE=1 SET_POSITION=0",
                 f"MANUAL_STEPPER STEPPER={name} MOVE={_fixed(over, 4)} "
                 f"SPEED={_digits(home.speed * scale[k], 6)} STOP_ON_ENDSTOP=1",
                 f"MANUAL_STEPPER STEPPER={name} SET_POSITION={_fixed(home.at * scale[k], 4)}",
                 f"MANUAL_STEPPER STEPPER={name} MOVE={_fixed(start[k] * scale[k], 4)} "
-                f"SPEED={_digits(home.speed * scale[k], 6)} ; {back:+d}, off the switch",
+                f"SPEED={_digits(home.speed * scale[k], 6)}",
             ]
         else:
             lines.append(
@@ -296,17 +302,22 @@ def _klipper_move(
     """All axes together, evenly in a time, or gently; then the clock goes on."""
     scale = units(points.axes)
     lines = []
-    speeds = GENTLE * scale * np.array([axis.file.speed for axis in points.axes])
     begin, end = ([float(_fixed(x, 4)) for x in p * scale] for p in (first, last))
-    lasts = seconds
-    if lasts is None:
-        lasts = max(abs(b - a) / v for a, b, v in zip(begin, end, speeds, strict=True))
-    for name, a, b in zip(names, begin, end, strict=True):
-        if a != b:
-            speed = _digits(abs(b - a) / lasts, 9)
+    far = [abs(b - a) for a, b in zip(begin, end, strict=True)]
+    lasts, ramps = seconds or 0.0, [0.0] * len(names)
+    if seconds is None:
+        top = [axis.file.speed or 0.0 for axis in points.axes]
+        speeds = [GENTLE * s * v for s, v in zip(scale, top, strict=True)]
+        ramps = [s * (a.file.acceleration or 0.0) for s, a in zip(scale, points.axes, strict=True)]
+        lasts = max(d / v for d, v in zip(far, speeds, strict=True))
+    for k, name in enumerate(names):
+        if far[k]:
             lines.append(
-                f"MANUAL_STEPPER STEPPER={name} MOVE={_fixed(b, 4)} SPEED={speed} ACCEL=0 SYNC=0"
+                f"MANUAL_STEPPER STEPPER={name} MOVE={_fixed(end[k], 4)} "
+                f"SPEED={_digits(far[k] / lasts, 9)} ACCEL={_digits(ramps[k], 6)} SYNC=0"
             )
+    if seconds is None and lines:  # each ramp takes speed / acceleration more
+        lasts += max(d / lasts / a for d, a in zip(far, ramps, strict=True))
     return [*lines, f"G4 P{_digits(1000.0 * lasts, 9)}"] if lasts else []
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fantoccini.arrays import Array, Times
+from fantoccini.arrays import Array, Indices, Times
 
 LEAST_RATE = 1.0 / 60.0
 """Slowest move [units/s]."""
@@ -33,7 +33,6 @@ class GrblSettings:
         acceleration: (n,) largest accelerations [units/s^2].
         junction: deviation at junctions [mm].
         reversed: which motors turn backwards.
-        at_home: (n,) where they are after homing, with switches `pull_off` behind [units].
         planner: moves that it looks ahead.
         buffer: characters that its serial buffer holds.
     """
@@ -44,7 +43,6 @@ class GrblSettings:
     acceleration: Array
     junction: float
     reversed: tuple[bool, ...]
-    at_home: Array
     planner: int = 16
     buffer: int = 128
 
@@ -75,8 +73,8 @@ class Block:
         t, leave: when it begins [s] and its speed at the end, once it is done.
     """
 
-    begin: Array
-    delta: Array
+    begin: Indices
+    delta: Indices
     length: float
     rate: float
     acceleration: float
@@ -126,14 +124,14 @@ class Planner:
     waiting: deque[Block] = field(default_factory=deque)
     made: list[Block] = field(default_factory=list)
     time: float = 0.0
-    steps: Array = field(init=False)
+    steps: Indices = field(init=False)
     _direction: Array | None = None
     _rate: float = 0.0
 
     def __post_init__(self) -> None:
         self.steps = np.zeros(len(self.settings.letters), dtype=np.int64)
 
-    def add(self, target: Array, rate: float, minutes: bool) -> None:
+    def add(self, target: Indices, rate: float, minutes: bool) -> None:
         """A move to steps (n,).
 
         Args:
@@ -183,7 +181,7 @@ class Planner:
         self.finish()
         self.time += seconds
 
-    def steps_at(self, times: Times) -> Array:
+    def steps_at(self, times: Times) -> Indices:
         """(T, n) steps counted by the motors at times [s]."""
         out = np.zeros((len(times), len(self.settings.letters)), dtype=np.int64)
         begins = np.array([block.t for block in self.made])

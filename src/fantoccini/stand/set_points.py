@@ -1,4 +1,4 @@
-"""Set points: where the axes of a stand are to be at what time, with what comes before and after."""
+"""Set points: where a stand's axes are to be at what time, and what comes before and after."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from fantoccini.arrays import Array, Times
+from fantoccini.arrays import Array, Indices
 from fantoccini.errors import FileError, Mistake, StandError, nearest
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Trajectory
@@ -71,7 +71,7 @@ class SetPoints:
         return self.map.axes
 
     @property
-    def counts(self) -> Array:
+    def counts(self) -> Indices:
         """(T, n) whole microsteps or counts, without the motors' directions."""
         return np.rint(self.motion.position * [axis.counts for axis in self.axes]).astype(np.int64)
 
@@ -180,7 +180,7 @@ def set_points(
     """
     if not isinstance(stand, Stand):
         stand = load_stand(stand)
-    kind = _controller(stand, controller)
+    kind = controller_of(stand, controller)
     rate = getattr(kind, "rate", GCODE_RATE) if rate is None else rate
     if not 1.0 <= rate <= 10_000.0:
         raise ValueError(f"rate: found {rate:g}; needed: 1 to 10000 set points per second")
@@ -218,7 +218,12 @@ def _refuse_sequences(stand: Stand, made: SetPoints) -> None:
                 )
 
 
-def _controller(stand: Stand, kind: str | None) -> Any:
+def controller_of(stand: Stand, kind: str | None = None) -> Any:
+    """The controller of a stand, or one of another kind with its default values.
+
+    Raises:
+        FileError: the stand names none, or there is no such kind.
+    """
     own = stand.file.controller
     if kind is None or (own is not None and own.type == kind):
         if own is None:

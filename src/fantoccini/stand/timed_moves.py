@@ -12,10 +12,11 @@ acceleration is below half of the controller's.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from fantoccini.arrays import Array, Times
+from fantoccini.arrays import Array, Indices, Mask, Times
 from fantoccini.errors import StandError
 
 LONG_HOLD = 0.5
@@ -60,7 +61,7 @@ class TimedMoves:
 
     begin: Array
     seconds: Array
-    target: Array
+    target: Indices
     length: Array
     speed: Array
 
@@ -68,12 +69,12 @@ class TimedMoves:
         return len(self.begin)
 
     @property
-    def dwells(self) -> Array:
+    def dwells(self) -> Mask:
         """(m,) whether it is a dwell."""
         return self.length == 0.0
 
 
-def timed_moves(t: Times, counts: Array, limits: Limits) -> TimedMoves:
+def timed_moves(t: Times, counts: Indices, limits: Limits) -> TimedMoves:
     """Moves through set points (T, n) [steps] at times t.
 
     Raises:
@@ -89,13 +90,13 @@ def timed_moves(t: Times, counts: Array, limits: Limits) -> TimedMoves:
     return TimedMoves(begin, end - begin, target, length, speed)
 
 
-def _moves(t: Times, counts: Array, limits: Limits) -> tuple[Array, Array, Array]:
+def _moves(t: Times, counts: Indices, limits: Limits) -> tuple[Array, Array, Indices]:
     """Begin, end and target of every move: holds become dwells and creeping steps."""
     begin: list[float] = []
     end: list[float] = []
-    target: list[Array] = []
+    target: list[Indices] = []
 
-    def add(first: float, last: float, where: Array) -> None:
+    def add(first: float, last: float, where: Indices) -> None:
         begin.append(first)
         end.append(last)
         target.append(where)
@@ -126,7 +127,7 @@ def _moves(t: Times, counts: Array, limits: Limits) -> tuple[Array, Array, Array
 def _runs(length: Array) -> list[tuple[int, int]]:
     """First and last place of moves without a dwell between them."""
     edges = [-1, *np.flatnonzero(length == 0.0).tolist(), len(length)]
-    return [(a + 1, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if b > a + 1]
+    return [(a + 1, b) for a, b in pairwise(edges) if b > a + 1]
 
 
 def _speeds(begin: Array, T: Array, delta: Array, length: Array, limits: Limits) -> Array:
