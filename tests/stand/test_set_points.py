@@ -13,7 +13,14 @@ from tests.stand.hoist import HOIST, STAND, lift
 
 import fantoccini as fan
 from fantoccini.errors import FileError, StandError
-from fantoccini.stand import GrblMachine, gcode, grbl_settings, loads_stand, set_points
+from fantoccini.stand import (
+    GrblMachine,
+    gcode,
+    grbl_settings,
+    loads_stand,
+    save_points,
+    set_points,
+)
 
 GENTLE = {"line.length": [(0.2, 0.8), (2.0, 0.5), (2.6, 0.5), (4.0, 0.75)]}
 ABLE = STAND.replace("TORQUE", "0.5").replace("speed: 1\n", "speed: 2\n")
@@ -132,7 +139,7 @@ def test_klipper_follows_the_set_points_by_its_own_rules(conduct):
 
 def test_joint_trajectories_read_back(run, hoist, tmp_path):
     points = set_points(loads_stand(HOME), run, hoist, controller="ros2", slack=0.02, park=True)
-    a, b = points.save(tmp_path / "a.json"), points.save(tmp_path / "b.yaml")
+    a, b = save_points(points, tmp_path / "a.json"), save_points(points, tmp_path / "b.yaml")
     read = json.loads(a.read_text())
     assert read == yaml.safe_load(b.read_text())
     assert read["joint_names"] == ["winch"]
@@ -160,7 +167,7 @@ def test_joint_trajectories_read_back(run, hoist, tmp_path):
 ])  # fmt: skip
 def test_tables(run, hoist, tmp_path, kind, column, scale, offset, tolerance):
     points = set_points(loads_stand(ABLE), run, hoist, controller=kind, rate=40.0)
-    path = points.save(tmp_path / "a.csv")
+    path = save_points(points, tmp_path / "a.csv")
     with path.open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [float(row["t [s]"]) for row in rows] == pytest.approx(np.arange(61) / 40.0)
@@ -185,8 +192,8 @@ def test_what_a_stand_cannot_do_is_refused(run, hoist, tmp_path):
     with pytest.raises(StandError, match="homing is not part"):
         set_points(loads_stand(HOME), run, hoist, controller="csv", home=True).whole()
     for kind, name in (("csv", "a.gcode"), ("grbl", "a.json"), ("grbl", "a.cfg")):
-        with pytest.raises(StandError, match="needed|allowed"):
-            set_points(able, run, hoist, controller=kind).save(tmp_path / name)
+        with pytest.raises(StandError, match=r"needed|allowed"):
+            save_points(set_points(able, run, hoist, controller=kind), tmp_path / name)
     assert not list(tmp_path.iterdir())
 
 

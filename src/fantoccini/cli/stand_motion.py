@@ -33,6 +33,7 @@ from fantoccini.stand import (
     lines_of,
     load_stand,
     resumed,
+    save_points,
     serial_port,
     set_points,
     stream,
@@ -52,7 +53,7 @@ def export(request: StandExportRequest) -> None:
         points = _points(request, request.stand, request.run, steps)
         steps.step(f"writing {request.out}")
         with writing(request.out):
-            points.save(request.out)
+            save_points(points, request.out)
     if not request.quiet:
         seconds = points.motion.t[-1]
         write(f"{request.out}: {len(points)} set points of {len(points.axes)} axes, {seconds:g} s")
@@ -88,9 +89,7 @@ def _send(name: str, baud: int, lines: list[Line], controller: Grbl | Marlin, qu
     buffer = controller.buffer if isinstance(controller, Grbl) else 4096
     try:
         with serial_port(name, baud) as port:
-            stream(
-                port, lines, buffer, counting, progress=progress, hold=hold, go_on=_ask,
-            )  # fmt: skip
+            stream(port, lines, buffer, counting, progress=progress, hold=hold, go_on=_ask)
     except StreamError as error:
         say(f"fantoccini: {error}")
         if progress.last:

@@ -3,11 +3,11 @@
 from fantoccini.stand.axes import Axis, AxisMap, AxisMotion, axes_of
 from fantoccini.stand.check import QUANTITIES, Limit, StandCheck, check_stand
 from fantoccini.stand.emulator import Emulator
-from fantoccini.stand.gcode import gcode, grbl_settings
+from fantoccini.stand.gcode_text import gcode, grbl_settings
 from fantoccini.stand.grbl_machine import GrblMachine
 from fantoccini.stand.helping import lost_lines, remedies
-from fantoccini.stand.point_files import joint_trajectory
-from fantoccini.stand.set_points import SetPoints, controller_of, set_points
+from fantoccini.stand.point_files import joint_trajectory, save_points
+from fantoccini.stand.points import SetPoints, controller_of, set_points
 from fantoccini.stand.stand_file import (
     Stand,
     is_stand,
@@ -45,6 +45,7 @@ __all__ = [
     "lost_lines",
     "remedies",
     "resumed",
+    "save_points",
     "serial_port",
     "set_points",
     "slowed",

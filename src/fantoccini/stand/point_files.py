@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import math
+import os
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,8 @@ from ruamel.yaml import YAML
 from fantoccini.errors import StandError
 from fantoccini.files import replacing
 from fantoccini.stand.controllers import Dynamixel, Klipper, ODrive, Ros2
-from fantoccini.stand.gcode import gcode, macro
-from fantoccini.stand.set_points import SetPoints
+from fantoccini.stand.gcode_text import gcode, macro
+from fantoccini.stand.points import SetPoints
 
 ENDINGS = (".csv", ".gcode", ".nc", ".cfg", ".json", ".yaml", ".yml")
 """Of files that can be written."""
@@ -23,8 +24,13 @@ _MIDDLE, _TURN = 2048, 4096
 """Of a Dynamixel: position at 0, and counts per turn."""
 
 
-def save(points: SetPoints, path: Path) -> Path:
-    """Writes set points; see :meth:`SetPoints.save`."""
+def save_points(points: SetPoints, path: str | os.PathLike[str]) -> Path:
+    """Writes set points to a file; its ending and the controller select what is in it.
+
+    Raises:
+        StandError: the controller takes no such file, or cannot keep the times.
+    """
+    path = Path(path)
     ending = path.suffix.lower()
     if ending == ".csv":
         text = table(points)

@@ -16,7 +16,7 @@ from fantoccini.errors import StandError
 from fantoccini.stand.axes import Axis, axes_of
 from fantoccini.stand.controllers import Grbl, Klipper, Marlin
 from fantoccini.stand.grbl_planner import GrblSettings
-from fantoccini.stand.set_points import GENTLE, SetPoints
+from fantoccini.stand.points import GENTLE, SetPoints
 from fantoccini.stand.stand_file import Stand
 from fantoccini.stand.timed_moves import Limits, TimedMoves, timed_moves
 

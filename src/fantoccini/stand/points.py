@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -124,16 +123,6 @@ class SetPoints:
             rows.append([values[1:] for values in part[1:]])
         p, v, a = (np.vstack([row[i] for row in rows]) for i in range(3))
         return AxisMotion(self.axes, t, p, v, a)
-
-    def save(self, path: str | os.PathLike[str]) -> Path:
-        """Writes a file; its ending and the controller select what is in it.
-
-        Raises:
-            StandError: the controller takes no such file, or cannot keep the times.
-        """
-        from fantoccini.stand.point_files import save
-
-        return save(self, Path(path))
 
     def _leg(self, first: Array, last: Array) -> tuple[Array, Array, Array, Array]:
         """A smooth move from rest to rest at the points' rate."""
