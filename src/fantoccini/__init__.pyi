@@ -20,9 +20,11 @@ from .errors import (
     PictureError as PictureError,
     PuppetError as PuppetError,
     SimulationError as SimulationError,
+    StandError as StandError,
     StateError as StateError,
     Status as Status,
     StoreError as StoreError,
+    StreamError as StreamError,
     SweepStopped as SweepStopped,
     UnknownNameError as UnknownNameError,
 )
@@ -141,10 +143,12 @@ from .simulation import (
     simulate_batch as simulate_batch,
 )
 from .stand import (
+    SetPoints as SetPoints,
     Stand as Stand,
     StandCheck as StandCheck,
     check_stand as check_stand,
     load_stand as load_stand,
+    set_points as set_points,
     stand_schema as stand_schema,
 )
 from .sweeps import (

@@ -118,6 +118,24 @@ class BuildError(FantocciniError):
     """The compiled model could not be made, kept or loaded."""
 
 
+class StandError(FantocciniError):
+    """A stand or its controller cannot do what it was asked to."""
+
+
+class StreamError(StandError):
+    """A controller refused a line, or does not answer.
+
+    Args:
+        line: number of the line in the file, from 1.
+        text: of the line.
+        reason: what the controller said.
+    """
+
+    def __init__(self, line: int, text: str, reason: str):
+        self.line, self.text, self.reason = line, text, reason
+        super().__init__(f"line {line}: {text!r}: {reason}")
+
+
 class Status(enum.IntEnum):
     """How a run ended. Compiled code has the same numbers (``contract.hpp``)."""
 

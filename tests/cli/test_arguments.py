@@ -23,7 +23,7 @@ COMMANDS = (
     "check", "schema", "info", "equations", "export", "simulate", "plan", "optimise", "follow",
     "play", "show", "perform", "take", "validate-reduction", "stand", "demo", "doctor",
 )  # fmt: skip
-PARTS = ("stand check",)
+PARTS = ("stand check", "stand export", "stand stream", "stand emulate")
 """Commands of groups."""
 
 

@@ -98,3 +98,34 @@ def test_check_and_schema_know_stands(files):
     done = fantoccini("check", files / "bad.yaml", "--inputs", files / "move.yaml", code=2)
     assert "bad.yaml:3: axes: no axis moves head.length" in done.stderr
     assert json.loads(fantoccini("schema", "stand").stdout)["title"] == "fantoccini stand"
+
+
+def test_export_and_dry_run(files):
+    out = files / "out.gcode"
+    arguments = (files / "good.yaml", files / "run.npz")
+    done = fantoccini("stand", "export", *arguments, out, "--controller", "grbl", "--slack", "5")
+    assert "76 set points of 1 axes, 1.5 s" in done.stdout
+    sent = [line for line in out.read_text().splitlines() if not line.startswith(";")]
+    before = sorted(files.iterdir())
+    dry = fantoccini(
+        "stand", "stream", *arguments, "--controller", "grbl", "--slack", "5", "--dry-run",
+        "--port", files / "none",
+    )
+    assert dry.stdout.splitlines() == sent
+    assert sorted(files.iterdir()) == before
+
+
+def test_export_refuses_what_cannot_be(files):
+    weak = (files / "weak.yaml", files / "run.npz", files / "weak.csv", "--controller", "csv")
+    done = fantoccini("stand", "export", *weak, code=1)
+    assert "cannot do it" in done.stderr and "--anyway" in done.stderr
+    assert not (files / "weak.csv").exists()
+    fantoccini("stand", "export", *weak, "--anyway")
+    assert (files / "weak.csv").exists()
+    good = (files / "good.yaml", files / "run.npz")
+    done = fantoccini("stand", "export", *good, files / "a.bvh", "--controller", "csv", code=2)
+    assert ".gcode" in done.stderr
+    done = fantoccini("stand", "export", *good, files / "a.csv", "--controller", "cvs", code=2)
+    assert "did you mean 'csv'" in done.stderr
+    done = fantoccini("stand", "stream", *good, "--controller", "grbl", code=2)
+    assert "needed: --port" in done.stderr

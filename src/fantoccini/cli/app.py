@@ -21,6 +21,7 @@ from fantoccini.cli.requests import (
     SimulateRequest,
     takes,
 )
+from fantoccini.cli.stand_app import stand_app
 from fantoccini.cli.terminal import version
 
 _ABOUT = """\
@@ -312,40 +313,7 @@ def validate_reduction(
     validate_file(file, inputs, out, quiet)
 
 
-stand_app = typer.Typer(
-    help="Stands: whether they can do a run.", no_args_is_help=True, rich_markup_mode=None,
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-)  # fmt: skip
 app.add_typer(stand_app, name="stand")
-
-
-@stand_app.command("check")
-def stand_check(
-    stand: Annotated[
-        str, typer.Argument(metavar="STAND", help="Stand file, or name of a bundled stand.")
-    ],
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="Run or recording (.npz).")],
-    puppet: Annotated[
-        str | None,
-        typer.Option(metavar="FILE", help="The run's puppet, where the run does not say."),
-    ] = None,
-    report: Annotated[
-        Path | None, typer.Option(metavar="PATH", help="Write a page with plots (.html).")
-    ] = None,
-    slower: Annotated[
-        bool,
-        typer.Option(help="Where it cannot, simulate the run again at slower tempos."),
-    ] = True,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-    quiet: Quiet = False,
-) -> None:
-    """Tell whether a stand can do a run: margins of every axis, what breaks, what would help.
-
-    Exits with 1 if it cannot.
-    """
-    from fantoccini.cli.stand import check_run
-
-    check_run(stand, run, puppet, report, slower, as_json, quiet)
 
 
 @app.command()

@@ -31,7 +31,7 @@ def check_run(
         check_output(report, (".html",), "--report")
     read = load_stand(stand)
     with Steps(quiet or as_json) as steps:
-        made, moved = _motion(run, puppet, steps)
+        made, moved = motion_of(run, puppet, steps)
         steps.step("checking")
         found = check_stand(read, moved, made)
         tempo: tuple[Slowed | None, str] | None = None
@@ -51,7 +51,7 @@ def check_run(
         raise typer.Exit(FAILED)
 
 
-def _motion(path: Path, puppet: str | None, steps: Steps) -> tuple[Marionette, Trajectory]:
+def motion_of(path: Path, puppet: str | None, steps: Steps) -> tuple[Marionette, Trajectory]:
     """The puppet and the run of a file: a run or a recording."""
     from fantoccini.cli.recording import load_recording
 

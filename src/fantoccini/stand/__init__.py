@@ -2,7 +2,12 @@
 
 from fantoccini.stand.axes import Axis, AxisMap, AxisMotion, axes_of
 from fantoccini.stand.check import QUANTITIES, Limit, StandCheck, check_stand
+from fantoccini.stand.emulator import Emulator
+from fantoccini.stand.gcode_text import gcode, grbl_settings
+from fantoccini.stand.grbl_machine import GrblMachine
 from fantoccini.stand.helping import lost_lines, remedies
+from fantoccini.stand.point_files import joint_trajectory, save_points
+from fantoccini.stand.points import SetPoints, controller_of, set_points
 from fantoccini.stand.stand_file import (
     Stand,
     is_stand,
@@ -11,6 +16,7 @@ from fantoccini.stand.stand_file import (
     stand_names,
     stand_schema,
 )
+from fantoccini.stand.streaming import lines_of, resumed, serial_port, stream
 from fantoccini.stand.tempo import Slowed, inputs_of, slowed, slower
 
 __all__ = [
@@ -18,20 +24,33 @@ __all__ = [
     "Axis",
     "AxisMap",
     "AxisMotion",
+    "Emulator",
+    "GrblMachine",
     "Limit",
+    "SetPoints",
     "Slowed",
     "Stand",
     "StandCheck",
     "axes_of",
     "check_stand",
+    "controller_of",
+    "gcode",
+    "grbl_settings",
     "inputs_of",
     "is_stand",
+    "joint_trajectory",
+    "lines_of",
     "load_stand",
     "loads_stand",
     "lost_lines",
     "remedies",
+    "resumed",
+    "save_points",
+    "serial_port",
+    "set_points",
     "slowed",
     "slower",
     "stand_names",
     "stand_schema",
+    "stream",
 ]

@@ -1,0 +1,100 @@
+"""The commands of ``fantoccini stand`` with their arguments and help."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fantoccini.cli.options import Quiet
+from fantoccini.cli.requests import takes
+from fantoccini.cli.stand_requests import StandExportRequest, StandStreamRequest
+
+stand_app = typer.Typer(
+    help="Stands: whether they can do a run, and set points for it.", no_args_is_help=True,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)  # fmt: skip
+
+
+@stand_app.command("check")
+def stand_check(
+    stand: Annotated[
+        str, typer.Argument(metavar="STAND", help="Stand file, or name of a bundled stand.")
+    ],
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="Run or recording (.npz).")],
+    puppet: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="The run's puppet, where the run does not say."),
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option(metavar="PATH", help="Write a page with plots (.html).")
+    ] = None,
+    slower: Annotated[
+        bool,
+        typer.Option(help="Where it cannot, simulate the run again at slower tempos."),
+    ] = True,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Tell whether a stand can do a run: margins of every axis, what breaks, what would help.
+
+    Exits with 1 if it cannot.
+    """
+    from fantoccini.cli.stand import check_run
+
+    check_run(stand, run, puppet, report, slower, as_json, quiet)
+
+
+@stand_app.command("export")
+@takes(StandExportRequest)
+def stand_export(request: StandExportRequest) -> None:
+    """Write a run as set points for the stand's controller.
+
+    The ending of OUT selects the format: .csv, .gcode or .nc, .cfg (a Klipper macro), .json or
+    .yaml (a ROS 2 JointTrajectory). Exits with 1 if the stand cannot do the run.
+    """
+    from fantoccini.cli.stand_motion import export
+
+    export(request)
+
+
+@stand_app.command("stream")
+@takes(StandStreamRequest)
+def stand_stream(request: StandStreamRequest) -> None:
+    """Send a run to the stand's controller over its serial port.
+
+    Ctrl-C holds all motion; then Enter goes on, and another Ctrl-C stops. An error of the
+    controller stops too (exit code 1), and says at which line to go on.
+    """
+    from fantoccini.cli.stand_motion import stream_run
+
+    stream_run(request)
+
+
+@stand_app.command("emulate")
+def stand_emulate(
+    stand: Annotated[
+        str, typer.Argument(metavar="STAND", help="Stand file, or name of a bundled stand.")
+    ],
+    controller: Annotated[
+        str | None,
+        typer.Option(metavar="TYPE", help="Kind of controller, instead of the stand's."),
+    ] = None,
+    rate: Annotated[
+        float, typer.Option(metavar="N", help="Set points per second that it is set up for.")
+    ] = 50.0,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="PATH", help="Write where its motors were, 100 times a second: .csv."),
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Run an emulated GRBL with the stand's axes on a pseudo-terminal.
+
+    Prints the name of its port. Ends with the program that it is sent (M2), or with Ctrl-C.
+    """
+    from fantoccini.cli.stand_motion import emulate
+
+    emulate(stand, controller, rate, out, quiet)

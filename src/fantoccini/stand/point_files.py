@@ -1,0 +1,118 @@
+"""Files of set points: tables, ROS 2 trajectories and G-code."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from ruamel.yaml import YAML
+
+from fantoccini.errors import StandError
+from fantoccini.files import replacing
+from fantoccini.stand.controllers import Dynamixel, Klipper, ODrive, Ros2
+from fantoccini.stand.gcode_text import gcode, macro
+from fantoccini.stand.points import SetPoints
+
+ENDINGS = (".csv", ".gcode", ".nc", ".cfg", ".json", ".yaml", ".yml")
+"""Of files that can be written."""
+_MIDDLE, _TURN = 2048, 4096
+"""Of a Dynamixel: position at 0, and counts per turn."""
+
+
+def save_points(points: SetPoints, path: str | os.PathLike[str]) -> Path:
+    """Writes set points to a file; its ending and the controller select what is in it.
+
+    Raises:
+        StandError: the controller takes no such file, or cannot keep the times.
+    """
+    path = Path(path)
+    ending = path.suffix.lower()
+    if ending == ".csv":
+        text = table(points)
+    elif ending in (".json", ".yaml", ".yml"):
+        text = _trajectory_text(points, ending)
+    elif ending in (".gcode", ".nc"):
+        text = gcode(points)
+    elif ending == ".cfg" and isinstance(points.controller, Klipper):
+        text = macro(gcode(points), "FANTOCCINI")
+    else:
+        raise StandError(
+            f"{path}: no set points for {points.controller.type} end in {ending!r}; allowed: "
+            ".csv, .gcode and .nc, .json and .yaml (ROS 2), .cfg (klipper)"
+        )
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return path
+
+
+def table(points: SetPoints) -> str:
+    """CSV: time, then every axis, in what the controller counts in.
+
+    Positions [m or rad]; turns and turns per second of the motor for ODrive; counts for Dynamixel.
+    """
+    motion, controller, axes = points.whole(), points.controller, points.axes
+    names = [str(controller.names.get(axis.name, axis.name)) for axis in axes]
+    for name in names:
+        if "," in name or '"' in name:
+            raise StandError(f"controller names: found {name!r}; needed: a name without , and \"")
+    turns = np.array([axis.direction * axis.ratio / (2.0 * math.pi) for axis in axes])
+    if isinstance(controller, ODrive):
+        head = [f"{name}.{what}" for name in names for what in ("position", "velocity")]
+        values = np.stack([motion.position * turns, motion.velocity * turns], axis=2)
+        rows = values.reshape(len(motion), -1)
+    elif isinstance(controller, Dynamixel):
+        head, rows = names, np.rint(_MIDDLE + _TURN * motion.position * turns)
+    else:
+        units = ["m" if axis.unit == "m" else "rad" for axis in axes]
+        head = [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
+        rows = motion.position
+    whole = isinstance(controller, Dynamixel)
+    lines = [",".join(["t [s]", *head])]
+    for t, row in zip(motion.t, rows, strict=True):
+        cells = (f"{x:.0f}" if whole else f"{x:.9g}" for x in row)
+        lines.append(",".join([f"{t:.6f}", *cells]))
+    return "\n".join([*lines, ""])
+
+
+def joint_trajectory(points: SetPoints) -> dict[str, Any]:
+    """The fields of a ROS 2 ``trajectory_msgs/JointTrajectory``."""
+    motion, controller = points.whole(), points.controller
+    rows = zip(motion.t, motion.position, motion.velocity, motion.acceleration, strict=True)
+    return {
+        "header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""},
+        "joint_names": [str(controller.names.get(a.name, a.name)) for a in points.axes],
+        "points": [
+            {
+                "positions": p.tolist(), "velocities": v.tolist(), "accelerations": a.tolist(),
+                "effort": [], "time_from_start": _stamp(float(t)),
+            }
+            for t, p, v, a in rows
+        ],
+    }  # fmt: skip
+
+
+def _trajectory_text(points: SetPoints, ending: str) -> str:
+    if not isinstance(points.controller, Ros2):
+        raise StandError(
+            f"{ending} is a ROS 2 JointTrajectory, and the controller is "
+            f"{points.controller.type}; needed: --controller ros2, or another ending"
+        )
+    data = joint_trajectory(points)
+    if ending == ".json":
+        return json.dumps(data, indent=1) + "\n"
+    out = io.StringIO()
+    yaml = YAML(typ="safe", pure=True)
+    yaml.default_flow_style = None
+    yaml.width = 10_000
+    yaml.dump(data, out)
+    return out.getvalue()
+
+
+def _stamp(t: float) -> dict[str, int]:
+    nanoseconds = round(t * 1e9)
+    return {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}

@@ -1,0 +1,128 @@
+"""Streaming to the emulated controller over a pseudo-terminal."""
+
+from __future__ import annotations
+
+import sys
+import threading
+
+import numpy as np
+import pytest
+from tests.stand.hoist import HOIST, STAND, lift
+
+import fantoccini as fan
+from fantoccini.errors import StandError, StreamError
+from fantoccini.stand import (
+    Emulator,
+    GrblMachine,
+    gcode,
+    grbl_settings,
+    lines_of,
+    loads_stand,
+    resumed,
+    serial_port,
+    set_points,
+    stream,
+)
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
+ABLE = STAND.replace("TORQUE", "0.5").replace("speed: 1\n", "speed: 2\n")
+
+
+@pytest.fixture(scope="module")
+def points():
+    hoist = fan.loads(HOIST)
+    return set_points(loads_stand(ABLE), lift(hoist), hoist, controller="grbl")
+
+
+def machine_of(points):
+    return GrblMachine(grbl_settings(points.map.stand, points.controller, points.rate))
+
+
+@pytest.mark.parametrize("counting", [True, False])
+def test_a_streamed_motion_is_that_of_the_file(points, counting):
+    emulator = Emulator(machine_of(points), pace=1e-3)
+    with emulator, serial_port(emulator.port, 115_200) as port:
+        done = stream(port, lines_of(gcode(points)), counting=counting)
+    assert emulator.overrun == 0 and emulator.fullest <= 128 and done.most <= 127
+    assert (done.most > 90) == counting  # the buffer is used
+    assert emulator.lines == [line.text for line in lines_of(gcode(points))]
+    machine = emulator.machine
+    at = machine.positions(machine.starts[0] + points.motion.t) * machine.settings.steps
+    assert np.max(np.abs(np.rint(at) - points.counts)) <= 1.0
+
+
+def test_the_emulator_loses_what_does_not_fit(points):
+    """So that the test above can fail: a stream that counts too high overruns the buffer."""
+    emulator = Emulator(machine_of(points), pace=5e-3)
+    with emulator, serial_port(emulator.port, 115_200) as port, pytest.raises(StreamError):
+        stream(port, lines_of(gcode(points)), buffer=2000, silence=0.5)
+    assert emulator.overrun > 0
+
+
+def test_an_error_stops_the_stream_with_line_and_reason(points):
+    text = gcode(points).splitlines()
+    k = text.index("; motion") + 20
+    text[k] = "G7"
+    with Emulator(machine_of(points), pace=1e-3) as emulator:
+        with serial_port(emulator.port, 115_200) as port, pytest.raises(StreamError) as stopped:
+            stream(port, lines_of("\n".join(text)))
+        threading.Event().wait(0.1)  # for the reset to arrive
+    assert (stopped.value.line, stopped.value.text) == (k + 1, "G7")
+    assert "error:20, this command is not known" in str(stopped.value)
+    assert emulator.resets == 1
+    assert len(emulator.lines) < len(lines_of("\n".join(text)))
+
+
+def test_hold_goes_on_or_stops(points):
+    lines, hold, asked = lines_of(gcode(points)), threading.Event(), []
+
+    def on_line(progress):
+        if progress.done == 20:
+            hold.set()
+
+    for answer in (True, False):
+        with Emulator(machine_of(points)) as emulator:
+            def go_on(progress, emulator=emulator, answer=answer):
+                threading.Event().wait(0.1)
+                asked.append(emulator.held)
+                return answer
+
+            with serial_port(emulator.port, 115_200) as port:
+                if answer:
+                    stream(port, lines, on_line=on_line, hold=hold, go_on=go_on)
+                    assert emulator.lines == [line.text for line in lines]
+                else:
+                    with pytest.raises(StreamError, match="stopped here") as stopped:
+                        stream(port, lines, on_line=on_line, hold=hold, go_on=go_on)
+                    assert stopped.value.line > lines[19].number
+    assert asked == [True, True]
+
+
+def test_a_stream_goes_on_from_a_line(points):
+    text = gcode(points)
+    lines = lines_of(text)
+    machine = machine_of(points)
+    for line in lines[:40]:
+        assert machine.line(line.text) == "ok"
+    machine.reset()  # moves that waited are lost
+    for line in resumed(text, lines[40].number):
+        assert machine.line(line.text) == "ok", line
+    t0 = points.motion.t[-1] - points.motion.t
+    at = machine.positions(machine.planner.time - t0) * machine.settings.steps
+    # From a stop: the first moves are late, the end is where it was.
+    assert abs(np.rint(at[-1, 0]) - points.counts[-1, 0]) <= 1.0
+    assert machine.position[0] == pytest.approx(1e3 * points.motion.position[-1, 0], abs=0.02)
+    with pytest.raises(StandError, match="no line 9999"):
+        resumed(text, 9999)
+
+
+def test_silence_and_wrong_ports_are_told(points):
+    with Emulator(machine_of(points)) as emulator:
+        emulator.held = True
+        refused = pytest.raises(StreamError, match=r"no answer in 0\.3 s")
+        with serial_port(emulator.port, 115_200) as port, refused:
+            stream(port, lines_of("G21\n"), silence=0.3)
+    with pytest.raises(StandError, match="cannot open"), serial_port("/dev/not_there", 9600):
+        pass
+    with pytest.raises(StreamError, match="longer than the buffer"):
+        stream(None, lines_of("X" * 200))
