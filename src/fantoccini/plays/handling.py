@@ -191,7 +191,8 @@ class Handling:
             raise CannotBe(f"{who} does not sit on {cue.given.stands_up_from}, but {sits}")
         start = max(begin, actor.rests())
         up = self._do(cue, actor, one.up, start)
-        self._straight(cue, actor, one.ahead, self._calm(cue, up, actor))
+        self._straight(cue, actor, one.ahead, up + _CALM)
+        self._calm(cue, actor.rests(), actor)
         self._met.append(one.meeting(who, start, actor.ways[-1].end))
         del self.seated[who]
 

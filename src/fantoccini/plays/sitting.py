@@ -29,9 +29,10 @@ about to stand up, with its weight over its feet [m]."""
 _SLACK, _SAG = 0.005, 0.008
 """The strings give way by so much more than the way down, at the end and on the way, so that the
 seat bears weight [m]."""
-_KNEES, _KNEES_GIVE = 0.085, 0.3
+_KNEES, _KNEES_SLACK, _KNEES_GIVE = 0.085, 0.025, 0.3
 """The knees' strings end so far before the others, and in front of the knees: strings that lean
-forward do not cross them [m]; they are so much of the way down longer beyond :data:`_LEVEL`."""
+forward do not cross them; they are so much longer [m], and by so much of the way down beyond
+:data:`_LEVEL`."""
 _LEVEL = 0.114
 """On a seat so far below the pelvis the knees are as high as when the puppet hangs [m]."""
 _LAP = {"back": 0.05, "out": 0.08, "down": 0.8}
@@ -93,14 +94,14 @@ def sit(
     far, near, bent = distance - _SITS_BACK, distance - _LEANS, distance - _RISES
     down: dict[str, Waypoints] = {}
     up: dict[str, Waypoints] = {}
-    there = _TOUCHES - 0.2
+    there = _TOUCHES - 0.6
     for string in _BODY:
         sagged, rests = drop + _SAG, drop + _SLACK
-        down[f"{string}.down"] = [(0, 0), (_TOUCHES, sagged), (_SITS, sagged), (_DOWN, rests)]
+        down[f"{string}.down"] = [(0, 0), (0.4, 0), (_TOUCHES, sagged), (_SITS, sagged), (_DOWN, rests)]
         down[f"{string}.back"] = [(0, 0), (there, far), (_SITS, far), (_DOWN, near)]
         up[f"{string}.down"] = [(0, rests), (_BENDS, rests), (_UP, 0)]
         up[f"{string}.back"] = [(0, near), (_BENDS, bent), (_OFF, bent), (_STANDS, 0)]
-    gives, back = _SLACK + _KNEES_GIVE * (drop - _LEVEL), distance - _KNEES
+    gives, back = _KNEES_SLACK + _KNEES_GIVE * (drop - _LEVEL), distance - _KNEES
     lap = {"back": _LAP["back"], "out": _LAP["out"], "down": _LAP["down"] * drop}
     for side in ("left", "right"):
         knee, hand = f"knee_{side}", f"hand_{side}"
