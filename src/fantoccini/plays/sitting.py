@@ -33,6 +33,8 @@ _KNEES, _KNEES_SLACK, _KNEES_GIVE = 0.085, 0.025, 0.3
 """The knees' strings end so far before the others, and in front of the knees: strings that lean
 forward do not cross them; they are so much longer [m], and by so much of the way down beyond
 :data:`_LEVEL`."""
+_KNEES_UP = 0.012
+"""So much shorter are they until the puppet touches the seat: its shins pass over the edge [m]."""
 _LEVEL = 0.114
 """On a seat so far below the pelvis the knees are as high as when the puppet hangs [m]."""
 _LAP = {"back": 0.05, "out": 0.08, "down": 0.8}
@@ -105,7 +107,9 @@ def sit(
     lap = {"back": _LAP["back"], "out": _LAP["out"], "down": _LAP["down"] * drop}
     for side in ("left", "right"):
         knee, hand = f"knee_{side}", f"hand_{side}"
-        down[f"{knee}.down"] = [(0, 0), (0.3, _SLACK), (there, gives)]
+        down[f"{knee}.down"] = [
+            (0, 0), (1.0, -_KNEES_UP), (there, -_KNEES_UP), (_SITS, gives),
+        ]  # fmt: skip
         down[f"{knee}.back"] = [(0, 0), (there, back)]
         up[f"{knee}.down"] = [(0, gives), (_OFF, gives), (_STANDS, 0)]
         up[f"{knee}.back"] = [(0, back), (_OFF, back), (_STANDS, 0)]
