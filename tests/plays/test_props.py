@@ -15,6 +15,7 @@ from fantoccini.clearance import Clearance, StringsApart
 from fantoccini.gestures.stepping import Step
 from fantoccini.marionette import link_index
 from fantoccini.plays import props
+from fantoccini.plays.sitting import sit
 from fantoccini.puppet.contact import FLOOR
 
 RAISED = 0.02
@@ -197,7 +198,7 @@ def test_a_seat_bears_who_sits_and_lets_her_stand_up():
     }  # fmt: skip
     scene = stage([puppet("columbine", *place)], [chair])
     x0 = scene.rest()
-    sitting = props.sit(scene, "", "chair", SEAT)
+    sitting = sit(scene, "", "chair", SEAT)
     down, up = sitting.down, sitting.up
     run = fan.simulate(
         scene, x0, down.then(down.rest(scene, 2.0, everything=False), up).inputs(x0), t_end=11.0,
