@@ -1,4 +1,4 @@
-"""Gestures with props: handing over, sitting down, putting down and picking up.
+"""Gestures with props: handing over, putting down and picking up.
 
     q_K(t) = q_K0 + d(t)
 
@@ -47,18 +47,6 @@ _CARRIED = {"out": 0.1, "up": 0.035}
 CARRY_TIME = 1.5
 """Duration of what takes up that pose [s]."""
 
-_PELVIS = 0.091
-"""The waist is so far above the bottom of the pelvis [m]."""
-_SITS_BACK = 0.005
-"""The strings stay so far before the middle of the seat while the puppet sits down [m]."""
-_LEANS = 0.055
-"""They come forward by so much afterwards, which sets the trunk up [m]."""
-_SLACK, _SAG = 0.012, 0.02
-"""The strings give way by so much more than the way down, at the end and on the way, so that the
-seat bears weight [m]."""
-_SEATS = (0.09, 0.18)
-"""Lowest and highest seat below the pelvis [m]."""
-
 _LOWEST = 0.075
 """Farthest way of a prop down: below that the thighs would push it [m]."""
 _STANDS = (0.173, 0.061)
@@ -96,23 +84,6 @@ class Handing:
             y + s * self.forward + c * self.left,
             heading + self.turned,
         )
-
-
-@dataclass(frozen=True)
-class Sitting:
-    """A puppet sits down on what stands behind it, and stands up again.
-
-    Attributes:
-        down: mark ``down``.
-        up: from there to where it stood; mark ``up``.
-        back: distance of the middle of the seat behind the puppet [m].
-        touching: pairs of bodies that may touch.
-    """
-
-    down: Gesture
-    up: Gesture
-    back: float
-    touching: tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True)
@@ -234,53 +205,6 @@ def _sum(one: Waypoints, other: Waypoints) -> Waypoints:
     times = sorted({t for t, _ in (*one, *other)})
     values = np.array([np.interp(times, *np.transpose(x)) for x in (one, other)])
     return list(zip(times, values.sum(axis=0).tolist(), strict=True))
-
-
-def sit(
-    stage: Marionette, who: str, on: str, height: float, *, distance: float = 0.135,
-    start: State | None = None,
-) -> Sitting:  # fmt: skip
-    """The gestures by which a puppet sits down on a seat behind it, and stands up again.
-
-    Args:
-        stage: the scene.
-        who: a member.
-        on: the prop or obstacle with the seat.
-        height: of the seat [m].
-        distance: of the seat's middle behind the puppet [m].
-        start: where the puppet hangs; ``stage.rest()`` when not given.
-
-    Raises:
-        InputError: the member has other strings than the bundled marionette.
-        ValueError: the seat is too low or too high, or so near that the puppet stands on it.
-    """
-    start = stage.rest() if start is None else start
-    drop = float(stage.pose(start, _body(who, "torso"))[2, 3]) - _PELVIS - height
-    low, high = _SEATS
-    if not low <= drop <= high:
-        raise ValueError(f"the seat is {drop:.3f} m below the pelvis; needed: {low} to {high} m")
-    if not 0.12 <= distance <= 0.2:
-        raise ValueError(f"the seat is {distance:g} m behind; needed: 0.12 to 0.2 m")
-    far, near = distance - _SITS_BACK, distance - _LEANS
-    moves: dict[str, Waypoints] = {}
-    for string in _BODY:
-        sagged = drop + _SAG
-        moves[f"{string}.down"] = [(0, 0), (1.6, sagged), (2.2, sagged), (3.0, drop + _SLACK)]
-        moves[f"{string}.back"] = [(0, 0), (1.4, far), (2.2, far), (3.0, near)]
-    for side in _SIDES:
-        knee = _SLACK + 0.3 * (drop - 0.114)
-        moves[f"knee_{side}.down"] = [(0, 0), (0.3, _SLACK), (1.4, knee)]
-        moves[f"knee_{side}.back"] = [(0, 0), (1.4, far)]
-        moves[f"hand_{side}.down"] = [(0, 0), (1.6, 0.3 * drop)]
-        moves[f"hand_{side}.back"] = [(0, 0), (1.6, 0.09)]
-    seated = 3.0
-    parts = ("thigh_left", "thigh_right", "torso", "skull")
-    return Sitting(
-        _of(stage, who, moves, "sit", {"down": seated}),
-        _of(stage, who, _reversed(moves, seated), "stand up", {"up": seated}),
-        distance,
-        tuple((_body(who, part), on) for part in parts),
-    )
 
 
 def carry(stage: Marionette, who: str, *, side: str = "right") -> Gesture:

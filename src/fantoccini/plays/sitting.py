@@ -43,7 +43,7 @@ strings [m]; down by so much of the way."""
 _TOUCHES, _SITS, _DOWN = 2.6, 3.0, 4.0
 """When the puppet touches the seat, begins to set itself up, and sits upright [s]."""
 _BENDS, _OFF, _UP, _STANDS = 0.8, 1.6, 3.4, 3.6
-"""When it has bent forward, its strings go back to where they were, lift it, and all is done [s]."""
+"""When it has bent forward, its strings go back to where they were, it is up, and all is done [s]."""
 _SEATS = (0.09, 0.18)
 """Lowest and highest seat below the pelvis [m]."""
 
@@ -99,7 +99,9 @@ def sit(
     there = _TOUCHES - 0.6
     for string in _BODY:
         sagged, rests = drop + _SAG, drop + _SLACK
-        down[f"{string}.down"] = [(0, 0), (0.4, 0), (_TOUCHES, sagged), (_SITS, sagged), (_DOWN, rests)]
+        down[f"{string}.down"] = [
+            (0, 0), (0.4, 0), (_TOUCHES, sagged), (_SITS, sagged), (_DOWN, rests),
+        ]  # fmt: skip
         down[f"{string}.back"] = [(0, 0), (there, far), (_SITS, far), (_DOWN, near)]
         up[f"{string}.down"] = [(0, rests), (_BENDS, rests), (_UP, 0)]
         up[f"{string}.back"] = [(0, near), (_BENDS, bent), (_OFF, bent), (_STANDS, 0)]

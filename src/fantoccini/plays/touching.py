@@ -20,8 +20,8 @@ from fantoccini.runtime import default_threads
 EVERY = 4
 """So many samples of a run are one that is measured: 50 a second."""
 AT_HAND = 0.001
-"""Who handles a prop, the prop, and who is given it, with their strings, keep this distance, and who
-sits and the seat [m]."""
+"""Who handles a prop, the prop, and who is given it, with their strings, keep this distance, and
+who sits and the seat [m]."""
 
 
 @dataclass(frozen=True)
