@@ -43,7 +43,7 @@ strings [m]; down by so much of the way."""
 _TOUCHES, _SITS, _DOWN = 2.6, 3.0, 4.0
 """When the puppet touches the seat, begins to set itself up, and sits upright [s]."""
 _BENDS, _OFF, _UP, _STANDS = 0.8, 1.6, 3.4, 3.6
-"""When it has bent forward, its strings go back to where they were, it is up, and all is done [s]."""
+"""When it has bent forward, its strings go back to where they were, lift it, and are there [s]."""
 _SEATS = (0.09, 0.18)
 """Lowest and highest seat below the pelvis [m]."""
 
