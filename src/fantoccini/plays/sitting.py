@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from fantoccini.gestures import Gesture
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
-from fantoccini.plays.contacts import SEATED
+from fantoccini.plays.contacts import FEET, SEATED
 
 Waypoints = list[tuple[float, float]]
 
@@ -123,7 +123,7 @@ def sit(
         _of(stage, who, down, "sit", {"down": _DOWN}),
         _of(stage, who, up, "stand up", {"up": _STANDS}),
         distance,
-        tuple((_body(who, part), on) for part in SEATED),
+        tuple((_body(who, part), on) for part in (*SEATED, *FEET)),
     )
 
 
