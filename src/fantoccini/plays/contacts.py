@@ -14,7 +14,7 @@ FRICTION = 0.6
 """Coefficient of friction of all that touches."""
 SEATED = ("thigh_left", "thigh_right", "torso", "skull")
 """Bodies that touch what one sits on."""
-_FEET = ("shin_left", "shin_right")
+FEET = ("shin_left", "shin_right")
 """Bodies that touch the floor and the seat's legs then."""
 
 
@@ -30,8 +30,8 @@ def standing(prop: str, on: str) -> frozenset[Pair]:
 
 def sitting(player: str, seat: str) -> frozenset[Pair]:
     """A player that sits."""
-    on_seat = {frozenset((f"{player}.{body}", seat)) for body in (*SEATED, *_FEET)}
-    return frozenset(on_seat | {frozenset((f"{player}.{foot}", FLOOR)) for foot in _FEET})
+    on_seat = {frozenset((f"{player}.{body}", seat)) for body in (*SEATED, *FEET)}
+    return frozenset(on_seat | {frozenset((f"{player}.{foot}", FLOOR)) for foot in FEET})
 
 
 def asked_pairs(file: PlayFile) -> frozenset[Pair]:

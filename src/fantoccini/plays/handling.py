@@ -26,6 +26,7 @@ from fantoccini.plays.cues import Cue
 from fantoccini.plays.doing import carry_pose, note, walk_along
 from fantoccini.plays.footing import Footing, Way
 from fantoccini.plays.holdings import Hangs, Seated, Stands
+from fantoccini.plays.sitting import sit
 from fantoccini.plays.things import top_of
 from fantoccini.plays.walks import Walks
 from fantoccini.puppet.contact import FLOOR
@@ -175,7 +176,7 @@ class Handling:
         middle, heading, height = self._seat(seat, actor)
         alone, hangs = actor.player.alone, actor.player.hangs
         sits = self._made(
-            lambda: props.sit(alone, "", seat, height, distance=_BEFORE_SEAT, start=hangs), actor
+            lambda: sit(alone, "", seat, height, distance=_BEFORE_SEAT, start=hangs), actor
         )
         there = Footing(*_along(Footing(middle.real, middle.imag, heading), sits.back), heading)
         before = self._clear_of(there, 1.0, actor)
@@ -193,7 +194,9 @@ class Handling:
             sits = f"sits on {one.seat}" if one else "stands"
             raise CannotBe(f"{who} does not sit on {cue.given.stands_up_from}, but {sits}")
         start = max(begin, actor.rests())
-        self._straight(cue, actor, one.ahead, self._do(cue, actor, one.up, start))
+        up = self._do(cue, actor, one.up, start)
+        self._straight(cue, actor, one.ahead, up + _CALM)
+        self._calm(cue, actor.rests(), actor)
         self._met.append(one.meeting(who, start, actor.ways[-1].end))
         del self.seated[who]
 

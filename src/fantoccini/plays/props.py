@@ -1,4 +1,4 @@
-"""Gestures with props: carrying, handing over and sitting down.
+"""Gestures with props: carrying and handing over.
 
     q_K(t) = q_K0 + d(t)
 
@@ -47,17 +47,6 @@ CARRIED = {"out": 0.1, "up": 0.035}
 CARRY_TIME = 1.5
 """Duration of what takes up that pose [s]."""
 
-_PELVIS = 0.091
-"""The waist is so far above the bottom of the pelvis [m]."""
-_SITS_BACK = 0.005
-"""The strings stay so far before the middle of the seat while the puppet sits down [m]."""
-_LEANS = 0.055
-"""They come forward by so much afterwards, which sets the trunk up [m]."""
-_SLACK, _SAG = 0.012, 0.02
-"""The strings give way by so much more than the way down, at the end and on the way, so that the
-seat bears weight [m]."""
-_SEATS = (0.09, 0.18)
-"""Lowest and highest seat below the pelvis [m]."""
 
 
 @dataclass(frozen=True)
@@ -87,23 +76,6 @@ class Handing:
             y + s * self.forward + c * self.left,
             heading + self.turned,
         )
-
-
-@dataclass(frozen=True)
-class Sitting:
-    """A puppet sits down on what stands behind it, and stands up again.
-
-    Attributes:
-        down: mark ``down``.
-        up: from there to where it stood; mark ``up``.
-        back: distance of the middle of the seat behind the puppet [m].
-        touching: pairs of bodies that may touch.
-    """
-
-    down: Gesture
-    up: Gesture
-    back: float
-    touching: tuple[tuple[str, str], ...]
 
 
 def handle_place(side: str = "right", *, raised: float = 0.0) -> tuple[float, float, float]:
@@ -211,57 +183,10 @@ def summed(one: Waypoints, other: Waypoints) -> Waypoints:
     return list(zip(times, values.sum(axis=0).tolist(), strict=True))
 
 
-def sit(
-    stage: Marionette, who: str, on: str, height: float, *, distance: float = 0.135,
-    start: State | None = None,
-) -> Sitting:  # fmt: skip
-    """The gestures by which a puppet sits down on a seat behind it, and stands up again.
-
-    Args:
-        stage: the scene.
-        who: a member.
-        on: the prop or obstacle with the seat.
-        height: of the seat [m].
-        distance: of the seat's middle behind the puppet [m].
-        start: where the puppet hangs; ``stage.rest()`` when not given.
-
-    Raises:
-        InputError: the member has other strings than the bundled marionette.
-        ValueError: the seat is too low or too high, or so near that the puppet stands on it.
-    """
-    start = stage.rest() if start is None else start
-    drop = float(stage.pose(start, of_member(who, "torso"))[2, 3]) - _PELVIS - height
-    low, high = _SEATS
-    if not low <= drop <= high:
-        raise ValueError(f"the seat is {drop:.3f} m below the pelvis; needed: {low} to {high} m")
-    if not 0.12 <= distance <= 0.2:
-        raise ValueError(f"the seat is {distance:g} m behind; needed: 0.12 to 0.2 m")
-    far, near = distance - _SITS_BACK, distance - _LEANS
-    moves: dict[str, Waypoints] = {}
-    for string in BODY:
-        sagged = drop + _SAG
-        moves[f"{string}.down"] = [(0, 0), (1.6, sagged), (2.2, sagged), (3.0, drop + _SLACK)]
-        moves[f"{string}.back"] = [(0, 0), (1.4, far), (2.2, far), (3.0, near)]
-    for side in SIDES:
-        knee = _SLACK + 0.3 * (drop - 0.114)
-        moves[f"knee_{side}.down"] = [(0, 0), (0.3, _SLACK), (1.4, knee)]
-        moves[f"knee_{side}.back"] = [(0, 0), (1.4, far)]
-        moves[f"hand_{side}.down"] = [(0, 0), (1.6, 0.3 * drop)]
-        moves[f"hand_{side}.back"] = [(0, 0), (1.6, 0.09)]
-    seated = 3.0
-    parts = ("thigh_left", "thigh_right", "torso", "skull")
-    return Sitting(
-        gesture_of(stage, who, moves, "sit", {"down": seated}),
-        gesture_of(stage, who, backwards(moves, seated), "stand up", {"up": seated}),
-        distance,
-        tuple((of_member(who, part), on) for part in parts),
-    )
-
-
 def carry(stage: Marionette, who: str, *, side: str = "right") -> Gesture:
     """Holds what hangs on a forearm away from the knees, for a walk: 1.5 s.
 
-    Then :func:`steps_carrying` walks, and :func:`lower` takes it back.
+    Then :func:`steps_carrying` walks.
 
     Args:
         stage: the scene.
@@ -277,17 +202,10 @@ def carry(stage: Marionette, who: str, *, side: str = "right") -> Gesture:
     return _of_string(stage, who, f"hand_{side}", moves, "carry", {"carried": CARRY_TIME})
 
 
-def lower(stage: Marionette, who: str, *, side: str = "right") -> Gesture:
-    """From the pose of :func:`carry` back to where the forearm hangs: 1.5 s; the same arguments."""
-    sign_of(side)
-    moves = {way: [(0, offset), (CARRY_TIME, 0)] for way, offset in CARRIED.items()}
-    return _of_string(stage, who, f"hand_{side}", moves, "lower", {"lowered": CARRY_TIME})
-
-
 def steps_carrying(
     pose: Gesture, start: State, who: str, given: Sequence[Step], step_time: float = STEP_TIME
 ) -> Gesture:
-    """Steps in the pose of :func:`carry`, which turns along; turned :func:`lower` leads out of it.
+    """Steps in the pose of :func:`carry`, which turns along.
 
     Args:
         pose: made by :func:`carry`.

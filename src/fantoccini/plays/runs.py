@@ -26,6 +26,7 @@ from fantoccini.motion import Columns, ContactPoints, State, Trajectory
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.plays.casting import Cast
 from fantoccini.plays.companies import Company, Meeting, Span, Staged, spans, staged
+from fantoccini.plays.contacts import asked_pairs
 from fantoccini.plays.kept import Kept, digest
 from fantoccini.plays.play_file import StageFile
 from fantoccini.plays.things import PropState
@@ -233,7 +234,7 @@ class _Work:
     @property
     def _steps(self) -> bool:
         """Whether states may come from time steps, which keep strings' lengths less exactly."""
-        return bool(self.cast.things)
+        return bool(asked_pairs(self.cast.file))
 
 
 def _last(

@@ -20,7 +20,8 @@ from fantoccini.runtime import default_threads
 EVERY = 4
 """So many samples of a run are one that is measured: 50 a second."""
 AT_HAND = 0.001
-"""Who handles a prop, the prop, and who is given it, with their strings, keep this distance [m]."""
+"""Who handles a prop, the prop, and who is given it, with their strings, keep this distance, and
+who sits and the seat [m]."""
 
 
 @dataclass(frozen=True)
@@ -95,9 +96,15 @@ def _at_hand(cast: Cast, touch: Touch, meetings: Sequence[Meeting]) -> bool:
         return False
     owners = {cast.owner(one.removeprefix("string ")) for one in (touch.what, touch.other)}
     return any(
-        owners <= {*one.players, *one.props} for one in meetings
+        owners <= {*one.players, *one.props, *_seat(one)} for one in meetings
         if one.begin <= touch.t <= one.end
     )  # fmt: skip
+
+
+def _seat(meeting: Meeting) -> set[str]:
+    """The obstacle or prop on which a player sits; none in other meetings."""
+    names = {name for pair in meeting.pairs for name in pair if "." not in name}
+    return names - {FLOOR} if meeting.kind == "sits" else set()
 
 
 def _unasked(
