@@ -134,7 +134,7 @@ def test_the_run_of_the_stage_is_that_of_its_companies(gift):
     [
         ("{who: pierrot, gives: ball}", "no `to`; `gives` has `to`, and only it"),
         ("{who: pierrot, does: bow, to: columbine}", "`does` with `to`"),
-        ("{who: all, gives: ball, to: columbine}", "several players; needed: one"),
+        ("{who: all, gives: ball, to: columbine}", "`all`; needed: one player"),
         ("{who: pierrot, gives: bal, to: columbine}", "no prop is called 'bal'; did you mean"),
         ("{who: pierrot, gives: ball, to: pierrot}", "gives it to itself"),
         ("{who: pierrot, gives: ball, to: nobody}", "no player is called 'nobody'"),

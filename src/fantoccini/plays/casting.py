@@ -26,6 +26,7 @@ from fantoccini.plays.play_file import PlayerFile, PlayFile
 from fantoccini.plays.starts import Places, start_of
 from fantoccini.plays.things import PropState, Thing, read_things
 from fantoccini.puppet import Puppet
+from fantoccini.puppet.contact import FLOOR
 from fantoccini.puppet.files import bundled
 from fantoccini.scene import Scene
 from fantoccini.scene.schema import Member
@@ -198,7 +199,10 @@ def read_cast(file: PlayFile, places: Places, notes: Notes) -> Cast:
 
 def _check_names(file: PlayFile, notes: Notes) -> None:
     """Every name means one thing."""
-    taken: dict[str, str] = {**dict.fromkeys(DIRECTIONS, "a direction"), "all": "all players"}
+    taken: dict[str, str] = {
+        **dict.fromkeys(DIRECTIONS, "a direction"), "all": "all players",
+        FLOOR: "the floor",
+    }  # fmt: skip
     stage = file.stage
     named: list[tuple[Spot, str, str]] = [
         *((("cast", name), name, "a player") for name in file.cast),

@@ -220,14 +220,14 @@ def staged(cast: Cast, company: Company, kept: Kept) -> Staged:
     alone = len(players) == 1
     prefixes = {one.name: "" if alone else f"player_{i}." for i, one in enumerate(players, 1)}
     props = {one.name: f"prop_{i}" for i, one in enumerate(things, 1)}
+    local = Staged(company, players[0].alone, prefixes, props, "").local
     content = repr((
         [one.content for one in players], [one.content for one in things],
-        sorted(map(sorted, company.pairs)), [repr(one) for one in obstacles],
-        cast.file.stage.floor,
+        sorted(sorted(map(local, pair)) for pair in company.pairs),
+        [repr(one) for one in obstacles], cast.file.stage.floor,
     ))  # fmt: skip
 
     def made() -> Marionette:
-        local = Staged(company, players[0].alone, prefixes, props, content).local
         scene = Scene(
             scene="company", floor=cast.file.stage.floor,
             contact=rules_of(company.pairs, local),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 
-from fantoccini.errors import Status
+from fantoccini.errors import StateError, Status
 from fantoccini.gestures.notes import Notes
 from fantoccini.gestures.timing import END, START, Spot
 from fantoccini.plays.casting import Cast
@@ -55,7 +55,12 @@ def load_play(
     script = read_script(path)
     kept = before.kept if before is not None else Kept()
     script.repertory.kept = kept
-    cast = settled(script.cast, kept)
+    try:
+        cast = settled(script.cast, kept)
+    except StateError as error:
+        script.notes.mistake(("props",), f"what is held does not hang there: {error}")
+        script.notes.refuse()
+        raise
     rounds = Rounds(cast, script.timeline, script.repertory, script.places, script.notes, kept)
     return _Compiler(cast, rounds, script.notes, kept, tell).play()
 
@@ -150,7 +155,7 @@ class _Compiler:
                 if holds and size == 1.0:
                     del rounds.wishes.smaller[cue.spot]
                     break
-                rounds.wishes = before.copied()
+                rounds.back(before.copied())
                 if holds:
                     larger = f"; it can be done with larger: {size * cue.given.larger:.2g}"
                     rounds.wishes.refused[cue.spot] += larger
@@ -186,6 +191,12 @@ class _Compiler:
             at_once |= {owners} if touch.t <= 0.0 else set()
             spot: Spot = ("acts",) if touch.t > 0.0 else ("cast",)
             notes.change(spot, f"{touch} {self._said(touch.t)}")
+        for failure in failures(self._cast, made.meetings, made.runs):
+            notes.change(("acts",), f"{failure.text} {self._said(failure.t)}")
+        for name, run in made.runs.players.items():
+            if run.status is not Status.DONE:
+                stops = f"{name}'s run stops {self._said(float(run.t[-1]))}: {run.status}"
+                notes.change(("acts",), stops)
         cues = tuple(self._cue(i, cue) for i, cue in enumerate(self._rounds.timeline.cues))
         score = whole_score(self._cast, made.motions, made.lanes, self._rounds.timeline, notes)
         parts = tuple(
@@ -218,7 +229,7 @@ class _Compiler:
             i + 1, self._cast.file.acts[cue.act].act, cue.who, described(cue), cue.name,
             self._notes.located.line(cue.spot) or 0, cue.wanted, cue.give(self._notes.beat), start,
             end, next(iter(given.on)) if given.on is not None else "", given.go, given.says or "",
-            cue.refused, given.optional,
+            cue.refused, given.optional, given.verb in WITH_PROPS,
             {who: _marks_of(parts, who) for who in dict.fromkeys(part.who for part in parts)},
         )  # fmt: skip
 

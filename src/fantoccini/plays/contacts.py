@@ -39,16 +39,17 @@ def asked_pairs(file: PlayFile) -> frozenset[Pair]:
     found = set[Pair]()
     for prop, given in file.props.items():
         found |= standing(prop, given.on or FLOOR)
-        for player in file.cast if given.held_by is not None else ():
-            found |= {hanging(player, side, prop) for side in ("left", "right")}
+        if given.held_by is not None:
+            found.add(hanging(given.held_by, given.side, prop))
     for act in file.acts:
         for cue in act.cues:
             who, seat = cue.who[0], cue.sits_on or cue.stands_up_from
             if seat is not None:
                 found |= sitting(who, seat)
-            handled = cue.puts_down or cue.picks_up
+            handled = cue.gives or cue.puts_down or cue.picks_up
             if handled is not None:
-                found |= {hanging(who, side, handled) for side in ("left", "right")}
+                arms = [(one, side) for one in (who, cue.to) if one for side in ("left", "right")]
+                found |= {hanging(one, side, handled) for one, side in arms}
                 found |= standing(handled, cue.onto or FLOOR)
     return frozenset(found)
 

@@ -213,7 +213,8 @@ class CueFile(Model):
         if verb not in WITH_PROPS:
             return
         if len(self.who) != 1 or self.who == ("all",):
-            raise mistake(f"found several players; needed: one, as it `{said(verb)}`")
+            found = "`all`" if self.who == ("all",) else f"{len(self.who)} players"
+            raise mistake(f"found {found}; needed: one player, who `{said(verb)}`")
         if self.on is not None:
             raise mistake(f"found `{said(verb)}` with `on`; needed: `when`")
 

@@ -28,6 +28,9 @@ _SITS_WITH = 0.15
 _LEANS, _OFF = np.cos(np.radians(10.0)), 0.008
 """Least height of a standing prop's axis, and how far from its place it may be in height [m]."""
 
+_STILL = 0.02
+"""Speed of a prop that stands [m/s]."""
+
 
 @dataclass(frozen=True)
 class Failure:
@@ -119,7 +122,10 @@ def _stands(cast: Cast, meeting: Meeting, run: Run, t: Times) -> Failure | None:
     (on,) = {name for pair in meeting.pairs for name in pair} & obstacles
     pose, top = _poses(run, prop, t[-1:])[0], top_of(cast.file, on)
     assert top is not None
-    if pose[2, 2] >= _LEANS and abs(pose[2, 3] - top) <= _OFF:
+    first = run.whole.coordinates.v_D.index(f"{run.staged.props[prop]}.x")
+    rates = run.whole.resample(t[-1:]).v_D[0, first : first + 3]
+    still = float(np.linalg.norm(rates)) <= _STILL
+    if still and pose[2, 2] >= _LEANS and abs(pose[2, 3] - top) <= _OFF:
         return None
     text = f"{prop} would not stand on {on}"
     return Failure(run.begin + float(t[-1]), meeting.players, text, meeting.cue)

@@ -95,11 +95,11 @@ class Handling:
 
     def kept(self) -> tuple[object, ...]:
         """What is known now, to come back to with :meth:`back`."""
-        return list(self._met), dict(self.seated), dict(self.where)
+        return list(self._met), dict(self.seated), dict(self.where), dict(self.calmed)
 
     def back(self, kept: tuple[object, ...]) -> None:
         """Forgets what was added since."""
-        self._met, self.seated, self.where = kept  # type: ignore[assignment]
+        self._met, self.seated, self.where, self.calmed = kept  # type: ignore[assignment]
 
     def place(self, cue: Cue, begin: float, wait: float) -> float:
         """Places a cue with a prop; when its first step or gesture begins [s].
@@ -162,7 +162,7 @@ class Handling:
         self._met.append(
             Meeting(start, end, cue.who, (prop,), frozenset(pairs), "given", cue.spot)
         )
-        self.where[prop] = Hangs(str(given.to), other, end, cue.spot, _stem_after(held.stem))
+        self.where[prop] = Hangs(str(given.to), other, end, cue.spot)
         retreat = self._apart(here, giver, receiver.last, receiver)
         self._straight(cue, giver, retreat, end, beside=receiver)
 
@@ -324,12 +324,17 @@ class Handling:
         """Middle of a seat [m], the direction in which one sits [rad], and its height [m]."""
         if name in self.where:
             one, seat = self.where[name], self._cast.things[name].seat
-            if seat is None or isinstance(one, Hangs):
-                raise CannotBe(f"{name} has no seat")
+            if isinstance(one, Hangs):
+                raise CannotBe(f"{one.player} holds {name}")
+            if seat is None:
+                raise CannotBe(f"{name} has no seat; needed: `seat:` of the prop")
             return one.place.place, one.place.heading, one.height + seat
         top = top_of(self._cast.file, name)
         assert top is not None  # or it is a mistake
-        middle = self._walks.middle(name)
+        known = self._walks.middle(name)
+        if known is None:
+            raise CannotBe(f"{name} is too high to sit on: its top is at {top:.3g} m")
+        middle = known
         return middle, Footing(middle.real, middle.imag).towards(actor.last.place), top
 
     def _put_place(self, onto: str, puts: putting.Putting, actor: Actor) -> Footing:
@@ -434,7 +439,3 @@ class Handling:
 def _along(one: Footing, forward: float) -> tuple[float, float]:
     z = one.place + forward * np.exp(1j * one.heading)
     return float(z.real), float(z.imag)
-
-
-def _stem_after(stem: str) -> str:
-    return "inner" if stem == "outer" else "outer"

@@ -20,14 +20,12 @@ class Hangs:
         player, side: whose.
         since: [s].
         cue: by which it came there; None from the start on.
-        stem: the side of the forearm on which its stem is, outer or inner.
     """
 
     player: str
     side: str
     since: float
     cue: Spot | None = None
-    stem: str = "outer"
 
     def meeting(self, prop: str, until: float) -> Meeting:
         """The player and the prop until a time [s]."""

@@ -62,6 +62,6 @@ class Kept:
 def digest(x: State, motion: Gesture, *more: object) -> str:
     """A hash of a state, a motion of the hands from there, and more."""
     h = hashlib.blake2b(repr((motion.coordinates.q_D, *more)).encode())
-    for array in (x.q_D, x.v_D, x.q_K, x.taut, motion.breaks, motion.coef):
+    for array in (x.q_D, x.v_D, x.q_K, x.v_K, x.taut, x.slip, motion.breaks, motion.coef):
         h.update(np.ascontiguousarray(array).tobytes())
     return h.hexdigest()

@@ -37,6 +37,7 @@ class CueOfPlay:
         says: its caption.
         refused: why it cannot be done; "" where it is.
         optional: whether it may be left out.
+        with_prop: whether a prop or a seat is handled.
         marks: player -> mark, ``start`` or ``end`` -> time of the hands [s]; of those who do it.
     """
 
@@ -55,12 +56,13 @@ class CueOfPlay:
     says: str = ""
     refused: str = ""
     optional: bool = False
+    with_prop: bool = False
     marks: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @property
     def words(self) -> str:
         """What they do, without who does it."""
-        return self.what.removeprefix(f"{' and '.join(self.who)}: ")
+        return self.what.partition(": ")[2]
 
 
 @dataclass(frozen=True, eq=False)

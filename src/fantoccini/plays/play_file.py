@@ -105,6 +105,10 @@ class PropFile(Model):
         if (self.held_by is None) == (self.at is None and self.on is None):
             found = "nothing" if self.held_by is None else "both"
             raise mistake(f"found {found} of `held by` and a place; needed: one of them")
+        if self.held_by is None and "side" in self.model_fields_set:
+            raise mistake("found `side` without `held by`; only what is held has it")
+        if self.held_by is not None and "facing" in self.model_fields_set:
+            raise mistake("found both `held by` and `facing`; needed: one of them")
         if self.shapes and self.like is not None:
             raise mistake("found both `like` and `shapes`; needed: one of them")
         if self.at is not None and not isinstance(self.at, str) and len(self.at) != 2:

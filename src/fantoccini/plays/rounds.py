@@ -20,6 +20,7 @@ from fantoccini.plays.calming import NONE, calm_gesture, calming
 from fantoccini.plays.casting import Cast
 from fantoccini.plays.companies import Meeting
 from fantoccini.plays.cues import Cue, Part, Timeline, lane_name, said_in_act
+from fantoccini.plays.footing import Footing
 from fantoccini.plays.handled import failures, handle_seen, stands_seen
 from fantoccini.plays.kept import Kept, digest
 from fantoccini.plays.placing import IN_TIME, Placing
@@ -41,6 +42,8 @@ TRIES = 4
 """How often a cue's hands are moved in time."""
 _LOOKS = 3
 """How often it is seen where a prop is that is handled."""
+_CALMS = 6
+"""How often swing before a cue is taken out anew."""
 _SEEN = 1e-3
 """By how much it is elsewhere than it was thought, for this to matter [m]."""
 _JUST_BEFORE = 1e-6
@@ -59,7 +62,7 @@ class Round:
         lanes: player -> lane -> its part of that.
         starts: player -> times at which its cues begin [s].
         meetings: who may touch what, and when.
-        runs: of all, event-driven.
+        runs: of all.
     """
 
     placing: Placing
@@ -100,7 +103,7 @@ class Rounds:
         self.late: dict[tuple[Spot, str], float] = {}
         self._tried: dict[tuple[Spot, str], int] = {}
         self._looked: dict[Spot, int] = {}
-        self._calmed: dict[tuple[Spot, str], float] = {}
+        self._calmed: dict[tuple[Spot, str], int] = {}
         self._by_spot = {cue.spot: cue for cue in timeline.cues}
 
     def made(self) -> Round:
@@ -155,6 +158,12 @@ class Rounds:
                 break
         return found
 
+    def back(self, wishes: Wishes) -> None:
+        """Goes back to earlier wishes, from which all is seen anew."""
+        self.wishes = wishes
+        self._looked.clear()
+        self._calmed.clear()
+
     def look(self, made: Round) -> bool:
         """Sees where props are that are handled; whether that changes what is done."""
         changed = self._calm(made)
@@ -165,22 +174,31 @@ class Rounds:
             (prop,) = meeting.props
             if self._looked.get(spot, 0) >= _LOOKS:
                 continue
-            self._looked[spot] = self._looked.get(spot, 0) + 1
             if meeting.kind == "picked":
                 there = stands_seen(self._cast, made.runs, prop, meeting.begin)
-                before = self.wishes.stands.get(spot)
-                if there is None:
-                    continue
-                self.wishes.stands[spot] = there
-                changed |= before is None or abs(there.place - before.place) > _SEEN
-                continue
-            seen = handle_seen(self._cast, made.runs, meeting, meeting.begin - _JUST_BEFORE)
-            if seen is None:
-                continue
-            known = self.wishes.hangs.get(spot)
-            self.wishes.hangs[spot] = seen
-            changed |= known is None or not np.allclose(seen, known, rtol=0.0, atol=_SEEN)
+                moved = self._look_where(spot, there)
+            else:
+                t = meeting.begin - _JUST_BEFORE
+                moved = self._look_how(spot, handle_seen(self._cast, made.runs, meeting, t))
+            self._looked[spot] = self._looked.get(spot, 0) + moved
+            changed |= moved
         return changed
+
+    def _look_where(self, spot: Spot, there: Footing | None) -> bool:
+        """Keeps where a prop stands; whether that is elsewhere than was thought."""
+        before = self.wishes.stands.pop(spot, None)
+        if there is None:
+            return before is not None
+        self.wishes.stands[spot] = there
+        return before is None or abs(there.place - before.place) > _SEEN
+
+    def _look_how(self, spot: Spot, seen: tuple[float, float] | None) -> bool:
+        """Keeps how a prop hangs; whether that is otherwise than was thought."""
+        before = self.wishes.hangs.pop(spot, None)
+        if seen is None:
+            return before is not None
+        self.wishes.hangs[spot] = seen
+        return before is None or not np.allclose(seen, before, rtol=0.0, atol=_SEEN)
 
     def _calm(self, made: Round) -> bool:
         """Finds motions that take out swing; whether that changes what is done."""
@@ -188,19 +206,23 @@ class Rounds:
         keys: dict[str, tuple[Spot, str]] = {}
         for (spot, name), start in made.placing.calmed.items():
             run, alone = made.runs.players[name], self._cast.players[name].alone
-            if start >= float(run.t[-1]) or self._calmed.get((spot, name)) == start:
+            if start >= float(run.t[-1]):
                 continue
             x = run.at(start)
+            if self._calmed.get((spot, name), 0) >= _CALMS:
+                continue
             label = f"calm {spot} {name}"
-            key = digest(x, calm_gesture(alone, NONE), "calm")
+            content = self._cast.players[name].content
+            key = digest(x, calm_gesture(alone, NONE), "calm", content)
             jobs[label] = partial(self._kept.get, key, partial(calming, alone, x))
             keys[label] = spot, name
-            self._calmed[spot, name] = start
         changed = False
         for label, offsets in self._kept.side_by_side(jobs, default_threads()).items():
             before = self.wishes.calms.get(keys[label], NONE)
             self.wishes.calms[keys[label]] = offsets
-            changed |= not np.allclose(before, offsets, rtol=0.0, atol=_SEEN)
+            moved = not np.allclose(before, offsets, rtol=0.0, atol=_SEEN)
+            self._calmed[keys[label]] = self._calmed.get(keys[label], 0) + moved
+            changed |= moved
         return changed
 
     def act_start(self, t: float) -> float:
@@ -241,7 +263,8 @@ class Rounds:
             begun, own = motion
             run, alone = made.runs.players[part.who], self._cast.players[part.who].alone
             x = run.at(begun)
-            key = digest(x, Gesture(alone.coordinates, *own), most, "pause")
+            content = self._cast.players[part.who].content
+            key = digest(x, Gesture(alone.coordinates, *own), most, "pause", content)
             job = partial(pause, alone, x, own, most)
             jobs[f"{number}"] = partial(self._kept.get, key, job)
             cues[f"{number}"] = number, cue

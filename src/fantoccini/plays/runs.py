@@ -105,7 +105,7 @@ class Runs:
 
     Attributes:
         companies: in order of their beginnings; those that could begin.
-        players: player -> its own, from the start on.
+        players: player -> its own, from the start on; its ledger is its company's.
     """
 
     companies: tuple[Run, ...]
@@ -172,7 +172,7 @@ class _Work:
         players: dict[str, State] = {}
         props: dict[str, PropState] = {}
         for name in (*company.players, *company.props):
-            last = _last(name, span, before)
+            earlier, last = _last(name, span, before)
             if last is None:
                 if name in cast.players:
                     players[name] = cast.players[name].x0
@@ -185,7 +185,7 @@ class _Work:
             if name in cast.players:
                 players[name] = run.of_player(name, cast.players[name].x0).state(-1)
             else:
-                props[name] = prop_states(run, name, still=run.end < span.begin)
+                props[name] = prop_states(run, name, still=earlier < span.begin)
         stage = staged(cast, company, self.kept)
         x = stage.state(players, props)
         motion = stage.motion({
@@ -239,17 +239,17 @@ class _Work:
 
 def _last(
     name: str, span: Span, before: Sequence[tuple[Span, Future[Run | None]]]
-) -> Future[Run | None] | None:
-    """The run before a span in which a player or prop takes part."""
+) -> tuple[float, Future[Run | None] | None]:
+    """When a player or prop takes part last before a span [s], and the run of that."""
     for earlier, future in reversed(before):
         company = earlier.company
         if name in (*company.players, *company.props) and earlier.end <= span.begin:
-            return future
-    return None
+            return earlier.end, future
+    return 0.0, None
 
 
 def prop_states(run: Run, name: str, *, still: bool = False) -> PropState:
-    """Where a prop is at a run's end; at rest, where it has stood since then."""
+    """Place and velocities of a prop at a run's end; at rest, where it has stood since then."""
     local, whole = run.staged.props[name], run.whole
     q = whole.coordinates.q_D.index(f"{local}.x")
     v = whole.coordinates.v_D.index(f"{local}.x")

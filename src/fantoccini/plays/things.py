@@ -25,6 +25,8 @@ from fantoccini.scene.schema import Prop
 PropState = tuple[Array, Array]
 """(7,) place and quaternion of a prop, and (6,) its velocities."""
 
+_BOTTOM = 1e-6
+"""So far a prop's bottom may be from z = 0 [m]."""
 _FOLDER = Path(__file__).parent / "things"
 
 
@@ -92,8 +94,14 @@ def read_things(
         places: what names of places mean.
         notes: take mistakes.
     """
-    found = {}
+    found: dict[str, Thing] = {}
+    arms: dict[tuple[str, str], str] = {}
     for name, given in file.props.items():
+        if given.held_by is not None:
+            other = arms.setdefault((given.held_by, given.side), name)
+            if other != name:
+                text = f"{other} hangs on the {given.side} forearm of {given.held_by} already"
+                notes.mistake(("props", name, "held by"), text)
         thing = _thing(file, name, given, starts, lifts, places, notes)
         if thing is not None:
             found[name] = thing
@@ -134,12 +142,22 @@ def _thing(
                 return None
             heading = Footing(x, y).towards(complex(middle[0], middle[1]))
         place, stands = complex(x, y), Footing(x, y, heading)
+    least = min(float(extent(shape)[0][2]) for shape in prop_shapes(name, data))
+    if abs(least) > _BOTTOM and not given.held_by:
+        text = f"its bottom is at z = {least:.3g}; needed: 0, so that it stands where it is put"
+        notes.mistake((*spot, "shapes"), text)
+        return None
     turn = {"axis": [0.0, 0.0, 1.0], "angle": stands.heading}
     at = [place.real, place.imag, height]
     prop = Prop.model_validate({"name": name, "at": at, "orientation": turn, **data})
     return Thing(
         prop, handle, seat, given.held_by or "", given.side, stands, height, repr(data)
     )
+
+
+def prop_shapes(name: str, data: dict[str, Any]) -> tuple[Any, ...]:
+    """The shapes of a prop, read."""
+    return Prop.model_validate({"name": name, **data}).shapes
 
 
 def _described(name: str, given: PropFile, spot: Spot, notes: Notes) -> dict[str, Any] | None:
@@ -185,5 +203,14 @@ def _place(
             text = f"no mark is called {given.at!r}{nearest(given.at, file.stage.marks)}"
             notes.mistake((*spot, "at"), text)
             return None
-        return mark.at[0], mark.at[1], height
-    return given.at[0], given.at[1], height
+        x, y = mark.at
+    else:
+        x, y = given.at[:2]
+    if given.on is not None:
+        (low, high) = next(extent(o) for o in file.stage.obstacles if o.name == given.on)
+        if not (low[0] <= x <= high[0] and low[1] <= y <= high[1]):
+            text = f"[{x:g}, {y:g}] is not on {given.on}, which is from [{low[0]:.3g}, "
+            text += f"{low[1]:.3g}] to [{high[0]:.3g}, {high[1]:.3g}]"
+            notes.mistake((*spot, "at"), text)
+            return None
+    return x, y, height

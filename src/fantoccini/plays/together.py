@@ -27,6 +27,8 @@ _MOTION = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
 def together(cast: Cast, runs: Runs) -> Trajectory:
     """The run of the stage, 200 samples a second, until the first of the players' runs ends.
 
+    The ledger is the sum of the companies': what a prop has while it stands alone is not in it.
+
     A prop that nobody touches stays where it was left. Between two samples a velocity that jumps
     when a string snaps taut is led over.
     """

@@ -66,8 +66,12 @@ def touches(cast: Cast, run: Trajectory, meetings: Sequence[Meeting] = ()) -> li
     clear = cast.file.stage.clear
     links = [link.name for link in cast.whole.tree.links]
     on_floor = [frozenset((name, FLOOR)) for name in links]
-    asked = {pair: frozenset(map(cast.named, pair)) for one in meetings for pair in one.pairs}
-    free = [*on_floor, *asked.values()]
+    pairs = {pair for one in meetings for pair in one.pairs}
+    asked = {pair: frozenset(map(cast.named, pair)) for pair in sorted(pairs, key=sorted)}
+    lie_on = [
+        frozenset((name, one.on)) for name, one in cast.file.props.items() if one.on is not None
+    ]
+    free = [*on_floor, *lie_on, *asked.values()]
     found = _bodies(Clearance(cast.whole, free=free), t, q_D, q_K, clear)
     found = [one for one in found if not _at_hand(cast, one, meetings)]
     if cast.whole.puppet.floor is not None:
@@ -87,7 +91,7 @@ def touches(cast: Cast, run: Trajectory, meetings: Sequence[Meeting] = ()) -> li
     for crossing in strings.crossings():
         names = f"string {crossing.what}", f"string {crossing.other}"
         found.append(Touch(crossing.t, *names, 0.0, crosses=True))
-    return sorted(found, key=lambda one: one.t)
+    return sorted(found, key=lambda one: (one.t, one.what, one.other))
 
 
 def _at_hand(cast: Cast, touch: Touch, meetings: Sequence[Meeting]) -> bool:

@@ -161,6 +161,11 @@ def cue_times(play: Play, run: Trajectory) -> tuple[CueTime, ...]:
     for cue in play.cues:
         if cue.refused or cue.start > run.t[-1]:
             continue
+        if cue.with_prop:
+            # Who takes part begins one after the other: the cue begins with the first.
+            wanted = float(np.clip(cue.start, cue.wanted, cue.wanted + cue.give))
+            found.append(CueTime(cue, cue.who[0], wanted, cue.start, limb=False))
+            continue
         for who, marks in cue.marks.items():
             own, hands = seen.get((cue.number, who)), marks[cue.mark or START]
             at = hands if own is None else hands + float(np.mean(own))

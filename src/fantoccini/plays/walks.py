@@ -121,9 +121,10 @@ class Walks:
                 return other.name
         return None
 
-    def middle(self, name: str) -> complex:
-        """The middle of what stands on the stage [m]."""
-        return next(complex(*one.centre) for one in self.blocked if one.name == name)
+    def middle(self, name: str) -> complex | None:
+        """The middle of what stands on the stage [m]; None of what is above the players."""
+        found = (complex(*one.centre) for one in self.blocked if one.name == name)
+        return next(found, None)
 
     def sides(self, name: str, seen: complex, inset: float) -> list[tuple[float, complex]]:
         """Where something can be put on an obstacle: headings and places [rad, m].
@@ -134,7 +135,7 @@ class Walks:
             inset: how far from its border, where it is large enough [m].
         """
         (one,) = [region for region in self.blocked if region.name == name]
-        middle = self.middle(name)
+        middle = complex(*one.centre)
         if not isinstance(one, Box):
             assert isinstance(one, Disk)
             heading = float(np.angle(middle - seen))
