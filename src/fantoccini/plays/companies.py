@@ -67,9 +67,12 @@ class Company:
     pairs: frozenset[Pair] = frozenset()
 
     @property
-    def sits(self) -> bool:
-        """Whether a player may touch the floor."""
-        return any(FLOOR in pair and any("." in name for name in pair) for pair in self.pairs)
+    def rests(self) -> bool:
+        """Whether somebody sits, or a prop stands on something but the floor."""
+        props = {*self.props}
+        arms = [any(".forearm_" in name for name in pair) for pair in self.pairs]
+        falls = [FLOOR in pair and bool(pair & props) for pair in self.pairs]
+        return not all(a or b for a, b in zip(arms, falls, strict=True))
 
 
 @dataclass(frozen=True)

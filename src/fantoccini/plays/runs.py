@@ -41,8 +41,10 @@ _STEPS = {"steps": 1e-3, "fine steps": 2.5e-4}
 """Time steps of companies that touch [s]."""
 _EVERY = 5e-3
 """Between samples of theirs that are kept [s]."""
-_SITS = "somebody sits with the feet on the floor"
+_RESTS = "somebody sits, or a prop stands on something"
 """Why fine time steps are taken at once."""
+_MOST = 4e7
+"""Memory for a second of what touches, event-driven [bytes]: some four thousand samples."""
 _SAMPLED = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
 _COLUMNS = ("tension", "limit_force", "taut", "violation", "slip")
 ENERGIES = ("kinetic", "potential")
@@ -127,7 +129,7 @@ def runs_of(
 
     They are event-driven where nothing may touch, else in time steps of 1 ms, or ``exact``: then
     event-driven as well, but in steps of 0.25 ms where that stops, as friction may jam, and where
-    somebody sits with the feet on the floor: there it does, after a thousand events a second.
+    somebody sits or a prop stands on something: there it does, or takes many minutes.
 
     Args:
         cast: of the play.
@@ -219,8 +221,8 @@ class _Work:
             if run.status is not Status.DONE:
                 break
             x = run.state(len(run) - 1).replace(t=0.0)
-        if self.exact and stage.company.sits:
-            stepped.append(_SITS)
+        if self.exact and stage.company.rests:
+            stepped.append(_RESTS)
         return _joined(parts), tuple(stepped)
 
     def _methods(self, company: Company) -> tuple[str, ...]:
@@ -229,7 +231,7 @@ class _Work:
             return ("event",)
         if not self.exact:
             return ("steps",)
-        return ("fine steps",) if company.sits else ("event", "fine steps")
+        return ("fine steps",) if company.rests else ("event", "fine steps")
 
     @property
     def _steps(self) -> bool:
@@ -263,7 +265,8 @@ def _part(
     inputs = motion.inputs(x, speed=bounds.speed, acceleration=bounds.acceleration)
     alone = stage.marionette
     if method == "event":
-        return simulate(alone, x, inputs, effort=False, throw=False)
+        most = _MOST * motion.duration if stage.company.pairs else None
+        return simulate(alone, x, inputs, effort=False, throw=False, max_memory=most)
     dt = _STEPS[method]
     return simulate(
         alone, x, inputs, method=TimeStepping(dt=dt), save_every=round(_EVERY / dt),
