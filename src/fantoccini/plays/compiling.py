@@ -1,4 +1,4 @@
-"""Plays compiled: cues placed, simulated player by player, and placed anew until all holds."""
+"""Plays compiled: cues placed, simulated company by company, and placed anew until all holds."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def load_play(
     nearest thing that can be done; the rest is compiled.
 
     Args:
-        path: of the file, or the name of a bundled play: ``trio``.
+        path: of the file, or the name of a bundled play: ``trio``, ``chase`` or ``duet``.
         progress: called with what is being done and the share of it, as for a progress bar.
         before: an earlier version of the play, whose runs are used where nothing has changed.
 

@@ -12,19 +12,17 @@ from typing import TypeVar
 import numpy as np
 
 from fantoccini.errors import InputError
-from fantoccini.gestures import Gesture
-from fantoccini.gestures.stepping import Step
 from fantoccini.gestures.timing import END, START, Spot
 from fantoccini.plays import props, putting
 from fantoccini.plays.acting import Repertory
 from fantoccini.plays.actors import Actor, CannotBe, Wishes
-from fantoccini.plays.calming import NONE, calm_gesture
+from fantoccini.plays.approaching import CALM, Approaching, along
 from fantoccini.plays.casting import Cast
 from fantoccini.plays.companies import Meeting
 from fantoccini.plays.contacts import hanging, standing
 from fantoccini.plays.cues import Cue
-from fantoccini.plays.doing import carry_pose, note, walk_along
-from fantoccini.plays.footing import Footing, Way
+from fantoccini.plays.doing import carry_pose
+from fantoccini.plays.footing import Footing
 from fantoccini.plays.holdings import Hangs, Seated, Stands
 from fantoccini.plays.sitting import sit
 from fantoccini.plays.things import top_of
@@ -33,20 +31,12 @@ from fantoccini.puppet.contact import FLOOR
 
 T = TypeVar("T")
 
-_STEP, _STEP_TIME = 0.05, 1.0
-"""Longest step of those that lead up to a thing or away from it [m], and its duration [s]."""
 _AT_TABLE = 0.025
-"""The same at a table, which shins that swing must not touch [m]."""
+"""Longest step at a table, which shins that swing must not touch [m]."""
 _BACK = 0.1
 """A walk to a table ends at least so far from where one puts something down [m]."""
 _BEFORE_SEAT = 0.135
 """A player sits down from so far before the middle of the seat [m]."""
-_CALM = 0.3
-"""Pause before something is handled [s]."""
-_FARTHEST = 1.0
-"""Farthest from a thing that a player steps up to it [m]."""
-_APART = 0.02
-"""By how much more than their radii two are apart before one comes up to the other [m]."""
 _INSET = 0.03
 """A prop is put so far from the border of what it is put on, where that is large enough [m]."""
 _OTHER = {"left": "right", "right": "left"}
@@ -58,7 +48,6 @@ class Handling:
     Attributes:
         where: prop -> on whose forearm it hangs, or where it stands.
         seated: player -> on what it sits.
-        calmed: (cue, player) -> when it begins to take out its swing [s].
 
     Args:
         cast, walks, repertory: of the play.
@@ -74,7 +63,7 @@ class Handling:
         self._actors, self._wishes = actors, wishes
         self._met: list[Meeting] = []
         self.seated: dict[str, Seated] = {}
-        self.calmed: dict[tuple[Spot, str], float] = {}
+        self._steps = Approaching(walks, repertory, actors, wishes, self.carries)
         self.where: dict[str, Hangs | Stands] = {}
         for name, thing in cast.things.items():
             if thing.held_by:
@@ -82,6 +71,11 @@ class Handling:
             else:
                 on = cast.file.props[name].on or FLOOR
                 self.where[name] = Stands(thing.stands, thing.height, on)
+
+    @property
+    def calmed(self) -> Mapping[tuple[Spot, str], float]:
+        """(cue, player) -> when it begins to take out its swing [s]."""
+        return self._steps.calmed
 
     def meetings(self, until: float) -> tuple[Meeting, ...]:
         """Who may touch what until a time [s]."""
@@ -95,11 +89,11 @@ class Handling:
 
     def kept(self) -> tuple[object, ...]:
         """What is known now, to come back to with :meth:`back`."""
-        return list(self._met), dict(self.seated), dict(self.where), dict(self.calmed)
+        return list(self._met), dict(self.seated), dict(self.where), dict(self._steps.calmed)
 
     def back(self, kept: tuple[object, ...]) -> None:
         """Forgets what was added since."""
-        self._met, self.seated, self.where, self.calmed = kept  # type: ignore[assignment]
+        self._met, self.seated, self.where, self._steps.calmed = kept  # type: ignore[assignment]
 
     def place(self, cue: Cue, begin: float, wait: float) -> float:
         """Places a cue with a prop; when its first step or gesture begins [s].
@@ -144,14 +138,14 @@ class Handling:
         here = giver.last
         x, y, heading = handing.place(here.x, here.y, here.heading)
         there = Footing(x, y, heading)
-        before = self._apart(there, receiver, here, giver)
-        self._come(cue, receiver, before, there, begin, wait, beside=giver)
+        before = self._steps.apart(there, receiver, here, giver)
+        self._steps.come(cue, receiver, before, there, begin, wait, beside=giver)
         giver.rests()
         soon = receiver.rests() - props.CARRY_TIME
         posed = carry_pose(giver, held.side, max(begin, soon), self._repertory)
-        start = self._calm(cue, max(receiver.rests(), posed), giver, receiver)
+        start = self._steps.calm(cue, max(receiver.rests(), posed), giver, receiver)
         ends = [
-            self._do(cue, actor, gesture, start)
+            self._steps.do(cue, actor, gesture, start)
             for actor, gesture in ((giver, handing.giver), (receiver, handing.receiver))
         ]
         end = max(ends)
@@ -163,8 +157,8 @@ class Handling:
             Meeting(start, end, cue.who, (prop,), frozenset(pairs), "given", cue.spot)
         )
         self.where[prop] = Hangs(str(given.to), other, end, cue.spot)
-        retreat = self._apart(here, giver, receiver.last, receiver)
-        self._straight(cue, giver, retreat, end, beside=receiver)
+        retreat = self._steps.apart(here, giver, receiver.last, receiver)
+        self._steps.straight(cue, giver, retreat, end, beside=receiver)
 
     def _sits(self, cue: Cue, begin: float, wait: float) -> None:
         seat, (actor,) = str(cue.given.sits_on), (self._actors[name] for name in cue.who)
@@ -178,11 +172,11 @@ class Handling:
         sits = self._made(
             lambda: sit(alone, "", seat, height, distance=_BEFORE_SEAT, start=hangs), actor
         )
-        there = Footing(*_along(Footing(middle.real, middle.imag, heading), sits.back), heading)
-        before = self._clear_of(there, 1.0, actor)
-        self._come(cue, actor, before, there, begin, wait)
+        there = Footing(*along(Footing(middle.real, middle.imag, heading), sits.back), heading)
+        before = self._steps.clear_of(there, 1.0, actor)
+        self._steps.come(cue, actor, before, there, begin, wait)
         since = actor.ways[-1].begin
-        end = self._do(cue, actor, sits.down, self._calm(cue, actor.rests(), actor))
+        end = self._steps.do(cue, actor, sits.down, self._steps.calm(cue, actor.rests(), actor))
         self.seated[who] = Seated(
             seat, seat in self._cast.things, since, end, cue.spot, sits.up, before
         )
@@ -194,9 +188,9 @@ class Handling:
             sits = f"sits on {one.seat}" if one else "stands"
             raise CannotBe(f"{who} does not sit on {cue.given.stands_up_from}, but {sits}")
         start = max(begin, actor.rests())
-        up = self._do(cue, actor, one.up, start)
-        self._straight(cue, actor, one.ahead, up + _CALM)
-        self._calm(cue, actor.rests(), actor)
+        up = self._steps.do(cue, actor, one.up, start)
+        self._steps.straight(cue, actor, one.ahead, up + CALM)
+        self._steps.calm(cue, actor.rests(), actor)
         self._met.append(one.meeting(who, start, actor.ways[-1].end))
         del self.seated[who]
 
@@ -210,16 +204,16 @@ class Handling:
         hangs = self._hangs_at(cue, actor, prop, held)
         puts = self._putting(actor, prop, held.side, hangs, top, onto, along=self._along(cue))
         there = self._put_place(onto, puts, actor)
-        before = self._clear_of(there, -1.0, actor, _BACK)
-        self._come(cue, actor, before, there, begin, wait, step=_AT_TABLE)
-        start = self._calm(cue, actor.rests(), actor)
-        end = self._do(cue, actor, puts.gesture, start)
+        before = self._steps.clear_of(there, -1.0, actor, _BACK)
+        self._steps.come(cue, actor, before, there, begin, wait, step=_AT_TABLE)
+        start = self._steps.calm(cue, actor.rests(), actor)
+        end = self._steps.do(cue, actor, puts.gesture, start)
         self._close(prop, held, start)
         pairs = standing(prop, onto) | {hanging(who, held.side, prop)}
         self._met.append(Meeting(start, end, (who,), (prop,), pairs, "put", cue.spot))
         z = there.place + np.exp(1j * there.heading) * complex(puts.forward, puts.left)
         self.where[prop] = Stands(Footing(z.real, z.imag, there.heading), top, onto)
-        self._straight(cue, actor, before, end, step=_AT_TABLE)
+        self._steps.straight(cue, actor, before, end, step=_AT_TABLE)
 
     def _picks_up(self, cue: Cue, begin: float, wait: float) -> None:
         prop, (who,) = str(cue.given.picks_up), cue.who
@@ -238,14 +232,14 @@ class Handling:
         stands = self._wishes.stands.get(cue.spot, one.place)
         z = stands.place - np.exp(1j * stands.heading) * complex(puts.forward, puts.left)
         there = Footing(z.real, z.imag, stands.heading)
-        before = self._clear_of(there, -1.0, actor, _BACK)
-        self._come(cue, actor, before, there, begin, wait, step=_AT_TABLE)
-        start = self._calm(cue, actor.rests(), actor)
-        end = self._do(cue, actor, puts.gesture, start)
+        before = self._steps.clear_of(there, -1.0, actor, _BACK)
+        self._steps.come(cue, actor, before, there, begin, wait, step=_AT_TABLE)
+        start = self._steps.calm(cue, actor.rests(), actor)
+        end = self._steps.do(cue, actor, puts.gesture, start)
         pairs = standing(prop, one.on) | {hanging(who, side, prop)}
         self._met.append(Meeting(start, end, (who,), (prop,), pairs, "picked", cue.spot))
         self.where[prop] = Hangs(who, side, end, cue.spot)
-        self._straight(cue, actor, before, end, step=_AT_TABLE)
+        self._steps.straight(cue, actor, before, end, step=_AT_TABLE)
 
     # -- what is so --------------------------------------------------------------------------
 
@@ -345,97 +339,8 @@ class Handling:
             found.append(Footing(z.real, z.imag, heading))
         return min(found, key=lambda one: abs(one.place - actor.last.place))
 
-    # -- what is done ------------------------------------------------------------------------
-
-    def _come(
-        self, cue: Cue, actor: Actor, before: Footing, there: Footing, begin: float, wait: float,
-        *, beside: Actor | None = None, step: float = _STEP,
-    ) -> None:  # fmt: skip
-        """A walk to a place before something, and the last straight steps."""
-        actor.rests()
-        carries = self.carries(actor.player.name)
-        free = max(carry_pose(actor, carries, begin, self._repertory), begin)
-        if abs(actor.last.place - before.place) > 1e-6 or actor.last.heading != before.heading:
-            others = [
-                (one.player, one.track()) for one in self._actors.values() if one is not actor
-            ]
-            way, why = self._walks.way(
-                actor.player, actor.last, [before], free, wait, others, near=0.0, arrives=None,
-                free_from=free, carries=bool(carries),
-            )  # fmt: skip
-            if way is None:
-                raise CannotBe(why)
-            self._walk(cue, actor, way)
-            free = way.end
-        self._straight(cue, actor, there, free, beside=beside, step=step)
-
-    def _straight(
-        self, cue: Cue, actor: Actor, there: Footing, begin: float,
-        beside: Actor | None = None, step: float = _STEP,
-    ) -> None:  # fmt: skip
-        """Straight steps, forward or backward, past nobody."""
-        here = actor.last
-        along = here.seen(there.place).real
-        n = max(1, int(np.ceil(abs(along) / step)))
-        way = Way(here, begin, (Step(along / n),) * n, _STEP_TIME)
-        others = [
-            (one.player, one.track()) for one in self._actors.values()
-            if one is not actor and one is not beside
-        ]  # fmt: skip
-        who = self._walks.in_the_way(actor.player, way, others)
-        if who is not None:
-            raise CannotBe(f"{actor.player.name} has no room: {who} is in the way")
-        self._walk(cue, actor, way)
-
-    def _walk(self, cue: Cue, actor: Actor, way: Way) -> None:
-        carries = self.carries(actor.player.name)
-        gesture, start = walk_along(actor, way, self._repertory, carries)
-        note(cue, actor, 0, gesture, start, {}, way.end)
-
-    def _do(self, cue: Cue, actor: Actor, gesture: Gesture, start: float) -> float:
-        """A gesture from a time on; its end [s]."""
-        own = gesture.turned(actor.last.heading)
-        begun = actor.add(0, own, start)
-        actor.played.append((0, begun, begun + own.duration, own.named))
-        note(cue, actor, 0, own, begun)
-        return begun + own.duration
-
-    def _calm(self, cue: Cue, begin: float, *actors: Actor) -> float:
-        """Takes out swing from a time on; when what is to be done can begin [s]."""
-        for actor in actors:
-            key = cue.spot, actor.player.name
-            gesture = calm_gesture(actor.player.alone, self._wishes.calms.get(key, NONE))
-            lane, start = actor.lane(gesture, begin)
-            start = actor.add(lane, gesture, start)
-            actor.played.append((lane, start, start + gesture.duration, gesture.named))
-            self.calmed[key] = start
-        return max(actor.rests() for actor in actors) + _CALM
-
-    def _clear_of(
-        self, there: Footing, side: float, actor: Actor, least: float = 0.02
-    ) -> Footing:
-        """The nearest place ahead (1) or behind (-1) that is clear of what stands there."""
-        for way in np.arange(least, _FARTHEST, 0.02):
-            one = Footing(*_along(there, side * float(way)), there.heading)
-            if self._walks.is_clear(actor.player, one):
-                return one
-        raise CannotBe(f"{actor.player.name} has no room to step up to it")
-
-    def _apart(self, one: Footing, actor: Actor, other: Footing, beside: Actor) -> Footing:
-        """The nearest place behind a footing that is as far from another as two must be."""
-        away = self._walks.clear(actor.player) + self._walks.clear(beside.player) + _APART
-        ways = 0.01 * np.arange(int(100 * 2.0 * away) + 1)
-        behind = one.place - ways * np.exp(1j * one.heading)
-        z = behind[int(np.argmax(np.abs(behind - other.place) >= away))]
-        return Footing(float(z.real), float(z.imag), one.heading)
-
     # -- who meets ---------------------------------------------------------------------------
 
     def _close(self, prop: str, held: Hangs, until: float) -> None:
         if until > held.since:
             self._met.append(held.meeting(prop, until))
-
-
-def _along(one: Footing, forward: float) -> tuple[float, float]:
-    z = one.place + forward * np.exp(1j * one.heading)
-    return float(z.real), float(z.imag)

@@ -98,8 +98,9 @@ def verify_play(play: Play) -> Verification:
 
     Checked are: the run reaches its end; every cue that is done is seen within 1/60 s of its time;
     players, obstacles and strings keep the stage's distance; strings never cross; the floor is not
-    touched; the hands keep their bounds and their space, and rest where a show waits. The bodies of
-    one player are not checked against each other, nor against its own strings.
+    touched but by who sits; what is held, put down or sat on is so; the hands keep their bounds and
+    their space, and rest where a show waits. The bodies of one player are not checked against each
+    other, nor against its own strings.
 
     Args:
         play: compiled.

@@ -19,6 +19,7 @@ from fantoccini.plays.regions import Box, Disk, Rectangle, Region
 from fantoccini.plays.things import Thing
 from fantoccini.plays.ways import NoWay, Other, find_way
 from fantoccini.puppet.shapes import Box as BoxShape, Shape
+from fantoccini.puppet.values import value_of
 
 _LONGEST_STEP = 0.1
 """[m]"""
@@ -32,6 +33,8 @@ _TRIES = 4
 """Of beginnings with which a walk is to arrive in time."""
 _SAMPLE = 0.02
 """Between places of a way that are looked at [s]."""
+_UPRIGHT = 1e-9
+"""How far from 1 the vertical part of an upright box's axis may be."""
 _IN_TIME = 1e-6
 """Difference of times that counts as none [s]."""
 
@@ -109,6 +112,11 @@ class Walks:
         at = np.array(place.place)
         return all(float(one.distance(at)) >= self.clear(player) for one in self.blocked)
 
+    def is_inside(self, player: Player, place: Footing) -> bool:
+        """Whether the hands of a player that stands somewhere are within their space."""
+        room = self._room(player)
+        return room is None or bool(room.holds(np.array(place.place)))
+
     def in_the_way(self, player: Player, way: Way, others: Sequence[Track]) -> str | None:
         """Who comes too near to a player on a way, until it is there."""
         n = int(np.ceil((way.end - way.begin) / _SAMPLE)) + 1
@@ -176,19 +184,22 @@ class Walks:
                        for other, (t, xy) in others)  # fmt: skip
         key = (player.name, start, goal, round(begin, 9), wait, carries, around)
         if key not in self._kept:
-            space = None
-            if self._space is not None:
-                (a, b), (c, d) = self._space.x, self._space.y
-                r = player.radius + SWAY
-                space = Rectangle((a + r, c + r), (b - r, d - r))
             self._kept[key] = find_way(
                 start, goal, begin=begin, longest_step=_LONGEST_STEP,
                 step_time=self.step_time * (_CARRYING if carries else 1.0),
-                radius=self.clear(player), blocked=self.blocked, space=space,
+                radius=self.clear(player), blocked=self.blocked, space=self._room(player),
                 latest_begin=begin + wait,
                 others=[Other(other.name, t, xy, self.clear(other)) for other, (t, xy) in others],
             )  # fmt: skip
         return self._kept[key]
+
+    def _room(self, player: Player) -> Rectangle | None:
+        """Where the middle of a player may be; None where it may be anywhere."""
+        if self._space is None:
+            return None
+        (a, b), (c, d) = self._space.x, self._space.y
+        r = player.radius + SWAY
+        return Rectangle((a + r, c + r), (b - r, d - r))
 
     def _why(self, player: Player, found: NoWay) -> str:
         text = f"{player.name} cannot get there: {found.reason}"
@@ -203,11 +214,26 @@ def _regions(name: str, shape: Shape) -> list[Region]:
     low, high = extent(shape)
     if low[2] > _REACH:
         return []
+    turned = _turned(name, shape)
+    if turned is not None:
+        return [turned]
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     centre = float(middle[0]), float(middle[1])
     if isinstance(shape, BoxShape) and shape.orientation is None:
         return [Box(name, centre, (float(half[0]), float(half[1])))]
     return [Disk(name, centre, float(np.hypot(half[0], half[1])))]
+
+
+def _turned(name: str, shape: Shape) -> Region | None:
+    """A box that is turned about the vertical only; None of other shapes."""
+    if not isinstance(shape, BoxShape) or shape.orientation is None:
+        return None
+    R = shape.orientation.matrix
+    if R[2, 2] < 1.0 - _UPRIGHT:
+        return None
+    width, depth, _ = (0.5 * value_of(size) for size in shape.size)
+    yaw = float(np.arctan2(R[1, 0], R[0, 0]))
+    return Box(name, (float(shape.at[0]), float(shape.at[1])), (width, depth), yaw)
 
 
 def _around(thing: Thing) -> Region:
