@@ -9,6 +9,7 @@ import fantoccini as fan
 from fantoccini.plays.placing import IN_TIME
 from fantoccini.plays.touching import touches
 from plays.conftest import HEAD, Plays
+from plays.tiny import TOUCHES, write_play
 
 
 def refused(play: fan.Play) -> list[str]:
@@ -264,6 +265,18 @@ def test_who_leaves_is_passed_while_it_goes(plays: Plays):
     """)
     assert play, play.changes
     assert fan.verify_play(play)
+
+
+def test_compiling_stops_in_time_with_what_there_is(tmp_path):
+    path = write_play(tmp_path, TOUCHES)
+    whole, stopped = fan.load_play(path), fan.load_play(path, within=0.0)
+    assert whole.rounds > 1 and stopped.rounds == 1
+    stops = "compiling was stopped after 1 round"
+    assert any(stops in str(one) for one in stopped.lacking)
+    assert not any(stops in str(one) for one in whole.lacking)
+    assert any("would be" in str(one) for one in stopped.lacking)  # what touches is said
+    assert [cue.what for cue in stopped.cues] == [cue.what for cue in whole.cues]
+    assert stopped.duration > 0.0
 
 
 def test_an_edited_puppet_is_read_again(plays: Plays):

@@ -34,7 +34,7 @@ def play_file(request: PlayRequest) -> None:
         check_output(report, (".html",), "--report")
     with Steps(request.quiet) as steps:
         began = time.perf_counter()
-        play = load_play(request.file, progress=steps.shares())
+        play = load_play(request.file, progress=steps.shares(), within=request.within)
         compiled = time.perf_counter()
         steps.step(f"simulating and measuring {play.duration:.1f} s")
         verification = verify_play(play)

@@ -300,6 +300,10 @@ class PlayRequest(PictureOptions):
         Path | None,
         typer.Option(metavar="PATH", help="Write the report: one page with pictures, .html."),
     ] = None
+    within: Annotated[
+        float | None,
+        typer.Option(min=0.0, metavar="SECONDS", help="Stop compiling then, with what there is."),
+    ] = None
     out: Out = None
 
 

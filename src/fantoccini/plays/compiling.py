@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
+import time
 from collections.abc import Callable, Sequence
 
 from fantoccini.errors import StateError, Status
@@ -35,8 +37,9 @@ Progress = Callable[[str, float], None]
 
 
 def load_play(
-    path: str | os.PathLike[str], *, progress: Progress | None = None, before: Play | None = None
-) -> Play:
+    path: str | os.PathLike[str], *, progress: Progress | None = None,
+    before: Play | None = None, within: float | None = None,
+) -> Play:  # fmt: skip
     """Reads and compiles a play.
 
     What cannot be done is left out, and :attr:`Play.changes` says why, with the line and the
@@ -46,10 +49,13 @@ def load_play(
         path: of the file, or the name of a bundled play: ``trio``, ``chase`` or ``duet``.
         progress: called with what is being done and the share of it, as for a progress bar.
         before: an earlier version of the play, whose runs are used where nothing has changed.
+        within: time after which no round begins any more [s]: the play is as it is then, and its
+            changes say that it was stopped and what is not mended. As long as it takes by default.
 
     Raises:
         FileError: with every mistake found and its location.
     """
+    until = math.inf if within is None else time.monotonic() + within
     tell = progress or (lambda what, share: None)
     tell("casting", 0.0)
     script = read_script(path)
@@ -62,7 +68,7 @@ def load_play(
         script.notes.refuse()
         raise
     rounds = Rounds(cast, script.timeline, script.repertory, script.places, script.notes, kept)
-    return _Compiler(cast, rounds, script.notes, kept, tell).play()
+    return _Compiler(cast, rounds, script.notes, kept, tell).play(until)
 
 
 class _Compiler:
@@ -73,13 +79,16 @@ class _Compiler:
         self._kept, self._tell = kept, tell
         self._touching: list[Cue] = []
 
-    def play(self) -> Play:
-        """The play, after as many rounds as it takes.
+    def play(self, until: float = math.inf) -> Play:
+        """The play, after as many rounds as it takes, or as begin before a time [s].
 
         Every round refuses a cue or moves one, and each is moved so often at most.
         """
         rounds, count, settled = self._rounds, 0, False
+        made: Round | None = None
         while True:
+            if made is not None and time.monotonic() > until:
+                return self._stopped(made, count)
             count += 1
             self._tell("rehearsing", 0.9 * (1.0 - 0.8**count))
             made = rounds.made()
@@ -102,6 +111,14 @@ class _Compiler:
             found = self._touches(made)
         self._tell("compiled", 1.0)
         return self._made(made, found, count)
+
+    def _stopped(self, made: Round, rounds: int) -> Play:
+        """The play as its last round has it, with all that is not mended."""
+        self._notes.change(
+            ("acts",), f"compiling was stopped after {_rounds(rounds)}: cues may be late, too fast "
+            "or swing; with more time (`within`) they are mended or refused",
+        )  # fmt: skip
+        return self._made(made, self._touches(made), rounds)
 
     # -- touches -----------------------------------------------------------------------------
 
@@ -240,6 +257,10 @@ def _marks_of(parts: Sequence[Part], who: str) -> dict[str, float]:
     marks = {mark: t for part in own for mark, t in part.marks.items()}
     ends = {START: min(part.start for part in own), END: max(part.end for part in own)}
     return marks | ends
+
+
+def _rounds(n: int) -> str:
+    return f"{n} round{'' if n == 1 else 's'}"
 
 
 def described(cue: Cue) -> str:
