@@ -83,7 +83,9 @@ WRONG = {
     "a report in no folder": (["--report", "no/page.html"], "there is no folder no"),
     "another output": (["--out", "x.txt"], ".npz, .csv"),
     "an output twice": (["--out", "x.npz", "--out", "x.npz"], "is given twice"),
-    "a look of nothing": (["--fps", "10"], "applies to a film, an animation or a table (.csv), but none is written"),
+    "a look of nothing": (
+        ["--fps", "10"], "applies to a film, an animation or a table (.csv), but none is written"
+    ),
 }
 
 
