@@ -124,7 +124,7 @@ def handed(kind: str, side: str, place: tuple[float, float, float], off: float =
     """The scene, the pair of gestures and their sum."""
     sign = -1.0 if side == "right" else 1.0
     along = 0.061 if off == 0.0 else 0.0595 + off
-    beside = seen(*place, 0.986 * (along - 0.061), sign * RECEIVER)
+    beside = seen(*place, AHEAD + 0.986 * (along - 0.061), sign * RECEIVER)
     puppets = [puppet("pierrot", *place), puppet("columbine", *beside, place[2])]
     scene = stage(puppets, [hung(kind, *place, side, off)])
     pair = props.give(scene, "pierrot", "columbine", kind, side=side, along=along)
@@ -132,8 +132,8 @@ def handed(kind: str, side: str, place: tuple[float, float, float], off: float =
     return scene, pair
 
 
-RECEIVER = 0.439
-"""How far she stands beside him [m]."""
+RECEIVER, AHEAD = 0.4322, 0.0202
+"""How far she stands beside him, and before him [m]."""
 
 
 @pytest.mark.parametrize(
