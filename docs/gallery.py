@@ -211,11 +211,11 @@ def draw_play(name: str) -> None:
     _, times = PLAYS[name]
     times = tuple(t for t in times if t < run.t[-1])
     view.strip(
-        play.marionette, run, PICTURES / f"{name}.png", times=times, view=view.AUDIENCE, scale=0.6
+        play.marionette, run, PICTURES / f"{name}.png", times=times, view=view.AUDIENCE, scale=0.4
     )
     part = run.resample(np.arange(0.0, run.t[-1], PACE / FPS))
     view.film(
-        play.marionette, part, PICTURES / f"{name}.gif", fps=FPS, size=(320, 260),
+        play.marionette, part, PICTURES.parent / f"{name}.mp4", fps=FPS, size=(400, 320),
         view=view.AUDIENCE, theme="dark", speed=PACE, captions=play.score.captions,
     )  # fmt: skip
 
@@ -259,9 +259,8 @@ def page() -> str:
     plays = [
         f"## A play: {name}\n\n{text} It is written in "
         f"[{_lines(name)} lines](../src/fantoccini/plays/repertory/{name}.yaml); see [Plays]"
-        f"(plays.md).\n\n![{name}: film](pictures/gallery/{name}.gif)\n\n"
-        f"![{name}: poses](pictures/gallery/{name}.png)\n\nFilm: all of it, {PACE:g} times as "
-        f"fast. The play:\n\n```\nfantoccini play {name} --out {name}.mp4\n```\n"
+        f"(plays.md).\n\n![{name}: poses](pictures/gallery/{name}.png)\n\n[Film](pictures/"
+        f"{name}.mp4): all of it, {PACE:g} times as fast. The play:\n\n```\nfantoccini play {name} --out {name}.mp4\n```\n"
         for name, (text, _) in PLAYS.items()
     ]
     return "\n".join([*parts, *plays, _NUMBER, _PLAN])
