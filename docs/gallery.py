@@ -154,9 +154,9 @@ PIECES = (
 
 PLAYS = {
     "duet": (
-        "Pierrot brings a ball on his arm. Columbine comes beside him, puts her arm under the "
-        "other half of the bar that it hangs by, and lifts it off. Nothing holds the ball but what "
-        "touches it.",
+        "Pierrot brings a ball that hangs from his arm by a bar. Columbine comes up beside him, "
+        "slips her arm under the free half of the bar and lifts the ball off. Only contact and "
+        "friction hold it.",
         (1.0, 33.6, 36.8, 39.6, 51.4, 59.4),
     ),
     "chase": (
@@ -169,7 +169,7 @@ PLAYS = {
         (1.0, 8.0, 16.0, 24.0, 31.0, 34.5),
     ),
 }
-"""Play -> what is seen, and times of the strip's poses [s]."""
+"""Play -> caption, and the times of the poses in its strip [s]."""
 PACE = 4.0
 """Seconds of a play per second of its film."""
 

@@ -31,6 +31,11 @@ from fantoccini.puppet.contact import FLOOR
 
 T = TypeVar("T")
 
+Known = tuple[
+    list[Meeting], dict[str, Seated], dict[str, Hangs | Stands], dict[tuple[Spot, str], float]
+]
+"""Meetings, who sits, where props are, and when swing is taken out."""
+
 _AT_TABLE = 0.025
 """Longest step at a table, which shins that swing must not touch [m]."""
 _BACK = 0.1
@@ -87,13 +92,13 @@ class Handling:
         found += [one.meeting(who, until, until) for who, one in self.seated.items()]
         return tuple(found)
 
-    def kept(self) -> tuple[object, ...]:
+    def kept(self) -> Known:
         """What is known now, to come back to with :meth:`back`."""
         return list(self._met), dict(self.seated), dict(self.where), dict(self._steps.calmed)
 
-    def back(self, kept: tuple[object, ...]) -> None:
+    def back(self, kept: Known) -> None:
         """Forgets what was added since."""
-        self._met, self.seated, self.where, self._steps.calmed = kept  # type: ignore[assignment]
+        self._met, self.seated, self.where, self._steps.calmed = kept
 
     def place(self, cue: Cue, begin: float, wait: float) -> float:
         """Places a cue with a prop; when its first step or gesture begins [s].

@@ -8,17 +8,14 @@ Offsets are those of the bundled marionette, relative to where it hangs, as in
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from fantoccini.gestures import Gesture
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.plays.contacts import FEET, SEATED
+from fantoccini.plays.props import BODY, Waypoints, gesture_of, of_member
 
-Waypoints = list[tuple[float, float]]
-
-_BODY = ("head", "shoulder_left", "shoulder_right")
 _PELVIS = 0.091
 """The waist is so far above the bottom of the pelvis [m]."""
 _SITS_BACK = 0.005
@@ -87,7 +84,7 @@ def sit(
         ValueError: the seat is too low or too high, or so near that the puppet stands on it.
     """
     start = stage.rest() if start is None else start
-    drop = float(stage.pose(start, _body(who, "torso"))[2, 3]) - _PELVIS - height
+    drop = float(stage.pose(start, of_member(who, "torso"))[2, 3]) - _PELVIS - height
     low, high = _SEATS
     if not low <= drop <= high:
         raise ValueError(f"the seat is {drop:.3f} m below the pelvis; needed: {low} to {high} m")
@@ -97,7 +94,7 @@ def sit(
     down: dict[str, Waypoints] = {}
     up: dict[str, Waypoints] = {}
     there = _TOUCHES - 0.6
-    for string in _BODY:
+    for string in BODY:
         sagged, rests = drop + _SAG, drop + _SLACK
         down[f"{string}.down"] = [
             (0, 0), (0.4, 0), (_TOUCHES, sagged), (_SITS, sagged), (_DOWN, rests),
@@ -120,21 +117,8 @@ def sit(
             down[f"{hand}.{way}"] = [(0, 0), (_DOWN if way == "down" else _TOUCHES, offset)]
             up[f"{hand}.{way}"] = [(0, offset), (begins, offset), (_STANDS, 0)]
     return Sitting(
-        _of(stage, who, down, "sit", {"down": _DOWN}),
-        _of(stage, who, up, "stand up", {"up": _STANDS}),
+        gesture_of(stage, who, down, "sit", {"down": _DOWN}),
+        gesture_of(stage, who, up, "stand up", {"up": _STANDS}),
         distance,
-        tuple((_body(who, part), on) for part in (*SEATED, *FEET)),
+        tuple((of_member(who, part), on) for part in (*SEATED, *FEET)),
     )
-
-
-def _of(
-    stage: Marionette, who: str, moves: Mapping[str, Sequence[tuple[float, float]]], name: str,
-    marks: Mapping[str, float],
-) -> Gesture:  # fmt: skip
-    points = {_body(who, channel): list(offsets) for channel, offsets in moves.items()}
-    return Gesture.of(stage, points, name=name, marks=marks)
-
-
-def _body(who: str, name: str) -> str:
-    """A name in the scene; in a scene of one puppet names have no member before them."""
-    return f"{who}.{name}" if who else name
