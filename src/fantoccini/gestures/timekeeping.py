@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array, Times
+from fantoccini.arrays import Array, Indices, Times
 from fantoccini.errors import StateError
 from fantoccini.gestures.score import Played, Score
 from fantoccini.marionette import Marionette, link_index
@@ -119,18 +119,27 @@ def lateness(score: Score, run: Trajectory) -> tuple[Late, ...]:
     marionette = score.marionette
     tied = ties(marionette)
     t = np.arange(0.0, run.t[-1] - run.t[0], _STEP)
-    moved = paths(marionette, run, tied, run.t[0] + t)
-    found = []
+    seen = list[tuple[Played, str, list[tuple[str, int, float]], Indices]]()
     for cue in score.cues:
         turns = {mark: _turning(score, cue, at, tied) for mark, at in cue.marks.items()}
         times = [cue.marks[mark] for mark, own in turns.items() if own]
         for mark, own in turns.items():
             at = cue.marks[mark]
             window = min([_WINDOW, *(_NEIGHBOUR * abs(at - one) for one in times if one != at)])
-            near = np.flatnonzero(np.abs(t - at) <= window)
-            for string, axis, sign in own if len(near) > 2 else ():
-                path = sign * moved[near, list(tied).index(string), axis]
-                found.append(Late(cue, mark, string, _turns(path, t[near] - at)))
+            near: Indices = np.flatnonzero(np.abs(t - at) <= window)
+            if own and len(near) > 2:
+                seen.append((cue, mark, own, near))
+    if not seen:
+        return ()
+    # Limbs are looked for around the marks only: that is a small part of a long run.
+    around = np.unique(np.concatenate([near for *_, near in seen]))
+    moved = paths(marionette, run, tied, run.t[0] + t[around])
+    found = []
+    for cue, mark, own, near in seen:
+        at, there = cue.marks[mark], np.searchsorted(around, near)
+        for string, axis, sign in own:
+            path = sign * moved[there, list(tied).index(string), axis]
+            found.append(Late(cue, mark, string, _turns(path, t[near] - at)))
     return tuple(found)
 
 

@@ -20,8 +20,8 @@ from fantoccini.plays.placing import IN_TIME
 from fantoccini.plays.play import CueOfPlay, Play
 from fantoccini.plays.reading import read_script
 from fantoccini.plays.rounds import Round, Rounds
-from fantoccini.plays.together import together
-from fantoccini.plays.touching import Touch, touches
+from fantoccini.plays.together import SAMPLE, together
+from fantoccini.plays.touching import EVERY, Touch, touches
 from fantoccini.plays.whole import whole_score
 
 PATIENT = 10
@@ -124,7 +124,9 @@ class _Compiler:
 
     def _touches(self, made: Round) -> list[Touch]:
         self._tell("looking for what touches", 0.97)
-        return touches(self._cast, together(self._cast, made.runs), made.meetings)
+        # Only the samples that are measured.
+        run = together(self._cast, made.runs, EVERY * SAMPLE)
+        return touches(self._cast, run, made.meetings, every=1)
 
     def _mend(self, found: list[Touch], patient: bool) -> bool:
         """Lets the cues in which something touches first wait, or refuses them; whether any.

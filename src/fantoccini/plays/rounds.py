@@ -328,13 +328,11 @@ class Rounds:
         timed: dict[int, Cue] = {}
         played = []
         for cue in self.timeline.cues:
-            for part in cue.parts:
-                if part.who != name or cue.walks:
-                    continue
-                lane = lane_name(part.who, part.lane)
-                one = Played(lane, cue.name, part.start, part.end, part.marks, cue.name)
-                played.append(one)
-                if cue.given.on is not None:
+            for part in cue.parts if cue.given.on is not None and not cue.walks else ():
+                if part.who == name:
+                    lane = lane_name(part.who, part.lane)
+                    one = Played(lane, cue.name, part.start, part.end, part.marks, cue.name)
+                    played.append(one)
                     timed[id(one)] = cue
         if not timed:
             return []
@@ -345,8 +343,8 @@ class Rounds:
         )  # fmt: skip
         found: dict[int, list[float]] = {}
         for late in lateness(score, run):
-            one_cue = timed.get(id(late.cue))
-            if one_cue is not None and late.mark in (one_cue.given.on or ()):
+            one_cue = timed[id(late.cue)]
+            if late.mark in (one_cue.given.on or ()):
                 found.setdefault(id(one_cue), []).append(late.seconds)
         lates = []
         for cue in timed.values():

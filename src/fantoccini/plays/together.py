@@ -24,16 +24,21 @@ SAMPLE = 0.005
 _MOTION = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
 
 
-def together(cast: Cast, runs: Runs) -> Trajectory:
-    """The run of the stage, 200 samples a second, until the first of the players' runs ends.
+def together(cast: Cast, runs: Runs, sample: float = SAMPLE) -> Trajectory:
+    """The run of the stage, until the first of the players' runs ends.
 
     The ledger is the sum of the companies': what a prop has while it stands alone is not in it.
 
     A prop that nobody touches stays where it was left. Between two samples a velocity that jumps
     when a string snaps taut is led over.
+
+    Args:
+        cast: of the play.
+        runs: of all companies.
+        sample: time between samples [s].
     """
     end = min(float(run.t[-1]) for run in runs.players.values())
-    t = np.append(np.arange(0.0, end - 0.5 * SAMPLE, SAMPLE), end)
+    t = np.append(np.arange(0.0, end - 0.5 * sample, sample), end)
     whole = _Whole(cast, t)
     for name in cast.things:
         whole.stands(name, -1.0, cast.lie[name])

@@ -49,7 +49,9 @@ class Touch:
         return f"{self.what} would come within {1e3 * self.distance:.0f} mm of {self.other}"
 
 
-def touches(cast: Cast, run: Trajectory, meetings: Sequence[Meeting] = ()) -> list[Touch]:
+def touches(
+    cast: Cast, run: Trajectory, meetings: Sequence[Meeting] = (), every: int = EVERY
+) -> list[Touch]:
     """Where two things come nearer than the stage says, in order of time.
 
     Bodies of different players, props and obstacles keep clear of one another, but for what a cue
@@ -59,10 +61,11 @@ def touches(cast: Cast, run: Trajectory, meetings: Sequence[Meeting] = ()) -> li
 
     Args:
         cast: of the play.
-        run: of the stage; measured at every :data:`EVERY` of its samples.
+        run: of the stage.
         meetings: what may touch, and when.
+        every: so many samples of the run are one that is measured.
     """
-    t, q_D, q_K = run.t[::EVERY], run.q_D[::EVERY], run.q_K[::EVERY]
+    t, q_D, q_K = run.t[::every], run.q_D[::every], run.q_K[::every]
     clear = cast.file.stage.clear
     links = [link.name for link in cast.whole.tree.links]
     on_floor = [frozenset((name, FLOOR)) for name in links]
