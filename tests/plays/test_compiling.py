@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import fantoccini as fan
+from fantoccini.clearance import Clearance
+from fantoccini.plays.companies import Meeting
 from fantoccini.plays.placing import IN_TIME
-from fantoccini.plays.touching import touches
+from fantoccini.plays.touching import AT_HAND, touches
 from plays.conftest import HEAD, Plays
 from plays.tiny import TOUCHES, write_play
 
@@ -177,21 +182,52 @@ def test_a_changed_play_uses_what_is_kept_and_is_as_from_nothing(plays: Plays):
     assert again.kept.made - made < 0.6 * anew.kept.made
 
 
-def test_what_touches_is_told_where_a_cue_is_forced(plays: Plays):
-    """Two runs of players that stand in one place: bodies and strings are found."""
-    play = plays.compiled("{who: pierrot, does: nod}")
-    run = fan.verify_play(play).run
-    table = play.marionette.coordinates
-    q_D, q_K = np.array(run.q_D), np.array(run.q_K)
+def beside(run: fan.Trajectory, y: float, x: float = 0.0) -> fan.Trajectory:
+    """A run in which columbine does what pierrot does, beside him and ahead of him [m]."""
+    table, q_D, q_K = run.coordinates, np.array(run.q_D), np.array(run.q_K)
     for one, names in ((q_D, table.q_D), (q_K, table.q_K)):
         ours = [i for i, name in enumerate(names) if name.startswith("pierrot.")]
         theirs = [names.index(names[i].replace("pierrot.", "columbine.")) for i in ours]
         one[:, theirs] = one[:, ours]
-        moved = [i for i in theirs if names[i].endswith(".y")]
-        one[:, moved] += 0.15
-    import dataclasses
+        for part, by in ((".x", x), (".y", y)):
+            one[:, [i for i in theirs if names[i].endswith(part)]] += by
+    return dataclasses.replace(run, q_D=q_D, q_K=q_K)
 
-    found = touches(play.cast, dataclasses.replace(run, q_D=q_D, q_K=q_K))
+
+AHEAD = 0.04
+"""So far their arms' strings are from each other where their arms meet [m]."""
+
+
+def test_who_handles_a_prop_may_be_near_only_meanwhile(plays: Plays):
+    play = plays.compiled("{who: pierrot, does: nod}")
+    run, clearance = fan.verify_play(play).run, Clearance(play.marionette, strings=False)
+    still = dataclasses.replace(run, q_D=run.q_D[[0] * len(run)], q_K=run.q_K[[0] * len(run)])
+
+    def off(y: float, wanted: float) -> float:
+        moved = beside(still, y, AHEAD)
+        return float(clearance.at(moved.q_D[0], moved.q_K[0])) - wanted
+
+    near, nearer = (
+        beside(still, brentq(off, 0.1, 0.5, args=(d,)), AHEAD)
+        for d in (3.0 * AT_HAND, 0.5 * AT_HAND)
+    )
+
+    def seen(run: fan.Trajectory, begin: float, end: float) -> list[float]:
+        asked = Meeting(begin, end, ("pierrot", "columbine"), (), frozenset(), "given")
+        return [one.t for one in touches(play.cast, run, [asked])]
+
+    end = float(run.t[-1])
+    assert not seen(near, 0.0, end)
+    assert min(seen(near, 0.0, 1.0)) == pytest.approx(1.0, abs=0.03)
+    assert min(seen(nearer, 0.0, end)) == 0.0
+    # What goes on is told once, whatever begins and ends meanwhile.
+    assert seen(nearer, 0.5, 1.0) == seen(nearer, 0.0, end)
+
+
+def test_what_touches_is_told_where_a_cue_is_forced(plays: Plays):
+    """Two runs of players that stand in one place: bodies and strings are found."""
+    play = plays.compiled("{who: pierrot, does: nod}")
+    found = touches(play.cast, beside(fan.verify_play(play).run, 0.15))
     kinds = {("string" in one.what, "string" in one.other) for one in found}
     assert (False, False) in kinds
     assert any("string" in one.what for one in found)

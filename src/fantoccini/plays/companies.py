@@ -138,6 +138,7 @@ class Staged:
         marionette: all of them.
         prefixes: player -> what stands before the names of its parts there.
         props: prop -> its name there.
+        obstacles: obstacle that may be touched -> its name there.
         content: says all that it is.
     """
 
@@ -145,6 +146,7 @@ class Staged:
     marionette: Marionette
     prefixes: Mapping[str, str]
     props: Mapping[str, str]
+    obstacles: Mapping[str, str]
     content: str
 
     def motion(self, motions: Mapping[str, Gesture]) -> Gesture:
@@ -185,8 +187,9 @@ class Staged:
 
     def local(self, name: str) -> str:
         """The name there of a body, a prop, an obstacle or the floor of the stage."""
-        if name in self.props:
-            return self.props[name]
+        for named in (self.props, self.obstacles):
+            if name in named:
+                return named[name]
         first, dot, rest = name.partition(".")
         if dot and first in self.prefixes:
             return self.prefixes[first] + rest
@@ -194,15 +197,15 @@ class Staged:
 
     def on_stage(self, name: str) -> str:
         """The name on the stage of a body, a prop, an obstacle or the floor there."""
-        for prop, local in self.props.items():
-            if name == local or name.startswith(f"{local}."):
-                return prop + name.removeprefix(local)
+        for named in (self.props, self.obstacles):
+            for one, local in named.items():
+                if name == local or name.startswith(f"{local}."):
+                    return one + name.removeprefix(local)
         for player, prefix in self.prefixes.items():
             if prefix and name.startswith(prefix):
                 return f"{player}.{name.removeprefix(prefix)}"
-        known = {FLOOR, *(one.name for one in self.marionette.puppet.obstacles)}
         (only,) = self.prefixes if len(self.prefixes) == 1 else ("",)
-        return name if name in known or not only else f"{only}.{name}"
+        return name if name == FLOOR or not only else f"{only}.{name}"
 
 
 def staged(cast: Cast, company: Company, kept: Kept) -> Staged:
@@ -216,14 +219,17 @@ def staged(cast: Cast, company: Company, kept: Kept) -> Staged:
     players = [cast.players[name] for name in company.players]
     if len(players) == 1 and not company.props and not company.pairs:
         (only,) = players
-        return Staged(company, only.alone, {only.name: ""}, {}, only.content)
+        return Staged(company, only.alone, {only.name: ""}, {}, {}, only.content)
     things = [cast.things[name] for name in company.props]
     used = {name for pair in company.pairs for name in pair}
-    obstacles = tuple(one for one in cast.file.stage.obstacles if one.name in used)
+    stand = [one for one in cast.file.stage.obstacles if one.name in used]
     alone = len(players) == 1
     prefixes = {one.name: "" if alone else f"player_{i}." for i, one in enumerate(players, 1)}
     props = {one.name: f"prop_{i}" for i, one in enumerate(things, 1)}
-    local = Staged(company, players[0].alone, prefixes, props, "").local
+    # All have names of their own there, whatever they are called on the stage.
+    names = {one.name: f"obstacle_{i}" for i, one in enumerate(stand, 1)}
+    obstacles = tuple(one.model_copy(update={"name": names[one.name]}) for one in stand)
+    local = Staged(company, players[0].alone, prefixes, props, names, "").local
     content = repr((
         [one.content for one in players], [one.content for one in things],
         sorted(sorted(map(local, pair)) for pair in company.pairs),
@@ -246,7 +252,7 @@ def staged(cast: Cast, company: Company, kept: Kept) -> Staged:
         return Marionette(scene)
 
     marionette = kept.get(f"company {content}", made)
-    return Staged(company, marionette, prefixes, props, content)
+    return Staged(company, marionette, prefixes, props, names, content)
 
 
 def settled(cast: Cast, kept: Kept) -> Cast:

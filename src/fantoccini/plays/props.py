@@ -41,6 +41,8 @@ _LOW, _LIFTED, _SUNK = -0.028, 0.036, -0.058
 """Up: the receiver's hand before it takes, when it has taken; the giver's when it gives [m]."""
 _BESIDE, _STEP = 0.051, 0.24
 """Distance of the two forearms, and the receiver's step to the side [m]."""
+_ROOM = 0.05
+"""Back, the string of the receiver's knee while the prop hangs before it [m]."""
 
 CARRIED = {"out": 0.1, "up": 0.035}
 """What moves the hand's string to hold a prop away from the knees [m]."""
@@ -137,6 +139,8 @@ def give(
     gets[f"hand_{other}.{other}"] = summed(
         gets[f"hand_{other}.{other}"], [(0, 0), (2.0, -inward), (12.0, -inward), (13.8, 0)]
     )
+    # The string of the receiver's knee makes way for the prop.
+    gets[f"knee_{other}.back"] = [(0, 0), (2.0, 0), (4.0, _ROOM), (12.6, _ROOM), (13.8, 0)]
     arms = of_member(giver, f"forearm_{side}"), of_member(receiver, f"forearm_{other}")
     forward, left = _beside(side, _ALONG if along is None else along)
     return Handing(

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from itertools import combinations
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, pairwise
 
 import numpy as np
 
 from fantoccini.arrays import Array, Times
-from fantoccini.clearance import Clearance, StringsApart
+from fantoccini.clearance import Clearance, StringMotion, StringsApart
 from fantoccini.motion import Trajectory
 from fantoccini.plays.casting import Cast
 from fantoccini.plays.companies import Meeting
@@ -66,46 +66,93 @@ def touches(
         every: so many samples of the run are one that is measured.
     """
     t, q_D, q_K = run.t[::every], run.q_D[::every], run.q_K[::every]
-    clear = cast.file.stage.clear
-    links = [link.name for link in cast.whole.tree.links]
-    on_floor = [frozenset((name, FLOOR)) for name in links]
-    pairs = {pair for one in meetings for pair in one.pairs}
-    asked = {pair: frozenset(map(cast.named, pair)) for pair in sorted(pairs, key=sorted)}
-    lie_on = [
-        frozenset((name, one.on)) for name, one in cast.file.props.items() if one.on is not None
-    ]
-    free = [*on_floor, *lie_on, *asked.values()]
-    found = _bodies(Clearance(cast.whole, free=free), t, q_D, q_K, clear)
-    found = [one for one in found if not _at_hand(cast, one, meetings)]
-    if cast.whole.puppet.floor is not None:
-        stand = [*(frozenset((name, FLOOR)) for name in cast.things), *asked.values()]
-        found += [one for one in _bodies(Clearance(cast.whole, free=stand), t, q_D, q_K, 0.0)
-                  if FLOOR in (one.what, one.other)]  # fmt: skip
-    found += _unasked(cast, t, q_D, q_K, meetings, asked)
-    strings = StringsApart(cast.whole).over(q_D, q_K, t)
-    near = strings.nearer_than(clear)
-    for one in (*near.strings, *near.bodies):
-        if cast.owner(one.what) != cast.owner(one.other):
-            what = f"string {one.what}"
-            other = f"string {one.other}" if one in near.strings else one.other
-            touch = Touch(one.t, what, other, one.distance)
-            if not _at_hand(cast, touch, meetings):
-                found.append(touch)
-    for crossing in strings.crossings():
+    # Props do not move by themselves: what they stand on they may touch at all times.
+    stand = {(name, one.on) for name, one in cast.file.props.items() if one.on is not None}
+    always = {frozenset(pair) for pair in stand}
+    for pair in {pair for one in meetings for pair in one.pairs}:
+        if not any(cast.owner(cast.named(name)) in cast.players for name in pair):
+            always.add(pair)
+    apart = StringsApart(cast.whole)
+    bodies, strings = list[_Near](), dict[Pair, Touch]()
+    for begin, end, now in _windows(t, meetings):
+        rules, own = _Rules(cast, now, always), slice(begin, end)
+        for near in rules.bodies(t[own], q_D[own], q_K[own]):
+            bodies.append(replace(near, first=begin + near.first, last=begin + near.last))
+        for touch in rules.strings(apart.over(q_D[own], q_K[own], t[own])):
+            strings.setdefault(frozenset((touch.what, touch.other)), touch)
+    found = [*_merged(bodies), *strings.values()]
+    for crossing in apart.over(q_D, q_K, t).crossings():
         names = f"string {crossing.what}", f"string {crossing.other}"
         found.append(Touch(crossing.t, *names, 0.0, crosses=True))
     return sorted(found, key=lambda one: (one.t, one.what, one.other))
 
 
-def _at_hand(cast: Cast, touch: Touch, meetings: Sequence[Meeting]) -> bool:
-    """Whether two are near, but not touching, of whom a cue lets the one handle the other."""
-    if touch.distance < AT_HAND:
-        return False
-    owners = {cast.owner(one.removeprefix("string ")) for one in (touch.what, touch.other)}
-    return any(
-        owners <= {*one.players, *one.props, *_seat(one)} for one in meetings
-        if one.begin <= touch.t <= one.end
-    )  # fmt: skip
+def _windows(
+    t: Times, meetings: Sequence[Meeting]
+) -> Iterator[tuple[int, int, tuple[Meeting, ...]]]:
+    """From which sample to before which the same meetings go on, and those."""
+    on = np.array([(t >= one.begin) & (t <= one.end) for one in meetings], dtype=bool)
+    on = on.reshape(len(meetings), len(t))
+    changes = np.flatnonzero(np.any(on[:, 1:] != on[:, :-1], axis=0)) + 1
+    for begin, end in pairwise([0, *changes.tolist(), len(t)]):
+        yield begin, end, tuple(meetings[i] for i in np.flatnonzero(on[:, begin]).tolist())
+
+
+class _Rules:
+    """Who keeps which distance while the same meetings go on.
+
+    Args:
+        cast: of the play.
+        now: the meetings.
+        always: what may touch at all times.
+    """
+
+    def __init__(self, cast: Cast, now: Sequence[Meeting], always: Iterable[Pair]):
+        whole, clear = cast.whole, cast.file.stage.clear
+        self._cast, self._clear = cast, clear
+        self._groups = [{*one.players, *one.props, *_seat(one)} for one in now]
+        names = [link.name for link in whole.tree.links]
+        names += [one.name for one in Clearance(whole, strings=False).obstacles]
+        every = {frozenset(pair) for pair in combinations(dict.fromkeys(names), 2)}
+        asked = {frozenset(map(cast.named, pair)) for one in now for pair in one.pairs}
+        asked.update(always)
+        floor = {pair for pair in every if FLOOR in pair}
+        kept = floor - asked - {frozenset((name, FLOOR)) for name in cast.things}
+        at_hand = {pair for pair in every - floor - asked if self._at_hand(*pair)}
+        self._bodies = [(Clearance(whole, free=floor | asked | at_hand), clear)]
+        for pairs, distance in ((at_hand, AT_HAND), (kept, 0.0)):
+            if pairs:
+                self._bodies.append(
+                    (Clearance(whole, strings=False, free=every - pairs), distance)
+                )
+
+    def bodies(self, t: Times, q_D: Array, q_K: Array) -> Iterator[_Near]:
+        """Where bodies come too near to others and to obstacles, and strings to obstacles."""
+        for clearance, distance in self._bodies:
+            for near in _near(clearance, t, q_D, q_K, distance):
+                if not self._allowed(near.touch):
+                    yield near
+
+    def strings(self, motion: StringMotion) -> Iterator[Touch]:
+        """Where strings come too near to those of others, and to others' bodies, first."""
+        for distance in (self._clear, AT_HAND) if self._groups else (self._clear,):
+            near = motion.nearer_than(distance)
+            for one in (*near.strings, *near.bodies):
+                what = f"string {one.what}"
+                other = f"string {one.other}" if one in near.strings else one.other
+                touch = Touch(one.t, what, other, one.distance)
+                own = self._cast.owner(one.what) == self._cast.owner(one.other)
+                if not own and not self._allowed(touch):
+                    yield touch
+
+    def _allowed(self, touch: Touch) -> bool:
+        """Whether who handles a prop, and the prop, are near, but do not touch."""
+        return touch.distance >= AT_HAND and self._at_hand(touch.what, touch.other)
+
+    def _at_hand(self, what: str, other: str) -> bool:
+        """Whether a cue lets the one handle the other."""
+        owners = {self._cast.owner(name.removeprefix("string ")) for name in (what, other)}
+        return any(owners <= group for group in self._groups)
 
 
 def _seat(meeting: Meeting) -> set[str]:
@@ -114,36 +161,19 @@ def _seat(meeting: Meeting) -> set[str]:
     return names - {FLOOR} if meeting.kind == "sits" else set()
 
 
-def _unasked(
-    cast: Cast, t: Times, q_D: Array, q_K: Array, meetings: Sequence[Meeting],
-    asked: Mapping[Pair, Pair],
-) -> list[Touch]:  # fmt: skip
-    """What may touch for a while, at other times."""
-    found: list[Touch] = []
-    clearance = Clearance(cast.whole, strings=False)
-    names = [link.name for link in cast.whole.tree.links]
-    names += [one.name for one in clearance.obstacles]
-    pairs = [frozenset(pair) for pair in combinations(dict.fromkeys(names), 2)]
-    for pair, own in asked.items():
-        # Props do not move by themselves: what they stand on they may touch at all times.
-        if not any(cast.owner(name) in cast.players for name in own):
-            continue
-        other = np.ones(len(t), dtype=bool)
-        for one in meetings:
-            if pair in one.pairs:
-                other &= (t < one.begin) | (t > one.end)
-        if not np.any(other):
-            continue
-        alone = Clearance(cast.whole, strings=False, free=[p for p in pairs if p != own])
-        clear = 0.0 if FLOOR in own else cast.file.stage.clear
-        found += _bodies(alone, t[other], q_D[other], q_K[other], clear)
-    return found
+@dataclass(frozen=True)
+class _Near:
+    """A touch, from one sample to another."""
+
+    touch: Touch
+    first: int
+    last: int
 
 
-def _bodies(
+def _near(
     clearance: Clearance, t: Times, q_D: Array, q_K: Array, clear: float
-) -> list[Touch]:
-    found = []
+) -> Iterator[_Near]:
+    """Where each part is nearer to another than it is to be."""
     for name, one in clearance.parts().items():
         distance = one.at(q_D, q_K, threads=default_threads())
         near = distance < clear
@@ -152,5 +182,21 @@ def _bodies(
             worst = int(k) + int(np.argmin(distance[k:end]))
             nearest = one.pair_at(q_D[worst], q_K[worst])
             other = nearest.other if nearest.what == name else nearest.what
-            found.append(Touch(float(t[k]), name, other, float(distance[worst])))
-    return found
+            yield _Near(Touch(float(t[k]), name, other, float(distance[worst])), int(k), end - 1)
+
+
+def _merged(found: Iterable[_Near]) -> list[Touch]:
+    """Touches that go on while meetings begin or end, as one each."""
+    merged = list[_Near]()
+    for one in sorted(found, key=lambda one: one.first):
+        names = {one.touch.what, one.touch.other}
+        for i, before in enumerate(merged):
+            same = {before.touch.what, before.touch.other} == names
+            if same and before.last >= one.first - 1:
+                distance = min(before.touch.distance, one.touch.distance)
+                touch = replace(before.touch, distance=distance)
+                merged[i] = replace(before, touch=touch, last=max(before.last, one.last))
+                break
+        else:
+            merged.append(one)
+    return [one.touch for one in merged]
