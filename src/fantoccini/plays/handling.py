@@ -133,10 +133,11 @@ class Handling:
             raise CannotBe(f"{given.to}'s {other} arm, which would take it, holds {taken}")
         self.check_stands(giver)
         self.check_stands(receiver)
+        lift, lifts = (self._cast.file.cast[name].lift for name in cue.who)
         handing = self._made(
             lambda: props.give(
                 giver.player.alone, "", "", prop, side=held.side, along=self._along(cue),
-                carried=True,
+                carried=True, higher=lift - lifts,
             ),
             giver,
         )
@@ -172,7 +173,7 @@ class Handling:
         for name, one in self.seated.items():
             if one.seat == seat:
                 raise CannotBe(f"{name} sits on {seat}")
-        middle, heading, height = self._seat(seat, actor)
+        middle, heading, height = self._seat(seat, actor, cue)
         alone, hangs = actor.player.alone, actor.player.hangs
         sits = self._made(
             lambda: sit(alone, "", seat, height, distance=_BEFORE_SEAT, start=hangs), actor
@@ -319,7 +320,7 @@ class Handling:
         assert handle is not None
         return seen[1] - handle if seen else self._would_hang(actor, prop, held.side)
 
-    def _seat(self, name: str, actor: Actor) -> tuple[complex, float, float]:
+    def _seat(self, name: str, actor: Actor, cue: Cue) -> tuple[complex, float, float]:
         """Middle of a seat [m], the direction in which one sits [rad], and its height [m]."""
         if name in self.where:
             one, seat = self.where[name], self._cast.things[name].seat
@@ -327,7 +328,8 @@ class Handling:
                 raise CannotBe(f"{one.player} holds {name}")
             if seat is None:
                 raise CannotBe(f"{name} has no seat; needed: `seat:` of the prop")
-            return one.place.place, one.place.heading, one.height + seat
+            place = self._wishes.stands.get(cue.spot, one.place)
+            return place.place, place.heading, one.height + seat
         top = top_of(self._cast.file, name)
         assert top is not None  # or it is a mistake
         known = self._walks.middle(name)

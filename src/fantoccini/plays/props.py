@@ -96,7 +96,7 @@ def handle_place(side: str = "right", *, raised: float = 0.0) -> tuple[float, fl
 
 def give(
     stage: Marionette, giver: str, receiver: str, prop: str, *, side: str = "right",
-    along: float | None = None, carried: bool = False,
+    along: float | None = None, carried: bool = False, higher: float = 0.0,
 ) -> Handing:  # fmt: skip
     """The gestures by which a prop changes from one puppet's forearm to another's.
 
@@ -112,6 +112,7 @@ def give(
         side: of the giver's forearm; the receiver takes with the other.
         along: how far from the elbow it hangs there: :func:`along_forearm` [m].
         carried: whether the giver is in the pose of :func:`carry`.
+        higher: by how much the giver hangs higher than the receiver [m].
 
     Raises:
         InputError: the members have other strings than the bundled marionette.
@@ -132,7 +133,8 @@ def give(
     }  # fmt: skip
     gets = aside_by(other, _STEP, [(0, 0), (2.0, 0), (5.2, 1), (9.0, 1), (12.0, 0), (13.8, 0)])
     gets[f"hand_{other}.up"] = [
-        (0, 0), (2.0, _LOW), (5.6, _LOW), (7.2, _LIFTED), (12.0, _LIFTED), (13.8, 0),
+        (0, 0), (2.0, _LOW + higher), (5.6, _LOW + higher), (7.2, _LIFTED + higher),
+        (12.0, _LIFTED + higher), (13.8, 0),
     ]  # fmt: skip
     forward, inward = _HELD["forward"], _TAKES
     gets[f"hand_{other}.forward"] = [(0, 0), (2.0, forward), (12.0, forward), (13.8, 0)]

@@ -169,12 +169,12 @@ class Rounds:
         changed = self._calm(made)
         for meeting in made.meetings:
             spot = meeting.cue
-            if spot is None or meeting.kind not in ("given", "put", "picked"):
+            if spot is None or meeting.kind == "hangs" or not meeting.props:
                 continue
             (prop,) = meeting.props
             if self._looked.get(spot, 0) >= _LOOKS:
                 continue
-            if meeting.kind == "picked":
+            if meeting.kind in ("picked", "sits"):
                 there = stands_seen(self._cast, made.runs, prop, meeting.begin)
                 moved = self._look_where(spot, there)
             else:
