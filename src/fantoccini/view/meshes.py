@@ -42,6 +42,19 @@ def triangles(solid: Solid) -> TriangleMesh:
     return _faces(solid)
 
 
+def coloured(solid: Solid) -> list[tuple[np.ndarray, TriangleMesh]]:
+    """The surface of a solid as one mesh for each of its colours (3,)."""
+    whole = triangles(solid)
+    if solid.colours is None:
+        return [(solid.colour, whole)]
+    colours, which = np.unique(solid.colours, axis=0, return_inverse=True)
+    out = []
+    for k, colour in enumerate(colours):
+        used, faces = np.unique(whole.faces[which.reshape(-1) == k], return_inverse=True)
+        out.append((colour, TriangleMesh(whole.vertices[used], faces.reshape(-1, 3), None)))
+    return out
+
+
 def _capsule(ends: np.ndarray, radius: float) -> TriangleMesh:
     """Two half-spheres and the tube between them; one ball where the ends coincide."""
     apart = ends[1] - ends[0]

@@ -23,8 +23,7 @@ def solid_of(shape: Shape, link: int, colour: np.ndarray) -> Solid:
         ends = np.array([shape.from_, shape.to], dtype=float)
         return capsule(link, colour, ends, shape.radius)
     if isinstance(shape, Mesh):
-        triangles = load_mesh(shape)
-        return mesh(link, colour, *coarser(triangles.vertices, triangles.faces, MAX_FACES))
+        return _mesh_solid(shape, link, colour)
     assert isinstance(shape, Sphere | Ellipsoid | Box)
     centre = np.array(shape.at, dtype=float)
     if isinstance(shape, Sphere):
@@ -109,12 +108,29 @@ def _is_held(tree: Tree, link: int) -> bool:
     )
 
 
-def coarser(vertices: np.ndarray, faces: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
+def _mesh_solid(shape: Mesh, link: int, colour: np.ndarray) -> Solid:
+    """A mesh in its file's colours, unless the shape has one; ``colour`` where there is none."""
+    triangles = load_mesh(shape)
+    vertices, faces, kept = coarser(
+        np.array(triangles.vertices), np.array(triangles.faces), MAX_FACES
+    )
+    colours = shape.read().colours
+    if shape.colour is not None or colours is None:
+        return mesh(link, colour, vertices, faces)
+    colours = np.where(np.isfinite(colours), colours, colour)[kept]
+    return mesh(link, colour, vertices, faces, colours)
+
+
+def coarser(
+    vertices: np.ndarray, faces: np.ndarray, most: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The mesh simplified to about ``most`` triangles, by merging vertices on a grid.
 
-    Takes and returns vertices (n, 3) [m] and faces (m, 3), indices of vertices.
+    Takes and returns vertices (n, 3) [m] and faces (m, 3), indices of vertices; and which faces
+    these were before.
     """
     low, span = vertices.min(axis=0), float(np.ptp(vertices, axis=0).max())
+    kept = np.arange(len(faces))
     # A closed surface crosses about 6 k^2 cells of a k x k x k grid, two triangles a cell.
     cells = max(4, int(np.sqrt(most / 12.0)) * 2)
     while len(faces) > most and cells >= 4:
@@ -124,8 +140,9 @@ def coarser(vertices: np.ndarray, faces: np.ndarray, most: int) -> tuple[np.ndar
         merged = np.zeros((len(count), 3))
         np.add.at(merged, place, vertices)
         merged /= count[:, None]
-        kept = np.unique(place[faces], axis=0)
-        a, b, c = kept.T
-        vertices, faces = merged, kept[(a != b) & (b != c) & (c != a)]
+        different, first = np.unique(place[faces], axis=0, return_index=True)
+        a, b, c = different.T
+        real = (a != b) & (b != c) & (c != a)
+        vertices, faces, kept = merged, different[real], kept[first[real]]
         low, cells = vertices.min(axis=0), cells - 2
-    return vertices, faces
+    return vertices, faces, kept
