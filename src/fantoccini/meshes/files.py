@@ -24,6 +24,7 @@ FORMATS = (".stl", ".obj", ".ply", ".glb", ".gltf", ".dae")
 _ALONE = (".stl", ".ply")
 """Of files that name no others."""
 
+_NONE = "it holds no triangles with finite corners"
 _MOST_KEPT = 8
 
 
@@ -109,7 +110,7 @@ def _parts(content: bytes, beside: Beside, path: Path) -> list[Part]:
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
     except Exception as reason:  # what a broken file makes of indices, keys and types
-        raise ValueError(f"{type(reason).__name__}: {str(reason)[:60]}") from reason
+        raise ValueError(f"it is broken: {type(reason).__name__}: {str(reason)[:60]}") from reason
 
 
 def _joined(parts: list[Part]) -> tuple[Array, Indices, Array | None]:
@@ -118,7 +119,7 @@ def _joined(parts: list[Part]) -> tuple[Array, Indices, Array | None]:
 
     parts = [part for part in parts if len(part.faces)]
     if not parts or not all(np.isfinite(part.vertices[part.faces]).all() for part in parts):
-        raise ValueError("it holds no triangles with finite corners")
+        raise ValueError(_NONE)
     starts = np.cumsum([0, *(len(part.vertices) for part in parts)])[:-1]
     faces = np.concatenate([p.faces + at for p, at in zip(parts, starts, strict=True)])
     mesh = trimesh.Trimesh(np.concatenate([p.vertices for p in parts]), faces, process=False)
@@ -131,4 +132,6 @@ def _joined(parts: list[Part]) -> tuple[Array, Indices, Array | None]:
     faces = np.array(mesh.faces)
     # Corners at one place make no triangle.
     real = np.all(faces != np.roll(faces, 1, axis=1), axis=1)
+    if not real.any():
+        raise ValueError(_NONE)
     return np.array(mesh.vertices), faces[real], None if colours is None else colours[real]
