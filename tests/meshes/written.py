@@ -1,4 +1,4 @@
-"""Writes glTF byte by byte, by pygltflib and by hand, for readers to be compared with closed forms."""
+"""Writes glTF with pygltflib, number by number, for readers to be compared with closed forms."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Writer:
     ) -> int:  # fmt: skip
         """A mesh of one primitive."""
         indices = None if faces is None else self.numbers(np.asarray(faces, "uint16").reshape(-1))
-        corners = vertices if isinstance(vertices, int) else self.numbers(vertices.astype("float32"))
+        corners = self.numbers(vertices.astype("float32"))
         made = gl.Primitive(
             attributes=gl.Attributes(POSITION=corners, **attributes), indices=indices,
             material=material, mode=mode,

@@ -58,7 +58,8 @@ class Beside:
         try:
             place = Path(os.path.realpath(self._folder / path))
             if not place.is_relative_to(os.path.realpath(self._root)):
-                raise ValueError(f"it names {_shown(path.as_posix())}, which leads out of the folder")
+                name = _shown(path.as_posix())
+                raise ValueError(f"it names {name}, which leads out of the folder")
             if not place.is_file():
                 return None
             if place.stat().st_size > LIMITS.max_bytes:

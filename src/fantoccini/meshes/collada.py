@@ -42,7 +42,8 @@ def read_collada(content: bytes, beside: Beside, name: str) -> list[Part]:
     except ImportError:
         raise MissingLibraryError(f"the mesh {name}", "pycollada", "dae") from None
     # Entities could stand for other files, or for gigabytes.
-    if b"<!DOCTYPE" in content or b"<!ENTITY" in content or b"\0" in content or content[:2] == b"PK":
+    refused = any(mark in content for mark in (b"<!DOCTYPE", b"<!ENTITY", b"\0"))
+    if refused or content[:2] == b"PK":
         raise ValueError("allowed: plain XML in UTF-8, without a document type")
     try:
         found = collada.Collada(io.BytesIO(content), ignore=[collada.common.DaeUnsupportedError])

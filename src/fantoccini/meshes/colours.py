@@ -59,7 +59,8 @@ def image(content: bytes, name: str) -> np.ndarray:
             if width * height <= LIMITS.max_pixels:
                 return np.asarray(found.convert("RGB"))
     except Exception as reason:  # Pillow's readers raise whatever their parsing meets
-        raise ValueError(f"its image {name} is not a PNG, JPEG or WebP that can be read") from reason
+        text = f"its image {name} is not a PNG, JPEG or WebP that can be read"
+        raise ValueError(text) from reason
     most = LIMITS.max_pixels / 1e6
     raise ValueError(f"its image {name} has {width} x {height} pixels; allowed: {most:.0f} million")
 
@@ -104,7 +105,9 @@ def few(colours: Array) -> Array:
     exact = np.round(255.0 * np.clip(out[known], 0.0, 1.0)).astype(np.uint8)
     if len(np.unique(exact, axis=0)) > LIMITS.max_colours:
         row = Image.fromarray(exact[None, :, :])
-        merged = row.quantize(LIMITS.max_colours, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+        merged = row.quantize(
+            LIMITS.max_colours, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE
+        )
         exact = np.asarray(merged.convert("RGB"))[0]
     out[known] = exact / 255.0
     out[~known] = np.nan

@@ -46,7 +46,8 @@ class MeshFile:
     beside: dict[str, bytes]
 
 
-_kept: OrderedDict[tuple[str, bytes, Path], tuple[dict[str, bytes | None], MeshFile]] = OrderedDict()
+_Key = tuple[str, bytes, Path]
+_kept: OrderedDict[_Key, tuple[dict[str, bytes | None], MeshFile]] = OrderedDict()
 """Files that were read last, by ending, content and folder, with what they named."""
 
 

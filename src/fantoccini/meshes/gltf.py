@@ -119,8 +119,9 @@ class _Reader:
         """Vertices, faces and colours of each primitive that has triangles."""
         if index not in self._meshes:
             primitives = self.header["meshes"][index]["primitives"]
-            made = [self._primitive(p) for p in primitives if p.get("mode", _TRIANGLES) >= _TRIANGLES]
-            self._meshes[index] = made
+            self._meshes[index] = [
+                self._primitive(p) for p in primitives if p.get("mode", _TRIANGLES) >= _TRIANGLES
+            ]
         return self._meshes[index]
 
     def _primitive(self, primitive: dict[str, Any]) -> tuple[Array, Indices, Array | None]:
@@ -138,12 +139,13 @@ class _Reader:
     def _colours(
         self, primitive: dict[str, Any], attributes: dict[str, Any], faces: Indices
     ) -> Array | None:
-        """Base colours: factor, colours of the corners, texture; multiplied, as is in linear light."""
+        """Base colours: factor, colours of the corners, texture; multiplied in linear light."""
         if "material" not in primitive and "COLOR_0" not in attributes:
             return None
         colours = np.ones((len(faces), 3))
         if "COLOR_0" in attributes:
-            colours *= self.accessors.numbers(attributes["COLOR_0"], 3, 4)[:, :3][faces].mean(axis=1)
+            corners = self.accessors.numbers(attributes["COLOR_0"], 3, 4)[:, :3]
+            colours *= corners[faces].mean(axis=1)
         if "material" in primitive:
             material = self.header["materials"][whole(primitive["material"], "a material")]
             look = material.get("pbrMetallicRoughness", {})

@@ -76,7 +76,7 @@ def _within(inner: Any, outer: Any) -> bool:
 
 
 def _volume(mesh: Any) -> float:
-    """Volume of what a closed surface bounds, from its first corner; negative if it faces inwards."""
+    """Volume of what a closed surface bounds; negative if it faces inwards."""
     return float(np.linalg.det(mesh.triangles - mesh.vertices[0]).sum() / 6.0)
 
 

@@ -183,8 +183,8 @@ class SceneNodes:
         groups: dict[tuple[tuple[int, int, int], bool], list[TriangleMesh]] = {}
         for solid in solids:
             sharp = solid.kind == "faces" and not solid.smooth
-            for colour, surface in coloured(solid):
-                groups.setdefault((to_bytes(colour), sharp), []).append(surface)
+            for own, surface in coloured(solid):
+                groups.setdefault((to_bytes(own), sharp), []).append(surface)
         nodes = []
         for n, ((colour, sharp), parts) in enumerate(groups.items()):
             starts = np.cumsum([0, *(len(p.vertices) for p in parts)])[:-1]
