@@ -48,7 +48,8 @@ def _primitive(document: Document, colour: Array, surface: TriangleMesh) -> dict
 def solid_node(document: Document, solid: Solid, name: str) -> Node:
     """A node with a solid, in its link's frame."""
     piece = piece_of(solid)
-    surfaces = coloured(solid) if solid.colours is not None else [(solid.colour, piece.surface)]
+    several = solid.full.colours is not None
+    surfaces = coloured(solid) if several else [(solid.colour, piece.surface)]
     node: Node = {"name": name, "mesh": mesh(document, surfaces)}
     return placed(node, piece.r, piece.q, piece.scale)
 

@@ -74,7 +74,7 @@ class _Writer:
             self._set(_turn(prims[k]), [Gf.Quatd(*x) for x in turns])
         for name, solid in named_solids(scene):
             above = prims[solid.link].GetPath()
-            self._piece(above, name, piece_of(solid), solid.colour, solid.colours)
+            self._piece(above, name, piece_of(solid), solid.colour, solid.full.colours)
         if scene.geometry.ground and scene.whole:
             self._piece(root.GetPath(), "floor", floor_of(scene), LIGHT.bottom)
         looks = Looks.of(scene, self.run, self.run.t, np.arange(len(self.run)))

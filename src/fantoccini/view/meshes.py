@@ -40,6 +40,7 @@ def triangles(solid: Solid) -> TriangleMesh:
 
     Vertices lie on the surface: a capsule or an ellipsoid loses less than 4 % of its volume.
     """
+    solid = solid.full
     if solid.kind == "capsule":
         return _capsule(solid.points, solid.radius)
     if solid.kind == "ellipsoid":
@@ -49,7 +50,7 @@ def triangles(solid: Solid) -> TriangleMesh:
 
 def coloured(solid: Solid) -> list[tuple[np.ndarray, TriangleMesh]]:
     """The surface of a solid as one mesh for each of its colours (3,)."""
-    whole = triangles(solid)
+    solid, whole = solid.full, triangles(solid)
     if solid.colours is None:
         return [(solid.colour, whole)]
     colours, which = np.unique(solid.colours, axis=0, return_inverse=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from fantoccini.puppet import Puppet
@@ -12,7 +14,9 @@ from fantoccini.view.still import file_value
 from fantoccini.view.theme import STONE, WOOD, Theme, rgb
 
 MAX_FACES = 1500
-"""A mesh with more triangles is simplified before it is drawn."""
+"""A mesh with more triangles is simplified before it is painted."""
+MAX_FINE_FACES = 60_000
+"""A mesh with more triangles is simplified where the depth of every pixel is known."""
 
 
 def solid_of(shape: Shape, link: int, colour: np.ndarray) -> Solid:
@@ -111,14 +115,17 @@ def _is_held(tree: Tree, link: int) -> bool:
 def _mesh_solid(shape: Mesh, link: int, colour: np.ndarray) -> Solid:
     """A mesh in its file's colours, unless the shape has one; ``colour`` where there is none."""
     triangles = load_mesh(shape)
-    vertices, faces, kept = coarser(
-        np.array(triangles.vertices), np.array(triangles.faces), MAX_FACES
-    )
-    colours = shape.read().colours
-    if shape.colour is not None or colours is None:
-        return mesh(link, colour, vertices, faces)
-    colours = np.where(np.isfinite(colours), colours, colour)[kept]
-    return mesh(link, colour, vertices, faces, colours)
+    colours = None if shape.colour is not None else shape.read().colours
+    if colours is not None:
+        colours = np.where(np.isfinite(colours), colours, colour)
+
+    def made(most: int) -> Solid:
+        points, corners = np.array(triangles.vertices), np.array(triangles.faces)
+        vertices, faces, kept = coarser(points, corners, most)
+        return mesh(link, colour, vertices, faces, None if colours is None else colours[kept])
+
+    rough = made(MAX_FACES)
+    return replace(rough, fine=made(MAX_FINE_FACES)) if len(triangles.faces) > MAX_FACES else rough
 
 
 def coarser(

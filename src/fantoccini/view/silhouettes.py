@@ -38,6 +38,7 @@ class Solid:
         faces: indices of each face's corners in ``points``, anticlockwise from outside.
         smooth: True for a mesh: edges between faces are not drawn.
         colours: (m, 3) of the faces of a mesh that has several; else None.
+        fine: the same mesh with more triangles, for renderers with a depth buffer; else None.
         axis: (2, 3) the longest line inside, for the painter's order [m].
         girth: distance from that line to the surface [m].
     """
@@ -53,6 +54,12 @@ class Solid:
     faces: tuple[np.ndarray, ...] | np.ndarray = ()
     smooth: bool = False
     colours: np.ndarray | None = None
+    fine: Solid | None = None
+
+    @property
+    def full(self) -> Solid:
+        """The solid with all triangles it has."""
+        return self if self.fine is None else self.fine
 
 
 @dataclass(frozen=True)

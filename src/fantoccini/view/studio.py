@@ -98,8 +98,8 @@ class Studio:
         made = triangles(solid)
         surface = self._surface(made)
         look: dict[str, object] = {"color": solid.colour}
-        if solid.colours is not None:
-            surface.cell_data["colour"] = np.round(255.0 * solid.colours).astype(np.uint8)
+        if (colours := solid.full.colours) is not None:
+            surface.cell_data["colour"] = np.round(255.0 * colours).astype(np.uint8)
             look = {"scalars": "colour", "rgb": True}
         return self._plotter.add_mesh(
             surface, **look, smooth_shading=made.normals is not None,
