@@ -11,7 +11,7 @@ from tests.meshes.test_gltf import mesh
 from tests.meshes.written import UP, Writer
 
 from fantoccini.errors import PuppetError
-from fantoccini.meshes import inside, is_closed, pieces
+from fantoccini.meshes import LIMITS, inside, is_closed, pieces
 from fantoccini.puppet import Box, Mesh, Sphere
 from fantoccini.puppet.shapes import load_mesh, shape_inertia
 from fantoccini.runtime.hulls import mesh_hulls
@@ -182,3 +182,22 @@ def test_a_sphere_of_triangles_tends_to_the_sphere(tmp_path):
         off.append(1 - volume / exact)
         np.testing.assert_allclose(unit.inertia, known.inertia, rtol=0.05, atol=1e-6)
     assert off[0] / off[1] == pytest.approx(4.0, rel=0.05)
+
+
+def test_pieces_within_pieces_are_bounded(tmp_path, monkeypatch):
+    """Shells that alternate, one in another; here with smaller limits."""
+    shells = [cube(0, 0, 0, size=(1 + k, 1 + k, 1 + k)) for k in range(8)]
+    for k in range(0, 8, 2):
+        shells[k].invert()
+    onion = joined(*shells)
+    volume, _ = shape_inertia(stl(tmp_path, onion))
+    # Those that face inwards are hollows of what is around them.
+    assert volume == pytest.approx(sum((-1) ** k * k**3 for k in range(8, 0, -1)), rel=1e-12)
+    (tmp_path / "a.obj").unlink()
+    monkeypatch.setattr("fantoccini.meshes.solid.LIMITS", LIMITS._replace(max_tested=100))
+    with pytest.raises(PuppetError, match="too many pieces within one another"):
+        onion.apply_translation([1, 0, 0])
+        stl(tmp_path, onion)
+    monkeypatch.setattr("fantoccini.meshes.solid.LIMITS", LIMITS._replace(max_pieces=7))
+    with pytest.raises(PuppetError, match="more than 7 closed pieces"):
+        stl(tmp_path, onion)

@@ -2,14 +2,13 @@
 
 from fantoccini.meshes.files import FORMATS, MeshFile, contents, read
 from fantoccini.meshes.limits import LIMITS
-from fantoccini.meshes.solid import facing_out, inside, is_closed, pieces
+from fantoccini.meshes.solid import inside, is_closed, pieces
 
 __all__ = [
     "FORMATS",
     "LIMITS",
     "MeshFile",
     "contents",
-    "facing_out",
     "inside",
     "is_closed",
     "pieces",

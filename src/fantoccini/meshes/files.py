@@ -7,6 +7,7 @@ import json
 from collections import OrderedDict
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from fantoccini.meshes.colours import few
 from fantoccini.meshes.gltf import read_gltf
 from fantoccini.meshes.part import Part
 from fantoccini.meshes.plain import read_plain
+from fantoccini.meshes.solid import facing_out, is_closed
 
 FORMATS = (".stl", ".obj", ".ply", ".glb", ".gltf", ".dae")
 """Endings of mesh files."""
@@ -34,7 +36,9 @@ class MeshFile:
 
     Attributes:
         vertices: (n, 3), each place once; metres, z up, where the format has a unit and an axis.
-        faces: (m, 3) indices of vertices, anticlockwise from outside.
+        faces: (m, 3) indices of vertices, anticlockwise from outside; of a closed mesh also where
+            the file has them the other way round.
+        closed: whether they bound a volume.
         colours: (m, 3) sRGB of faces, nan where there is none; None where no face has one.
         beside: contents of the files that it names and that are there, by their names relative to
             its folder.
@@ -42,6 +46,7 @@ class MeshFile:
 
     vertices: Array
     faces: Indices
+    closed: bool
     colours: Array | None
     beside: dict[str, bytes]
 
@@ -71,9 +76,13 @@ def read(path: Path, root: Path) -> MeshFile:
             return found
     beside = Beside(path, root)
     parts = _parts(content, beside, path)
-    vertices, faces, colours = _joined(parts)
+    mesh, colours = _joined(parts)
     there = {name: c for name, c in beside.found.items() if c is not None}
-    found = MeshFile(vertices, faces, colours, there)
+    vertices, faces = np.array(mesh.vertices), np.array(mesh.faces)
+    closed = is_closed(faces)
+    if closed:
+        faces = np.where(facing_out(mesh)[:, None], faces[:, ::-1], faces)
+    found = MeshFile(vertices, faces, closed, colours, there)
     _kept[key] = dict(beside.found), found
     while len(_kept) > _MOST_KEPT:
         _kept.popitem(last=False)
@@ -114,8 +123,8 @@ def _parts(content: bytes, beside: Beside, path: Path) -> list[Part]:
         raise ValueError(f"it is broken: {type(reason).__name__}: {str(reason)[:60]}") from reason
 
 
-def _joined(parts: list[Part]) -> tuple[Array, Indices, Array | None]:
-    """Vertices, each place once, faces and colours of all parts."""
+def _joined(parts: list[Part]) -> tuple[Any, Array | None]:
+    """All parts as one ``trimesh.Trimesh`` with each place once, and the colours of its faces."""
     import trimesh
 
     parts = [part for part in parts if len(part.faces)]
@@ -135,4 +144,5 @@ def _joined(parts: list[Part]) -> tuple[Array, Indices, Array | None]:
     real = np.all(faces != np.roll(faces, 1, axis=1), axis=1)
     if not real.any():
         raise ValueError(_NONE)
-    return np.array(mesh.vertices), faces[real], None if colours is None else colours[real]
+    mesh.update_faces(real)
+    return mesh, None if colours is None else colours[real]

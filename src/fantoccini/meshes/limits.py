@@ -12,6 +12,10 @@ class MeshLimits(NamedTuple):
     """Size of a mesh file, and of all files that it names together [bytes]."""
     max_triangles: int = 2_000_000
     """Triangles of a file, those of a mesh once for each place at which it stands."""
+    max_pieces: int = 10_000
+    """Closed pieces of a file."""
+    max_tested: int = 50_000_000
+    """Triangles of pieces in which others may lie, once for each of these."""
     max_nodes: int = 100_000
     """Nodes of a file, counted likewise."""
     max_pixels: int = 70_000_000

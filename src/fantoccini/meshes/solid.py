@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fantoccini.arrays import Array, Indices, Mask
+from fantoccini.meshes.limits import LIMITS
 
 
 def is_closed(faces: Indices) -> bool:
@@ -15,9 +17,9 @@ def is_closed(faces: Indices) -> bool:
 
     Pieces may share edges and corners.
     """
-    low, high, way, _ = _edges(faces)
-    _, edge = np.unique(np.stack([low, high], axis=1), axis=0, return_inverse=True)
-    return not np.any(np.bincount(edge.reshape(-1), weights=way))
+    key, way, _ = _edges(faces)
+    _, edge = np.unique(key, return_inverse=True)
+    return not np.any(np.bincount(edge, weights=way))
 
 
 def pieces(mesh: Any) -> list[Any]:
@@ -25,37 +27,34 @@ def pieces(mesh: Any) -> list[Any]:
 
     Where pieces share an edge, faces belong together that have the inside between them.
     """
-    shells = _shells(mesh)
-    if len(shells) == 1:
+    shells = _Shells.of(mesh)
+    if len(shells.volumes) == 1:
         return [mesh]
-    made = [_submesh(mesh, shell) for shell in shells]
-    solid = [k for k, shell in enumerate(made) if _volume(shell) > 0.0]
-    inner: dict[int, list[int]] = {k: [k] for k in solid}
-    for k in sorted(set(range(len(made))) - set(solid)):
-        around = [i for i in solid if _within(made[k], made[i])]
-        if around:
-            inner[min(around, key=lambda i: _volume(made[i]))].append(k)
-    joined = [np.sort(np.concatenate([shells[k] for k in group])) for group in inner.values()]
-    return [_submesh(mesh, part) for part in joined]
+    owner = np.arange(len(shells.volumes))
+    for k in np.flatnonzero(shells.volumes <= 0.0):
+        around = shells.around(int(k), shells.volumes > 0.0)
+        owner[k] = around[np.argmin(shells.volumes[around])] if len(around) else -1
+    of = owner[shells.label]
+    return [shells.part(np.flatnonzero(of == k)) for k in np.unique(owner) if k >= 0]
 
 
 def facing_out(mesh: Any) -> Mask:
     """(m,) faces of a closed mesh that must be turned over, so that each piece's face outwards.
 
     Pieces of negative volume within another piece are its hollows, and stay as they are.
+
+    Raises:
+        ValueError: there are too many pieces, or too many within one another.
     """
-    turned = np.zeros(len(mesh.faces), dtype=bool)
-    shells = _shells(mesh)
-    made = [_submesh(mesh, shell) for shell in shells]
-    sign = -1.0 if _volume(mesh) < 0.0 else 1.0
-    volumes = [sign * _volume(shell) for shell in made]
-    for k, shell in enumerate(shells):
-        flip = sign < 0.0
-        if volumes[k] < 0.0:
-            around = [made[i] for i in range(len(made)) if volumes[i] > 0.0]
-            flip ^= not any(_within(made[k], other) for other in around)
-        turned[shell] = flip
-    return turned
+    shells = _Shells.of(mesh)
+    if len(shells.volumes) > LIMITS.max_pieces:
+        raise ValueError(f"it has more than {LIMITS.max_pieces} closed pieces")
+    whole = float(shells.volumes.sum()) < 0.0
+    volumes = -shells.volumes if whole else shells.volumes
+    turned = np.full(len(volumes), whole)
+    for k in np.flatnonzero(volumes < 0.0):
+        turned[k] ^= len(shells.around(int(k), volumes > 0.0)) == 0
+    return np.asarray(turned[shells.label])
 
 
 def inside(mesh: Any, points: Array) -> Mask:
@@ -68,16 +67,59 @@ def inside(mesh: Any, points: Array) -> Mask:
     return np.array([_winding(mesh.triangles - x) > 0.5 for x in points], dtype=bool)
 
 
-def _within(inner: Any, outer: Any) -> bool:
-    """Whether a piece lies in another one, whichever way this one faces."""
-    if np.any(inner.bounds[0] < outer.bounds[0]) or np.any(inner.bounds[1] > outer.bounds[1]):
-        return False
-    return abs(_winding(outer.triangles - inner.vertices[0])) > 0.5
+@dataclass(eq=False)
+class _Shells:
+    """Connected parts of a closed mesh.
 
+    Attributes:
+        mesh: all of it.
+        label: (m,) part of each face.
+        volumes: (k,) of what each bounds; negative where it faces inwards.
+        low, high: (k, 3) corners of the boxes around them.
+        tested: faces against which points were tested.
+    """
 
-def _volume(mesh: Any) -> float:
-    """Volume of what a closed surface bounds; negative if it faces inwards."""
-    return float(np.linalg.det(mesh.triangles - mesh.vertices[0]).sum() / 6.0)
+    mesh: Any
+    label: Indices
+    volumes: Array
+    low: Array
+    high: Array
+    tested: int = 0
+
+    @classmethod
+    def of(cls, mesh: Any) -> _Shells:
+        """Those of a mesh."""
+        label = _labels(mesh)
+        count = int(label.max()) + 1
+        a, b, c = np.moveaxis(np.array(mesh.triangles) - mesh.vertices[0], 1, 0)
+        parts = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
+        low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+        for corner in (a, b, c):
+            np.minimum.at(low, label, corner)
+            np.maximum.at(high, label, corner)
+        return cls(mesh, label, np.bincount(label, parts).astype(float), low, high)
+
+    def around(self, k: int, among: Mask) -> Indices:
+        """Shells in which one lies, among some (k,), whichever way they face."""
+        boxes = among & np.all((self.low <= self.low[k]) & (self.high >= self.high[k]), axis=1)
+        boxes[k] = False
+        found = []
+        point = self.mesh.triangles[np.argmax(self.label == k), 0]
+        for i in np.flatnonzero(boxes):
+            outer = self.mesh.triangles[self.label == i]
+            self.tested += len(outer)
+            if self.tested > LIMITS.max_tested:
+                raise ValueError("it has too many pieces within one another")
+            if abs(_winding(outer - point)) > 0.5:
+                found.append(i)
+        return np.array(found, dtype=int)
+
+    def part(self, faces: Indices) -> Any:
+        """Some faces as a mesh."""
+        import trimesh
+
+        used, renamed = np.unique(self.mesh.faces[faces], return_inverse=True)
+        return trimesh.Trimesh(self.mesh.vertices[used], renamed.reshape(-1, 3), process=False)
 
 
 def _winding(triangles: NDArray[np.float64]) -> float:
@@ -90,55 +132,47 @@ def _winding(triangles: NDArray[np.float64]) -> float:
     return float(np.sum(angle) / (2.0 * np.pi))
 
 
-def _submesh(mesh: Any, faces: Indices) -> Any:
-    import trimesh
-
-    used, renamed = np.unique(mesh.faces[faces], return_inverse=True)
-    return trimesh.Trimesh(mesh.vertices[used], renamed.reshape(-1, 3), process=False)
-
-
-def _edges(faces: Indices) -> tuple[Indices, Indices, NDArray[np.float64], Indices]:
-    """Lower and higher corner of each side of each face, way (1, -1, or 0 for none), face."""
-    start, end = faces[:, [0, 1, 2]].ravel(), faces[:, [1, 2, 0]].ravel()
-    way = np.sign(end - start).astype(float)
-    return np.minimum(start, end), np.maximum(start, end), way, np.repeat(np.arange(len(faces)), 3)
+def _edges(faces: Indices) -> tuple[Indices, NDArray[np.float64], Indices]:
+    """Of each side of each face: a number for its edge, way (1, -1, or 0 for none), face."""
+    start, end = faces[:, [0, 1, 2]].ravel().astype(np.int64), faces[:, [1, 2, 0]].ravel()
+    key = np.minimum(start, end) * (int(faces.max()) + 1) + np.maximum(start, end)
+    return key, np.sign(end - start).astype(float), np.repeat(np.arange(len(faces)), 3)
 
 
-def _shells(mesh: Any) -> list[Indices]:
-    """Faces of each connected part of a closed mesh."""
+def _labels(mesh: Any) -> Indices:
+    """(m,) connected part of each face of a closed mesh."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    low, high, way, face = _edges(mesh.faces)
-    order = np.lexsort((way, high, low))
+    key, way, face = _edges(mesh.faces)
+    order = np.argsort(2 * key + (way > 0.0), kind="stable")
     order = order[way[order] != 0.0]
-    ends = np.stack([low, high], axis=1)[order]
-    begins = np.flatnonzero(np.any(np.diff(ends, axis=0, prepend=-1) != 0, axis=1))
+    begins = np.flatnonzero(np.diff(key[order], prepend=-1))
     counts = np.diff(np.append(begins, len(order)))
     plain = begins[counts == 2]
     first, second = face[order[plain]], face[order[plain + 1]]
     more = [
         pair
         for at, n in zip(begins[counts > 2], counts[counts > 2], strict=True)
-        for pair in _pairs(mesh, ends[at], face[order[at : at + n]], way[order[at : at + n]])
+        for pair in _pairs(mesh, key[order[at]], face[order[at : at + n]], way[order[at : at + n]])
     ]
     if more:
         first, second = np.concatenate([np.stack([first, second]), np.array(more).T], axis=1)
     n = len(mesh.faces)
     links = coo_array((np.ones(len(first)), (first, second)), shape=(n, n))
-    _, label = connected_components(links, directed=False)
-    return [np.flatnonzero(label == k) for k in range(int(label.max()) + 1)]
+    return np.asarray(connected_components(links, directed=False)[1])
 
 
 def _pairs(
-    mesh: Any, ends: Indices, faces: Indices, way: NDArray[np.float64]
+    mesh: Any, key: int, faces: Indices, way: NDArray[np.float64]
 ) -> list[tuple[int, int]]:
     """Faces around one edge, in pairs with the inside between them.
 
     A face that runs up the edge has its inside on the side of smaller angles, seen with the edge
     towards the eye: its partner is the next one that runs down.
     """
-    a, b = mesh.vertices[ends]
+    ends = divmod(int(key), int(mesh.faces.max()) + 1)
+    a, b = mesh.vertices[list(ends)]
     axis = (b - a) / np.linalg.norm(b - a)
     third = mesh.vertices[[next(v for v in f if v not in ends) for f in mesh.faces[faces].tolist()]]
     away = third - a - np.outer((third - a) @ axis, axis)

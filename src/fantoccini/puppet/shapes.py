@@ -335,12 +335,9 @@ def load_mesh(shape: Mesh) -> Any:
     if not length.min_size <= extent <= length.max_size:
         text = f"{shape.file} measures {extent:g} m with its scale"
         raise ValueError(f"{text}; allowed: {length.min_size:g} to {length.max_size:g} m")
-    closed = meshes.is_closed(mesh.faces)
-    if has_mass(shape) and not closed:
+    if has_mass(shape) and not found.closed:
         raise ValueError(f"{shape.file} {unclosed(mesh)}, so its mass has no centre")
-    if closed:
-        mesh.faces = np.where(meshes.facing_out(mesh)[:, None], mesh.faces[:, ::-1], mesh.faces)
-    elif mesh.volume < 0:
+    if mesh.volume < 0:
         mesh.invert()
     if has_mass(shape) and not mesh.volume >= MIN_MESH_VOLUME:
         raise ValueError(f"{shape.file} has no volume, so its mass has no centre")

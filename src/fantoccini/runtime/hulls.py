@@ -85,7 +85,7 @@ def mesh_hulls(shape: Mesh) -> tuple[Hull, ...]:
         ValueError: the mesh is open or flat, or cannot be cut into pieces.
     """
     mesh = load_mesh(shape)
-    if not meshes.is_closed(mesh.faces):
+    if not shape.read().closed:
         raise ValueError(f"{shape.file} {unclosed(mesh)}; what touches must be: close its holes")
     size = float(np.max(mesh.extents))
     if not float(np.min(mesh.extents)) > TOLERANCES.flat * size:

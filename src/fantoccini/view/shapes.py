@@ -141,15 +141,15 @@ def coarser(
     # A closed surface crosses about 6 k^2 cells of a k x k x k grid, two triangles a cell.
     cells = max(4, int(np.sqrt(most / 12.0)) * 2)
     while len(faces) > most and cells >= 4:
-        key = np.floor((vertices - low) / span * cells).astype(int)
-        _, place, count = np.unique(key, axis=0, return_inverse=True, return_counts=True)
-        place = place.reshape(-1)
+        cell = np.floor((vertices - low) / span * cells).astype(int)
+        key = cell @ [(cells + 1) ** 2, cells + 1, 1]
+        _, place, count = np.unique(key, return_inverse=True, return_counts=True)
         merged = np.zeros((len(count), 3))
         np.add.at(merged, place, vertices)
         merged /= count[:, None]
-        different, first = np.unique(place[faces], axis=0, return_index=True)
-        a, b, c = different.T
-        real = (a != b) & (b != c) & (c != a)
-        vertices, faces, kept = merged, different[real], kept[first[real]]
+        a, b, c = place[faces].T
+        real = np.flatnonzero((a != b) & (b != c) & (c != a))
+        different, first = np.unique(place[faces[real]], axis=0, return_index=True)
+        vertices, faces, kept = merged, different, kept[real[first]]
         low, cells = vertices.min(axis=0), cells - 2
     return vertices, faces, kept
