@@ -17,6 +17,7 @@ PACKAGES = {
     "files": "Writes files that appear whole or not at all.",
     "media": "Finds ffmpeg and reads sound files with it.",
     "progress": "Progress callbacks, and the bar on a terminal.",
+    "meshes": "Mesh files: triangles, colours of their materials, and the closed pieces they make.",
     "puppet": "The puppet schema: reads, checks and writes YAML files.",
     "scene": "Scenes: puppets, props, obstacles and a floor, assembled into one puppet.",
     "tree": "Links in topological order, one-sided rows, and the coordinate table.",

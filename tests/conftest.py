@@ -41,6 +41,7 @@ CONTACT = (
     "contact/test_event_hulls.py",
     "contact/test_event_sliding.py",
     "contact/test_event_winches.py",
+    "contact/test_mesh_pieces.py",
     "contact/test_meshes.py",
     "contact/test_patches.py",
     "contact/test_shared_forces.py",

@@ -31,6 +31,7 @@ ORDER = (
     "files",
     "media",
     "progress",
+    "meshes",
     "puppet",
     "scene",
     "tree",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from fantoccini.animation.gltf import Document, Node, placed
 from fantoccini.animation.pieces import ROUGHNESS, floor_of, linear_colour, piece_of
 from fantoccini.animation.scene import AnimatedScene
 from fantoccini.arrays import Array
-from fantoccini.view.meshes import TriangleMesh
+from fantoccini.view.meshes import TriangleMesh, coloured
 from fantoccini.view.silhouettes import Solid
 from fantoccini.view.theme import LIGHT
 
@@ -25,31 +26,36 @@ def material(document: Document, colour: Array) -> int:
     return document.once("materials", {"pbrMetallicRoughness": look})
 
 
-def mesh(document: Document, surface: TriangleMesh, colour: Array) -> int:
-    """The mesh of a surface."""
+def mesh(document: Document, surfaces: Iterable[tuple[Array, TriangleMesh]]) -> int:
+    """The mesh of surfaces with their colours (3,)."""
+    return document.once("meshes", {"primitives": [_primitive(document, *s) for s in surfaces]})
+
+
+def _primitive(document: Document, colour: Array, surface: TriangleMesh) -> dict[str, Any]:
     small = len(surface.vertices) < 65535
     faces = surface.faces.reshape(-1).astype(np.uint16 if small else np.uint32)
     vertices = surface.vertices.astype(np.float32)
     attributes = {"POSITION": document.numbers("vectors", vertices, bounds=True)}
     if surface.normals is not None:
         attributes["NORMAL"] = document.numbers("vectors", surface.normals.astype(np.float32))
-    primitive: dict[str, Any] = {
+    return {
         "attributes": attributes,
         "indices": document.numbers("indices", faces),
         "material": material(document, colour),
     }
-    return document.once("meshes", {"primitives": [primitive]})
 
 
 def solid_node(document: Document, solid: Solid, name: str) -> Node:
     """A node with a solid, in its link's frame."""
     piece = piece_of(solid)
-    node: Node = {"name": name, "mesh": mesh(document, piece.surface, solid.colour)}
+    several = solid.full.colours is not None
+    surfaces = coloured(solid) if several else [(solid.colour, piece.surface)]
+    node: Node = {"name": name, "mesh": mesh(document, surfaces)}
     return placed(node, piece.r, piece.q, piece.scale)
 
 
 def floor_node(document: Document, scene: AnimatedScene) -> Node:
     """A node with the floor."""
     piece = floor_of(scene)
-    node: Node = {"name": "floor", "mesh": mesh(document, piece.surface, LIGHT.bottom)}
+    node: Node = {"name": "floor", "mesh": mesh(document, [(LIGHT.bottom, piece.surface)])}
     return placed(node, piece.r)

@@ -73,7 +73,8 @@ class _Writer:
             turns = rotation.continuous(motion.q).tolist()
             self._set(_turn(prims[k]), [Gf.Quatd(*x) for x in turns])
         for name, solid in named_solids(scene):
-            self._piece(prims[solid.link].GetPath(), name, piece_of(solid), solid.colour)
+            above = prims[solid.link].GetPath()
+            self._piece(above, name, piece_of(solid), solid.colour, solid.full.colours)
         if scene.geometry.ground and scene.whole:
             self._piece(root.GetPath(), "floor", floor_of(scene), LIGHT.bottom)
         looks = Looks.of(scene, self.run, self.run.t, np.arange(len(self.run)))
@@ -100,7 +101,10 @@ class _Writer:
         for code, value in zip(self.codes, values, strict=True):
             attribute.Set(value, float(code))
 
-    def _piece(self, above: Any, name: str, piece: Piece, colour: Array) -> None:
+    def _piece(
+        self, above: Any, name: str, piece: Piece, colour: Array, colours: Array | None = None
+    ) -> None:
+        """A surface, in one colour or, face by face, in several."""
         surface = piece.surface
         mesh = self._prim(UsdGeom.Mesh, above, name)
         mesh.AddTranslateOp().Set(Gf.Vec3d(*piece.r.tolist()))
@@ -116,7 +120,17 @@ class _Writer:
         if surface.normals is not None:
             mesh.CreateNormalsAttr(_vectors(surface.normals))
             mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
-        self._colour(mesh, colour)
+        if colours is None:
+            self._colour(mesh, colour)
+            return
+        shown = [Gf.Vec3f(*linear_colour(c)) for c in colours]
+        mesh.CreateDisplayColorAttr(Vt.Vec3fArray(shown))
+        mesh.GetDisplayColorPrimvar().SetInterpolation(UsdGeom.Tokens.uniform)
+        for k, own in enumerate(np.unique(colours, axis=0)):
+            places = np.flatnonzero(np.all(colours == own, axis=1)).tolist()
+            binding = UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim())
+            part = binding.CreateMaterialBindSubset(f"colour{k + 1}", Vt.IntArray(places))
+            UsdShade.MaterialBindingAPI.Apply(part.GetPrim()).Bind(self._material(own))
 
     def _line(self, above: Any, line: Line, spans: Spans) -> None:
         """A string as one curve, whose points move."""
@@ -138,10 +152,13 @@ class _Writer:
         self._colour(curve, COLOUR if line.colour is None else line.colour)
 
     def _colour(self, what: Any, colour: Array) -> None:
-        """A material, kept once for each colour; and the colour for programs without materials."""
+        """A material; and the colour for programs without materials."""
+        what.CreateDisplayColorAttr(Vt.Vec3fArray([Gf.Vec3f(*linear_colour(colour))]))
+        UsdShade.MaterialBindingAPI.Apply(what.GetPrim()).Bind(self._material(colour))
+
+    def _material(self, colour: Array) -> Any:
+        """A material, kept once for each colour."""
         linear = linear_colour(colour)
-        value = Gf.Vec3f(*linear)
-        what.CreateDisplayColorAttr(Vt.Vec3fArray([value]))
         if tuple(linear) not in self._materials:
             root = self.stage.GetDefaultPrim().GetPath()
             place = f"{root}/materials/m{len(self._materials) + 1}"
@@ -150,11 +167,11 @@ class _Writer:
             material = UsdShade.Material.Define(self.stage, place)
             shader = UsdShade.Shader.Define(self.stage, f"{place}/surface")
             shader.CreateIdAttr("UsdPreviewSurface")
-            shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(value)
+            shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*linear))
             shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(ROUGHNESS)
             material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
             self._materials[tuple(linear)] = material
-        UsdShade.MaterialBindingAPI.Apply(what.GetPrim()).Bind(self._materials[tuple(linear)])
+        return self._materials[tuple(linear)]
 
 
 def _turn(prim: Any) -> Any:

@@ -139,10 +139,10 @@ def _contact(arrays: Mapping[str, Array], listed: Any, n: int) -> ContactPoints 
 
 
 def mesh_files(puppet: Puppet) -> dict[str, bytes]:
-    """The contents of a puppet's mesh files, by their names in its YAML."""
+    """The contents of a puppet's mesh files, by their names in its YAML, and of what they name."""
     shapes = [shape for body in puppet.bodies for shape in body.shapes]
     meshes = [shape for shape in (*shapes, *puppet.obstacles) if isinstance(shape, Mesh)]
-    return {mesh.file: mesh.path.read_bytes() for mesh in meshes}
+    return {name: content for mesh in meshes for name, content in mesh.contents().items()}
 
 
 def restored(yaml: str, file: str, meshes: Mapping[str, bytes]) -> Puppet:

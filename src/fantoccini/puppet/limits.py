@@ -28,8 +28,6 @@ class FileLimits(NamedTuple):
     """Springs of a chain."""
     max_motor_steps: int = 100_000
     """Steps of a stepper motor per turn or metre, and microsteps per step."""
-    max_mesh_bytes: int = 50_000_000
-    """Size of a mesh file [bytes]."""
 
 
 LIMITS = FileLimits()

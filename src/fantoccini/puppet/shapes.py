@@ -6,7 +6,6 @@ A shape with a mass or a density counts towards its body's inertia.
 from __future__ import annotations
 
 import hashlib
-import io
 import math
 import os
 import re
@@ -24,12 +23,11 @@ from pydantic import (
     model_validator,
 )
 
-from fantoccini.puppet.limits import LIMITS
+from fantoccini import meshes
 from fantoccini.puppet.located import Located, Origin, shown
 from fantoccini.puppet.quantities import QUANTITIES, Density, Mass, Scale, Size, Sizes, Vector
 from fantoccini.puppet.values import Model, Orientation, PartName, mistake, sized, value_of
 
-MESH_FORMATS = (".stl", ".obj", ".ply")
 MIN_MESH_VOLUME = 1e-15
 """Volume of a mesh with mass [m^3]; a smaller one is flat, and its inertia is rounding."""
 
@@ -108,7 +106,11 @@ class Ellipsoid(Shape):
 
 
 class Mesh(Shape):
-    """A closed triangle mesh (STL, OBJ or PLY) in the puppet file's folder or below."""
+    """Triangles from a file (glTF, COLLADA, OBJ, STL, PLY) in the puppet file's folder or below.
+
+    Metres and z up, as the program shows it that wrote it, where the format has a unit and an axis:
+    glTF and COLLADA. Without a `colour`, the colours are those of the file's materials.
+    """
 
     type: Literal["mesh"] = "mesh"
     file: str
@@ -142,8 +144,8 @@ class Mesh(Shape):
         plain = file.isprintable() and "\\" not in file and ":" not in file and len(file) < 256
         if not plain or path.is_absolute() or ".." in path.parts or not path.parts:
             raise mistake(f"found {shown(file)}; needed: a path inside the puppet file's folder")
-        if path.suffix.lower() not in MESH_FORMATS:
-            raise mistake(f"found {shown(file)}; allowed: {', '.join(MESH_FORMATS)} files")
+        if path.suffix.lower() not in meshes.FORMATS:
+            raise mistake(f"found {shown(file)}; allowed: {', '.join(meshes.FORMATS)} files")
         try:
             place = Path(os.path.realpath(folder / path))
             if not place.is_relative_to(os.path.realpath(folder)):
@@ -153,9 +155,13 @@ class Mesh(Shape):
             size = place.stat().st_size
         except OSError as reason:
             raise mistake(f"found {shown(file)}, which cannot be read: {reason}") from None
-        most = LIMITS.max_mesh_bytes
+        most = meshes.LIMITS.max_bytes
         if size > most:
             raise mistake(f"found {size / 1e6:.0f} MB; allowed: up to {most / 1e6:.0f} MB")
+        try:
+            meshes.read(folder / path, folder)
+        except (OSError, ValueError) as reason:
+            raise mistake(f"{file} is not a mesh that can be read: {reason}") from None
         return file
 
     def model_post_init(self, context: Any) -> None:
@@ -175,9 +181,23 @@ class Mesh(Shape):
         """Path of the mesh file."""
         return self._origin.folder / self.file
 
+    def read(self) -> meshes.MeshFile:
+        """The content of the mesh file."""
+        return meshes.read(self.path, self._origin.folder)
+
     def digest(self) -> str:
-        """SHA-256 of the mesh file's content, in hexadecimal."""
-        return hashlib.sha256(self.path.read_bytes()).hexdigest()
+        """SHA-256 of the mesh file's content and of the files that it names, in hexadecimal."""
+        own, *others = self.contents().items()
+        found = hashlib.sha256(own[1])
+        for name, content in sorted(others):
+            found.update(f"\n{name}\n".encode() + hashlib.sha256(content).digest())
+        return found.hexdigest()
+
+    def contents(self) -> dict[str, bytes]:
+        """Contents of the mesh file, first, and of the files that it names, by names like it."""
+        found = meshes.contents(self.path, self._origin.folder)
+        folder = PurePosixPath(self.file).parent
+        return {self.file if n == "." else (folder / n).as_posix(): c for n, c in found.items()}
 
 
 AnyShape = Annotated[Capsule | Box | Sphere | Ellipsoid | Mesh, Field(discriminator="type")]
@@ -299,17 +319,13 @@ def load_mesh(shape: Mesh) -> Any:
         shape: its file, scale and pose.
 
     Raises:
-        ValueError: the file is no mesh, or the mesh has a mass but is not closed.
+        ValueError: the file is no mesh, or the mesh has a mass but is not closed, or a size that
+            is not allowed.
     """
     import trimesh
 
-    content = io.BytesIO(shape.path.read_bytes())  # a stream: no material files are looked for
-    try:
-        mesh = trimesh.load(content, force="mesh", file_type=shape.path.suffix[1:].lower())
-    except Exception as reason:  # trimesh's readers raise whatever their parsing meets
-        raise ValueError(f"{shape.file} is not a mesh: {type(reason).__name__}") from reason
-    if not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
-        raise ValueError(f"{shape.file} holds no triangles with finite corners")
+    found = shape.read()
+    mesh = trimesh.Trimesh(found.vertices.copy(), found.faces.copy(), process=False)
     placed = np.eye(4)
     placed[:3, :3] = np.eye(3) if shape.orientation is None else shape.orientation.matrix
     placed[:3, :3] = placed[:3, :3] @ np.diag(shape.scale)
@@ -319,11 +335,20 @@ def load_mesh(shape: Mesh) -> Any:
     if not length.min_size <= extent <= length.max_size:
         text = f"{shape.file} measures {extent:g} m with its scale"
         raise ValueError(f"{text}; allowed: {length.min_size:g} to {length.max_size:g} m")
-    if has_mass(shape) and (not mesh.is_watertight or not abs(mesh.volume) >= MIN_MESH_VOLUME):
-        raise ValueError(f"{shape.file} is not closed, so its mass has no centre")
+    if has_mass(shape) and not found.closed:
+        raise ValueError(f"{shape.file} {unclosed(mesh)}, so its mass has no centre")
     if mesh.volume < 0:
         mesh.invert()
+    if has_mass(shape) and not mesh.volume >= MIN_MESH_VOLUME:
+        raise ValueError(f"{shape.file} has no volume, so its mass has no centre")
     return mesh
+
+
+def unclosed(mesh: Any) -> str:
+    """What is wrong with a mesh that is not closed."""
+    if mesh.is_watertight:
+        return "has triangles that face inwards beside such that face outwards"
+    return "is not closed"
 
 
 def has_mass(shape: Shape) -> bool:

@@ -10,7 +10,7 @@ OWN_WORDS = {
     **dict.fromkeys(("cube", "cuboid", "brick"), "box"),
     **dict.fromkeys(("cylinder", "rod", "pill"), "capsule"),
     **dict.fromkeys(("ball", "circle"), "sphere"),
-    **dict.fromkeys(("stl", "obj", "ply"), "mesh"),
+    **dict.fromkeys(("stl", "obj", "ply", "glb", "gltf", "dae"), "mesh"),
 }
 """Another program's word -> ours, for joints and shapes. Our `ball` is a joint, theirs a sphere."""
 

@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fantoccini import meshes
 from fantoccini.arrays import Array
-from fantoccini.puppet.shapes import Mesh, load_mesh
+from fantoccini.puppet.shapes import Mesh, load_mesh, unclosed
 from fantoccini.runtime.functions import pointer
-from fantoccini.runtime.pieces import TOLERANCES, convex_pieces, standing_out
+from fantoccini.runtime.pieces import TOLERANCES, convex_pieces, standing_out, thickness
 from fantoccini.runtime.structures import structures
 
 FILLED = 0.1
@@ -73,7 +74,7 @@ class Hull:
 def mesh_hulls(shape: Mesh) -> tuple[Hull, ...]:
     """The convex polytopes that take a closed mesh's place, in the frame of its body.
 
-    One where it is nearly convex; otherwise those of its convex pieces. Of more than
+    One for each piece that is nearly convex, for others those of their convex pieces. Of more than
     ``HULL_VERTICES`` vertices those are taken that stand out most; the others stand out by less
     than 2 % of the longest side, which is about what a ball needs.
 
@@ -83,25 +84,59 @@ def mesh_hulls(shape: Mesh) -> tuple[Hull, ...]:
     Raises:
         ValueError: the mesh is open or flat, or cannot be cut into pieces.
     """
-    from scipy.spatial import QhullError
-
     mesh = load_mesh(shape)
-    mesh.merge_vertices(merge_tex=True, merge_norm=True)
-    if not mesh.is_watertight:
-        raise ValueError(f"{shape.file} is not closed; what touches must be: close its holes")
+    if not shape.read().closed:
+        raise ValueError(f"{shape.file} {unclosed(mesh)}; what touches must be: close its holes")
     size = float(np.max(mesh.extents))
     if not float(np.min(mesh.extents)) > TOLERANCES.flat * size:
         raise ValueError(f"{shape.file} is flat; what touches has a volume: give it a thin box")
-    points = np.array(mesh.vertices, dtype=float)
-    if _volume(points) <= (1.0 + FILLED) * float(mesh.volume):
-        return (hull_of(standing_out(points, size)),)
+    found = meshes.pieces(mesh)
+    if len(found) > 1:
+        thick = [part for part in found if thickness(part.vertices) > TOLERANCES.flat * size]
+        found = _outermost(thick)
+    hulls = [hull for part in found for hull in _piece_hulls(part, shape.file)]
+    if len(hulls) > TOLERANCES.most:
+        raise ValueError(
+            f"{shape.file} needs {len(hulls)} convex pieces in contact; allowed: "
+            f"{TOLERANCES.most}. Make it plainer, or let boxes, capsules, spheres touch"
+        )
+    return tuple(hulls)
+
+
+def _outermost(parts: list[Any]) -> list[Any]:
+    """The pieces of a mesh without those that lie in the hull of a nearly convex other one."""
+    planes = [_planes(np.array(p.vertices)) if _is_convex(p) else None for p in parts]
+    kept = []
+    for i, part in enumerate(parts):
+        slack = TOLERANCES.flat * float(np.max(part.extents))
+        hidden = any(
+            around is not None and k != i and parts[k].volume > part.volume
+            and np.max(part.vertices @ around[:, :3].T + around[:, 3]) <= slack
+            for k, around in enumerate(planes)
+        )  # fmt: skip
+        if not hidden:
+            kept.append(part)
+    return kept
+
+
+def _piece_hulls(mesh: Any, name: str) -> list[Hull]:
+    """Hulls of one piece of a mesh."""
+    from scipy.spatial import QhullError
+
+    if _is_convex(mesh):
+        points = np.array(mesh.vertices, dtype=float)
+        return [hull_of(standing_out(points, float(np.max(mesh.extents))))]
     try:
-        return tuple(hull_of(corners) for corners in convex_pieces(mesh, shape.file))
+        return [hull_of(corners) for corners in convex_pieces(mesh, name)]
     except QhullError:
         raise ValueError(
-            f"{shape.file} could not be cut into convex pieces: one of them has no hull. Split it "
+            f"{name} could not be cut into convex pieces: one of them has no hull. Split it "
             "into several convex meshes of the same body"
         ) from None
+
+
+def _is_convex(mesh: Any) -> bool:
+    return _volume(np.array(mesh.vertices)) <= (1.0 + FILLED) * float(mesh.volume)
 
 
 def hull_of(points: Array) -> Hull:
@@ -164,6 +199,13 @@ def _volume(points: Array) -> float:
     from scipy.spatial import ConvexHull
 
     return float(ConvexHull(points).volume)
+
+
+def _planes(points: Array) -> Array:
+    """(n, 4) outward normals and offsets of the facets of a hull."""
+    from scipy.spatial import ConvexHull
+
+    return np.unique(ConvexHull(points).equations, axis=0)
 
 
 def _centroid(vertices: Array, hull: Any) -> Array:

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fantoccini.arrays import Array, Mask
+from fantoccini.arrays import Array
 from fantoccini.build import kept_arrays
 from fantoccini.contract import HULL_VERTICES
+from fantoccini.meshes import inside
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ def _cut(mesh: Any, name: str) -> list[Array]:
     # Its unit of length is half of the longest side.
     found = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces), threshold=2.0 * TOLERANCES.cut)
     corners = [_merged(vertices, mesh.vertices, TOLERANCES.thin * size) for vertices, _ in found]
-    pieces = [_corners_of(x, size) for x in corners if _thickness(x) > TOLERANCES.thin * size]
+    pieces = [_corners_of(x, size) for x in corners if thickness(x) > TOLERANCES.thin * size]
     if len(pieces) > TOLERANCES.most:
         raise ValueError(
             f"{name} needs {len(pieces)} convex pieces in contact; allowed: {TOLERANCES.most}. "
@@ -156,7 +156,7 @@ def _merged(corners: Array, vertices: Array, near: float) -> Array:
     return moved[kept]
 
 
-def _thickness(points: Array) -> float:
+def thickness(points: Array) -> float:
     """Extent [m] of points (n, 3) along the axis in which they vary least."""
     if len(points) < 4:
         return 0.0
@@ -208,23 +208,3 @@ def distances(mesh: Any, points: Array) -> Array:
         )
         for x in points
     ])  # fmt: skip
-
-
-def inside(mesh: Any, points: Array) -> Mask:
-    """(n,) whether points (n, 3) lie in a closed mesh: its winding number, by solid angles.
-
-        tan(angle / 2) = a . (b x c) / (|a||b||c| + (a . b)|c| + (b . c)|a| + (c . a)|b|)
-
-    (Van Oosterom, Strackee, IEEE Trans. Biomed. Eng. 30, 1983).
-    """
-    return np.array([_winding(mesh.triangles - x) > 0.5 for x in points], dtype=bool)
-
-
-def _winding(triangles: NDArray[np.float64]) -> float:
-    """Turns of the surface (n, 3, 3) around the origin."""
-    a, b, c = np.moveaxis(triangles, 1, 0)
-    la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
-    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
-    ab, bc, ca = (np.einsum("ij,ij->i", x, y) for x, y in ((a, b), (b, c), (c, a)))
-    angle = np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb)
-    return float(np.sum(angle) / (2.0 * np.pi))

@@ -5,11 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from fantoccini.view.silhouettes import Solid
 
 AROUND = 20
 """Vertices on a capsule's or an ellipsoid's equator."""
+
+_CREASE = np.radians(40.0)
+"""Angle between faces of a mesh from which on their edge is sharp [rad]."""
 
 _POLE_TO_RIM = 6
 """Rings of triangles on a half-sphere."""
@@ -22,7 +27,7 @@ class TriangleMesh:
     Attributes:
         vertices: (n, 3) [m].
         faces: (m, 3) indices of vertices, anticlockwise from outside.
-        normals: (n, 3) outward unit normals of a smooth surface; None where edges are sharp.
+        normals: (n, 3) outward unit normals of a smooth surface; None where all edges are sharp.
     """
 
     vertices: np.ndarray
@@ -35,11 +40,26 @@ def triangles(solid: Solid) -> TriangleMesh:
 
     Vertices lie on the surface: a capsule or an ellipsoid loses less than 4 % of its volume.
     """
+    solid = solid.full
     if solid.kind == "capsule":
         return _capsule(solid.points, solid.radius)
     if solid.kind == "ellipsoid":
         return _ellipsoid(solid.points[0], solid.half)
     return _faces(solid)
+
+
+def coloured(solid: Solid) -> list[tuple[np.ndarray, TriangleMesh]]:
+    """The surface of a solid as one mesh for each of its colours (3,)."""
+    solid, whole = solid.full, triangles(solid)
+    if solid.colours is None:
+        return [(solid.colour, whole)]
+    colours, which = np.unique(solid.colours, axis=0, return_inverse=True)
+    out = []
+    for k, colour in enumerate(colours):
+        used, faces = np.unique(whole.faces[which.reshape(-1) == k], return_inverse=True)
+        normals = None if whole.normals is None else whole.normals[used]
+        out.append((colour, TriangleMesh(whole.vertices[used], faces.reshape(-1, 3), normals)))
+    return out
 
 
 def _capsule(ends: np.ndarray, radius: float) -> TriangleMesh:
@@ -66,11 +86,10 @@ def _ellipsoid(centre: np.ndarray, half: np.ndarray) -> TriangleMesh:
 
 
 def _faces(solid: Solid) -> TriangleMesh:
-    """Fans of triangles; each face of a box gets its own vertices, for sharp edges."""
+    """Fans of triangles; each face of a box gets its own vertices, for sharp edges, as do parts of
+    a mesh between which it has a crease."""
     if solid.smooth:
-        return TriangleMesh(
-            np.array(solid.points, dtype=float), np.array(solid.faces, dtype=int), None
-        )
+        return _creased(np.array(solid.points, dtype=float), np.array(solid.faces, dtype=int))
     faces: list[tuple[int, int, int]] = []
     first = 0
     for face in solid.faces:
@@ -78,6 +97,34 @@ def _faces(solid: Solid) -> TriangleMesh:
         first += len(face)
     vertices = solid.points[np.concatenate(solid.faces)]
     return TriangleMesh(vertices, np.array(faces, dtype=int), None)
+
+
+def _creased(points: np.ndarray, faces: np.ndarray) -> TriangleMesh:
+    """A mesh whose vertices are split where faces meet at more than ``_CREASE``."""
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    across = np.cross(b - a, c - a)
+    flat = _unit(across)
+    sides = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    order = np.lexsort(sides.T)
+    same = np.all(sides[order[1:]] == sides[order[:-1]], axis=1)
+    one, other = order[:-1][same] // 3, order[1:][same] // 3
+    even = np.sum(flat[one] * flat[other], axis=1) > np.cos(_CREASE)
+    n = len(faces)
+    links = coo_array((np.ones(int(even.sum())), (one[even], other[even])), shape=(n, n))
+    _, part = connected_components(links, directed=False)
+    corners = np.stack([faces.ravel(), np.repeat(part, 3)], axis=1)
+    split, renamed = np.unique(corners, axis=0, return_inverse=True)
+    renamed = renamed.reshape(-1, 3)
+    normals = np.zeros((len(split), 3))
+    for k in range(3):
+        np.add.at(normals, renamed[:, k], across)
+    return TriangleMesh(points[split[:, 0]], renamed, _unit(normals))
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    """Vectors (n, 3) of length 1; z where they have none."""
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.where(lengths > 0.0, vectors / np.where(lengths > 0.0, lengths, 1.0), [0.0, 0.0, 1.0])
 
 
 def _ball(rims: int) -> tuple[np.ndarray, np.ndarray]:

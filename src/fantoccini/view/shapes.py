@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from fantoccini.puppet import Puppet
@@ -12,7 +14,9 @@ from fantoccini.view.still import file_value
 from fantoccini.view.theme import STONE, WOOD, Theme, rgb
 
 MAX_FACES = 1500
-"""A mesh with more triangles is simplified before it is drawn."""
+"""A mesh with more triangles is simplified before it is painted."""
+MAX_FINE_FACES = 60_000
+"""A mesh with more triangles is simplified where the depth of every pixel is known."""
 
 
 def solid_of(shape: Shape, link: int, colour: np.ndarray) -> Solid:
@@ -23,8 +27,7 @@ def solid_of(shape: Shape, link: int, colour: np.ndarray) -> Solid:
         ends = np.array([shape.from_, shape.to], dtype=float)
         return capsule(link, colour, ends, shape.radius)
     if isinstance(shape, Mesh):
-        triangles = load_mesh(shape)
-        return mesh(link, colour, *coarser(triangles.vertices, triangles.faces, MAX_FACES))
+        return _mesh_solid(shape, link, colour)
     assert isinstance(shape, Sphere | Ellipsoid | Box)
     centre = np.array(shape.at, dtype=float)
     if isinstance(shape, Sphere):
@@ -109,23 +112,44 @@ def _is_held(tree: Tree, link: int) -> bool:
     )
 
 
-def coarser(vertices: np.ndarray, faces: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
+def _mesh_solid(shape: Mesh, link: int, colour: np.ndarray) -> Solid:
+    """A mesh in its file's colours, unless the shape has one; ``colour`` where there is none."""
+    triangles = load_mesh(shape)
+    colours = None if shape.colour is not None else shape.read().colours
+    if colours is not None:
+        colours = np.where(np.isfinite(colours), colours, colour)
+
+    def made(most: int) -> Solid:
+        points, corners = np.array(triangles.vertices), np.array(triangles.faces)
+        vertices, faces, kept = coarser(points, corners, most)
+        return mesh(link, colour, vertices, faces, None if colours is None else colours[kept])
+
+    rough = made(MAX_FACES)
+    return replace(rough, fine=made(MAX_FINE_FACES)) if len(triangles.faces) > MAX_FACES else rough
+
+
+def coarser(
+    vertices: np.ndarray, faces: np.ndarray, most: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The mesh simplified to about ``most`` triangles, by merging vertices on a grid.
 
-    Takes and returns vertices (n, 3) [m] and faces (m, 3), indices of vertices.
+    Takes and returns vertices (n, 3) [m] and faces (m, 3), indices of vertices; and which faces
+    these were before.
     """
     low, span = vertices.min(axis=0), float(np.ptp(vertices, axis=0).max())
+    kept = np.arange(len(faces))
     # A closed surface crosses about 6 k^2 cells of a k x k x k grid, two triangles a cell.
     cells = max(4, int(np.sqrt(most / 12.0)) * 2)
     while len(faces) > most and cells >= 4:
-        key = np.floor((vertices - low) / span * cells).astype(int)
-        _, place, count = np.unique(key, axis=0, return_inverse=True, return_counts=True)
-        place = place.reshape(-1)
+        cell = np.floor((vertices - low) / span * cells).astype(int)
+        key = cell @ [(cells + 1) ** 2, cells + 1, 1]
+        _, place, count = np.unique(key, return_inverse=True, return_counts=True)
         merged = np.zeros((len(count), 3))
         np.add.at(merged, place, vertices)
         merged /= count[:, None]
-        kept = np.unique(place[faces], axis=0)
-        a, b, c = kept.T
-        vertices, faces = merged, kept[(a != b) & (b != c) & (c != a)]
+        a, b, c = place[faces].T
+        real = np.flatnonzero((a != b) & (b != c) & (c != a))
+        different, first = np.unique(place[faces[real]], axis=0, return_index=True)
+        vertices, faces, kept = merged, different, kept[real[first]]
         low, cells = vertices.min(axis=0), cells - 2
-    return vertices, faces
+    return vertices, faces, kept

@@ -30,13 +30,15 @@ class Solid:
     Attributes:
         link: index of the link; -1 for the world.
         kind: capsule, ellipsoid or faces.
-        colour: (3,).
+        colour: (3,); the mean of ``colours`` where there are any.
         points: capsule (2, 3) ends; ellipsoid (1, 3) centre; faces (n, 3) vertices [m].
         radius: of a capsule [m].
         half: (3, 3) half axes of an ellipsoid, or of the one that stands for a faced solid in the
             painter's order, as columns [m]; zero for a capsule.
         faces: indices of each face's corners in ``points``, anticlockwise from outside.
         smooth: True for a mesh: edges between faces are not drawn.
+        colours: (m, 3) of the faces of a mesh that has several; else None.
+        fine: the same mesh with more triangles, for renderers with a depth buffer; else None.
         axis: (2, 3) the longest line inside, for the painter's order [m].
         girth: distance from that line to the surface [m].
     """
@@ -51,6 +53,13 @@ class Solid:
     half: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
     faces: tuple[np.ndarray, ...] | np.ndarray = ()
     smooth: bool = False
+    colours: np.ndarray | None = None
+    fine: Solid | None = None
+
+    @property
+    def full(self) -> Solid:
+        """The solid with all triangles it has."""
+        return self if self.fine is None else self.fine
 
 
 @dataclass(frozen=True)
@@ -96,12 +105,28 @@ def box(link: int, colour: np.ndarray, centre: np.ndarray, half: np.ndarray) -> 
     return Solid(link, "faces", colour, corners, axis, girth, half=half, faces=tuple(faces))
 
 
-def mesh(link: int, colour: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> Solid:
-    """A triangle mesh: vertices (n, 3) [m], faces (m, 3) anticlockwise from outside."""
+def mesh(
+    link: int,
+    colour: np.ndarray,
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    colours: np.ndarray | None = None,
+) -> Solid:
+    """A triangle mesh: vertices (n, 3) [m], faces (m, 3) anticlockwise from outside.
+
+    Faces have the colour (3,), or those of ``colours`` (m, 3).
+    """
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     half = np.diag(np.maximum(0.5 * (high - low), 1e-9))
     axis, girth = _long_axis(0.5 * (low + high), half)
-    return Solid(link, "faces", colour, vertices, axis, girth, half=half, faces=faces, smooth=True)
+    if colours is not None and len(np.unique(colours, axis=0)) == 1:
+        colour, colours = colours[0], None
+    elif colours is not None:
+        colour = colours.mean(axis=0)
+    return Solid(
+        link, "faces", colour, vertices, axis, girth, half=half, faces=faces, smooth=True,
+        colours=colours,
+    )  # fmt: skip
 
 
 def _long_axis(centre: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, float]:
@@ -176,14 +201,15 @@ def _paint_faces(
     placed = camera.place(seen, viewport)
     polygons, depths = [], []
     towards = seen * np.array([1.0, 1.0, -1.0])
-    for face in solid.faces:
+    for k, face in enumerate(solid.faces):
+        colour = solid.colour if solid.colours is None else solid.colours[k]
         corners = towards[face]
         normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
         size = np.linalg.norm(normal)
         if size == 0.0 or normal @ corners[0] >= 0.0:
             continue
         shade = max(0.0, float(normal @ _LIGHT) / float(size))
-        tone = mix(solid.colour * 0.55, mix(solid.colour, _WHITE, 0.22), shade)
+        tone = mix(colour * 0.55, mix(colour, _WHITE, 0.22), shade)
         edge, width = ((*tone, 1.0), 0.4) if solid.smooth else (ink, 0.8 * pen)
         polygons.append(Polygon(placed[face], (*tone, 1.0), edge, width))
         depths.append(seen[face, 2].mean())

@@ -96,8 +96,13 @@ class Studio:
 
     def _actor(self, solid: Solid) -> pyvista.Actor:
         made = triangles(solid)
+        surface = self._surface(made)
+        look: dict[str, object] = {"color": solid.colour}
+        if (colours := solid.full.colours) is not None:
+            surface.cell_data["colour"] = np.round(255.0 * colours).astype(np.uint8)
+            look = {"scalars": "colour", "rgb": True}
         return self._plotter.add_mesh(
-            self._surface(made), color=solid.colour, smooth_shading=made.normals is not None,
+            surface, **look, smooth_shading=made.normals is not None,
             ambient=0.24, diffuse=0.90, specular=0.45, specular_power=28.0, render=False,
         )  # fmt: skip
 

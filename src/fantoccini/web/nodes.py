@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from fantoccini.tree import WORLD
 from fantoccini.view.camera import Camera, fit, point_of_view
 from fantoccini.view.geometry import Geometry, round_down
-from fantoccini.view.meshes import triangles
+from fantoccini.view.meshes import TriangleMesh, coloured
 from fantoccini.view.shapes import handles
 from fantoccini.view.silhouettes import Solid
 from fantoccini.view.theme import Theme, mix, to_bytes
@@ -180,13 +180,13 @@ class SceneNodes:
 
     def _meshes(self, name: str, solids: list[Solid]) -> list[viser.MeshHandle]:
         """Adds one mesh for each colour and kind of shading."""
-        groups: dict[tuple[tuple[int, int, int], bool], list[Solid]] = {}
+        groups: dict[tuple[tuple[int, int, int], bool], list[TriangleMesh]] = {}
         for solid in solids:
             sharp = solid.kind == "faces" and not solid.smooth
-            groups.setdefault((to_bytes(solid.colour), sharp), []).append(solid)
+            for own, surface in coloured(solid):
+                groups.setdefault((to_bytes(own), sharp), []).append(surface)
         nodes = []
-        for n, ((colour, sharp), same) in enumerate(groups.items()):
-            parts = [triangles(solid) for solid in same]
+        for n, ((colour, sharp), parts) in enumerate(groups.items()):
             starts = np.cumsum([0, *(len(p.vertices) for p in parts)])[:-1]
             vertices = np.concatenate([p.vertices for p in parts]).astype(np.float32)
             faces = np.concatenate([p.faces + at for p, at in zip(parts, starts, strict=True)])

@@ -1,0 +1,148 @@
+"""Reads mesh files of all formats."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections import OrderedDict
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fantoccini.arrays import Array, Indices
+from fantoccini.errors import MissingLibraryError
+from fantoccini.meshes.beside import Beside
+from fantoccini.meshes.collada import read_collada
+from fantoccini.meshes.colours import few
+from fantoccini.meshes.gltf import read_gltf
+from fantoccini.meshes.part import Part
+from fantoccini.meshes.plain import read_plain
+from fantoccini.meshes.solid import facing_out, is_closed
+
+FORMATS = (".stl", ".obj", ".ply", ".glb", ".gltf", ".dae")
+"""Endings of mesh files."""
+_ALONE = (".stl", ".ply")
+"""Of files that name no others."""
+
+_NONE = "it holds no triangles with finite corners"
+_MOST_KEPT = 8
+
+
+@dataclass(frozen=True, eq=False)
+class MeshFile:
+    """Triangles of a file, of all its nodes, where these stand.
+
+    Attributes:
+        vertices: (n, 3), each place once; metres, z up, where the format has a unit and an axis.
+        faces: (m, 3) indices of vertices, anticlockwise from outside; of a closed mesh also where
+            the file has them the other way round.
+        closed: whether they bound a volume.
+        colours: (m, 3) sRGB of faces, nan where there is none; None where no face has one.
+        beside: contents of the files that it names and that are there, by their names relative to
+            its folder.
+    """
+
+    vertices: Array
+    faces: Indices
+    closed: bool
+    colours: Array | None
+    beside: dict[str, bytes]
+
+
+_Key = tuple[str, bytes, Path]
+_kept: OrderedDict[_Key, tuple[dict[str, bytes | None], MeshFile]] = OrderedDict()
+"""Files that were read last, by ending, content and folder, with what they named."""
+
+
+def read(path: Path, root: Path) -> MeshFile:
+    """Reads a file.
+
+    Args:
+        path: of the file.
+        root: folder that no file may lie outside of which the mesh file names.
+
+    Raises:
+        ValueError: the file is broken or too large; the message goes on after its name.
+        OSError: it cannot be read.
+        MissingLibraryError: of a .dae file, pycollada is not installed.
+    """
+    content, ending = path.read_bytes(), path.suffix.lower()
+    key = ending, hashlib.sha256(content).digest(), path.parent
+    if key in _kept:
+        named, found = _kept[key]
+        if _named(Beside(path, root), named) == named:
+            return found
+    beside = Beside(path, root)
+    parts = _parts(content, beside, path)
+    mesh, colours = _joined(parts)
+    there = {name: c for name, c in beside.found.items() if c is not None}
+    vertices, faces = np.array(mesh.vertices), np.array(mesh.faces)
+    closed = is_closed(faces)
+    if closed:
+        faces = np.where(facing_out(mesh)[:, None], faces[:, ::-1], faces)
+    found = MeshFile(vertices, faces, closed, colours, there)
+    _kept[key] = dict(beside.found), found
+    while len(_kept) > _MOST_KEPT:
+        _kept.popitem(last=False)
+    return found
+
+
+def contents(path: Path, root: Path) -> dict[str, bytes]:
+    """Contents of a file, under the name ".", and of those that it names, as :func:`read` has them.
+
+    Raises:
+        As :func:`read`.
+    """
+    beside = {} if path.suffix.lower() in _ALONE else read(path, root).beside
+    return {".": path.read_bytes(), **beside}
+
+
+def _named(beside: Beside, names: dict[str, bytes | None]) -> dict[str, bytes | None]:
+    """Contents that files have now."""
+    return {name: beside.peek(name) for name in names}
+
+
+def _parts(content: bytes, beside: Beside, path: Path) -> list[Part]:
+    try:
+        if path.suffix.lower() in (".glb", ".gltf"):
+            return read_gltf(content, beside)
+        if path.suffix.lower() == ".dae":
+            return read_collada(content, beside, path.name)
+        return read_plain(content, beside, path.suffix[1:].lower())
+    except MissingLibraryError:
+        raise
+    except (json.JSONDecodeError, UnicodeDecodeError):
+        raise ValueError("its text is broken") from None
+    except ValueError:
+        raise
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
+    except Exception as reason:  # what a broken file makes of indices, keys and types
+        raise ValueError(f"it is broken: {type(reason).__name__}: {str(reason)[:60]}") from reason
+
+
+def _joined(parts: list[Part]) -> tuple[Any, Array | None]:
+    """All parts as one ``trimesh.Trimesh`` with each place once, and the colours of its faces."""
+    import trimesh
+
+    parts = [part for part in parts if len(part.faces)]
+    if not parts or not all(np.isfinite(part.vertices[part.faces]).all() for part in parts):
+        raise ValueError(_NONE)
+    starts = np.cumsum([0, *(len(part.vertices) for part in parts)])[:-1]
+    faces = np.concatenate([p.faces + at for p, at in zip(parts, starts, strict=True)])
+    mesh = trimesh.Trimesh(np.concatenate([p.vertices for p in parts]), faces, process=False)
+    mesh.merge_vertices()
+    colours = None
+    if any(part.colours is not None for part in parts):
+        none = [np.full((len(p.faces), 3), np.nan) for p in parts]
+        own = [n if p.colours is None else p.colours for p, n in zip(parts, none, strict=True)]
+        colours = few(np.concatenate(own))
+    faces = np.array(mesh.faces)
+    # Corners at one place make no triangle.
+    real = np.all(faces != np.roll(faces, 1, axis=1), axis=1)
+    if not real.any():
+        raise ValueError(_NONE)
+    mesh.update_faces(real)
+    return mesh, None if colours is None else colours[real]
