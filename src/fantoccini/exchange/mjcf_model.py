@@ -172,6 +172,8 @@ class _Document:
             self._add(body, "freejoint", name=joint.name)
             return
         attributes: dict[str, _Value] = {"damping": link.damping}
+        if self.number(link.armature):
+            attributes["armature"] = link.armature
         if joint.kind != "ball" and self.number(link.stiffness):
             attributes |= {"stiffness": link.stiffness, "springref": link.rest}
         bounds = {limit.side: limit.bound for limit in self.tree.limits if limit.link == i}

@@ -1,0 +1,157 @@
+"""Tendons and constraints of a compiled MuJoCo model as strings, wires and springs.
+
+- A spatial tendon of limited length through sites is a string of that length.
+- One with stiffness or damping between two sites is a spring.
+- One of constrained length is a wire.
+- A point that two bodies share is held by three wires of 1 m, from the point on one body to three
+  points 1 m away along the axes of the other: |a - b_i|^2 = 1 has no other solution nearby.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fantoccini.exchange.draft import number, numbers
+from fantoccini.exchange.mjcf_bodies import Bodies, line_of
+from fantoccini.exchange.mujoco_puppet import library
+
+_WIRE = 1.0  # Length of the wires that hold a shared point [m]
+
+
+def add_tendons(bodies: Bodies) -> None:
+    """Adds strings, springs and wires for tendons and their constraints, and notes the rest."""
+    draft, m, compiled = bodies.draft, bodies.m, bodies.compiled
+    elements = compiled.elements("tendons")
+    wires = _constrained(bodies)
+    for t in range(m.ntendon):
+        name, line = m.tendon(t).name, line_of(elements.get(t))
+
+        def note(text: str, name: str = name, line: int | None = line) -> None:
+            draft.note("tendon", name, text, line)
+
+        places = range(int(m.tendon_adr[t]), int(m.tendon_adr[t] + m.tendon_num[t]))
+        reason = _unlike_a_string(bodies, places)
+        low, high = map(float, m.tendon_range[t])
+        limited = bool(m.tendon_limited[t]) and bool(bodies.limits)
+        elastic = m.tendon_stiffness[t] and bodies.springs, m.tendon_damping[t] and bodies.dampers
+        for what, values in (
+            ("frictionloss", m.tendon_frictionloss[t]),
+            ("armature", m.tendon_armature[t]),
+            ("nonlinear stiffness", m.tendon_stiffnesspoly[t]),
+            ("nonlinear damping", m.tendon_dampingpoly[t]),
+            ("springyield", m.tendon_springyield[t]),
+        ):
+            if np.any(values):
+                note(f"has {what}, left out")
+        if not (limited or any(elastic) or t in wires):
+            note("left out: nothing limits its length, and it has no stiffness or damping")
+            continue
+        if reason:
+            note(f"left out: {reason}")
+            continue
+        path = [bodies.point(int(m.wrap_objid[w])) for w in places]
+        if t in wires:
+            length = number(m.tendon_length0[t] + wires[t])
+            wire = draft.take("string", name, "wire", line)
+            draft.strings.append({"name": wire, "path": path, "length": length, "wire": True})
+        elif limited:
+            if low > 0.0:
+                note(f"is kept longer than {low:g} m, left out: strings do not push")
+            if high > 0.0:
+                string = draft.take("string", name, line=line)
+                draft.strings.append({"name": string, "path": path, "length": number(high)})
+            else:
+                note(f"left out: found the range {low:g} to {high:g}; a string has a length")
+        if any(elastic):
+            _add_spring(bodies, t, name, path, line)
+
+
+def add_constraints(bodies: Bodies) -> None:
+    """Adds wires for points that two bodies share, and notes other constraints than tendons'."""
+    draft, m, kinds = bodies.draft, bodies.m, library().mjtEq
+    elements = bodies.compiled.elements("equalities")
+    for e in range(m.neq):
+        kind, name, line = kinds(int(m.eq_type[e])), m.equality(e).name, line_of(elements.get(e))
+        word = kind.name.removeprefix("mjEQ_").lower()
+        if not m.eq_active0[e]:
+            draft.note("equality", name, f"{word}: left out, it is not active", line)
+        elif kind == kinds.mjEQ_CONNECT and _connect(bodies, e, name, line):
+            continue
+        elif kind != kinds.mjEQ_TENDON or not _is_plain(m, e):
+            draft.note("equality", name, f"{word}: left out, has no counterpart", line)
+
+
+def _unlike_a_string(bodies: Bodies, places: range) -> str:
+    """Why a tendon is not the path of a string; empty where it is."""
+    m, kinds = bodies.m, library().mjtWrap
+    found = {kinds(int(m.wrap_type[w])) for w in places}
+    if kinds.mjWRAP_JOINT in found:
+        return "it adds up joints; strings run through points"
+    if kinds.mjWRAP_PULLEY in found:
+        return "it has pulleys that divide its force"
+    if found != {kinds.mjWRAP_SITE}:
+        return "it wraps around solids"
+    carriers = {int(m.body_weldid[m.site_bodyid[m.wrap_objid[w]]]) for w in places}
+    return "its length never changes" if len(carriers) == 1 else ""
+
+
+def _add_spring(
+    bodies: Bodies, t: int, name: str, path: list[dict[str, Any]], line: int | None
+) -> None:
+    draft, m = bodies.draft, bodies.m
+    low, high = map(float, m.tendon_lengthspring[t])
+    if len(path) != 2:
+        text = "has a spring, left out: springs of puppets have two ends"
+        draft.note("tendon", name, text, line)
+        return
+    if m.tendon_stiffness[t] and low != high:
+        text = f"has a spring with play from {low:g} to {high:g} m, left out"
+        draft.note("tendon", name, text, line)
+        return
+    both = draft.strings and draft.strings[-1]["path"] is path
+    spring = draft.take("spring", f"{name}_spring" if both else name, line=line)
+    made = {
+        "name": spring, "between": path,
+        "stiffness": number(m.tendon_stiffness[t] if bodies.springs else 0.0),
+        "rest": number(max(low, 0.0)),
+    }  # fmt: skip
+    if m.tendon_damping[t] and bodies.dampers:
+        made["damping"] = number(m.tendon_damping[t])
+    draft.springs.append(made)
+
+
+def _is_plain(m: Any, e: int) -> bool:
+    """Whether a constraint of tendons keeps one of them at its length."""
+    return int(m.eq_obj2id[e]) < 0 and not np.any(m.eq_data[e, 1:5])
+
+
+def _constrained(bodies: Bodies) -> dict[int, float]:
+    """Tendon -> what its length is to exceed that in MuJoCo's zero pose by [m]."""
+    m, kinds = bodies.m, library().mjtEq
+    return {
+        int(m.eq_obj1id[e]): float(m.eq_data[e, 0])
+        for e in range(m.neq)
+        if m.eq_type[e] == kinds.mjEQ_TENDON and m.eq_active0[e] and _is_plain(m, e)
+    }
+
+
+def _connect(bodies: Bodies, e: int, name: str, line: int | None) -> bool:
+    """Three wires between two bodies; False where the constraint names sites or flexes."""
+    m, draft = bodies.m, bodies.draft
+    if m.eq_objtype[e] != library().mjtObj.mjOBJ_BODY:
+        return False
+    one, other = int(m.eq_obj1id[e]), int(m.eq_obj2id[e])
+    here, there = m.eq_data[e, :3], m.eq_data[e, 3:6]
+
+    def point(body: int, at: Any) -> dict[str, Any]:
+        place = numbers(at - bodies.shift[body])
+        return {"world": place} if body == 0 else {"body": bodies.names[body], "at": place}
+
+    for axis, e_axis in zip("xyz", np.eye(3), strict=True):
+        ends = [point(one, here), point(other, there + _WIRE * e_axis)]
+        wire = draft.take("string", f"{name or 'connect'}_{axis}", line=line)
+        draft.strings.append({"name": wire, "path": ends, "length": _WIRE, "wire": True})
+    draft.note("equality", name, f"connect: is three wires of {_WIRE:g} m here", line, wire)
+    return True
