@@ -28,6 +28,11 @@ from .errors import (
     SweepStopped as SweepStopped,
     UnknownNameError as UnknownNameError,
 )
+from .exchange import (
+    Imported as Imported,
+    Note as Note,
+    import_model as import_model,
+)
 from .gestures import (
     Conductor as Conductor,
     Gesture as Gesture,

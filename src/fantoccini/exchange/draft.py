@@ -8,8 +8,9 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, Quaternion
 from fantoccini.errors import ExchangeError, FileError
 from fantoccini.exchange.imported import Imported, Note
 from fantoccini.exchange.model_file import ModelFile
@@ -120,6 +121,7 @@ class Draft:
             if found := getattr(self, key):
                 data[key] = found
         self._check(data)
+        self.notes.sort(key=lambda note: note.line or np.inf)
         text = _with_comments(dump.to_yaml(data), self.notes)
         comment = "".join(f"# {line}\n" for line in (*head, *_summary(self.notes)))
         return Imported(comment + text, tuple(self.notes), self.meshes, tuple(self.joints))
@@ -128,7 +130,7 @@ class Draft:
         """Raises what a puppet file could not have, at the model's lines."""
         if not self.bodies:
             raise self.file.mistake("found no bodies; a puppet has at least one")
-        plain, lines = dict(data), {}
+        plain, lines = dict(data), dict[tuple[str | int, ...], int]()
         for key in ("bodies", "obstacles"):
             parts = []
             for i, part in enumerate(data.get(key, ())):
@@ -157,10 +159,30 @@ def numbers(values: Iterable[float], least: float = 1e-16) -> list[float]:
     return [0 if abs(x) < least else number(float(x)) for x in values]
 
 
-def turned(quaternion: Array) -> dict[str, Any]:
-    """The key ``orientation``; none for the identity."""
-    w, *xyz = numbers(quaternion)
+def turned(turn: Quaternion) -> dict[str, Any]:
+    """An orientation; none for the identity."""
+    w, *xyz = numbers(turn)
     return {} if abs(w) == 1.0 and not any(xyz) else {"quaternion": [w, *xyz]}
+
+
+def placed(at: Array, turn: Quaternion | None = None) -> dict[str, Any]:
+    """The keys ``at`` and ``orientation`` of a pose; none for the origin and the identity."""
+    found: dict[str, Any] = {"at": place} if any(place := numbers(at)) else {}
+    if turn is not None and (orientation := turned(turn)):
+        found["orientation"] = orientation
+    return found
+
+
+def carried(name: str, parent: str, joint: dict[str, Any]) -> dict[str, Any]:
+    """A body on a joint."""
+    above = {} if parent == "world" else {"parent": parent}
+    return {"name": name, **above, **({} if joint == {"type": "fixed"} else {"joint": joint})}
+
+
+def quaternion(R: Rotation) -> Quaternion:
+    """w, x, y, z of a rotation."""
+    x, y, z, w = R.as_quat()
+    return np.array([w, x, y, z])
 
 
 def six(inertia: Array) -> list[float]:

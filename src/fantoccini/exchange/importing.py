@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 
 import numpy as np
 
@@ -59,14 +60,18 @@ def mjcf_puppet(file: ModelFile, keyframe: str | None) -> Imported:
     add_constraints(bodies)
     add_shapes(bodies)
     add_notes(bodies, keyframe)
+    for text in compiled.warnings:
+        draft.note("mujoco", "", f"warns: {text[:300]}")
     return draft.finish([f"{draft.name}: made of the MuJoCo model {file.path.name}."])
 
 
 def _compiled(file: ModelFile, keyframe: str | None) -> Compiled:
     mujoco = library()
     try:
-        spec = mujoco.MjSpec.from_file(str(file.path))
-        model = spec.compile()
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            spec = mujoco.MjSpec.from_file(str(file.path))
+            model = spec.compile()
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         text = "; ".join(lines)[:500] or "cannot be read"
@@ -75,4 +80,5 @@ def _compiled(file: ModelFile, keyframe: str | None) -> Compiled:
     if keyframe is not None and keyframe not in names:
         raise UnknownNameError("keyframe", keyframe, names)
     qpos = model.qpos0 if keyframe is None else model.key_qpos[names.index(keyframe)]
-    return Compiled(mujoco, spec, model, np.array(qpos))
+    texts = tuple(" ".join(str(w.message).split()) for w in said)
+    return Compiled(mujoco, spec, model, np.array(qpos), texts)

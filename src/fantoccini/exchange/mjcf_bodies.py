@@ -20,7 +20,16 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fantoccini.arrays import Array
-from fantoccini.exchange.draft import Draft, number, numbers, six, turned
+from fantoccini.exchange.draft import (
+    Draft,
+    carried,
+    number,
+    numbers,
+    placed,
+    quaternion,
+    six,
+    turned,
+)
 from fantoccini.exchange.model_file import line_in
 from fantoccini.exchange.mujoco_puppet import library
 
@@ -36,12 +45,14 @@ class Compiled:
         mujoco: the module.
         spec, model: MuJoCo's.
         qpos: (n_q,) configuration to start with.
+        warnings: of MuJoCo, while it compiled.
     """
 
     mujoco: Any
     spec: Any
     model: Any
     qpos: Array
+    warnings: tuple[str, ...] = ()
 
     def elements(self, kind: str) -> dict[int, Any]:
         """Index in the model -> element: ``bodies``, ``joints``, ``geoms``, ``tendons``, ..."""
@@ -95,16 +106,16 @@ class Bodies:
         for k, j in enumerate(joints):
             own = name if k == len(joints) - 1 else self.draft.take("body", f"{name}_{k + 1}")
             joint, anchor = self._joint(j, own, at, turn, anchor)
-            made = _carried(own, above, joint)
+            made = carried(own, above, joint)
             self.draft.bodies.append(made)
             above, at, turn = own, np.zeros(3), Rotation.identity()
         self.shift[b] = anchor
         if m.body_mocapid[b] >= 0:
-            made = _carried(name, above, {"type": "free", "driven": True})
+            made = carried(name, above, {"type": "free", "driven": True})
             self.draft.bodies.append(made)
             self._pose_free(name, at, m.body_quat[b])
         elif not joints:
-            made = _carried(name, above, {"type": "fixed"} | _placed(at, turn))
+            made = carried(name, above, {"type": "fixed"} | placed(at, quaternion(turn)))
             self.draft.bodies.append(made)
         self._inertia(b, made)
         if m.body_gravcomp[b]:
@@ -143,7 +154,7 @@ class Bodies:
                 at = at - turn.apply(ref * axis)
             if word != "ball":
                 joint["axis"] = numbers(axis)
-            joint |= _placed(at, turn)
+            joint |= placed(at, quaternion(turn))
             self._pose(name, word, self.compiled.qpos[q:])
         joint |= dict(self._passive(j, word, q, line, name))
         return joint, place
@@ -224,26 +235,6 @@ def line_of(element: Any) -> int | None:
     return None if element is None else line_in(element.info)
 
 
-def quaternion(R: Rotation) -> Array:
-    """w, x, y, z of a rotation."""
-    x, y, z, w = R.as_quat()
-    return np.array([w, x, y, z])
-
-
 def _rotation(q: Array) -> Rotation:
     w, x, y, z = q
     return Rotation.from_quat([x, y, z, w])
-
-
-def _placed(at: Array, turn: Rotation) -> dict[str, Any]:
-    """Keys of a joint at a pose in its parent."""
-    found: dict[str, Any] = {"at": place} if any(place := numbers(at)) else {}
-    if orientation := turned(quaternion(turn)):
-        found["orientation"] = orientation
-    return found
-
-
-def _carried(name: str, parent: str, joint: dict[str, Any]) -> dict[str, Any]:
-    """A body on a joint."""
-    above = {} if parent == "world" else {"parent": parent}
-    return {"name": name, **above, "joint": joint}

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from xml.parsers import expat
 
@@ -16,6 +17,29 @@ MAX_BYTES = 20_000_000
 ROOTS = {"mujoco": "MJCF", "robot": "URDF"}
 """First element of a file -> its format."""
 
+_MODEL = ("link", "joint", "material")
+"""Elements directly inside a robot that are part of it."""
+
+
+@dataclass(frozen=True)
+class Element:
+    """An element of a file.
+
+    Attributes:
+        tag, attributes: its own.
+        line: 1-based.
+        depth: 0 for the first element.
+        inside: tags of the elements directly inside.
+        known: whether it is part of the model, not of another program's extension.
+    """
+
+    tag: str
+    attributes: dict[str, str]
+    line: int
+    depth: int
+    inside: set[str]
+    known: bool
+
 
 @dataclass(frozen=True)
 class ModelFile:
@@ -25,15 +49,24 @@ class ModelFile:
         name: as the user gave it.
         path: of the file.
         root: tag of its first element, one of :data:`ROOTS`.
-        lines: (tag, name) -> line of the element.
         text: content.
+        elements: all elements, in order.
     """
 
     name: str
     path: Path
     root: str
     text: bytes
-    lines: dict[tuple[str, str], int] = field(default_factory=dict)
+    elements: tuple[Element, ...]
+
+    @cached_property
+    def lines(self) -> dict[tuple[str, str], int]:
+        """(tag, name) -> line of the element, for those directly inside the first one."""
+        found: dict[tuple[str, str], int] = {}
+        for e in self.elements:
+            if e.depth == 1:
+                found.setdefault((e.tag, e.attributes.get("name", "")), e.line)
+        return found
 
     def mistake(self, message: str, line: int | None = None, key: str = "") -> ExchangeError:
         """An error at a line of the file."""
@@ -62,17 +95,26 @@ def read_model(path: str | os.PathLike[str]) -> ModelFile:
         raise fail(f"cannot be read: {getattr(reason, 'strerror', None) or reason}") from None
     if len(text) > MAX_BYTES:
         raise fail(f"larger than {MAX_BYTES / 1e6:g} MB, which is the limit")
-    elements: list[tuple[str, str, int]] = []
+    elements: list[Element] = []
+    open_now: list[Element] = []
     parser = expat.ParserCreate()
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
-        elements.append((tag, attributes.get("name", ""), parser.CurrentLineNumber))
+        above = open_now[-1] if open_now else None
+        known = above is None or (above.known and (above.depth > 0 or tag in _MODEL))
+        if above is not None:
+            above.inside.add(tag)
+        line, depth = parser.CurrentLineNumber, len(open_now)
+        element = Element(tag, attributes, line, depth, set(), known)
+        elements.append(element)
+        open_now.append(element)
 
     def refuse(*_: object) -> None:
-        text = "found a document type declaration; take it out: entities are not read"
-        raise fail(text, parser.CurrentLineNumber)
+        what = "found a document type declaration; take it out: entities are not read"
+        raise fail(what, parser.CurrentLineNumber)
 
     parser.StartElementHandler, parser.StartDoctypeDeclHandler = begin, refuse
+    parser.EndElementHandler = lambda _: open_now.pop()
     try:
         parser.Parse(text, True)
     except expat.ExpatError as reason:
@@ -80,16 +122,14 @@ def read_model(path: str | os.PathLike[str]) -> ModelFile:
         raise fail(f"is not XML: {what}", reason.lineno) from None
     except ValueError as reason:  # an encoding that is not known
         raise fail(f"is not XML: {reason}") from None
-    tag, _, line = elements[0]
-    if tag not in ROOTS:
-        raise fail(f"begins with <{tag[:60]}>; needed: <mujoco> (MJCF) or <robot> (URDF)", line)
-    xacro = [line for tag, _, line in elements if tag.startswith("xacro:")]
-    if xacro:
-        raise fail("found a macro of xacro; run xacro on the file first", xacro[0])
-    lines: dict[tuple[str, str], int] = {}
-    for tag, own, line in elements:
-        lines.setdefault((tag, own), line)
-    return ModelFile(name, place, elements[0][0], text, lines)
+    first = elements[0]
+    if first.tag not in ROOTS:
+        needed = "needed: <mujoco> (MJCF) or <robot> (URDF)"
+        raise fail(f"begins with <{first.tag[:60]}>; {needed}", first.line)
+    for element in elements:
+        if element.tag.startswith("xacro:"):
+            raise fail("found a macro of xacro; run xacro on the file first", element.line)
+    return ModelFile(name, place, first.tag, text, tuple(elements))
 
 
 def line_in(message: str) -> int | None:

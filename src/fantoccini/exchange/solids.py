@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from fantoccini.arrays import Array, Quaternion
-from fantoccini.exchange.draft import Draft, number, numbers, turned
+from fantoccini.exchange.draft import Draft, number, numbers, placed
 from fantoccini.puppet.quantities import QUANTITIES
 
 _SECTIONS = 32  # Sides of a cylinder's mesh
@@ -16,17 +17,17 @@ _OPAQUE = 1e-3  # Opacity from which a solid is seen
 
 def box(edges: Array, at: Array, turn: Quaternion) -> dict[str, Any]:
     """A box of given edges [m]."""
-    return {"type": "box", "size": numbers(edges), **_placed(at, turn)}
+    return {"type": "box", "size": numbers(edges), **placed(at, turn)}
 
 
 def sphere(radius: float, at: Array) -> dict[str, Any]:
     """A ball."""
-    return {"type": "sphere", "radius": number(radius), **_placed(at)}
+    return {"type": "sphere", "radius": number(radius), **placed(at)}
 
 
 def ellipsoid(radii: Array, at: Array, turn: Quaternion) -> dict[str, Any]:
     """An ellipsoid of given half axes [m]."""
-    return {"type": "ellipsoid", "radii": numbers(radii), **_placed(at, turn)}
+    return {"type": "ellipsoid", "radii": numbers(radii), **placed(at, turn)}
 
 
 def capsule(radius: float, half: float, at: Array, along: Array) -> dict[str, Any]:
@@ -43,17 +44,22 @@ def cylinder(
     return mesh(draft, "cylinder", _cylinder, at, turn) | {"scale": scale}
 
 
-def mesh(draft: Draft, name: str, content: Any, at: Array, turn: Quaternion) -> dict[str, Any]:
+def mesh(
+    draft: Draft, name: str, content: Callable[[], bytes], at: Array, turn: Quaternion,
+    stem: str = "",
+) -> dict[str, Any]:  # fmt: skip
     """A mesh; its file is written once for each name.
 
     Args:
         draft: of the puppet.
-        name: of the mesh.
+        name: of the mesh in the model.
         content: returns the STL file's content.
+        at, turn: pose.
+        stem: of the file's name; by default the mesh's name.
     """
     if name not in draft.mesh_paths:
-        draft.mesh_paths[name] = draft.mesh(name, content())
-    return {"type": "mesh", "file": draft.mesh_paths[name], **_placed(at, turn)}
+        draft.mesh_paths[name] = draft.mesh(stem or name, content())
+    return {"type": "mesh", "file": draft.mesh_paths[name], **placed(at, turn)}
 
 
 def stl(vertices: Array, faces: Array) -> bytes:
@@ -86,12 +92,3 @@ def _cylinder() -> bytes:
 
     made = trimesh.creation.cylinder(radius=1.0, height=1.0, sections=_SECTIONS)
     return stl(made.vertices, made.faces)
-
-
-def _placed(at: Array, turn: Quaternion | None = None) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    if any(place := numbers(at)):
-        found["at"] = place
-    if turn is not None and (orientation := turned(turn)):
-        found["orientation"] = orientation
-    return found
