@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -24,6 +23,7 @@ RESERVED = ("world", "floor")
 """Names that a puppet's parts cannot have."""
 
 _MOST = 64  # Characters of a name
+_NAMED = 8  # Elements of the same kind that a comment names
 
 
 class Draft:
@@ -69,22 +69,25 @@ class Draft:
             line = line or None
         self.notes.append(Note(self.file.name, line, kind, shown(name), message, part))
 
-    def take(self, kind: str, name: str, instead: str = "", line: int | None = None) -> str:
+    def take(
+        self, kind: str, name: str, instead: str = "", line: int | None = None, end: str = ""
+    ) -> str:
         """A name for a part, which no other part has; the report says if it is a new one.
 
         Args:
             kind, name: of the element in the model.
             instead: for elements without a name.
             line: of the element.
+            end: of the part's name, where an element is several parts.
         """
-        base = _plain(name) or _plain(instead) or kind
+        base = (_plain(name) or _plain(instead) or kind)[: _MOST - len(end)] + end
         found, k = base, 2
         while found in self._taken:
             tail = f"_{k}"
             found, k = base[: _MOST - len(tail)] + tail, k + 1
         self._taken.add(found)
         self._lines[found] = line
-        if name and found != name:
+        if name and found != name + end:
             self.note(kind, name, f"is called {found} here", line, found)
         return found
 
@@ -123,7 +126,8 @@ class Draft:
         self._check(data)
         self.notes.sort(key=lambda note: note.line or np.inf)
         text = _with_comments(dump.to_yaml(data), self.notes)
-        comment = "".join(f"# {line}\n" for line in (*head, *_summary(self.notes)))
+        lines = (*head, *_summary(self.notes))
+        comment = "".join(f"# {line}".rstrip() + "\n" for line in lines)
         return Imported(comment + text, tuple(self.notes), self.meshes, tuple(self.joints))
 
     def _check(self, data: dict[str, Any]) -> None:
@@ -206,13 +210,19 @@ def _plain(name: str) -> str:
 
 
 def _summary(notes: Sequence[Note]) -> list[str]:
-    """Lines of a comment: how many elements of each kind have no counterpart."""
-    if not notes:
-        return []
-    lines = ["", "Not as in the model (`fantoccini import` prints all of it):"]
-    for message, count in Counter(f"{n.kind}: {n.message}" for n in notes if not n.part).items():
-        lines.append(f"  {f'{count} x ' if count > 1 else ''}{message}")
-    return lines if len(lines) > 2 else []
+    """Lines of a comment about elements that no part of the puppet stands for."""
+    alike: dict[tuple[str, str], list[str]] = {}
+    for note in notes:
+        if not note.part:
+            alike.setdefault((note.kind, note.message), []).append(note.name)
+    lines = ["", "Not as in the model:"] if alike else []
+    for (kind, message), names in alike.items():
+        told = ", ".join(name for name in names[:_NAMED] if name)
+        more = len(names) - (_NAMED if told else 0)
+        told += f" and {more} more" if more > 0 and told else ""
+        count = f"{len(names)} x " if not told and len(names) > 1 else ""
+        lines.append(f"  {count}{kind} {told}".rstrip() + f": {message}")
+    return lines
 
 
 def _with_comments(text: str, notes: Sequence[Note]) -> str:

@@ -104,7 +104,7 @@ class Bodies:
         at, turn = m.body_pos[b] - self.shift[parent], _rotation(m.body_quat[b])
         above, anchor = self.names[parent], np.zeros(3)
         for k, j in enumerate(joints):
-            own = name if k == len(joints) - 1 else self.draft.take("body", f"{name}_{k + 1}")
+            own = name if k == len(joints) - 1 else self.draft.take("body", "", f"{name}_{k + 1}")
             joint, anchor = self._joint(j, own, at, turn, anchor)
             made = carried(own, above, joint)
             self.draft.bodies.append(made)

@@ -61,7 +61,8 @@ def add_notes(bodies: Bodies, keyframe: str | None) -> None:
             draft.note(word, name, text, line_of(element))
     for key in spec.keys:
         if key.name != keyframe or keyframe is None:
-            draft.note("key", key.name, "left out: not the pose", line_of(key))
+            line = line_of(key) or draft.file.line_of("key", key.name)
+            draft.note("key", key.name, "left out: not the pose", line)
     option = m.opt
     for what, there in (
         ("density", option.density), ("viscosity", option.viscosity),

@@ -54,13 +54,13 @@ def add_tendons(bodies: Bodies) -> None:
         path = [bodies.point(int(m.wrap_objid[w])) for w in places]
         if t in wires:
             length = number(m.tendon_length0[t] + wires[t])
-            wire = draft.take("string", name, "wire", line)
+            wire = draft.take("tendon", name, "wire", line)
             draft.strings.append({"name": wire, "path": path, "length": length, "wire": True})
         elif limited:
             if low > 0.0:
                 note(f"is kept longer than {low:g} m, left out: strings do not push")
             if high > 0.0:
-                string = draft.take("string", name, line=line)
+                string = draft.take("tendon", name, "string", line)
                 draft.strings.append({"name": string, "path": path, "length": number(high)})
             else:
                 note(f"left out: found the range {low:g} to {high:g}; a string has a length")
@@ -111,7 +111,7 @@ def _add_spring(
         draft.note("tendon", name, text, line)
         return
     both = draft.strings and draft.strings[-1]["path"] is path
-    spring = draft.take("spring", f"{name}_spring" if both else name, line=line)
+    spring = draft.take("tendon", name, "spring", line, "_spring" if both else "")
     made = {
         "name": spring, "between": path,
         "stiffness": number(m.tendon_stiffness[t] if bodies.springs else 0.0),
@@ -151,7 +151,7 @@ def _connect(bodies: Bodies, e: int, name: str, line: int | None) -> bool:
 
     for axis, e_axis in zip("xyz", np.eye(3), strict=True):
         ends = [point(one, here), point(other, there + _WIRE * e_axis)]
-        wire = draft.take("string", f"{name or 'connect'}_{axis}", line=line)
+        wire = draft.take("equality", name, "connect", line, f"_{axis}")
         draft.strings.append({"name": wire, "path": ends, "length": _WIRE, "wire": True})
     draft.note("equality", name, f"connect: is three wires of {_WIRE:g} m here", line, wire)
     return True

@@ -60,13 +60,17 @@ class ModelFile:
     elements: tuple[Element, ...]
 
     @cached_property
-    def lines(self) -> dict[tuple[str, str], int]:
-        """(tag, name) -> line of the element, for those directly inside the first one."""
+    def _lines(self) -> dict[tuple[str, str], int]:
         found: dict[tuple[str, str], int] = {}
-        for e in self.elements:
-            if e.depth == 1:
-                found.setdefault((e.tag, e.attributes.get("name", "")), e.line)
+        for element in self.elements:
+            key = element.tag, element.attributes.get("name", "")
+            if element.known:
+                found.setdefault(key, element.line)
         return found
+
+    def line_of(self, tag: str, name: str) -> int | None:
+        """Line of an element with a name; of several the first."""
+        return self._lines.get((tag, name))
 
     def mistake(self, message: str, line: int | None = None, key: str = "") -> ExchangeError:
         """An error at a line of the file."""
@@ -101,7 +105,7 @@ def read_model(path: str | os.PathLike[str]) -> ModelFile:
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
         above = open_now[-1] if open_now else None
-        known = above is None or (above.known and (above.depth > 0 or tag in _MODEL))
+        known = above is None or (above.known and (above.tag != "robot" or tag in _MODEL))
         if above is not None:
             above.inside.add(tag)
         line, depth = parser.CurrentLineNumber, len(open_now)

@@ -101,7 +101,7 @@ class _Robot:
             if link.name == "world" and empty and link in roots:
                 self.names["world"] = "world"
                 continue
-            line = self.file.lines.get(("link", link.name))
+            line = self.file.line_of("link", link.name)
             self.names[link.name] = self.draft.take("link", link.name, line=line)
         for root in roots:
             if self.names[root.name] != "world":
@@ -115,7 +115,7 @@ class _Robot:
         carried: dict[str, Any] = {}
 
         def say(joint: Any, text: str) -> None:
-            line = self.file.lines.get(("joint", joint.name))
+            line = self.file.line_of("joint", joint.name)
             found.append(Mistake(self.file.name, line, f"joint {joint.name}", text))
 
         for joint in self.robot.joints:
@@ -139,14 +139,14 @@ class _Robot:
         return carried
 
     def _joint(self, joint: Any, link: Any) -> None:
-        line = self.file.lines.get(("joint", joint.name))
+        line = self.file.line_of("joint", joint.name)
         name, above = self.names[link.name], self.names[joint.parent]
         turn, r = _pose(joint.origin)
         R = quaternion(Rotation.from_matrix(turn))
         axis = np.asarray(joint.axis, float)
         if joint.type == "planar":
             for k, along in enumerate(_across(axis, self.file, line)):
-                frame = self.draft.take("link", f"{name}_{'xy'[k]}")
+                frame = self.draft.take("link", "", f"{name}_{'xy'[k]}")
                 own = self.draft.joint_name(frame, f"{joint.name}_{'xy'[k]}", line)
                 slide = {"type": "prismatic", **own, "axis": numbers(along), **placed(r, R)}
                 self.draft.bodies.append(carried(frame, above, slide))
@@ -201,7 +201,7 @@ class _Robot:
             own = np.zeros((3, 3)) if inertial.inertia is None else inertial.inertia
             made["inertia"] = six(R @ self._possible(own, link.name, made["name"]) @ R.T)
         elif inertial is not None and inertial.inertia is not None and np.any(inertial.inertia):
-            line = self.file.lines.get(("link", link.name))
+            line = self.file.line_of("link", link.name)
             self.draft.note("link", link.name, "has an inertia without mass, left out", line)
         add_shapes(self.draft, link, made, self.colours)
         self.draft.bodies.append(made)
@@ -216,7 +216,7 @@ class _Robot:
             f"has the principal moments {a:g}, {b:g} and {c:g} kg m^2; here the largest is the sum "
             f"of the others, {a + b:g}: no solid has more"
         )
-        self.draft.note("link", link, text, self.file.lines.get(("link", link)), part)
+        self.draft.note("link", link, text, self.file.line_of("link", link), part)
         found: Array = axes @ np.diag([a, b, a + b]) @ axes.T
         return found
 

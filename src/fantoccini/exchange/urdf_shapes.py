@@ -25,7 +25,7 @@ def add_shapes(draft: Draft, link: Any, made: dict[str, Any], colours: dict[str,
         made: the body.
         colours: name of a material -> its colour.
     """
-    line = draft.file.lines.get(("link", link.name))
+    line = draft.file.line_of("link", link.name)
     for solid in link.visuals or link.collisions:
         origin = np.eye(4) if solid.origin is None else solid.origin
         shape = _shape(draft, solid.geometry, origin, link.name, line, made["name"])
