@@ -206,10 +206,11 @@ class Bodies:
 
     def _inertia(self, b: int, made: dict[str, Any]) -> None:
         m = self.m
-        if not m.body_mass[b]:
+        if not m.body_mass[b] and not np.any(m.body_inertia[b]):
             return
         R = _rotation(m.body_iquat[b]).as_matrix()
-        made["mass"] = number(m.body_mass[b])
+        if m.body_mass[b]:
+            made["mass"] = number(m.body_mass[b])
         com = numbers(m.body_ipos[b] - self.shift[b])
         if any(com):
             made["com"] = com

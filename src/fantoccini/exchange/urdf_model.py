@@ -193,16 +193,15 @@ class _Robot:
     def _body(self, link: Any, made: dict[str, Any]) -> None:
         """Adds a link's body, with its inertia and shapes."""
         inertial = link.inertial
-        if inertial is not None and inertial.mass:
+        if inertial is not None:
             R, r = _pose(inertial.origin)
-            made["mass"] = number(inertial.mass)
-            if any(com := numbers(r)):
-                made["com"] = com
             own = np.zeros((3, 3)) if inertial.inertia is None else inertial.inertia
-            made["inertia"] = six(R @ self._possible(own, link.name, made["name"]) @ R.T)
-        elif inertial is not None and inertial.inertia is not None and np.any(inertial.inertia):
-            line = self.file.line_of("link", link.name)
-            self.draft.note("link", link.name, "has an inertia without mass, left out", line)
+            if inertial.mass:
+                made["mass"] = number(inertial.mass)
+                if any(com := numbers(r)):
+                    made["com"] = com
+            if inertial.mass or np.any(own):
+                made["inertia"] = six(R @ self._possible(own, link.name, made["name"]) @ R.T)
         add_shapes(self.draft, link, made, self.colours)
         self.draft.bodies.append(made)
 
