@@ -18,7 +18,7 @@ from harness import Model, State
 from oracles import random_models
 
 ROUNDING = 1e-11
-"""Of accelerations, over the largest: numbers are written with 15 digits."""
+"""Of accelerations, over the largest."""
 
 
 def imported(text: str, folder: Path) -> Imported:

@@ -16,12 +16,10 @@ from fantoccini.exchange.model_file import ModelFile
 from fantoccini.puppet import Puppet, dump
 from fantoccini.puppet.located import Located
 
-DIGITS = 15
-"""Significant digits of written numbers: 1e-15 of rounding, and 0.1 + 0.2 reads as 0.3."""
-
 RESERVED = ("world", "floor")
 """Names that a puppet's parts cannot have."""
 
+_WHOLE = 1e15  # Size from which whole numbers keep their point
 _MOST = 64  # Characters of a name
 _NAMED = 8  # Elements of the same kind that a comment names
 
@@ -153,9 +151,9 @@ class Draft:
 
 
 def number(x: float) -> float:
-    """A number as it is written: 15 digits, whole ones without a point."""
-    found = float(f"{x:.{DIGITS}g}")
-    return int(found) if found.is_integer() and abs(found) < 10**DIGITS else found
+    """A number as it is written: all its digits, whole ones without a point."""
+    found = float(x)
+    return int(found) if found.is_integer() and abs(found) < _WHOLE else found
 
 
 def numbers(values: Iterable[float], least: float = 1e-16) -> list[float]:
