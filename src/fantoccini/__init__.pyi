@@ -30,7 +30,7 @@ from .errors import (
 )
 from .exchange import (
     Imported as Imported,
-    Note as Note,
+    ImportNote as ImportNote,
     import_model as import_model,
 )
 from .gestures import (

@@ -126,9 +126,11 @@ CONNECTED = """
       <joint name="ja" axis="0 1 0" pos="0 0 0.1"/><geom type="capsule" size="0.05 0.3"/>
       <body name="b" pos="0 0 -0.6" quat="1 0.2 0 0.1">
         <joint name="jb" type="ball"/><geom type="box" size="0.1 0.2 0.3"/>
+        <site name="here" pos="0.1 0 -0.2"/>
       </body>
     </body>
-    <body name="c" pos="0.5 0 1"><freejoint name="jc"/><geom size="0.1"/></body>
+    <body name="c" pos="0.5 0 1"><freejoint name="jc"/><geom size="0.1"/>
+      <site name="there" pos="0 0.1 0"/></body>
   </worldbody>
   <equality><connect name="pin" body1="b" body2="c" anchor="0 0 -0.2"/></equality>
 </mujoco>"""
@@ -141,7 +143,7 @@ def test_a_shared_point_is_three_wires(tmp_path):
     """
     made, m = imported(CONNECTED, tmp_path), mujoco.MjModel.from_xml_string(CONNECTED)
     assert [str(n) for n in made.report if n.kind == "equality"] == [
-        f"{tmp_path / 'model.xml'}:12: equality pin: connect: is three wires of 1 m here"
+        f"{tmp_path / 'model.xml'}:14: equality pin: connect: is three wires of 1 m here"
     ]
     m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     puppet = fan.loads(made.text)
@@ -156,6 +158,18 @@ def test_a_shared_point_is_three_wires(tmp_path):
     assert np.abs(rigid - d.qacc_smooth).max() > 1.0
     acc = puppet.forward_dynamics(x).acc_D
     assert np.allclose(acc, rigid[v], rtol=0, atol=1e-9 * np.abs(rigid).max())
+
+
+def test_a_shared_point_may_be_two_sites(tmp_path):
+    """The wires' gaps are those of MuJoCo's sites, wherever the bodies are."""
+    sites = 'site1="here" site2="there"'
+    text = CONNECTED.replace('body1="b" body2="c" anchor="0 0 -0.2"', sites)
+    made, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
+    for model, x, d, _ in states(made, m, 2):
+        here, there = d.site("here").xpos, d.site("there").xpos
+        ends = there + d.body("c").xmat.reshape(3, 3).T
+        gaps = np.linalg.norm(here - ends, axis=1) - 1.0
+        assert np.allclose(model.call("rows", x)["h"], gaps, rtol=0, atol=1e-12)
 
 
 REST = """<mujoco model="re st"><compiler angle="radian"/>
@@ -296,10 +310,10 @@ def test_nothing_is_replaced_unasked(tmp_path):
 
 def test_names_are_data(tmp_path):
     """No name of a model reaches the puppet as it is: not as YAML, comment or path."""
-    odd = "../x: {y}\n# z: &quot;\n  - name: w"
+    odd = "../x: {y}&#10;&#x2028;puppet: z&#13;: &quot;  - name: w"
     text = (
-        f'<mujoco model="{odd}"><asset><mesh name="{odd}" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset>'
-        f'<worldbody><body name="{odd}"><joint name="{odd}" frictionloss="1"/>'
+        f'<mujoco model="{odd}"><asset><mesh name="{odd}" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/>'
+        f'</asset><worldbody><body name="{odd}"><joint name="{odd}" frictionloss="1"/>'
         f'<geom type="mesh" mesh="{odd}"/></body></worldbody></mujoco>'
     )
     made = imported(text, tmp_path)
@@ -307,4 +321,4 @@ def test_names_are_data(tmp_path):
     puppet = fan.puppet.load(tmp_path / "out.yaml")
     assert len(puppet.bodies) == 1 and len(puppet.bodies[0].shapes) == 1
     assert all(part.parent.parent == tmp_path for part in tmp_path.rglob("*.stl"))
-    assert not any("\n" in str(note) for note in made.report)
+    assert puppet.name != "z" and all(str(note).isprintable() for note in made.report)

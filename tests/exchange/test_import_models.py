@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import mujoco
+import numpy as np
 import pytest
 from benchmarks.exchange import models
 
+import fantoccini as fan
 from fantoccini.exchange import import_model
 
 OFF = {
@@ -35,3 +37,19 @@ def test_ball_in_cup_hangs_on_its_string():
     m = mujoco.MjModel.from_xml_path(str(path))
     made = import_model(path)
     assert f"length: {m.tendon_range[m.tendon('string').id, 1]:g}" in made.text
+
+
+def test_compiled_accelerations_agree(tmp_path):
+    path = models.path_of("gymnasium/envs/mujoco/assets/hopper.xml")
+    m = mujoco.MjModel.from_xml_path(str(path))
+    list(models.switched_off(m))
+    made, d = import_model(path), mujoco.MjData(m)
+    made.save(tmp_path / "hopper.yaml")
+    hopper = fan.load(tmp_path / "hopper.yaml")
+    q, v = models.places(made, m, hopper.coordinates)
+    d.qpos[:], d.qvel[:] = [0.1, 1.3, 0.2, -0.3, -0.5, 0.4], [0.5, -0.2, 1.0, 2.0, -1.0, 0.7]
+    mujoco.mj_forward(m, d)
+    values = dict(zip(hopper.coordinates.q_D, d.qpos[q], strict=True))
+    values |= {f"v:{n}": x for n, x in zip(hopper.coordinates.v_D, d.qvel[v], strict=True)}
+    acc = hopper.forward_dynamics(hopper.state(values)).acc_D
+    assert np.allclose(acc, d.qacc[v], rtol=0, atol=1e-9 * np.abs(d.qacc).max())

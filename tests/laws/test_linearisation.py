@@ -33,7 +33,7 @@ bodies:
       type: ball
       at: [0.1, 0, 0]
       damping: {parameter: friction, value: 0.03}
-      armature: {parameter: rotor, value: 0.02}
+      armature: {parameter: rotor, value: 0.1}
       spring: {stiffness: 0.05}
       cone: {max: 60 deg, axis: [0, 0, -1], of: [0, 0, -1]}
       twist: {lower: -70 deg, upper: 70 deg}

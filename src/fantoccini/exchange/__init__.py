@@ -3,7 +3,7 @@
 Importing URDF needs yourdfpy; everything else but the export needs MuJoCo.
 """
 
-from fantoccini.exchange.imported import Imported, Note
+from fantoccini.exchange.imported import Imported, ImportNote
 from fantoccini.exchange.importing import import_model
 from fantoccini.exchange.joints import Joint, all_joints
 from fantoccini.exchange.mjcf_model import mjcf
@@ -11,10 +11,10 @@ from fantoccini.exchange.mujoco_puppet import MuJoCoPuppet
 from fantoccini.exchange.mujoco_runs import mujoco_run
 
 __all__ = [
+    "ImportNote",
     "Imported",
     "Joint",
     "MuJoCoPuppet",
-    "Note",
     "all_joints",
     "import_model",
     "mjcf",

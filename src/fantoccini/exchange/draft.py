@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from fantoccini.arrays import Array, Quaternion
 from fantoccini.errors import ExchangeError, FileError
-from fantoccini.exchange.imported import Imported, Note
+from fantoccini.exchange.imported import Imported, ImportNote
 from fantoccini.exchange.model_file import ModelFile
 from fantoccini.puppet import Puppet, dump
 from fantoccini.puppet.located import Located
@@ -52,7 +52,7 @@ class Draft:
         self.obstacles: list[dict[str, Any]] = []
         self.pose: dict[str, Any] = {}
         self.top: dict[str, Any] = {}
-        self.notes: list[Note] = []
+        self.notes: list[ImportNote] = []
         self.meshes: dict[str, bytes] = {}
         self.mesh_paths: dict[str, str] = {}
         self.joints: list[str] = []
@@ -63,9 +63,8 @@ class Draft:
         self, kind: str, name: str, message: str, line: int | None = None, part: str = ""
     ) -> None:
         """Adds a line to the report."""
-        if not name:
-            line = line or None
-        self.notes.append(Note(self.file.name, line, kind, shown(name), message, part))
+        note = ImportNote(self.file.name, line, kind, shown(name), printable(message), part)
+        self.notes.append(note)
 
     def take(
         self, kind: str, name: str, instead: str = "", line: int | None = None, end: str = ""
@@ -125,7 +124,7 @@ class Draft:
         self.notes.sort(key=lambda note: note.line or np.inf)
         text = _with_comments(dump.to_yaml(data), self.notes)
         lines = (*head, *_summary(self.notes))
-        comment = "".join(f"# {line}".rstrip() + "\n" for line in lines)
+        comment = "".join(f"# {printable(line)}".rstrip() + "\n" for line in lines)
         return Imported(comment + text, tuple(self.notes), self.meshes, tuple(self.joints))
 
     def _check(self, data: dict[str, Any]) -> None:
@@ -196,7 +195,12 @@ def six(inertia: Array) -> list[float]:
 
 def shown(name: str) -> str:
     """A name of a model on one line, and short."""
-    return re.sub(r"[^\x20-\x7e\u00a0-\uffff]", "?", name)[:_MOST]
+    return printable(name)[:_MOST]
+
+
+def printable(text: str) -> str:
+    """The text on one line, with ``?`` for what is not printed: a comment ends where it ends."""
+    return "".join(c if c.isprintable() else "?" for c in text)
 
 
 def _plain(name: str) -> str:
@@ -207,7 +211,7 @@ def _plain(name: str) -> str:
     return "" if not found.strip("_-") else found[:_MOST]
 
 
-def _summary(notes: Sequence[Note]) -> list[str]:
+def _summary(notes: Sequence[ImportNote]) -> list[str]:
     """Lines of a comment about elements that no part of the puppet stands for."""
     alike: dict[tuple[str, str], list[str]] = {}
     for note in notes:
@@ -223,7 +227,7 @@ def _summary(notes: Sequence[Note]) -> list[str]:
     return lines
 
 
-def _with_comments(text: str, notes: Sequence[Note]) -> str:
+def _with_comments(text: str, notes: Sequence[ImportNote]) -> str:
     """Writes each note above the part that it concerns."""
     about: dict[str, list[str]] = {}
     for note in notes:

@@ -12,7 +12,7 @@ from fantoccini.files import replacing
 
 
 @dataclass(frozen=True)
-class Note:
+class ImportNote:
     """Something of a model that its puppet does not have, or has otherwise.
 
     Attributes:
@@ -54,7 +54,7 @@ class Imported:
     """
 
     text: str
-    report: tuple[Note, ...]
+    report: tuple[ImportNote, ...]
     meshes: Mapping[str, bytes]
     joints: tuple[str, ...]
 

@@ -91,10 +91,12 @@ class Bodies:
 
     def point(self, site: int) -> dict[str, Any]:
         """A site as a point of a string or spring."""
-        m = self.m
-        body = int(m.site_bodyid[site])
-        at = numbers(m.site_pos[site] - self.shift[body])
-        return {"world": at} if body == 0 else {"body": self.names[body], "at": at}
+        return self.fixed_point(int(self.m.site_bodyid[site]), self.m.site_pos[site])
+
+    def fixed_point(self, body: int, at: Array) -> dict[str, Any]:
+        """A point of MuJoCo's body as one of a string or spring."""
+        place = numbers(at - self.shift[body])
+        return {"world": place} if body == 0 else {"body": self.names[body], "at": place}
 
     def _body(self, b: int) -> None:
         m, first = self.m, int(self.m.body_jntadr[b])

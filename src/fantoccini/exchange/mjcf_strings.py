@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.exchange.draft import number, numbers
+from fantoccini.exchange.draft import number
 from fantoccini.exchange.mjcf_bodies import Bodies, line_of
 from fantoccini.exchange.mujoco_puppet import library
 
@@ -138,20 +138,19 @@ def _constrained(bodies: Bodies) -> dict[int, float]:
 
 
 def _connect(bodies: Bodies, e: int, name: str, line: int | None) -> bool:
-    """Three wires between two bodies; False where the constraint names sites or flexes."""
-    m, draft = bodies.m, bodies.draft
-    if m.eq_objtype[e] != library().mjtObj.mjOBJ_BODY:
-        return False
+    """Three wires between two bodies; False where the constraint names neither bodies nor sites."""
+    m, draft, kinds = bodies.m, bodies.draft, library().mjtObj
     one, other = int(m.eq_obj1id[e]), int(m.eq_obj2id[e])
     here, there = m.eq_data[e, :3], m.eq_data[e, 3:6]
-
-    def point(body: int, at: Any) -> dict[str, Any]:
-        place = numbers(at - bodies.shift[body])
-        return {"world": place} if body == 0 else {"body": bodies.names[body], "at": place}
-
-    for axis, e_axis in zip("xyz", np.eye(3), strict=True):
-        ends = [point(one, here), point(other, there + _WIRE * e_axis)]
+    if m.eq_objtype[e] == kinds.mjOBJ_SITE:
+        here, there = m.site_pos[one], m.site_pos[other]
+        one, other = int(m.site_bodyid[one]), int(m.site_bodyid[other])
+    elif m.eq_objtype[e] != kinds.mjOBJ_BODY:
+        return False
+    wire = ""
+    for axis, away in zip("xyz", _WIRE * np.eye(3), strict=True):
+        path = [bodies.fixed_point(one, here), bodies.fixed_point(other, there + away)]
         wire = draft.take("equality", name, "connect", line, f"_{axis}")
-        draft.strings.append({"name": wire, "path": ends, "length": _WIRE, "wire": True})
+        draft.strings.append({"name": wire, "path": path, "length": _WIRE, "wire": True})
     draft.note("equality", name, f"connect: is three wires of {_WIRE:g} m here", line, wire)
     return True
