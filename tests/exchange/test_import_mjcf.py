@@ -130,27 +130,29 @@ CONNECTED = """
       </body>
     </body>
     <body name="c" pos="0.5 0 1"><freejoint name="jc"/><geom size="0.1"/>
-      <site name="there" pos="0 0.1 0"/></body>
+      <site name="there" pos="0 0.1 0" quat="1 0 0.3 0"/></body>
   </worldbody>
   <equality><connect name="pin" body1="b" body2="c" anchor="0 0 -0.2"/></equality>
 </mujoco>"""
 
 
-def test_a_shared_point_is_three_wires(tmp_path):
+@pytest.mark.parametrize(("kind", "count"), [("connect", 3), ("weld", 6)])
+def test_bodies_are_held_by_wires(kind, count, tmp_path):
     """At rest, accelerations are those of MuJoCo's constraint if it were rigid:
 
     M a + bias = J^T f, J a = 0.
     """
-    made, m = imported(CONNECTED, tmp_path), mujoco.MjModel.from_xml_string(CONNECTED)
+    text = CONNECTED.replace("<connect", f"<{kind}")
+    made, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
     assert [str(n) for n in made.report if n.kind == "equality"] == [
-        f"{tmp_path / 'model.xml'}:14: equality pin: connect: is three wires of 1 m here"
+        f"{tmp_path / 'model.xml'}:14: equality pin: {kind}: is {count} wires of 1 m here"
     ]
     m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     puppet = fan.loads(made.text)
     q, v = models.places(made, m, puppet.coordinates)
     d = mujoco.MjData(m)
     mujoco.mj_forward(m, d)  # the zero pose meets the constraint
-    J, M = d.efc_J.reshape(3, m.nv), np.zeros((m.nv, m.nv))
+    J, M = d.efc_J.reshape(count, m.nv), np.zeros((m.nv, m.nv))
     mujoco.mj_fullM(m, d, M)
     W = np.linalg.solve(M, J.T)
     rigid = d.qacc_smooth - W @ np.linalg.solve(J @ W, J @ d.qacc_smooth)
@@ -160,15 +162,20 @@ def test_a_shared_point_is_three_wires(tmp_path):
     assert np.allclose(acc, rigid[v], rtol=0, atol=1e-9 * np.abs(rigid).max())
 
 
-def test_a_shared_point_may_be_two_sites(tmp_path):
+@pytest.mark.parametrize("kind", ["connect", "weld"])
+def test_constraints_may_name_two_sites(kind, tmp_path):
     """The wires' gaps are those of MuJoCo's sites, wherever the bodies are."""
     sites = 'site1="here" site2="there"'
     text = CONNECTED.replace('body1="b" body2="c" anchor="0 0 -0.2"', sites)
+    text = text.replace("<connect", f"<{kind}")
     made, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
     for model, x, d, _ in states(made, m, 2):
         here, there = d.site("here").xpos, d.site("there").xpos
-        ends = there + d.body("c").xmat.reshape(3, 3).T
-        gaps = np.linalg.norm(here - ends, axis=1) - 1.0
+        R, S = (d.site(name).xmat.reshape(3, 3).T for name in ("here", "there"))
+        gaps = np.linalg.norm(here - (there + S), axis=1) - 1.0
+        if kind == "weld":
+            ends = there + S + S[[1, 2, 0]]
+            gaps = [*gaps, *np.linalg.norm(here + R - ends, axis=1) - 1.0]
         assert np.allclose(model.call("rows", x)["h"], gaps, rtol=0, atol=1e-12)
 
 
@@ -275,6 +282,7 @@ WRONG = {
     "a file that is not there": ('<mujoco>\n<include file="no.xml"/></mujoco>', ":2: MuJoCo says"),
     "no mass": ("<mujoco>\n<worldbody><body>\n<joint/></body></worldbody></mujoco>", "mass"),
     "no bodies": ("<mujoco/>", "found no bodies"),
+    "too deep": ("<mujoco>\n" + "<body>" * 300, ":2: nested deeper than 200 levels"),
     "a macro": ('<robot name="a" xmlns:xacro="x">\n<xacro:if/></robot>', ":2: found a macro"),
 }  # fmt: skip
 

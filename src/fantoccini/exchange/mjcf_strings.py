@@ -4,7 +4,8 @@
 - One with stiffness or damping between two sites is a spring.
 - One of constrained length is a wire.
 - A point that two bodies share is held by three wires of 1 m, from the point on one body to three
-  points 1 m away along the axes of the other: |a - b_i|^2 = 1 has no other solution nearby.
+  points 1 m away along the axes of the other: |a - b_i|^2 = 1 has no other solution nearby. Three
+  more weld them.
 """
 
 from __future__ import annotations
@@ -13,11 +14,19 @@ from typing import Any
 
 import numpy as np
 
+from fantoccini.arrays import Array
 from fantoccini.exchange.draft import number
 from fantoccini.exchange.mjcf_bodies import Bodies, line_of
 from fantoccini.exchange.mujoco_puppet import library
+from fantoccini.motion import rotation as rotations
 
-_WIRE = 1.0  # Length of the wires that hold a shared point [m]
+_SCALE = 10  # Place of a weld's torquescale in its data
+
+_POINT = {"x": ((0, 0, 0), (1, 0, 0)), "y": ((0, 0, 0), (0, 1, 0)), "z": ((0, 0, 0), (0, 0, 1))}
+"""Wires of 1 m that hold a point: their ends in the two frames [m]."""
+
+_TURN = {"xy": ((1, 0, 0), (1, 1, 0)), "yz": ((0, 1, 0), (0, 1, 1)), "zx": ((0, 0, 1), (1, 0, 1))}
+"""Those that also hold the orientation: each stops one axis."""
 
 
 def add_tendons(bodies: Bodies) -> None:
@@ -69,7 +78,7 @@ def add_tendons(bodies: Bodies) -> None:
 
 
 def add_constraints(bodies: Bodies) -> None:
-    """Adds wires for points that two bodies share, and notes other constraints than tendons'."""
+    """Adds wires for shared points and welds, and notes other constraints than tendons'."""
     draft, m, kinds = bodies.draft, bodies.m, library().mjtEq
     elements = bodies.compiled.elements("equalities")
     for e in range(m.neq):
@@ -77,7 +86,7 @@ def add_constraints(bodies: Bodies) -> None:
         word = kind.name.removeprefix("mjEQ_").lower()
         if not m.eq_active0[e]:
             draft.note("equality", name, f"{word}: left out, it is not active", line)
-        elif kind == kinds.mjEQ_CONNECT and _connect(bodies, e, name, line):
+        elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD) and _held(bodies, e, name, line):
             continue
         elif kind != kinds.mjEQ_TENDON or not _is_plain(m, e):
             draft.note("equality", name, f"{word}: left out, has no counterpart", line)
@@ -137,20 +146,39 @@ def _constrained(bodies: Bodies) -> dict[int, float]:
     }
 
 
-def _connect(bodies: Bodies, e: int, name: str, line: int | None) -> bool:
-    """Three wires between two bodies; False where the constraint names neither bodies nor sites."""
-    m, draft, kinds = bodies.m, bodies.draft, library().mjtObj
-    one, other = int(m.eq_obj1id[e]), int(m.eq_obj2id[e])
-    here, there = m.eq_data[e, :3], m.eq_data[e, 3:6]
-    if m.eq_objtype[e] == kinds.mjOBJ_SITE:
-        here, there = m.site_pos[one], m.site_pos[other]
-        one, other = int(m.site_bodyid[one]), int(m.site_bodyid[other])
-    elif m.eq_objtype[e] != kinds.mjOBJ_BODY:
+def _held(bodies: Bodies, e: int, name: str, line: int | None) -> bool:
+    """Wires that hold two bodies; False where the constraint names neither bodies nor sites."""
+    m, draft, kinds = bodies.m, bodies.draft, library().mjtEq
+    word, pairs = "connect", _POINT
+    if m.eq_type[e] == kinds.mjEQ_WELD:
+        word, pairs = "weld", _POINT | _TURN
+        if m.eq_data[e, _SCALE] <= 0.0:
+            return False
+    ends = _frames(m, e)
+    if ends is None:
         return False
+    (one, R, r), (other, S, s) = ends
     wire = ""
-    for axis, away in zip("xyz", _WIRE * np.eye(3), strict=True):
-        path = [bodies.fixed_point(one, here), bodies.fixed_point(other, there + away)]
-        wire = draft.take("equality", name, "connect", line, f"_{axis}")
-        draft.strings.append({"name": wire, "path": path, "length": _WIRE, "wire": True})
-    draft.note("equality", name, f"connect: is three wires of {_WIRE:g} m here", line, wire)
+    for end, (here, there) in pairs.items():
+        path = [
+            bodies.fixed_point(one, r + R @ np.array(here)),
+            bodies.fixed_point(other, s + S @ np.array(there)),
+        ]
+        wire = draft.take("equality", name, word, line, f"_{end}")
+        draft.strings.append({"name": wire, "path": path, "length": 1, "wire": True})
+    draft.note("equality", name, f"{word}: is {len(pairs)} wires of 1 m here", line, wire)
     return True
+
+
+def _frames(m: Any, e: int) -> list[tuple[int, Array, Array]] | None:
+    """Body, orientation and origin of the two frames that a constraint lets coincide."""
+    kinds, data = library().mjtObj, m.eq_data[e]
+    one, other = int(m.eq_obj1id[e]), int(m.eq_obj2id[e])
+    if m.eq_objtype[e] == kinds.mjOBJ_SITE:
+        turn = rotations.matrix(m.site_quat)
+        return [(int(m.site_bodyid[k]), turn[k], m.site_pos[k]) for k in (one, other)]
+    if m.eq_objtype[e] != kinds.mjOBJ_BODY:
+        return None
+    if m.eq_type[e] == library().mjtEq.mjEQ_CONNECT:
+        return [(one, np.eye(3), data[:3]), (other, np.eye(3), data[3:6])]
+    return [(one, rotations.matrix(data[6:10]), data[3:6]), (other, np.eye(3), data[:3])]

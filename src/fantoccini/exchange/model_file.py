@@ -14,6 +14,9 @@ from fantoccini.errors import ExchangeError, Mistake
 MAX_BYTES = 20_000_000
 """Size of a model file [bytes]: far beyond those of robots."""
 
+MAX_DEPTH = 200
+"""Levels of nesting: programs read them by recursion."""
+
 ROOTS = {"mujoco": "MJCF", "robot": "URDF"}
 """First element of a file -> its format."""
 
@@ -104,6 +107,9 @@ def read_model(path: str | os.PathLike[str]) -> ModelFile:
     parser = expat.ParserCreate()
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
+        if len(open_now) > MAX_DEPTH:
+            what = f"nested deeper than {MAX_DEPTH} levels"
+            raise fail(what, parser.CurrentLineNumber)
         above = open_now[-1] if open_now else None
         known = above is None or (above.known and (above.tag != "robot" or tag in _MODEL))
         if above is not None:
