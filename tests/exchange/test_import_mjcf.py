@@ -44,7 +44,8 @@ def test_accelerations_and_tendons_agree(seed, tmp_path):
     """References, springs, armatures, and joints about several points of one body."""
     text = random_models.mjcf(seed)
     made, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
-    assert list(models.switched_off(m)) == [] and made.report == ()
+    assert list(models.switched_off(m)) == ["actuators"][: m.nu]
+    assert {note.kind for note in made.report} <= {"actuator"}
     for model, x, d, v in states(made, m, 3):
         acc = model.acceleration(x)
         assert np.abs(acc - d.qacc[v]).max() < ROUNDING * np.abs(d.qacc).max()
@@ -65,6 +66,7 @@ def test_a_puppet_comes_back_from_mjcf(seed, tmp_path):
             if "body" not in point and "world" not in point:
                 point["world"] = point.pop("at")
         string["length"] = 1.5
+    made["strings"][0]["wire"] = True
     for body in made["bodies"]:
         if body["joint"]["type"] == "ball":
             body["joint"].pop("spring", None)
@@ -80,7 +82,9 @@ def test_a_puppet_comes_back_from_mjcf(seed, tmp_path):
         assert np.abs(acc - d.qacc[v]).max() < 1e-9 * np.abs(d.qacc).max()
         names = [s.name for s in again.tree.strings]
         own = {m.tendon(t).name.replace(".", "_"): t for t in range(m.ntendon)}
-        h, ends = again.call("rows", x)["h"], d.ten_length - m.tendon_range[:, 1]
+        most = m.tendon_range[:, 1].copy()
+        most[m.tendon("s0").id] = 1.5
+        h, ends = again.call("rows", x)["h"], d.ten_length - most
         assert np.allclose(h[: len(names)], [ends[own[n]] for n in names], rtol=0, atol=1e-12)
 
 
@@ -330,3 +334,16 @@ def test_names_are_data(tmp_path):
     assert len(puppet.bodies) == 1 and len(puppet.bodies[0].shapes) == 1
     assert all(part.parent.parent == tmp_path for part in tmp_path.rglob("*.stl"))
     assert puppet.name != "z" and all(str(note).isprintable() for note in made.report)
+
+
+def test_a_tendon_of_kept_length_is_a_wire(tmp_path):
+    """Its length is that of the zero pose, and polycoef more."""
+    tendon = '<spatial name="rod"><site site="here"/><site site="there"/></spatial>'
+    text = CONNECTED.replace(
+        '<connect name="pin" body1="b" body2="c" anchor="0 0 -0.2"/>',
+        '<tendon name="keep" tendon1="rod" polycoef="0.05 0 0 0 0"/>',
+    ).replace("</mujoco>", f"<tendon>{tendon}</tendon></mujoco>")
+    made, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
+    assert not any(note.kind in ("equality", "tendon") for note in made.report)
+    (rod,) = fan.puppet.loads(made.text).strings
+    assert rod.wire and rod.length == pytest.approx(m.tendon_length0[0] + 0.05, abs=1e-12)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 HINGES = ("hinge", "slide")
@@ -10,7 +12,7 @@ HINGES = ("hinge", "slide")
 def mjcf(seed: int, bodies: int = 5) -> str:
     """Bodies with 0 to 3 joints each, about points of their own, with references and springs.
 
-    Two limited tendons run through three sites each, one spring joins two.
+    Two limited tendons run through three sites each, one spring joins two. Two motors have rotors.
     """
     rng = np.random.default_rng(seed)
 
@@ -46,6 +48,10 @@ def mjcf(seed: int, bodies: int = 5) -> str:
         return f'<body name="b{i}" pos="{row(3)}" quat="{row(4)}">{inside}</body>'
 
     above = [-1, *(int(rng.integers(0, k)) for k in range(1, bodies))]
+    root = body(0)
+    single = re.findall(r'name="(\w+)" type="(?:hinge|slide)"', root)
+    rotor = 'gear="2" armature="0.1" damping="0.2"'
+    motors = "".join(f'<motor joint="{name}" {rotor}/>' for name in single[:2])
     tendons = ""
     for k in range(2):
         sites = [*rng.permutation(bodies)[:2], "w"]
@@ -57,7 +63,8 @@ def mjcf(seed: int, bodies: int = 5) -> str:
     )
     return (
         '<mujoco><compiler angle="radian"/><option gravity="0.3 -2 -9"/><worldbody>'
-        f'<site name="sw" pos="{row(3)}"/>{body(0)}</worldbody><tendon>{tendons}</tendon></mujoco>'
+        f'<site name="sw" pos="{row(3)}"/>{root}</worldbody><tendon>{tendons}</tendon>'
+        f"<actuator>{motors}</actuator></mujoco>"
     )
 
 

@@ -63,6 +63,11 @@ class Bodies:
     """Makes a puppet's bodies.
 
     Attributes:
+        compiled, m: the model, and MuJoCo's own.
+        draft: of the puppet.
+        bodies, joints: index -> element of the model's file.
+        springs, dampers, limits: whether MuJoCo's flags leave them on.
+        damping, armature: (n_v,) of the joints, with those of actuators.
         names: (n_body,) names of the puppet's bodies; the world's is ``world``.
         shift: (n_body, 3) origins of the puppet's bodies in MuJoCo's.
 
@@ -81,6 +86,8 @@ class Bodies:
             for bit in (flags.mjDSBL_SPRING, flags.mjDSBL_DAMPER, flags.mjDSBL_LIMIT)
         )
         self.bodies, self.joints = compiled.elements("bodies"), compiled.elements("joints")
+        self.damping, self.armature = m.dof_damping.copy(), m.dof_armature.copy()
+        self._rotors()
         self.names = ["world"]
         self.shift = np.zeros((m.nbody, 3))
         for b in range(1, m.nbody):
@@ -97,6 +104,27 @@ class Bodies:
         """A point of MuJoCo's body as one of a string or spring."""
         place = numbers(at - self.shift[body])
         return {"world": place} if body == 0 else {"body": self.names[body], "at": place}
+
+    def _rotors(self) -> None:
+        """Adds the armature and damping of actuators on one coordinate; notes those of others."""
+        m, kinds = self.m, library().mjtTrn
+        elements = self.compiled.elements("actuators")
+        single = int(library().mjtJoint.mjJNT_SLIDE), int(library().mjtJoint.mjJNT_HINGE)
+        for a in range(m.nu):
+            armature, damping = (field(m, f"actuator_{x}", a) for x in ("armature", "damping"))
+            kind = kinds(int(m.actuator_trntype[a]))
+            by_joint = kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT)
+            joint = int(m.actuator_trnid[a, 0])
+            if by_joint and m.jnt_type[joint] in single:
+                v, gear = m.jnt_dofadr[joint], float(m.actuator_gear[a, 0])
+                self.armature[v] += gear**2 * armature
+                self.damping[v] += gear**2 * damping
+            elif armature or damping:
+                line, text = line_of(elements.get(a)), "has armature or damping, left out"
+                self.draft.note("actuator", m.actuator(a).name, text, line)
+            if np.any(field(m, "actuator_dampingpoly", a)):
+                line, text = line_of(elements.get(a)), "has nonlinear damping, left out"
+                self.draft.note("actuator", m.actuator(a).name, text, line)
 
     def _body(self, b: int) -> None:
         m, first = self.m, int(self.m.body_jntadr[b])
@@ -170,10 +198,10 @@ class Bodies:
         def note(text: str) -> None:
             self.draft.note("joint", m.joint(j).name, text, line, name)
 
-        if m.dof_damping[v] and self.dampers:
-            yield "damping", number(m.dof_damping[v])
-        if m.dof_armature[v]:
-            yield "armature", number(m.dof_armature[v])
+        if self.damping[v] and self.dampers:
+            yield "damping", number(self.damping[v])
+        if self.armature[v]:
+            yield "armature", number(self.armature[v])
         if m.jnt_stiffness[j] and self.springs:
             spring = {"stiffness": number(m.jnt_stiffness[j])}
             if word == "free":
@@ -199,9 +227,9 @@ class Bodies:
                     note(f"has the range {low:g} to {high:g}, left out")
         for what, values in (
             ("frictionloss", m.dof_frictionloss[v]),
-            ("nonlinear stiffness", m.jnt_stiffnesspoly[j]),
-            ("nonlinear damping", m.dof_dampingpoly[v]),
-            ("springyield", m.jnt_springyield[j]),
+            ("nonlinear stiffness", field(m, "jnt_stiffnesspoly", j)),
+            ("nonlinear damping", field(m, "dof_dampingpoly", v)),
+            ("springyield", field(m, "jnt_springyield", j)),
         ):
             if np.any(values):
                 note(f"has {what}, left out")
@@ -225,12 +253,17 @@ class Bodies:
         elif number(q[0]):
             self.draft.pose[name] = number(q[0])
 
-    def _pose_free(self, name: str, at: Array, quaternion: Array) -> None:
+    def _pose_free(self, name: str, at: Array, turn: Array) -> None:
         for axis, x in zip("xyz", numbers(at), strict=True):
             if x:
                 self.draft.pose[f"{name}.{axis}"] = x
-        if turned(quaternion):
-            self.draft.pose[f"{name}.rotation"] = numbers(quaternion)
+        if turned(turn):
+            self.draft.pose[f"{name}.rotation"] = numbers(turn)
+
+
+def field(m: Any, name: str, k: int) -> Any:
+    """Entry of a field of MuJoCo's model; 0 where this version of MuJoCo has no such field."""
+    return getattr(m, name)[k] if hasattr(m, name) else 0.0
 
 
 def line_of(element: Any) -> int | None:

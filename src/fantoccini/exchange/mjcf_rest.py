@@ -37,7 +37,7 @@ def add_shapes(bodies: Bodies) -> None:
     elements, made = bodies.compiled.elements("geoms"), {b["name"]: b for b in draft.bodies}
     for b in range(m.nbody):
         first = int(m.body_geomadr[b])
-        geoms = [g for g in range(first, first + int(m.body_geomnum[b]))]
+        geoms = list(range(first, first + int(m.body_geomnum[b])))
         seen = [g for g in geoms if m.geom_group[g] < _SHOWN and solids.is_seen(_colour(m, g))]
         for g in seen or geoms:
             shape = _shape(bodies, g, elements.get(g))
@@ -56,7 +56,7 @@ def add_notes(bodies: Bodies, keyframe: str | None) -> None:
     """Notes elements that no part of a puppet stands for."""
     m, draft, spec = bodies.m, bodies.draft, bodies.compiled.spec
     for kind, (word, text) in _PLAIN.items():
-        for element in getattr(spec, kind):
+        for element in getattr(spec, kind, ()):
             name = getattr(element, "name", "") or getattr(element, "target", "")
             draft.note(word, name, text, line_of(element))
     for key in spec.keys:

@@ -16,7 +16,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.exchange.draft import number
-from fantoccini.exchange.mjcf_bodies import Bodies, line_of
+from fantoccini.exchange.mjcf_bodies import Bodies, field, line_of
 from fantoccini.exchange.mujoco_puppet import library
 from fantoccini.motion import rotation as rotations
 
@@ -47,10 +47,10 @@ def add_tendons(bodies: Bodies) -> None:
         elastic = m.tendon_stiffness[t] and bodies.springs, m.tendon_damping[t] and bodies.dampers
         for what, values in (
             ("frictionloss", m.tendon_frictionloss[t]),
-            ("armature", m.tendon_armature[t]),
-            ("nonlinear stiffness", m.tendon_stiffnesspoly[t]),
-            ("nonlinear damping", m.tendon_dampingpoly[t]),
-            ("springyield", m.tendon_springyield[t]),
+            ("armature", field(m, "tendon_armature", t)),
+            ("nonlinear stiffness", field(m, "tendon_stiffnesspoly", t)),
+            ("nonlinear damping", field(m, "tendon_dampingpoly", t)),
+            ("springyield", field(m, "tendon_springyield", t)),
         ):
             if np.any(values):
                 note(f"has {what}, left out")
@@ -142,7 +142,7 @@ def _constrained(bodies: Bodies) -> dict[int, float]:
     return {
         int(m.eq_obj1id[e]): float(m.eq_data[e, 0])
         for e in range(m.neq)
-        if m.eq_type[e] == kinds.mjEQ_TENDON and m.eq_active0[e] and _is_plain(m, e)
+        if kinds(int(m.eq_type[e])) == kinds.mjEQ_TENDON and m.eq_active0[e] and _is_plain(m, e)
     }
 
 
@@ -150,7 +150,7 @@ def _held(bodies: Bodies, e: int, name: str, line: int | None) -> bool:
     """Wires that hold two bodies; False where the constraint names neither bodies nor sites."""
     m, draft, kinds = bodies.m, bodies.draft, library().mjtEq
     word, pairs = "connect", _POINT
-    if m.eq_type[e] == kinds.mjEQ_WELD:
+    if kinds(int(m.eq_type[e])) == kinds.mjEQ_WELD:
         word, pairs = "weld", _POINT | _TURN
         if m.eq_data[e, _SCALE] <= 0.0:
             return False
@@ -172,13 +172,14 @@ def _held(bodies: Bodies, e: int, name: str, line: int | None) -> bool:
 
 def _frames(m: Any, e: int) -> list[tuple[int, Array, Array]] | None:
     """Body, orientation and origin of the two frames that a constraint lets coincide."""
-    kinds, data = library().mjtObj, m.eq_data[e]
+    kinds, equalities, data = library().mjtObj, library().mjtEq, m.eq_data[e]
+    kind = kinds(int(m.eq_objtype[e]))
     one, other = int(m.eq_obj1id[e]), int(m.eq_obj2id[e])
-    if m.eq_objtype[e] == kinds.mjOBJ_SITE:
+    if kind == kinds.mjOBJ_SITE:
         turn = rotations.matrix(m.site_quat)
         return [(int(m.site_bodyid[k]), turn[k], m.site_pos[k]) for k in (one, other)]
-    if m.eq_objtype[e] != kinds.mjOBJ_BODY:
+    if kind != kinds.mjOBJ_BODY:
         return None
-    if m.eq_type[e] == library().mjtEq.mjEQ_CONNECT:
+    if equalities(int(m.eq_type[e])) == equalities.mjEQ_CONNECT:
         return [(one, np.eye(3), data[:3]), (other, np.eye(3), data[3:6])]
     return [(one, rotations.matrix(data[6:10]), data[3:6]), (other, np.eye(3), data[:3])]
