@@ -40,7 +40,7 @@ PACKAGES = {
     "sweeps": "One study over many cases, on threads or a Ray cluster, with a store.",
     "demo": "Inputs of bundled performances.",
     "perform": "The live engine: targets of hands become inputs in real time; recordings.",
-    "exchange": "Translates puppets to MuJoCo's format and simulates them there.",
+    "exchange": "Puppets in MuJoCo's format and simulated there; imports of MJCF and URDF.",
     "planning": "Searches for inputs that reach a goal, improves them, follows them with LQR.",
     "stand": "Stands: files, axes bound to driven coordinates, and whether they can do a run.",
     "view": "Pictures, plots and films without a display.",
@@ -83,7 +83,8 @@ TASKS = (
         ("spring and limits, if it has any", ("equations/system.py", "equations/rows.py")),
         ("how a hand moves it, and the bounds of planned motions",
          ("perform/handle.py", "planning/feasible.py")),
-        ("its counterpart in MuJoCo", ("exchange/joints.py", "exchange/mjcf_model.py")),
+        ("its counterpart in MuJoCo, there and back",
+         ("exchange/joints.py", "exchange/mjcf_model.py", "exchange/mjcf_bodies.py")),
     )),
     Task("a kind of string that is a constraint (as a wire)", (
         ("schema: its keys, and which of them exclude each other", ("puppet/schema.py",)),

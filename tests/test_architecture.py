@@ -91,6 +91,7 @@ ONLY_IN = {
     "pxr": {"animation"},
     "pyvista": {"view"},
     "viser": {"web"},
+    "yourdfpy": {"exchange"},
 }
 """Libraries and the modules that may use them."""
 

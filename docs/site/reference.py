@@ -28,7 +28,7 @@ TITLES = {
     "web": "Browser",
     "puppet": "Puppet schema",
     "scene": "Scenes",
-    "exchange": "Exchange with MuJoCo",
+    "exchange": "Exchange with MuJoCo and URDF",
     "equations": "Printed equations",
     "tree": "Measures of a puppet",
     "errors": "Errors",

@@ -28,6 +28,11 @@ from .errors import (
     SweepStopped as SweepStopped,
     UnknownNameError as UnknownNameError,
 )
+from .exchange import (
+    Imported as Imported,
+    ImportNote as ImportNote,
+    import_model as import_model,
+)
 from .gestures import (
     Conductor as Conductor,
     Gesture as Gesture,

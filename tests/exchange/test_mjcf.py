@@ -26,6 +26,8 @@ def tree(seed: int, dof: int = 9) -> Model:
         body.get("drag", {}).pop("quadratic", None)
         if joint["type"] in ("ball", "free"):
             joint["driven"] = False
+        if joint["type"] != "fixed" and not joint.get("driven"):
+            joint["armature"] = 0.1
         if joint["type"] == "ball":
             joint["spring"] = {"stiffness": 3.0}
     return Model(made)

@@ -20,9 +20,13 @@ SCALAR = ("fixed", "revolute", "prismatic", "translation")
 
 @functools.cache
 def tree(seed: int, dof: int | None = None, **options) -> Model:
-    """A random puppet of 3 to 14 DOF."""
+    """A random puppet of 3 to 14 DOF; every second dynamic joint has an armature."""
     dof = 3 + seed * 5 % 12 if dof is None else dof
-    return Model(random_trees.description(seed, dof, **options))
+    made = random_trees.description(seed, dof, **options)
+    for body in made["bodies"][::2]:
+        if body["joint"]["type"] != "fixed" and not body["joint"].get("driven"):
+            body["joint"]["armature"] = 0.2
+    return Model(made)
 
 
 def close(actual, desired, tolerance: float) -> None:

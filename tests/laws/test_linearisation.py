@@ -20,7 +20,7 @@ bodies:
   - {name: bar, joint: {type: free, driven: true}}
   - name: crank
     parent: bar
-    joint: {type: revolute, axis: [0, 1, 0], at: [0.2, 0, 0], damping: 0.02}
+    joint: {type: revolute, axis: [0, 1, 0], at: [0.2, 0, 0], damping: 0.02, armature: 0.002}
     shapes: [{type: sphere, radius: 0.02, at: [0.1, 0, 0], mass: {parameter: bob, value: 0.1}}]
   - name: body
     joint: {type: free}
@@ -33,6 +33,7 @@ bodies:
       type: ball
       at: [0.1, 0, 0]
       damping: {parameter: friction, value: 0.03}
+      armature: {parameter: rotor, value: 0.1}
       spring: {stiffness: 0.05}
       cone: {max: 60 deg, axis: [0, 0, -1], of: [0, 0, -1]}
       twist: {lower: -70 deg, upper: 70 deg}

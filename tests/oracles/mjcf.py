@@ -173,6 +173,7 @@ def _body(body: dict, children, sites, order) -> str:
 def _joints(body: dict, joint: dict, order) -> list[str]:
     kind, name = joint["type"], joint.get("name") or body["name"]
     damping = f"damping={_text([joint.get('damping') or 0.0])}"
+    damping += f" armature={_text([joint.get('armature') or 0.0])}"
     if kind == "fixed":
         return []
     plain = not joint.get("orientation") and not any(_number(a) for a in joint.get("at") or ())
@@ -181,6 +182,7 @@ def _joints(body: dict, joint: dict, order) -> list[str]:
         and plain
         and (body.get("parent") or "world") == "world"
         and not joint.get("damping")
+        and not joint.get("armature")
     ):
         order.append((name, name, "free"))
         return [f"<freejoint name={quoteattr(name)}/>"]

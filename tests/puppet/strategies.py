@@ -43,6 +43,7 @@ def joints(draw: Any, kind: str | None = None) -> dict[str, Any]:
         joint["twist"] = draw(bounds(3)) | {"axis": draw(directions)}
     if kind != "fixed":
         joint["damping"] = draw(sizes)
+        joint["armature"] = draw(sizes)
     return joint
 
 

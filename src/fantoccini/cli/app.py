@@ -187,6 +187,27 @@ def export(
         export_c99(file, out, force, fps, bodies, problem, quiet)
 
 
+@app.command("import")
+def import_(
+    model: Annotated[Path, typer.Argument(metavar="MODEL", help="File in MJCF or URDF.")],
+    puppet: Annotated[Path, typer.Argument(metavar="PUPPET", help="Puppet file to write, .yaml.")],
+    keyframe: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Keyframe of MJCF to start in; else its zero pose."),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Write over files that exist.")] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Make a puppet file of a model in MJCF or URDF.
+
+    Writes meshes into a folder beside it. Prints what the puppet does not have, or has otherwise,
+    each with its line in the model.
+    """
+    from fantoccini.cli.bring_in import import_file
+
+    import_file(model, puppet, keyframe, force, quiet)
+
+
 @app.command("simulate")
 @takes(SimulateRequest)
 def simulate(request: SimulateRequest) -> None:

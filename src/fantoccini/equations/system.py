@@ -153,8 +153,11 @@ class System:
 
     @cached_property
     def armature(self) -> np.ndarray:
-        """(n_vD,) inertia of the drives, on the diagonal of M_DD."""
+        """(n_vD,) inertia of the drives and rotors of joints, on the diagonal of M_DD."""
         found = zeros(self.tree.coordinates.n_vD)
+        for link in self.tree.links:
+            if link.role is Role.DYNAMIC:
+                found[link.v] = self.value(link.armature)
         for row in self.tree.drives:
             found[row.v] = row.inertia(self.value)
         return found

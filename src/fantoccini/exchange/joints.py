@@ -100,6 +100,7 @@ def pose_in_parent(link: Link, q: Array, number: Callable[[Number], float]) -> t
 
 
 def _plain(link: Link) -> bool:
-    """Whether a free joint is undamped and its coordinates are the link's pose in the world."""
+    """Whether a free joint has its pose in the world as coordinates, no damping and no armature."""
     moved = any(link.offset) or not np.array_equal(link.rotation, np.eye(3))
-    return link.parent == WORLD and link.role is Role.DYNAMIC and not moved and not link.damping
+    free = not link.damping and not link.armature
+    return link.parent == WORLD and link.role is Role.DYNAMIC and not moved and free

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from xml.etree.ElementTree import Element, indent, tostring
 
@@ -33,7 +34,17 @@ from fantoccini.exchange.joints import Joint, joints_of, pose_in_parent, winch_o
 from fantoccini.exchange.twists import tendon_ends
 from fantoccini.marionette import Marionette
 from fantoccini.puppet import Number, Parameter
-from fantoccini.tree import WORLD, ChainRow, LimitRow, Link, Point, Role, StringRow
+from fantoccini.tree import (
+    WORLD,
+    ChainRow,
+    LimitRow,
+    Link,
+    Point,
+    Role,
+    StringRow,
+    link_poses,
+    path_lengths,
+)
 
 _Value = str | Number | Sequence[Number] | Array
 """Value of an attribute."""
@@ -172,6 +183,8 @@ class _Document:
             self._add(body, "freejoint", name=joint.name)
             return
         attributes: dict[str, _Value] = {"damping": link.damping}
+        if self.number(link.armature):
+            attributes["armature"] = link.armature
         if joint.kind != "ball" and self.number(link.stiffness):
             attributes |= {"stiffness": link.stiffness, "springref": link.rest}
         bounds = {limit.side: limit.bound for limit in self.tree.limits if limit.link == i}
@@ -255,9 +268,12 @@ class _Document:
         if winch:
             self._winch(string)
         if string.wire:
-            # MuJoCo takes the wire's length from its own reference pose; see MuJoCoPuppet.
+            # MuJoCo counts a wire's length from its zero pose; MuJoCoPuppet sets a winch's.
             tendon = self._tendon(string.name, string.points)
-            self._add(self.wires, "tendon", name=string.name, tendon1=string.name)
+            more = 0.0 if winch else self._length(string) - self.zero_lengths[string.name]
+            polycoef = np.array([more, 0.0, 0.0, 0.0, 0.0])
+            name = string.name
+            self._add(self.wires, "tendon", name=name, tendon1=name, polycoef=polycoef)
         else:
             span = 0.0, self._length(string)
             tendon = self._tendon(string.name, string.points, limited="true", range=span)
@@ -275,6 +291,18 @@ class _Document:
         self._joint(body, winch_of(string))
         self._add(body, "inertial", mass=mass, pos=np.zeros(3), diaginertia=moments)
         self._add(body, "site", name=f"{string.name}.wound")
+
+    @cached_property
+    def zero_lengths(self) -> dict[str, float]:
+        """Lengths of the strings' paths where MuJoCo's joints are at zero [m]."""
+        table = self.tree.coordinates
+        q_D = np.zeros(table.n_qD)
+        q_K = np.zeros(table.n_qK) if self.still is None else self.still.copy()
+        q_D[[q for q, _ in table.quaternions_D]] = 1.0
+        if self.still is None:
+            q_K[[q for q, _ in table.quaternions_K]] = 1.0
+        poses = link_poses(self.tree.links, q_D[None], q_K[None], self.number)[0]
+        return path_lengths(self.tree, poses, self.number)
 
     def _length(self, row: StringRow | ChainRow) -> float:
         """L [m]; for a driven length that is a joint, L plus the length wound in."""

@@ -90,11 +90,14 @@ def massless_joints(bodies: tuple[Any, ...], mirror: Any) -> list[Finding]:
             if parent == "world":
                 break
             i = place[parent]
-    return [
-        (("bodies", i, "joint"), "this joint moves no mass; give the body or one it carries a mass")
+    moving = [
+        i
         for i, body in enumerate(bodies)
-        if not heavy[i] and body.joint.type != "fixed" and not body.joint.driven
+        if body.joint.type != "fixed" and not body.joint.driven
+        and not value_of(body.joint.armature)
     ]
+    text = "this joint moves no mass; give the body or one it carries a mass"
+    return [(("bodies", i, "joint"), text) for i in moving if not heavy[i]]
 
 
 def _names(written: Written) -> None:

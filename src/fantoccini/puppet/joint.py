@@ -10,6 +10,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from fantoccini.puppet.quantities import (
     Angle,
     AngleOrPlace,
+    Armature,
     Damping,
     NumberAngleOrPlace,
     Point,
@@ -22,6 +23,7 @@ _ALLOWED_IN = {
     "axes": ("translation",),
     "driven": ("revolute", "prismatic", "translation", "ball", "free"),
     "damping": ("revolute", "prismatic", "translation", "ball", "free"),
+    "armature": ("revolute", "prismatic", "translation", "ball", "free"),
     "spring": ("revolute", "prismatic", "ball"),
     "limits": ("revolute", "prismatic"),
     "cone": ("ball",),
@@ -119,6 +121,8 @@ class Joint(Model):
     """Orientation of the joint frame in the parent's body frame."""
     damping: Damping = 0.0
     """Damping of every velocity of the joint [N m s/rad or N s/m]."""
+    armature: Armature = 0.0
+    """Inertia of a rotor geared to every velocity of the joint [kg m^2 or kg]."""
     spring: JointSpring | None = None
     """Pulls the joint to a rest position."""
     limits: Limits | None = None
@@ -136,17 +140,20 @@ class Joint(Model):
             raise mistake(f"a {kind} joint needs this key")
         return value
 
-    @field_validator("driven", "axis", "axes", "damping", "spring", "limits", "cone", "twist")
+    @field_validator(*_ALLOWED_IN)
     @classmethod
     def _fits(cls, value: Any, info: ValidationInfo) -> Any:
-        if value is None or value is False or (info.field_name == "damping" and not value):
+        name = str(info.field_name)
+        if value is None or value is False or (name in ("damping", "armature") and not value):
             return value
-        kind, allowed = info.data.get("type"), _ALLOWED_IN[str(info.field_name)]
+        kind, allowed = info.data.get("type"), _ALLOWED_IN[name]
         if kind is not None and kind not in allowed:
             raise mistake(f"a {kind} joint has none; it belongs to {', '.join(allowed)} joints")
-        passive = info.field_name in ("damping", "spring", "limits", "cone", "twist")
-        if passive and info.data.get("driven"):
-            raise mistake("a driven joint follows its input; it has no damping, spring or limits")
+        if name not in ("driven", "axis", "axes") and info.data.get("driven"):
+            text = "a driven joint follows its input; it has no damping, spring or limits"
+            if name == "armature":
+                text = "a driven joint follows its input; a drive gives it a rotor"
+            raise mistake(text)
         return value
 
     @field_validator("spring", "limits", mode="before")

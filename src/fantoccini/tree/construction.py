@@ -72,6 +72,7 @@ class _Grower:
             carriage(body.name, name),
             parent=parent,
             damping=joint.damping,
+            armature=joint.armature,
             stiffness=joint.spring.stiffness if joint.spring else 0.0,
             rest=joint.spring.rest if joint.spring else 0.0,
             lumps=_lumps(body),

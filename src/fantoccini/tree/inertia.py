@@ -56,6 +56,9 @@ def joint_inertias(
     """
     poses = link_poses(tree.links, q_D[None], q_K[None], number)[0]
     rotors = np.zeros(tree.coordinates.n_vD)
+    for link in tree.links:
+        if link.role is Role.DYNAMIC:
+            rotors[link.v] = number(link.armature)
     for drive in tree.drives:
         rotors[drive.v] = drive.inertia(number)
     held, free = np.zeros((len(tree.links), 6, 6)), np.zeros((len(tree.links), 6, 6))

@@ -55,6 +55,7 @@ class Link:
         role: what determines the joint's motion.
         q, v: places of the joint's coordinates in (q_D, v_D) or (q_K, v_K), by role.
         damping: on every velocity of the joint [N s/m or N m s/rad].
+        armature: inertia of a rotor on every velocity of the joint [kg or kg m^2].
         stiffness, rest: joint spring [N/m or N m/rad], [m or rad].
         lumps: contributions of the shapes to the inertia.
         mass, com, inertia: explicit values that override the lumps, or None;
@@ -74,6 +75,7 @@ class Link:
     q: slice
     v: slice
     damping: Number = 0.0
+    armature: Number = 0.0
     stiffness: Number = 0.0
     rest: Number = 0.0
     lumps: tuple[Lump, ...] = ()

@@ -1,0 +1,37 @@
+"""``fantoccini import``: a model of another program as a puppet file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fantoccini.cli.files import check_output, fail, writing
+from fantoccini.cli.terminal import say, write
+from fantoccini.exchange import import_model
+
+_OPTION = "PUPPET"
+
+
+def import_file(model: Path, out: Path, keyframe: str | None, force: bool, quiet: bool) -> None:
+    """Writes the puppet file and its meshes, and prints the report.
+
+    Args:
+        model: MJCF or URDF file.
+        out: puppet file.
+        keyframe: of the model, that the puppet starts in.
+        force: write over files that exist.
+        quiet: print no report.
+    """
+    check_output(out, (".yaml", ".yml"), _OPTION)
+    if out.exists() and not force:
+        fail(f"{out} exists already; use --force to replace it", _OPTION)
+    made = import_model(model, keyframe)
+    with writing(out):
+        made.save(out, force)
+    if quiet:
+        return
+    for note in made.report:
+        write(note)
+    meshes = f", {len(made.meshes)} meshes beside it" if made.meshes else ""
+    said = len(made.report)
+    left = f"{said} {'thing is' if said == 1 else 'things are'} not as in the model"
+    say(f"fantoccini: {out}: {len(made.joints)} joints{meshes}; {left if said else 'nothing lost'}")

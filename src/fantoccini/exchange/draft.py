@@ -1,0 +1,246 @@
+"""A puppet that is being made of a model: its parts, names and report."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from fantoccini.arrays import Array, Quaternion
+from fantoccini.errors import ExchangeError, FileError
+from fantoccini.exchange.imported import Imported, ImportNote
+from fantoccini.exchange.model_file import ModelFile
+from fantoccini.puppet import Puppet, dump
+from fantoccini.puppet.located import Located
+
+RESERVED = ("world", "floor")
+"""Names that a puppet's parts cannot have."""
+
+_WHOLE = 1e15  # Size from which whole numbers keep their point
+_MOST = 64  # Characters of a name
+_NAMED = 8  # Elements of the same kind that a comment names
+
+
+class Draft:
+    """The parts of a puppet, and notes about what it does not have.
+
+    Attributes:
+        file: the model's.
+        name: the puppet's.
+        bodies, strings, springs, obstacles: plain data of a puppet file.
+        pose: start values.
+        top: other keys of the puppet file.
+        notes: report.
+        meshes: path beside the puppet file -> content.
+        mesh_paths: name of a mesh in the model -> path.
+        joints: names of joints, in the model's order.
+
+    Args:
+        file: the model's.
+        name: the model's own; the file's name where it has none.
+    """
+
+    def __init__(self, file: ModelFile, name: str):
+        self.file = file
+        self.name = _plain(name) or _plain(file.path.stem) or "puppet"
+        self.bodies: list[dict[str, Any]] = []
+        self.strings: list[dict[str, Any]] = []
+        self.springs: list[dict[str, Any]] = []
+        self.obstacles: list[dict[str, Any]] = []
+        self.pose: dict[str, Any] = {}
+        self.top: dict[str, Any] = {}
+        self.notes: list[ImportNote] = []
+        self.meshes: dict[str, bytes] = {}
+        self.mesh_paths: dict[str, str] = {}
+        self.joints: list[str] = []
+        self._taken = set(RESERVED)
+        self._lines: dict[str, int | None] = {}
+
+    def note(
+        self, kind: str, name: str, message: str, line: int | None = None, part: str = ""
+    ) -> None:
+        """Adds a line to the report."""
+        note = ImportNote(self.file.name, line, kind, shown(name), printable(message), part)
+        self.notes.append(note)
+
+    def take(
+        self, kind: str, name: str, instead: str = "", line: int | None = None, end: str = ""
+    ) -> str:
+        """A name for a part, which no other part has; the report says if it is a new one.
+
+        Args:
+            kind, name: of the element in the model.
+            instead: for elements without a name.
+            line: of the element.
+            end: of the part's name, where an element is several parts.
+        """
+        base = (_plain(name) or _plain(instead) or kind)[: _MOST - len(end)] + end
+        found, k = base, 2
+        while found in self._taken:
+            tail = f"_{k}"
+            found, k = base[: _MOST - len(tail)] + tail, k + 1
+        self._taken.add(found)
+        self._lines[found] = line
+        if name and found != name + end:
+            self.note(kind, name, f"is called {found} here", line, found)
+        return found
+
+    def joint_name(self, body: str, name: str, line: int | None = None) -> dict[str, str]:
+        """The key ``name`` of a joint, which may have the name of its body."""
+        if not name or name == body:
+            self.joints.append(body)
+            return {}
+        own = self.take("joint", name, line=line)
+        self.joints.append(own)
+        return {"name": own}
+
+    def mesh(self, name: str, content: bytes) -> str:
+        """Adds a mesh file; its path."""
+        stem = _plain(name) or "mesh"
+        folder, path, k = f"{self.name}_meshes", "", 1
+        while not path or path in self.meshes:
+            path = f"{folder}/{stem}{'' if k == 1 else f'_{k}'}.stl"
+            k += 1
+        self.meshes[path] = content
+        return path
+
+    def finish(self, head: Sequence[str]) -> Imported:
+        """The puppet file.
+
+        Args:
+            head: lines of the comment at its beginning.
+
+        Raises:
+            ExchangeError: the model has what no puppet can have.
+        """
+        data: dict[str, Any] = {"puppet": self.name, **self.top, "bodies": self.bodies}
+        for key in ("strings", "springs", "pose", "obstacles"):
+            if found := getattr(self, key):
+                data[key] = found
+        self._check(data)
+        self.notes.sort(key=lambda note: note.line or np.inf)
+        text = _with_comments(dump.to_yaml(data), self.notes)
+        lines = (*head, *_summary(self.notes))
+        comment = "".join(f"# {printable(line)}".rstrip() + "\n" for line in lines)
+        return Imported(comment + text, tuple(self.notes), self.meshes, tuple(self.joints))
+
+    def _check(self, data: dict[str, Any]) -> None:
+        """Raises what a puppet file could not have, at the model's lines."""
+        if not self.bodies:
+            raise self.file.mistake("found no bodies; a puppet has at least one")
+        plain, lines = dict(data), dict[tuple[str | int, ...], int]()
+        for key in ("bodies", "obstacles"):
+            parts = []
+            for i, part in enumerate(data.get(key, ())):
+                line = self._lines.get(part["name"])
+                if line:
+                    lines[key, i] = line
+                parts.append({k: v for k, v in part.items() if k != "shapes"})
+            if key == "bodies":
+                plain[key] = parts
+        plain.pop("obstacles", None)  # of a size that is right, or left out
+        located = Located(None, self.file.name, self.file.path.resolve().parent, lines)
+        try:
+            Puppet.model_validate(plain, context=located)
+        except FileError as error:
+            raise ExchangeError(error.mistakes) from None
+
+
+def number(x: float) -> float:
+    """A number as it is written: all its digits, whole ones without a point."""
+    found = float(x)
+    return int(found) if found.is_integer() and abs(found) < _WHOLE else found
+
+
+def numbers(values: Iterable[float], least: float = 1e-16) -> list[float]:
+    """Numbers as they are written; those below ``least`` are rounding, and 0."""
+    return [0 if abs(x) < least else number(float(x)) for x in values]
+
+
+def turned(turn: Quaternion) -> dict[str, Any]:
+    """An orientation; none for the identity."""
+    w, *xyz = numbers(turn)
+    return {} if abs(w) == 1.0 and not any(xyz) else {"quaternion": [w, *xyz]}
+
+
+def placed(at: Array, turn: Quaternion | None = None) -> dict[str, Any]:
+    """The keys ``at`` and ``orientation`` of a pose; none for the origin and the identity."""
+    found: dict[str, Any] = {"at": place} if any(place := numbers(at)) else {}
+    if turn is not None and (orientation := turned(turn)):
+        found["orientation"] = orientation
+    return found
+
+
+def carried(name: str, parent: str, joint: dict[str, Any]) -> dict[str, Any]:
+    """A body on a joint."""
+    above = {} if parent == "world" else {"parent": parent}
+    return {"name": name, **above, **({} if joint == {"type": "fixed"} else {"joint": joint})}
+
+
+def quaternion(R: Rotation) -> Quaternion:
+    """w, x, y, z of a rotation."""
+    x, y, z, w = R.as_quat()
+    return np.array([w, x, y, z])
+
+
+def six(inertia: Array) -> list[float]:
+    """Moments of inertia (3, 3) as a puppet file has them."""
+    least = 1e-16 * float(np.trace(inertia))
+    xx, yy, zz, xy, xz, yz = numbers(inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]], least)
+    return [xx, yy, zz, xy, xz, yz] if any((xy, xz, yz)) else [xx, yy, zz]
+
+
+def shown(name: str) -> str:
+    """A name of a model on one line, and short."""
+    return printable(name)[:_MOST]
+
+
+def printable(text: str) -> str:
+    """The text on one line, with ``?`` for what is not printed: a comment ends where it ends."""
+    return "".join(c if c.isprintable() else "?" for c in text)
+
+
+def _plain(name: str) -> str:
+    """The nearest name that a puppet's part can have; empty for none."""
+    found = re.sub(r"[^A-Za-z0-9_-]+", "_", name)
+    if found and not re.match(r"[A-Za-z_]", found):
+        found = f"_{found}"
+    return "" if not found.strip("_-") else found[:_MOST]
+
+
+def _summary(notes: Sequence[ImportNote]) -> list[str]:
+    """Lines of a comment about elements that no part of the puppet stands for."""
+    alike: dict[tuple[str, str], list[str]] = {}
+    for note in notes:
+        if not note.part:
+            alike.setdefault((note.kind, note.message), []).append(note.name)
+    lines = ["", "Not as in the model:"] if alike else []
+    for (kind, message), names in alike.items():
+        told = ", ".join(name for name in names[:_NAMED] if name)
+        more = len(names) - (_NAMED if told else 0)
+        told += f" and {more} more" if more > 0 and told else ""
+        count = f"{len(names)} x " if not told and len(names) > 1 else ""
+        lines.append(f"  {count}{kind} {told}".rstrip() + f": {message}")
+    return lines
+
+
+def _with_comments(text: str, notes: Sequence[ImportNote]) -> str:
+    """Writes each note above the part that it concerns."""
+    about: dict[str, list[str]] = {}
+    for note in notes:
+        if note.part:
+            about.setdefault(note.part, []).append(f"{note.what}: {note.message}")
+    lines = []
+    for line in text.splitlines():
+        found = re.match(r"  - \{?name: ([\w-]+)", line)
+        if found:
+            lines += [f"  # {comment}" for comment in about.pop(found[1], ())]
+        own = re.search(r"joint: \{(?:type: \w+, )?name: ([\w-]+)", line)
+        if own:
+            indent = " " * (len(line) - len(line.lstrip()))
+            lines += [f"{indent}# {comment}" for comment in about.pop(own[1], ())]
+        lines.append(line)
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,84 @@
+"""Models of other programs become puppet files."""
+
+from __future__ import annotations
+
+import os
+import warnings
+
+import numpy as np
+
+from fantoccini.errors import UnknownNameError
+from fantoccini.exchange.draft import Draft, numbers
+from fantoccini.exchange.imported import Imported
+from fantoccini.exchange.mjcf_bodies import Bodies, Compiled
+from fantoccini.exchange.mjcf_rest import add_notes, add_shapes
+from fantoccini.exchange.mjcf_strings import add_constraints, add_tendons
+from fantoccini.exchange.model_file import ROOTS, ModelFile, line_in, read_model
+from fantoccini.exchange.mujoco_puppet import library
+
+_UNNAMED = "MuJoCo Model"
+"""MuJoCo's name for models without one."""
+
+
+def import_model(path: str | os.PathLike[str], keyframe: str | None = None) -> Imported:
+    """A model in MJCF or URDF as a puppet file.
+
+    Joints keep their coordinates, so that accelerations are those of the model's own program
+    wherever the report names nothing.
+
+    Args:
+        path: of the model.
+        keyframe: of an MJCF file, that the puppet starts in; by default its zero pose.
+
+    Raises:
+        ExchangeError: the file is no model, or has what no puppet can have.
+        MissingLibraryError: MJCF needs MuJoCo, URDF yourdfpy.
+        UnknownNameError: there is no such keyframe.
+    """
+    file = read_model(path)
+    if ROOTS[file.root] == "URDF":
+        from fantoccini.exchange.urdf_model import urdf_puppet
+
+        if keyframe is not None:
+            raise UnknownNameError("keyframe", keyframe, ())
+        return urdf_puppet(file)
+    return mjcf_puppet(file, keyframe)
+
+
+def mjcf_puppet(file: ModelFile, keyframe: str | None) -> Imported:
+    """An MJCF file as a puppet file."""
+    compiled = _compiled(file, keyframe)
+    name = compiled.spec.modelname
+    draft = Draft(file, "" if name == _UNNAMED else name)
+    m, flags = compiled.model, compiled.mujoco.mjtDisableBit
+    weightless = m.opt.disableflags & int(flags.mjDSBL_GRAVITY)
+    gravity = [0.0, 0.0, 0.0] if weightless else numbers(m.opt.gravity)
+    if gravity != [0.0, 0.0, -9.81]:
+        draft.top["gravity"] = gravity
+    bodies = Bodies(compiled, draft)
+    add_tendons(bodies)
+    add_constraints(bodies)
+    add_shapes(bodies)
+    add_notes(bodies, keyframe)
+    for text in compiled.warnings:
+        draft.note("mujoco", "", f"warns: {text[:300]}")
+    return draft.finish([f"{draft.name}: made of the MuJoCo model {file.path.name}."])
+
+
+def _compiled(file: ModelFile, keyframe: str | None) -> Compiled:
+    mujoco = library()
+    try:
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            spec = mujoco.MjSpec.from_file(str(file.path))
+            model = spec.compile()
+    except (ValueError, RuntimeError, mujoco.FatalError) as error:
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        text = "; ".join(lines)[:500] or "cannot be read"
+        raise file.mistake(f"MuJoCo says: {text}", line_in(str(error))) from None
+    names = [model.key(k).name for k in range(model.nkey)]
+    if keyframe is not None and keyframe not in names:
+        raise UnknownNameError("keyframe", keyframe, names)
+    qpos = model.qpos0 if keyframe is None else model.key_qpos[names.index(keyframe)]
+    texts = tuple(" ".join(str(w.message).split()) for w in said)
+    return Compiled(mujoco, spec, model, np.array(qpos), texts)

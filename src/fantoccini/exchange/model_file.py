@@ -1,0 +1,148 @@
+"""Model files of other programs: what they are, and where their elements stand."""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from xml.parsers import expat
+
+from fantoccini.errors import ExchangeError, Mistake
+
+MAX_BYTES = 20_000_000
+"""Size of a model file [bytes]: far beyond those of robots."""
+
+MAX_DEPTH = 200
+"""Levels of nesting: programs read them by recursion."""
+
+ROOTS = {"mujoco": "MJCF", "robot": "URDF"}
+"""First element of a file -> its format."""
+
+_MODEL = ("link", "joint", "material")
+"""Elements directly inside a robot that are part of it."""
+
+
+@dataclass(frozen=True)
+class Element:
+    """An element of a file.
+
+    Attributes:
+        tag, attributes: its own.
+        line: 1-based.
+        depth: 0 for the first element.
+        inside: tags of the elements directly inside.
+        known: whether it is part of the model, not of another program's extension.
+    """
+
+    tag: str
+    attributes: dict[str, str]
+    line: int
+    depth: int
+    inside: set[str]
+    known: bool
+
+
+@dataclass(frozen=True)
+class ModelFile:
+    """A model file that is well-formed XML, without entities of its own.
+
+    Attributes:
+        name: as the user gave it.
+        path: of the file.
+        root: tag of its first element, one of :data:`ROOTS`.
+        text: content.
+        elements: all elements, in order.
+    """
+
+    name: str
+    path: Path
+    root: str
+    text: bytes
+    elements: tuple[Element, ...]
+
+    @cached_property
+    def _lines(self) -> dict[tuple[str, str], int]:
+        found: dict[tuple[str, str], int] = {}
+        for element in self.elements:
+            key = element.tag, element.attributes.get("name", "")
+            if element.known:
+                found.setdefault(key, element.line)
+        return found
+
+    def line_of(self, tag: str, name: str) -> int | None:
+        """Line of an element with a name; of several the first."""
+        return self._lines.get((tag, name))
+
+    def mistake(self, message: str, line: int | None = None, key: str = "") -> ExchangeError:
+        """An error at a line of the file."""
+        return ExchangeError([Mistake(self.name, line or None, key, message)])
+
+
+def read_model(path: str | os.PathLike[str]) -> ModelFile:
+    """Reads a model file.
+
+    Raises:
+        ExchangeError: it cannot be read, is not XML, or neither MJCF nor URDF.
+    """
+    name = os.fspath(path)
+
+    def fail(message: str, line: int | None = None) -> ExchangeError:
+        return ExchangeError([Mistake(name, line, "", message)])
+
+    try:
+        place = Path(name)
+        if not place.is_file():
+            found = "a folder" if place.is_dir() else "nothing" if not place.exists() else "no file"
+            raise fail(f"found {found} here; a file in MJCF or URDF is needed")
+        with place.open("rb") as stream:
+            text = stream.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as reason:
+        raise fail(f"cannot be read: {getattr(reason, 'strerror', None) or reason}") from None
+    if len(text) > MAX_BYTES:
+        raise fail(f"larger than {MAX_BYTES / 1e6:g} MB, which is the limit")
+    elements: list[Element] = []
+    open_now: list[Element] = []
+    parser = expat.ParserCreate()
+
+    def begin(tag: str, attributes: dict[str, str]) -> None:
+        if len(open_now) > MAX_DEPTH:
+            what = f"nested deeper than {MAX_DEPTH} levels"
+            raise fail(what, parser.CurrentLineNumber)
+        above = open_now[-1] if open_now else None
+        known = above is None or (above.known and (above.tag != "robot" or tag in _MODEL))
+        if above is not None:
+            above.inside.add(tag)
+        line, depth = parser.CurrentLineNumber, len(open_now)
+        element = Element(tag, attributes, line, depth, set(), known)
+        elements.append(element)
+        open_now.append(element)
+
+    def refuse(*_: object) -> None:
+        what = "found a document type declaration; take it out: entities are not read"
+        raise fail(what, parser.CurrentLineNumber)
+
+    parser.StartElementHandler, parser.StartDoctypeDeclHandler = begin, refuse
+    parser.EndElementHandler = lambda _: open_now.pop()
+    try:
+        parser.Parse(text, True)
+    except expat.ExpatError as reason:
+        what = expat.errors.messages[reason.code]
+        raise fail(f"is not XML: {what}", reason.lineno) from None
+    except ValueError as reason:  # an encoding that is not known
+        raise fail(f"is not XML: {reason}") from None
+    first = elements[0]
+    if first.tag not in ROOTS:
+        needed = "needed: <mujoco> (MJCF) or <robot> (URDF)"
+        raise fail(f"begins with <{first.tag[:60]}>; {needed}", first.line)
+    for element in elements:
+        if element.tag.startswith("xacro:"):
+            raise fail("found a macro of xacro; run xacro on the file first", element.line)
+    return ModelFile(name, place, first.tag, text, tuple(elements))
+
+
+def line_in(message: str) -> int | None:
+    """The line that a message of MuJoCo names; None where it names none."""
+    found = re.search(r"\b[Ll]ine(?: number=| )(\d+)", message)
+    return int(found[1]) or None if found else None

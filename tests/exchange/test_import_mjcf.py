@@ -1,0 +1,349 @@
+"""Models in MJCF become puppets with MuJoCo's accelerations; the report names the rest."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from benchmarks.exchange import models
+
+import fantoccini as fan
+from fantoccini.errors import ExchangeError, UnknownNameError
+from fantoccini.exchange import Imported, import_model, mjcf
+from harness import Model, State
+from oracles import random_models, random_trees
+
+ROUNDING = 1e-11
+"""Of accelerations, over the largest."""
+
+
+def imported(text: str, folder: Path, **more) -> Imported:
+    path = folder / "model.xml"
+    path.write_text(text)
+    return import_model(path, **more)
+
+
+def states(made: Imported, m: mujoco.MjModel, n: int):
+    """Pairs of the puppet's state and MuJoCo's data, evaluated without constraints."""
+    model = Model.of(fan.puppet.loads(made.text))
+    q, v = models.places(made, m, model.table)
+    rng, d = np.random.default_rng(1), mujoco.MjData(m)
+    for _ in range(n):
+        d.qpos[:] = m.qpos0 + rng.uniform(-1.0, 1.0, m.nq)
+        mujoco.mj_normalizeQuat(m, d.qpos)
+        d.qvel[:] = rng.normal(size=m.nv)
+        mujoco.mj_forward(m, d)
+        q_K, v_K = np.array(model.table.start_K), np.zeros(model.table.n_vK)
+        yield model, State(d.qpos[q].copy(), d.qvel[v].copy(), q_K, v_K, v_K), d, v
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_accelerations_and_tendons_agree(seed, tmp_path):
+    """References, springs, armatures, and joints about several points of one body."""
+    text = random_models.mjcf(seed)
+    made, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
+    assert list(models.switched_off(m)) == ["actuators"][: m.nu]
+    assert {note.kind for note in made.report} <= {"actuator"}
+    for model, x, d, v in states(made, m, 3):
+        acc = model.acceleration(x)
+        assert np.abs(acc - d.qacc[v]).max() < ROUNDING * np.abs(d.qacc).max()
+        h = model.call("rows", x)["h"]
+        own = [m.tendon(s.name).id for s in model.tree.strings]
+        assert np.allclose(h, d.ten_length[own] - m.tendon_range[own, 1], rtol=0, atol=1e-12)
+        h_later = model.call("rows", model.moved(x, 1e-6))["h"]
+        assert np.allclose((h_later - h) / 1e-6, d.ten_velocity[own], atol=1e-4)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_puppet_comes_back_from_mjcf(seed, tmp_path):
+    """Cones come back as strings of the same length; names lose their dots."""
+    made = random_trees.description(seed, 8, driven=0.0, strings=2, limits=True)
+    for string in made["strings"]:
+        string["path"] = [{k: v for k, v in p.items() if k != "driven"} for p in string["path"]]
+        for point in string["path"]:
+            if "body" not in point and "world" not in point:
+                point["world"] = point.pop("at")
+        string["length"] = 1.5
+    made["strings"][0]["wire"] = True
+    for body in made["bodies"]:
+        if body["joint"]["type"] == "ball":
+            body["joint"].pop("spring", None)
+        body["joint"].pop("twist", None)
+    model = Model(made)
+    text = mjcf(fan.Marionette(model.puppet))
+    back = imported(text, tmp_path)
+    m = mujoco.MjModel.from_xml_string(text)
+    list(models.switched_off(m))
+    assert {note.message.split(" ")[0] for note in back.report} <= {"is"}  # renamed
+    for again, x, d, v in states(back, m, 2):
+        acc = again.acceleration(x)
+        assert np.abs(acc - d.qacc[v]).max() < 1e-9 * np.abs(d.qacc).max()
+        names = [s.name for s in again.tree.strings]
+        own = {m.tendon(t).name.replace(".", "_"): t for t in range(m.ntendon)}
+        most = m.tendon_range[:, 1].copy()
+        most[m.tendon("s0").id] = 1.5
+        h, ends = again.call("rows", x)["h"], d.ten_length - most
+        assert np.allclose(h[: len(names)], [ends[own[n]] for n in names], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["arm2d", "arm3d", "string_pendulum", "marionette"])
+def test_a_bundled_puppet_comes_back(name, tmp_path):
+    """Held still by its hands, it has its own accelerations and string lengths.
+
+    Drag comes back as actuators, which are left out: with drag it starts at rest.
+    """
+    puppet = getattr(fan.puppets, name)()
+    own = Model.of(puppet.puppet)
+    x = own.random(0, moving_inputs=False)
+    speed = 0.0 if any(any(link.drag) for link in own.tree.links) else 1.0
+    x = State(x.q_D, speed * x.v_D, np.array(own.table.start_K) + 0.1, x.v_K, x.acc_K)
+    back = Model.of(fan.puppet.loads(imported(mjcf(puppet, x.q_K), tmp_path).text))
+    q, v = (
+        [theirs.index(n if n in theirs else n.replace(".", "_")) for n in names]
+        for names, theirs in ((own.table.q_D, back.table.q_D), (own.table.v_D, back.table.v_D))
+    )
+    none = np.zeros(0)
+    y = State(np.zeros(len(q)), np.zeros(len(v)), none, none, none)
+    y.q_D[q], y.v_D[v] = x.q_D, x.v_D
+    acc = own.acceleration(x)
+    assert np.allclose(back.acceleration(y)[v], acc, rtol=0, atol=1e-9 * np.abs(acc).max())
+    h, names = own.call("rows", x)["h"], [s.name for s in back.tree.strings]
+    for string, gap in zip(own.tree.strings, h, strict=False):
+        again = back.call("rows", y)["h"][names.index(string.name)]
+        assert again == pytest.approx(gap, abs=1e-12)
+
+
+SMALL = ("reacher", "cartpole", "ball_in_cup", "hopper")
+
+
+@pytest.mark.parametrize("model", [m for m in models.MODELS if m.split("/")[-1][:-4] in SMALL])
+def test_small_models_agree(model):
+    assert models.agreement(model, states=2).error < 1e-9
+
+
+CONNECTED = """
+<mujoco>
+  <worldbody>
+    <body name="a" pos="0 0 1">
+      <joint name="ja" axis="0 1 0" pos="0 0 0.1"/><geom type="capsule" size="0.05 0.3"/>
+      <body name="b" pos="0 0 -0.6" quat="1 0.2 0 0.1">
+        <joint name="jb" type="ball"/><geom type="box" size="0.1 0.2 0.3"/>
+        <site name="here" pos="0.1 0 -0.2"/>
+      </body>
+    </body>
+    <body name="c" pos="0.5 0 1"><freejoint name="jc"/><geom size="0.1"/>
+      <site name="there" pos="0 0.1 0" quat="1 0 0.3 0"/></body>
+  </worldbody>
+  <equality><connect name="pin" body1="b" body2="c" anchor="0 0 -0.2"/></equality>
+</mujoco>"""
+
+
+@pytest.mark.parametrize(("kind", "count"), [("connect", 3), ("weld", 6)])
+def test_bodies_are_held_by_wires(kind, count, tmp_path):
+    """At rest, accelerations are those of MuJoCo's constraint if it were rigid:
+
+    M a + bias = J^T f, J a = 0.
+    """
+    text = CONNECTED.replace("<connect", f"<{kind}")
+    made, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
+    assert [str(n) for n in made.report if n.kind == "equality"] == [
+        f"{tmp_path / 'model.xml'}:14: equality pin: {kind}: is {count} wires of 1 m here"
+    ]
+    m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    puppet = fan.loads(made.text)
+    q, v = models.places(made, m, puppet.coordinates)
+    d = mujoco.MjData(m)
+    mujoco.mj_forward(m, d)  # the zero pose meets the constraint
+    J, M = d.efc_J.reshape(count, m.nv), np.zeros((m.nv, m.nv))
+    mujoco.mj_fullM(m, d, M)
+    W = np.linalg.solve(M, J.T)
+    rigid = d.qacc_smooth - W @ np.linalg.solve(J @ W, J @ d.qacc_smooth)
+    x = puppet.state(dict(zip(puppet.coordinates.q_D, d.qpos[q], strict=True)))
+    assert np.abs(rigid - d.qacc_smooth).max() > 1.0
+    acc = puppet.forward_dynamics(x).acc_D
+    assert np.allclose(acc, rigid[v], rtol=0, atol=1e-9 * np.abs(rigid).max())
+
+
+@pytest.mark.parametrize("kind", ["connect", "weld"])
+def test_constraints_may_name_two_sites(kind, tmp_path):
+    """The wires' gaps are those of MuJoCo's sites, wherever the bodies are."""
+    sites = 'site1="here" site2="there"'
+    text = CONNECTED.replace('body1="b" body2="c" anchor="0 0 -0.2"', sites)
+    text = text.replace("<connect", f"<{kind}")
+    made, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
+    for model, x, d, _ in states(made, m, 2):
+        here, there = d.site("here").xpos, d.site("there").xpos
+        R, S = (d.site(name).xmat.reshape(3, 3).T for name in ("here", "there"))
+        gaps = np.linalg.norm(here - (there + S), axis=1) - 1.0
+        if kind == "weld":
+            ends = there + S + S[[1, 2, 0]]
+            gaps = [*gaps, *np.linalg.norm(here + R - ends, axis=1) - 1.0]
+        assert np.allclose(model.call("rows", x)["h"], gaps, rtol=0, atol=1e-12)
+
+
+REST = """<mujoco model="re st"><compiler angle="radian"/>
+  <option density="1.2" gravity="0 0 -9.81"/>
+  <worldbody>
+    <light name="sun" pos="0 0 3"/>
+    <geom name="ground" type="plane" size="1 1 1" pos="0 0 -0.5"/>
+    <geom name="wall" type="box" size="0.1 1 1" pos="1 0 0"/>
+    <body name="hand" mocap="true" pos="0 0 2"><geom size="0.02"/></body>
+    <body name="hip" pos="0 0 1">
+      <joint name="hip" type="hinge" axis="0 1 0" frictionloss="0.3" range="-1 1" limited="true"/>
+      <geom type="cylinder" size="0.1 0.3"/>
+      <site name="top" pos="0 0 0.3"/><site name="end" pos="0 0 -0.3"/>
+      <body name="left.foot" pos="0 0 -0.5">
+        <joint name="knee" type="ball" stiffness="2" limited="true" range="0 0.5"/>
+        <geom type="ellipsoid" size="0.1 0.2 0.3" rgba="1 0 0 1"/>
+        <site name="toe"/>
+      </body>
+    </body>
+    <site name="hook" pos="0 0 2"/>
+  </worldbody>
+  <tendon>
+    <spatial name="hand" limited="true" range="0 1.2">
+      <site site="top"/><site site="hook"/></spatial>
+    <spatial name="idle"><site site="top"/><site site="hook"/></spatial>
+    <spatial name="inner" limited="true" range="0 1"><site site="top"/><site site="end"/></spatial>
+    <fixed name="sum" limited="true" range="0 1"><joint joint="hip" coef="1"/></fixed>
+    <spatial name="pulled" limited="true" range="0 1"><site site="top"/><site site="hook"/>
+      <pulley divisor="2"/><site site="toe"/><site site="hook"/></spatial>
+  </tendon>
+  <actuator><motor name="m" joint="hip"/></actuator>
+  <sensor><jointpos name="angle" joint="hip"/></sensor>
+  <keyframe><key name="bent" qpos="0.5 1 0 0 0"/></keyframe>
+</mujoco>"""
+
+
+def test_the_report_names_what_has_no_counterpart(tmp_path):
+    made = imported(REST, tmp_path)
+    file = tmp_path / "model.xml"
+    told = {str(note).removeprefix(f"{file}:") for note in made.report}
+    assert told == {
+        "4: light sun: left out",
+        "9: joint hip: has frictionloss, left out",
+        "12: body left.foot: is called left_foot here",
+        "13: joint knee: has a spring with the same stiffness for small angles only",
+        "13: joint knee: is limited to 0.5 rad, left out: `cone` limits the swing",
+        "21: tendon hand: is called hand_2 here",
+        "23: tendon idle: left out: nothing limits its length, and it has no stiffness or damping",
+        "24: tendon inner: left out: its length never changes",
+        "25: tendon sum: left out: it adds up joints; strings run through points",
+        "26: tendon pulled: left out: it has pulleys that divide its force",
+        "29: actuator m: left out: the joint moves freely",
+        "30: sensor angle: left out",
+        "31: key bent: left out: not the pose",
+        " option density: 1.2, left out: bodies have `drag` instead",
+        " contact: left out: add `contact: true`, and give bodies room to move",
+    }
+
+
+def test_the_puppet_is_readable(tmp_path):
+    """Comments stand above what was changed; a held body is driven; the wall is an obstacle."""
+    made = imported(REST, tmp_path)
+    made.save(tmp_path / "out.yaml")
+    puppet = fan.puppet.load(tmp_path / "out.yaml")
+    bodies = {body.name: body for body in puppet.bodies}
+    assert list(bodies) == ["hand", "hip", "left_foot"] and puppet.name == "re_st"
+    assert bodies["hand"].joint.driven and puppet.pose == {"hand.z": 2.0}
+    assert puppet.floor == -0.5 and [o.name for o in puppet.obstacles] == ["wall"]
+    assert (bodies["hip"].joint.limits.lower, bodies["hip"].joint.limits.upper) == (-1.0, 1.0)
+    shape = bodies["hip"].shapes[0]
+    assert np.allclose(fan.puppet.shapes.load_mesh(shape).extents, [0.2, 0.2, 0.6])
+    assert bodies["left_foot"].shapes[0].colour == "#ff0000"
+    assert [s.name for s in puppet.strings] == ["hand_2"]
+    lines = made.text.splitlines()
+    for comment, part in (
+        ("# joint hip: has frictionloss, left out", "- name: hip"),
+        ("# body left.foot: is called left_foot here", "- name: left_foot"),
+        ("# tendon hand: is called hand_2 here", "- {name: hand_2"),
+    ):
+        assert part in lines[next(i for i, line in enumerate(lines) if comment in line) + 1]
+    assert "#   camera" not in made.text and "#   light sun: left out" in lines
+
+
+def test_a_keyframe_is_the_pose(tmp_path):
+    made = imported(REST, tmp_path, keyframe="bent")
+    assert "pose: {hand.z: 2, hip: 0.5}" in made.text
+    assert not any(note.kind == "key" for note in made.report)
+    with pytest.raises(UnknownNameError, match="did you mean 'bent'"):
+        imported(REST, tmp_path, keyframe="bend")
+
+
+BALL = '<worldbody><body><joint type="ball"/><geom size="0.1"/></body></worldbody>'
+
+WRONG = {
+    "no XML": ("nope", ":1: is not XML"),
+    "cut off": ("<mujoco>\n<worldbody>", ":2: is not XML: no element found"),
+    "another root": ("<sdf/>", ":1: begins with <sdf>; needed: <mujoco>"),
+    "entities": ('<!DOCTYPE a [<!ENTITY x "y">]>\n<mujoco/>', ":1: found a document type"),
+    "an unknown element": ("<mujoco>\n<wrldbody/></mujoco>", ":2: MuJoCo says: XML Error"),
+    "an asset that is not there": (
+        f'<mujoco><asset><mesh file="no.stl"/></asset>{BALL}</mujoco>', "no.stl",
+    ),
+    "a file that is not there": ('<mujoco>\n<include file="no.xml"/></mujoco>', ":2: MuJoCo says"),
+    "no mass": ("<mujoco>\n<worldbody><body>\n<joint/></body></worldbody></mujoco>", "mass"),
+    "no bodies": ("<mujoco/>", "found no bodies"),
+    "too deep": ("<mujoco>\n" + "<body>" * 300, ":2: nested deeper than 200 levels"),
+    "a macro": ('<robot name="a" xmlns:xacro="x">\n<xacro:if/></robot>', ":2: found a macro"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "message"), WRONG.values(), ids=WRONG)
+def test_a_wrong_file_is_a_located_mistake(text, message, tmp_path):
+    with pytest.raises(ExchangeError) as caught:
+        imported(text, tmp_path)
+    assert str(caught.value).startswith(str(tmp_path / "model.xml"))
+    assert message in str(caught.value)
+
+
+def test_what_is_no_file_is_a_mistake(tmp_path):
+    for path, found in ((tmp_path, "a folder"), (tmp_path / "none.xml", "nothing")):
+        with pytest.raises(ExchangeError, match=f"found {found} here"):
+            import_model(path)
+
+
+def test_nothing_is_replaced_unasked(tmp_path):
+    made = imported(REST, tmp_path)
+    made.save(tmp_path / "a.yaml")
+    (tmp_path / "a.yaml").write_text("mine")
+    with pytest.raises(ExchangeError, match="exists already"):
+        made.save(tmp_path / "a.yaml")
+    with pytest.raises(ExchangeError, match=r"cylinder\.stl: exists already"):
+        made.save(tmp_path / "b.yaml")
+    assert (tmp_path / "a.yaml").read_text() == "mine" and not (tmp_path / "b.yaml").exists()
+    made.save(tmp_path / "a.yaml", force=True)
+    assert (tmp_path / "a.yaml").read_text() == made.text
+    with pytest.raises(FileNotFoundError, match="there is no folder"):
+        made.save(tmp_path / "none" / "a.yaml")
+
+
+def test_names_are_data(tmp_path):
+    """No name of a model reaches the puppet as it is: not as YAML, comment or path."""
+    odd = "../x: {y}&#10;&#x2028;puppet: z&#13;: &quot;  - name: w"
+    text = (
+        f'<mujoco model="{odd}"><asset><mesh name="{odd}" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/>'
+        f'</asset><worldbody><body name="{odd}"><joint name="{odd}" frictionloss="1"/>'
+        f'<geom type="mesh" mesh="{odd}"/></body></worldbody></mujoco>'
+    )
+    made = imported(text, tmp_path)
+    made.save(tmp_path / "out.yaml")
+    puppet = fan.puppet.load(tmp_path / "out.yaml")
+    assert len(puppet.bodies) == 1 and len(puppet.bodies[0].shapes) == 1
+    assert all(part.parent.parent == tmp_path for part in tmp_path.rglob("*.stl"))
+    assert puppet.name != "z" and all(str(note).isprintable() for note in made.report)
+
+
+def test_a_tendon_of_kept_length_is_a_wire(tmp_path):
+    """Its length is that of the zero pose, and polycoef more."""
+    tendon = '<spatial name="rod"><site site="here"/><site site="there"/></spatial>'
+    text = CONNECTED.replace(
+        '<connect name="pin" body1="b" body2="c" anchor="0 0 -0.2"/>',
+        '<tendon name="keep" tendon1="rod" polycoef="0.05 0 0 0 0"/>',
+    ).replace("</mujoco>", f"<tendon>{tendon}</tendon></mujoco>")
+    made, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
+    assert not any(note.kind in ("equality", "tendon") for note in made.report)
+    (rod,) = fan.puppet.loads(made.text).strings
+    assert rod.wire and rod.length == pytest.approx(m.tendon_length0[0] + 0.05, abs=1e-12)

@@ -1,0 +1,55 @@
+"""The models of gymnasium, dm_control and MuJoCo's menagerie have MuJoCo's accelerations."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+from benchmarks.exchange import models
+
+import fantoccini as fan
+from fantoccini.exchange import import_model
+
+OFF = {
+    "actuators": "actuator", "equalities": "equality", "fluid": "option", "gravcomp": "body",
+    "frictionloss": "joint", "springs of ball joints": "joint",
+}  # fmt: skip
+"""What is off in MuJoCo -> kind of the notes about it."""
+
+
+@pytest.mark.parametrize("model", models.MODELS)
+def test_accelerations_agree(model):
+    """To 1e-9 of the largest. The report names whatever was off in MuJoCo."""
+    found = models.agreement(model, states=2)
+    assert found.error < 1e-9
+    kinds = {note.kind for note in import_model(models.path_of(model)).report}
+    assert {OFF.get(word, "tendon") for word in found.off} <= kinds
+
+
+def test_there_are_twenty_of_them():
+    moving = {m for m in models.MODELS if mujoco.MjModel.from_xml_path(str(models.path_of(m))).nv}
+    assert len(moving) >= 20
+
+
+def test_ball_in_cup_hangs_on_its_string():
+    """A limited tendon is a string of the same length."""
+    path = models.path_of("dm_control/suite/ball_in_cup.xml")
+    m = mujoco.MjModel.from_xml_path(str(path))
+    made = import_model(path)
+    assert f"length: {m.tendon_range[m.tendon('string').id, 1]:g}" in made.text
+
+
+def test_compiled_accelerations_agree(tmp_path):
+    path = models.path_of("gymnasium/envs/mujoco/assets/hopper.xml")
+    m = mujoco.MjModel.from_xml_path(str(path))
+    list(models.switched_off(m))
+    made, d = import_model(path), mujoco.MjData(m)
+    made.save(tmp_path / "hopper.yaml")
+    hopper = fan.load(tmp_path / "hopper.yaml")
+    q, v = models.places(made, m, hopper.coordinates)
+    d.qpos[:], d.qvel[:] = [0.1, 1.3, 0.2, -0.3, -0.5, 0.4], [0.5, -0.2, 1.0, 2.0, -1.0, 0.7]
+    mujoco.mj_forward(m, d)
+    values = dict(zip(hopper.coordinates.q_D, d.qpos[q], strict=True))
+    values |= {f"v:{n}": x for n, x in zip(hopper.coordinates.v_D, d.qvel[v], strict=True)}
+    acc = hopper.forward_dynamics(hopper.state(values)).acc_D
+    assert np.allclose(acc, d.qacc[v], rtol=0, atol=1e-9 * np.abs(d.qacc).max())

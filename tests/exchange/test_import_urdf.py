@@ -1,0 +1,279 @@
+"""Robots in URDF become puppets with the accelerations of MuJoCo and of Pinocchio."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+from benchmarks.exchange import models
+from tests.exchange.test_import_mjcf import states
+
+import fantoccini as fan
+from fantoccini.errors import ExchangeError, MissingLibraryError, UnknownNameError
+from fantoccini.exchange import Imported, import_model
+from harness import Model, State
+from oracles import random_models
+
+ROUNDING = 1e-11
+"""Of accelerations, over the largest."""
+
+
+def imported(text: str, folder: Path) -> Imported:
+    path = folder / "robot.urdf"
+    path.write_text(text)
+    return import_model(path)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_accelerations_are_mujocos(seed, tmp_path):
+    """Its own reader of URDF makes the model."""
+    text = random_models.urdf(seed)
+    made, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
+    list(models.switched_off(m))
+    assert sorted(made.joints) == sorted(m.joint(j).name for j in range(m.njnt))
+    # MuJoCo's joints are in the order of its tree.
+    made = Imported(made.text, made.report, {}, tuple(m.joint(j).name for j in range(m.njnt)))
+    for model, x, d, v in states(made, m, 2):
+        acc = model.acceleration(x)
+        assert np.abs(acc - d.qacc[v]).max() < ROUNDING * np.abs(d.qacc).max()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_accelerations_are_pinocchios(seed, tmp_path):
+    pin = pytest.importorskip("pinocchio")
+    text = random_models.urdf(seed).replace("continuous", "revolute")
+    made, robot = imported(text, tmp_path), pin.buildModelFromXML(text)
+    model, rng = Model.of(fan.puppet.loads(made.text)), np.random.default_rng(seed)
+    names, none = list(robot.names)[1:], np.zeros(0)
+    q, v = rng.normal(size=robot.nq), rng.normal(size=robot.nv)
+    damping = {link.joint: link.damping for link in model.tree.links}
+    force = -np.array([damping[name] for name in names]) * v
+    wanted = pin.aba(robot, robot.createData(), q, v, force)
+    order = [names.index(name) for name in model.table.v_D]
+    acc = model.acceleration(State(q[order], v[order], none, none, none))
+    assert np.allclose(acc, wanted[order], rtol=0, atol=ROUNDING * np.abs(wanted).max())
+
+
+PLANE = """<robot name="puck">
+<link name="world"/>
+<link name="puck"><inertial><origin xyz="0.1 0.2 0" rpy="0.3 0 0"/><mass value="2"/>
+<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0.02" ixz="0" iyz="0"/></inertial></link>
+<link name="arm"><inertial><origin xyz="0 0 0.3"/><mass value="1"/>
+<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="slide" type="planar"><parent link="world"/><child link="puck"/>
+<origin xyz="0.3 0 1"/><axis xyz="0 0 1"/></joint>
+<joint name="hinge" type="continuous"><parent link="puck"/><child link="arm"/>
+<axis xyz="0 1 0"/><dynamics damping="0.5"/></joint>
+</robot>"""
+
+
+def test_a_planar_joint_is_two_slides_and_a_hinge(tmp_path):
+    """The same model is written by hand for MuJoCo."""
+    made = imported(PLANE, tmp_path)
+    assert made.joints == ("slide_x", "slide_y", "slide", "hinge")
+    c, s = np.cos(0.3), np.sin(0.3)
+    R = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+    inertia = R @ np.array([[0.1, 0.02, 0], [0.02, 0.1, 0], [0, 0, 0.1]]) @ R.T
+    full = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    m = mujoco.MjModel.from_xml_string(f"""<mujoco><worldbody><body pos="0.3 0 1">
+      <joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/>
+      <joint type="hinge" axis="0 0 1"/>
+      <inertial pos="0.1 0.2 0" mass="2" fullinertia="{' '.join(map(repr, full.tolist()))}"/>
+      <body><joint axis="0 1 0" damping="0.5"/>
+      <inertial pos="0 0 0.3" mass="1" diaginertia="0.1 0.1 0.1"/></body>
+      </body></worldbody></mujoco>""")
+    for model, x, d, v in states(made, m, 2):
+        acc = model.acceleration(x)
+        assert np.abs(acc - d.qacc[v]).max() < ROUNDING * np.abs(d.qacc).max()
+
+
+def test_a_floating_joint_is_a_free_one(tmp_path):
+    text = PLANE.replace('type="planar"', 'type="floating"').replace('<axis xyz="0 0 1"/>', "")
+    made = imported(text.replace("damping", "friction"), tmp_path)
+    puppet = fan.puppet.loads(made.text)
+    assert puppet.bodies[0].joint.type == "free"
+    assert [str(n).partition(": ")[2] for n in made.report] == [
+        "joint hinge: has friction, left out"
+    ]
+
+
+REST = """<robot name="arm">
+  <material name="blue"><color rgba="0 0 1 1"/></material>
+  <link name="base"><visual><geometry><box size="0.1 0.1 0.2"/></geometry></visual></link>
+  <link name="arm">
+    <inertial><mass value="1"/>
+      <inertia ixx="0.1" iyy="0.02" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial>
+    <visual><origin xyz="0 0 0.1"/><geometry><cylinder radius="0.1" length="0.4"/></geometry>
+      <material name="blue"/></visual>
+    <visual><geometry><mesh filename="package://thing/meshes/a.stl" scale="2 2 2"/></geometry>
+      </visual>
+    <visual><geometry><mesh filename="package://thing/meshes/none.stl"/></geometry></visual>
+    <visual><geometry><mesh filename="meshes/b.dae"/></geometry></visual>
+    <collision><geometry><sphere radius="0.1"/></geometry></collision>
+  </link>
+  <link name="finger 1"><inertial><mass value="1"/>
+    <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="arm" type="revolute"><parent link="base"/><child link="arm"/>
+    <axis xyz="0 1 0"/><limit lower="-1" upper="2" effort="5" velocity="1"/></joint>
+  <joint name="grip" type="prismatic"><parent link="arm"/><child link="finger 1"/>
+    <mimic joint="arm" multiplier="-1"/><dynamics friction="1"/></joint>
+  <transmission name="drive"><type>simple</type></transmission>
+  <gazebo reference="arm"><mu1>0.2</mu1></gazebo>
+</robot>"""
+
+
+def test_the_report_names_what_has_no_counterpart(tmp_path):
+    folder = tmp_path / "thing"
+    for name in ("urdf", "meshes"):
+        (folder / name).mkdir(parents=True)
+    mesh = fan.exchange.solids.stl(*_tetrahedron())
+    (folder / "meshes" / "a.stl").write_bytes(mesh)
+    made = imported(REST, folder / "urdf")
+    file = folder / "urdf" / "robot.urdf"
+    assert [str(note).removeprefix(f"{file}:") for note in made.report] == [
+        "4: link arm: has the principal moments 0.02, 0.03 and 0.1 kg m^2; here the largest is the "
+        "sum of the others, 0.05: no solid has more",
+        "4: link arm: has the mesh 'package://thing/meshes/none.stl', left out: it is not there",
+        "4: link arm: has the mesh 'meshes/b.dae', left out: it is not there",
+        "15: link finger 1: is called finger_1 here",
+        "17: joint arm: has limits of effort and velocity, left out: it has no motor",
+        "19: joint grip: has friction, left out",
+        "19: joint grip: mimics 'arm'; here it moves freely",
+        "21: transmission drive: left out: joints move freely",
+        "22: gazebo arm: left out",
+    ]
+    made.save(tmp_path / "arm.yaml")
+    puppet = fan.puppet.load(tmp_path / "arm.yaml")
+    base, arm, finger = puppet.bodies
+    assert base.joint.type == "fixed" and arm.joint.name is None and finger.joint.name == "grip"
+    assert arm.joint.limits.upper == 2.0 and arm.inertia == (0.05, 0.02, 0.03)
+    rod, tetrahedron = arm.shapes
+    assert rod.colour == "#0000ff" and rod.at == (0.0, 0.0, 0.1)
+    assert np.allclose(fan.puppet.shapes.load_mesh(tetrahedron).extents, [2.0, 2.0, 2.0])
+    assert sorted(made.meshes) == ["arm_meshes/a.stl", "arm_meshes/cylinder.stl"]
+
+
+@pytest.mark.parametrize("ending", ["glb", "dae", "obj", "ply"])
+def test_meshes_of_all_formats(ending, tmp_path):
+    size = np.array([0.1, 0.2, 0.4])
+    box = trimesh.creation.box(size)
+    if ending in ("glb", "dae"):  # y is up there
+        box.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0]))
+    exported = box.export(file_type=ending)
+    (tmp_path / f"box.{ending}").write_bytes(
+        exported.encode() if isinstance(exported, str) else exported
+    )
+    made = imported(
+        '<robot name="r"><link name="a"><visual><geometry>'
+        f'<mesh filename="package://r/box.{ending}"/></geometry></visual></link></robot>', tmp_path
+    )  # fmt: skip
+    assert not made.report
+    made.save(tmp_path / "r.yaml")
+    (body,) = fan.puppet.load(tmp_path / "r.yaml").bodies
+    assert np.allclose(fan.puppet.shapes.load_mesh(body.shapes[0]).extents, size, atol=1e-7)
+
+
+def _tetrahedron() -> tuple[np.ndarray, np.ndarray]:
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    return corners, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+
+
+LINKS = '<robot name="r">\n<link name="a"/>\n<link name="b"/>\n'
+
+
+def joint(name: str, kind: str, parent: str, child: str, inside: str = "") -> str:
+    ends = f'<parent link="{parent}"/><child link="{child}"/>'
+    return f'<joint name="{name}" type="{kind}">{ends}{inside}</joint>\n'
+
+
+WRONG = {
+    "no name": ("<robot>\n<link/>", ":2: link: name is missing"),
+    "no numbers": (
+        LINKS + joint("j", "fixed", "a", "b", '<origin xyz="1 2 x"/>'),
+        ":4: origin: xyz: found '1 2 x'; needed: 3 finite numbers",
+    ),
+    "a twin": (LINKS + '<link name="a"/>', ":4: link: 'a' is there already, in line 2"),
+    "an unknown link": (
+        LINKS + joint("j", "fixed", "a", "c"), ":4: joint j: no link is called 'c'",
+    ),
+    "an unknown type": (
+        LINKS + joint("j", "ball", "a", "b"),
+        ":4: joint j: found the type 'ball'; allowed: revolute",
+    ),
+    "two parents": (
+        LINKS + joint("j", "fixed", "a", "b") + joint("k", "fixed", "a", "b"),
+        ":5: joint k: 'b' is carried by 'j' already",
+    ),
+    "a circle": (
+        LINKS + joint("j", "fixed", "a", "b") + joint("k", "fixed", "b", "a"),
+        ":4: joint j: carries itself",
+    ),
+    "no child": (LINKS + '<joint name="j" type="fixed"><parent link="a"/></joint>', "<child>"),
+    "a solid of another kind": (
+        '<robot name="r">\n<link name="a"><visual>\n<geometry><cone/></geometry></visual></link>',
+        ":3: geometry: found cone",
+    ),
+    "no mass": (
+        LINKS + joint("j", "continuous", "a", "b"),
+        ":3: bodies[1].joint: this joint moves no mass",
+    ),
+    "no axis": (
+        LINKS + joint("j", "continuous", "a", "b", '<axis xyz="0 0 0"/>'),
+        ":4: joint j: found an axis of zero length",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "message"), WRONG.values(), ids=WRONG)
+def test_a_wrong_file_is_a_located_mistake(text, message, tmp_path):
+    with pytest.raises(ExchangeError) as caught:
+        imported(f"{text}</robot>", tmp_path)
+    assert str(caught.value).startswith(str(tmp_path / "robot.urdf"))
+    assert message in str(caught.value)
+
+
+def test_urdf_has_no_keyframes(tmp_path):
+    (tmp_path / "robot.urdf").write_text(PLANE)
+    with pytest.raises(UnknownNameError, match="no keyframe is called 'home'"):
+        import_model(tmp_path / "robot.urdf", keyframe="home")
+
+
+def test_a_missing_library_is_named_with_its_extra(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "yourdfpy", None)
+    with pytest.raises(MissingLibraryError, match=r"pip install 'fantoccini\[urdf\]'"):
+        imported(PLANE, tmp_path)
+
+
+BULLET = ("kuka_iiwa/model.urdf", "franka_panda/panda.urdf", "a1/a1.urdf", "laikago/laikago.urdf")
+
+
+@pytest.mark.parametrize("name", BULLET)
+def test_real_robots_agree_with_pinocchio(name, tmp_path):
+    """Robots of pybullet, fixed by their first link."""
+    pin, data = pytest.importorskip("pinocchio"), pytest.importorskip("pybullet_data")
+    path = Path(data.getDataPath()) / name
+    made, robot = import_model(path), pin.buildModelFromUrdf(str(path))
+    made.save(tmp_path / "robot.yaml")
+    model = Model.of(fan.puppet.load(tmp_path / "robot.yaml"))
+    rng, none = np.random.default_rng(0), np.zeros(0)
+    names = list(robot.names)[1:]
+    q, v = pin.neutral(robot), rng.normal(size=robot.nv)
+    q = pin.integrate(robot, q, rng.uniform(-1.0, 1.0, robot.nv))
+    angles = [_angle(robot.joints[i + 1], q) for i in range(robot.nv)]
+    damping = {link.joint: link.damping for link in model.tree.links}
+    force = -np.array([damping[n] for n in names]) * v
+    wanted = pin.aba(robot, robot.createData(), q, v, force)
+    order = [names.index(n) for n in model.table.v_D]
+    x = State(np.array(angles)[order], v[order], none, none, none)
+    acc = model.acceleration(x)
+    assert np.allclose(acc, wanted[order], rtol=0, atol=1e-9 * np.abs(wanted).max())
+
+
+def _angle(joint, q: np.ndarray) -> float:
+    """A joint's coordinate; continuous ones have cosine and sine."""
+    own = q[joint.idx_q : joint.idx_q + joint.nq]
+    return float(own[0]) if joint.nq == 1 else float(np.arctan2(own[1], own[0]))
