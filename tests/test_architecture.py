@@ -87,7 +87,8 @@ ONLY_IN = {
     "mujoco": {"exchange"},
     "coacd": {"runtime"},  # convex pieces
     "coal": {"clearance", "runtime"},  # exact meshes; how well pieces fit them
-    "pythonosc": {"perform"},
+    "mcap": {"animation"},
+    "pythonosc": {"perform", "stand"},
     "pxr": {"animation"},
     "pyvista": {"view"},
     "viser": {"web"},

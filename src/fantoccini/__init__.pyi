@@ -17,6 +17,7 @@ from .errors import (
     FileError as FileError,
     InputError as InputError,
     MissingLibraryError as MissingLibraryError,
+    PacketError as PacketError,
     PictureError as PictureError,
     PuppetError as PuppetError,
     SimulationError as SimulationError,

@@ -136,6 +136,19 @@ class StreamError(StandError):
         super().__init__(f"line {line}: {text!r}: {reason}")
 
 
+class PacketError(StandError):
+    """Set points reach a controller on a network no longer.
+
+    Args:
+        t: time of the set points at which they ended [s].
+        reason: why.
+    """
+
+    def __init__(self, t: float, reason: str):
+        self.t, self.reason = t, reason
+        super().__init__(f"t = {t:.3f} s: {reason}")
+
+
 class Status(enum.IntEnum):
     """How a run ended. Compiled code has the same numbers (``contract.hpp``)."""
 

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 def perform_play(request: PerformRequest) -> None:
     """Compiles a play and performs it until Ctrl-C."""
     check_folder(request.record_to, "--record-to")
-    hear = _address(request.osc_in, "--osc-in")
-    send = _address(request.osc_out, "--osc-out")
+    hear = address_of(request.osc_in, "--osc-in")
+    send = address_of(request.osc_out, "--osc-out")
     if hear is not None and hear == send:
         fail(f"found {hear} for --osc-in as well; needed: two addresses", "--osc-out")
     from fantoccini.perform import Show
@@ -44,7 +44,8 @@ def perform_play(request: PerformRequest) -> None:
     serve(page, request)
 
 
-def _address(given: str | None, option: str) -> Address | None:
+def address_of(given: str | None, option: str) -> Address | None:
+    """The address in an option's text; a mistake where it is none."""
     if given is None:
         return None
     from fantoccini.perform.osc import Address

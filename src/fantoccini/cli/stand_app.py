@@ -63,10 +63,10 @@ def stand_export(request: StandExportRequest) -> None:
 @stand_app.command("stream")
 @takes(StandStreamRequest)
 def stand_stream(request: StandStreamRequest) -> None:
-    """Send a run to the stand's controller over its serial port.
+    """Send a run to the stand's controller: G-code over a serial port, packets over a network.
 
     Ctrl-C holds all motion; then Enter goes on, and another Ctrl-C stops. An error of the
-    controller stops too (exit code 1), and says at which line to go on.
+    controller stops too (exit code 1). Both say where to go on: --from-line, --from-time.
     """
     from fantoccini.cli.stand_motion import stream_run
 
@@ -85,16 +85,23 @@ def stand_emulate(
     rate: Annotated[
         float, typer.Option(metavar="N", help="Set points per second that it is set up for.")
     ] = 50.0,
+    listen: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOST:PORT", help="Where packets of OSC or Art-Net are heard [the stand's].",
+        ),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(metavar="PATH", help="Write where its motors were, 100 times a second: .csv."),
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Run an emulated GRBL with the stand's axes on a pseudo-terminal.
+    """Run an emulated controller with the stand's axes: GRBL on a pseudo-terminal, OSC, Art-Net.
 
-    Prints the name of its port. Ends with the program that it is sent (M2), or with Ctrl-C.
+    Prints its port or address. Ends with the program that it is sent (M2), when packets come no
+    more, or with Ctrl-C.
     """
     from fantoccini.cli.stand_motion import emulate
 
-    emulate(stand, controller, rate, out, quiet)
+    emulate(stand, controller, rate, listen, out, quiet)

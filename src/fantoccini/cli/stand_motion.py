@@ -2,45 +2,44 @@
 
 from __future__ import annotations
 
-import signal
+import contextlib
 import sys
 import threading
+import time
+from collections.abc import Callable
 from pathlib import Path
-from types import FrameType
 
 import numpy as np
-import typer
 
+from fantoccini.arrays import Array, Times
 from fantoccini.cli.files import check_output, fail, writing
-from fantoccini.cli.guard import INTERRUPTED
+from fantoccini.cli.perform import address_of
 from fantoccini.cli.stand import motion_of
 from fantoccini.cli.stand_requests import (
     StandExportRequest,
     StandMotionOptions,
     StandStreamRequest,
 )
+from fantoccini.cli.stand_sending import send_lines, send_packets
 from fantoccini.cli.terminal import Steps, say, write
-from fantoccini.errors import StandError, StreamError
+from fantoccini.errors import StandError
 from fantoccini.files import replacing
 from fantoccini.stand import (
     Emulator,
     GrblMachine,
+    Receiver,
     SetPoints,
+    Stand,
     check_stand,
     controller_of,
-    gcode,
     grbl_settings,
-    lines_of,
     load_stand,
-    resumed,
     save_points,
-    serial_port,
     set_points,
-    stream,
 )
-from fantoccini.stand.controllers import Grbl, Marlin
+from fantoccini.stand.controllers import ArtNet, Grbl, Marlin, Osc
+from fantoccini.stand.grbl_planner import GrblSettings
 from fantoccini.stand.point_files import ENDINGS
-from fantoccini.stand.streaming import Line, Progress
 
 _SAMPLED = 100.0
 """Times per second at which the emulator's motors are written."""
@@ -60,72 +59,46 @@ def export(request: StandExportRequest) -> None:
 
 
 def stream_run(request: StandStreamRequest) -> None:
-    """Sends G-code to a port."""
+    """Sends set points to a controller: G-code to a serial port, or packets over a network."""
     with Steps(request.quiet) as steps:
         points = _points(request, request.stand, request.run, steps)
-        controller = points.controller
-        if not isinstance(controller, Grbl | Marlin):
-            raise StandError(
-                f"{controller.type} takes no G-code over a serial port from here; needed: grbl, "
-                "fluidnc or marlin (--controller); `stand export` writes files for the others"
-            )
-        steps.step("timing the moves")
-        text = gcode(points)
-    lines = lines_of(text) if request.from_line is None else resumed(text, request.from_line)
-    if request.dry_run:
-        for line in lines:
-            write(line.text)
-        return
-    name = request.port or controller.port
-    if name is None:
-        fail("the stand's controller names no port; needed: --port NAME", "--port")
-    _send(name, request.baud or controller.baud, lines, controller, request.quiet)
-
-
-def _send(name: str, baud: int, lines: list[Line], controller: Grbl | Marlin, quiet: bool) -> None:
-    hold, progress = threading.Event(), Progress()
-    before = signal.signal(signal.SIGINT, lambda *_: hold.set())
-    counting = isinstance(controller, Grbl)
-    buffer = controller.buffer if isinstance(controller, Grbl) else 4096
-    try:
-        with serial_port(name, baud) as port:
-            stream(port, lines, buffer, counting, progress=progress, hold=hold, go_on=_ask)
-    except StreamError as error:
-        say(f"fantoccini: {error}")
-        if progress.last:
-            say(f"the controller took all lines up to {progress.last}; when it is where it was, "
-                f"go on with --from-line {error.line}")  # fmt: skip
-        raise typer.Exit(INTERRUPTED if error.reason == "stopped here" else 1) from None
-    finally:
-        signal.signal(signal.SIGINT, before)
-    if not quiet:
-        write(f"{progress.done} lines; up to {progress.most} characters were under way")
-
-
-def _ask(progress: Progress) -> bool:
-    """Whether a held motion is to go on."""
-    say(f"held after line {progress.last}; Enter goes on, Ctrl-C stops")
-    before = signal.signal(signal.SIGINT, _interrupt)
-    try:
-        return bool(sys.stdin.readline())
-    except KeyboardInterrupt:
-        return False
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
+    if isinstance(points.controller, Osc | ArtNet):
+        send_packets(points, request)
+    elif isinstance(points.controller, Grbl | Marlin):
+        send_lines(points, request)
+    else:
+        raise StandError(
+            f"{points.controller.type} takes neither G-code over a serial port nor packets from "
+            "here; needed: grbl, fluidnc, marlin, osc or artnet (--controller); `stand export` "
+            "writes files for the others"
+        )
 
 
 def emulate(
-    stand: str, controller: str | None, rate: float, out: Path | None, quiet: bool
-) -> None:
-    """Serves until a program ends."""
+    stand: str, controller: str | None, rate: float, listen: str | None, out: Path | None,
+    quiet: bool,
+) -> None:  # fmt: skip
+    """Serves until a program ends, or packets come no more."""
     if out is not None:
         check_output(out, (".csv",), "--out")
     read = load_stand(stand)
-    settings = grbl_settings(read, controller_of(read, controller), rate)
+    kind = controller_of(read, controller)
+    names = list(read.file.axes)
+    if isinstance(kind, Osc | ArtNet):
+        heard = _listen(read, kind, listen, quiet)
+        where = _table(heard.t[-1], heard.positions, names) if len(heard) else ""
+    else:
+        if listen is not None:
+            fail(f"applies to osc and artnet, and the controller is {kind.type}", "--listen")
+        machine = _serve(grbl_settings(read, kind, rate), quiet)
+        where = _table(machine.planner.time, machine.positions, names)
+    if out is not None and where:
+        with writing(out), replacing(out) as temporary:
+            temporary.write_text(where, encoding="utf-8")
+
+
+def _serve(settings: GrblSettings, quiet: bool) -> GrblMachine:
+    """GRBL on a pseudo-terminal."""
     machine, ended = GrblMachine(settings), threading.Event()
 
     def heard(text: str, answer: str) -> None:
@@ -137,11 +110,9 @@ def emulate(
     with Emulator(machine, heard=heard) as emulator:
         write(emulator.port)
         sys.stdout.flush()
-        try:
+        with contextlib.suppress(KeyboardInterrupt):
             while not ended.wait(0.1):
                 pass
-        except KeyboardInterrupt:
-            pass
         ended.wait(0.1)  # for the last answer to be read
     machine.planner.finish()
     if not quiet:
@@ -149,16 +120,28 @@ def emulate(
             f"{len(emulator.lines)} lines, {machine.planner.time:.3f} s of motion, buffer at most "
             f"{emulator.fullest} characters, {emulator.overrun} lost"
         )
-    if out is not None:
-        with writing(out), replacing(out) as temporary:
-            temporary.write_text(_table(machine, list(read.file.axes)), encoding="utf-8")
+    return machine
 
 
-def _table(machine: GrblMachine, names: list[str]) -> str:
-    t = np.arange(int(machine.planner.time * _SAMPLED) + 2) / _SAMPLED
+def _listen(stand: Stand, controller: Osc | ArtNet, listen: str | None, quiet: bool) -> Receiver:
+    """Motors that packets send."""
+    with Receiver(stand, controller, *(address_of(listen, "--listen") or ())) as heard:
+        write("{}:{}".format(*heard.address))
+        sys.stdout.flush()
+        with contextlib.suppress(KeyboardInterrupt):
+            while not heard.silent:
+                time.sleep(0.1)
+    if not quiet:
+        seconds = heard.t[-1] if len(heard) else 0.0
+        say(f"{len(heard)} packets in {seconds:.3f} s, {heard.wrong} wrong")
+    return heard
+
+
+def _table(end: float, positions: Callable[[Times], Array], names: list[str]) -> str:
+    t = np.arange(int(end * _SAMPLED) + 2) / _SAMPLED
     lines = [",".join(["t [s]", *names])]
-    for time, row in zip(t, machine.positions(t), strict=True):
-        lines.append(",".join([f"{time:.3f}", *(f"{x:.4f}" for x in row)]))
+    for at, row in zip(t, positions(t), strict=True):
+        lines.append(",".join([f"{at:.3f}", *(f"{x:.4f}" for x in row)]))
     return "\n".join([*lines, ""])
 
 

@@ -78,6 +78,18 @@ class StandStreamRequest(StandMotionOptions):
         int | None,
         typer.Option(metavar="N", min=1, help="Go on from this line of the G-code."),
     ] = None
+    to: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOST:PORT", help="Where packets of OSC or Art-Net go [the stand's].",
+        ),
+    ] = None
+    from_time: Annotated[
+        float | None,
+        typer.Option(
+            metavar="S", min=0.0, help="Go on from this time of the set points (OSC, Art-Net).",
+        ),
+    ] = None
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Print what would be sent; open no port.")
     ] = False

@@ -6,8 +6,11 @@ from fantoccini.stand.emulator import Emulator
 from fantoccini.stand.gcode_text import gcode, grbl_settings
 from fantoccini.stand.grbl_machine import GrblMachine
 from fantoccini.stand.helping import lost_lines, remedies
+from fantoccini.stand.packets import packets_of
 from fantoccini.stand.point_files import joint_trajectory, save_points
 from fantoccini.stand.points import SetPoints, controller_of, set_points
+from fantoccini.stand.receiving import Receiver
+from fantoccini.stand.sending import Sending, send_points, udp_sender
 from fantoccini.stand.stand_file import (
     Stand,
     is_stand,
@@ -27,6 +30,8 @@ __all__ = [
     "Emulator",
     "GrblMachine",
     "Limit",
+    "Receiver",
+    "Sending",
     "SetPoints",
     "Slowed",
     "Stand",
@@ -43,9 +48,11 @@ __all__ = [
     "load_stand",
     "loads_stand",
     "lost_lines",
+    "packets_of",
     "remedies",
     "resumed",
     "save_points",
+    "send_points",
     "serial_port",
     "set_points",
     "slowed",
@@ -53,4 +60,5 @@ __all__ = [
     "stand_names",
     "stand_schema",
     "stream",
+    "udp_sender",
 ]

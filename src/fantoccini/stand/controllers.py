@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, WithJsonSchema
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
 from fantoccini.puppet.located import shown
 from fantoccini.puppet.sized import Size
 from fantoccini.puppet.values import Model, Name, mistake
 
+MOST_FRAMES = 44.0
+"""Frames of DMX per second, at most."""
 _MAX_LENGTH = 128
 """Of what a controller calls an axis [characters]."""
 
@@ -28,6 +30,14 @@ def _called(value: Any) -> Any:
 Called = Annotated[
     str | int, BeforeValidator(_called), WithJsonSchema({"type": ["string", "integer"]})
 ]
+
+
+def _frames(rate: float) -> float:
+    if rate > MOST_FRAMES:
+        raise mistake(f"found {rate:g}; DMX takes at most {MOST_FRAMES:g} frames per second")
+    return rate
+
+
 Baud = Annotated[int, Field(ge=300, le=50_000_000)]
 Size16 = Annotated[int, Field(ge=1, le=65_535)]
 Host = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.:-]{1,253}$")]
@@ -148,7 +158,7 @@ class ArtNet(_Controller):
 
     type: Literal["artnet"]
     """Kind of controller."""
-    rate: Size = 40.0
+    rate: Annotated[Size, AfterValidator(_frames)] = 40.0
     """Frames per second; DMX takes at most 44."""
     host: Host = "127.0.0.1"
     """Where they go."""

@@ -17,6 +17,8 @@ from fantoccini.stand.grbl_machine import ERRORS
 HOLD, RESUME, RESET = b"!", b"~", b"\x18"
 SILENCE = 30.0
 """Time without an answer after which a controller is given up [s]; dwells and homing are waits."""
+STOPPED = "stopped here"
+"""Why a stream ended, after a hold."""
 GENTLE_FEED = 600.0
 """With which the axes go where a stream goes on [mm/min]."""
 
@@ -145,7 +147,7 @@ def stream(
             line = waiting[0] if waiting else todo[0]
             if go_on is None or not go_on(done):
                 _stop(port)
-                raise StreamError(line.number, line.text, "stopped here")
+                raise StreamError(line.number, line.text, STOPPED)
             port.write(RESUME)
             heard = time.monotonic()
         under_way = sum(len(line.text) + 1 for line in waiting)

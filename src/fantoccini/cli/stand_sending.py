@@ -1,0 +1,128 @@
+"""``fantoccini stand stream``: set points to a controller, until Ctrl-C holds them."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from types import FrameType
+
+import numpy as np
+import typer
+
+from fantoccini.cli.files import fail
+from fantoccini.cli.guard import FAILED, INTERRUPTED
+from fantoccini.cli.perform import address_of
+from fantoccini.cli.stand_requests import StandStreamRequest
+from fantoccini.cli.terminal import Steps, say, write
+from fantoccini.errors import PacketError, StreamError
+from fantoccini.stand import (
+    Sending,
+    SetPoints,
+    gcode,
+    lines_of,
+    packets_of,
+    resumed,
+    send_points,
+    serial_port,
+    stream,
+    udp_sender,
+)
+from fantoccini.stand.controllers import Grbl
+from fantoccini.stand.streaming import STOPPED, Progress
+
+
+def send_lines(points: SetPoints, request: StandStreamRequest) -> None:
+    """Sends G-code to a serial port, or prints it."""
+    kind = points.controller.type
+    for option, given in (("--to", request.to), ("--from-time", request.from_time)):
+        if given is not None:
+            fail(f"applies to osc and artnet, and the controller is {kind}", option)
+    with Steps(request.quiet) as steps:
+        steps.step("timing the moves")
+        text = gcode(points)
+    lines = lines_of(text) if request.from_line is None else resumed(text, request.from_line)
+    if request.dry_run:
+        for line in lines:
+            write(line.text)
+        return
+    controller = points.controller
+    name = request.port or controller.port
+    if name is None:
+        fail("the stand's controller names no port; needed: --port NAME", "--port")
+    counting = isinstance(controller, Grbl)
+    buffer = controller.buffer if counting else 4096
+    progress = Progress()
+    try:
+        with _holding() as hold, serial_port(name, request.baud or controller.baud) as port:
+            stream(port, lines, buffer, counting, progress=progress, hold=hold,
+                   go_on=lambda done: _ask(f"line {done.last}"))  # fmt: skip
+    except StreamError as error:
+        say(f"fantoccini: {error}")
+        if progress.last:
+            say(f"the controller took all lines up to {progress.last}; when it is where it was, "
+                f"go on with --from-line {error.line}")  # fmt: skip
+        raise typer.Exit(INTERRUPTED if error.reason == STOPPED else FAILED) from None
+    if not request.quiet:
+        write(f"{progress.done} lines; up to {progress.most} characters were under way")
+
+
+def send_packets(points: SetPoints, request: StandStreamRequest) -> None:
+    """Sends packets over a network in real time, or prints what would be in them."""
+    controller = points.controller
+    for option, given in (
+        ("--port", request.port), ("--baud", request.baud), ("--from-line", request.from_line),
+    ):  # fmt: skip
+        if given is not None:
+            fail(f"applies to G-code, and the controller is {controller.type}", option)
+    if request.dry_run:
+        packets, motion = packets_of(points.map.stand, controller, points.rate), points.whole()
+        for t, position in zip(motion.t, motion.position, strict=True):
+            if t >= (request.from_time or 0.0):
+                write(f"{t:.4f} {packets.told(position)}")
+        return
+    host, port = address_of(request.to, "--to") or (controller.host, controller.port)
+    progress = Sending()
+    try:
+        with _holding() as hold, udp_sender(host, port) as send:
+            send_points(points, send, first=request.from_time or 0.0, hold=hold, progress=progress,
+                        go_on=lambda done: _ask(f"t = {done.t:.3f} s"))  # fmt: skip
+    except PacketError as error:
+        say(f"fantoccini: {error}")
+        if progress.t > 0.0:
+            # Rounded down, so that no set point is left out.
+            say(f"when the axes are where they were, go on with --from-time "
+                f"{np.floor(1e3 * error.t) / 1e3:.3f}")  # fmt: skip
+        raise typer.Exit(INTERRUPTED if error.reason == STOPPED else FAILED) from None
+    if not request.quiet:
+        write(f"{progress.sent} packets to {host}:{port}, {progress.dropped} set points left out; "
+              f"at most {1e3 * progress.latest:.2f} ms late")  # fmt: skip
+
+
+@contextlib.contextmanager
+def _holding() -> Iterator[threading.Event]:
+    """Ctrl-C sets an event meanwhile."""
+    hold = threading.Event()
+    before = signal.signal(signal.SIGINT, lambda *_: hold.set())
+    try:
+        yield hold
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _ask(where: str) -> bool:
+    """Whether a held motion is to go on."""
+    say(f"held at {where}; Enter goes on, Ctrl-C stops")
+    before = signal.signal(signal.SIGINT, _interrupt)
+    try:
+        return bool(sys.stdin.readline())
+    except KeyboardInterrupt:
+        return False
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt

@@ -1,0 +1,174 @@
+"""An emulated stand at the other end of a network: it hears packets, and its motors follow."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from typing import Any
+
+import numpy as np
+
+from fantoccini.arrays import Array, Times
+from fantoccini.errors import MissingLibraryError, StandError
+from fantoccini.stand.axes import axes_of
+from fantoccini.stand.controllers import ArtNet, Osc
+from fantoccini.stand.gcode_text import units
+from fantoccini.stand.packets import (  # fmt: skip
+    HEADER,
+    NAME,
+    OUTPUT,
+    REST,
+    ArtNetPackets,
+    addresses,
+    channels,
+)
+from fantoccini.stand.stand_file import Stand
+
+WATCHDOG = 0.5
+"""Time without packets after which the motors are stopped [s]."""
+_LARGEST = 65_536
+_PAUSE = 0.05
+"""Interval at which the thread looks whether it is to end [s]."""
+
+
+class Receiver:
+    """Motors that go to where packets send them, in a thread of its own.
+
+    Args:
+        stand: with its axes.
+        controller: osc or artnet.
+        host, port: where it listens; the controller's by default, and a free port for 0.
+
+    Attributes:
+        address: where it listens.
+        wrong: packets that were none, or came too late.
+        stops: how often the watchdog stopped the motors.
+
+    Raises:
+        StandError: it cannot listen there, or the controller takes no packets.
+        FileError: the controller has wrong names.
+        MissingLibraryError: python-osc is not installed.
+    """
+
+    def __init__(
+        self, stand: Stand, controller: Any, host: str | None = None, port: int | None = None
+    ):
+        self._read = _reader(stand, controller)
+        axes = axes_of(stand)
+        self._counts, self._scale = np.array([a.counts for a in axes]), units(axes)
+        there = (host or controller.host, controller.port if port is None else port)
+        try:
+            family = socket.getaddrinfo(*there, type=socket.SOCK_DGRAM)[0][0]
+            self._socket = socket.socket(family, socket.SOCK_DGRAM)
+            self._socket.bind(there)
+        except OSError as error:
+            text = f"cannot listen at {there[0]}:{there[1]}: {error.strerror or error}"
+            raise StandError(f"{text}; needed: a free port of this machine") from None
+        self._socket.settimeout(_PAUSE)
+        self.address: tuple[str, int] = self._socket.getsockname()[:2]
+        self.wrong = self.stops = 0
+        self._heard: list[tuple[float, Array]] = []
+        self._moving = False
+        self._end = threading.Event()
+        self._thread = threading.Thread(target=self._serve, name="stand", daemon=True)
+
+    def __enter__(self) -> Receiver:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._end.set()
+        self._thread.join()
+        self._socket.close()
+
+    def __len__(self) -> int:
+        return len(self._heard)
+
+    @property
+    def silent(self) -> bool:
+        """Whether the watchdog has stopped the motors."""
+        return bool(self._heard) and not self._moving
+
+    @property
+    def t(self) -> Times:
+        """(T,) when packets came, from the first one on [s]."""
+        return np.array([when - self._heard[0][0] for when, _ in self._heard])
+
+    @property
+    def steps(self) -> Array:
+        """(T, n) microsteps or counts where the motors were sent."""
+        return np.rint(np.array([p for _, p in self._heard]) * self._counts)
+
+    def positions(self, t: Times) -> Array:
+        """(T, n) where the motors were [mm or deg]: whole steps, even between packets."""
+        at = self.steps / self._counts * self._scale
+        return np.stack([np.interp(t, self.t, x) for x in at.T], axis=-1)
+
+    def _serve(self) -> None:
+        last = time.monotonic()
+        while not self._end.is_set():
+            if self._moving and time.monotonic() - last > WATCHDOG:
+                self._moving = False
+                self.stops += 1
+            try:
+                data = self._socket.recv(_LARGEST)
+            except OSError:
+                continue
+            position = self._read.position(data)
+            if position is None:
+                self.wrong += 1
+                continue
+            last = time.monotonic()
+            self._heard.append((last, position))
+            self._moving = True
+
+
+def _reader(stand: Stand, controller: Any) -> _OscReader | _ArtNetReader:
+    if isinstance(controller, Osc):
+        return _OscReader(addresses(stand, controller))
+    if isinstance(controller, ArtNet):
+        return _ArtNetReader(stand, controller)
+    raise StandError(f"{controller.type} takes no packets; needed: --controller osc or artnet")
+
+
+class _OscReader:
+    def __init__(self, addresses: tuple[str, ...]):
+        try:
+            from pythonosc.osc_packet import OscPacket
+        except ImportError:
+            raise MissingLibraryError("OSC", "python-osc", "osc") from None
+        self._packet, self._addresses = OscPacket, addresses
+
+    def position(self, data: bytes) -> Array | None:
+        """(n,) of a packet; None where it is none."""
+        try:
+            messages = [timed.message for timed in self._packet(data).messages]
+            found = {m.address: float(m.params[0]) for m in messages if len(m.params) == 1}
+        except Exception:  # python-osc raises more than its own on broken datagrams
+            return None
+        if any(address not in found for address in self._addresses):
+            return None
+        position = np.array([found[address] for address in self._addresses])
+        return position if np.all(np.isfinite(position)) else None
+
+
+class _ArtNetReader:
+    def __init__(self, stand: Stand, controller: ArtNet):
+        self._packets = ArtNetPackets(axes_of(stand), channels(stand, controller), controller)
+        self._universe, self._last = controller.universe, 0
+
+    def position(self, data: bytes) -> Array | None:
+        """(n,) of a packet; None where it is none, for others or overtaken by a later one."""
+        size = HEADER.size + REST.size
+        if len(data) < size or HEADER.unpack_from(data) != (NAME, OUTPUT):
+            return None
+        _, sequence, _, low, high, length = REST.unpack_from(data, HEADER.size)
+        slots, first, wide = data[size : size + length], self._packets.first, self._packets.wide
+        if 256 * high + low != self._universe or len(slots) < max(first) + wide - 1:
+            return None
+        if sequence and 0 < (self._last - sequence) % 256 < 128:
+            return None
+        self._last = sequence
+        values = [int.from_bytes(slots[k - 1 : k - 1 + wide], "big") for k in first]
+        return self._packets.positions(np.array(values))

@@ -1,0 +1,360 @@
+"""Packets over a network, read by python-osc and by a library for Art-Net."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+
+import numpy as np
+import pytest
+from pythonosc.dispatcher import Dispatcher
+from pythonosc.osc_bundle import OscBundle
+from pythonosc.osc_server import BlockingOSCUDPServer
+from stupidArtnet import StupidArtnetServer
+from tests.stand.hoist import HOIST, STAND, lift
+
+import fantoccini as fan
+from fantoccini.errors import FileError, PacketError, StandError
+from fantoccini.stand import (
+    Receiver,
+    Sending,
+    loads_stand,
+    packets_of,
+    send_points,
+    set_points,
+    udp_sender,
+)
+from fantoccini.stand.sending import REPEATED
+from fantoccini.stand.stand_file import STANDS
+
+ABLE = STAND.replace("TORQUE", "0.5").replace("speed: 1\n", "speed: 2\n")
+SIX = (STANDS / "six_winches.yaml").read_text(encoding="utf-8").split("controller:")[0]
+GENTLE = {"line.length": [(0.2, 0.8), (1.4, 0.6), (1.6, 0.6), (2.8, 0.75)]}
+LOCAL = "127.0.0.1"
+
+
+@pytest.fixture(scope="module")
+def hoist():
+    return fan.loads(HOIST)
+
+
+@pytest.fixture(scope="module")
+def run(hoist):
+    return lift(hoist)
+
+
+@pytest.fixture(scope="module")
+def conduct():
+    puppet = fan.puppets.stand6()
+    moves = fan.puppets.path("stand6").parent / "performances" / "conduct.yaml"
+    return fan.simulate(puppet, puppet.rest(), fan.Input.load(puppet, moves), 5.0)
+
+
+def points_of(run, hoist, kind="osc", more="", **options):
+    return set_points(
+        loads_stand(f"{ABLE}controller: {{type: {kind}{more}}}\n"), run, hoist, **options
+    )
+
+
+def artnet_read(data, universe=0):
+    """The channels of a packet, as a library has them."""
+    server = StupidArtnetServer.__new__(StupidArtnetServer)  # without its thread and its port
+    assert server.validate_header(data)
+    server.listeners = []
+    number = server.register_listener(universe)
+    assert server.listeners[number]["address_mask"] == data[14:16]
+    slots = list(data)[18:]
+    assert int.from_bytes(data[16:18], "big") == len(slots) and len(slots) % 2 == 0
+    assert 2 <= len(slots) <= 512
+    return slots, data[12]
+
+
+def test_an_osc_server_hears_every_set_point(conduct):
+    """The first second of six axes, in real time."""
+    points = set_points(
+        "six_winches", conduct.resample(np.linspace(0.0, 1.0, 501)), fan.puppets.stand6(),
+        controller="osc",
+    )  # fmt: skip
+    heard = {}
+
+    def hear(address, value):
+        heard.setdefault(address, []).append(value)
+
+    dispatcher = Dispatcher()
+    dispatcher.set_default_handler(hear)
+    with BlockingOSCUDPServer((LOCAL, 0), dispatcher) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        with udp_sender(*server.server_address) as send:
+            done = send_points(points, send)
+        time.sleep(0.1)
+        server.shutdown()
+        thread.join()
+    assert set(heard) == {f"/{axis.name}" for axis in points.axes}
+    which = np.rint(np.array(done.times) * points.rate).astype(int)
+    assert len(set(which)) == len(points) - done.dropped and done.t == points.motion.t[-1]
+    for k, axis in enumerate(points.axes):
+        steps = np.rint(np.array(heard[f"/{axis.name}"]) * axis.counts)
+        assert np.max(np.abs(steps - points.counts[which, k])) <= 1.0
+
+
+def test_bundles_carry_the_time_at_which_they_are_due(run, hoist):
+    sent, points, begun = [], points_of(run, hoist, rate=100.0), time.time()
+    done = send_points(points, lambda data: sent.append((time.time(), OscBundle(data))))
+    stamps = np.array([bundle.timestamp for _, bundle in sent])
+    n = round(100.0 * REPEATED)
+    # Those of the motion are as far apart as its set points; before and after it, an interval.
+    own = slice(n, len(sent) - n)
+    np.testing.assert_allclose(
+        stamps[own] - stamps[n], np.array(done.times)[own] - done.times[n], atol=1e-6
+    )
+    np.testing.assert_allclose(np.diff(stamps)[[*range(n), *range(-n, 0)]], 0.01, atol=1e-6)
+    assert stamps[0] == pytest.approx(begun, abs=0.2)
+    late = [at - stamp for (at, _), stamp in zip(sent, stamps, strict=True)]
+    np.testing.assert_allclose(late, done.late, atol=0.02)
+    values = np.array([bundle.content(0).params[0] for _, bundle in sent])
+    assert np.all(values[:n] == np.float32(0.8)) and np.all(values[-n:] == values[-n - 1])
+    at = np.interp(done.times, points.motion.t, points.motion.position[:, 0])
+    np.testing.assert_allclose(values, at, atol=3e-8)
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+@pytest.mark.parametrize("universe", [0, 300])
+def test_art_net_is_read_by_a_library(conduct, bits, universe):
+    """Every set point within half a unit of the last channel."""
+    controller = f"{{type: artnet, universe: {universe}, bits: {bits}, names: {{head: 11}}}}"
+    points = set_points(
+        loads_stand(SIX + f"controller: {controller}\n"), conduct, fan.puppets.stand6()
+    )
+    packets = packets_of(points.map.stand, points.controller, points.rate)
+    assert points.rate == 40.0
+    wide, found, numbers = bits // 8, [], []
+    for position in points.motion.position:
+        slots, number = artnet_read(packets.encode(position, 0.0), universe)
+        numbers.append(number)
+        first = [11, *(1 + wide * k for k in range(5))]
+        found.append([int.from_bytes(bytes(slots[k - 1 : k - 1 + wide]), "big") for k in first])
+    assert numbers == [1 + k % 255 for k in range(len(points))]
+    low, high = np.array([axis.travel for axis in points.axes]).T
+    unit = (high - low) / (2**bits - 1)
+    away = np.abs(low + np.array(found) * unit - points.motion.position) / unit
+    assert 0.3 < np.max(away) <= 0.5 + 1e-9
+
+
+@pytest.mark.parametrize("kind", ["osc", "artnet"])
+def test_a_puppet_on_the_received_set_points_moves_as_in_its_run(hoist, kind):
+    save_at = np.linspace(0.0, 2.9, 291)
+    x0 = hoist.rest({"line.length": 0.8})
+    first = fan.simulate(hoist, x0, fan.Input.waypoints(hoist, GENTLE), 3.0, save_at=save_at)
+    points = points_of(first, hoist, kind, rate=40.0)
+    with Receiver(points.map.stand, points.controller, LOCAL, 0) as stand:
+        with udp_sender(*stand.address) as send:
+            done = send_points(points, send)
+        time.sleep(0.1)
+    assert stand.wrong == 0 and len(stand) == done.sent
+    # Before the motion, in it, and after it.
+    t = np.array(done.times)
+    counts = np.rint(np.interp(t, points.motion.t, points.motion.position[:, 0])
+                     * points.axes[0].counts)  # fmt: skip
+    within = 1.0 if kind == "osc" else 1.0 + 0.7 / 65535 / 2 * points.axes[0].counts
+    assert np.max(np.abs(stand.steps[:, 0] - counts)) <= within
+    own = np.append(np.diff(t) > 0.0, False)
+    p = stand.steps[own, 0] / points.axes[0].counts
+    given = fan.Input.samples(hoist, t[own], {"line.length": p})
+    again = fan.simulate(hoist, hoist.rest({"line.length": p[0]}), given, 2.9, save_at=save_at)
+    poses = [hoist.poses(r.resample(save_at).q_D, r.resample(save_at).q_K) for r in (first, again)]
+    away = np.linalg.norm(poses[0][..., 3] - poses[1][..., 3], axis=-1)
+    assert 0.0 < np.max(away) < 1e-3
+
+
+def test_late_set_points_are_left_out_and_never_come_in_bunches(run, hoist):
+    times, values = [], []
+
+    def slow(data):
+        times.append(time.monotonic())
+        values.append(OscBundle(data).content(0).params[0])
+        if len(times) == 60:
+            time.sleep(0.07)  # 7 intervals
+
+    points = points_of(run, hoist, rate=100.0)
+    done = send_points(points, slow)
+    assert done.dropped >= 6
+    assert done.sent == len(points) + 50 - done.dropped == len(times)
+    gaps = np.diff(times)
+    assert np.max(gaps) > 0.069
+    assert np.sum(gaps < 0.002) <= 1  # only what was due and had no successor yet
+    # After the pause the values are those of their times again.
+    k = 60 + 5
+    place = np.argmin(np.abs(points.motion.position[:, 0] - values[k]))
+    assert points.motion.t[place] == pytest.approx(times[k] - times[25], abs=0.015)
+
+
+def test_a_long_pause_stops_before_the_axes_jump(run, hoist):
+    sent = []
+
+    def stuck(data):
+        sent.append(data)
+        if len(sent) == 60:
+            time.sleep(0.3)
+
+    with pytest.raises(PacketError, match=r"was 0\.\d+ s late, and the axes would jump") as stopped:
+        send_points(points_of(run, hoist, rate=100.0), stuck)
+    assert len(sent) == 60
+    assert stopped.value.t == pytest.approx(0.34, abs=0.05)
+
+
+def test_nobody_listening_stops_before_the_motion(run, hoist):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind((LOCAL, 0))
+        port = taken.getsockname()[1]
+    progress = Sending()
+    with udp_sender(LOCAL, port) as send, pytest.raises(PacketError, match="not sent") as stopped:
+        send_points(points_of(run, hoist), send, progress=progress)
+    assert stopped.value.t == 0.0 and progress.sent <= 2
+
+
+def test_a_listener_that_goes_away_stops_the_motion(run, hoist):
+    points = points_of(run, hoist)
+    progress = Sending()
+    listener = Receiver(points.map.stand, points.controller, LOCAL, 0)
+    with listener as stand, udp_sender(*stand.address) as send:
+        def until(data):
+            if len(stand) == 40:
+                stand._socket.close()
+            send(data)
+
+        with pytest.raises(PacketError, match="not sent"):
+            send_points(points, until, progress=progress)
+    assert 0.2 < progress.t < 1.0
+
+
+def test_wrong_hosts_are_told():
+    refused = pytest.raises(StandError, match=r"needed: such as 127\.0\.0\.1")
+    with refused, udp_sender("no.such.host.invalid", 9000):
+        pass
+
+
+def test_a_hold_stays_on_the_path_and_goes_on_or_stops(run, hoist):
+    """At rest in between: neither speed nor acceleration jumps, and the position is kept alive."""
+    for answer in (True, False):
+        points = points_of(run, hoist, rate=100.0)
+        hold, sent = threading.Event(), []
+
+        def send(data, hold=hold, sent=sent):
+            sent.append((time.monotonic(), OscBundle(data).content(0).params[0]))
+            if len(sent) == 60:
+                hold.set()
+
+        def go_on(progress, sent=sent, answer=answer):
+            before = len(sent)
+            time.sleep(0.3)
+            sent_on = [value for _, value in sent[before:]]
+            assert len(sent_on) > 20 and len(set(sent_on)) == 1
+            return answer
+
+        if answer:
+            done = send_points(points, send, hold=hold, go_on=go_on)
+            assert done.t == points.motion.t[-1]
+            assert sent[-1][1] == np.float32(points.motion.position[-1, 0])
+        else:
+            with pytest.raises(PacketError, match="stopped here") as stopped:
+                send_points(points, send, hold=hold, go_on=go_on)
+            at = np.interp(stopped.value.t, points.motion.t, points.motion.position[:, 0])
+            assert sent[-1][1] == pytest.approx(at, abs=2e-4)
+        p = np.array([value for _, value in sent])
+        speed = np.diff(p) / 0.01
+        top = np.max(np.abs(points.motion.velocity))
+        assert np.max(np.abs(speed)) <= 1.01 * top
+        # Where nothing was left out, acceleration is the path's and that of the hold.
+        most = np.max(np.abs(points.motion.acceleration)) + top / 0.1 * 0.5
+        if answer and not done.dropped:
+            assert np.max(np.abs(np.diff(speed))) / 0.01 <= 1.2 * most + 1e-2
+        assert np.any(np.diff(p)[60:] == 0.0)
+
+
+def test_set_points_go_on_from_a_time(run, hoist):
+    points, sent = points_of(run, hoist, rate=100.0), []
+    send_points(points, lambda data: sent.append(OscBundle(data).content(0).params[0]), first=0.4)
+    at = np.interp(0.4, points.motion.t, points.motion.position[:, 0])
+    assert sent[0] == pytest.approx(at, abs=1e-4)
+    speed = np.abs(np.diff(sent)) / 0.01
+    assert np.max(speed[: round(100 * REPEATED)]) == 0.0 < 0.3 < np.max(speed)
+    assert np.max(np.abs(np.diff(speed))) < 0.35  # [m/s] from packet to packet: no jump
+    assert sent[-1] == np.float32(points.motion.position[-1, 0])
+    with pytest.raises(StandError, match=r"the set points last 1\.5 s"):
+        send_points(points, sent.append, first=1.5)
+
+
+def sent_to(points, packets, wait=0.2):
+    """An emulated stand that heard packets, and some silence."""
+    listener = Receiver(points.map.stand, points.controller, LOCAL, 0)
+    with listener as stand, udp_sender(*stand.address) as send:
+        for data in packets:
+            send(data)
+        time.sleep(wait)
+    return stand
+
+
+def test_the_emulated_stand_refuses_what_is_none(run, hoist):
+    points = points_of(run, hoist, "artnet", ", universe: 5")
+    own = packets_of(points.map.stand, points.controller, points.rate)
+    good = [own.encode(np.array([p]), 0.0) for p in (0.3, 0.4, 0.5)]
+    elsewhere = points.controller.model_copy(update={"universe": 6})
+    other = packets_of(points.map.stand, elsewhere, 40.0).encode(np.ones(1), 0.0)
+    noise = np.random.default_rng(0).bytes(600)
+    overtaken = [good[0], good[2], good[1]]
+    stand = sent_to(points, [*overtaken, b"Art-Net\0", other, good[2][:19], b"", noise], 0.7)
+    assert len(stand) == 2 and stand.wrong == 6
+    assert stand.stops == 1 and stand.silent
+    points = points_of(run, hoist)
+    message = b"/winch\0\0,f\0\0"
+    stand = sent_to(points, [message + b"\x7f\xc0\0\0", b"/other\0\0,f\0\0\x3f\0\0\0", b"#bundle\0",
+                             message + b"\x3f\0\0\0"])  # fmt: skip
+    assert len(stand) == 1 and stand.wrong == 3
+    assert stand.steps[0, 0] == np.rint(0.5 * points.axes[0].counts)
+
+
+def test_a_port_that_is_taken_is_told(run, hoist):
+    points = points_of(run, hoist)
+    refused = pytest.raises(StandError, match="a free port of this machine")
+    with Receiver(points.map.stand, points.controller, LOCAL, 0) as stand, refused:
+        Receiver(points.map.stand, points.controller, *stand.address)
+
+
+WRONG = {
+    "no address": ("osc, names: {winch: winch}", "needed: an OSC address, such as /winch"),
+    "a pattern": ("osc, names: {winch: '/a*'}", "needed: an OSC address"),
+    "no channel": ("artnet, names: {winch: x}", "needed: a channel, 1 to 511"),
+    "half a channel": ("artnet, names: {winch: 512}", "needed: a channel, 1 to 511"),
+    "too often": ("artnet, rate: 50", "DMX takes at most 44 frames per second"),
+    "a host of blanks": ("osc, host: 'a b'", "host"),
+    "no port": ("artnet, port: 0", "port"),
+    "no universe": ("artnet, universe: 40000", "universe"),
+}
+
+
+@pytest.mark.parametrize("given, words", WRONG.values(), ids=WRONG)
+def test_mistakes_in_the_file_have_their_line(run, hoist, given, words):
+    with pytest.raises(FileError) as found:
+        points = set_points(
+            loads_stand(f"{ABLE}controller: {{type: {given}}}\n", "s.yaml"), run, hoist
+        )
+        packets_of(points.map.stand, points.controller, points.rate)
+    assert words in str(found.value)
+    assert found.value.mistakes[0].line == 1 + ABLE.count("\n")
+
+
+def test_two_axes_do_not_share_a_channel():
+    for kind, names in (("artnet", "{head: 3, knees: 4}"), ("osc", "{head: /a, knees: /a}")):
+        stand = loads_stand(f"{SIX}controller: {{type: {kind}, names: {names}}}\n")
+        with pytest.raises(FileError, match="of its own"):
+            packets_of(stand, stand.file.controller, 40.0)
+    with pytest.raises(StandError, match="DMX takes at most 44"):
+        packets_of(stand, load_controller("artnet"), 100.0)
+    with pytest.raises(StandError, match="needed: --controller osc or artnet"):
+        packets_of(stand, load_controller("csv"), 40.0)
+
+
+def load_controller(kind):
+    return loads_stand(f"{SIX}controller: {{type: {kind}}}\n").file.controller
