@@ -67,7 +67,8 @@ def artnet_read(data, universe=0):
     slots = list(data)[18:]
     assert int.from_bytes(data[16:18], "big") == len(slots) and len(slots) % 2 == 0
     assert 2 <= len(slots) <= 512
-    return slots, data[12]
+    assert data[12] == 0  # no sequence
+    return slots
 
 
 def test_an_osc_server_hears_every_set_point(conduct):
@@ -129,13 +130,11 @@ def test_art_net_is_read_by_a_library(conduct, bits, universe):
     )
     packets = packets_of(points.map.stand, points.controller, points.rate)
     assert points.rate == 40.0
-    wide, found, numbers = bits // 8, [], []
+    wide, found = bits // 8, []
     for position in points.motion.position:
-        slots, number = artnet_read(packets.encode(position, 0.0), universe)
-        numbers.append(number)
+        slots = artnet_read(packets.encode(position, 0.0), universe)
         first = [11, *(1 + wide * k for k in range(5))]
         found.append([int.from_bytes(bytes(slots[k - 1 : k - 1 + wide]), "big") for k in first])
-    assert numbers == [1 + k % 255 for k in range(len(points))]
     low, high = np.array([axis.travel for axis in points.axes]).T
     unit = (high - low) / (2**bits - 1)
     away = np.abs(low + np.array(found) * unit - points.motion.position) / unit
@@ -179,15 +178,15 @@ def test_late_set_points_are_left_out_and_never_come_in_bunches(run, hoist):
 
     points = points_of(run, hoist, rate=100.0)
     done = send_points(points, slow)
-    assert done.dropped >= 6
-    assert done.sent == len(points) + 50 - done.dropped == len(times)
-    gaps = np.diff(times)
-    assert np.max(gaps) > 0.069
-    assert np.sum(gaps < 0.002) <= 1  # only what was due and had no successor yet
-    # After the pause the values are those of their times again.
-    k = 60 + 5
-    place = np.argmin(np.abs(points.motion.position[:, 0] - values[k]))
-    assert points.motion.t[place] == pytest.approx(times[k] - times[25], abs=0.015)
+    repeated = 2 * round(100.0 * REPEATED)
+    assert done.dropped >= 5
+    assert done.sent == len(points) + repeated - done.dropped == len(times)
+    assert np.max(np.diff(times)) > 0.069
+    # One that is late, one that has no successor yet, and one that is due: no more at a time.
+    assert np.min(np.array(times)[3:] - times[:-3]) > 0.0095
+    assert np.max(np.diff(done.times)) > 0.055
+    at = np.interp(done.times, points.motion.t, points.motion.position[:, 0])
+    np.testing.assert_allclose(values, at, atol=3e-8)
 
 
 def test_a_long_pause_stops_before_the_axes_jump(run, hoist):
@@ -299,13 +298,12 @@ def sent_to(points, packets, wait=0.2):
 def test_the_emulated_stand_refuses_what_is_none(run, hoist):
     points = points_of(run, hoist, "artnet", ", universe: 5")
     own = packets_of(points.map.stand, points.controller, points.rate)
-    good = [own.encode(np.array([p]), 0.0) for p in (0.3, 0.4, 0.5)]
+    good = own.encode(np.array([0.3]), 0.0)
     elsewhere = points.controller.model_copy(update={"universe": 6})
     other = packets_of(points.map.stand, elsewhere, 40.0).encode(np.ones(1), 0.0)
     noise = np.random.default_rng(0).bytes(600)
-    overtaken = [good[0], good[2], good[1]]
-    stand = sent_to(points, [*overtaken, b"Art-Net\0", other, good[2][:19], b"", noise], 0.7)
-    assert len(stand) == 2 and stand.wrong == 6
+    stand = sent_to(points, [good, b"Art-Net\0", other, good[:19], b"", noise], 0.7)
+    assert len(stand) == 1 and stand.wrong == 5
     assert stand.stops == 1 and stand.silent
     points = points_of(run, hoist)
     message = b"/winch\0\0,f\0\0"

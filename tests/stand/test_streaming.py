@@ -14,6 +14,7 @@ from fantoccini.errors import StandError, StreamError
 from fantoccini.stand import (
     Emulator,
     GrblMachine,
+    first_lost,
     gcode,
     grbl_settings,
     lines_of,
@@ -114,6 +115,27 @@ def test_a_stream_goes_on_from_a_line(points):
     assert machine.position[0] == pytest.approx(1e3 * points.motion.position[-1, 0], abs=0.02)
     with pytest.raises(StandError, match="no line 9999"):
         resumed(text, 9999)
+
+
+def test_what_a_reset_may_have_lost(points):
+    """The line from which the machine goes on stands where it was stopped, or up to one before."""
+    text = gcode(points)
+    lines = lines_of(text)
+    for taken in (8, 20, 40, 50, 60):
+        machine = machine_of(points)
+        for line in lines[:taken]:
+            machine.line(line.text)
+        machine.reset()
+        first = first_lost(text, lines[taken - 1].number, points.controller.planner)
+        begin = resumed(text, first, 6000.0)
+        at = machine.position[0]
+        assert [line.text for line in begin[:3]] == ["G21", "G90", "G94"]
+        go_back = float(begin[3].text.split("X")[1].split("F")[0])
+        assert begin[3].text.endswith("F6000") and go_back == pytest.approx(at, abs=31.0)
+        for line in begin:
+            assert machine.line(line.text) == "ok"
+        machine.planner.finish()
+        assert machine.position[0] == pytest.approx(1e3 * points.motion.position[-1, 0], abs=0.02)
 
 
 def test_silence_and_wrong_ports_are_told(points):

@@ -66,7 +66,7 @@ def stand_stream(request: StandStreamRequest) -> None:
     """Send a run to the stand's controller: G-code over a serial port, packets over a network.
 
     Ctrl-C holds all motion; then Enter goes on, and another Ctrl-C stops. An error of the
-    controller stops too (exit code 1). Both say where to go on: --from-line, --from-time.
+    controller stops too (exit code 1). Both say how to go on.
     """
     from fantoccini.cli.stand_motion import stream_run
 

@@ -21,7 +21,9 @@ from fantoccini.errors import PacketError, StreamError
 from fantoccini.stand import (
     Sending,
     SetPoints,
+    first_lost,
     gcode,
+    gentle_feed,
     lines_of,
     packets_of,
     resumed,
@@ -43,7 +45,9 @@ def send_lines(points: SetPoints, request: StandStreamRequest) -> None:
     with Steps(request.quiet) as steps:
         steps.step("timing the moves")
         text = gcode(points)
-    lines = lines_of(text) if request.from_line is None else resumed(text, request.from_line)
+    lines = lines_of(text)
+    if request.from_line is not None:
+        lines = resumed(text, request.from_line, gentle_feed(points))
     if request.dry_run:
         for line in lines:
             write(line.text)
@@ -62,8 +66,9 @@ def send_lines(points: SetPoints, request: StandStreamRequest) -> None:
     except StreamError as error:
         say(f"fantoccini: {error}")
         if progress.last:
-            say(f"the controller took all lines up to {progress.last}; when it is where it was, "
-                f"go on with --from-line {error.line}")  # fmt: skip
+            first = first_lost(text, progress.last, controller.planner)
+            say(f"the controller took all lines up to {progress.last}, and may have dropped what "
+                f"waited; when it still knows where it is, go on with --from-line {first}")
         raise typer.Exit(INTERRUPTED if error.reason == STOPPED else FAILED) from None
     if not request.quiet:
         write(f"{progress.done} lines; up to {progress.most} characters were under way")

@@ -3,7 +3,7 @@
 from fantoccini.stand.axes import Axis, AxisMap, AxisMotion, axes_of
 from fantoccini.stand.check import QUANTITIES, Limit, StandCheck, check_stand
 from fantoccini.stand.emulator import Emulator
-from fantoccini.stand.gcode_text import gcode, grbl_settings
+from fantoccini.stand.gcode_text import gcode, gentle_feed, grbl_settings
 from fantoccini.stand.grbl_machine import GrblMachine
 from fantoccini.stand.helping import lost_lines, remedies
 from fantoccini.stand.packets import packets_of
@@ -19,7 +19,7 @@ from fantoccini.stand.stand_file import (
     stand_names,
     stand_schema,
 )
-from fantoccini.stand.streaming import lines_of, resumed, serial_port, stream
+from fantoccini.stand.streaming import first_lost, lines_of, resumed, serial_port, stream
 from fantoccini.stand.tempo import Slowed, inputs_of, slowed, slower
 
 __all__ = [
@@ -39,7 +39,9 @@ __all__ = [
     "axes_of",
     "check_stand",
     "controller_of",
+    "first_lost",
     "gcode",
+    "gentle_feed",
     "grbl_settings",
     "inputs_of",
     "is_stand",

@@ -117,6 +117,12 @@ def gcode(points: SetPoints, inverse: bool = True) -> str:
     return "\n".join([*lines, ""])
 
 
+def gentle_feed(points: SetPoints) -> float:
+    """Feed at which no axis is faster than gently [mm/min]."""
+    speeds = np.array([axis.file.speed for axis in points.axes]) * units(points.axes)
+    return float(np.floor(60.0 * GENTLE * np.min(speeds)))
+
+
 class _Text:
     """Lines for GRBL and firmware like it."""
 

@@ -171,9 +171,9 @@ class Planner:
 
     def clear(self) -> None:
         """Drops all moves that wait; the machine stands where the last one ended."""
+        if self.waiting:
+            self.steps = self.waiting[0].begin
         self.waiting.clear()
-        if self.made:
-            self.steps = self.made[-1].begin + self.made[-1].delta
         self._direction, self._rate = None, 0.0
 
     def wait(self, seconds: float) -> None:

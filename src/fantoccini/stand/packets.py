@@ -93,7 +93,9 @@ class OscPackets:
 
 
 class ArtNetPackets:
-    """ArtDmx packets; their sequence numbers go from 1 to 255, and begin again.
+    """ArtDmx packets, without sequence numbers (0).
+
+    Receivers that count would leave out what a sender that begins again sends first, and jump then.
 
     Args:
         axes: n axes.
@@ -104,7 +106,6 @@ class ArtNetPackets:
     def __init__(self, axes: tuple[Axis, ...], first: tuple[int, ...], controller: ArtNet):
         self.first, self.controller = first, controller
         self.low, self.high = np.array([axis.travel for axis in axes]).T
-        self.sequence = 0
 
     @property
     def wide(self) -> int:
@@ -131,9 +132,8 @@ class ArtNetPackets:
         data = bytearray(n + n % 2)
         for first, value in zip(self.first, self.values(position), strict=True):
             data[first - 1 : first - 1 + self.wide] = int(value).to_bytes(self.wide, "big")
-        self.sequence = self.sequence % 255 + 1
         high, low = divmod(self.controller.universe, 256)
-        rest = REST.pack(VERSION, self.sequence, 0, low, high, len(data))
+        rest = REST.pack(VERSION, 0, 0, low, high, len(data))
         return HEADER.pack(NAME, OUTPUT) + rest + data
 
     def told(self, position: Array) -> str:

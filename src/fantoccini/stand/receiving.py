@@ -42,7 +42,7 @@ class Receiver:
 
     Attributes:
         address: where it listens.
-        wrong: packets that were none, or came too late.
+        wrong: packets that were none.
         stops: how often the watchdog stopped the motors.
 
     Raises:
@@ -156,19 +156,16 @@ class _OscReader:
 class _ArtNetReader:
     def __init__(self, stand: Stand, controller: ArtNet):
         self._packets = ArtNetPackets(axes_of(stand), channels(stand, controller), controller)
-        self._universe, self._last = controller.universe, 0
+        self._universe = controller.universe
 
     def position(self, data: bytes) -> Array | None:
-        """(n,) of a packet; None where it is none, for others or overtaken by a later one."""
+        """(n,) of a packet; None where it is none, or for others."""
         size = HEADER.size + REST.size
         if len(data) < size or HEADER.unpack_from(data) != (NAME, OUTPUT):
             return None
-        _, sequence, _, low, high, length = REST.unpack_from(data, HEADER.size)
+        _, _, _, low, high, length = REST.unpack_from(data, HEADER.size)
         slots, first, wide = data[size : size + length], self._packets.first, self._packets.wide
         if 256 * high + low != self._universe or len(slots) < max(first) + wide - 1:
             return None
-        if sequence and 0 < (self._last - sequence) % 256 < 128:
-            return None
-        self._last = sequence
         values = [int.from_bytes(slots[k - 1 : k - 1 + wide], "big") for k in first]
         return self._packets.positions(np.array(values))

@@ -80,11 +80,30 @@ def lines_of(text: str) -> list[Line]:
     return found
 
 
-def resumed(text: str, first: int) -> list[Line]:
+def first_lost(text: str, last: int, planner: int) -> int:
+    """Number of the first line that a reset may have lost, where line ``last`` was taken.
+
+    Moves that were taken wait in the controller's planner, until a dwell lets it make them all.
+    """
+    lines = [line for line in lines_of(text) if line.number <= last]
+    first = last
+    for line in reversed(lines[-planner:]):
+        if not line.text.startswith(("G1", "X")):
+            break
+        first = line.number
+    return first
+
+
+def resumed(text: str, first: int, feed: float = GENTLE_FEED) -> list[Line]:
     """The lines from number ``first`` on, with what they need of those before.
 
     The controller must still know where its axes are. They go gently to where the line before left
     them. Its modes are set; homing and what calls positions by others are not repeated.
+
+    Args:
+        text: of the file.
+        first: number of the line.
+        feed: with which the axes go there [mm/min].
 
     Raises:
         StandError: there is no such line.
@@ -94,20 +113,20 @@ def resumed(text: str, first: int) -> list[Line]:
     if not rest:
         raise StandError(f"there is no line {first} to go on from; the last is {lines[-1].number}")
     at: dict[str, str] = {}
-    feed = "G94"
+    mode = "G94"
     for line in lines:
         if line.number >= first:
             break
         if line.text in ("G93", "G94"):
-            feed = line.text
+            mode = line.text
         for letter, value in _WORD.findall(line.text) if _positions(line.text) else ():
             if letter in "XYZABCUVW":
                 at[letter] = value
     words = "".join(letter + value for letter, value in at.items())
     begin = ["G21", "G90", "G94"]
     if words:
-        begin += [f"G1{words}F{GENTLE_FEED:g}", "G4P0.1"]
-    return [*(Line(first, text) for text in [*begin, feed]), *rest]
+        begin += [f"G1{words}F{feed:g}", "G4P0.1"]
+    return [*(Line(first, text) for text in [*begin, mode]), *rest]
 
 
 def stream(

@@ -1,0 +1,296 @@
+"""Ctrl-C of ``fantoccini stand stream`` in a process of its own, on emulated controllers."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.cli.command import fantoccini
+from tests.stand.hoist import HOIST, STAND, lift
+
+import fantoccini as fan
+from fantoccini.stand import Emulator, GrblMachine, Receiver, gcode, grbl_settings, lines_of
+from fantoccini.stand.sending import REPEATED
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals, no SIGINT")
+ROOT = Path(__file__).resolve().parents[2]
+PACE = 0.02
+"""Of the emulated GRBL [s per line]; 80 lines take 1.6 s."""
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("stream")
+    (folder / "hoist.yaml").write_text(HOIST)
+    text = "puppet: hoist.yaml\n" + STAND.replace("    speed: 1\n", "    speed: 2\n").lstrip()
+    (folder / "stand.yaml").write_text(text.replace("TORQUE", "0.5"))
+    lift(fan.load(folder / "hoist.yaml")).save(folder / "run.npz")
+    return folder
+
+
+def points_of(files, kind):
+    run = fan.Trajectory.load(files / "run.npz")
+    return fan.set_points(files / "stand.yaml", run, controller=kind)
+
+
+class Process:
+    """A stream that runs, and what it has said."""
+
+    def __init__(self, files, *arguments):
+        path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
+        self.own = subprocess.Popen(
+            [sys.executable, "-c", "from fantoccini.cli import main; main()", "stand", "stream",
+             "stand.yaml", "run.npz", *map(str, arguments)],
+            env={**os.environ, "PYTHONPATH": path}, stdin=subprocess.PIPE, text=True, cwd=files,
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        )  # fmt: skip
+        self.watch = threading.Timer(120.0, self.own.kill)
+        self.watch.start()
+        self.said = ""
+
+    def interrupt(self):
+        self.own.send_signal(signal.SIGINT)
+
+    def until(self, words):
+        """Reads until it says something."""
+        while words not in self.said:
+            line = self.own.stderr.readline()
+            assert line, self.said
+            self.said += line
+
+    def end(self, given=None):
+        """Its exit code, and what it said."""
+        out, said = self.own.communicate(given)
+        self.watch.cancel()
+        return self.own.returncode, out, self.said + said
+
+
+@contextmanager
+def streaming(files, *arguments):
+    process = Process(files, *arguments)
+    try:
+        yield process
+    finally:
+        process.own.kill()
+        process.watch.cancel()
+
+
+def wait(happened):
+    end = time.monotonic() + 60.0
+    while not happened():
+        assert time.monotonic() < end
+        time.sleep(0.005)
+
+
+def machine_of(points):
+    return GrblMachine(grbl_settings(points.map.stand, points.controller, points.rate))
+
+
+def test_two_ctrl_c_stop_grbl_where_it_is_and_it_goes_on_from_the_line(files):
+    points = points_of(files, "grbl")
+    lines = [line.text for line in lines_of(gcode(points))]
+    with Emulator(machine_of(points), pace=PACE) as emulator:
+        machine = emulator.machine
+        options = ("--controller", "grbl", "--port", emulator.port)
+        with streaming(files, *options) as process:
+            wait(lambda: len(emulator.lines) > 30)
+            process.interrupt()
+            process.until("Ctrl-C stops\n")
+            time.sleep(0.1)
+            assert emulator.held
+            taken = len(emulator.lines)
+            time.sleep(5 * PACE)
+            assert len(emulator.lines) == taken < len(lines)
+            process.interrupt()
+            code, _, said = process.end()
+        time.sleep(0.1)
+        assert code == 130
+        assert emulator.resets == 1 and not emulator.held
+        stopped_at = machine.positions(np.array([np.inf]))[0, 0]
+        # The controller still knows where it stands: at the end of the last move that it made.
+        assert machine.position[0] == stopped_at
+        p = 1e3 * points.motion.position[:, 0]
+        assert np.min(p) < stopped_at < np.max(p)
+        assert re.search(r"line \d+: 'G1X\S+': stopped here", said)
+        line = re.search(r"go on with --from-line (\d+)", said)[1]
+        number = lines_of(gcode(points))[taken - 1].number
+        assert 1 < number - int(line) <= points.controller.planner
+        begun = machine.planner.time
+        with streaming(files, *options, "--from-line", line) as process:
+            code, out, said = process.end()
+        assert code == 0, said
+        assert "characters were under way" in out
+    machine.planner.finish()
+    assert machine.position[0] == pytest.approx(p[-1], abs=0.02)
+    # From where it stood, without a jump, and no move was left out.
+    assert machine.positions(np.array([begun]))[0, 0] == stopped_at
+    t = np.linspace(begun, machine.planner.time, 5000)
+    at = machine.positions(t)[:, 0]
+    top = 1e3 * np.max(np.abs(points.motion.velocity))
+    assert np.max(np.abs(np.diff(at))) < 1.2 * top * (t[1] - t[0]) + 2.0 * 0.02  # and two steps
+    assert np.min(at) == pytest.approx(np.min(p), abs=0.02)
+
+
+def test_enter_goes_on_as_if_nothing_had_been(files):
+    points = points_of(files, "grbl")
+    with Emulator(machine_of(points), pace=PACE) as emulator:
+        options = ("--controller", "grbl", "--port", emulator.port)
+        with streaming(files, *options) as process:
+            wait(lambda: len(emulator.lines) > 20)
+            process.interrupt()
+            process.until("held at line")
+            assert len(emulator.lines) < 70
+            code, _, said = process.end("\n")
+        assert code == 0, said
+        assert emulator.lines == [line.text for line in lines_of(gcode(points))]
+        assert emulator.resets == 0
+
+
+@pytest.mark.parametrize("kind", ["osc", pytest.param("artnet", marks=pytest.mark.slow)])
+def test_two_ctrl_c_hold_the_last_position_and_packets_go_on_from_the_time(files, kind):
+    points = points_of(files, kind)
+    unit = points.axes[0].counts
+    with Receiver(points.map.stand, points.controller, "127.0.0.1", 0) as stand:
+        options = ("--controller", kind, "--to", "{}:{}".format(*stand.address))
+        with streaming(files, *options) as process:
+            wait(lambda: len(stand) > 40)
+            process.interrupt()
+            process.until("Ctrl-C stops\n")
+            before = len(stand)
+            wait(lambda: len(stand) > before + 10)  # the position is kept alive
+            held = stand.steps[before:, 0]
+            process.interrupt()
+            code, _, said = process.end()
+        assert code == 130
+        assert np.all(held == held[0])
+        wait(lambda: stand.silent)
+        sent = len(stand)
+        assert stand.stops == 1 and stand.steps[-1, 0] == held[0]
+        t = float(re.search(r"go on with --from-time (\S+)", said)[1])
+        assert "stopped here" in said and 0.1 < t < 1.5
+        p = points.motion.position[:, 0]
+        # Rounded down by up to 1 ms, at 0.8 m/s.
+        assert held[0] / unit == pytest.approx(np.interp(t, points.motion.t, p), abs=1.1e-3)
+        with streaming(files, *options, "--from-time", t) as process:
+            code, out, said = process.end()
+        assert code == 0, said
+        assert "packets to 127.0.0.1:" in out
+        wait(lambda: stand.silent)
+    again = stand.steps[sent:, 0] / unit
+    assert again[0] == pytest.approx(held[0] / unit, abs=1.1e-3)
+    assert again[-1] == pytest.approx(p[-1], abs=1.0 / unit)
+    assert stand.wrong == 0
+    rest = round(REPEATED * points.rate)
+    assert np.all(again[:rest] == again[0]) and np.ptp(again) > 0.05
+
+
+def test_enter_goes_on_over_the_network(files):
+    points = points_of(files, "osc")
+    with Receiver(points.map.stand, points.controller, "127.0.0.1", 0) as stand:
+        options = ("--controller", "osc", "--to", "{}:{}".format(*stand.address))
+        with streaming(files, *options) as process:
+            wait(lambda: len(stand) > 40)
+            process.interrupt()
+            process.until("held at t = ")
+            code, _, said = process.end("\n")
+        assert code == 0, said
+        time.sleep(0.1)
+    p = stand.steps[:, 0] / points.axes[0].counts
+    assert p[-1] == pytest.approx(points.motion.position[-1, 0], abs=1.0 / points.axes[0].counts)
+    assert np.max(np.abs(np.diff(p))) * points.rate < 1.1 * np.max(np.abs(points.motion.velocity))
+
+
+def test_the_end_of_input_stops(files):
+    """As of a stream without a terminal: nobody can say that it is to go on."""
+    points = points_of(files, "osc")
+    with Receiver(points.map.stand, points.controller, "127.0.0.1", 0) as stand:
+        options = ("--controller", "osc", "--to", "{}:{}".format(*stand.address))
+        with streaming(files, *options) as process:
+            wait(lambda: len(stand) > 20)
+            process.own.stdin.close()
+            process.own.stdin = None
+            process.interrupt()
+            code, _, said = process.end()
+    assert code == 130 and "--from-time" in said
+
+
+def test_nobody_there(files):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+    done = fantoccini(
+        "stand", "stream", files / "stand.yaml", files / "run.npz", "--controller", "artnet",
+        "--to", f"127.0.0.1:{port}",
+    )  # fmt: skip
+    assert done.exit_code == 1
+    assert "t = 0.000 s: not sent: Connection refused" in done.stderr
+    assert "--from-time" not in done.stderr  # nothing moved
+
+
+def test_a_dry_run_sends_nothing(files):
+    points = points_of(files, "artnet")
+    with Receiver(points.map.stand, points.controller, "127.0.0.1", 0) as stand:
+        done = fantoccini(
+            "stand", "stream", files / "stand.yaml", files / "run.npz", "--controller", "artnet",
+            "--dry-run", "--to", "{}:{}".format(*stand.address), "--from-time", "0.5",
+        )  # fmt: skip
+        time.sleep(0.1)
+    assert len(stand) == stand.wrong == 0
+    rows = [re.fullmatch(r"(\S+) 1=(\d+)", line).groups() for line in done.stdout.splitlines()]
+    t, value = np.array(rows, float).T
+    np.testing.assert_allclose(t, np.arange(20, 61) / 40.0)
+    np.testing.assert_allclose(
+        0.2 + 0.7 * value / 65535, points.motion.position[20:, 0], atol=0.7 / 65535
+    )
+
+
+@pytest.mark.parametrize("kind, option, words", [
+    ("osc", ("--port", "a"), "applies to G-code, and the controller is osc"),
+    ("osc", ("--from-line", "3"), "applies to G-code"),
+    ("grbl", ("--to", "127.0.0.1:9000"), "applies to osc and artnet, and the controller is grbl"),
+    ("grbl", ("--from-time", "1"), "applies to osc and artnet"),
+    ("artnet", ("--to", "nowhere"), "needed: HOST:PORT"),
+])  # fmt: skip
+def test_options_of_the_other_kind_are_refused(files, kind, option, words):
+    done = fantoccini(
+        "stand", "stream", files / "stand.yaml", files / "run.npz", "--controller", kind, *option
+    )
+    assert done.exit_code == 2
+    assert words in " ".join(done.stderr.split())
+
+
+def test_the_emulated_stand_of_packets_writes_where_its_motors_were(files):
+    path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
+    emulated = subprocess.Popen(
+        [sys.executable, "-c", "from fantoccini.cli import main; main()", "stand", "emulate",
+         "stand.yaml", "--controller", "osc", "--listen", "127.0.0.1:0", "--out", "motors.csv"],
+        env={**os.environ, "PYTHONPATH": path}, text=True, cwd=files,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    watch = threading.Timer(120.0, emulated.kill)
+    watch.start()
+    address = emulated.stdout.readline().strip()
+    done = fantoccini("stand", "stream", files / "stand.yaml", files / "run.npz", "--controller",
+                      "osc", "--to", address)  # fmt: skip
+    assert done.exit_code == 0
+    _, said = emulated.communicate()
+    watch.cancel()
+    assert emulated.returncode == 0 and re.search(r"\d+ packets in \d\.\d+ s, 0 wrong", said)
+    table = np.genfromtxt(files / "motors.csv", delimiter=",", names=True)
+    points = points_of(files, "osc")
+    t = np.arange(100) / 100.0 + 0.2
+    begun = round(REPEATED * points.rate) / points.rate
+    at = np.interp(t + begun, table["t_s"], table["winch"])
+    wanted = 1e3 * np.interp(t, points.motion.t, points.motion.position[:, 0])
+    # In millimetres, by the receiver's clock, at up to 1.5 m/s: packets come within 30 ms.
+    assert np.max(np.abs(at - wanted)) < 45.0
