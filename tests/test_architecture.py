@@ -87,7 +87,8 @@ ONLY_IN = {
     "mujoco": {"exchange"},
     "coacd": {"runtime"},  # convex pieces
     "coal": {"clearance", "runtime"},  # exact meshes; how well pieces fit them
-    "mcap": {"animation"},
+    "mcap_protobuf": {"animation"},
+    "foxglove_schemas_protobuf": {"animation"},
     "pythonosc": {"perform", "stand"},
     "pxr": {"animation"},
     "pyvista": {"view"},

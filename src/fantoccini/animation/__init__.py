@@ -1,4 +1,4 @@
-"""Motions as animations that other programs open: glTF, OpenUSD, BVH and CSV.
+"""Motions as animations that other programs open: glTF, OpenUSD, BVH, CSV, MCAP.
 
 ``export`` writes what the ending of the file's name asks for; a table says which endings there are.
 """

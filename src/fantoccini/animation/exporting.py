@@ -42,6 +42,7 @@ def export(
       given.
     - ``.csv``: the columns of the run, at every sample, or at ``fps`` a second; with ``bodies``
       their poses and the ends of their strings as well.
+    - ``.mcap``: messages for Foxglove and Rerun; at 60 a second unless ``fps`` is given.
 
     Args:
         what: a run, recording, plan, optimum, followed clip or verified play. A run that stopped
@@ -58,7 +59,7 @@ def export(
     Raises:
         ValueError: an unknown ending, a wrong rate, no motion, or a run of an unknown puppet.
         UnknownNameError: there is no such body.
-        MissingLibraryError: OpenUSD is not installed.
+        MissingLibraryError: OpenUSD, or what writes MCAP, is not installed.
         FileNotFoundError: there is no such folder.
     """
     path = Path(path)

@@ -63,6 +63,7 @@ FORMATS = {
     ".usdc": _USD,
     ".bvh": Format("bvh", 60.0),
     ".csv": Format("table", None),
+    ".mcap": Format("foxglove", 60.0, Library("mcap_protobuf", "mcap-protobuf-support", "mcap")),
 }
 
 ENDINGS = tuple(FORMATS)

@@ -50,7 +50,7 @@ Out = Annotated[
     typer.Option(
         metavar="PATH",
         help="Write the motion. The ending selects the format: .npz .csv (numbers), .png .svg .pdf "
-        "(strip of poses), .mp4 .gif (film), .glb .usda .usdc .bvh (animation); repeatable.",
+        "(strip of poses), .mp4 .gif (film), .glb .usda .usdc .bvh .mcap (animation); repeatable.",
     ),
 ]
 Fps = Annotated[
@@ -58,7 +58,7 @@ Fps = Annotated[
     typer.Option(
         metavar="N",
         help="Frames per second of films [30], keys per second of animations [.glb: where the "
-        "motion needs them; .usda .usdc .bvh: 60], rows per second of .csv [every step].",
+        "motion needs them; .usda .usdc .bvh .mcap: 60], rows per second of .csv [every step].",
     ),
 ]
 Bodies = Annotated[

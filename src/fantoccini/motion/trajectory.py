@@ -293,7 +293,7 @@ class Trajectory:
         if Path(path).suffix.lower() != ".npz":
             raise ValueError(
                 f"found {str(path)!r}; a trajectory is saved as .npz. to_csv writes CSV, "
-                "fantoccini.export animations (.glb, .usda, .usdc, .bvh), and fantoccini.view.film "
+                "fantoccini.export animations (.glb, .usda, .usdc, .bvh, .mcap), and fantoccini.view.film "
                 "films"
             )
         archive.save({f.name: getattr(self, f.name) for f in dataclasses.fields(self)}, path)
