@@ -293,8 +293,8 @@ class Trajectory:
         if Path(path).suffix.lower() != ".npz":
             raise ValueError(
                 f"found {str(path)!r}; a trajectory is saved as .npz. to_csv writes CSV, "
-                "fantoccini.export animations (.glb, .usda, .usdc, .bvh, .mcap), and fantoccini.view.film "
-                "films"
+                "fantoccini.export animations (.glb, .usda, .usdc, .bvh, .mcap), and "
+                "fantoccini.view.film films"
             )
         archive.save({f.name: getattr(self, f.name) for f in dataclasses.fields(self)}, path)
 

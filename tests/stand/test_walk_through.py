@@ -1,0 +1,97 @@
+"""The walk-through of docs/stand.md: its commands run, and the emulated motors do the motion."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.cli.command import fantoccini
+from tests.test_readme import blocks
+
+import fantoccini as fan
+from fantoccini.stand import load_stand
+from fantoccini.stand.sending import REPEATED
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals"),
+]
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs" / "stand.md"
+PERFORMANCES = fan.puppets.path("marionette").parent / "performances"
+STANDS = {"six_winches": "conduct", "desktop6": "waves", "gantry21": "greeting"}
+
+
+def commands(stand):
+    """The lines of the block that begins with the check of a stand."""
+    (block,) = [b for b in blocks(PAGE, "sh") if b.startswith(f"fantoccini check {stand}\n")]
+    return [shlex.split(line)[1:] for line in block.splitlines()]
+
+
+@pytest.mark.parametrize("stand", STANDS)
+def test_a_stand_from_its_puppet_to_its_motors(stand, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("conduct", "greeting"):
+        shutil.copy(PERFORMANCES / f"{name}.yaml", tmp_path)
+    (waves,) = [b for b in blocks(PAGE, "yaml") if b.startswith("# waves.yaml")]
+    Path("waves.yaml").write_text(waves)
+    done = [c[:2] if c[0] == "stand" else c[:1] for c in commands(stand)]
+    assert done == [["check"], ["simulate"], ["stand", "check"], ["stand", "export"],
+                    ["stand", "emulate"], ["stand", "stream"]]  # fmt: skip
+    for command in commands(stand):
+        if command[:2] == ["stand", "emulate"]:
+            emulator, port = started(command)
+            continue
+        if command[:2] == ["stand", "stream"]:
+            assert re.fullmatch(r"/dev/pts/\d+|127\.0\.0\.1:\d+", command[-1])
+            command[-1] = port
+        ended = fantoccini(*command)
+        assert ended.exit_code == 0, (command, ended.stdout, ended.stderr)
+    _, said = emulator.communicate(timeout=60)
+    assert emulator.returncode == 0
+    assert ("0 lost" in said) or ("0 wrong" in said)
+    name = STANDS[stand]
+    assert any(Path(f"{name}.{ending}").is_file() for ending in ("gcode", "cfg"))
+    compared(stand, Path(f"{name}.csv"), fan.Trajectory.load(f"{name}.npz"))
+
+
+def started(command):
+    """An emulator in a process of its own, and where it listens."""
+    path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
+    where = ["--listen", "127.0.0.1:0"] if "osc" in command else []
+    process = subprocess.Popen(
+        [sys.executable, "-c", "from fantoccini.cli import main; main()", *command, *where],
+        env={**os.environ, "PYTHONPATH": path}, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    watch = threading.Timer(240.0, process.kill)
+    watch.daemon = True
+    watch.start()
+    return process, process.stdout.readline().strip()
+
+
+def compared(stand, path, run):
+    """The motors do the run, after what comes before it and before what comes after it."""
+    table = np.genfromtxt(path, delimiter=",", names=True)
+    t, names = table["t_s"], table.dtype.names[1:]
+    bound = fan.set_points(stand, run, controller="csv").map
+    assert names == tuple(load_stand(stand).file.axes)
+    at = np.column_stack([table[name] for name in names])
+    wanted = bound.motion_of(run, run.t[0] + np.arange(0.0, run.duration, 0.01)).position * 1e3
+    tries = np.arange(0, len(t) - len(wanted) + 1)
+    errors = [np.abs(at[k : k + len(wanted)] - wanted).max() for k in tries]
+    begun = int(np.argmin(errors))
+    if stand == "gantry21":
+        # By the receiver's clock: a packet that is 20 ms late is 20 mm off at 1 m/s.
+        assert errors[begun] < 30.0 and t[begun] == pytest.approx(REPEATED, abs=0.05)
+    else:
+        # Between the table's rows, at up to 0.6 m/s: 5 ms are 3 mm. In steps: test_set_points.
+        assert errors[begun] < 7.0
