@@ -22,6 +22,7 @@ from fantoccini.stand import (
     loads_stand,
     packets_of,
     send_points,
+    sending,
     set_points,
     udp_sender,
 )
@@ -32,6 +33,12 @@ ABLE = STAND.replace("TORQUE", "0.5").replace("speed: 1\n", "speed: 2\n")
 SIX = (STANDS / "six_winches.yaml").read_text(encoding="utf-8").split("controller:")[0]
 GENTLE = {"line.length": [(0.2, 0.8), (1.4, 0.6), (1.6, 0.6), (2.8, 0.75)]}
 LOCAL = "127.0.0.1"
+
+
+@pytest.fixture(autouse=True)
+def patience(monkeypatch):
+    """The machine of the tests may be busy; what is late is left out."""
+    monkeypatch.setattr(sending, "LATEST", 2.0)
 
 
 @pytest.fixture(scope="module")
@@ -195,10 +202,10 @@ def test_a_long_pause_stops_before_the_axes_jump(run, hoist):
     def stuck(data):
         sent.append(data)
         if len(sent) == 60:
-            time.sleep(0.3)
+            time.sleep(0.5)
 
     with pytest.raises(PacketError, match=r"was 0\.\d+ s late, and the axes would jump") as stopped:
-        send_points(points_of(run, hoist, rate=100.0), stuck)
+        send_points(points_of(run, hoist, rate=100.0), stuck, latest=0.2)
     assert len(sent) == 60
     assert stopped.value.t == pytest.approx(0.34, abs=0.05)
 
@@ -274,13 +281,19 @@ def test_a_hold_stays_on_the_path_and_goes_on_or_stops(run, hoist):
 
 def test_set_points_go_on_from_a_time(run, hoist):
     points, sent = points_of(run, hoist, rate=100.0), []
-    send_points(points, lambda data: sent.append(OscBundle(data).content(0).params[0]), first=0.4)
-    at = np.interp(0.4, points.motion.t, points.motion.position[:, 0])
-    assert sent[0] == pytest.approx(at, abs=1e-4)
-    speed = np.abs(np.diff(sent)) / 0.01
-    assert np.max(speed[: round(100 * REPEATED)]) == 0.0 < 0.3 < np.max(speed)
-    assert np.max(np.abs(np.diff(speed))) < 0.35  # [m/s] from packet to packet: no jump
-    assert sent[-1] == np.float32(points.motion.position[-1, 0])
+    done = send_points(
+        points, lambda data: sent.append(OscBundle(data).content(0).params[0]), first=0.4
+    )
+    n, t = round(100 * REPEATED), np.array(done.times)
+    at = np.interp(t, points.motion.t, points.motion.position[:, 0])
+    np.testing.assert_allclose(sent, at, atol=2e-4)  # between set points it is a spline
+    assert np.all(t[: n + 1] == 0.4) and np.all(t[-n:] == points.motion.t[-1])
+    # From rest: by the ramp's triangle the first 0.1 s of it make 0.025 s of the motion.
+    ramp = 2.0 * 2.0 / 20.0
+    assert np.all(np.diff(t) >= 0.0) and np.max(np.diff(t)) < 0.011 * (1 + done.dropped)
+    if not done.dropped:
+        assert t[n + 10] - 0.4 == pytest.approx(0.1**2 / ramp / 2.0, rel=1e-6)
+        assert t[n + 30] - t[n + 29] == pytest.approx(0.01)
     with pytest.raises(StandError, match=r"the set points last 1\.5 s"):
         send_points(points, sent.append, first=1.5)
 

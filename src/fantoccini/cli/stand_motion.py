@@ -113,7 +113,7 @@ def _serve(settings: GrblSettings, quiet: bool) -> GrblMachine:
         with contextlib.suppress(KeyboardInterrupt):
             while not ended.wait(0.1):
                 pass
-        ended.wait(0.1)  # for the last answer to be read
+        emulator.wait_until_read()
     machine.planner.finish()
     if not quiet:
         say(

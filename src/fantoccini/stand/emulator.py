@@ -15,6 +15,8 @@ from fantoccini.stand.grbl_machine import GrblMachine
 
 GREETING = b"\r\nGrbl 1.1h ['$' for help]\r\n"
 RESET = 0x18
+_PATIENCE = 5.0
+"""Time in which what it said last is to be read [s]."""
 _WAIT = 0.02
 """Time without characters after which it looks again whether it is to end [s]."""
 
@@ -65,6 +67,18 @@ class Emulator:
         os.close(self._slave)
         os.close(self._master)
 
+    def wait_until_read(self) -> None:
+        """Waits until all that it said was read, but not for long."""
+        import fcntl
+        import termios
+
+        end = time.monotonic() + _PATIENCE
+        while time.monotonic() < end:
+            left = fcntl.ioctl(self._slave, termios.FIONREAD, bytes(4))
+            if not any(left):
+                return
+            time.sleep(_WAIT)
+
     def _serve(self) -> None:
         while not self._stop.is_set():
             ready = b"\n" in self._received and not self.held
@@ -114,9 +128,9 @@ class Emulator:
         answer = self.machine.line(text)
         del self._received[: end + 1]
         self.lines.append(text)
+        self._say(f"{answer}\r\n".encode())
         if self.heard is not None:
             self.heard(text, answer)
-        self._say(f"{answer}\r\n".encode())
 
     def _say(self, text: bytes) -> None:
         os.write(self._master, text)

@@ -69,6 +69,7 @@ class Sending:
 def send_points(
     points: SetPoints, send: Send, *, first: float = 0.0, hold: threading.Event | None = None,
     go_on: Callable[[Sending], bool] | None = None, progress: Sending | None = None,
+    latest: float | None = None,
 ) -> Sending:  # fmt: skip
     """Sends set points as packets, and returns when the last one was due.
 
@@ -82,12 +83,13 @@ def send_points(
         hold: set from elsewhere to hold all motion, softly.
         go_on: then asked whether to go on or to stop, while the held position is sent on.
         progress: to count in, for who catches what interrupts.
+        latest: how late a packet may be [s]; ``LATEST`` by default.
 
     Raises:
         PacketError: nobody listens, the sender is too late, or it was held and stopped.
         StandError, FileError: as of :func:`packets_of`, and there is nothing to go on from.
     """
-    sender = _Sender(points, send, progress or Sending())
+    sender = _Sender(points, send, progress or Sending(), LATEST if latest is None else latest)
     if not 0.0 <= first < sender.end:
         raise StandError(f"found {first:g} s to go on from; the set points last {sender.end:g} s")
     sender.stand(first)
@@ -97,7 +99,7 @@ def send_points(
 
 
 class _Sender:
-    def __init__(self, points: SetPoints, send: Send, progress: Sending):
+    def __init__(self, points: SetPoints, send: Send, progress: Sending, latest: float):
         motion = points.whole()
         self.packets = packets_of(points.map.stand, points.controller, points.rate)
         self.path = CubicHermiteSpline(motion.t, motion.position, motion.velocity)
@@ -105,7 +107,7 @@ class _Sender:
         self.interval = 1.0 / points.rate
         self.stops = SOFT * max((a.file.speed or 0.0) / (a.file.acceleration or np.inf)
                                 for a in points.axes)  # fmt: skip
-        self.send, self.progress = send, progress
+        self.send, self.progress, self.latest = send, progress, latest
         self.due = time.monotonic()
         self.epoch = time.time() - self.due  # a clock that is set meanwhile moves nothing
 
@@ -132,7 +134,7 @@ class _Sender:
             if t >= self.end:
                 return
             behind = time.monotonic() - self.due - self.interval
-            if behind > LATEST:
+            if behind > self.latest:
                 raise self._too_late(t, behind)
             for left_out in reversed(range(1 + max(0, int(behind / self.interval)))):
                 before = rate
@@ -149,7 +151,7 @@ class _Sender:
         """Sends the position of a time when it is due."""
         time.sleep(max(0.0, self.due - time.monotonic()))
         late = time.monotonic() - self.due
-        if late > LATEST:
+        if late > self.latest:
             raise self._too_late(t, late)
         self.progress.times.append(t)
         self.progress.late.append(late)
