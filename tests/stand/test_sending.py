@@ -189,8 +189,8 @@ def test_late_set_points_are_left_out_and_never_come_in_bunches(run, hoist):
     assert done.dropped >= 5
     assert done.sent == len(points) + repeated - done.dropped == len(times)
     assert np.max(np.diff(times)) > 0.069
-    # One that is late, one that has no successor yet, and one that is due: no more at a time.
-    assert np.min(np.array(times)[3:] - times[:-3]) > 0.0095
+    # One that is late, one that has no successor yet, and one that is due; not all seven.
+    assert np.min(np.array(times)[6:] - times[:-6]) > 0.0095
     assert np.max(np.diff(done.times)) > 0.055
     at = np.interp(done.times, points.motion.t, points.motion.position[:, 0])
     np.testing.assert_allclose(values, at, atol=3e-8)
@@ -241,42 +241,48 @@ def test_wrong_hosts_are_told():
         pass
 
 
-def test_a_hold_stays_on_the_path_and_goes_on_or_stops(run, hoist):
-    """At rest in between: neither speed nor acceleration jumps, and the position is kept alive."""
-    for answer in (True, False):
-        points = points_of(run, hoist, rate=100.0)
-        hold, sent = threading.Event(), []
+@pytest.mark.parametrize("answer", [True, False])
+def test_a_hold_stays_on_the_path_and_goes_on_or_stops(run, hoist, answer):
+    """Its time slows down evenly and rises evenly; the position is kept alive in between."""
+    points, progress = points_of(run, hoist, rate=100.0), Sending()
+    hold, sent, asked = threading.Event(), [], []
 
-        def send(data, hold=hold, sent=sent):
-            sent.append((time.monotonic(), OscBundle(data).content(0).params[0]))
-            if len(sent) == 60:
-                hold.set()
+    def send(data):
+        sent.append(OscBundle(data).content(0).params[0])
+        if len(sent) == 60:
+            hold.set()
 
-        def go_on(progress, sent=sent, answer=answer):
-            before = len(sent)
-            time.sleep(0.3)
-            sent_on = [value for _, value in sent[before:]]
-            assert len(sent_on) > 20 and len(set(sent_on)) == 1
-            return answer
+    def go_on(done):
+        before = len(sent)
+        time.sleep(0.3)
+        sent_on = sent[before:]
+        assert len(sent_on) > 5 and len(set(sent_on)) == 1
+        asked.append((len(done.times), len(sent_on)))
+        return answer
 
+    if answer:
+        send_points(points, send, hold=hold, go_on=go_on, progress=progress)
+        assert progress.t == points.motion.t[-1]
+        assert sent[-1] == np.float32(points.motion.position[-1, 0])
+    else:
+        with pytest.raises(PacketError, match="stopped here") as stopped:
+            send_points(points, send, hold=hold, go_on=go_on, progress=progress)
+        assert stopped.value.t == progress.t
+    ((k, kept),) = asked
+    t = np.array(progress.times)
+    at = np.interp(t, points.motion.t, points.motion.position[:, 0])
+    own = np.delete(sent, range(k, k + len(sent) - len(t)))  # without what was sent meanwhile
+    assert len(sent) - len(t) >= kept
+    np.testing.assert_allclose(own, at, atol=2e-4)  # between set points it is a spline
+    # Twice what the axis needs to stop from 2 m/s at 20 m/s^2, from full speed to rest.
+    ramp = 2.0 * 2.0 / 20.0
+    begun = t[59]
+    assert t[k - 1] - begun == pytest.approx(ramp / 2.0, abs=0.011 + 0.01 * progress.dropped)
+    if not progress.dropped:
+        step = np.diff(t)
+        np.testing.assert_allclose(np.diff(step[60 : k - 2]), -0.01**2 / ramp, atol=1e-9)
         if answer:
-            done = send_points(points, send, hold=hold, go_on=go_on)
-            assert done.t == points.motion.t[-1]
-            assert sent[-1][1] == np.float32(points.motion.position[-1, 0])
-        else:
-            with pytest.raises(PacketError, match="stopped here") as stopped:
-                send_points(points, send, hold=hold, go_on=go_on)
-            at = np.interp(stopped.value.t, points.motion.t, points.motion.position[:, 0])
-            assert sent[-1][1] == pytest.approx(at, abs=2e-4)
-        p = np.array([value for _, value in sent])
-        speed = np.diff(p) / 0.01
-        top = np.max(np.abs(points.motion.velocity))
-        assert np.max(np.abs(speed)) <= 1.01 * top
-        # Where nothing was left out, acceleration is the path's and that of the hold.
-        most = np.max(np.abs(points.motion.acceleration)) + top / 0.1 * 0.5
-        if answer and not done.dropped:
-            assert np.max(np.abs(np.diff(speed))) / 0.01 <= 1.2 * most + 1e-2
-        assert np.any(np.diff(p)[60:] == 0.0)
+            np.testing.assert_allclose(np.diff(step[k + 1 : k + 15]), 0.01**2 / ramp, atol=1e-9)
 
 
 def test_set_points_go_on_from_a_time(run, hoist):

@@ -108,8 +108,7 @@ class _Sender:
         self.stops = SOFT * max((a.file.speed or 0.0) / (a.file.acceleration or np.inf)
                                 for a in points.axes)  # fmt: skip
         self.send, self.progress, self.latest = send, progress, latest
-        self.due = time.monotonic()
-        self.epoch = time.time() - self.due  # a clock that is set meanwhile moves nothing
+        self.due, self.epoch = time.monotonic(), _epoch()
 
     def stand(self, t: float) -> None:
         """Sends one position for a while."""
@@ -197,6 +196,16 @@ class _Sender:
         if not goes:
             raise PacketError(self.progress.t, STOPPED)
         self.due = time.monotonic()
+
+
+def _epoch() -> float:
+    """Where the clock that nobody sets is 0 [s of the epoch]: the closest of a few looks."""
+    looks = []
+    for _ in range(5):
+        before = time.monotonic()
+        now = time.time()
+        looks.append((time.monotonic() - before, now - before))
+    return min(looks)[1]
 
 
 @contextmanager
