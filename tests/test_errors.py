@@ -21,6 +21,7 @@ FACTS = {
     errors.MissingLibraryError: ("a film", "pyvista", "pyvista"),
     errors.UnknownNameError: ("string", "hnd", ["hand", "foot"]),
     errors.SimulationError: (Status.TENSION_CAP, "at t = 1 s", {"rows": 3}),
+    errors.PacketError: (1.5, "not sent"),
     errors.StreamError: (7, "G7", "error:20"),
     errors.SweepStopped: ("stopped at 3 of 5", [1, 2, 3]),
     Unreadable: (4, ("bodies", 0), "a tab"),
