@@ -24,7 +24,7 @@ TOPICS = {
     "/bodies": "foxglove.SceneUpdate",
     "/strings": "foxglove.SceneUpdate",
     "/joints": "foxglove.JointStates",
-    "/tension": "fantoccini.Tension",
+    "/tension": "puppet.Tension",
 }
 
 

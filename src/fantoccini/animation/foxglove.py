@@ -182,7 +182,7 @@ def _joints(run: Trajectory) -> Messages | None:
 def _numbers(kind: str, columns: dict[str, Array]) -> Messages:
     """A message with a field for each column, and the time."""
     proto = descriptor_pb2.FileDescriptorProto(
-        name=f"fantoccini/{kind}.proto", package="fantoccini", syntax="proto3",
+        name=f"puppet/{kind}.proto", package="puppet", syntax="proto3",
         dependency=["google/protobuf/timestamp.proto"],
     )  # fmt: skip
     field = descriptor_pb2.FieldDescriptorProto
@@ -199,7 +199,7 @@ def _numbers(kind: str, columns: dict[str, Array]) -> Messages:
     pool = descriptor_pool.DescriptorPool()
     pool.AddSerializedFile(Timestamp.DESCRIPTOR.file.serialized_pb)
     pool.Add(proto)
-    factory = message_factory.GetMessageClass(pool.FindMessageTypeByName(f"fantoccini.{kind}"))
+    factory = message_factory.GetMessageClass(pool.FindMessageTypeByName(f"puppet.{kind}"))
 
     def message(i: int, stamp: Timestamp) -> Any:
         values = {name: float(x[i]) for name, x in fields.items()}
