@@ -136,7 +136,7 @@ class Channels:
         own = poses[:, self._links]
         return own[..., :9].reshape(*own.shape[:2], 3, 3).swapaxes(-1, -2), own[..., 9:]
 
-    def _by_p(self, q_D: Array, q_K: Array, p: Array, places: Array) -> Array | None:
+    def _by_p(self, q_D: Array, q_K: Array, p: Array, places: Array) -> Array:
         """By central differences of sixth order, whose errors are those of rounding."""
         out = np.zeros((len(q_D), self.n_places, len(p)))
         for i in range(len(p)):
@@ -147,9 +147,16 @@ class Channels:
                 out[..., i] += weight / step * self.look(q_D, q_K, moved, places)
         return out
 
-    def depends(self, q_D: Array, q_K: Array, p: Array) -> bool:
-        """Whether any parameter moves a channel at fixed configurations, as a joint's place."""
+    def depends(self, q_D: Array, q_K: Array, p: Array, of_p: Sequence[int]) -> bool:
+        """Whether one of these parameters moves a channel at fixed configurations.
+
+        A joint's place does.
+        """
         places = np.array([one.at for one in self.markers]).reshape(-1, 3)
-        by = self._by_p(q_D[None], q_K[None], p, places)
-        size = 1e-9 / PARAMETER_STEP
-        return by is not None and bool(np.any(np.abs(by) * np.maximum(1e-3, np.abs(p)) > size))
+        now = self.look(q_D[None], q_K[None], p, places)
+        for i in of_p:
+            moved = p.copy()
+            moved[i] += PARAMETER_STEP * max(1.0, abs(p[i]))
+            if np.any(self.look(q_D[None], q_K[None], moved, places) != now):
+                return True
+        return False

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fantoccini.arrays import Array, Indices, MaskRows
+from fantoccini.errors import StateError
 from fantoccini.identification.blocks import Normal
 from fantoccini.identification.channels import Channels
 from fantoccini.identification.holding import Holding
 from fantoccini.identification.rolling import Driven, Rolled, roll, sense
 from fantoccini.marionette import Model
 from fantoccini.marionette.configurations import difference, integrate
-from fantoccini.motion import Input
+from fantoccini.motion import Input, State
 
 MARGIN = 0.25
 """Time simulated beyond both ends of the record, into which a delay may move samples [s]."""
@@ -114,6 +114,8 @@ class Fit:
         segment: duration of a segment [s].
         dt: step of the time-stepper [s].
         threads: that share the work.
+        ends: first and last time of the record by the inputs' clock, with the delay at first [s].
+        moves_channels: whether an unknown parameter moves a channel of a configuration.
     """
 
     model: Model
@@ -128,8 +130,8 @@ class Fit:
     segment: float
     dt: float
     threads: int
-    moves_channels: bool = False
-    size: Mapping[str, float] = field(default_factory=dict)
+    ends: tuple[float, float]
+    moves_channels: bool
 
     def with_step(self, dt: float) -> Fit:
         """The same segments with steps of another length [s]."""
@@ -144,8 +146,8 @@ class Fit:
     def starts(self) -> Array:
         """(S,) first times of the segments, by the inputs' clock [s]."""
         span = self.segment
-        begin = self.t[0] - self._delay(self.begin) - MARGIN
-        n = int(np.ceil((self.t[-1] - self._delay(self.begin) + MARGIN - begin) / span))
+        begin = self.ends[0] - MARGIN
+        n = int(np.ceil((self.ends[1] + MARGIN - begin) / span))
         return np.asarray(begin + span * np.arange(n))
 
     def _delay(self, theta: Array) -> float:
@@ -398,22 +400,20 @@ def _huber(r: Array) -> Array:
     return np.where(r <= OUTLIER, 0.5 * r * r, OUTLIER * (r - 0.5 * OUTLIER))
 
 
-def chained(fit: Fit, start: tuple[Array, Array], theta: Array, segments: Sequence[int]) -> Point:
-    """The point whose segments follow one another from a state, at unchanged unknowns."""
+def chained(fit: Fit, start: State) -> Point:
+    """The point whose segments follow one another from a state, at the unknowns' first values."""
+    theta = fit.begin
     driven = fit.driven(theta, fit.dt)
-    q_D, v_D = [start[0]], [start[1]]
-    for s in segments[:-1]:
-        one = Driven(
-            driven.q_K[:, s : s + 1], driven.v_K[:, s : s + 1], driven.acc_K[:, s : s + 1],
-            None if driven.u_D is None else driven.u_D[:, s : s + 1], driven.dt,
-        )  # fmt: skip
-        rolled = roll(fit.model, one, q_D[-1][None], v_D[-1][None], fit.p(theta), 1)
+    q_D, v_D = [start.q_D], [start.v_D]
+    for s in range(len(fit.starts) - 1):
+        rolled = roll(fit.model, driven.some(s), q_D[-1][None], v_D[-1][None], fit.p(theta), 1)
         if not rolled.arrived:
-            break
+            raise StateError(
+                f"with the first values of what is unknown, the puppet cannot follow the inputs: "
+                f"it stops between {fit.starts[s]:.4g} s and {fit.starts[s] + fit.segment:.4g} s. "
+                "Begin nearer to the truth"
+            )
         q_D.append(rolled.q_D[-1, 0])
         v_D.append(rolled.v_D[-1, 0])
-    while len(q_D) < len(segments):
-        q_D.append(q_D[-1])
-        v_D.append(0.0 * v_D[-1])
-    holding = fit.holding(theta)
-    return fit.placed(np.array(q_D), np.array(v_D), theta, holding.near(np.array(q_D), np.array(v_D)))
+    q, v = np.array(q_D), np.array(v_D)
+    return fit.placed(q, v, theta, fit.holding(theta).near(q, v))

@@ -68,6 +68,12 @@ class Driven:
         force = None if inputs.force is None else inputs.evaluate_force(t[:-1] + 0.5 * dt)
         return cls(q_K, v_K, 2.0 * (move / dt - v_K[:-1]) / dt, force, dt)
 
+    def some(self, s: int) -> Driven:
+        """Those of one segment."""
+        one = slice(s, s + 1)
+        force = None if self.u_D is None else self.u_D[:, one]
+        return Driven(self.q_K[:, one], self.v_K[:, one], self.acc_K[:, one], force, self.dt)
+
 
 @dataclass(frozen=True, eq=False)
 class Rolled:

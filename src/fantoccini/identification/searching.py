@@ -81,7 +81,6 @@ def search(
         seen = fit.predict(trial, extrapolated=extrapolated)
         new = fit.costs(trial, first, seen, weights)
         rise = new - costs
-        if DEBUG: print("   try", np.sum(costs), np.sum(new), "bad", np.sum(rise[:-1] > 0.02 * costs[:-1] + 1.0), "shared", shared, "worst", np.sort(rise)[-3:], "damp", np.quantile(damping,[.1,.5,.9]))
         bad = _wide(rise[:-1] > 0.02 * costs[:-1] + 1.0)
         if not np.sum(new) < np.sum(costs):
             damping = np.where(bad, np.minimum(16.0 * damping, MOST_DAMPING), damping)
@@ -140,4 +139,3 @@ def _bounded(theta: Array, move: Array, positive: MaskRows) -> Array:
     to = theta + move
     low, high = theta / LARGEST_FACTOR, theta * LARGEST_FACTOR
     return np.where(positive, np.clip(to, low, high), to)
-DEBUG = False
