@@ -15,7 +15,6 @@ from fantoccini.identification.record import Record
 from fantoccini.identification.result import Identified
 from fantoccini.identification.searching import Found, search
 from fantoccini.marionette import bind_input
-from fantoccini.motion import State
 from fantoccini.runtime import default_threads
 
 _GUESS = {"marker": 5e-3, "coordinate": 0.03, "tension": 0.3}
@@ -95,7 +94,7 @@ def identify(
         positive = np.zeros(len(record.labels), dtype=bool)
         positive[: len(record.unknowns)] = [one.positive for one in record.unknowns]
         noise = Noise.of(record)
-        first = at = chained(fit, _start(record, fit))
+        first = at = chained(fit, record.start_state(fit.inputs, float(fit.starts[0])))
         found, levels = None, noise.guess
         for stage in STAGES:
             weights = Weights(levels, (stage.drift * drift[0], stage.drift * drift[1]))
@@ -126,10 +125,7 @@ def fit_of(record: Record, segment: float, dt: float, threads: int | None) -> Fi
     places = [model.parameter_index[one.name] for one in record.unknowns]
     p[places] = record.begin[: len(places)]
     model = model.with_p(p)
-    marionette = record.marionette.with_parameters(
-        {one.name: float(x) for one, x in zip(record.unknowns, record.begin, strict=False)}
-    )
-    x0 = marionette.rest({**record.inputs.first_values(), **record.start})
+    x0 = record.start_state()
     inputs = bind_input(model, record.inputs, x0.q_K, x0.v_K, record.inputs.start, record.inputs.end)
     layout = Layout(
         tuple(places), tuple(table.v_K.index(name) for name in record.offsets),
@@ -149,20 +145,6 @@ def fit_of(record: Record, segment: float, dt: float, threads: int | None) -> Fi
         default_threads() if threads is None else threads, span,
         record.channels.depends(x0.q_D, x0.q_K, p, places),
     )  # fmt: skip
-
-
-def _start(record: Record, fit: Fit) -> State:
-    """Where the puppet hangs when the record begins."""
-    marionette = record.marionette.with_parameters(
-        {one.name: float(x) for one, x in zip(record.unknowns, record.begin, strict=False)}
-    )
-    q_K, _, _ = fit.inputs.evaluate(float(fit.starts[0]))
-    table = marionette.coordinates
-    values = dict(record.inputs.first_values()) | dict(record.start)
-    x0 = marionette.rest(values)
-    if np.max(np.abs(q_K - x0.q_K), initial=0.0) > 1e-9:
-        x0 = marionette.rest(x0.replace(q_K=q_K)) if table.n_qK else x0
-    return x0
 
 
 @dataclass(frozen=True, eq=False)

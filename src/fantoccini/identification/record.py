@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,9 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.identification.channels import Channels, Marker
+from fantoccini.identification.marking import Mark
 from fantoccini.marionette import Marionette, refuse_contact
-from fantoccini.motion import Input
+from fantoccini.motion import Input, State
 
 _LEAST_SAMPLES = 8
 _POSITION = 0.01
@@ -61,6 +63,8 @@ class Record:
         noise: standard deviations by marker or column; estimated where not given.
         start: values of the pose that the puppet hangs in when the record begins, for ``rest``.
         name: of the record.
+        marks: numbers of ``puppet_file`` that are looked for, as of :class:`Mark`.
+        puppet_file: the puppet's file, for writing it with other numbers.
     """
 
     marionette: Marionette
@@ -75,6 +79,8 @@ class Record:
     noise: Mapping[str, float] = field(default_factory=dict)
     start: Mapping[str, Any] = field(default_factory=dict)
     name: str = ""
+    marks: tuple[Mark, ...] = ()
+    puppet_file: Path | None = None
 
     def __post_init__(self) -> None:
         model = self.marionette.model
@@ -100,6 +106,9 @@ class Record:
         for name in self.noise:
             if name not in self.channels.groups:
                 raise UnknownNameError("marker or column", name, self.channels.groups)
+        names = [one.name for one in self.unknowns]
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise StateError(f"{twice[0]} is looked for twice; leave one out")
         if not self.labels:
             raise StateError(
                 "nothing is looked for; name what is unknown: parameters, offsets, markers with "
@@ -170,3 +179,18 @@ class Record:
         ]
         rest = len(self.labels) - len(sizes) - int(self.find_delay)
         return np.array([*sizes, *([_POSITION] * rest), *([_TIME] if self.find_delay else [])])
+
+    @cached_property
+    def guessed(self) -> Marionette:
+        """The puppet with the first values of what is unknown."""
+        values = zip(self.unknowns, self.begin, strict=False)
+        return self.marionette.with_parameters({one.name: float(x) for one, x in values})
+
+    def start_state(self, inputs: Input | None = None, t: float = 0.0) -> State:
+        """Where the puppet hangs at the inputs' first values, or at those of other inputs at t."""
+        x0 = self.guessed.rest({**self.inputs.first_values(), **self.start})
+        if inputs is None:
+            return x0
+        q_K = inputs.evaluate(t)[0]
+        same = np.allclose(q_K, x0.q_K, rtol=0.0, atol=1e-9)
+        return x0 if same else self.guessed.rest(x0.replace(q_K=q_K))

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import UnknownNameError
+from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.identification.fit import Fit, Weights
+from fantoccini.identification.marking import write_numbers
 from fantoccini.identification.record import Record
 from fantoccini.identification.searching import Found
 from fantoccini.marionette import Marionette
@@ -150,6 +152,27 @@ class Identified:
             one.name: float(x if np.isfinite(d) else b)
             for one, x, b, d in zip(unknowns, self.values, begin, self.deviations, strict=False)
         })  # fmt: skip
+
+    def save_puppet(self, path: str | Path) -> None:
+        """Writes the puppet's file with the numbers found; comments and layout stay.
+
+        Numbers that are not told are left as they were. Offsets of driven coordinates, places of
+        markers and the delay are no part of a puppet's file.
+
+        Raises:
+            StateError: the record was not read from a file.
+            FileNotFoundError: the folder does not exist.
+        """
+        source = self.record.puppet_file
+        if source is None:
+            raise StateError("the puppet was not read from a file beside a record file; "
+                             "`marionette` is the puppet with the numbers found")  # fmt: skip
+        numbers = {
+            mark: float(x)
+            for mark, x, d in zip(self.record.marks, self.values, self.deviations, strict=False)
+            if np.isfinite(d)
+        }
+        write_numbers(source.read_text(encoding="utf-8"), numbers, path)
 
     def rms(self) -> dict[str, float]:
         """Column -> root mean square of the residuals."""
