@@ -48,10 +48,10 @@ class Stage:
 
 
 STAGES = (
-    Stage("states near the record", 50.0, 3, 2, 0.1, False, True),
-    Stage("first numbers", 50.0, 3, 6, 0.03, False),
-    Stage("segments joined", 4.0, 3, 8, 0.01),
-    Stage("all samples", 1.0, 1, 5, 1e-3),
+    Stage("states near the record", 50.0, 3, 3, 0.1, False, True),
+    Stage("first numbers", 50.0, 3, 12, 0.05, False),
+    Stage("segments joined", 4.0, 3, 15, 0.01),
+    Stage("all samples", 1.0, 1, 12, 2e-5),
 )
 """Segments are loosely joined at first, so that none of them has to be right before the others."""
 

@@ -16,8 +16,9 @@ from fantoccini.marionette import Model
 from fantoccini.marionette.configurations import difference, integrate
 from fantoccini.motion import Input, State
 
-MARGIN = 0.25
-"""Time simulated beyond both ends of the record, into which a delay may move samples [s]."""
+MARGIN = 0.2513
+"""Time simulated beyond both ends of the record, into which a delay may move samples [s]. No round
+number, so that samples do not fall on nodes, where predictions have kinks."""
 OUTLIER = 3.0
 """Residual, over its noise level, from which on it counts by its size instead of its square."""
 _FORBIDDEN = 1e-8

@@ -18,7 +18,7 @@ from fantoccini.identification.channels import Marker
 from fantoccini.identification.marking import Mark, find, marked
 from fantoccini.identification.record import Record, Unknown
 from fantoccini.identification.record_schema import ColumnFile, RecordFile
-from fantoccini.marionette import Marionette
+from fantoccini.marionette import Marionette, link_index
 from fantoccini.motion import Input
 from fantoccini.puppet.located import Located, read_file, shown, validate
 from fantoccini.puppet.refusals import Refusals
@@ -61,6 +61,13 @@ def load_record(
         unknown.append(Unknown(mark.parameter, about, known, mark.label, mark.positive))
     check.refuse()
     made = check.need(("puppet",), lambda: Marionette(marked(puppet, marks), progress))
+    for name, one in file.markers.items():
+        check(("markers", name, "body"), lambda one=one: link_index(made.model, one.body))
+    scalars = [made.coordinates.v_K[v] for _, v in made.coordinates.scalars_K]
+    for i, name in enumerate(file.offsets):
+        if name not in scalars:
+            text = f"{shown(name)} is no scalar driven coordinate{nearest(name, scalars)}"
+            check(("offsets", i), lambda text=text: _refuse(text))
     columns = check.need(("samples",), lambda: _samples(file.samples, located))
     time = next((name for name in _TIMES if name in columns), None)
     if time is None:

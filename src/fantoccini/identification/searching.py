@@ -13,6 +13,8 @@ from fantoccini.identification.fit import Fit, Point, Predicted, Weights
 
 FIRST_DAMPING = 1e-3
 LEAST_DAMPING, MOST_DAMPING = 1e-4, 1e8
+_LEAST_FALL = 0.01
+"""Of the cost, from which on a search goes on: a hundredth of what one deviation costs is less."""
 LARGEST_FACTOR = 4.0
 """By which a positive number may grow or shrink in one move."""
 
@@ -92,7 +94,7 @@ def search(
         damping = np.where(bad, 4.0 * damping, np.maximum(damping / 4.0, LEAST_DAMPING))
         failed = 0
         fall = float(np.sum(costs) - np.sum(new))
-        settled = fall <= tolerance * float(np.sum(costs))
+        settled = fall <= max(tolerance * float(np.sum(costs)), _LEAST_FALL)
         shared, taken = max(LEAST_DAMPING, shared / 8.0), taken + 1
         at, costs = fit.freed(trial, seen), new
         if progress is not None:
