@@ -19,7 +19,7 @@ class Case:
 
     Attributes:
         puppet: with the guessed numbers.
-        truth: label -> true number: parameters, ``coordinate offset``, ``marker.at.axis``, ``delay``.
+        truth: label -> true number: parameters, ``coordinate offset``, ``marker.at.axis``, delay.
         markers: as they are guessed to sit.
         signed: parameters that may be negative.
         tensions: strings whose tension is recorded.
@@ -134,7 +134,9 @@ bodies:
     shapes: [{type: capsule, from: [0, 0, 0], to: [0, 0, -0.26], radius: 0.012, density: 600}]
 strings:
   - name: hand
-    path: [{body: lower, at: [0, 0, {parameter: tie, value: -0.3}]}, {driven: [x, y], at: [0.3, 0, 0.7]}]
+    path:
+      - {body: lower, at: [0, 0, {parameter: tie, value: -0.3}]}
+      - {driven: [x, y], at: [0.3, 0, 0.7]}
     length: driven
 pose: {elbow: 90 deg, hand.length: 1.0}
 """

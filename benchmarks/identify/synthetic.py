@@ -1,10 +1,10 @@
 """Prints what ``fan.identify`` finds in synthetic records, beside the truth.
 
-    python -m benchmarks.identify.synthetic [--puppet arm|marionette] [--seeds 3] [--duration 30]
+    python -m benchmarks.identify.synthetic [--puppet marionette] [--seeds 3] [--duration 30]
 
-Records are event-driven runs (rtol 1e-9) of the puppet with other numbers, sampled at 60 Hz: markers
-with 2 mm of noise, each hidden for a tenth of the time. Wanted: lengths to 1 mm, masses to 2 %,
-damping to 10 %, delays to 1 ms, in 10 s.
+Records are event-driven runs (rtol 1e-9) of the puppet with other numbers, sampled at 60 Hz:
+markers with 2 mm of noise, each hidden for a tenth of the time. Wanted: lengths to 1 mm,
+masses to 2 %, damping to 10 %, delays to 1 ms, in 10 s.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ import argparse
 import time
 
 import numpy as np
+from benchmarks.identify.cases import arm, marionette, record
 
 import fantoccini as fan
-from benchmarks.identify.cases import arm, marionette, record
 
 
 def main() -> None:
@@ -36,20 +36,29 @@ def main() -> None:
         wall, cpu = time.perf_counter() - began, time.process_time() - worked
         print(f"seed {seed}: {wall:.1f} s, {cpu:.1f} s of processors, chi2 {found.chi2:.3f}, "
               f"drift {found.drift:.2g}, {len(found.outliers)} outliers")  # fmt: skip
-        print(f"  {'':24s} {'value':>12s} {'truth':>12s} {'error':>10s} {'deviation':>10s} {'z':>6s}")
+        print(_row("", "value", "truth", "error", "deviation", "z"))
         for name, value, deviation in zip(found.names, found.values, found.deviations, strict=True):
-            error = value - truth[name]
-            scores.append(error / deviation)
-            print(f"  {name:24s} {value:12.6g} {truth[name]:12.6g} {_shown(error, truth[name]):>10s} "
-                  f"{_shown(deviation, truth[name]):>10s} {error / deviation:6.2f}")  # fmt: skip
+            true, z = truth[name], (value - truth[name]) / deviation
+            scores.append(z)
+            print(_row(
+                name, f"{value:.6g}", f"{true:.6g}", _shown(name, value - true, true),
+                _shown(name, deviation, true), f"{z:.2f}",
+            ))  # fmt: skip
     z = np.abs(scores)
     print(f"within 95 % intervals: {100 * np.mean(z < 1.96):.0f} % of {len(z)}")
 
 
-def _shown(error: float, truth: float) -> str:
-    """Relative where the number is none of a place or a time."""
-    small = abs(truth) < 0.5 and abs(error) < 0.05 and abs(truth) in (0.0, 0.003, 0.004, 0.006, 0.013)
-    return f"{1e3 * error:.3f} m-" if small else f"{100 * error / truth:.3f} %"
+def _row(*cells: str) -> str:
+    return f"  {cells[0]:26s}" + "".join(f"{cell:>12s}" for cell in cells[1:])
+
+
+def _shown(name: str, error: float, truth: float) -> str:
+    """In mm or ms for places and the delay, otherwise relative."""
+    if name == "delay":
+        return f"{1e3 * error:.3f} ms"
+    if name.endswith("offset") or ".at." in name or "tie" in name:
+        return f"{1e3 * error:.3f} mm"
+    return f"{100 * error / abs(truth):.2f} %"
 
 
 if __name__ == "__main__":

@@ -46,7 +46,7 @@ def test_an_arm_is_found_within_the_marks(case):
 
 @pytest.mark.slow
 def test_intervals_hold_the_truth_as_often_as_they_say(case):
-    """95 % of 95 % intervals: over 12 records, with 9 numbers each, at least 88 % (3 deviations)."""
+    """95 % of 95 % intervals: 12 records, 9 numbers each, at least 88 % (3 deviations)."""
     inside = []
     for seed in range(12):
         found = fan.identify(record(case, 10.0, 50 + seed))

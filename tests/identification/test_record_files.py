@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from benchmarks.identify.cases import ARM, arm, record
 from jsonschema import Draft202012Validator
+from typer.testing import CliRunner
 
 import fantoccini as fan
 from fantoccini.cli.app import app
 from fantoccini.errors import FileError
 from fantoccini.files import write_table
 from fantoccini.identification import record_schema
-from typer.testing import CliRunner
 
 PLAIN = ARM.replace("{parameter: upper_mass, value: 0.13}", "0.13 # weighed badly").replace(
     "{parameter: lower_mass, value: 0.12}", "0.1"
@@ -44,7 +44,8 @@ def folder(tmp_path_factory):
     (place / "arm.yaml").write_text(PLAIN, encoding="utf-8")
     (place / "swing.yaml").write_text(TEXT, encoding="utf-8")
     one = record(arm(), 8.0, 7)
-    t = np.concatenate([np.arange(0.0, one.t[0], 0.02), one.t, np.arange(one.t[-1] + 0.02, 8, 0.02)])
+    around = np.arange(0.0, one.t[0], 0.02), one.t, np.arange(one.t[-1] + 0.02, 8, 0.02)
+    t = np.concatenate(around)
     q_K, _, _ = one.inputs.evaluate(t)
     columns: dict = {"time": t.tolist()}
     for q, name in enumerate(one.marionette.coordinates.q_K):

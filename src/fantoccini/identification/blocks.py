@@ -15,7 +15,6 @@ from scipy import linalg
 
 from fantoccini.arrays import Array
 
-
 LARGEST_MOVE = (0.1, 1.0)
 """Of a configuration and of a velocity, in one move of a search [rad or m, and per second]."""
 
@@ -64,7 +63,8 @@ class Normal:
         S, m = self.g.shape
         scale = np.repeat(1.0 / np.square(LARGEST_MOVE), m // 2)
         right = np.concatenate([self.g[..., None], self.border], axis=2)
-        factors, below = [], []
+        factors: list[tuple[Array, bool]] = []
+        below: list[Array] = []
         for s in range(S):
             D = self.H[s] + damping[s] * np.diag(scale)
             if s:

@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fantoccini.arrays import Array, check_positive
-from fantoccini.identification.fit import Fit, Layout, Weights, chained
+from fantoccini.identification.fit import Fit, chained
+from fantoccini.identification.point import Layout, Weights
 from fantoccini.identification.record import Record
 from fantoccini.identification.result import Identified
 from fantoccini.identification.searching import Found, search
@@ -36,6 +37,7 @@ class Stage:
         tolerance: relative fall of the cost that ends it.
         extrapolated: whether the steps' length is extrapolated to none.
         held: whether the states alone move.
+        final: whether samples far off count ever less, and not by their size.
     """
 
     name: str
@@ -45,13 +47,15 @@ class Stage:
     tolerance: float
     extrapolated: bool = True
     held: bool = False
+    final: bool = False
 
 
 STAGES = (
     Stage("states near the record", 50.0, 3, 3, 0.1, False, True),
     Stage("first numbers", 50.0, 3, 12, 0.05, False),
     Stage("segments joined", 4.0, 3, 15, 0.01),
-    Stage("all samples", 1.0, 1, 12, 2e-5),
+    Stage("segments joined closely", 1.0, 3, 12, 1e-4),
+    Stage("all samples", 1.0, 1, 4, 2e-5, final=True),
 )
 """Segments are loosely joined at first, so that none of them has to be right before the others."""
 
@@ -95,10 +99,13 @@ def identify(
         positive[: len(record.unknowns)] = [one.positive for one in record.unknowns]
         noise = Noise.of(record)
         first = at = chained(fit, record.start_state(fit.inputs, float(fit.starts[0])))
-        found, levels = None, noise.guess
+        found, levels, before = None, noise.guess, fit
         for stage in STAGES:
-            weights = Weights(levels, (stage.drift * drift[0], stage.drift * drift[1]))
+            weights = Weights(levels, (stage.drift * drift[0], stage.drift * drift[1]), stage.final)
             some = replace(fit, t=fit.t[:: stage.every], y=fit.y[:: stage.every])
+            if stage.final and found is not None:
+                trusted = before.explained(at, found.predicted, weights)
+                some = fit = replace(some, trusted=trusted)
             report = None
             if progress is not None:
                 report = _reporting(progress, stage.name)
@@ -107,11 +114,12 @@ def identify(
                 some, at, first, weights, positive, moves=stage.moves, tolerance=stage.tolerance,
                 extrapolated=stage.extrapolated, held=stage.held, progress=report,
             )  # fmt: skip
-            at = found.at
+            at, before = found.at, some
             if not stage.held:
                 levels = noise.estimated(some, found)
         assert found is not None
-        return Identified.of(record, fit, found, Weights(levels, drift), time.perf_counter() - began)
+        spent = time.perf_counter() - began
+        return Identified.of(record, fit, found, Weights(levels, drift), spent)
 
 
 def _reporting(progress: Callable[[str, float], None], name: str) -> Callable[[float], None]:
@@ -126,7 +134,8 @@ def fit_of(record: Record, segment: float, dt: float, threads: int | None) -> Fi
     p[places] = record.begin[: len(places)]
     model = model.with_p(p)
     x0 = record.start_state()
-    inputs = bind_input(model, record.inputs, x0.q_K, x0.v_K, record.inputs.start, record.inputs.end)
+    given = record.inputs
+    inputs = bind_input(model, given, x0.q_K, x0.v_K, given.start, given.end)
     layout = Layout(
         tuple(places), tuple(table.v_K.index(name) for name in record.offsets),
         tuple(i for i, one in enumerate(record.markers) if one.find), record.find_delay,

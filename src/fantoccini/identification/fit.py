@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from fantoccini.errors import StateError
 from fantoccini.identification.blocks import Normal
 from fantoccini.identification.channels import Channels
 from fantoccini.identification.holding import Holding
+from fantoccini.identification.point import Layout, Point, Predicted, Weights
 from fantoccini.identification.rolling import Driven, Rolled, roll, sense
 from fantoccini.marionette import Model
 from fantoccini.marionette.configurations import difference, integrate
@@ -21,81 +22,14 @@ MARGIN = 0.2513
 number, so that samples do not fall on nodes, where predictions have kinks."""
 OUTLIER = 3.0
 """Residual, over its noise level, from which on it counts by its size instead of its square."""
+FAR = 6.0
+"""Scale of Cauchy's measure of samples, over their noise level."""
+_UNUSUAL = 5.0
+"""Standard deviations of a segment's mean square from which on it is not explained."""
 _FORBIDDEN = 1e-8
 """Weight of moves that strings forbid, relative to that of the drift."""
 FIRST_STATE = (0.5, 5.0)
 """Spread of the first state about its guess [rad or m, rad/s or m/s]."""
-
-
-@dataclass(frozen=True, eq=False)
-class Layout:
-    """Where the unknowns stand in theta.
-
-    Attributes:
-        parameters: places in p of those that are looked for.
-        offsets: places among v_K of driven coordinates with an unknown offset.
-        places: numbers of the markers whose places are looked for.
-        delay: whether the delay is looked for.
-    """
-
-    parameters: tuple[int, ...]
-    offsets: tuple[int, ...]
-    places: tuple[int, ...]
-    delay: bool
-
-    @property
-    def n_rolled(self) -> int:
-        """Unknowns that act through the motion."""
-        return len(self.parameters) + len(self.offsets)
-
-    def __len__(self) -> int:
-        return self.n_rolled + 3 * len(self.places) + int(self.delay)
-
-
-@dataclass(frozen=True, eq=False)
-class Point:
-    """Where a search stands.
-
-    Attributes:
-        q_D, v_D: (S, ...) first states of the segments.
-        theta: (P,) unknowns.
-        held: (S, n_rows) bool, the strings and limits that hold the first states.
-    """
-
-    q_D: Array
-    v_D: Array
-    theta: Array
-    held: MaskRows
-
-
-@dataclass(frozen=True, eq=False)
-class Predicted:
-    """What a point predicts.
-
-    Attributes:
-        y: (N, n_c) the channels.
-        q_D, v_D: (S, ...) ends of the segments.
-        arrived: whether all segments were simulated to their ends.
-    """
-
-    y: Array
-    q_D: Array
-    v_D: Array
-    arrived: bool
-
-
-@dataclass(frozen=True, eq=False)
-class Weights:
-    """What residuals count.
-
-    Attributes:
-        noise: (n_c,) standard deviations of the channels.
-        drift: by how much a segment may begin elsewhere than the one before ends: standard
-            deviations of configuration and velocity [m or rad, and per second].
-    """
-
-    noise: Array
-    drift: tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +50,9 @@ class Fit:
         dt: step of the time-stepper [s].
         threads: that share the work.
         ends: first and last time of the record by the inputs' clock, with the delay at first [s].
+        drives: the driven coordinates by the length of steps, as commanded.
         moves_channels: whether an unknown parameter moves a channel of a configuration.
+        trusted: (S,) bool, the segments whose samples count; all when not given.
     """
 
     model: Model
@@ -133,10 +69,8 @@ class Fit:
     threads: int
     ends: tuple[float, float]
     moves_channels: bool
-
-    def with_step(self, dt: float) -> Fit:
-        """The same segments with steps of another length [s]."""
-        return replace(self, dt=self.segment / round(self.segment / dt))
+    drives: dict[float, Driven] = field(default_factory=dict)
+    trusted: MaskRows | None = None
 
     @property
     def steps(self) -> int:
@@ -184,12 +118,14 @@ class Fit:
 
     def driven(self, theta: Array, dt: float) -> Driven:
         """The driven coordinates in steps of dt [s]."""
-        n = round(self.segment / dt)
-        return Driven.of(self.model, self.inputs, self.starts, n, dt, self.offsets(theta))
+        if dt not in self.drives:
+            n = round(self.segment / dt)
+            self.drives[dt] = Driven.of(self.model, self.inputs, self.starts, n, dt)
+        return self.drives[dt].moved(self.model, self.offsets(theta))
 
     def rolled(self, at: Point, driven: Driven) -> Rolled:
         """The rollouts of a point."""
-        return roll(self.model, driven, at.q_D, at.v_D, self.p(at.theta), self.threads)
+        return roll(self.model, driven, at.q_D, at.v_D, self.p(at.theta))
 
     def predict(self, at: Point, *, extrapolated: bool = False) -> Predicted:
         """What a point predicts.
@@ -276,11 +212,28 @@ class Fit:
         ends[0, ..., :n_rolled], ends[1, ..., :n_rolled] = begin, found.end
         return Predicted(y, rolled.q_D[-1], rolled.v_D[-1], rolled.arrived), J, ends
 
-    def residuals(self, predicted: Predicted, weights: Weights) -> tuple[Array, MaskRows]:
+    def residuals(
+        self, at: Point, predicted: Predicted, weights: Weights
+    ) -> tuple[Array, MaskRows]:
         """(N, n_c) prediction less sample over the noise, 0 where there is no sample; and which."""
         there = np.isfinite(self.y)
+        if self.trusted is not None:
+            there &= self.trusted[self.located(at.theta, self.dt)[1], None]
         r = np.where(there, predicted.y - np.nan_to_num(self.y), 0.0) / weights.noise
         return r, there
+
+    def explained(self, at: Point, predicted: Predicted, weights: Weights) -> MaskRows:
+        """(S,) bool, the segments that are explained about as well as most are.
+
+        The others are caught in an order of events that the puppet's was not.
+        """
+        r, there = self.residuals(at, predicted, weights)
+        _, segments, _ = self.located(at.theta, self.dt)
+        S = len(at.q_D)
+        n = np.maximum(np.bincount(segments, np.sum(there, axis=1), S), 1.0)
+        mean = np.bincount(segments, np.sum(r**2, axis=1), S) / n
+        usual = np.median(mean[n > 1.0]) if np.any(n > 1.0) else 1.0
+        return np.asarray(mean <= usual * (1.0 + _UNUSUAL * np.sqrt(2.0 / n)))
 
     def gaps(self, at: Point, predicted: Predicted, weights: Weights) -> Array:
         """(S - 1, 2 n_vD) first states less the ends before them, over the drift."""
@@ -297,15 +250,19 @@ class Fit:
         S = len(at.q_D)
         if not predicted.arrived:
             return np.full(S + 1, np.inf)
-        r, _ = self.residuals(predicted, weights)
+        r, _ = self.residuals(at, predicted, weights)
         _, segments, _ = self.located(at.theta, self.dt)
         out = np.zeros(S + 1)
-        out[:S] = np.bincount(segments, np.sum(_huber(np.abs(r)), axis=1), S)
+        out[:S] = np.bincount(segments, np.sum(self._measure(r, weights), axis=1), S)
         gaps = self.gaps(at, predicted, weights) / OUTLIER
         out[1:S] += 0.5 * OUTLIER**2 * np.sum(np.log1p(gaps**2), axis=1)
         out[0] += 0.5 * np.sum(self._known(at, first) ** 2)
         out[S] = 0.5 * np.sum(((at.theta - self.begin) / self.prior) ** 2)
         return out
+
+    def _measure(self, r: Array, weights: Weights) -> Array:
+        """What residuals cost."""
+        return 0.5 * FAR**2 * np.log1p((r / FAR) ** 2) if weights.final else _huber(np.abs(r))
 
     def _known(self, at: Point, first: Point) -> Array:
         """(2 n_vD,) the first state less its guess, over its spread."""
@@ -317,8 +274,9 @@ class Fit:
     ) -> Normal:
         """The normal equations at a point."""
         S, m, P = len(at.q_D), ends.shape[2], len(self.layout)
-        r, there = self.residuals(predicted, weights)
-        share = np.sqrt(np.where(there, 1.0, 0.0) / np.maximum(1.0, np.abs(r) / OUTLIER))
+        r, there = self.residuals(at, predicted, weights)
+        less = 1.0 + (r / FAR) ** 2 if weights.final else np.maximum(1.0, np.abs(r) / OUTLIER)
+        share = np.sqrt(np.where(there, 1.0, 0.0) / less)
         rows = J * (share / weights.noise)[..., None]
         left = r * share
         whole = np.zeros((S, m + P, m + P))
@@ -373,10 +331,7 @@ class Fit:
         holding = self.holding(theta)
         q_D, v_D = holding.project(q_D, v_D, held)
         closed = holding.closed(q_D, v_D)
-        driven = Driven.of(
-            self.model, self.inputs, self.starts, 1, self.dt, self.offsets(theta)
-        )
-        first = roll(self.model, driven, q_D, v_D, self.p(theta), self.threads)
+        first = roll(self.model, self.driven(theta, self.dt).first, q_D, v_D, self.p(theta))
         pulls = (first.tension[0] > 0.0) | self.model.two_sided
         return Point(q_D, v_D, theta, closed & pulls)
 
@@ -407,7 +362,7 @@ def chained(fit: Fit, start: State) -> Point:
     driven = fit.driven(theta, fit.dt)
     q_D, v_D = [start.q_D], [start.v_D]
     for s in range(len(fit.starts) - 1):
-        rolled = roll(fit.model, driven.some(s), q_D[-1][None], v_D[-1][None], fit.p(theta), 1)
+        rolled = roll(fit.model, driven.some(s), q_D[-1][None], v_D[-1][None], fit.p(theta))
         if not rolled.arrived:
             raise StateError(
                 f"with the first values of what is unknown, the puppet cannot follow the inputs: "

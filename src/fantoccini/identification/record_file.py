@@ -84,7 +84,8 @@ def load_record(
         made, inputs, t, values, markers, unknown, file.offsets, file.delay == "find",
         0.0 if file.delay == "find" else float(file.delay), file.noise, file.start, file.record,
     ))  # fmt: skip
-    return replace(record, marks=tuple(marks), puppet_file=Path(puppet.folder) / Path(puppet.file).name)
+    source = Path(puppet.folder) / Path(puppet.file).name
+    return replace(record, marks=tuple(marks), puppet_file=source)
 
 
 def _refuse(text: str) -> None:
@@ -162,8 +163,8 @@ def _inputs(
     table = marionette.coordinates
     whole = {f"{name[: -len('rotation')]}{part}" for name in table.rotations
              for part in ("qw", "qx", "qy", "qz")}  # fmt: skip
-    driven = {name for name in columns if name in table.q_K or name in table.commands or name in whole}
-    given = {name: columns.pop(name) for name in sorted(driven)}
+    known = {*table.q_K, *table.commands, *whole}
+    given = {name: columns.pop(name) for name in sorted(known & set(columns))}
     if file.inputs is not None:
         path = located.beside(file.inputs)
         if path is None:

@@ -10,15 +10,18 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError, UnknownNameError
-from fantoccini.identification.fit import Fit, Weights
+from fantoccini.identification.fit import Fit
 from fantoccini.identification.marking import write_numbers
+from fantoccini.identification.point import Weights
 from fantoccini.identification.record import Record
-from fantoccini.identification.searching import Found
+from fantoccini.identification.searching import LEAST_DAMPING, Found
 from fantoccini.marionette import Marionette
 
 UNTOLD = 1.0
 """Standard deviation of a combination, relative to the sizes of what it combines, from which on
 the record does not tell it."""
+_LEFT = 0.5
+"""Part of a standard deviation by which one more step may still move a number."""
 _SHARE = 0.05
 """Part of a combination below which a number is left out of its words."""
 _SURE = 1.959964
@@ -79,9 +82,11 @@ class Identified:
         drift: root mean square of the gaps between segments over the drift that was allowed; far
             below 1 where the model leaves nothing out.
         outliers: samples that are more than 4 standard deviations off.
+        lost: where segments begin that the model does not explain, and that do not count, by the
+            inputs' clock [s].
         t: (N,) times of the samples [s].
         residuals: (N, columns) samples less predictions; NaN in gaps.
-        converged: whether the search ended by itself.
+        left: largest move that one more step would make, over the standard deviations.
         seconds: that it took.
     """
 
@@ -96,13 +101,21 @@ class Identified:
     chi2: float
     drift: float
     outliers: tuple[Outlier, ...]
+    lost: tuple[float, ...]
     t: Array
     residuals: Array
-    converged: bool
+    left: float
     seconds: float
 
+    @property
+    def converged(self) -> bool:
+        """Whether the search came to its end, well within the standard deviations."""
+        return self.left < _LEFT
+
     @classmethod
-    def of(cls, record: Record, fit: Fit, found: Found, weights: Weights, seconds: float) -> Identified:
+    def of(
+        cls, record: Record, fit: Fit, found: Found, weights: Weights, seconds: float
+    ) -> Identified:  # fmt: skip
         """From the end of a search."""
         F = found.normal.information()
         deviations, correlation, combinations = told(F, record.scales, record.labels)
@@ -112,13 +125,14 @@ class Identified:
             Outlier(float(fit.t[i]), record.channels.names[j], float(r[i, j]))
             for i, j in np.argwhere(np.abs(r) > OUTLIER)
         ]
+        lost = () if fit.trusted is None else tuple(fit.starts[~fit.trusted].tolist())
         gaps = fit.gaps(found.at, found.predicted, weights)
         return cls(
             record, record.labels, found.at.theta.copy(), deviations, correlation, F, combinations,
             dict(zip(record.channels.names, weights.noise.tolist(), strict=True)),
             float(np.nanmean(np.minimum(np.abs(r), OUTLIER) ** 2)),
             float(np.sqrt(np.median(gaps**2))) if len(gaps) else 0.0,
-            tuple(listed), fit.t, residuals, found.settled, seconds,
+            tuple(listed), lost, fit.t, residuals, _left(found, deviations), seconds,
         )  # fmt: skip
 
     def __repr__(self) -> str:
@@ -192,6 +206,13 @@ class Identified:
             + ("" if self.converged else "; the search was cut short")
         )
         return "\n".join(lines)
+
+
+def _left(found: Found, deviations: Array) -> float:
+    """The largest part of a standard deviation by which one more step would move a number."""
+    _, step = found.normal.step(np.full(len(found.at.q_D), LEAST_DAMPING), 0.0)
+    clear = np.isfinite(deviations) & (deviations > 0.0)
+    return float(np.max(np.abs(step[clear]) / deviations[clear], initial=0.0))
 
 
 def told(

@@ -12,7 +12,7 @@ looked for, and by constant offsets of driven coordinates.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,9 +45,7 @@ class Driven:
     dt: float
 
     @classmethod
-    def of(
-        cls, model: Model, inputs: Input, starts: Array, n: int, dt: float, offsets: Array
-    ) -> Driven:
+    def of(cls, model: Model, inputs: Input, starts: Array, n: int, dt: float) -> Driven:
         """n steps from each of S times [s].
 
         Args:
@@ -56,17 +54,29 @@ class Driven:
             starts: (S,).
             n: steps.
             dt: their length [s].
-            offsets: (n_vK,) added to scalar coordinates.
         """
         t, table = starts + dt * np.arange(n + 1)[:, None], model.coordinates
         q_K, v_K, _ = inputs.evaluate(t)
-        for q, v in table.scalars_K:
-            q_K[..., q] += offsets[v]
         move = tangent.between(
             table.scalars_K, table.quaternions_K, q_K[:-1], q_K[1:], table.n_vK
         )  # fmt: skip
         force = None if inputs.force is None else inputs.evaluate_force(t[:-1] + 0.5 * dt)
         return cls(q_K, v_K, 2.0 * (move / dt - v_K[:-1]) / dt, force, dt)
+
+    def moved(self, model: Model, offsets: Array) -> Driven:
+        """Those with (n_vK,) added to scalar coordinates."""
+        if not np.any(offsets):
+            return self
+        q_K = self.q_K.copy()
+        for q, v in model.coordinates.scalars_K:
+            q_K[..., q] += offsets[v]
+        return replace(self, q_K=q_K)
+
+    @property
+    def first(self) -> Driven:
+        """Those of the first step."""
+        force = None if self.u_D is None else self.u_D[:1]
+        return Driven(self.q_K[:2], self.v_K[:2], self.acc_K[:1], force, self.dt)
 
     def some(self, s: int) -> Driven:
         """Those of one segment."""
@@ -91,8 +101,8 @@ class Rolled:
     arrived: bool
 
 
-def roll(model: Model, driven: Driven, q_D: Array, v_D: Array, p: Array, threads: int) -> Rolled:
-    """Rollouts from S states (S, ...) at parameters p (n_p,).
+def roll(model: Model, driven: Driven, q_D: Array, v_D: Array, p: Array) -> Rolled:
+    """Rollouts from S states (S, ...) at parameters p (n_p,), on one thread: a step is soon made.
 
     Every step depends on its state alone, as those of :func:`fantoccini.linearise_steps` do.
     """
@@ -107,11 +117,10 @@ def roll(model: Model, driven: Driven, q_D: Array, v_D: Array, p: Array, threads
         "violation": np.zeros(S), "advanced": np.zeros(S),
         "status": np.zeros(S, dtype=np.int32), "blame": np.zeros((S, len(tree.blamable))),
     }  # fmt: skip
-    workers = max(1, min(threads, -(-S // lanes.width)))
     options = model.run_options(dt=driven.dt, extrapolate=False)
     acc = np.zeros((S, model.coordinates.n_vK))
     force = None if driven.u_D is None else np.zeros((S, model.coordinates.n_vD))
-    steppers = LaneSteppers(lanes, S, workers, options, model.winches)
+    steppers = LaneSteppers(lanes, S, 1, options, model.winches)
     advance = steppers.bound(made, driven.dt, acc, force)
     out = Rolled(
         np.empty((n + 1, *q_D.shape)), np.empty((n + 1, *v_D.shape)),
@@ -186,14 +195,15 @@ def sense(
     room = None
     for k in range(0, n, block):
         some = slice(k, k + block)
-        flat = [
+        q_D, v_D, q_K, v_K, acc_K = (
             x[some].reshape(block * S, -1)
             for x in (rolled.q_D, rolled.v_D, driven.q_K, driven.v_K, driven.acc_K)
-        ]
+        )
         force = None if driven.u_D is None else driven.u_D[some].reshape(block * S, -1)
         lin = linearise_steps(
-            model, *flat, force, p=p, dt=driven.dt, pull=pull, threads=threads, room=room
-        )
+            model, q_D, v_D, q_K, v_K, acc_K, force, p=p, dt=driven.dt, pull=pull,
+            threads=threads, room=room,
+        )  # fmt: skip
         room = lin.motion
         of_state, of_rest = room[..., : 2 * n_v], room[..., columns]
         for j in range(block):

@@ -9,7 +9,8 @@ import numpy as np
 
 from fantoccini.arrays import Array, MaskRows
 from fantoccini.identification.blocks import LARGEST_MOVE, Normal
-from fantoccini.identification.fit import Fit, Point, Predicted, Weights
+from fantoccini.identification.fit import Fit
+from fantoccini.identification.point import Point, Predicted, Weights
 
 FIRST_DAMPING = 1e-3
 LEAST_DAMPING, MOST_DAMPING = 1e-4, 1e8
@@ -69,8 +70,9 @@ def search(
     """
     damping, taken, settled = np.full(len(at.q_D), FIRST_DAMPING), 0, False
     shared = FIRST_DAMPING
-    at = fit.freed(at, fit.predict(at))
-    predicted, normal = _at(fit, at, first, weights, extrapolated)
+    predicted = fit.predict(at, extrapolated=extrapolated)
+    at = fit.freed(at, predicted)
+    normal = _normal(fit, at, first, weights, predicted)
     costs = fit.costs(at, first, predicted, weights)
     tries = failed = 0
     while taken < moves and not settled and tries < 4 * moves:
@@ -99,7 +101,7 @@ def search(
         at, costs = fit.freed(trial, seen), new
         if progress is not None:
             progress(float(np.sum(costs)))
-        predicted, normal = _at(fit, at, first, weights, extrapolated)
+        predicted, normal = seen, _normal(fit, at, first, weights, seen)
     return Found(at, predicted, normal, float(np.sum(costs)), taken, settled)
 
 
@@ -108,13 +110,9 @@ def _wide(bad: MaskRows) -> MaskRows:
     return np.asarray(bad | np.append(False, bad[:-1]) | np.append(bad[1:], False))
 
 
-def _at(
-    fit: Fit, at: Point, first: Point, weights: Weights, extrapolated: bool
-) -> tuple[Predicted, Normal]:
-    predicted, J, ends = fit.jacobian(at)
-    if extrapolated:
-        predicted = fit.predict(at, extrapolated=True)
-    return predicted, fit.normal(at, first, predicted, J, ends, weights)
+def _normal(fit: Fit, at: Point, first: Point, weights: Weights, predicted: Predicted) -> Normal:
+    _, J, ends = fit.jacobian(at)
+    return fit.normal(at, first, predicted, J, ends, weights)
 
 
 def _states_alone(normal: Normal) -> Normal:

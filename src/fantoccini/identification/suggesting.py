@@ -20,7 +20,8 @@ from fantoccini.arrays import Array, check_positive
 from fantoccini.errors import FantocciniError, StateError
 from fantoccini.files import write_table
 from fantoccini.identification.estimating import Noise, fit_of, one_blas_thread
-from fantoccini.identification.fit import Weights, chained
+from fantoccini.identification.fit import chained
+from fantoccini.identification.point import Weights
 from fantoccini.identification.record import Record
 from fantoccini.identification.result import Combination, told
 from fantoccini.marionette import Marionette
