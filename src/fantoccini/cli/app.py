@@ -252,12 +252,12 @@ def identify(
         typer.Option(metavar="PATH", help="Write the motion that would tell most (.csv)."),
     ] = None,
     duration: Annotated[
-        float, typer.Option(metavar="S", help="Of the motions that --suggest tries [s].")
+        float, typer.Option(metavar="S", help="Of the motions tried by --suggest [s].")
     ] = 10.0,
     reach: Annotated[
-        float, typer.Option(metavar="M", help="How far the motions of --suggest go [m].")
+        float, typer.Option(metavar="M", help="How far motions tried by --suggest go [m].")
     ] = 0.05,
-    seed: Annotated[int, typer.Option(help="Of the motions of --suggest.")] = 0,
+    seed: Annotated[int, typer.Option(help="Of the random motions.")] = 0,
     threads: Annotated[
         int | None, typer.Option(min=1, metavar="N", help="Default: all processors.")
     ] = None,

@@ -26,6 +26,7 @@ NEEDED = (
     "ruamel.yaml",
     "scipy",
     "sympy",
+    "threadpoolctl",
     "trimesh",
     "typer",
     "viser",

@@ -17,7 +17,7 @@ from fantoccini.errors import FileError, Mistake, StateError, nearest
 from fantoccini.identification.channels import Marker
 from fantoccini.identification.marking import Mark, find, marked
 from fantoccini.identification.record import Record, Unknown
-from fantoccini.identification.record_schema import ColumnFile, RecordFile
+from fantoccini.identification.schema import ColumnFile, RecordFile
 from fantoccini.marionette import Marionette, link_index
 from fantoccini.motion import Input
 from fantoccini.puppet.located import Located, read_file, shown, validate

@@ -20,8 +20,8 @@ from fantoccini.marionette import Marionette
 UNTOLD = 1.0
 """Standard deviation of a combination, relative to the sizes of what it combines, from which on
 the record does not tell it."""
-_LEFT = 0.5
-"""Part of a standard deviation by which one more step may still move a number."""
+_LEFT = 2.0
+"""Standard deviations by which one more step may still move a number of a search that ended."""
 _SHARE = 0.05
 """Part of a combination below which a number is left out of its words."""
 _SURE = 1.959964
@@ -109,7 +109,7 @@ class Identified:
 
     @property
     def converged(self) -> bool:
-        """Whether the search came to its end, well within the standard deviations."""
+        """Whether the search came to its end: one more step would move no number far."""
         return self.left < _LEFT
 
     @classmethod
