@@ -85,6 +85,8 @@ def _print(found: Identified) -> None:
         write(f"outlier: {outlier.column} at {outlier.t:.4g} s, {outlier.residual:+.1f} deviations")
     if len(found.outliers) > _MOST:
         write(f"and {len(found.outliers) - _MOST} more outliers")
+    if found.lost:
+        write("segments that do not count: " + ", ".join(f"{t:.4g} s" for t in found.lost[:_MOST]))
     ended = "" if found.converged else "; the search was cut short"
     write(f"chi2 {found.chi2:.3f}, drift {found.drift:.2g}, {found.seconds:.1f} s{ended}")
 
@@ -121,6 +123,7 @@ def _save_report(found: Identified, path: Path) -> None:
         ],
         "residuals": {name: number(x) for name, x in found.rms().items()}, "noise": found.noise,
         "chi2": found.chi2, "drift": found.drift, "converged": found.converged,
+        "left": number(found.left), "lost": list(found.lost),
         "outliers": [vars(one) for one in found.outliers], "seconds": found.seconds,
     }  # fmt: skip
     with replacing(path) as temporary:
