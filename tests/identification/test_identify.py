@@ -296,3 +296,32 @@ def test_random_motions_are_tried_and_written(case, tmp_path):
     again = fan.Input.load(case.puppet, tmp_path / "best.csv")
     t = np.linspace(0.0, again.end, 50)
     assert np.allclose(again.evaluate(t)[0], best[0].inputs.evaluate(t)[0], atol=1e-4)
+
+
+def test_a_length_between_joints_is_found():
+    """A parameter that moves markers at a fixed configuration, too."""
+    text = PENDULUM.replace("  - name: cart", """  - name: tail
+    parent: rod
+    joint: {type: revolute, axis: [0, -1, 0], at: [0, 0, {parameter: reach, value: -0.5}]}
+    mass: 0.1
+    com: [0, 0, -0.1]
+    inertia: [1.0e-4, 1.0e-4, 1.0e-4]
+  - name: cart""")
+    puppet = fan.loads(text).with_parameters({"centre": -0.3})
+    true, rng = puppet.with_parameters({"reach": -0.46}), np.random.default_rng(2)
+    hold = fan.Input.hold(puppet, 6.0)
+    run = fan.simulate(true, true.state({"pin": 0.7}), hold, 6.0)
+    t = np.arange(0.0, 5.9, 1 / 60)
+    seen = run.resample(t)
+    pose = true.poses(seen.q_D, seen.q_K)[:, [link.name for link in true.tree.links].index("tail")]
+    place = pose[:, :, 3] + 2e-3 * rng.standard_normal((len(t), 3))
+    columns = {f"joint.{axis}": place[:, i] for i, axis in enumerate("xyz")} | {
+        "tail": seen["tail"] + 0.01 * rng.standard_normal(len(t))
+    }
+    one = fan.Record(
+        puppet, hold, t, columns, [fan.Marker("joint", "tail")],
+        [fan.Unknown("reach", positive=False), "damping"], start={"pin": 0.1},
+    )  # fmt: skip
+    found = fan.identify(one)
+    assert abs(found["reach"] + 0.46) < 1e-3
+    assert abs(found["damping"] / 0.02 - 1.0) < 0.05
