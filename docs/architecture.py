@@ -43,6 +43,7 @@ PACKAGES = {
     "exchange": "Puppets in MuJoCo's format and simulated there; imports of MJCF and URDF.",
     "planning": "Searches for inputs that reach a goal, improves them, follows them with LQR.",
     "stand": "Stands: files, axes bound to driven coordinates, and whether they can do a run.",
+    "identification": "Numbers of a puppet from records of its motion, with their errors.",
     "view": "Pictures, plots and films without a display.",
     "animation": "Motions as animations for other programs: glTF, OpenUSD, BVH, tables.",
     "web": "The page in the browser: live play, replay, plans, one-file export.",

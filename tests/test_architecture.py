@@ -57,6 +57,7 @@ ORDER = (
     "exchange",  # plans are verified in what it makes of a puppet
     "planning",
     "stand",
+    "identification",
     "view",
     "animation",
     "web",

@@ -17,7 +17,9 @@ from tests.cli.command import fantoccini
 
 import fantoccini as fan
 from fantoccini import puppet, scene
+from fantoccini.identification.schema import RecordFile
 from fantoccini.puppet import Puppet
+from fantoccini.puppet.located import read_file, validate
 from fantoccini.puppet.yaml_text import read_text
 from fantoccini.retarget import load_mapping
 from fantoccini.stand import AxisMap
@@ -69,6 +71,9 @@ def test_the_files_of_a_page_are_read_and_run(page, folder):
         elif re.search("^mapping:", block, flags=re.MULTILINE):
             (folder / title[1]).write_text(block, encoding="utf-8")
             assert load_mapping(folder / title[1]).joints
+        elif re.search("^record:", block, flags=re.MULTILINE):
+            (folder / title[1]).write_text(block, encoding="utf-8")
+            assert validate(RecordFile, read_file(folder / title[1])).unknown
         elif re.search("^stand:", block, flags=re.MULTILINE):
             (folder / title[1]).write_text(block, encoding="utf-8")
             stand = fan.load_stand(folder / title[1])

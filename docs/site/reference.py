@@ -21,6 +21,7 @@ TITLES = {
     "perform": "Live performance",
     "planning": "Planning",
     "stand": "Stands",
+    "identification": "Identification",
     "sweeps": "Sweeps",
     "reduction": "Validation of the mixed model",
     "view": "Pictures and films",

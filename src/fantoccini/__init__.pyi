@@ -43,6 +43,15 @@ from .gestures import (
     load_score as load_score,
     rehearse as rehearse,
 )
+from .identification import (
+    Identified as Identified,
+    Marker as Marker,
+    Record as Record,
+    Unknown as Unknown,
+    identify as identify,
+    load_record as load_record,
+    suggest_motion as suggest_motion,
+)
 from .marionette import (
     Event as Event,
     Flow as Flow,

@@ -21,7 +21,8 @@ ROOT = Path(__file__).resolve().parents[2]
 
 COMMANDS = (
     "check", "schema", "info", "equations", "export", "import", "simulate", "plan", "optimise",
-    "follow", "play", "show", "perform", "take", "validate-reduction", "stand", "demo", "doctor",
+    "identify", "follow", "play", "show", "perform", "take", "validate-reduction", "stand", "demo",
+    "doctor",
 )  # fmt: skip
 PARTS = ("stand check", "stand export", "stand stream", "stand emulate")
 """Commands of groups."""

@@ -97,6 +97,7 @@ def schema(
     import json
 
     from fantoccini.gestures import gesture_schema, score_schema
+    from fantoccini.identification import record_schema
     from fantoccini.motion import inputs_schema
     from fantoccini.optimal import task_schema
     from fantoccini.planning import problem_schema
@@ -117,6 +118,7 @@ def schema(
         SchemaOf.TASK: task_schema,
         SchemaOf.MAPPING: mapping_schema,
         SchemaOf.STAND: stand_schema,
+        SchemaOf.RECORD: record_schema,
     }
     typer.echo(json.dumps(schemas[of](), indent=2))
 
@@ -233,6 +235,41 @@ def optimise(request: OptimiseRequest) -> None:
     from fantoccini.cli.optimise import optimise_file
 
     optimise_file(request)
+
+
+@app.command()
+def identify(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Record file (YAML).")],
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="PATH", help="Write the puppet with the numbers found (.yaml)."),
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option(metavar="PATH", help="Write all results (.json).")
+    ] = None,
+    suggest: Annotated[
+        Path | None,
+        typer.Option(metavar="PATH", help="Write the motion that would tell most (.csv)."),
+    ] = None,
+    duration: Annotated[
+        float, typer.Option(metavar="S", help="Of the motions tried by --suggest [s].")
+    ] = 10.0,
+    reach: Annotated[
+        float, typer.Option(metavar="M", help="How far motions tried by --suggest go [m].")
+    ] = 0.05,
+    seed: Annotated[int, typer.Option(help="Of the random motions.")] = 0,
+    threads: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Default: all processors.")
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Find lengths, masses, damping and delay of a puppet from a record of its motion.
+
+    Exits with 1 if the record leaves numbers untold or the search was cut short.
+    """
+    from fantoccini.cli.identify import identify_record
+
+    identify_record(file, out, report, suggest, duration, reach, seed, threads, quiet)
 
 
 @app.command("follow")

@@ -13,7 +13,7 @@ SchemaOf = enum.StrEnum(
     "SchemaOf",
     [
         "PUPPET", "SCENE", "INPUTS", "GESTURE", "SCORE", "PLAY", "PROBLEM", "TASK", "MAPPING",
-        "STAND",
+        "STAND", "RECORD",
     ],
 )  # fmt: skip
 Planner = enum.StrEnum("Planner", {"EXPLORE": "explore", "EST2007": "est-2007"})

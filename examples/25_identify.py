@@ -1,0 +1,68 @@
+"""What does this arm weigh, and how late is the camera? A record of its motion tells.
+
+An arm is simulated with other numbers than its file has, and filmed with noise, gaps and a delay.
+The record finds its numbers again. Without a force it cannot tell the masses' scale; with the
+string's tension it can. Writes out/record.csv and out/next.csv, the motion that would tell more.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+import fantoccini as fan
+from fantoccini.files import write_table
+
+out = Path("out")
+out.mkdir(exist_ok=True)
+
+text = fan.puppets.path("arm3d").read_text(encoding="utf-8")
+for place, name in (("name: shoulder\n      type: ball\n      damping: 2.0e-4", "shoulder_damping"),
+                    ("at: [0, 0, -0.3]\n      damping: 2.0e-4", "elbow_damping")):
+    text = text.replace(place, place[:-6] + f"{{parameter: {name}, value: 2.0e-3}}")
+text = text.replace("radius: 0.015, density: 600",
+                    "radius: 0.015, density: {parameter: upper_density, value: 600}")
+text = text.replace("radius: 0.012, density: 600",
+                    "radius: 0.012, density: {parameter: lower_density, value: 600}")
+text = text.replace("density: 600, colour: \"#f0c890\"",
+                    "density: {parameter: lower_density, value: 600}, colour: \"#f0c890\"")
+arm = fan.loads(text)
+truth = {"shoulder_damping": 2.5e-3, "elbow_damping": 1.6e-3, "upper_density": 700.0,
+         "lower_density": 560.0}  # fmt: skip
+true = arm.with_parameters(truth)
+
+rng, times = np.random.default_rng(3), np.arange(0.0, 15.1, 0.75)
+hanging, points = arm.rest(), {}
+for q, name in enumerate(arm.coordinates.q_K):
+    values = hanging.q_K[q] + 0.08 * rng.uniform(-1, 1, len(times))
+    values[[0, -1]] = hanging.q_K[q]
+    points[name] = list(zip(times, values, strict=True))
+played = fan.Input.waypoints(arm, points)
+run = fan.simulate(true, true.rest(played.first_values()), played, 15.0)
+
+t = np.arange(0.1, 14.8, 1 / 60)
+seen = run.resample(t - 0.025)  # the camera is 25 ms late
+poses = true.poses(seen.q_D, seen.q_K)
+links = [link.name for link in true.tree.links]
+markers = [fan.Marker("sleeve", "upper", (0, 0.015, -0.2)),
+           fan.Marker("wrist", "lower", (0.012, 0, -0.2))]  # fmt: skip
+columns = {}
+for marker in markers:
+    pose = poses[:, links.index(marker.body)]
+    place = pose[:, :, 3] + pose[:, :, :3] @ np.array(marker.at)
+    place += 2e-3 * rng.standard_normal(place.shape)
+    place[200:260] = np.nan  # hidden for a second
+    columns |= {f"{marker.name}.{axis}": place[:, i] for i, axis in enumerate("xyz")}
+tension = seen.tension["hand"] + 0.02 * rng.standard_normal(len(t))
+write_table({"time": t} | columns | {"hand.tension": tension}, out / "record.csv")
+
+record = fan.Record(arm, played, t, columns, markers, tuple(truth), find_delay=True)
+print("markers:", *fan.identify(record).combinations)
+weighed = replace(record, columns=columns | {"hand.tension": tension})
+found = fan.identify(weighed)
+for name in found.names:
+    low, high = found.interval(name)
+    print(f"{name:18s} {low:.5g} to {high:.5g}, truth {truth.get(name, 0.025):.5g}")
+best = fan.suggest_motion(weighed, duration=8.0, reach=0.1, draws=1)
+print("would tell most:", best[0].name, f"{best[0].gain:.0f} bits")
+best[0].save(out / "next.csv")

@@ -1,0 +1,130 @@
+"""``fantoccini identify``: numbers of a puppet from a record of its motion."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from fantoccini.cli.files import check_output, writing
+from fantoccini.cli.guard import FAILED
+from fantoccini.cli.terminal import Steps, table, write
+from fantoccini.files import replacing
+from fantoccini.identification import Candidate, Identified, identify, load_record, suggest_motion
+
+_MOST = 10
+"""Outliers and motions that are listed."""
+
+
+def identify_record(
+    file: Path, out: Path | None, report: Path | None, suggest: Path | None, duration: float,
+    reach: float, seed: int, threads: int | None, quiet: bool,
+) -> None:  # fmt: skip
+    """Identifies, prints what was found, and writes the outputs.
+
+    Exit code 1 where the record leaves something untold or the search was cut short.
+    """
+    for option, path, endings in (
+        ("--out", out, (".yaml", ".yml")), ("--report", report, (".json",)),
+        ("--suggest", suggest, (".csv",)),
+    ):  # fmt: skip
+        if path is not None:
+            check_output(path, endings, option)
+    with Steps(quiet) as steps:
+        record = load_record(file, progress=steps.step)
+        found = identify(
+            record, threads=threads, progress=lambda stage, cost: steps.step(_doing(stage, cost))
+        )
+        best: tuple[Candidate, ...] = ()
+        if suggest is not None:
+            best = suggest_motion(
+                record, duration=duration, reach=reach, seed=seed, threads=threads,
+                progress=lambda name: steps.step(f"looking at the motion {name}"),
+            )  # fmt: skip
+            with writing(suggest):
+                best[0].save(suggest)
+        if out is not None:
+            with writing(out):
+                found.save_puppet(out)
+        if report is not None:
+            with writing(report):
+                _save_report(found, report)
+    if not quiet:
+        _print(found)
+        _print_motions(best)
+    if found.combinations or not found.converged:
+        raise typer.Exit(FAILED)
+
+
+def _doing(stage: str, cost: float) -> str:
+    return stage if math.isnan(cost) else f"{stage}: {cost:.6g}"
+
+
+def _print(found: Identified) -> None:
+    rows = []
+    for name, value, deviation in zip(found.names, found.values, found.deviations, strict=True):
+        if math.isfinite(deviation):
+            low, high = found.interval(name)
+            rows.append((name, f"{value:.6g}", f"{deviation:.2g}", f"{low:.6g} to {high:.6g}"))
+        else:
+            rows.append((name, "not told", "", ""))
+    table("Identified", ("", "value>", "standard deviation>", "95 % interval>"), rows)
+    if found.combinations:
+        write("The record cannot tell apart:")
+        for combination in found.combinations:
+            write(f"  {combination}")
+    table(
+        "Residuals (m, rad or N)",
+        ("", "root mean square>", "noise>"),
+        [(name, f"{rms:.3g}", f"{found.noise[name]:.3g}") for name, rms in found.rms().items()],
+    )
+    for outlier in found.outliers[:_MOST]:
+        write(f"outlier: {outlier.column} at {outlier.t:.4g} s, {outlier.residual:+.1f} deviations")
+    if len(found.outliers) > _MOST:
+        write(f"and {len(found.outliers) - _MOST} more outliers")
+    if found.lost:
+        write("segments that do not count: " + ", ".join(f"{t:.4g} s" for t in found.lost[:_MOST]))
+    ended = "" if found.converged else "; the search was cut short"
+    write(f"chi2 {found.chi2:.3f}, drift {found.drift:.2g}, {found.seconds:.1f} s{ended}")
+
+
+def _print_motions(best: tuple[Candidate, ...]) -> None:
+    if best:
+        table(
+            "Motions",
+            ("", "tells [bits]>", "worst deviation>", "untold>"),
+            [
+                (one.name, f"{one.gain:.1f}", f"{100 * one.worst:.2g} %", len(one.combinations))
+                for one in best[:_MOST] if not one.refused
+            ],
+        )  # fmt: skip
+
+
+def _save_report(found: Identified, path: Path) -> None:
+    def number(x: float) -> float | None:
+        return float(x) if math.isfinite(x) else None
+
+    data: dict[str, Any] = {
+        "record": found.record.name, "puppet": found.record.marionette.name,
+        "numbers": {
+            name: {
+                "value": number(x), "standard_deviation": number(d),
+                "interval": [number(end) for end in found.interval(name)],
+            }
+            for name, x, d in zip(found.names, found.values, found.deviations, strict=True)
+        },
+        "correlation": found.correlation.tolist(),
+        "not_told_apart": [
+            {"parts": one.parts, "relative_deviation": number(one.deviation)}
+            for one in found.combinations
+        ],
+        "residuals": {name: number(x) for name, x in found.rms().items()}, "noise": found.noise,
+        "chi2": found.chi2, "drift": found.drift, "converged": found.converged,
+        "left": number(found.left), "lost": list(found.lost),
+        "outliers": [vars(one) for one in found.outliers], "seconds": found.seconds,
+    }  # fmt: skip
+    with replacing(path) as temporary:
+        temporary.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")

@@ -1,0 +1,219 @@
+"""Many short rollouts at once, and how their ends and samples change with what is not known.
+
+A record is cut into segments. Each is simulated by time-stepping from a state of its own, all of
+them in lanes:
+
+    x_k+1 = f(x_k, q_K(t_k), p),      Z_k+1 = f_x Z_k + [0, f_p, f_qK]
+
+Z has the derivatives of (dq_D, v_D) by the segment's first state, by the parameters that are
+looked for, and by constant offsets of driven coordinates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fantoccini.arrays import Array, Indices
+from fantoccini.errors import ARRIVED
+from fantoccini.marionette import Model
+from fantoccini.marionette.step_partials import linearise_steps
+from fantoccini.motion import Input, tangent
+from fantoccini.runtime import AnyArray, LaneSteppers
+
+_STEPS_AT_ONCE = 1500
+"""Steps that are linearised together, which bounds the memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """The driven coordinates over the steps of S segments.
+
+    Attributes:
+        q_K, v_K: (n + 1, S, ...) at the nodes.
+        acc_K: (n, S, n_vK) that lead from one q_K to the next.
+        u_D: (n, S, n_vD) user forces in the middle of the steps; None for none.
+        dt: length of the steps [s].
+    """
+
+    q_K: Array
+    v_K: Array
+    acc_K: Array
+    u_D: Array | None
+    dt: float
+
+    @classmethod
+    def of(cls, model: Model, inputs: Input, starts: Array, n: int, dt: float) -> Driven:
+        """n steps from each of S times [s].
+
+        Args:
+            model: the puppet.
+            inputs: that name all driven coordinates.
+            starts: (S,).
+            n: steps.
+            dt: their length [s].
+        """
+        t, table = starts + dt * np.arange(n + 1)[:, None], model.coordinates
+        q_K, v_K, _ = inputs.evaluate(t)
+        move = tangent.between(
+            table.scalars_K, table.quaternions_K, q_K[:-1], q_K[1:], table.n_vK
+        )  # fmt: skip
+        force = None if inputs.force is None else inputs.evaluate_force(t[:-1] + 0.5 * dt)
+        return cls(q_K, v_K, 2.0 * (move / dt - v_K[:-1]) / dt, force, dt)
+
+    def moved(self, model: Model, offsets: Array) -> Driven:
+        """Those with (n_vK,) added to scalar coordinates."""
+        if not np.any(offsets):
+            return self
+        q_K = self.q_K.copy()
+        for q, v in model.coordinates.scalars_K:
+            q_K[..., q] += offsets[v]
+        return replace(self, q_K=q_K)
+
+    @property
+    def first(self) -> Driven:
+        """Those of the first step."""
+        force = None if self.u_D is None else self.u_D[:1]
+        return Driven(self.q_K[:2], self.v_K[:2], self.acc_K[:1], force, self.dt)
+
+    def some(self, s: int) -> Driven:
+        """Those of one segment."""
+        one = slice(s, s + 1)
+        force = None if self.u_D is None else self.u_D[:, one]
+        return Driven(self.q_K[:, one], self.v_K[:, one], self.acc_K[:, one], force, self.dt)
+
+
+@dataclass(frozen=True, eq=False)
+class Rolled:
+    """S rollouts of n steps.
+
+    Attributes:
+        q_D, v_D: (n + 1, S, ...) states.
+        tension: (n, S, n_rows) of the steps [N or N m].
+        arrived: whether all reached their ends.
+    """
+
+    q_D: Array
+    v_D: Array
+    tension: Array
+    arrived: bool
+
+
+def roll(model: Model, driven: Driven, q_D: Array, v_D: Array, p: Array) -> Rolled:
+    """Rollouts from S states (S, ...) at parameters p (n_p,), on one thread: a step is soon made.
+
+    Every step depends on its state alone, as those of :func:`fantoccini.linearise_steps` do.
+    """
+    n, S = driven.acc_K.shape[:2]
+    tree, lanes = model.tree, model.compiled.lanes
+    made: dict[str, AnyArray] = {
+        "q_D": np.array(q_D, order="C"), "v_D": np.array(v_D, order="C"),
+        "q_K": np.array(driven.q_K[0], order="C"), "v_K": np.array(driven.v_K[0], order="C"),
+        "fresh": np.ones(S, dtype=np.uint8), "p": np.tile(p, (S, 1)),
+        "slip": np.zeros((S, len(tree.strings))), "tension": np.zeros((S, tree.n_rows)),
+        "taut": np.zeros((S, tree.n_rows), dtype=np.bool_), "books": np.zeros((S, 5)),
+        "violation": np.zeros(S), "advanced": np.zeros(S),
+        "status": np.zeros(S, dtype=np.int32), "blame": np.zeros((S, len(tree.blamable))),
+    }  # fmt: skip
+    options = model.run_options(dt=driven.dt, extrapolate=False)
+    acc = np.zeros((S, model.coordinates.n_vK))
+    force = None if driven.u_D is None else np.zeros((S, model.coordinates.n_vD))
+    steppers = LaneSteppers(lanes, S, 1, options, model.winches)
+    advance = steppers.bound(made, driven.dt, acc, force)
+    out = Rolled(
+        np.empty((n + 1, *q_D.shape)), np.empty((n + 1, *v_D.shape)),
+        np.empty((n, S, tree.n_rows)), True,
+    )  # fmt: skip
+    out.q_D[0], out.v_D[0] = q_D, v_D
+    fine = np.ones(S, dtype=bool)
+    for k in range(n):
+        made["q_K"][:], made["v_K"][:], acc[:] = driven.q_K[k], driven.v_K[k], driven.acc_K[k]
+        if force is not None and driven.u_D is not None:
+            force[:] = driven.u_D[k]
+        made["fresh"][:] = 1
+        advance()
+        fine &= np.isin(made["status"], ARRIVED)
+        out.q_D[k + 1], out.v_D[k + 1], out.tension[k] = made["q_D"], made["v_D"], made["tension"]
+    whole = bool(np.all(fine)) and bool(np.all(np.isfinite(out.q_D[-1])))
+    return Rolled(out.q_D, out.v_D, out.tension, whole)
+
+
+@dataclass(frozen=True, eq=False)
+class Sensed:
+    """Derivatives by the first states and by P parameters and offsets.
+
+    Attributes:
+        end: (S, 2 n_vD, 2 n_vD + P) of the ends of the segments.
+        before, after: (N, n_vD, 2 n_vD + P) of q_D at the ends of the steps that hold a sample.
+        pull: (N, n_rows, 2 n_vD + P) of the tensions of these steps; None where not asked for.
+    """
+
+    end: Array
+    before: Array
+    after: Array
+    pull: Array | None
+
+
+def sense(
+    model: Model,
+    driven: Driven,
+    rolled: Rolled,
+    p: Array,
+    of_p: Sequence[int],
+    of_K: Sequence[int],
+    begin: Array,
+    samples: tuple[Indices, Indices],
+    *,
+    pull: bool,
+    threads: int,
+) -> Sensed:
+    """How rollouts change with their first states, with parameters and with offsets.
+
+    Args:
+        model: the puppet.
+        driven, rolled: the rollouts.
+        p: (n_p,).
+        of_p, of_K: places of the parameters in p, and of the offsets among v_K.
+        begin: (S, 2 n_vD, 2 n_vD + P) the same derivatives of the first states.
+        samples: (N,) step and segment of every sample.
+        pull: also of the tensions.
+        threads: that share the work.
+    """
+    n, S = driven.acc_K.shape[:2]
+    n_v, n_k = model.coordinates.n_vD, model.coordinates.n_vK
+    steps, segments = samples
+    width = 2 * n_v + len(of_p) + len(of_K)
+    columns = [2 * n_v + 3 * n_k + i for i in of_p] + [2 * n_v + k for k in of_K]
+    Z = begin
+    before, after = (np.empty((len(steps), n_v, width)) for _ in range(2))
+    pulled = np.empty((len(steps), model.tree.n_rows, width)) if pull else None
+    order = np.argsort(steps, kind="stable")
+    first = np.searchsorted(steps[order], np.arange(n + 1))
+    block = max(b for b in range(1, n + 1) if n % b == 0 and (b == 1 or b * S <= _STEPS_AT_ONCE))
+    room = None
+    for k in range(0, n, block):
+        some = slice(k, k + block)
+        q_D, v_D, q_K, v_K, acc_K = (
+            x[some].reshape(block * S, -1)
+            for x in (rolled.q_D, rolled.v_D, driven.q_K, driven.v_K, driven.acc_K)
+        )
+        force = None if driven.u_D is None else driven.u_D[some].reshape(block * S, -1)
+        lin = linearise_steps(
+            model, q_D, v_D, q_K, v_K, acc_K, force, p=p, dt=driven.dt, pull=pull,
+            threads=threads, room=room,
+        )  # fmt: skip
+        room = lin.motion
+        of_state, of_rest = room[..., : 2 * n_v], room[..., columns]
+        for j in range(block):
+            here, now = slice(j * S, (j + 1) * S), order[first[k + j] : first[k + j + 1]]
+            before[now] = Z[segments[now], :n_v]
+            if pulled is not None and lin.pull is not None and len(now):
+                by = lin.pull[here][segments[now]]
+                pulled[now] = by[..., : 2 * n_v] @ Z[segments[now]]
+                pulled[now, :, 2 * n_v :] += by[..., columns]
+            Z = of_state[here] @ Z
+            Z[..., 2 * n_v :] += of_rest[here]
+            after[now] = Z[segments[now], :n_v]
+    return Sensed(Z, before, after, pulled)

@@ -1,0 +1,86 @@
+"""The schema of record files."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from fantoccini.puppet.files import described_schema
+from fantoccini.puppet.sized import SIZED, Place, Size, Sized, Value
+from fantoccini.puppet.values import Model, Name, Positive, Real, mistake
+
+
+class MarkerFile(Model):
+    """A point of a body that is filmed."""
+
+    body: Name
+    """The body that carries it."""
+    at: Place = (0.0, 0.0, 0.0)
+    """Its place in the body's frame [m]."""
+    find: bool = False
+    """Whether `at` is only a guess, and the place is looked for."""
+
+
+class ColumnFile(Model):
+    """What a column is that has another name or unit: one of `coordinate` and `tension`."""
+
+    coordinate: str | None = None
+    """A scalar dynamic coordinate."""
+    tension: Name | None = None
+    """A string."""
+    unit: Literal["rad", "deg", "m", "mm", "N"] | None = None
+    """Of its numbers; rad, m or N by default."""
+
+    @model_validator(mode="after")
+    def _is_one(self) -> ColumnFile:
+        if (self.coordinate is None) == (self.tension is None):
+            raise mistake("needed: one of `coordinate` and `tension`")
+        return self
+
+
+class UnknownFile(Model):
+    """What is known of a number that is looked for."""
+
+    about: Real | None = None
+    """Where the search begins; the file's number by default."""
+    known: Annotated[Positive, SIZED] | None = None
+    """Standard deviation of `about`, if it was measured beforehand."""
+
+
+class RecordFile(Model):
+    """A record of a puppet in motion, and what is to be found from it."""
+
+    record: Name
+    """The record's name."""
+    about: str | None = None
+    """A sentence."""
+    puppet: str
+    """A puppet file beside this one, or a bundled puppet."""
+    samples: str
+    """A CSV file beside this one, with a column `time` [s]; empty cells are gaps."""
+    inputs: str | None = None
+    """The inputs file or recording that was played; columns named after driven coordinates by
+    default."""
+    markers: dict[Name, MarkerFile] = Field(default_factory=dict)
+    """Marker -> where it sits; its columns are `name.x`, `name.y` and `name.z` [m]."""
+    columns: dict[str, ColumnFile] = Field(default_factory=dict)
+    """Column of another name or unit -> what it is."""
+    unit: Literal["m", "mm"] = "m"
+    """Of the markers' columns."""
+    unknown: dict[str, UnknownFile | None] = Field(default_factory=dict)
+    """What is looked for: parameters of the puppet, or places of numbers in its file such as
+    `forearm.mass`."""
+    offsets: tuple[str, ...] = ()
+    """Scalar driven coordinates whose commands are off by an unknown constant."""
+    delay: Sized | Literal["find"] = 0.0
+    """By how much the record's clock shows more than the inputs' [s], or `find`."""
+    noise: dict[str, Annotated[Size, SIZED]] = Field(default_factory=dict)
+    """Marker or column -> standard deviation [m, rad or N]; estimated by default."""
+    start: dict[str, Value] = Field(default_factory=dict)
+    """Values of the pose in which the puppet hangs when the record begins."""
+
+
+def record_schema() -> dict[str, Any]:
+    """JSON Schema of record files, for completion and checks in editors."""
+    return described_schema(RecordFile, "fantoccini record")

@@ -1,0 +1,327 @@
+"""Numbers found in synthetic records agree with the truth, and their errors are as predicted.
+
+Records come from event-driven runs at a tight tolerance; the fit steps in time. What may differ is
+the noise: 2 mm for every marker.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from benchmarks.identify.cases import _ARM_TRUTH, arm, record
+from scipy.integrate import solve_ivp
+from scipy.optimize import least_squares
+
+import fantoccini as fan
+from fantoccini.identification.estimating import fit_of
+from fantoccini.identification.fit import chained
+
+RECORD_TIME = 12.0
+
+
+@pytest.fixture(scope="module")
+def case():
+    return arm()
+
+
+def test_an_arm_is_found_within_the_marks(case):
+    """Lengths and places to 1 mm, masses to 2 %, damping to 10 %, the delay to 1 ms."""
+    found = fan.identify(record(case, 20.0, 3, gaps=0.1, outliers=0.01))
+    for name, truth in case.truth.items():
+        apart = abs(found[name] - truth)
+        if name.endswith("mass"):
+            assert apart < 0.02 * truth, name
+        elif name.endswith("damping"):
+            assert apart < 0.25 * truth if name == "elbow_damping" else apart < 0.1 * truth, name
+        else:
+            assert apart < 1.5e-3, name
+    assert found.converged and not found.combinations
+    assert 0.9 < found.chi2 < 1.15  # outliers count as 4 deviations
+    assert 10 < len(found.outliers) < 100  # of some 35 bad triples
+    assert abs(found.noise["wrist.x"] - 2e-3) < 2e-4
+    assert "delay" in found.summary()
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_truth_as_often_as_they_say(case):
+    """95 % of 95 % intervals: 12 records, 9 numbers each, at least 88 % (3 deviations)."""
+    inside = []
+    for seed in range(12):
+        found = fan.identify(record(case, 10.0, 50 + seed))
+        for name, truth in case.truth.items():
+            low, high = found.interval(name)
+            inside.append(low <= truth <= high)
+    assert np.mean(inside) >= 0.88
+
+
+def test_derivatives_agree_with_differences_of_event_driven_runs(case):
+    """Of predictions by parameters, an offset and the delay; steps are of first order, so twice."""
+    one = record(case, 3.0, 1)
+    fit = fit_of(one, 0.25, 0.0005, 1)
+    at = chained(fit, one.start_state(fit.inputs, float(fit.starts[0])))
+    _, J, _ = fit.jacobian(at)
+    s, m = 4, 2 * one.marionette.coordinates.n_vD
+    _, segments, _ = fit.located(at.theta, fit.dt)
+    own = np.flatnonzero(segments == s)[2:-2]
+
+    def seen(theta):
+        values = dict(zip([u.name for u in one.unknowns], theta, strict=False))
+        puppet = one.marionette.with_parameters(values)
+        point = fit.placed(at.q_D, at.v_D, theta, at.held)
+        q_K, v_K, _ = fit.inputs.evaluate(fit.starts[s])
+        offset = fit.offsets(theta)
+        x = puppet.rest().replace(
+            t=float(fit.starts[s]), q_D=point.q_D[s], v_D=point.v_D[s], q_K=q_K + offset, v_K=v_K
+        )
+        x = puppet.project(x)
+        inputs = _moved(fit.inputs, offset)
+        t = fit.t[own] - fit._delay(theta)
+        run = fan.simulate(
+            puppet, x, inputs, float(t[-1]) + 0.01, method=fan.Event(rtol=1e-11, atol=1e-11),
+            save_at=t,
+        ).resample(t)  # fmt: skip
+        return fit.channels.look(run.q_D, run.q_K, puppet.p, fit.places(theta))
+
+    for i, name in enumerate(one.labels):
+        step = 1e-4 * one.scales[i]
+        by = np.zeros(len(at.theta))
+        by[i] = step
+        slope = (seen(at.theta + by) - seen(at.theta - by)) / (2 * step)
+        exact = J[own][:, :, m + i]
+        assert np.max(np.abs(slope - exact)) < 0.02 * np.max(np.abs(exact)) + 1e-6, name
+
+
+def _moved(inputs, offset):
+    """The inputs with constants added to their scalar coordinates."""
+    coef = inputs.coef.copy()
+    coef[:, :, 0] += offset
+    return replace(inputs, coef=coef)
+
+
+def test_derivatives_of_the_steps_are_exact(case):
+    """Predictions by all unknowns and by the first states: central differences to 1e-6."""
+    one = replace(record(case, 3.0, 2), delay=0.00137)  # samples fall between nodes
+    fit = fit_of(one, 0.25, 0.005, 1)
+    at = chained(fit, one.start_state(fit.inputs, float(fit.starts[0])))
+    _, J, ends = fit.jacobian(at)
+    m, rng = J.shape[2] - len(at.theta), np.random.default_rng(0)
+    _, segments, _ = fit.located(at.theta, fit.dt)
+    for i in range(len(at.theta)):
+        by = np.zeros(len(at.theta))
+        by[i] = 1e-5 * one.scales[i]
+        sides = [fit.predict(fit.moved(at, np.zeros((len(at.q_D), m)), s * by)) for s in (1, -1)]
+        slope = (sides[0].y - sides[1].y) / (2 * by[i])
+        exact = J[:, :, m + i]
+        assert np.max(np.abs(slope - exact)) < 1e-5 * np.max(np.abs(exact)), one.labels[i]
+    move = 1e-6 * rng.standard_normal((len(at.q_D), m))
+    sides = [fit.predict(fit.moved(at, s * move, 0 * at.theta)) for s in (1, -1)]
+    slope = 0.5 * (sides[0].y - sides[1].y)
+    exact = np.einsum("ncm,nm->nc", J[:, :, :m], move[segments])
+    assert np.max(np.abs(slope - exact)) < 1e-4 * np.max(np.abs(exact))
+    rate = 0.5 * (sides[0].v_D - sides[1].v_D)
+    exact = np.einsum("sim,sm->si", ends[1][:, m // 2 :, :m], move)
+    assert np.max(np.abs(rate - exact)) < 1e-4 * np.max(np.abs(exact))
+
+
+PENDULUM = """
+puppet: pendulum
+bodies:
+  - name: rod
+    joint: {name: pin, type: revolute, axis: [0, -1, 0], damping: {parameter: damping, value: 0.02}}
+    mass: {parameter: mass, value: 0.5}
+    com: [0, 0, {parameter: centre, value: -0.35}]
+    inertia: [0.01, 0.01, 0.0001]
+  - name: cart
+    joint: {name: slide, type: prismatic, axis: [1, 0, 0], driven: true, at: [0, 1, 0]}
+    mass: 0.1
+pose: {pin: 40 deg}
+"""
+
+
+def swing(rng, seconds=12.0, noise=0.01):
+    """A pendulum that swings down freely: SciPy's motion, the angle with noise."""
+    mass, centre, damping, inertia = 0.4, -0.3, 0.03, 0.01
+    whole = inertia + mass * centre**2
+    t = np.arange(0.0, seconds, 0.02)
+    made = solve_ivp(
+        lambda t, y: [y[1], (mass * 9.81 * centre * np.sin(y[0]) - damping * y[1]) / whole],
+        (0.0, seconds), [np.radians(40.0), 0.0], t_eval=t, rtol=1e-10, atol=1e-10,
+    )  # fmt: skip
+    return t, made.y[0] + noise * rng.standard_normal(len(t)), (mass, centre, damping, whole)
+
+
+def test_a_pendulum_is_found_as_scipy_finds_it():
+    """Against least squares over SciPy's runs: estimates within 0.2, errors within 15 %."""
+    rng = np.random.default_rng(5)
+    t, angle, (mass, centre, _, inertia) = swing(rng)
+    puppet = fan.loads(PENDULUM).with_parameters({"mass": mass, "centre": centre + 0.02})
+    puppet = puppet.with_parameters({"damping": 0.02})
+
+    def misfit(theta):
+        own, damping, start, rate = theta
+        whole = 0.01 + mass * own**2
+        made = solve_ivp(
+            lambda t, y: [y[1], (mass * 9.81 * own * np.sin(y[0]) - damping * y[1]) / whole],
+            (0.0, t[-1]), [start, rate], t_eval=t, rtol=1e-9, atol=1e-9,
+        )  # fmt: skip
+        return (made.y[0] - angle) / 0.01
+
+    peer = least_squares(misfit, [centre, 0.03, np.radians(40.0), 0.0])
+    errors = np.sqrt(np.diag(np.linalg.inv(peer.jac.T @ peer.jac)))
+    one = fan.Record(
+        puppet, fan.Input.hold(puppet, float(t[-1])), t, {"pin": angle},
+        unknown=[fan.Unknown("centre", positive=False), "damping"], noise={"pin": 0.01},
+    )  # fmt: skip
+    found = fan.identify(one, drift=(1e-4, 1e-3))
+    for i, name in enumerate(("centre", "damping")):
+        assert abs(found[name] - peer.x[i]) < 0.2 * errors[i], name
+        assert abs(found.deviation(name) / errors[i] - 1.0) < 0.15, name
+    assert inertia > 0
+
+
+def test_what_a_pendulum_cannot_tell_apart_is_named():
+    """Angles tell the ratio of mass and damping only: both times one factor move alike."""
+    rng = np.random.default_rng(6)
+    text = PENDULUM.replace("inertia: [0.01, 0.01, 0.0001]", "inertia: [1.0e-9, 1.0e-9, 1.0e-9]")
+    t, angle, _ = swing(rng)
+    one = fan.Record(
+        fan.loads(text), fan.Input.hold(fan.loads(text), float(t[-1])), t, {"pin": angle},
+        unknown=["mass", "damping", fan.Unknown("centre", positive=False)],
+    )  # fmt: skip
+    found = fan.identify(one)
+    assert len(found.combinations) == 1
+    parts = found.combinations[0].parts
+    assert set(parts) == {"mass", "damping"}
+    # Shares are relative to first values, the factor to the values found.
+    mass, damping = (parts[n] * one.scales[i] / found[n] for i, n in enumerate(("mass", "damping")))
+    assert abs(mass / damping - 1.0) < 0.02
+    centre = (0.01 + 0.4 * 0.3**2) / (0.4 * 0.3)  # of a point mass that swings as the rod does
+    ratio = (0.01 + 0.4 * 0.3**2) / (0.03 * centre**2)
+    assert abs(found["centre"] + centre) < 5e-3
+    assert abs(found["mass"] / found["damping"] / ratio - 1.0) < 0.05
+    assert np.isinf(found.deviation("mass")) and np.isfinite(found.deviation("centre"))
+    assert "only together" in found.summary()
+
+
+def scaled_case():
+    """An arm of which all masses, dampings and drags are unknown."""
+    truth = {
+        "shoulder_damping": 2.4e-3, "upper_mass": 0.15, "elbow_damping": 2.4e-3,
+        "lower_mass": 0.11, "upper_drag": 0.022, "delay": 0.004,
+    }  # fmt: skip
+    markers = [replace(m, find=False) for m in arm().markers]
+    return arm(truth=truth, markers=markers, signed=())
+
+
+def test_only_forces_tell_the_scale_of_masses():
+    """All masses and damping times one factor move alike; a tension, or one known mass, tells."""
+    case = scaled_case()
+    silent = fan.identify(record(case, 10.0, 1))
+    assert len(silent.combinations) == 1
+    parts = silent.combinations[0].parts
+    assert {"upper_mass", "lower_mass"} <= set(parts)
+    assert all(share > 0 for share in parts.values())
+    assert np.isinf(silent.deviation("upper_mass")) and np.isfinite(silent.deviation("delay"))
+    ratio = silent["upper_mass"] / silent["lower_mass"]
+    assert abs(ratio / (0.15 / 0.11) - 1.0) < 0.05
+    weighed = fan.identify(record(replace(case, tensions=("hand",)), 10.0, 1))
+    assert not weighed.combinations
+    assert abs(weighed["lower_mass"] / 0.11 - 1.0) < 0.02
+    assert abs(weighed["upper_mass"] / 0.15 - 1.0) < 0.02
+
+
+def test_a_mass_known_beforehand_tells_the_scale():
+    case = scaled_case()
+    one = record(case, 10.0, 1)
+    known = [
+        replace(u, about=0.11, known=1e-4) if u.name == "lower_mass" else u for u in one.unknowns
+    ]
+    found = fan.identify(replace(one, unknown=known))
+    assert not found.combinations
+    assert abs(found["upper_mass"] / 0.15 - 1.0) < 0.05
+
+
+def test_motor_parameters_are_found():
+    """Stiffness and damping of a pd drive, from the angle it moves."""
+    text = """
+puppet: crank
+bodies:
+  - name: arm
+    joint: {name: turn, type: revolute, axis: [0, -1, 0], driven: true}
+    mass: 0.3
+    com: [0.1, 0, 0]
+    inertia: [1.0e-3, 1.0e-3, 1.0e-3]
+drives:
+  - on: turn
+    inertia: 1.0e-4
+    control:
+      {type: pd, stiffness: {parameter: k, value: 2.0}, damping: {parameter: c, value: 0.05}}
+"""
+    puppet = fan.loads(text)
+    truth = {"k": 3.0, "c": 0.08}
+    true, rng = puppet.with_parameters(truth), np.random.default_rng(0)
+    times = np.arange(0.0, 8.0, 0.25)
+    values = rng.uniform(-0.8, 0.8, len(times))
+    values[[0, -1]] = 0.0
+    inputs = fan.Input.waypoints(puppet, {"turn": list(zip(times, values, strict=True))})
+    run = fan.simulate(true, true.rest(), inputs, 8.0)
+    t = np.arange(0.1, 7.9, 1 / 60)
+    angle = run.resample(t)["turn"] + 0.01 * rng.standard_normal(len(t))
+    found = fan.identify(fan.Record(puppet, inputs, t, {"turn": angle}, unknown=["k", "c"]))
+    for name, value in truth.items():
+        assert abs(found[name] - value) < 4 * found.deviation(name), name
+        assert found.deviation(name) < 0.1 * value, name
+
+
+def test_motions_that_move_tell_more(case):
+    """A candidate that stands still tells least; the best one's predicted errors are met."""
+    one = record(case, 10.0, 4)
+    still = fan.Input.hold(case.puppet, 10.0)
+    best = fan.suggest_motion(one, {"still": still, "moving": one.inputs})
+    assert [c.name for c in best] == ["moving", "still"]
+    assert best[1].combinations and not best[0].combinations
+    found = fan.identify(one)
+    for name in _ARM_TRUTH:
+        guess = best[0].deviations[name] * 2e-3 / 5e-3  # noise is guessed as 5 mm before a record
+        assert 0.4 < found.deviation(name) / guess < 2.5, name
+
+
+def test_random_motions_are_tried_and_written(case, tmp_path):
+    one = record(case, 5.0, 4)
+    best = fan.suggest_motion(one, duration=5.0, reach=0.1, draws=1, seed=1)
+    assert len(best) == 6 and best[0].gain >= best[-1].gain
+    best[0].save(tmp_path / "best.csv")
+    again = fan.Input.load(case.puppet, tmp_path / "best.csv")
+    t = np.linspace(0.0, again.end, 50)
+    assert np.allclose(again.evaluate(t)[0], best[0].inputs.evaluate(t)[0], atol=1e-4)
+
+
+def test_a_length_between_joints_is_found():
+    """A parameter that moves markers at a fixed configuration, too."""
+    text = PENDULUM.replace("  - name: cart", """  - name: tail
+    parent: rod
+    joint: {type: revolute, axis: [0, -1, 0], at: [0, 0, {parameter: reach, value: -0.5}]}
+    mass: 0.1
+    com: [0, 0, -0.1]
+    inertia: [1.0e-4, 1.0e-4, 1.0e-4]
+  - name: cart""")
+    puppet = fan.loads(text).with_parameters({"centre": -0.3})
+    true, rng = puppet.with_parameters({"reach": -0.46}), np.random.default_rng(2)
+    hold = fan.Input.hold(puppet, 6.0)
+    run = fan.simulate(true, true.state({"pin": 0.7}), hold, 6.0)
+    t = np.arange(0.0, 5.9, 1 / 60)
+    seen = run.resample(t)
+    pose = true.poses(seen.q_D, seen.q_K)[:, [link.name for link in true.tree.links].index("tail")]
+    place = pose[:, :, 3] + 2e-3 * rng.standard_normal((len(t), 3))
+    columns = {f"joint.{axis}": place[:, i] for i, axis in enumerate("xyz")} | {
+        "tail": seen["tail"] + 0.01 * rng.standard_normal(len(t))
+    }
+    one = fan.Record(
+        puppet, hold, t, columns, [fan.Marker("joint", "tail")],
+        [fan.Unknown("reach", positive=False), "damping"], start={"pin": 0.1},
+    )  # fmt: skip
+    found = fan.identify(one)
+    assert abs(found["reach"] + 0.46) < 1e-3
+    assert abs(found["damping"] / 0.02 - 1.0) < 0.05
