@@ -125,7 +125,7 @@ class Fit:
 
     def rolled(self, at: Point, driven: Driven) -> Rolled:
         """The rollouts of a point."""
-        return roll(self.model, driven, at.q_D, at.v_D, self.p(at.theta))
+        return roll(self.model, driven, at.q_D, at.v_D, self.p(at.theta), self.threads)
 
     def predict(self, at: Point, *, extrapolated: bool = False) -> Predicted:
         """What a point predicts.
@@ -362,7 +362,8 @@ def chained(fit: Fit, start: State) -> Point:
     driven = fit.driven(theta, fit.dt)
     q_D, v_D = [start.q_D], [start.v_D]
     for s in range(len(fit.starts) - 1):
-        rolled = roll(fit.model, driven.some(s), q_D[-1][None], v_D[-1][None], fit.p(theta))
+        own = driven.some(slice(s, s + 1))
+        rolled = roll(fit.model, own, q_D[-1][None], v_D[-1][None], fit.p(theta))
         if not rolled.arrived:
             raise StateError(
                 f"with the first values of what is unknown, the puppet cannot follow the inputs: "

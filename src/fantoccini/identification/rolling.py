@@ -12,19 +12,23 @@ looked for, and by constant offsets of driven coordinates.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from fantoccini.arrays import Array, Indices
 from fantoccini.errors import ARRIVED
 from fantoccini.marionette import Model
-from fantoccini.marionette.step_partials import linearise_steps
+from fantoccini.marionette.step_partials import StepLinearisations, linearise_steps
 from fantoccini.motion import Input, tangent
 from fantoccini.runtime import AnyArray, LaneSteppers
 
 _STEPS_AT_ONCE = 1500
 """Steps that are linearised together, which bounds the memory."""
+_LEAST_PART = 24
+"""Segments of one thread, at least: three full lanes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,11 +82,10 @@ class Driven:
         force = None if self.u_D is None else self.u_D[:1]
         return Driven(self.q_K[:2], self.v_K[:2], self.acc_K[:1], force, self.dt)
 
-    def some(self, s: int) -> Driven:
-        """Those of one segment."""
-        one = slice(s, s + 1)
-        force = None if self.u_D is None else self.u_D[:, one]
-        return Driven(self.q_K[:, one], self.v_K[:, one], self.acc_K[:, one], force, self.dt)
+    def some(self, s: slice) -> Driven:
+        """Those of some segments."""
+        force = None if self.u_D is None else self.u_D[:, s]
+        return Driven(self.q_K[:, s], self.v_K[:, s], self.acc_K[:, s], force, self.dt)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,11 +104,35 @@ class Rolled:
     arrived: bool
 
 
-def roll(model: Model, driven: Driven, q_D: Array, v_D: Array, p: Array) -> Rolled:
-    """Rollouts from S states (S, ...) at parameters p (n_p,), on one thread: a step is soon made.
+def roll(
+    model: Model, driven: Driven, q_D: Array, v_D: Array, p: Array, threads: int = 1
+) -> Rolled:
+    """Rollouts from S states (S, ...) at parameters p (n_p,).
 
     Every step depends on its state alone, as those of :func:`fantoccini.linearise_steps` do.
     """
+    parts = _parts(len(q_D), threads)
+    with ThreadPoolExecutor(len(parts)) as pool:
+        found = list(pool.map(
+            lambda own: _roll(model, driven.some(own), q_D[own], v_D[own], p), parts
+        ))  # fmt: skip
+    if len(found) == 1:
+        return found[0]
+    q, v, tension = (
+        np.concatenate([getattr(one, name) for one in found], axis=1)
+        for name in ("q_D", "v_D", "tension")
+    )
+    return Rolled(q, v, tension, all(one.arrived for one in found))
+
+
+def _parts(S: int, threads: int) -> list[slice]:
+    """S segments in parts, one for each thread that is worth it."""
+    n = max(1, min(threads, S // _LEAST_PART))
+    ends = [S * i // n for i in range(n + 1)]
+    return [slice(a, b) for a, b in pairwise(ends)]
+
+
+def _roll(model: Model, driven: Driven, q_D: Array, v_D: Array, p: Array) -> Rolled:
     n, S = driven.acc_K.shape[:2]
     tree, lanes = model.tree, model.compiled.lanes
     made: dict[str, AnyArray] = {
@@ -127,16 +154,16 @@ def roll(model: Model, driven: Driven, q_D: Array, v_D: Array, p: Array) -> Roll
         np.empty((n, S, tree.n_rows)), True,
     )  # fmt: skip
     out.q_D[0], out.v_D[0] = q_D, v_D
-    fine = np.ones(S, dtype=bool)
+    status = np.empty((n, S), dtype=np.int32)
     for k in range(n):
         made["q_K"][:], made["v_K"][:], acc[:] = driven.q_K[k], driven.v_K[k], driven.acc_K[k]
         if force is not None and driven.u_D is not None:
             force[:] = driven.u_D[k]
         made["fresh"][:] = 1
         advance()
-        fine &= np.isin(made["status"], ARRIVED)
         out.q_D[k + 1], out.v_D[k + 1], out.tension[k] = made["q_D"], made["v_D"], made["tension"]
-    whole = bool(np.all(fine)) and bool(np.all(np.isfinite(out.q_D[-1])))
+        status[k] = made["status"]
+    whole = bool(np.all(np.isin(status, ARRIVED)) and np.all(np.isfinite(out.q_D[-1])))
     return Rolled(out.q_D, out.v_D, out.tension, whole)
 
 
@@ -186,34 +213,45 @@ def sense(
     steps, segments = samples
     width = 2 * n_v + len(of_p) + len(of_K)
     columns = [2 * n_v + 3 * n_k + i for i in of_p] + [2 * n_v + k for k in of_K]
-    Z = begin
+    Z = begin.copy()
     before, after = (np.empty((len(steps), n_v, width)) for _ in range(2))
     pulled = np.empty((len(steps), model.tree.n_rows, width)) if pull else None
-    order = np.argsort(steps, kind="stable")
-    first = np.searchsorted(steps[order], np.arange(n + 1))
+    of_step = {}
+    for own in _parts(S, threads):
+        mine = np.flatnonzero((segments >= own.start) & (segments < own.stop))
+        order = mine[np.argsort(steps[mine], kind="stable")]
+        first = np.searchsorted(steps[order], np.arange(n + 1))
+        of_step[own.start, own.stop] = [order[a:b] for a, b in pairwise(first)]
     block = max(b for b in range(1, n + 1) if n % b == 0 and (b == 1 or b * S <= _STEPS_AT_ONCE))
-    room = None
-    for k in range(0, n, block):
-        some = slice(k, k + block)
-        q_D, v_D, q_K, v_K, acc_K = (
-            x[some].reshape(block * S, -1)
-            for x in (rolled.q_D, rolled.v_D, driven.q_K, driven.v_K, driven.acc_K)
-        )
-        force = None if driven.u_D is None else driven.u_D[some].reshape(block * S, -1)
-        lin = linearise_steps(
-            model, q_D, v_D, q_K, v_K, acc_K, force, p=p, dt=driven.dt, pull=pull,
-            threads=threads, room=room,
-        )  # fmt: skip
-        room = lin.motion
-        of_state, of_rest = room[..., : 2 * n_v], room[..., columns]
+
+    def carry(own: tuple[int, int], k: int, lin: StepLinearisations) -> None:
+        """Carries derivatives of some segments over the steps of a block that begins with k."""
+        mine = slice(*own)
         for j in range(block):
-            here, now = slice(j * S, (j + 1) * S), order[first[k + j] : first[k + j + 1]]
+            here, now = slice(j * S + own[0], j * S + own[1]), of_step[own][k + j]
             before[now] = Z[segments[now], :n_v]
             if pulled is not None and lin.pull is not None and len(now):
-                by = lin.pull[here][segments[now]]
+                by = lin.pull[j * S + segments[now]]
                 pulled[now] = by[..., : 2 * n_v] @ Z[segments[now]]
                 pulled[now, :, 2 * n_v :] += by[..., columns]
-            Z = of_state[here] @ Z
-            Z[..., 2 * n_v :] += of_rest[here]
+            Z[mine] = lin.motion[here, :, : 2 * n_v] @ Z[mine]
+            Z[mine, :, 2 * n_v :] += lin.motion[here][..., columns]
             after[now] = Z[segments[now], :n_v]
+
+    room = None
+    with ThreadPoolExecutor(len(of_step)) as pool:
+        for k in range(0, n, block):
+            some = slice(k, k + block)
+            q_D, v_D, q_K, v_K, acc_K = (
+                x[some].reshape(block * S, -1)
+                for x in (rolled.q_D, rolled.v_D, driven.q_K, driven.v_K, driven.acc_K)
+            )
+            force = None if driven.u_D is None else driven.u_D[some].reshape(block * S, -1)
+            lin = linearise_steps(
+                model, q_D, v_D, q_K, v_K, acc_K, force, p=p, dt=driven.dt, pull=pull,
+                threads=threads, room=room,
+            )  # fmt: skip
+            room = lin.motion
+            for done in [pool.submit(carry, own, k, lin) for own in of_step]:
+                done.result()
     return Sensed(Z, before, after, pulled)
