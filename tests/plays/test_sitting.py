@@ -75,6 +75,24 @@ def test_she_sits_wherever_a_chair_stands(tmp_path, facing):
 
 
 @pytest.mark.slow
+def test_she_comes_up_to_a_chair_head_on_and_sits_twice(tmp_path):
+    path = tmp_path / "twice.yaml"
+    path.write_text("""
+play: twice
+cast: {pierrot: {at: [0.5, 0]}}
+props: {chair: {at: [-0.1, 0], facing: audience}}
+acts:
+  - act: One
+    cues:
+      - {who: pierrot, sits on: chair}
+      - {who: pierrot, stands up from: chair, after: 1}
+      - {who: pierrot, sits on: chair, name: again}
+      - {who: pierrot, stands up from: chair, after: 1, name: up}
+""")
+    check_sits(fan.load_play(path))
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("height", [0.13, 0.16])
 def test_she_sits_on_an_obstacle(tmp_path, height):
     bench = BENCH.format(h=height, z=height / 2)

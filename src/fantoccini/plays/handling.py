@@ -42,6 +42,8 @@ _BACK = 0.1
 """A walk to a table ends at least so far from where one puts something down [m]."""
 _BEFORE_SEAT = 0.135
 """A player sits down from so far before the middle of the seat [m]."""
+_SHINS = 0.06
+"""Who comes up to a seat stops so much farther before it, since shins swing on [m]."""
 _INSET = 0.03
 """A prop is put so far from the border of what it is put on, where that is large enough [m]."""
 _OTHER = {"left": "right", "right": "left"}
@@ -179,7 +181,8 @@ class Handling:
             lambda: sit(alone, "", seat, height, distance=_BEFORE_SEAT, start=hangs), actor
         )
         there = Footing(*along(Footing(middle.real, middle.imag, heading), sits.back), heading)
-        before = self._steps.clear_of(there, 1.0, actor)
+        clear = self._steps.clear_of(there, 1.0, actor)
+        before = self._steps.clear_of(there, 1.0, actor, abs(clear.place - there.place) + _SHINS)
         self._steps.come(cue, actor, before, there, begin, wait)
         since = actor.ways[-1].begin
         end = self._steps.do(cue, actor, sits.down, self._steps.calm(cue, actor.rests(), actor))
