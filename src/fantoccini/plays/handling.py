@@ -42,7 +42,7 @@ _BACK = 0.1
 """A walk to a table ends at least so far from where one puts something down [m]."""
 _BEFORE_SEAT = 0.135
 """A player sits down from so far before the middle of the seat [m]."""
-_SHINS = 0.06
+_SHINS = 0.03
 """Who comes up to a seat stops so much farther before it, since shins swing on [m]."""
 _INSET = 0.03
 """A prop is put so far from the border of what it is put on, where that is large enough [m]."""
