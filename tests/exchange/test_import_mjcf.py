@@ -311,13 +311,88 @@ def test_nothing_is_replaced_unasked(tmp_path):
     (tmp_path / "a.yaml").write_text("mine")
     with pytest.raises(ExchangeError, match="exists already"):
         made.save(tmp_path / "a.yaml")
-    with pytest.raises(ExchangeError, match=r"cylinder\.stl: exists already"):
+    (tmp_path / "b_meshes").mkdir()
+    (tmp_path / "b_meshes" / "cylinder.stl").touch()
+    with pytest.raises(ExchangeError, match=r"cylinder\.stl: exists already; .* \(--force"):
         made.save(tmp_path / "b.yaml")
     assert (tmp_path / "a.yaml").read_text() == "mine" and not (tmp_path / "b.yaml").exists()
+    (tmp_path / "c_meshes").touch()
+    with pytest.raises(ExchangeError, match="c_meshes: is a file"):
+        made.save(tmp_path / "c.yaml", force=True)
     made.save(tmp_path / "a.yaml", force=True)
-    assert (tmp_path / "a.yaml").read_text() == made.text
+    assert (tmp_path / "a.yaml").read_text() == made.text.replace("re_st_meshes/", "a_meshes/")
     with pytest.raises(FileNotFoundError, match="there is no folder"):
         made.save(tmp_path / "none" / "a.yaml")
+
+
+def test_two_imports_into_a_folder_have_meshes_of_their_own(tmp_path):
+    for name, size in (("a", 0.1), ("b", 0.2)):
+        text = (
+            f'<mujoco model="same"><asset><mesh name="m" scale="{size} 1 1" '
+            'vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset><worldbody><body>'
+            '<freejoint/><geom type="mesh" mesh="m"/></body></worldbody></mujoco>'
+        )
+        imported(text, tmp_path).save(tmp_path / f"{name}.yaml")
+    for name, size in (("a", 0.1), ("b", 0.2)):
+        (shape,) = fan.puppet.load(tmp_path / f"{name}.yaml").bodies[0].shapes
+        assert fan.puppet.shapes.load_mesh(shape).extents[0] == pytest.approx(size, abs=1e-6)
+
+
+def test_a_mesh_named_like_another_is_another(tmp_path):
+    """Cylinders have a mesh of their own; names that differ in case are one on some disks."""
+    corners = "0 0 0 1 0 0 0 1 0 0 0"
+    names = ("cylinder", "part", "Part")
+    assets = "".join(f'<mesh name="{n}" vertex="{corners} {k + 2}"/>' for k, n in enumerate(names))
+    geoms = "".join(f'<geom type="mesh" mesh="{name}"/>' for name in names)
+    made = imported(
+        f'<mujoco><asset>{assets}</asset><worldbody><body><freejoint/>'
+        f'<geom type="cylinder" size="0.1 0.2"/>{geoms}</body></worldbody></mujoco>', tmp_path
+    )  # fmt: skip
+    assert len({path.lower() for path in made.meshes}) == 4
+    made.save(tmp_path / "a.yaml")
+    shapes = fan.puppet.load(tmp_path / "a.yaml").bodies[0].shapes
+    volumes = [fan.puppet.shapes.load_mesh(shape).volume for shape in shapes]
+    around = 32 * np.sin(np.pi / 16) / 2
+    assert np.allclose(volumes, [around * 0.1**2 * 0.4, 2 / 6, 3 / 6, 4 / 6], rtol=1e-6)
+
+
+@pytest.mark.parametrize("flag", ["equality", "constraint"])
+def test_flags_disable_constraints(flag, tmp_path):
+    tendon = '<spatial name="rod"><site site="here"/><site site="there"/></spatial>'
+    text = CONNECTED.replace("</equality>", '<tendon name="keep" tendon1="rod"/></equality>')
+    text = text.replace("</mujoco>", f"<tendon>{tendon}</tendon></mujoco>")
+    text = text.replace('name="ja"', 'name="ja" limited="true" range="-1 1"')
+    off = text.replace("<mujoco>", f'<mujoco><option><flag {flag}="disable"/></option>')
+    for given, strings, told in ((text, 4, 1), (off, 0, 2)):
+        made = imported(given, tmp_path)
+        puppet = fan.puppet.loads(made.text)
+        assert len(puppet.strings) == strings
+        assert len([n for n in made.report if n.kind == "equality"]) == told
+        limited = given is text or flag == "equality"
+        assert (puppet.bodies[0].joint.limits is not None) == limited
+
+
+def test_a_colour_of_a_geom_goes_before_its_material(tmp_path):
+    made = imported(
+        '<mujoco><asset><material name="red" rgba="1 0 0 1"/><material name="no" rgba="1 0 0 0"/>'
+        '</asset><worldbody><body><freejoint/><geom size="0.1" material="red"/>'
+        '<geom size="0.2" material="red" rgba="0 0 1 1"/>'
+        '<geom size="0.3" material="no" rgba="0 1 0 1"/>'
+        '<geom size="0.4" material="no"/></body></worldbody></mujoco>', tmp_path
+    )  # fmt: skip
+    shapes = fan.puppet.loads(made.text).bodies[0].shapes
+    assert [s.colour for s in shapes] == ["#ff0000", "#0000ff", "#00ff00"]
+
+
+def test_a_keyframe_moves_mocap_bodies(tmp_path):
+    hand = 'mpos="0.1 0 1.5" mquat="0 1 0 0" qvel="0 1 0 0"'
+    made = imported(REST.replace('qpos="0.5 1 0 0 0"', hand), tmp_path, keyframe="bent")
+    made.save(tmp_path / "out.yaml")
+    pose = fan.puppet.load(tmp_path / "out.yaml").pose
+    assert pose["hand.x"] == 0.1 and pose["hand.z"] == 1.5
+    assert tuple(pose["hand.rotation"]) == (0, 1, 0, 0)
+    told = [str(note).partition(":31: ")[2] for note in made.report if note.kind == "key"]
+    assert told == ["key bent: has velocities, left out"]
 
 
 def test_names_are_data(tmp_path):

@@ -91,6 +91,41 @@ def test_a_planar_joint_is_two_slides_and_a_hinge(tmp_path):
         assert np.abs(acc - d.qacc[v]).max() < ROUNDING * np.abs(d.qacc).max()
 
 
+def test_a_planar_joint_is_damped_along_and_about(tmp_path):
+    text = PLANE.replace('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1"/><dynamics damping="0.7"/>')
+    puppet = fan.puppet.loads(imported(text, tmp_path).text)
+    assert [body.joint.damping for body in puppet.bodies] == [0.7, 0.7, 0.7, 0.5]
+
+
+def test_a_material_is_known_after_its_first_visual(tmp_path):
+    ball = '<visual><geometry><sphere radius="1"/></geometry><material name="red"{}</visual>'
+    defined = '><color rgba="1 0 0 1"/></material>'
+    text = (
+        f'<robot name="r"><link name="a">{ball.format("/>")}</link>'
+        f'<link name="b">{ball.format(defined)}</link>'
+        f'<link name="c">{ball.format("/>")}</link>{joint("j", "fixed", "a", "b")}'
+        f'{joint("k", "fixed", "a", "c")}</robot>'
+    )
+    puppet = fan.puppet.loads(imported(text, tmp_path).text)
+    assert [body.shapes[0].colour for body in puppet.bodies] == ["#ff0000"] * 3
+
+
+def test_meshes_of_the_model_are_kept(tmp_path):
+    """Even where the puppet's would have their names."""
+    (tmp_path / "arm_meshes").mkdir()
+    kept = tmp_path / "arm_meshes" / "base.stl"
+    kept.write_bytes(b"mine" + fan.exchange.solids.stl(*_tetrahedron())[4:])
+    before = kept.read_bytes()
+    made = imported(
+        '<robot name="arm"><link name="a"><visual><geometry><mesh filename="arm_meshes/base.stl"/>'
+        "</geometry></visual></link></robot>", tmp_path
+    )  # fmt: skip
+    with pytest.raises(ExchangeError, match=r"base\.stl: is part of the model"):
+        made.save(tmp_path / "arm.yaml", force=True)
+    assert kept.read_bytes() == before and not (tmp_path / "arm.yaml").exists()
+    made.save(tmp_path / "other.yaml")
+
+
 def test_a_floating_joint_is_a_free_one(tmp_path):
     text = PLANE.replace('type="planar"', 'type="floating"').replace('<axis xyz="0 0 1"/>', "")
     made = imported(text.replace("damping", "friction"), tmp_path)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Hashable, Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from fantoccini.arrays import Array, Quaternion
 from fantoccini.errors import ExchangeError, FileError
-from fantoccini.exchange.imported import Imported, ImportNote
+from fantoccini.exchange.imported import MAX_NAME, Imported, ImportNote, plain_name
 from fantoccini.exchange.model_file import ModelFile
 from fantoccini.puppet import Puppet, dump
 from fantoccini.puppet.located import Located
@@ -20,7 +21,6 @@ RESERVED = ("world", "floor")
 """Names that a puppet's parts cannot have."""
 
 _WHOLE = 1e15  # Size from which whole numbers keep their point
-_MOST = 64  # Characters of a name
 _NAMED = 8  # Elements of the same kind that a comment names
 
 
@@ -35,7 +35,8 @@ class Draft:
         top: other keys of the puppet file.
         notes: report.
         meshes: path beside the puppet file -> content.
-        mesh_paths: name of a mesh in the model -> path.
+        mesh_paths: what tells a mesh of the model from others -> path.
+        sources: files that were read besides the model's.
         joints: names of joints, in the model's order.
 
     Args:
@@ -45,7 +46,7 @@ class Draft:
 
     def __init__(self, file: ModelFile, name: str):
         self.file = file
-        self.name = _plain(name) or _plain(file.path.stem) or "puppet"
+        self.name = plain_name(name) or plain_name(file.path.stem) or "puppet"
         self.bodies: list[dict[str, Any]] = []
         self.strings: list[dict[str, Any]] = []
         self.springs: list[dict[str, Any]] = []
@@ -54,7 +55,8 @@ class Draft:
         self.top: dict[str, Any] = {}
         self.notes: list[ImportNote] = []
         self.meshes: dict[str, bytes] = {}
-        self.mesh_paths: dict[str, str] = {}
+        self.mesh_paths: dict[Hashable, str] = {}
+        self.sources: list[Path] = []
         self.joints: list[str] = []
         self._taken = set(RESERVED)
         self._lines: dict[str, int | None] = {}
@@ -77,11 +79,11 @@ class Draft:
             line: of the element.
             end: of the part's name, where an element is several parts.
         """
-        base = (_plain(name) or _plain(instead) or kind)[: _MOST - len(end)] + end
+        base = (plain_name(name) or plain_name(instead) or kind)[: MAX_NAME - len(end)] + end
         found, k = base, 2
         while found in self._taken:
             tail = f"_{k}"
-            found, k = base[: _MOST - len(tail)] + tail, k + 1
+            found, k = base[: MAX_NAME - len(tail)] + tail, k + 1
         self._taken.add(found)
         self._lines[found] = line
         if name and found != name + end:
@@ -99,11 +101,12 @@ class Draft:
 
     def mesh(self, name: str, content: bytes) -> str:
         """Adds a mesh file; its path."""
-        stem = _plain(name) or "mesh"
-        folder, path, k = f"{self.name}_meshes", "", 1
-        while not path or path in self.meshes:
-            path = f"{folder}/{stem}{'' if k == 1 else f'_{k}'}.stl"
+        stem = plain_name(name) or "mesh"
+        folder, k = f"{self.name}_meshes", 1
+        path, there = f"{folder}/{stem}.stl", {known.lower() for known in self.meshes}
+        while path.lower() in there:
             k += 1
+            path = f"{folder}/{stem}_{k}.stl"
         self.meshes[path] = content
         return path
 
@@ -125,7 +128,10 @@ class Draft:
         text = _with_comments(dump.to_yaml(data), self.notes)
         lines = (*head, *_summary(self.notes))
         comment = "".join(f"# {printable(line)}".rstrip() + "\n" for line in lines)
-        return Imported(comment + text, tuple(self.notes), self.meshes, tuple(self.joints))
+        sources = self.file.path, *self.sources
+        return Imported(
+            comment + text, tuple(self.notes), self.meshes, tuple(self.joints), sources
+        )
 
     def _check(self, data: dict[str, Any]) -> None:
         """Raises what a puppet file could not have, at the model's lines."""
@@ -195,20 +201,12 @@ def six(inertia: Array) -> list[float]:
 
 def shown(name: str) -> str:
     """A name of a model on one line, and short."""
-    return printable(name)[:_MOST]
+    return printable(name)[:MAX_NAME]
 
 
 def printable(text: str) -> str:
     """The text on one line, with ``?`` for what is not printed: a comment ends where it ends."""
     return "".join(c if c.isprintable() else "?" for c in text)
-
-
-def _plain(name: str) -> str:
-    """The nearest name that a puppet's part can have; empty for none."""
-    found = re.sub(r"[^A-Za-z0-9_-]+", "_", name)
-    if found and not re.match(r"[A-Za-z_]", found):
-        found = f"_{found}"
-    return "" if not found.strip("_-") else found[:_MOST]
 
 
 def _summary(notes: Sequence[ImportNote]) -> list[str]:

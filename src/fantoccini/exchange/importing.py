@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import os
 import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -56,6 +59,7 @@ def mjcf_puppet(file: ModelFile, keyframe: str | None) -> Imported:
     if gravity != [0.0, 0.0, -9.81]:
         draft.top["gravity"] = gravity
     bodies = Bodies(compiled, draft)
+    draft.sources += _meshes(compiled.spec, file.path.parent)
     add_tendons(bodies)
     add_constraints(bodies)
     add_shapes(bodies)
@@ -63,6 +67,14 @@ def mjcf_puppet(file: ModelFile, keyframe: str | None) -> Imported:
     for text in compiled.warnings:
         draft.note("mujoco", "", f"warns: {text[:300]}")
     return draft.finish([f"{draft.name}: made of the MuJoCo model {file.path.name}."])
+
+
+def _meshes(spec: Any, folder: Path) -> Iterator[Path]:
+    """Where the files of meshes may be."""
+    for mesh in spec.meshes:
+        if mesh.file:
+            yield folder / mesh.file
+            yield folder / (spec.meshdir or "") / mesh.file
 
 
 def _compiled(file: ModelFile, keyframe: str | None) -> Compiled:
@@ -79,6 +91,11 @@ def _compiled(file: ModelFile, keyframe: str | None) -> Compiled:
     names = [model.key(k).name for k in range(model.nkey)]
     if keyframe is not None and keyframe not in names:
         raise UnknownNameError("keyframe", keyframe, names)
-    qpos = model.qpos0 if keyframe is None else model.key_qpos[names.index(keyframe)]
+    held = np.argsort(model.body_mocapid)[model.nbody - model.nmocap :]
+    qpos, mocap = model.qpos0, np.hstack([model.body_pos[held], model.body_quat[held]])
+    if keyframe is not None:
+        k = names.index(keyframe)
+        qpos = model.key_qpos[k]
+        mocap = np.hstack([model.key_mpos[k].reshape(-1, 3), model.key_mquat[k].reshape(-1, 4)])
     texts = tuple(" ".join(str(w.message).split()) for w in said)
-    return Compiled(mujoco, spec, model, np.array(qpos), texts)
+    return Compiled(mujoco, spec, model, np.array(qpos), mocap, texts)

@@ -45,6 +45,7 @@ class Compiled:
         mujoco: the module.
         spec, model: MuJoCo's.
         qpos: (n_q,) configuration to start with.
+        mocap: (n_mocap, 7) places and quaternions of mocap bodies to start with.
         warnings: of MuJoCo, while it compiled.
     """
 
@@ -52,6 +53,7 @@ class Compiled:
     spec: Any
     model: Any
     qpos: Array
+    mocap: Array
     warnings: tuple[str, ...] = ()
 
     def elements(self, kind: str) -> dict[int, Any]:
@@ -66,7 +68,7 @@ class Bodies:
         compiled, m: the model, and MuJoCo's own.
         draft: of the puppet.
         bodies, joints: index -> element of the model's file.
-        springs, dampers, limits: whether MuJoCo's flags leave them on.
+        springs, dampers, limits, equalities: whether MuJoCo's flags leave them on.
         damping, armature: (n_v,) of the joints, with those of actuators.
         names: (n_body,) names of the puppet's bodies; the world's is ``world``.
         shift: (n_body, 3) origins of the puppet's bodies in MuJoCo's.
@@ -81,9 +83,12 @@ class Bodies:
         self.m = m = compiled.model
         flags = library().mjtDisableBit
         off = m.opt.disableflags
-        self.springs, self.dampers, self.limits = (
-            not off & int(bit)
-            for bit in (flags.mjDSBL_SPRING, flags.mjDSBL_DAMPER, flags.mjDSBL_LIMIT)
+        self.springs, self.dampers = (
+            not off & int(bit) for bit in (flags.mjDSBL_SPRING, flags.mjDSBL_DAMPER)
+        )
+        self.limits, self.equalities = (
+            not off & int(bit | flags.mjDSBL_CONSTRAINT)
+            for bit in (flags.mjDSBL_LIMIT, flags.mjDSBL_EQUALITY)
         )
         self.bodies, self.joints = compiled.elements("bodies"), compiled.elements("joints")
         self.damping, self.armature = m.dof_damping.copy(), m.dof_armature.copy()
@@ -143,7 +148,8 @@ class Bodies:
         if m.body_mocapid[b] >= 0:
             made = carried(name, above, {"type": "free", "driven": True})
             self.draft.bodies.append(made)
-            self._pose_free(name, at, m.body_quat[b])
+            start = self.compiled.mocap[m.body_mocapid[b]]
+            self._pose_free(name, start[:3], start[3:])
         elif not joints:
             made = carried(name, above, {"type": "fixed"} | placed(at, quaternion(turn)))
             self.draft.bodies.append(made)

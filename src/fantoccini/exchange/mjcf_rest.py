@@ -17,6 +17,9 @@ _SHOWN = 3
 
 _UP = np.array([0.0, 0.0, 1.0])
 
+_UNSET = np.array([0.5, 0.5, 0.5, 1.0], np.float32)
+"""MuJoCo's colour of geoms without one."""
+
 _PLAIN = {
     "actuators": ("actuator", "left out: the joint moves freely"),
     "sensors": ("sensor", "left out"),
@@ -60,9 +63,14 @@ def add_notes(bodies: Bodies, keyframe: str | None) -> None:
             name = getattr(element, "name", "") or getattr(element, "target", "")
             draft.note(word, name, text, line_of(element))
     for key in spec.keys:
+        line = line_of(key) or draft.file.line_of("key", key.name)
         if key.name != keyframe or keyframe is None:
-            line = line_of(key) or draft.file.line_of("key", key.name)
             draft.note("key", key.name, "left out: not the pose", line)
+            continue
+        more = {"velocities": key.qvel, "activations": key.act, "ctrl": key.ctrl}
+        for what, values in more.items():
+            if np.any(values):
+                draft.note("key", key.name, f"has {what}, left out", line)
     option = m.opt
     for what, there in (
         ("density", option.density), ("viscosity", option.viscosity),
@@ -77,9 +85,10 @@ def add_notes(bodies: Bodies, keyframe: str | None) -> None:
 
 
 def _colour(m: Any, g: int) -> Array:
-    material = int(m.geom_matid[g])
-    found: Array = m.geom_rgba[g] if material < 0 else m.mat_rgba[material]
-    return found
+    """A geom's own colour; that of its material where it has none."""
+    material, found = int(m.geom_matid[g]), np.asarray(m.geom_rgba[g])
+    own = material < 0 or not np.array_equal(found, _UNSET)
+    return found if own else np.asarray(m.mat_rgba[material])
 
 
 def _shape(bodies: Bodies, g: int, element: Any) -> dict[str, Any] | None:
@@ -123,4 +132,4 @@ def _mesh(bodies: Bodies, k: int, at: Array, turn: Array) -> dict[str, Any]:
         return solids.stl(m.mesh_vert[corners], m.mesh_face[faces])
 
     name = m.mesh(k).name or f"mesh_{k}"
-    return solids.mesh(bodies.draft, name, content, at, turn)
+    return solids.mesh(bodies.draft, k, content, at, turn, name)

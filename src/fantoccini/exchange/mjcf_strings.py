@@ -84,7 +84,9 @@ def add_constraints(bodies: Bodies) -> None:
     for e in range(m.neq):
         kind, name, line = kinds(int(m.eq_type[e])), m.equality(e).name, line_of(elements.get(e))
         word = kind.name.removeprefix("mjEQ_").lower()
-        if not m.eq_active0[e]:
+        if not bodies.equalities:
+            draft.note("equality", name, f"{word}: left out, a flag disables it", line)
+        elif not m.eq_active0[e]:
             draft.note("equality", name, f"{word}: left out, it is not active", line)
         elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD) and _held(bodies, e, name, line):
             continue
@@ -133,12 +135,14 @@ def _add_spring(
 
 def _is_plain(m: Any, e: int) -> bool:
     """Whether a constraint of tendons keeps one of them at its length."""
-    return int(m.eq_obj2id[e]) < 0 and not np.any(m.eq_data[e, 1:5])
+    return int(m.eq_obj2id[e]) < 0  # what polycoef says of the other is then not used
 
 
 def _constrained(bodies: Bodies) -> dict[int, float]:
     """Tendon -> what its length is to exceed that in MuJoCo's zero pose by [m]."""
     m, kinds = bodies.m, library().mjtEq
+    if not bodies.equalities:
+        return {}
     return {
         int(m.eq_obj1id[e]): float(m.eq_data[e, 0])
         for e in range(m.neq)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from typing import Any
 
 import numpy as np
@@ -41,25 +41,25 @@ def cylinder(
 ) -> dict[str, Any]:
     """A cylinder along z, as a mesh of 32 sides; all cylinders of a puppet share one file."""
     scale = numbers([radius, radius, length])
-    return mesh(draft, "cylinder", _cylinder, at, turn) | {"scale": scale}
+    return mesh(draft, ("cylinder",), _cylinder, at, turn, "cylinder") | {"scale": scale}
 
 
 def mesh(
-    draft: Draft, name: str, content: Callable[[], bytes], at: Array, turn: Quaternion,
-    stem: str = "",
+    draft: Draft, key: Hashable, content: Callable[[], bytes], at: Array, turn: Quaternion,
+    stem: str,
 ) -> dict[str, Any]:  # fmt: skip
-    """A mesh; its file is written once for each name.
+    """A mesh; its file is written once for each key.
 
     Args:
         draft: of the puppet.
-        name: of the mesh in the model.
+        key: what tells the mesh from others of the model.
         content: returns the STL file's content.
         at, turn: pose.
-        stem: of the file's name; by default the mesh's name.
+        stem: of the file's name.
     """
-    if name not in draft.mesh_paths:
-        draft.mesh_paths[name] = draft.mesh(stem or name, content())
-    return {"type": "mesh", "file": draft.mesh_paths[name], **placed(at, turn)}
+    if key not in draft.mesh_paths:
+        draft.mesh_paths[key] = draft.mesh(stem, content())
+    return {"type": "mesh", "file": draft.mesh_paths[key], **placed(at, turn)}
 
 
 def stl(vertices: Array, faces: Array | Indices) -> bytes:

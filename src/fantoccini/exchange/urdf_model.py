@@ -89,13 +89,17 @@ class _Robot:
     def __init__(self, draft: Draft, robot: Any):
         self.draft, self.robot, self.file = draft, robot, draft.file
         self.names: dict[str, str] = {}
-        self.colours = {m.name: m.color for m in robot.materials if m.color is not None}
+        inside = (v.material for link in robot.links for v in link.visuals)
+        self.colours: dict[str, Any] = {}
+        for material in (*robot.materials, *inside):
+            if material is not None and material.color is not None:
+                self.colours.setdefault(material.name, material.color)
 
     def add(self) -> None:
         """Adds all bodies, strings of none: URDF has none."""
         links = {link.name: link for link in self.robot.links}
-        carried = self._checked(links)
-        roots = [link for name, link in links.items() if name not in carried]
+        children = self._checked(links)
+        roots = [link for name, link in links.items() if name not in children]
         for link in self.robot.links:
             empty = link.inertial is None and not link.visuals and not link.collisions
             if link.name == "world" and empty and link in roots:
@@ -149,6 +153,7 @@ class _Robot:
                 frame = self.draft.take("link", "", f"{name}_{'xy'[k]}")
                 own = self.draft.joint_name(frame, f"{joint.name}_{'xy'[k]}", line)
                 slide = {"type": "prismatic", **own, "axis": numbers(along), **placed(r, R)}
+                slide |= _damped(joint)
                 self.draft.bodies.append(carried(frame, above, slide))
                 above, R, r = frame, np.eye(4)[0], np.zeros(3)
         word = _WORDS[joint.type]
@@ -172,8 +177,7 @@ class _Robot:
             self.draft.note("joint", joint.name, text, line, part)
 
         dynamics, limit = joint.dynamics, joint.limit
-        if dynamics is not None and float(dynamics.damping or 0.0):
-            made["damping"] = number(float(dynamics.damping))
+        made |= _damped(joint)
         if dynamics is not None and float(dynamics.friction or 0.0):
             note("has friction, left out")
         if limit is not None and joint.type in ("revolute", "prismatic"):
@@ -205,7 +209,6 @@ class _Robot:
         add_shapes(self.draft, link, made, self.colours)
         self.draft.bodies.append(made)
 
-
     def _possible(self, inertia: Array, link: str, part: str) -> Array:
         """An inertia (3, 3) with its largest moment cut to the sum of the others, if above it."""
         (a, b, c), axes = np.linalg.eigh(inertia)
@@ -218,6 +221,12 @@ class _Robot:
         self.draft.note("link", link, text, self.file.line_of("link", link), part)
         found: Array = axes @ np.diag([a, b, a + b]) @ axes.T
         return found
+
+
+def _damped(joint: Any) -> dict[str, Any]:
+    """The key ``damping`` of a joint that has it, in a planar one of each coordinate."""
+    damping = 0.0 if joint.dynamics is None else float(joint.dynamics.damping or 0.0)
+    return {"damping": number(damping)} if damping else {}
 
 
 def _read(file: ModelFile) -> Any:

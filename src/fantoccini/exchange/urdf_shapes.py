@@ -55,6 +55,8 @@ def _shape(
         return None
     file = _find(mesh.filename, draft.file.path.resolve().parent)
     read, what = (None, "is not there") if file is None else _triangles(file)
+    if file is not None:
+        draft.sources.append(file)
     if file is None or read is None:
         name = str(mesh.filename)[:100]
         draft.note("link", link, f"has the mesh {name!r}, left out: it {what}", line, part)
@@ -64,7 +66,7 @@ def _shape(
     if not all(factors):
         draft.note("link", link, "has a mesh with a scale of 0, left out", line, part)
         return None
-    shape = solids.mesh(draft, str(file), lambda: read, at, turn, stem=file.stem)
+    shape = solids.mesh(draft, str(file), lambda: read, at, turn, file.stem)
     return shape if factors == [1, 1, 1] else shape | {"scale": factors}
 
 
