@@ -28,9 +28,9 @@ def test_the_puppet_is_written_and_the_report_printed(folder):
     result = fantoccini("import", "swing.xml", "swing.yaml", "--keyframe", "up")
     assert result.exit_code == 0
     assert result.stdout.splitlines()[0] == (
-        "swing.xml:6: actuator push: left out: the joint moves freely"
+        "swing.xml:6: actuator push: left out: what it moves is free"
     )
-    assert "swing.yaml: 1 joints, 1 meshes beside it; 2 things are not as in" in result.stderr
+    assert "swing.yaml: 1 joint, 1 mesh beside it; 2 things are not as in" in result.stderr
     assert (folder / "swing_meshes" / "cylinder.stl").is_file()
     assert fan.puppet.load("swing.yaml").pose == {"rope": 0.5}
     assert fantoccini("check", "swing.yaml").exit_code == 0

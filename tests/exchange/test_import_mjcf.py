@@ -232,7 +232,7 @@ def test_the_report_names_what_has_no_counterpart(tmp_path):
         "24: tendon inner: left out: its length never changes",
         "25: tendon sum: left out: it adds up joints; strings run through points",
         "26: tendon pulled: left out: it has pulleys that divide its force",
-        "29: actuator m: left out: the joint moves freely",
+        "29: actuator m: left out: what it moves is free",
         "30: sensor angle: left out",
         "31: key bent: left out: not the pose",
         " option density: 1.2, left out: bodies have `drag` instead",
@@ -325,37 +325,6 @@ def test_nothing_is_replaced_unasked(tmp_path):
         made.save(tmp_path / "none" / "a.yaml")
 
 
-def test_two_imports_into_a_folder_have_meshes_of_their_own(tmp_path):
-    for name, size in (("a", 0.1), ("b", 0.2)):
-        text = (
-            f'<mujoco model="same"><asset><mesh name="m" scale="{size} 1 1" '
-            'vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset><worldbody><body>'
-            '<freejoint/><geom type="mesh" mesh="m"/></body></worldbody></mujoco>'
-        )
-        imported(text, tmp_path).save(tmp_path / f"{name}.yaml")
-    for name, size in (("a", 0.1), ("b", 0.2)):
-        (shape,) = fan.puppet.load(tmp_path / f"{name}.yaml").bodies[0].shapes
-        assert fan.puppet.shapes.load_mesh(shape).extents[0] == pytest.approx(size, abs=1e-6)
-
-
-def test_a_mesh_named_like_another_is_another(tmp_path):
-    """Cylinders have a mesh of their own; names that differ in case are one on some disks."""
-    corners = "0 0 0 1 0 0 0 1 0 0 0"
-    names = ("cylinder", "part", "Part")
-    assets = "".join(f'<mesh name="{n}" vertex="{corners} {k + 2}"/>' for k, n in enumerate(names))
-    geoms = "".join(f'<geom type="mesh" mesh="{name}"/>' for name in names)
-    made = imported(
-        f'<mujoco><asset>{assets}</asset><worldbody><body><freejoint/>'
-        f'<geom type="cylinder" size="0.1 0.2"/>{geoms}</body></worldbody></mujoco>', tmp_path
-    )  # fmt: skip
-    assert len({path.lower() for path in made.meshes}) == 4
-    made.save(tmp_path / "a.yaml")
-    shapes = fan.puppet.load(tmp_path / "a.yaml").bodies[0].shapes
-    volumes = [fan.puppet.shapes.load_mesh(shape).volume for shape in shapes]
-    around = 32 * np.sin(np.pi / 16) / 2
-    assert np.allclose(volumes, [around * 0.1**2 * 0.4, 2 / 6, 3 / 6, 4 / 6], rtol=1e-6)
-
-
 @pytest.mark.parametrize("flag", ["equality", "constraint"])
 def test_flags_disable_constraints(flag, tmp_path):
     tendon = '<spatial name="rod"><site site="here"/><site site="there"/></spatial>'
@@ -393,6 +362,17 @@ def test_a_keyframe_moves_mocap_bodies(tmp_path):
     assert tuple(pose["hand.rotation"]) == (0, 1, 0, 0)
     told = [str(note).partition(":31: ")[2] for note in made.report if note.kind == "key"]
     assert told == ["key bent: has velocities, left out"]
+
+
+def test_a_tendon_with_play_keeps_its_damping(tmp_path):
+    tendon = (
+        '<tendon><spatial name="t" springlength="0.1 0.3" stiffness="5" damping="0.4">'
+        '<site site="here"/><site site="there"/></spatial></tendon></mujoco>'
+    )
+    made = imported(CONNECTED.replace("</mujoco>", tendon), tmp_path)
+    (spring,) = fan.puppet.loads(made.text).springs
+    assert (spring.stiffness, spring.damping) == (0.0, 0.4)
+    assert "has a spring with play from 0.1 to 0.3 m, left out" in made.text
 
 
 def test_names_are_data(tmp_path):

@@ -126,6 +126,20 @@ def test_meshes_of_the_model_are_kept(tmp_path):
     made.save(tmp_path / "other.yaml")
 
 
+def test_a_mesh_too_large_with_its_scale_is_left_out(tmp_path):
+    (tmp_path / "a.stl").write_bytes(fan.exchange.solids.stl(*_tetrahedron()))
+    visual = '<visual><geometry><mesh filename="a.stl" scale="{} 1 1"/></geometry></visual>'
+    made = imported(
+        f'<robot name="r"><link name="a">{visual.format(1e7)}{visual.format(2)}</link></robot>',
+        tmp_path,
+    )
+    (note,) = made.report
+    assert "link a: has a mesh, left out: r_meshes/a.stl measures 1e+07 m" in str(note)
+    made.save(tmp_path / "r.yaml")
+    (shape,) = fan.puppet.load(tmp_path / "r.yaml").bodies[0].shapes
+    assert shape.scale == (2.0, 1.0, 1.0)
+
+
 def test_a_floating_joint_is_a_free_one(tmp_path):
     text = PLANE.replace('type="planar"', 'type="floating"').replace('<axis xyz="0 0 1"/>', "")
     made = imported(text.replace("damping", "friction"), tmp_path)
@@ -254,7 +268,7 @@ WRONG = {
     ),
     "no mass": (
         LINKS + joint("j", "continuous", "a", "b"),
-        ":3: bodies[1].joint: this joint moves no mass",
+        ":3: link b: joint: this joint moves no mass",
     ),
     "no axis": (
         LINKS + joint("j", "continuous", "a", "b", '<axis xyz="0 0 0"/>'),

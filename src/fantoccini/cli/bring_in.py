@@ -31,7 +31,9 @@ def import_file(model: Path, out: Path, keyframe: str | None, force: bool, quiet
         return
     for note in made.report:
         write(note)
-    meshes = f", {len(made.meshes)} meshes beside it" if made.meshes else ""
+    n, k = len(made.joints), len(made.meshes)
+    joints = f"{n} joint{'' if n == 1 else 's'}"
+    meshes = f", {k} mesh{'' if k == 1 else 'es'} beside it" if k else ""
     said = len(made.report)
     left = f"{said} {'thing is' if said == 1 else 'things are'} not as in the model"
-    say(f"fantoccini: {out}: {len(made.joints)} joints{meshes}; {left if said else 'nothing lost'}")
+    say(f"fantoccini: {out}: {joints}{meshes}; {left if said else 'nothing lost'}")

@@ -5,23 +5,35 @@ from __future__ import annotations
 import re
 from collections.abc import Hashable, Iterable, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter, ValidationError
 from scipy.spatial.transform import Rotation
 
 from fantoccini.arrays import Array, Quaternion
-from fantoccini.errors import ExchangeError, FileError
+from fantoccini.errors import ExchangeError, FileError, Mistake
 from fantoccini.exchange.imported import MAX_NAME, Imported, ImportNote, plain_name
 from fantoccini.exchange.model_file import ModelFile
 from fantoccini.puppet import Puppet, dump
 from fantoccini.puppet.located import Located
+from fantoccini.puppet.quantities import QUANTITIES
+from fantoccini.puppet.shapes import AnyShape
 
 RESERVED = ("world", "floor")
 """Names that a puppet's parts cannot have."""
 
 _WHOLE = 1e15  # Size from which whole numbers keep their point
 _NAMED = 8  # Elements of the same kind that a comment names
+_SHAPES: TypeAdapter[Any] = TypeAdapter(AnyShape)
+
+_NAMES = (
+    re.compile(r'^  - \{?name: "?([\w-]+)'),
+    re.compile(r'joint: \{(?:type: \w+, )?name: "?([\w-]+)'),
+    re.compile(r'^ {6}name: "?([\w-]+)'),
+)
+"""Names of parts, and of joints on one line and on several."""
 
 
 class Draft:
@@ -59,7 +71,7 @@ class Draft:
         self.sources: list[Path] = []
         self.joints: list[str] = []
         self._taken = set(RESERVED)
-        self._lines: dict[str, int | None] = {}
+        self._given: dict[str, tuple[str, str, int | None]] = {}
 
     def note(
         self, kind: str, name: str, message: str, line: int | None = None, part: str = ""
@@ -85,7 +97,7 @@ class Draft:
             tail = f"_{k}"
             found, k = base[: MAX_NAME - len(tail)] + tail, k + 1
         self._taken.add(found)
-        self._lines[found] = line
+        self._given[found] = kind, shown(name or found), line
         if name and found != name + end:
             self.note(kind, name, f"is called {found} here", line, found)
         return found
@@ -119,46 +131,86 @@ class Draft:
         Raises:
             ExchangeError: the model has what no puppet can have.
         """
+        self._leave_out_shapes()
         data: dict[str, Any] = {"puppet": self.name, **self.top, "bodies": self.bodies}
         for key in ("strings", "springs", "pose", "obstacles"):
             if found := getattr(self, key):
                 data[key] = found
         self._check(data)
         self.notes.sort(key=lambda note: note.line or np.inf)
-        text = _with_comments(dump.to_yaml(data), self.notes)
-        lines = (*head, *_summary(self.notes))
+        text, rest = _with_comments(dump.to_yaml(data), self.notes)
+        lines = (*head, *_summary(rest))
         comment = "".join(f"# {printable(line)}".rstrip() + "\n" for line in lines)
         sources = self.file.path, *self.sources
         return Imported(
             comment + text, tuple(self.notes), self.meshes, tuple(self.joints), sources
         )
 
+    def _leave_out_shapes(self) -> None:
+        """Takes out, with a note, the shapes that a puppet file cannot have, and unused meshes."""
+        with TemporaryDirectory() as folder:
+            for path, content in self.meshes.items():
+                place = Path(folder) / path
+                place.parent.mkdir(exist_ok=True)
+                place.write_bytes(content)
+            located = Located(None, self.file.name, Path(folder))
+
+            def fits(shape: dict[str, Any], part: str, body: str) -> bool:
+                given = {k: v for k, v in shape.items() if k != "name"}
+                try:
+                    _SHAPES.validate_python(given, context=located)
+                except ValidationError as error:
+                    kind, name, line = self._given[part]
+                    text = f"has a {shape['type']}, left out: {error.errors()[0]['msg']}"
+                    self.note(kind, name, text.replace(folder, "the model"), line, body)
+                    return False
+                return True
+
+            for body in self.bodies:
+                name = body["name"]
+                shapes = [s for s in body.pop("shapes", ()) if fits(s, name, name)]
+                body |= {"shapes": shapes} if shapes else {}
+            self.obstacles = [o for o in self.obstacles if fits(o, o["name"], "")]
+        used = {s.get("file") for b in self.bodies for s in b.get("shapes", ())}
+        used |= {obstacle.get("file") for obstacle in self.obstacles}
+        self.meshes = {path: content for path, content in self.meshes.items() if path in used}
+
     def _check(self, data: dict[str, Any]) -> None:
         """Raises what a puppet file could not have, at the model's lines."""
         if not self.bodies:
             raise self.file.mistake("found no bodies; a puppet has at least one")
         plain, lines = dict(data), dict[tuple[str | int, ...], int]()
-        for key in ("bodies", "obstacles"):
-            parts = []
+        for key in ("bodies", "strings", "springs"):
             for i, part in enumerate(data.get(key, ())):
-                line = self._lines.get(part["name"])
-                if line:
+                if line := self._given[part["name"]][2]:
                     lines[key, i] = line
-                parts.append({k: v for k, v in part.items() if k != "shapes"})
-            if key == "bodies":
-                plain[key] = parts
-        plain.pop("obstacles", None)  # of a size that is right, or left out
+        plain["bodies"] = [{k: v for k, v in b.items() if k != "shapes"} for b in self.bodies]
+        plain.pop("obstacles", None)  # checked, as shapes are
         located = Located(None, self.file.name, self.file.path.resolve().parent, lines)
         try:
             Puppet.model_validate(plain, context=located)
         except FileError as error:
-            raise ExchangeError(error.mistakes) from None
+            raise ExchangeError([self._named(m, data) for m in error.mistakes]) from None
+
+    def _named(self, mistake: Mistake, data: dict[str, Any]) -> Mistake:
+        """A mistake with the model's kind and name in place of the puppet file's key."""
+        found = re.match(r"(bodies|strings|springs)\[(\d+)\]\.?(.*)", mistake.key)
+        if not found:
+            return mistake
+        kind, name, _ = self._given[data[found[1]][int(found[2])]["name"]]
+        key = f"{kind} {name}" + (f": {found[3]}" if found[3] else "")
+        return Mistake(mistake.file, mistake.line, key, mistake.message)
 
 
 def number(x: float) -> float:
     """A number as it is written: all its digits, whole ones without a point."""
     found = float(x)
     return int(found) if found.is_integer() and abs(found) < _WHOLE else found
+
+
+def sized(x: float, kind: str) -> float:
+    """A number as it is written; 0 where it is too small for its kind of quantity."""
+    return 0 if abs(x) < QUANTITIES[kind].min_size else number(x)
 
 
 def numbers(values: Iterable[float], least: float = 1e-16) -> list[float]:
@@ -210,11 +262,10 @@ def printable(text: str) -> str:
 
 
 def _summary(notes: Sequence[ImportNote]) -> list[str]:
-    """Lines of a comment about elements that no part of the puppet stands for."""
+    """Lines of a comment about elements that stand above no part of the puppet."""
     alike: dict[tuple[str, str], list[str]] = {}
     for note in notes:
-        if not note.part:
-            alike.setdefault((note.kind, note.message), []).append(note.name)
+        alike.setdefault((note.kind, note.message), []).append(note.name)
     lines = ["", "Not as in the model:"] if alike else []
     for (kind, message), names in alike.items():
         told = ", ".join(name for name in names[:_NAMED] if name)
@@ -225,20 +276,19 @@ def _summary(notes: Sequence[ImportNote]) -> list[str]:
     return lines
 
 
-def _with_comments(text: str, notes: Sequence[ImportNote]) -> str:
-    """Writes each note above the part that it concerns."""
-    about: dict[str, list[str]] = {}
+def _with_comments(
+    text: str, notes: Sequence[ImportNote]
+) -> tuple[str, list[ImportNote]]:
+    """Writes each note above the part that it concerns; those of no part are left."""
+    about: dict[str, list[ImportNote]] = {}
     for note in notes:
-        if note.part:
-            about.setdefault(note.part, []).append(f"{note.what}: {note.message}")
+        about.setdefault(note.part, []).append(note)
     lines = []
     for line in text.splitlines():
-        found = re.match(r"  - \{?name: ([\w-]+)", line)
-        if found:
-            lines += [f"  # {comment}" for comment in about.pop(found[1], ())]
-        own = re.search(r"joint: \{(?:type: \w+, )?name: ([\w-]+)", line)
-        if own:
-            indent = " " * (len(line) - len(line.lstrip()))
-            lines += [f"{indent}# {comment}" for comment in about.pop(own[1], ())]
+        for where in _NAMES:
+            if found := where.search(line):
+                indent = " " * (len(line) - len(line.lstrip()))
+                above = about.pop(found[1], ())
+                lines += [f"{indent}# {note.what}: {note.message}" for note in above]
         lines.append(line)
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines) + "\n", [note for left in about.values() for note in left]

@@ -28,6 +28,7 @@ from fantoccini.exchange.draft import (
     placed,
     quaternion,
     six,
+    sized,
     turned,
 )
 from fantoccini.exchange.model_file import line_in
@@ -204,12 +205,12 @@ class Bodies:
         def note(text: str) -> None:
             self.draft.note("joint", m.joint(j).name, text, line, name)
 
-        if self.damping[v] and self.dampers:
-            yield "damping", number(self.damping[v])
-        if self.armature[v]:
-            yield "armature", number(self.armature[v])
-        if m.jnt_stiffness[j] and self.springs:
-            spring = {"stiffness": number(m.jnt_stiffness[j])}
+        if self.dampers and (damping := sized(self.damping[v], "damping")):
+            yield "damping", damping
+        if armature := sized(self.armature[v], "rotor"):
+            yield "armature", armature
+        if self.springs and (stiffness := sized(m.jnt_stiffness[j], "stiffness")):
+            spring = {"stiffness": stiffness}
             if word == "free":
                 note("has a spring, left out: springs of free joints have no counterpart")
             elif word == "ball":
@@ -245,8 +246,8 @@ class Bodies:
         if not m.body_mass[b] and not np.any(m.body_inertia[b]):
             return
         R = _rotation(m.body_iquat[b]).as_matrix()
-        if m.body_mass[b]:
-            made["mass"] = number(m.body_mass[b])
+        if mass := sized(m.body_mass[b], "mass"):
+            made["mass"] = mass
         com = numbers(m.body_ipos[b] - self.shift[b])
         if any(com):
             made["com"] = com

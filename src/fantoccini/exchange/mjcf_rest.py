@@ -15,13 +15,15 @@ from fantoccini.exchange.mujoco_puppet import library
 _SHOWN = 3
 """Groups below this one are drawn by MuJoCo's viewer."""
 
+_SOLIDS = ("sphere", "capsule", "ellipsoid", "box", "cylinder")
+
 _UP = np.array([0.0, 0.0, 1.0])
 
 _UNSET = np.array([0.5, 0.5, 0.5, 1.0], np.float32)
 """MuJoCo's colour of geoms without one."""
 
 _PLAIN = {
-    "actuators": ("actuator", "left out: the joint moves freely"),
+    "actuators": ("actuator", "left out: what it moves is free"),
     "sensors": ("sensor", "left out"),
     "excludes": ("exclude", "left out: `pairs` of `contact` say what meets"),
     "pairs": ("pair", "left out: `pairs` of `contact` say what meets"),
@@ -119,7 +121,8 @@ def _shape(bodies: Bodies, g: int, element: Any) -> dict[str, Any] | None:
         case kinds.mjGEOM_MESH | kinds.mjGEOM_SDF:
             return _mesh(bodies, int(m.geom_dataid[g]), at, turn)
     word = kind.name.removeprefix("mjGEOM_").lower()
-    draft.note("geom", name, f"{word}: left out, has no counterpart of its size", line)
+    what = "of its size" if word in _SOLIDS else "of its kind"
+    draft.note("geom", name, f"{word}: left out, has no counterpart {what}", line)
     return None
 
 

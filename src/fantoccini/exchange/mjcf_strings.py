@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.exchange.draft import number
+from fantoccini.exchange.draft import number, sized
 from fantoccini.exchange.mjcf_bodies import Bodies, field, line_of
 from fantoccini.exchange.mujoco_puppet import library
 from fantoccini.motion import rotation as rotations
@@ -44,7 +44,7 @@ def add_tendons(bodies: Bodies) -> None:
         reason = _unlike_a_string(bodies, places)
         low, high = map(float, m.tendon_range[t])
         limited = bool(m.tendon_limited[t]) and bool(bodies.limits)
-        elastic = m.tendon_stiffness[t] and bodies.springs, m.tendon_damping[t] and bodies.dampers
+        elastic = _elastic(bodies, t)
         for what, values in (
             ("frictionloss", m.tendon_frictionloss[t]),
             ("armature", field(m, "tendon_armature", t)),
@@ -108,6 +108,15 @@ def _unlike_a_string(bodies: Bodies, places: range) -> str:
     return "its length never changes" if len(carriers) == 1 else ""
 
 
+def _elastic(bodies: Bodies, t: int) -> tuple[float, float]:
+    """Stiffness and damping of a tendon; 0 where a flag disables them."""
+    m = bodies.m
+    return (
+        sized(m.tendon_stiffness[t], "stiffness") if bodies.springs else 0.0,
+        sized(m.tendon_damping[t], "damping") if bodies.dampers else 0.0,
+    )
+
+
 def _add_spring(
     bodies: Bodies, t: int, name: str, path: list[dict[str, Any]], line: int | None
 ) -> None:
@@ -117,19 +126,22 @@ def _add_spring(
         text = "has a spring, left out: springs of puppets have two ends"
         draft.note("tendon", name, text, line)
         return
-    if m.tendon_stiffness[t] and low != high:
+    stiffness, damping = _elastic(bodies, t)
+    if stiffness and low != high:
         text = f"has a spring with play from {low:g} to {high:g} m, left out"
         draft.note("tendon", name, text, line)
+        stiffness = 0.0
+    if not stiffness and not damping:
         return
     both = draft.strings and draft.strings[-1]["path"] is path
     spring = draft.take("tendon", name, "spring", line, "_spring" if both else "")
     made = {
         "name": spring, "between": path,
-        "stiffness": number(m.tendon_stiffness[t] if bodies.springs else 0.0),
+        "stiffness": stiffness,
         "rest": number(max(low, 0.0)),
     }  # fmt: skip
-    if m.tendon_damping[t] and bodies.dampers:
-        made["damping"] = number(m.tendon_damping[t])
+    if damping:
+        made["damping"] = damping
     draft.springs.append(made)
 
 

@@ -13,7 +13,16 @@ from scipy.spatial.transform import Rotation
 
 from fantoccini.arrays import Array
 from fantoccini.errors import ExchangeError, MissingLibraryError, Mistake, nearest
-from fantoccini.exchange.draft import Draft, carried, number, numbers, placed, quaternion, six
+from fantoccini.exchange.draft import (
+    Draft,
+    carried,
+    number,
+    numbers,
+    placed,
+    quaternion,
+    six,
+    sized,
+)
 from fantoccini.exchange.imported import Imported
 from fantoccini.exchange.model_file import Element, ModelFile
 from fantoccini.exchange.urdf_shapes import add_shapes
@@ -200,8 +209,8 @@ class _Robot:
         if inertial is not None:
             R, r = _pose(inertial.origin)
             own = np.zeros((3, 3)) if inertial.inertia is None else inertial.inertia
-            if inertial.mass:
-                made["mass"] = number(inertial.mass)
+            if mass := sized(inertial.mass or 0.0, "mass"):
+                made["mass"] = mass
                 if any(com := numbers(r)):
                     made["com"] = com
             if inertial.mass or np.any(own):
@@ -226,7 +235,7 @@ class _Robot:
 def _damped(joint: Any) -> dict[str, Any]:
     """The key ``damping`` of a joint that has it, in a planar one of each coordinate."""
     damping = 0.0 if joint.dynamics is None else float(joint.dynamics.damping or 0.0)
-    return {"damping": number(damping)} if damping else {}
+    return {"damping": found} if (found := sized(damping, "damping")) else {}
 
 
 def _read(file: ModelFile) -> Any:

@@ -1,0 +1,86 @@
+"""What an import writes: meshes, comments and shapes that can be read; what it says of mistakes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.exchange.test_import_mjcf import imported
+
+import fantoccini as fan
+from fantoccini.errors import ExchangeError
+
+
+def test_two_imports_into_a_folder_have_meshes_of_their_own(tmp_path):
+    for name, size in (("a", 0.1), ("b", 0.2)):
+        text = (
+            f'<mujoco model="same"><asset><mesh name="m" scale="{size} 1 1" '
+            'vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset><worldbody><body>'
+            '<freejoint/><geom type="mesh" mesh="m"/></body></worldbody></mujoco>'
+        )
+        imported(text, tmp_path).save(tmp_path / f"{name}.yaml")
+    for name, size in (("a", 0.1), ("b", 0.2)):
+        (shape,) = fan.puppet.load(tmp_path / f"{name}.yaml").bodies[0].shapes
+        assert fan.puppet.shapes.load_mesh(shape).extents[0] == pytest.approx(size, abs=1e-6)
+
+
+def test_a_mesh_named_like_another_is_another(tmp_path):
+    """Cylinders have a mesh of their own; names that differ in case are one on some disks."""
+    corners = "0 0 0 1 0 0 0 1 0 0 0"
+    names = ("cylinder", "part", "Part")
+    assets = "".join(f'<mesh name="{n}" vertex="{corners} {k + 2}"/>' for k, n in enumerate(names))
+    geoms = "".join(f'<geom type="mesh" mesh="{name}"/>' for name in names)
+    made = imported(
+        f'<mujoco><asset>{assets}</asset><worldbody><body><freejoint/>'
+        f'<geom type="cylinder" size="0.1 0.2"/>{geoms}</body></worldbody></mujoco>', tmp_path
+    )  # fmt: skip
+    assert len({path.lower() for path in made.meshes}) == 4
+    made.save(tmp_path / "a.yaml")
+    shapes = fan.puppet.load(tmp_path / "a.yaml").bodies[0].shapes
+    volumes = [fan.puppet.shapes.load_mesh(shape).volume for shape in shapes]
+    around = 32 * np.sin(np.pi / 16) / 2
+    assert np.allclose(volumes, [around * 0.1**2 * 0.4, 2 / 6, 3 / 6, 4 / 6], rtol=1e-6)
+
+
+LONG = """<mujoco><worldbody><body name="true"><joint name="a_joint_with_a_long_name" damping="1"
+  axis="0.1 0.2 0.3" pos="0.1 0.2 0.3" armature="0.5" frictionloss="1" stiffness="3" springref="7"/>
+  <geom size="0.1"/><body name="b"><joint frictionloss="1"/><geom size="0.1"/></body></body>
+  </worldbody></mujoco>"""
+
+
+def test_every_note_stands_in_the_puppet_file(tmp_path):
+    """Also about joints that take several lines, and names in quotes."""
+    made = imported(LONG.replace('"0.1"/><body', '"1e7" mass="1"/><body'), tmp_path)
+    assert "joint:\n" in made.text and len(made.report) == 4
+    for note in made.report:
+        assert made.text.count(f"{note.what}: {note.message}\n") == 1
+
+
+def test_solids_that_no_puppet_has_are_left_out(tmp_path):
+    """What is written can be read."""
+    corners = "0 0 0 2e6 0 0 0 2e6 0 0 0 2e6"
+    made = imported(
+        f'<mujoco><asset><mesh name="m" vertex="{corners}"/>'
+        '<hfield name="h" nrow="2" ncol="2" size="1 1 1 1"/></asset><worldbody>'
+        '<geom type="mesh" mesh="m"/><geom type="hfield" hfield="h"/>'
+        '<geom type="box" size="1e-9 1 1"/>'
+        '<body name="a"><freejoint/><geom type="mesh" mesh="m" mass="1"/>'
+        '<geom type="capsule" size="1 2e6" mass="1"/><geom size="0.5"/></body>'
+        "</worldbody></mujoco>", tmp_path
+    )  # fmt: skip
+    assert not made.meshes
+    (shape,) = fan.puppet.loads(made.text).bodies[0].shapes
+    assert shape.type == "sphere" and not fan.puppet.loads(made.text).obstacles
+    told = "\n".join(map(str, made.report))
+    assert "body a: has a mesh, left out: " in told and "body a: has a capsule, left out: " in told
+    assert "geom obstacle: has a mesh, left out: " in told
+    assert "hfield: left out, has no counterpart of its kind" in told
+    assert "box: left out, has no counterpart of its size" in told
+
+
+def test_mistakes_have_the_names_of_the_model(tmp_path):
+    joint = '<mujoco><worldbody><body name="a.b">\n<joint damping="{}"/><geom size="0.1"/></body>'
+    text = joint + "</worldbody></mujoco>"
+    with pytest.raises(ExchangeError, match=r":1: body a\.b: joint\.damping: found 1e\+1[02]"):
+        imported(text.format("1e12"), tmp_path)
+    puppet = fan.puppet.loads(imported(text.format("1e-30"), tmp_path).text)
+    assert puppet.bodies[0].joint.damping == 0.0
