@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import struct
 import time
+import tracemalloc
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -223,3 +224,24 @@ def test_any_change_is_read_or_refused(tmp_path, name):
         kept += 1
         assert found.faces.max() < len(found.vertices) and np.isfinite(found.vertices).all()
     assert 0 < kept < 300
+
+
+@pytest.mark.parametrize("shared", [True, False])
+def test_a_small_gltf_takes_little_memory(tmp_path, shared):
+    """Arrays without content, named by many primitives or one by each."""
+    accessors = [{"componentType": 5126, "type": "VEC3", "count": 3_000_000} for _ in range(30)]
+    none = {"componentType": 5125, "type": "SCALAR", "count": 0}
+    primitives = [
+        {"attributes": {"POSITION": 0 if shared else k}, "indices": 30} for k in range(30)
+    ]
+    content = {
+        "asset": {"version": "2.0"}, "nodes": [{"mesh": 0}], "meshes": [{"primitives": primitives}],
+        "accessors": [*accessors, none],
+    }  # fmt: skip
+    (tmp_path / "a.gltf").write_text(json.dumps(content))
+    tracemalloc.start()
+    message = refused(tmp_path, "a.gltf")
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert ("no triangles" if shared else "too many elements together") in message
+    assert most < 6e8

@@ -34,17 +34,30 @@ class Accessors:
 
     def __init__(self, header: dict[str, Any], buffers: list[bytes]):
         self.header, self.buffers = header, buffers
+        self._floats: dict[int, Array] = {}
+        self._left = 6 * LIMITS.max_triangles  # elements of arrays that may still be kept
+
+    def count(self, index: int) -> int:
+        """Elements of an array, which is not read."""
+        return _count(self.header["accessors"][whole(index, "an accessor")])
 
     def numbers(self, index: int, *widths: int) -> Array:
         """(n, width) floats; ``widths`` are allowed. Normalised integers are 0 to 1 or -1 to 1."""
         about = self.header["accessors"][whole(index, "an accessor")]
-        raw = self._raw(about)
-        if raw.shape[1] not in widths:
+        if index not in self._floats:
+            self._left -= _count(about)
+            if self._left < 0:
+                raise ValueError("its accessors have too many elements together")
+            raw = self._raw(about)
+            out = raw.astype(float)
+            if about.get("normalized") and raw.dtype.kind in "iu":
+                out = np.maximum(out / np.iinfo(raw.dtype).max, -1.0)
+            out.setflags(write=False)
+            self._floats[index] = out
+        found = self._floats[index]
+        if found.shape[1] not in widths:
             raise ValueError(f"its accessor {index} is {str(about['type'])[:9]}; that is no such")
-        out = raw.astype(float)
-        if about.get("normalized") and raw.dtype.kind in "iu":
-            out = np.maximum(out / np.iinfo(raw.dtype).max, -1.0)
-        return out
+        return found
 
     def whole_numbers(self, index: int) -> Indices:
         """(n,) whole numbers."""
@@ -66,9 +79,7 @@ class Accessors:
     def _raw(self, about: dict[str, Any]) -> np.ndarray:
         """(n, width) as the file has them."""
         kind, width = np.dtype(_KINDS[about["componentType"]]), _WIDTHS[about["type"]]
-        count = whole(about["count"], "the count of an accessor")
-        if count > 3 * LIMITS.max_triangles:
-            raise ValueError(f"it has an accessor of {count} elements")
+        count = _count(about)
         if "bufferView" in about:
             out = self._strided(about, kind, width, count)
         else:
@@ -93,3 +104,11 @@ class Accessors:
         if not count:
             return np.zeros((0, width), dtype=kind)
         return np.ndarray((count, width), kind, content, start, (stride, kind.itemsize))
+
+
+def _count(about: dict[str, Any]) -> int:
+    """Elements of an accessor."""
+    count = whole(about["count"], "the count of an accessor")
+    if count > 3 * LIMITS.max_triangles:
+        raise ValueError(f"it has an accessor of {count} elements")
+    return count

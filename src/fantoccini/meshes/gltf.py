@@ -104,7 +104,6 @@ class _Reader:
             waiting += [(child, matrix) for child in reversed(nodes[k].get("children", []))]
             if "mesh" in nodes[k]:
                 for primitive in self._mesh(whole(nodes[k]["mesh"], "a mesh")):
-                    self._count.add(len(primitive[1]))
                     parts.append(Part.placed(matrix, *primitive))
         return parts
 
@@ -116,12 +115,18 @@ class _Reader:
         return [k for k in range(len(nodes)) if k not in below]
 
     def _mesh(self, index: int) -> list[tuple[Array, Indices, Array | None]]:
-        """Vertices, faces and colours of each primitive that has triangles."""
+        """Vertices, faces and colours of each primitive that has triangles, which are counted."""
+        primitives = [
+            p for p in self.header["meshes"][index]["primitives"]
+            if p.get("mode", _TRIANGLES) >= _TRIANGLES
+        ]  # fmt: skip
+        for primitive in primitives:
+            given = primitive.get("indices", primitive["attributes"]["POSITION"])
+            corners = self.accessors.count(given)
+            listed = primitive.get("mode", _TRIANGLES) == _TRIANGLES
+            self._count.add(corners // 3 if listed else max(corners - 2, 0))
         if index not in self._meshes:
-            primitives = self.header["meshes"][index]["primitives"]
-            self._meshes[index] = [
-                self._primitive(p) for p in primitives if p.get("mode", _TRIANGLES) >= _TRIANGLES
-            ]
+            self._meshes[index] = [self._primitive(p) for p in primitives]
         return self._meshes[index]
 
     def _primitive(self, primitive: dict[str, Any]) -> tuple[Array, Indices, Array | None]:
@@ -134,7 +139,9 @@ class _Reader:
         faces = _faces(corners, whole(primitive.get("mode", _TRIANGLES), "a mode"))
         if len(faces) and int(faces.max()) >= len(vertices):
             raise ValueError("a triangle has a corner that is not there")
-        return vertices, faces, self._colours(primitive, attributes, faces)
+        colours = self._colours(primitive, attributes, faces)
+        used, own = np.unique(faces, return_inverse=True)  # others may have the rest
+        return vertices[used], own.reshape(-1, 3), colours
 
     def _colours(
         self, primitive: dict[str, Any], attributes: dict[str, Any], faces: Indices
