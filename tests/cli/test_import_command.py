@@ -65,3 +65,11 @@ def test_wrong_arguments_are_mistakes(arguments, message, folder):
     (folder / "broken.xml").write_text("<mujoco>\n<bodies/></mujoco>")
     assert message in " ".join(mistake("import", *arguments).split())
     assert not (folder / "a.yaml").exists()
+
+
+def test_info_shows_rotors(folder):
+    (folder / "swing.xml").write_text(MODEL.replace("axis=", 'armature="0.25" axis='))
+    assert fantoccini("import", "swing.xml", "swing.yaml").exit_code == 0
+    lines = fantoccini("info", "swing.yaml").stdout.splitlines()
+    assert any("armature" in line for line in lines)
+    assert any("seat" in line and "0.25" in line for line in lines)

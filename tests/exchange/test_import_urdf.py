@@ -220,7 +220,8 @@ def test_meshes_of_all_formats(ending, tmp_path):
         '<robot name="r"><link name="a"><visual><geometry>'
         f'<mesh filename="package://r/box.{ending}"/></geometry></visual></link></robot>', tmp_path
     )  # fmt: skip
-    assert not made.report
+    lost = ["its own colours are left out"] if ending == "dae" else []
+    assert [note.message.partition(": ")[2] for note in made.report] == lost
     made.save(tmp_path / "r.yaml")
     (body,) = fan.puppet.load(tmp_path / "r.yaml").bodies
     assert np.allclose(fan.puppet.shapes.load_mesh(body.shapes[0]).extents, size, atol=1e-7)

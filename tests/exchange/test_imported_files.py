@@ -84,3 +84,28 @@ def test_mistakes_have_the_names_of_the_model(tmp_path):
         imported(text.format("1e12"), tmp_path)
     puppet = fan.puppet.loads(imported(text.format("1e-30"), tmp_path).text)
     assert puppet.bodies[0].joint.damping == 0.0
+
+
+def test_looks_that_are_lost_are_told(tmp_path):
+    made = imported(
+        '<mujoco><asset><texture name="t" type="2d" builtin="flat" width="8" height="8"/>'
+        '<material name="m" texture="t"/></asset><worldbody><body><freejoint/>'
+        '<geom name="a" size="0.1" material="m"/><geom name="b" size="0.2" rgba="1 0 0 0.5"/>'
+        '<geom name="c" size="0.3"/></body></worldbody></mujoco>', tmp_path
+    )  # fmt: skip
+    assert [str(n).partition(":1: ")[2] for n in made.report if n.kind == "geom"] == [
+        "geom a: has a texture, left out",
+        "geom b: is transparent; here it is opaque",
+    ]
+
+
+def test_too_many_copies_are_refused(tmp_path):
+    """Of copies the counts are multiplied."""
+    text = (
+        '<mujoco><worldbody><body><freejoint/><geom size="0.1"/></body>\n'
+        '<replicate count="{0}"><replicate count="{0}"><geom size="0.1"/></replicate></replicate>'
+        "</worldbody></mujoco>"
+    )
+    with pytest.raises(ExchangeError, match=r":2: replicate: copies its content 160000 times"):
+        imported(text.format(400), tmp_path)
+    assert len(fan.puppet.loads(imported(text.format(3), tmp_path).text).obstacles) == 9

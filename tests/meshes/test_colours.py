@@ -20,6 +20,7 @@ from fantoccini.meshes import LIMITS, read
 from fantoccini.view import film
 from fantoccini.view.meshes import coloured
 from fantoccini.view.shapes import solid_of
+from fantoccini.view.silhouettes import mesh
 
 RED, BLUE, GREEN = (0.5, 0.02, 0.03), (0.03, 0.05, 0.6), (0.04, 0.4, 0.1)
 """Linear."""
@@ -286,3 +287,17 @@ def test_recordings_bring_all_files_along(tmp_path):
     found = again.puppet.bodies[0].shapes[0].read()
     assert set(found.beside) == {"a.bin", "paint.png"}
     assert np.allclose(255 * found.colours, 77, atol=0.51)
+
+
+def test_the_outline_has_the_mean_by_area(tmp_path):
+    """A triangle cut into four counts as one."""
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
+    colours = np.array([[1.0, 0, 0], [0, 0, 1]])
+    coarse = mesh(0, np.zeros(3), vertices, np.array([[0, 1, 2], [0, 2, 3]]), colours)
+    points, faces = trimesh.remesh.subdivide(vertices, np.array([[0, 1, 2]]))
+    fine = mesh(
+        0, np.zeros(3), np.vstack([points, vertices]), np.vstack([faces, [[len(points) + k for k in
+        (0, 2, 3)]]]), np.vstack([np.tile(colours[0], (len(faces), 1)), colours[1]]),
+    )  # fmt: skip
+    assert len(fine.faces) == 5
+    assert np.allclose(fine.colour, coarse.colour) and np.allclose(coarse.colour, [0.5, 0, 0.5])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 from tests.meshes.written import CORNERS, CUBE, UP, Writer, puppet
 
-from fantoccini.meshes import is_closed, read
+from fantoccini.meshes import LIMITS, is_closed, read
 from fantoccini.puppet import Mesh, loads
 from fantoccini.puppet.shapes import load_mesh, shape_inertia
 
@@ -202,3 +203,27 @@ def test_the_digest_is_of_all_files(tmp_path):
     (tmp_path / "a.bin").write_bytes(content)
     assert shape.digest() != before
     assert load_mesh(shape).bounds[1, 0] == 0.75  # what was read is not taken for what is there
+
+
+def test_files_read_again_and_again_are_kept(tmp_path):
+    """However many others there are, and whoever reads them at the same time."""
+    paths = [tmp_path / f"{k}.stl" for k in range(30)]
+    for k, path in enumerate(paths):
+        trimesh.creation.box((1, 1, 1 + k)).export(path)
+    first = [read(path, tmp_path) for path in paths]
+    with ThreadPoolExecutor(4) as pool:
+        again = list(pool.map(lambda path: read(path, tmp_path), paths * 4))
+    assert all(one is other for one, other in zip(first * 4, again, strict=True))
+
+
+def test_what_is_kept_is_bounded(tmp_path, monkeypatch):
+    """The file that was read longest ago goes first."""
+    monkeypatch.setattr("fantoccini.meshes.files.LIMITS", LIMITS._replace(max_triangles=3500))
+    paths = [tmp_path / f"{k}.stl" for k in range(4)]
+    for k, path in enumerate(paths):
+        trimesh.creation.box((2, 1, 1 + k)).export(path)
+    first = [read(path, tmp_path) for path in paths[:3]]
+    assert read(paths[0], tmp_path) is first[0]
+    read(paths[3], tmp_path)
+    assert read(paths[0], tmp_path) is first[0] and read(paths[2], tmp_path) is first[2]
+    assert read(paths[1], tmp_path) is not first[1]

@@ -24,7 +24,7 @@ def mjcf(seed: int, bodies: int = 5) -> str:
         if kind in HINGES:
             more = f' axis="{row(3)}" ref="{row(1)}" springref="{row(1)}"'
             more += f' stiffness="{row(1, low=0.0, high=9.0)}"'
-        place = "" if kind == "slide" else f' pos="{row(3)}"'
+        place = "" if kind in ("slide", "free") else f' pos="{row(3)}"'
         passive = f'damping="{row(1, low=0.0)}" armature="{row(1, low=0.0)}"'
         return f'<joint name="{name}" type="{kind}"{place} {passive}{more}/>'
 
@@ -34,9 +34,7 @@ def mjcf(seed: int, bodies: int = 5) -> str:
             kinds = ["free"] if rng.random() < 0.4 else ["slide", "hinge"]
         elif rng.random() < 0.3:
             kinds = [*kinds[:1], "ball"]
-        joints = ['<freejoint name="j0"/>'] if kinds == ["free"] else [
-            joint(f"j{i}_{k}", kind) for k, kind in enumerate(kinds)
-        ]  # fmt: skip
+        joints = [joint(f"j{i}_{k}", kind) for k, kind in enumerate(kinds)]
         half = [joints[:1], joints[1:]]
         a, b, c = rng.uniform(0.5, 1.0, 3)
         inside = "".join(half[0])

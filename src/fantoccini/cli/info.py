@@ -60,15 +60,17 @@ def describe_puppet(file: str) -> None:
         )
     write()
     names = [link.name for link in tree.links]
+    rotors = [_value(link.armature) for link in tree.links]
+    shown = any(rotor != "0" for rotor in rotors)
     table(
         "Bodies",
-        ("name", "parent", "joint", "type", "role"),
+        ("name", "parent", "joint", "type", "role", *(["armature"] if shown else [])),
         [
             (
                 link.name, "world" if link.parent == WORLD else names[link.parent], link.joint,
-                link.kind, link.role,
+                link.kind, link.role, *([rotor] if shown else []),
             )
-            for link in tree.links
+            for link, rotor in zip(tree.links, rotors, strict=True)
         ],
     )  # fmt: skip
     starts = {"dynamic": coordinates.start_D, "driven": coordinates.start_K}

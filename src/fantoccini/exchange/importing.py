@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import warnings
 from collections.abc import Iterator
@@ -18,6 +19,8 @@ from fantoccini.exchange.mjcf_rest import add_notes, add_shapes
 from fantoccini.exchange.mjcf_strings import add_constraints, add_tendons
 from fantoccini.exchange.model_file import ROOTS, ModelFile, line_in, read_model
 from fantoccini.exchange.mujoco_puppet import library
+
+_MOST_COPIES = 100_000
 
 _UNNAMED = "MuJoCo Model"
 """MuJoCo's name for models without one."""
@@ -50,6 +53,7 @@ def import_model(path: str | os.PathLike[str], keyframe: str | None = None) -> I
 
 def mjcf_puppet(file: ModelFile, keyframe: str | None) -> Imported:
     """An MJCF file as a puppet file."""
+    _refuse_copies(file)
     compiled = _compiled(file, keyframe)
     name = compiled.spec.modelname
     draft = Draft(file, "" if name == _UNNAMED else name)
@@ -67,6 +71,17 @@ def mjcf_puppet(file: ModelFile, keyframe: str | None) -> Imported:
     for text in compiled.warnings:
         draft.note("mujoco", "", f"warns: {text[:300]}")
     return draft.finish([f"{draft.name}: made of the MuJoCo model {file.path.name}."])
+
+
+def _refuse_copies(file: ModelFile) -> None:
+    """Raises where elements are copied so often that the model would take all memory."""
+    above: list[int] = []
+    for element in file.elements:
+        count = element.attributes.get("count", "").strip() if element.tag == "replicate" else ""
+        above = [*above[: element.depth], int(count) if count.isdecimal() else 1]
+        if math.prod(above) > _MOST_COPIES:
+            text = f"copies its content {math.prod(above)} times; allowed: up to {_MOST_COPIES}"
+            raise file.mistake(text, element.line, "replicate")
 
 
 def _meshes(spec: Any, folder: Path) -> Iterator[Path]:

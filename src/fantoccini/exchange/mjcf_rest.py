@@ -48,11 +48,14 @@ def add_shapes(bodies: Bodies) -> None:
             shape = _shape(bodies, g, elements.get(g))
             if shape is None:
                 continue
-            shape = solids.coloured(shape, _colour(m, g))
+            shape, line = solids.coloured(shape, _colour(m, g)), line_of(elements.get(g))
+            if _colour(m, g)[3] < 1.0:
+                draft.note("geom", m.geom(g).name, "is transparent; here it is opaque", line)
+            if m.geom_matid[g] >= 0 and np.any(m.mat_texid[m.geom_matid[g]] >= 0):
+                draft.note("geom", m.geom(g).name, "has a texture, left out", line)
             if b:
                 made[bodies.names[b]].setdefault("shapes", []).append(shape)
             else:
-                line = line_of(elements.get(g))
                 name = draft.take("geom", m.geom(g).name, "obstacle", line)
                 draft.obstacles.append({"name": name, **shape})
 

@@ -28,7 +28,8 @@ def add_shapes(draft: Draft, link: Any, made: dict[str, Any], colours: dict[str,
     line = draft.file.line_of("link", link.name)
     for solid in link.visuals or link.collisions:
         origin = np.eye(4) if solid.origin is None else solid.origin
-        shape = _shape(draft, solid.geometry, origin, link.name, line, made["name"])
+        part = made["name"]
+        shape = _shape(draft, solid.geometry, origin, link.name, line, part)
         if shape is None:
             continue
         material = getattr(solid, "material", None)
@@ -36,6 +37,9 @@ def add_shapes(draft: Draft, link: Any, made: dict[str, Any], colours: dict[str,
         if material is not None:
             colour = material.color or colours.get(material.name)
         rgba = _GREY if colour is None else colour.rgba
+        if rgba[3] < 1.0:
+            text = "has a transparent solid, which is opaque here"
+            draft.note("link", link.name, text, line, part)
         made.setdefault("shapes", []).append(solids.coloured(shape, rgba))
 
 
@@ -55,6 +59,8 @@ def _shape(
         return None
     file = _find(mesh.filename, draft.file.path.resolve().parent)
     read, what = (None, "is not there") if file is None else _triangles(file)
+    if read is not None and what:
+        draft.note("link", link, f"has the mesh {str(mesh.filename)[:100]!r}: {what}", line, part)
     if file is not None:
         draft.sources.append(file)
     if file is None or read is None:
@@ -93,11 +99,12 @@ def _find(name: str, folder: Path) -> Path | None:
 
 
 def _triangles(file: Path) -> tuple[bytes | None, str]:
-    """A mesh as STL, or None and why it is left out."""
+    """A mesh as STL and what it loses, or None and why it is left out."""
     if file.suffix.lower() not in meshes.FORMATS:
         return None, f"is not one of {', '.join(meshes.FORMATS)}"
     try:
         found = meshes.read(file, file.parent)
     except (OSError, ValueError, MissingLibraryError) as error:
         return None, f"cannot be read: {error}"
-    return solids.stl(found.vertices, found.faces), ""
+    lost = "" if found.colours is None else "its own colours are left out"
+    return solids.stl(found.vertices, found.faces), lost

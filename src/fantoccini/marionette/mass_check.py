@@ -62,7 +62,8 @@ def check_mass_matrix(
     file, line = puppet.locate(owner)
     text = (
         f"the mass matrix {what}: look at {', '.join(names)}; give the bodies below this joint a "
-        "mass and an inertia that are positive and finite, or make the joint driven or fixed"
+        "mass and an inertia that are positive and finite, or the joint an armature, or make it "
+        "driven or fixed"
     )
     raise PuppetError([Mistake(file, line, owner, text)])
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import threading
 from collections import OrderedDict
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,7 @@ from fantoccini.meshes.beside import Beside
 from fantoccini.meshes.collada import read_collada
 from fantoccini.meshes.colours import few
 from fantoccini.meshes.gltf import read_gltf
+from fantoccini.meshes.limits import LIMITS
 from fantoccini.meshes.part import Part
 from fantoccini.meshes.plain import read_plain
 from fantoccini.meshes.solid import facing_out, is_closed
@@ -27,7 +29,6 @@ _ALONE = (".stl", ".ply")
 """Of files that name no others."""
 
 _NONE = "it holds no triangles with finite corners"
-_MOST_KEPT = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +55,7 @@ class MeshFile:
 _Key = tuple[str, bytes, Path]
 _kept: OrderedDict[_Key, tuple[dict[str, bytes | None], MeshFile]] = OrderedDict()
 """Files that were read last, by ending, content and folder, with what they named."""
+_lock = threading.Lock()
 
 
 def read(path: Path, root: Path) -> MeshFile:
@@ -70,10 +72,10 @@ def read(path: Path, root: Path) -> MeshFile:
     """
     content, ending = path.read_bytes(), path.suffix.lower()
     key = ending, hashlib.sha256(content).digest(), path.parent
-    if key in _kept:
-        named, found = _kept[key]
-        if _named(Beside(path, root), named) == named:
-            return found
+    kept = _kept.get(key)
+    if kept is not None and _named(Beside(path, root), kept[0]) == kept[0]:
+        _keep(key, *kept)
+        return kept[1]
     beside = Beside(path, root)
     parts = _parts(content, beside, path)
     mesh, colours = _joined(parts)
@@ -83,9 +85,7 @@ def read(path: Path, root: Path) -> MeshFile:
     if closed:
         faces = np.where(facing_out(mesh)[:, None], faces[:, ::-1], faces)
     found = MeshFile(vertices, faces, closed, colours, there)
-    _kept[key] = dict(beside.found), found
-    while len(_kept) > _MOST_KEPT:
-        _kept.popitem(last=False)
+    _keep(key, dict(beside.found), found)
     return found
 
 
@@ -97,6 +97,20 @@ def contents(path: Path, root: Path) -> dict[str, bytes]:
     """
     beside = {} if path.suffix.lower() in _ALONE else read(path, root).beside
     return {".": path.read_bytes(), **beside}
+
+
+def _keep(key: _Key, named: dict[str, bytes | None], found: MeshFile) -> None:
+    """Keeps a file as the last one read, and takes out the first ones while all are too large."""
+    with _lock:
+        _kept[key] = named, found
+        _kept.move_to_end(key)
+        while len(_kept) > 1 and sum(_size(f) for _, f in _kept.values()) > LIMITS.max_triangles:
+            _kept.popitem(last=False)
+
+
+def _size(found: MeshFile) -> int:
+    """Memory of a file, in triangles of about 32 bytes."""
+    return len(found.faces) + sum(map(len, found.beside.values())) // 32 + 1000
 
 
 def _named(beside: Beside, names: dict[str, bytes | None]) -> dict[str, bytes | None]:

@@ -96,7 +96,9 @@ def massless_joints(bodies: tuple[Any, ...], mirror: Any) -> list[Finding]:
         if body.joint.type != "fixed" and not body.joint.driven
         and not value_of(body.joint.armature)
     ]
-    text = "this joint moves no mass; give the body or one it carries a mass"
+    text = (
+        "this joint moves no mass; give the body or one it carries a mass, or the joint an armature"
+    )
     return [(("bodies", i, "joint"), text) for i in moving if not heavy[i]]
 
 

@@ -114,7 +114,7 @@ def mesh(
 ) -> Solid:
     """A triangle mesh: vertices (n, 3) [m], faces (m, 3) anticlockwise from outside.
 
-    Faces have the colour (3,), or those of ``colours`` (m, 3).
+    Faces have the colour (3,), or those of ``colours`` (m, 3), whose mean by area is the outline's.
     """
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     half = np.diag(np.maximum(0.5 * (high - low), 1e-9))
@@ -122,7 +122,9 @@ def mesh(
     if colours is not None and len(np.unique(colours, axis=0)) == 1:
         colour, colours = colours[0], None
     elif colours is not None:
-        colour = colours.mean(axis=0)
+        a, b, c = vertices[faces.T]
+        area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        colour = np.average(colours, axis=0, weights=area + 1e-12)
     return Solid(
         link, "faces", colour, vertices, axis, girth, half=half, faces=faces, smooth=True,
         colours=colours,
