@@ -72,6 +72,7 @@ class Bodies:
         springs, dampers, limits, equalities: whether MuJoCo's flags leave them on.
         damping, armature: (n_v,) of the joints, with those of actuators.
         names: (n_body,) names of the puppet's bodies; the world's is ``world``.
+        wires: tendons whose constraint became a wire.
         shift: (n_body, 3) origins of the puppet's bodies in MuJoCo's.
 
     Args:
@@ -94,7 +95,7 @@ class Bodies:
         self.bodies, self.joints = compiled.elements("bodies"), compiled.elements("joints")
         self.damping, self.armature = m.dof_damping.copy(), m.dof_armature.copy()
         self._rotors()
-        self.names = ["world"]
+        self.names, self.wires = ["world"], set[int]()
         self.shift = np.zeros((m.nbody, 3))
         for b in range(1, m.nbody):
             line = line_of(self.bodies.get(b))

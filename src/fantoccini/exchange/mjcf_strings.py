@@ -63,6 +63,7 @@ def add_tendons(bodies: Bodies) -> None:
         path = [bodies.point(int(m.wrap_objid[w])) for w in places]
         if t in wires:
             length = number(m.tendon_length0[t] + wires[t])
+            bodies.wires.add(t)
             wire = draft.take("tendon", name, "wire", line)
             draft.strings.append({"name": wire, "path": path, "length": length, "wire": True})
         elif limited:
@@ -90,7 +91,9 @@ def add_constraints(bodies: Bodies) -> None:
             draft.note("equality", name, f"{word}: left out, it is not active", line)
         elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD) and _held(bodies, e, name, line):
             continue
-        elif kind != kinds.mjEQ_TENDON or not _is_plain(m, e):
+        elif not (
+            kind == kinds.mjEQ_TENDON and _is_plain(m, e) and int(m.eq_obj1id[e]) in bodies.wires
+        ):
             draft.note("equality", name, f"{word}: left out, has no counterpart", line)
 
 
