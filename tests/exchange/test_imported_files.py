@@ -109,3 +109,19 @@ def test_too_many_copies_are_refused(tmp_path):
     with pytest.raises(ExchangeError, match=r":2: replicate: copies its content 160000 times"):
         imported(text.format(400), tmp_path)
     assert len(fan.puppet.loads(imported(text.format(3), tmp_path).text).obstacles) == 9
+
+
+def test_meshes_that_mujoco_read_are_kept(tmp_path):
+    (tmp_path / "a_meshes").mkdir()
+    kept = tmp_path / "a_meshes" / "part.stl"
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    kept.write_bytes(b"mine" + fan.exchange.solids.stl(corners, faces)[4:])
+    before = kept.read_bytes()
+    made = imported(
+        '<mujoco><compiler meshdir="a_meshes"/><asset><mesh file="part.stl"/></asset><worldbody>'
+        '<body><freejoint/><geom type="mesh" mesh="part"/></body></worldbody></mujoco>', tmp_path
+    )  # fmt: skip
+    with pytest.raises(ExchangeError, match=r"part\.stl: is part of the model"):
+        made.save(tmp_path / "a.yaml", force=True)
+    assert kept.read_bytes() == before and not (tmp_path / "a.yaml").exists()
