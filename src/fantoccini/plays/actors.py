@@ -126,7 +126,8 @@ class Wishes:
             height [m].
         calms: (cue, player) -> by how much its hands take out swing before it: see
             ``calming``.
-        stands: cue -> where the prop stands that is picked up.
+        stands: cue -> where the prop stands that is picked up, or the seat.
+        approaches: cue -> which way to come up to a seat is tried.
     """
 
     earlier: dict[tuple[Spot, str], float] = field(default_factory=dict)
@@ -136,6 +137,7 @@ class Wishes:
     hangs: dict[Spot, tuple[float, float]] = field(default_factory=dict)
     calms: dict[tuple[Spot, str], tuple[float, ...]] = field(default_factory=dict)
     stands: dict[Spot, Footing] = field(default_factory=dict)
+    approaches: dict[Spot, int] = field(default_factory=dict)
 
     def copied(self) -> Wishes:
         """The same, to come back to."""

@@ -15,6 +15,7 @@ from fantoccini.plays.companies import settled
 from fantoccini.plays.cue_file import WITH_PROPS, said
 from fantoccini.plays.cues import Cue, Part, said_in_act
 from fantoccini.plays.handled import failures
+from fantoccini.plays.handling import APPROACHES
 from fantoccini.plays.kept import Kept
 from fantoccini.plays.placing import IN_TIME
 from fantoccini.plays.play import CueOfPlay, Play
@@ -144,7 +145,10 @@ class _Compiler:
             if cue is None:
                 continue
             waits = rounds.wishes.pauses.get(cue.spot, 0.0) + _WAIT
-            if patient and waits <= rounds.most_pause(cue):
+            tried = rounds.wishes.approaches.get(cue.spot, 0) + 1
+            if patient and cue.given.sits_on and tried < len(APPROACHES):
+                rounds.wishes.approaches[cue.spot] = tried
+            elif patient and waits <= rounds.most_pause(cue):
                 rounds.wishes.pauses[cue.spot] = waits
             elif rounds.refuse(cue, f"{touch} {self._said(touch.t)}"):
                 self._touching.append(cue)

@@ -42,8 +42,9 @@ _BACK = 0.1
 """A walk to a table ends at least so far from where one puts something down [m]."""
 _BEFORE_SEAT = 0.135
 """A player sits down from so far before the middle of the seat [m]."""
-_SHINS = 0.03
-"""Who comes up to a seat stops so much farther before it, since shins swing on [m]."""
+APPROACHES = ((0.04, 0.06), (0.06, 0.05), (0.08, 0.06))
+"""Who comes up to a seat stops so much farther before it, since shins swing on, and steps back by
+so much at a time, at most [m]: the first, or if something touches then, the next."""
 _INSET = 0.03
 """A prop is put so far from the border of what it is put on, where that is large enough [m]."""
 _OTHER = {"left": "right", "right": "left"}
@@ -182,8 +183,9 @@ class Handling:
         )
         there = Footing(*along(Footing(middle.real, middle.imag, heading), sits.back), heading)
         clear = self._steps.clear_of(there, 1.0, actor)
-        before = self._steps.clear_of(there, 1.0, actor, abs(clear.place - there.place) + _SHINS)
-        self._steps.come(cue, actor, before, there, begin, wait)
+        room, step = APPROACHES[self._wishes.approaches.get(cue.spot, 0)]
+        before = self._steps.clear_of(there, 1.0, actor, abs(clear.place - there.place) + room)
+        self._steps.come(cue, actor, before, there, begin, wait, step=step)
         since = actor.ways[-1].begin
         end = self._steps.do(cue, actor, sits.down, self._steps.calm(cue, actor.rests(), actor))
         self.seated[who] = Seated(
