@@ -20,7 +20,7 @@ DOLL = """<mujoco model="doll">
     <body name="torso" pos="0 0 0.8">
       <freejoint name="torso"/>
       <geom type="capsule" fromto="0 0 -0.08 0 0 0.08" size="0.05"/>
-      <geom type="sphere" size="0.045" pos="0 0 0.19"/>
+      <geom type="sphere" size="0.045" pos="0 0 0.165"/>
       <site name="shoulder_l" pos="0 0.06 0.1"/>
       <site name="shoulder_r" pos="0 -0.06 0.1"/>
       <body name="arm_l" pos="0 0.06 0.08">
