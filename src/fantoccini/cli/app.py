@@ -252,12 +252,17 @@ def identify(
         typer.Option(metavar="PATH", help="Write the motion that would tell most (.csv)."),
     ] = None,
     duration: Annotated[
-        float, typer.Option(metavar="S", help="Of the motions tried by --suggest [s].")
-    ] = 10.0,
+        float | None,
+        typer.Option(min=1.0, metavar="S", help="Of the motions tried by --suggest [s].")
+    ] = None,
     reach: Annotated[
-        float, typer.Option(metavar="M", help="How far motions tried by --suggest go [m].")
-    ] = 0.05,
-    seed: Annotated[int, typer.Option(help="Of the random motions.")] = 0,
+        float | None,
+        typer.Option(min=1e-4, metavar="M", help="How far motions tried by --suggest go [m].")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Of the random motions.")] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Write over a puppet's file that exists.")
+    ] = False,
     threads: Annotated[
         int | None, typer.Option(min=1, metavar="N", help="Default: all processors.")
     ] = None,
@@ -269,7 +274,9 @@ def identify(
     """
     from fantoccini.cli.identify import identify_record
 
-    identify_record(file, out, report, suggest, duration, reach, seed, threads, quiet)
+    identify_record(
+        file, out, report, suggest, duration, reach, seed, force, threads, quiet
+    )  # fmt: skip
 
 
 @app.command("follow")

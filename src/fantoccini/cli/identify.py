@@ -9,19 +9,25 @@ from typing import Any
 
 import typer
 
-from fantoccini.cli.files import check_output, writing
+from fantoccini.cli.files import check_output, fail, writing
 from fantoccini.cli.guard import FAILED
 from fantoccini.cli.terminal import Steps, table, write
 from fantoccini.files import replacing
 from fantoccini.identification import Candidate, Identified, identify, load_record, suggest_motion
+from fantoccini.identification.record_file import record_files
 
 _MOST = 10
 """Outliers and motions that are listed."""
+_DURATION, _REACH = 10.0, 0.05
+"""Of the motions that are tried [s], [m]."""
+_LITTLE = 0.05
+"""Bits that are printed as 0."""
 
 
 def identify_record(
-    file: Path, out: Path | None, report: Path | None, suggest: Path | None, duration: float,
-    reach: float, seed: int, threads: int | None, quiet: bool,
+    file: Path, out: Path | None, report: Path | None, suggest: Path | None,
+    duration: float | None, reach: float | None, seed: int | None, force: bool,
+    threads: int | None, quiet: bool,
 ) -> None:  # fmt: skip
     """Identifies, prints what was found, and writes the outputs.
 
@@ -33,19 +39,24 @@ def identify_record(
     ):  # fmt: skip
         if path is not None:
             check_output(path, endings, option)
+    for option, value in (("--duration", duration), ("--reach", reach), ("--seed", seed)):
+        if value is not None and suggest is None:
+            fail("applies to --suggest PATH", option)
+    for option, path in (("--out", out), ("--report", report), ("--suggest", suggest)):
+        if path is not None and path.exists():
+            if any(path.samefile(one) for one in record_files(file)):
+                fail(f"{path} is a file of the record; write to another one", option)
+            if option == "--out" and not force:
+                fail(f"{path} exists already; use --force to replace it", option)
+    if force and out is None:
+        fail("applies to --out PATH; other files are replaced in any case", "--force")
     with Steps(quiet) as steps:
         record = load_record(file, progress=steps.step)
+        if out is not None:
+            record.check_folder(out.parent)
         found = identify(
             record, threads=threads, progress=lambda stage, cost: steps.step(_doing(stage, cost))
         )
-        best: tuple[Candidate, ...] = ()
-        if suggest is not None:
-            best = suggest_motion(
-                record, duration=duration, reach=reach, seed=seed, threads=threads,
-                progress=lambda name: steps.step(f"looking at the motion {name}"),
-            )  # fmt: skip
-            with writing(suggest):
-                best[0].save(suggest)
         if out is not None:
             with writing(out):
                 found.save_puppet(out)
@@ -54,7 +65,17 @@ def identify_record(
                 _save_report(found, report)
     if not quiet:
         _print(found)
-        _print_motions(best)
+    if suggest is not None:
+        with Steps(quiet) as steps:
+            best = suggest_motion(
+                record, duration=_DURATION if duration is None else duration,
+                reach=_REACH if reach is None else reach, seed=seed or 0, threads=threads,
+                progress=lambda name: steps.step(f"looking at the motion {name}"),
+            )  # fmt: skip
+            with writing(suggest):
+                best[0].save(suggest)
+        if not quiet:
+            _print_motions(best)
     if found.combinations or not found.converged:
         raise typer.Exit(FAILED)
 
@@ -85,6 +106,10 @@ def _print(found: Identified) -> None:
         write(f"outlier: {outlier.column} at {outlier.t:.4g} s, {outlier.residual:+.1f} deviations")
     if len(found.outliers) > _MOST:
         write(f"and {len(found.outliers) - _MOST} more outliers")
+    if found.at_bound:
+        write("the delay came to the end of its range; begin nearer: delay: {about: ...}")
+    if found.record.still:
+        write(f"the inputs do not move {', '.join(found.record.still)}")
     if found.lost:
         write("segments that do not count: " + ", ".join(f"{t:.4g} s" for t in found.lost[:_MOST]))
     ended = "" if found.converged else "; the search was cut short"
@@ -92,15 +117,16 @@ def _print(found: Identified) -> None:
 
 
 def _print_motions(best: tuple[Candidate, ...]) -> None:
-    if best:
-        table(
-            "Motions",
-            ("", "tells [bits]>", "worst deviation>", "untold>"),
-            [
-                (one.name, f"{one.gain:.1f}", f"{100 * one.worst:.2g} %", len(one.combinations))
-                for one in best[:_MOST] if not one.refused
-            ],
-        )  # fmt: skip
+    table(
+        "Motions",
+        ("", "tells [bits]>", "worst deviation>", "untold>"),
+        [
+            (one.name, f"{one.gain:.1f}", f"{100 * one.worst:.2g} %", len(one.combinations))
+            for one in best[:_MOST] if not one.refused
+        ],
+    )  # fmt: skip
+    if best[0].gain < _LITTLE:
+        write("no motion tells anything of these numbers; more --reach, or other columns, may")
 
 
 def _save_report(found: Identified, path: Path) -> None:

@@ -177,7 +177,10 @@ class Noise:
         channels = record.channels
         kinds = ["marker"] * (3 * len(channels.markers))
         kinds += ["coordinate"] * len(channels.coordinates) + ["tension"] * len(channels.tensions)
-        given = np.array([record.noise.get(group, np.nan) for group in channels.groups])
+        given = np.array([
+            record.noise.get(name, record.noise.get(group, np.nan))
+            for name, group in zip(channels.names, channels.groups, strict=True)
+        ])  # fmt: skip
         guess = np.array([_GUESS[kind] for kind in kinds])
         return cls(
             given, np.where(np.isfinite(given), np.maximum(given, guess), guess),

@@ -20,6 +20,8 @@ from fantoccini.motion import Input, State
 MARGIN = 0.2513
 """Time simulated beyond both ends of the record, into which a delay may move samples [s]. No round
 number, so that samples do not fall on nodes, where predictions have kinks."""
+REACH = 0.25
+"""How far a delay may go from where its search begins [s]."""
 OUTLIER = 3.0
 """Residual, over its noise level, from which on it counts by its size instead of its square."""
 FAR = 6.0
@@ -348,7 +350,10 @@ class Fit:
         """A point moved by tangent vectors (S, 2 n_vD) and by (P,)."""
         n = by.shape[1] // 2
         q_D = integrate(self.model, at.q_D, by[:, :n])
-        return self.placed(q_D, at.v_D + by[:, n:], at.theta + theta, at.held)
+        to = at.theta + theta
+        if self.layout.delay:
+            to[-1] = np.clip(to[-1], self.begin[-1] - REACH, self.begin[-1] + REACH)
+        return self.placed(q_D, at.v_D + by[:, n:], to, at.held)
 
 
 def _huber(r: Array) -> Array:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import Any
@@ -18,6 +18,7 @@ from fantoccini.errors import StateError, nearest
 from fantoccini.files import replacing
 from fantoccini.puppet import Puppet
 from fantoccini.puppet.located import Located, validate
+from fantoccini.puppet.mirror import twin_name
 from fantoccini.puppet.written import is_number, items, parameters, word
 from fantoccini.puppet.yaml_text import Path
 
@@ -47,12 +48,13 @@ class Mark:
     positive: bool
 
 
-def find(data: Any, label: str) -> Mark:
+def find(data: Any, label: str, taken: Collection[str] = ()) -> Mark:
     """The number that a label means.
 
     Args:
         data: plain data of a puppet file.
         label: the name of a parameter, or a place.
+        taken: names of parameters that other places became.
 
     Raises:
         StateError: there is no such number.
@@ -64,6 +66,9 @@ def find(data: Any, label: str) -> Mark:
     starts = list(_starts(data, label))
     if not starts:
         known = [name for name, _ in _names(data)]
+        if (twin := _original(data, label, known)) is not None:
+            raise StateError(f"{label.split('.', 1)[0]} is the mirror image of {twin}, whose "
+                             f"numbers it shares; look for those of {twin}")  # fmt: skip
         hint = nearest(label.split(".", 1)[0], known)
         raise StateError(f"found {label}: no parameter of this name, and nothing that is called so "
                          f"before its first dot{hint}")  # fmt: skip
@@ -83,9 +88,27 @@ def find(data: Any, label: str) -> Mark:
         if value is not None and not is_number(value):
             raise StateError(f"{label} is {value!r:.40}; only a number can be looked for")
         number = None if value is None else float(value)
-        name = re.sub(r"[^A-Za-z0-9_]", "_", label)[:60]
-        return Mark(label, name, (place,), number, _positive((place,)))
+        name = re.sub(r"[^A-Za-z0-9_]", "_", label)[:50]
+        return Mark(label, _free(name, data, taken), (place,), number, _positive((place,)))
     raise StateError(refused)
+
+
+def _free(name: str, data: Any, taken: Collection[str]) -> str:
+    """The name of a parameter that the file does not have."""
+    others = {*taken, *(value["parameter"] for _, value in parameters(data))}
+    while name in others:
+        name += "_"
+    return name
+
+
+def _original(data: Any, label: str, known: list[str]) -> str | None:
+    """The name whose mirror image a label begins with."""
+    rule = data.get("mirror")
+    token, to = word(rule, "from"), word(rule, "to")
+    if not token or not to:
+        return None
+    return next((one for one in known if token in one
+                 and label.startswith(f"{twin_name(one, token, to)}.")), None)  # fmt: skip
 
 
 def _positive(places: tuple[Path, ...]) -> bool:
@@ -158,7 +181,7 @@ def _put(data: Any, place: Path, value: Any) -> None:
 
 
 def write_numbers(text: str, numbers: Mapping[Mark, float], path: str | FilePath) -> None:
-    """Writes a puppet file with other numbers; its comments and layout stay.
+    """Writes a puppet file with other numbers; the rest of its text stays as it is.
 
     Args:
         text: of the file.
@@ -166,24 +189,69 @@ def write_numbers(text: str, numbers: Mapping[Mark, float], path: str | FilePath
         path: of the file to write.
 
     Raises:
+        StateError: a number is written as an alias or with an anchor.
         FileNotFoundError: the folder does not exist.
     """
     from ruamel.yaml import YAML
 
-    yaml = YAML()
-    yaml.width = 4096
-    yaml.preserve_quotes = True
-    data = yaml.load(text)
-    for mark, value in numbers.items():
-        for place in mark.places:
-            here: Any = data
-            for key in place[:-1]:
-                here = here.setdefault(key, {}) if isinstance(here, dict) else here[key]
-            old = here.get(place[-1]) if isinstance(here, dict) else here[place[-1]]
-            number = float(f"{value:.7g}")
-            if isinstance(old, dict):
-                old["value"] = number
-            else:
-                here[place[-1]] = number
-    with replacing(path) as temporary, temporary.open("w", encoding="utf-8") as file:
-        yaml.dump(data, file)
+    top = YAML(typ="safe", pure=True).compose(text)
+    edits = [
+        _edit(top, place, f"{value:.7g}", text)
+        for mark, value in numbers.items()
+        for place in mark.places
+    ]
+    for start, end, new in sorted(edits, reverse=True):
+        text = text[:start] + new + text[end:]
+    with replacing(path) as temporary:
+        temporary.write_bytes(text.encode("utf-8"))
+
+
+def _edit(node: Any, place: Path, number: str, text: str) -> tuple[int, int, str]:
+    """From where to where the text changes, and what is written there."""
+    for i, key in enumerate(place):
+        below = _below(node, key)
+        if below is None:
+            return _added(node, [str(key) for key in place[i:]], number)
+        node = below
+    if isinstance(node.value, list):
+        node = _below(node, "value")
+    start, end = node.start_mark.index, node.end_mark.index
+    try:
+        float(text[start:end])
+    except ValueError:
+        where = ".".join(map(str, place))
+        raise StateError(
+            f"{where} in line {node.start_mark.line + 1} is written as {text[start:end]!r:.40}, "
+            "which other numbers share; write the number out"
+        ) from None
+    return start, end, number
+
+
+def _below(node: Any, key: str | int) -> Any | None:
+    if isinstance(key, int):
+        return node.value[key]
+    return next((value for name, value in node.value if name.value == key), None)
+
+
+def _added(node: Any, keys: list[str], number: str) -> tuple[int, int, str]:
+    """A key that a mapping lacks, before its second key or its only one."""
+    new = f"{keys[0]}: {number}" if len(keys) == 1 else f"{keys[0]}: {{{keys[1]}: {number}}}"
+    if not node.value:
+        return node.start_mark.index + 1, node.start_mark.index + 1, new
+    mark = node.value[min(1, len(node.value) - 1)][0].start_mark
+    gap = ", " if node.flow_style else "\n" + " " * node.value[0][0].start_mark.column
+    return mark.index, mark.index, new + gap
+
+
+def missing_files(data: Any, folder: FilePath) -> tuple[str, ...]:
+    """Files that a puppet names and that a folder does not have."""
+    found, stack = [], [data]
+    while stack:
+        here = stack.pop()
+        if isinstance(here, dict):
+            if (name := word(here, "file")) is not None and not (folder / name).is_file():
+                found.append(name)
+            stack += here.values()
+        elif isinstance(here, list):
+            stack += here
+    return tuple(sorted(set(found)))

@@ -10,18 +10,22 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, check_positive
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.identification.channels import Channels, Marker
-from fantoccini.identification.marking import Mark
+from fantoccini.identification.fit import MARGIN
+from fantoccini.identification.marking import Mark, missing_files
 from fantoccini.marionette import Marionette, refuse_contact
 from fantoccini.motion import Input, State
+from fantoccini.puppet.located import read_file
 
 _LEAST_SAMPLES = 8
 _POSITION = 0.01
 """Size of an unknown place or length error, for what counts as found [m or rad]."""
 _TIME = 0.01
 """Likewise of a delay [s]."""
+_HELD = 0.5
+"""Share of the samples that may lie beyond the inputs, which are held there."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,23 @@ class Unknown:
     label: str | None = None
     positive: bool = True
 
+    def __post_init__(self) -> None:
+        if self.about is not None and not np.isfinite(self.about):
+            raise ValueError(f"about of {self.name} is {self.about!r}; it must be a finite number")
+        if self.known is not None:
+            check_positive(**{f"known of {self.name}": self.known})
+
+
+def check_span(t: Array, inputs: Input, share: float) -> None:
+    """Refuses samples, at times by the inputs' clock, of which more than a share lie beyond it."""
+    beyond = (t < inputs.start - MARGIN) | (t > inputs.end + MARGIN)
+    if np.mean(beyond) > share:
+        raise StateError(
+            f"the samples, less the delay, go from {t[0]:.6g} s to {t[-1]:.6g} s, the inputs from "
+            f"{inputs.start:.6g} s to {inputs.end:.6g} s; samples may lie at most {MARGIN:.2g} s "
+            "beyond. Correct the clock, leave samples out, or add to the inputs where they stay"
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Record:
@@ -59,7 +80,7 @@ class Record:
             string was tied, where a winch was zeroed.
         find_delay: whether the delay is looked for.
         delay: of the record: its clock shows t + delay when the inputs' shows t [s]. Where the
-            search begins, if it is looked for.
+            search begins, if it is looked for; it ends within 0.25 s of that.
         noise: standard deviations by marker or column; estimated where not given.
         start: values of the pose that the puppet hangs in when the record begins, for ``rest``.
         name: of the record.
@@ -92,10 +113,12 @@ class Record:
             )
         t = np.asarray(self.t, dtype=float)
         object.__setattr__(self, "t", t)
-        if len(t) < _LEAST_SAMPLES or not np.all(np.diff(t) > 0.0):
-            raise StateError(
-                f"found {len(t)} samples; a record has at least {_LEAST_SAMPLES}, with rising times"
-            )
+        if t.ndim != 1 or len(t) < _LEAST_SAMPLES:
+            raise StateError(f"found {t.size} samples; a record has at least {_LEAST_SAMPLES}")
+        if not np.all(np.isfinite(t)) or not np.all(np.diff(t) > 0.0):
+            raise StateError("the times of the samples must be finite and rise")
+        if not np.isfinite(self.delay):
+            raise ValueError(f"delay is {self.delay!r}; it must be a finite number")
         for one in self.unknowns:
             if one.name not in model.parameter_index:
                 raise UnknownNameError("parameter", one.name, tuple(model.parameter_index))
@@ -103,10 +126,13 @@ class Record:
         for name in self.offsets:
             if name not in scalars:
                 raise UnknownNameError("scalar driven coordinate", name, scalars)
+        known = (*self.channels.groups, *self.channels.names)
         for name in self.noise:
-            if name not in self.channels.groups:
-                raise UnknownNameError("marker or column", name, self.channels.groups)
+            if name not in known:
+                raise UnknownNameError("marker or column", name, known)
+        check_positive(**{f"noise of {name}": level for name, level in self.noise.items()})
         names = [one.name for one in self.unknowns]
+        names += self.offsets
         if twice := sorted({name for name in names if names.count(name) > 1}):
             raise StateError(f"{twice[0]} is looked for twice; leave one out")
         if not self.labels:
@@ -114,7 +140,11 @@ class Record:
                 "nothing is looked for; name what is unknown: parameters, offsets, markers with "
                 "`find`, or the delay"
             )
-        _ = self.values
+        self._check_times()
+
+    def _check_times(self) -> None:
+        there = self.t[np.any(np.isfinite(self.values), axis=1)]
+        check_span(there - self.delay, self.inputs, _HELD)
 
     @cached_property
     def unknowns(self) -> tuple[Unknown, ...]:
@@ -144,6 +174,9 @@ class Record:
                 )
             rows.append(column)
         found = np.stack(rows, axis=1)
+        if np.any(np.isinf(found)):
+            name = self.channels.names[int(np.argwhere(np.isinf(found))[0, 1])]
+            raise StateError(f"the column {name} has infinite numbers; gaps are NaN")
         if not np.any(np.isfinite(found)):
             raise StateError("the record has no numbers")
         return found
@@ -172,13 +205,38 @@ class Record:
 
     @cached_property
     def scales(self) -> Array:
-        """(P,) sizes against which errors are small or large."""
+        """(P,) sizes against which errors are small or large, at first."""
+        return self.sizes(self.begin)
+
+    def sizes(self, values: Array) -> Array:
+        """(P,) likewise at values (P,): those of positive numbers, or where the search began.
+
+        The larger one counts, since a number that is found to be 0 was told.
+        """
+        larger = np.maximum(np.abs(self.begin), np.abs(values))
         sizes = [
-            abs(value) if one.positive and value else _POSITION
-            for one, value in zip(self.unknowns, self.begin, strict=False)
+            value if one.positive and value else _POSITION
+            for one, value in zip(self.unknowns, larger, strict=False)
         ]
         rest = len(self.labels) - len(sizes) - int(self.find_delay)
         return np.array([*sizes, *([_POSITION] * rest), *([_TIME] if self.find_delay else [])])
+
+    def check_folder(self, folder: Path) -> None:
+        """Refuses a folder for the puppet's file that lacks a file, such as a mesh, it names."""
+        if self.puppet_file is None:
+            return
+        if missing := missing_files(read_file(self.puppet_file).data, folder):
+            raise StateError(
+                f"the puppet names {', '.join(missing)}, which {folder} does not have; write its "
+                f"file beside {self.puppet_file}, or copy them"
+            )
+
+    @property
+    def still(self) -> tuple[str, ...]:
+        """Scalar driven coordinates that the inputs do not move."""
+        table = self.marionette.coordinates
+        q_K = self.inputs.evaluate(np.linspace(self.inputs.start, self.inputs.end, 200))[0]
+        return tuple(table.q_K[q] for q, _ in table.scalars_K if np.ptp(q_K[:, q]) == 0.0)
 
     @cached_property
     def guessed(self) -> Marionette:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,8 +16,8 @@ from fantoccini.arrays import Array
 from fantoccini.errors import FileError, Mistake, StateError, nearest
 from fantoccini.identification.channels import Marker
 from fantoccini.identification.marking import Mark, find, marked
-from fantoccini.identification.record import Record, Unknown
-from fantoccini.identification.schema import ColumnFile, RecordFile
+from fantoccini.identification.record import Record, Unknown, check_span
+from fantoccini.identification.schema import ColumnFile, DelayFile, RecordFile
 from fantoccini.marionette import Marionette, link_index
 from fantoccini.motion import Input
 from fantoccini.puppet.located import Located, read_file, shown, validate
@@ -26,6 +26,7 @@ from fantoccini.puppet.refusals import Refusals
 _MAX_BYTES = 256_000_000
 _TIMES = ("time", "t")
 _UNITS = {"deg": np.pi / 180.0, "mm": 1e-3}
+_KINDS = {"deg": "rad", "rad": "rad", "mm": "m", "m": "m", "N": "N"}
 
 
 def load_record(
@@ -48,8 +49,14 @@ def load_record(
     unknown = []
     for label, given in file.unknown.items():
         spot = ("unknown", label)
-        mark = check(spot, lambda label=label: find(puppet.data, label))
+        taken = [one.parameter for one in marks]
+        mark = check(spot, lambda label=label, taken=taken: find(puppet.data, label, taken))
         if mark is None:
+            continue
+        same = next((one for one in marks if set(one.places) & set(mark.places)), None)
+        if same is not None:
+            text = f"the same number as {same.label}; leave one out"
+            check(spot, lambda text=text: _refuse(text))
             continue
         about = given.about if given is not None else None
         value = mark.value if about is None else about
@@ -68,24 +75,45 @@ def load_record(
         if name not in scalars:
             text = f"{shown(name)} is no scalar driven coordinate{nearest(name, scalars)}"
             check(("offsets", i), lambda text=text: _refuse(text))
-    columns = check.need(("samples",), lambda: _samples(file.samples, located))
-    time = next((name for name in _TIMES if name in columns), None)
-    if time is None:
-        found = ", ".join(columns)
-        check(("samples",), lambda: _refuse(f"no column is called time; found: {found}"))
-        check.refuse()
-    assert time is not None
-    t = columns.pop(time)
-    inputs = check.need(("inputs",), lambda: _inputs(file, located, made, t, columns))
+        elif name in file.offsets[:i]:
+            check(("offsets", i), lambda name=name: _refuse(f"{name} is looked for twice"))
+    for name, pose in file.start.items():
+        check(("start", name), lambda name=name, pose=pose: made.state({name: pose}))
+    t, cells = check.need(("samples",), lambda: _samples(file.samples, located))
+    columns = _named(file, made, cells, check)
+    find_delay = file.delay == "find" or isinstance(file.delay, DelayFile)
+    delay = file.delay.about if isinstance(file.delay, DelayFile) else file.delay
+    delay = 0.0 if delay == "find" else float(delay)
+    played = ("samples",) if file.inputs is None else ("inputs",)
+    inputs = check.need(played, lambda: _inputs(file, located, made, t - delay, t, columns))
     values = _measured(file, made, columns, check)
-    check.refuse()
     markers = [Marker(name, one.body, one.at, one.find) for name, one in file.markers.items()]
+    noise = _noise(file, values, check)
+    check.refuse()
+    if values:
+        seen = t[np.any(np.isfinite(list(values.values())), axis=0)]
+        if len(seen):
+            check(played, lambda: check_span(seen - delay, inputs, 0.0))
+            check.refuse()
     record = check.need((), lambda: Record(
-        made, inputs, t, values, markers, unknown, file.offsets, file.delay == "find",
-        0.0 if file.delay == "find" else float(file.delay), file.noise, file.start, file.record,
+        made, inputs, t, values, markers, unknown, file.offsets, find_delay, delay, noise,
+        file.start, file.record,
     ))  # fmt: skip
     source = Path(puppet.folder) / Path(puppet.file).name
     return replace(record, marks=tuple(marks), puppet_file=source)
+
+
+def record_files(path: str | os.PathLike[str]) -> tuple[Path, ...]:
+    """The record file itself, and the files beside it that it names.
+
+    Raises:
+        FileError: the file cannot be read.
+    """
+    located = read_file(path)
+    file = validate(RecordFile, located)
+    names = [file.puppet, file.samples, *([] if file.inputs is None else [file.inputs])]
+    beside = [located.beside(name) for name in names]
+    return (Path(path), *(one for one in beside if one is not None))
 
 
 def _refuse(text: str) -> None:
@@ -104,8 +132,8 @@ def _puppet_file(name: str, located: Located) -> Located:
     raise located.error([(("puppet",), message)], FileError)
 
 
-def _samples(name: str, located: Located) -> dict[str, Array]:
-    """The columns of a CSV file; empty cells are NaN."""
+def _samples(name: str, located: Located) -> tuple[Array, dict[str, Array]]:
+    """The times and the other columns of a CSV file; empty cells are NaN."""
     path = located.beside(name)
     if path is None:
         raise StateError(f"found {shown(name)}: no file in this one's folder")
@@ -117,6 +145,7 @@ def _samples(name: str, located: Located) -> dict[str, Array]:
         raise StateError(f"{name} is not UTF-8") from None
     reader = csv.reader(io.StringIO(text, newline=""))
     header: list[str] = []
+    clock, last = 0, -np.inf
     rows: list[list[float]] = []
     mistakes: list[Mistake] = []
     for cells in reader:
@@ -127,6 +156,11 @@ def _samples(name: str, located: Located) -> dict[str, Array]:
             if twice := sorted({one for one in header if header.count(one) > 1}):
                 text = f"two columns are called {shown(twice[0])}"
                 raise FileError([Mistake(name, reader.line_num, "", text)])
+            time = next((one for one in _TIMES if one in header), None)
+            if time is None:
+                text = f"no column is called time; found: {', '.join(header)}"
+                raise FileError([Mistake(name, reader.line_num, "", text)])
+            clock = header.index(time)
             continue
         if len(cells) != len(header):
             text = f"found {len(cells)} columns; the header has {len(header)}"
@@ -137,12 +171,21 @@ def _samples(name: str, located: Located) -> dict[str, Array]:
             if number is None:
                 text = f"found {shown(cell)}; needed: a number, or nothing in a gap"
                 mistakes.append(Mistake(name, reader.line_num, column, text))
+        now = row[clock]
+        if now is not None:
+            if not now > last:
+                text = f"found {shown(cells[clock])} after {last:g}; times must rise"
+                text = text if cells[clock].strip() else "found no time"
+                mistakes.append(Mistake(name, reader.line_num, header[clock], text))
+            else:
+                last = now
         rows.append([np.nan if number is None else number for number in row])
     if mistakes:
         raise FileError(mistakes[:20])
     if not rows:
         raise StateError(f"{name} has no samples")
-    return dict(zip(header, np.array(rows).T, strict=True))
+    columns = dict(zip(header, np.array(rows).T, strict=True))
+    return columns.pop(header[clock]), columns
 
 
 def _cell(text: str) -> float | None:
@@ -156,14 +199,93 @@ def _cell(text: str) -> float | None:
     return number if abs(number) < 1e9 or np.isnan(number) else None
 
 
+def _named(
+    file: RecordFile, marionette: Marionette, columns: dict[str, Array], check: Refusals
+) -> dict[str, Array]:
+    """The columns under the names of what they are, in SI units."""
+    table, out = marionette.coordinates, {}
+    axes = {f"{name}.{axis}" for name in file.markers for axis in "xyz"}
+    scalars = [*(table.q_D[q] for q, _ in table.scalars_D), *_driven(marionette)]
+    strings = [f"{one.name}.tension" for one in marionette.tree.strings]
+    kinds = {row.name: row.unit for row in table.rows} | dict.fromkeys(axes, "m")
+    kinds |= dict.fromkeys(strings, "N")
+    for name, given in file.columns.items():
+        spot = ("columns", name)
+        if name not in columns:
+            text = f"no column is called so{nearest(name, tuple(columns))}"
+            check(spot, lambda text=text: _refuse(text))
+            continue
+        if given.coordinate is not None and given.coordinate not in scalars:
+            text = f"found no scalar coordinate {shown(given.coordinate)}"
+            text += nearest(given.coordinate, scalars)
+            check((*spot, "coordinate"), lambda text=text: _refuse(text))
+        own = _own(name, given)
+        if given.tension is not None and own not in strings:
+            text = f"found no string {shown(given.tension)}"
+            text += nearest(own, strings).replace(".tension", "")
+            check((*spot, "tension"), lambda text=text: _refuse(text))
+        kind = _KINDS.get(given.unit or "", "")
+        if kind and kinds.get(own, kind) != kind:
+            text = f"found {given.unit}; {own} is in {kinds[own]}"
+            check((*spot, "unit"), lambda text=text: _refuse(text))
+    for name, values in columns.items():
+        one = file.columns.get(name)
+        own = _own(name, one)
+        if own in out:
+            first = next(other for other in columns if _own(other, file.columns.get(other)) == own)
+            key = name if one is not None else first
+            text = f"the columns {first} and {name} are both {own}; leave one out"
+            check(("columns", key), lambda text=text: _refuse(text))
+        unit = one.unit if one is not None else None
+        out[own] = _UNITS.get(unit or (file.unit if own in axes else ""), 1.0) * values
+    return out
+
+
+def _own(name: str, given: ColumnFile | None) -> str:
+    """The name of what a column is."""
+    if given is None:
+        return name
+    return given.coordinate or (name if given.tension is None else f"{given.tension}.tension")
+
+
+def _driven(marionette: Marionette) -> list[str]:
+    table = marionette.coordinates
+    return [*table.q_K, *table.commands]
+
+
+def _noise(
+    file: RecordFile, values: Mapping[str, Array], check: Refusals
+) -> dict[str, float]:
+    """Noise levels under the names of what the columns are."""
+    out = {}
+    known = [*file.markers, *values, *file.columns]
+    for name, level in file.noise.items():
+        own = name if name in file.markers else _own(name, file.columns.get(name))
+        if own not in file.markers and own not in values:
+            text = f"{shown(name)} is no marker or column{nearest(name, known)}"
+            check(("noise", name), lambda text=text: _refuse(text))
+        out[own] = level
+    return out
+
+
 def _inputs(
-    file: RecordFile, located: Located, marionette: Marionette, t: Array, columns: dict[str, Array]
-) -> Input:
-    """The inputs that were played; their columns are taken out."""
+    file: RecordFile, located: Located, marionette: Marionette, clock: Array, t: Array,
+    columns: dict[str, Array],
+) -> Input:  # fmt: skip
+    """The inputs that were played; their columns are taken out.
+
+    Args:
+        file: the record.
+        located: it.
+        marionette: the puppet.
+        clock: (N,) times of the samples by the inputs' clock [s].
+        t: (N,) of what was commanded [s].
+        columns: of the samples.
+    """
     table = marionette.coordinates
     whole = {f"{name[: -len('rotation')]}{part}" for name in table.rotations
              for part in ("qw", "qx", "qy", "qz")}  # fmt: skip
-    known = {*table.q_K, *table.commands, *whole}
+    known = {*_driven(marionette), *whole}
     given = {name: columns.pop(name) for name in sorted(known & set(columns))}
     if file.inputs is not None:
         path = located.beside(file.inputs)
@@ -171,7 +293,7 @@ def _inputs(
             raise StateError(f"found {shown(file.inputs)}: no file in this one's folder")
         return Input.load(marionette, path)
     if not given:
-        return Input.hold(marionette, float(t[-1] - t[0])).shifted(float(t[0]))
+        return Input.hold(marionette, float(clock[-1] - clock[0])).shifted(float(clock[0]))
     there = np.all([np.isfinite(x) for x in given.values()], axis=0)
     return Input.samples(marionette, t[there], {name: x[there] for name, x in given.items()})
 
@@ -179,7 +301,7 @@ def _inputs(
 def _measured(
     file: RecordFile, marionette: Marionette, columns: dict[str, Array], check: Refusals
 ) -> dict[str, Array]:
-    """The measured columns under their names, in SI units."""
+    """The measured columns."""
     table, out = marionette.coordinates, {}
     axes = {f"{name}.{axis}" for name in file.markers for axis in "xyz"}
     scalars = {table.q_D[q] for q, _ in table.scalars_D}
@@ -189,18 +311,8 @@ def _measured(
             check(("markers", name), lambda name=name: _refuse(
                 f"the samples have none of the columns {name}.x, {name}.y and {name}.z"
             ))  # fmt: skip
-    for name in file.columns:
-        if name not in columns:
-            hint = nearest(name, tuple(columns))
-            check(("columns", name), lambda hint=hint: _refuse(f"no column is called so{hint}"))
     for name, values in columns.items():
-        given: ColumnFile | None = file.columns.get(name)
-        if given is not None:
-            own = given.coordinate or f"{given.tension}.tension"
-            out[own] = _UNITS.get(given.unit or "", 1.0) * values
-        elif name in axes:
-            out[name] = _UNITS.get(file.unit, 1.0) * values
-        elif name in scalars or name in strings:
+        if name in axes or name in scalars or name in strings:
             out[name] = values
         else:
             known = (*axes, *scalars, *strings)

@@ -10,7 +10,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError, UnknownNameError
-from fantoccini.identification.fit import Fit
+from fantoccini.identification.fit import REACH, Fit
 from fantoccini.identification.marking import write_numbers
 from fantoccini.identification.point import Weights
 from fantoccini.identification.record import Record
@@ -26,7 +26,7 @@ _SHARE = 0.05
 """Part of a combination below which a number is left out of its words."""
 _SURE = 1.959964
 """Standard deviations of a 95 % interval."""
-OUTLIER = 4.0
+LISTED = 4.0
 """Residual, over the noise, of a sample that is listed as an outlier."""
 
 
@@ -109,8 +109,17 @@ class Identified:
 
     @property
     def converged(self) -> bool:
-        """Whether the search came to its end: one more step would move no number far."""
-        return self.left < _LEFT
+        """Whether the search came to its end: one more step would move no number far.
+
+        A delay at the end of its range may lie beyond it.
+        """
+        return self.left < _LEFT and not self.at_bound
+
+    @property
+    def at_bound(self) -> bool:
+        """Whether the delay came to the end of its range, 0.25 s from where the search began."""
+        far = abs(self.values[-1] - self.record.delay) if self.record.find_delay else 0.0
+        return bool(far > 0.999 * REACH)
 
     @classmethod
     def of(
@@ -118,19 +127,21 @@ class Identified:
     ) -> Identified:  # fmt: skip
         """From the end of a search."""
         F = found.normal.information()
-        deviations, correlation, combinations = told(F, record.scales, record.labels)
+        deviations, correlation, combinations = told(
+            F, record.sizes(found.at.theta), record.labels
+        )
         residuals = fit.y - found.predicted.y
         r = residuals / weights.noise
         listed = [
             Outlier(float(fit.t[i]), record.channels.names[j], float(r[i, j]))
-            for i, j in np.argwhere(np.abs(r) > OUTLIER)
+            for i, j in np.argwhere(np.abs(r) > LISTED)
         ]
         lost = () if fit.trusted is None else tuple(fit.starts[~fit.trusted].tolist())
         gaps = fit.gaps(found.at, found.predicted, weights)
         return cls(
             record, record.labels, found.at.theta.copy(), deviations, correlation, F, combinations,
             dict(zip(record.channels.names, weights.noise.tolist(), strict=True)),
-            float(np.nanmean(np.minimum(np.abs(r), OUTLIER) ** 2)),
+            float(np.nanmean(np.minimum(np.abs(r), LISTED) ** 2)),
             float(np.sqrt(np.median(gaps**2))) if len(gaps) else 0.0,
             tuple(listed), lost, fit.t, residuals, _left(found, deviations), seconds,
         )  # fmt: skip
@@ -174,7 +185,8 @@ class Identified:
         markers and the delay are no part of a puppet's file.
 
         Raises:
-            StateError: the record was not read from a file.
+            StateError: the record was not read from a file, or the folder lacks a file that the
+                puppet names.
             FileNotFoundError: the folder does not exist.
         """
         source = self.record.puppet_file
@@ -186,13 +198,16 @@ class Identified:
             for mark, x, d in zip(self.record.marks, self.values, self.deviations, strict=False)
             if np.isfinite(d)
         }
-        write_numbers(source.read_text(encoding="utf-8"), numbers, path)
+        self.record.check_folder(Path(path).parent)
+        write_numbers(source.read_bytes().decode("utf-8-sig"), numbers, path)
 
     def rms(self) -> dict[str, float]:
-        """Column -> root mean square of the residuals."""
-        with np.errstate(invalid="ignore"):
-            found = np.sqrt(np.nanmean(self.residuals**2, axis=0))
-        return dict(zip(self.record.channels.names, found.tolist(), strict=True))
+        """Column -> root mean square of the residuals; columns without samples are left out."""
+        return {
+            name: float(np.sqrt(np.nanmean(r**2)))
+            for name, r in zip(self.record.channels.names, self.residuals.T, strict=True)
+            if np.any(np.isfinite(r))
+        }
 
     def summary(self) -> str:
         """What was found, in a few lines."""
@@ -205,6 +220,8 @@ class Identified:
             f"chi2 {self.chi2:.3g}, {len(self.outliers)} outliers, {self.seconds:.1f} s"
             + ("" if self.converged else "; the search was cut short")
         )
+        if self.at_bound:
+            lines.append(f"the delay is {REACH:g} s from where it began, the most; begin nearer")
         return "\n".join(lines)
 
 

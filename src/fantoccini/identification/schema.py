@@ -23,10 +23,10 @@ class MarkerFile(Model):
 
 
 class ColumnFile(Model):
-    """What a column is that has another name or unit: one of `coordinate` and `tension`."""
+    """What a column is that has another name or unit: `coordinate` or `tension`, `unit`."""
 
     coordinate: str | None = None
-    """A scalar dynamic coordinate."""
+    """A scalar coordinate; driven ones are what was commanded."""
     tension: Name | None = None
     """A string."""
     unit: Literal["rad", "deg", "m", "mm", "N"] | None = None
@@ -34,9 +34,18 @@ class ColumnFile(Model):
 
     @model_validator(mode="after")
     def _is_one(self) -> ColumnFile:
-        if (self.coordinate is None) == (self.tension is None):
-            raise mistake("needed: one of `coordinate` and `tension`")
+        if self.coordinate is not None and self.tension is not None:
+            raise mistake("found `coordinate` and `tension`; needed: one of them")
+        if self.coordinate is None and self.tension is None and self.unit is None:
+            raise mistake("needed: `coordinate` or `tension`, or a `unit`")
         return self
+
+
+class DelayFile(Model):
+    """A delay that is looked for."""
+
+    about: Sized
+    """Where the search begins [s]; it ends within 0.25 s of that."""
 
 
 class UnknownFile(Model):
@@ -73,8 +82,9 @@ class RecordFile(Model):
     `forearm.mass`."""
     offsets: tuple[str, ...] = ()
     """Scalar driven coordinates whose commands are off by an unknown constant."""
-    delay: Sized | Literal["find"] = 0.0
-    """By how much the record's clock shows more than the inputs' [s], or `find`."""
+    delay: Sized | Literal["find"] | DelayFile = 0.0
+    """By how much the record's clock shows more than the inputs' [s]; `find`, or `{about}`, looks
+    for it."""
     noise: dict[str, Annotated[Size, SIZED]] = Field(default_factory=dict)
     """Marker or column -> standard deviation [m, rad or N]; estimated by default."""
     start: dict[str, Value] = Field(default_factory=dict)
