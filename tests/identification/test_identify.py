@@ -27,7 +27,8 @@ def case():
 
 
 def test_an_arm_is_found_within_the_marks(case):
-    """Lengths and places to 1 mm, masses to 2 %, damping to 10 %, the delay to 1 ms."""
+    """Lengths and places to 1.5 mm, masses to 2 %, damping to 10 % (the elbow's 25 %), the delay
+    to 1.5 ms."""
     found = fan.identify(record(case, 20.0, 3, gaps=0.1, outliers=0.01))
     for name, truth in case.truth.items():
         apart = abs(found[name] - truth)
@@ -101,7 +102,8 @@ def _moved(inputs, offset):
 
 
 def test_derivatives_of_the_steps_are_exact(case):
-    """Predictions by all unknowns and by the first states: central differences to 1e-6."""
+    """Predictions by all unknowns and by the first states: central differences to 1e-5 by the
+    unknowns and 1e-4 by the states, of which steps are smaller and rounding is more."""
     one = replace(record(case, 3.0, 2), delay=0.00137)  # samples fall between nodes
     fit = fit_of(one, 0.25, 0.005, 1)
     at = chained(fit, one.start_state(fit.inputs, float(fit.starts[0])))
@@ -155,7 +157,7 @@ def swing(rng, seconds=12.0, noise=0.01):
 def test_a_pendulum_is_found_as_scipy_finds_it():
     """Against least squares over SciPy's runs: estimates within 0.2, errors within 15 %."""
     rng = np.random.default_rng(5)
-    t, angle, (mass, centre, _, inertia) = swing(rng)
+    t, angle, (mass, centre, *_) = swing(rng)
     puppet = fan.loads(PENDULUM).with_parameters({"mass": mass, "centre": centre + 0.02})
     puppet = puppet.with_parameters({"damping": 0.02})
 
@@ -178,7 +180,6 @@ def test_a_pendulum_is_found_as_scipy_finds_it():
     for i, name in enumerate(("centre", "damping")):
         assert abs(found[name] - peer.x[i]) < 0.2 * errors[i], name
         assert abs(found.deviation(name) / errors[i] - 1.0) < 0.15, name
-    assert inertia > 0
 
 
 def test_what_a_pendulum_cannot_tell_apart_is_named():
@@ -325,3 +326,65 @@ def test_a_length_between_joints_is_found():
     found = fan.identify(one)
     assert abs(found["reach"] + 0.46) < 1e-3
     assert abs(found["damping"] / 0.02 - 1.0) < 0.05
+
+
+def free(about, **options):
+    """A record of a pendulum that swings freely, in which the damping is looked for."""
+    t, angle, _ = swing(np.random.default_rng(3), seconds=3.0, noise=0.05)
+    puppet = fan.loads(PENDULUM).with_parameters({"mass": 0.4, "centre": -0.3})
+    return fan.Record(
+        puppet, fan.Input.hold(puppet, float(t[-1])), t, {"pin": angle},
+        unknown=[fan.Unknown("damping", about)], noise={"pin": 0.05}, **options,
+    )  # fmt: skip
+
+
+def test_a_small_first_guess_hides_nothing():
+    """The damping is told to a fifth of itself, from a guess of a thirtieth as from a good one."""
+    far, near = (fan.identify(free(about)) for about in (0.001, 0.03))
+    assert not near.combinations and not far.combinations
+    assert 0.001 < near.deviation("damping") < 0.5 * near["damping"]
+    assert abs(far["damping"] - near["damping"]) < 0.1 * near.deviation("damping")
+    assert abs(near["damping"] - 0.03) < 3.0 * near.deviation("damping")
+
+
+def test_a_delay_is_found_near_where_it_begins_and_its_end_is_told(case):
+    """A clock 1 s ahead, with a first guess; and 0.4 s, of which 0.25 s are within reach."""
+    one = record(case, 5.0, 3)
+    ahead = fan.identify(replace(one, t=one.t + 1.0, delay=1.0))
+    apart = abs(ahead["delay"] - 1.0 - case.truth["delay"])
+    assert apart < 4.0 * ahead.deviation("delay") < 8e-3 and not ahead.at_bound
+    found = fan.identify(replace(one, t=one.t + 0.4))
+    assert found.at_bound and not found.converged
+    assert abs(found["delay"] - 0.25) < 1e-3
+    assert "begin nearer" in found.summary()
+
+
+def test_columns_without_samples_are_left_out(case, recwarn):
+    one = record(case, 3.0, 1)
+    columns = {name: values for name, values in one.columns.items() if name != "wrist.y"}
+    found = fan.identify(replace(one, columns=columns))
+    assert "wrist.y" not in found.rms() and np.all(np.isfinite(list(found.rms().values())))
+    assert not [one for one in recwarn if "empty slice" in str(one.message)]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"noise": {"pin": 0.0}}, "noise of pin is 0.0"),
+        ({"noise": {"pin": -1.0}}, "noise of pin is -1.0"),
+        ({"delay": np.inf}, "delay is inf"),
+        ({"t": np.append(np.arange(149) / 50, np.inf)}, "must be finite"),
+        ({"t": np.arange(150) / 50 + 1.7e9}, r"from 1\.7e\+09 s .* the inputs from 0 s"),
+        ({"columns": {"pin": np.append(np.zeros(149), np.inf)}}, "column pin has infinite"),
+        ({"offsets": ("slide", "slide")}, "slide is looked for twice"),
+    ],
+)
+def test_a_record_checks_its_numbers(change, message):
+    with pytest.raises((ValueError, fan.FantocciniError), match=message):
+        replace(free(0.02), **change)
+
+
+@pytest.mark.parametrize("known", [0.0, -1.0, np.nan])
+def test_what_is_known_beforehand_is_positive(known):
+    with pytest.raises(ValueError, match="known of damping"):
+        fan.Unknown("damping", known=known)

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 import fantoccini as fan
 from fantoccini import puppets
 from fantoccini.cli.app import app
+from fantoccini.cli.identify import print_motions
 from fantoccini.errors import FileError, StateError
 from fantoccini.files import write_table
 from fantoccini.identification import record_schema
@@ -134,9 +135,12 @@ def test_mistakes_have_their_place(folder, old, new, message):
 
 @pytest.mark.parametrize(
     ("time", "message"),
-    [("0.02", r"found '0\.02' after 0\.04; times must rise"), ("", "found no time"),
-     ("0.04", "times must rise")],
-)  # fmt: skip
+    [
+        ("0.02", r"found '0\.02' after 0\.04; times must rise"),
+        ("0.04", r"found '0\.04' after 0\.04; times must rise"),
+        ("", "found no time"),
+    ],
+)
 def test_a_wrong_time_has_its_line(folder, time, message):
     lines = (folder / "swing.csv").read_text(encoding="utf-8").splitlines()
     lines[4] = ",".join([time, *lines[4].split(",")[1:]])
@@ -217,6 +221,14 @@ def test_a_written_puppet_differs_in_its_numbers_alone(tmp_path):
     assert text == expected
 
 
+def test_a_number_that_others_share_is_not_written(tmp_path):
+    text = "bodies:\n- {name: a, mass: &same 0.5}\n- {name: b, mass: *same}\n"
+    mark = find(read_text(text).data, "b.mass")
+    with pytest.raises(StateError, match=r"bodies\.1\.mass in line 2 is .* write the number out"):
+        write_numbers(text, {mark: 1.0}, tmp_path / "out.yaml")
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_written_marionette_keeps_its_layout(tmp_path):
     source = puppets.path("marionette").read_text(encoding="utf-8")
     data = read_text(source).data
@@ -243,7 +255,7 @@ def identify(*options):
         (("--force",), "applies to --out"),
         (("--reach", "0.1"), "applies to --suggest"),
         (("--seed", "1"), "applies to --suggest"),
-        (("--suggest", "{}/new.csv", "--duration", "-1"), "is not in the range"),
+        (("--suggest", "{}/new.csv", "--duration", "-1"), "greater than or equal to 1"),
     ],
 )
 def test_outputs_and_options_are_checked_first(folder, options, message):
@@ -261,6 +273,21 @@ def test_a_folder_without_the_meshes_is_refused(tmp_path):
     (tmp_path / "shapes").mkdir()
     (tmp_path / "shapes" / "hand.obj").touch()
     assert missing_files(mesh, tmp_path) == ()
+
+
+def test_the_next_motion_is_written(folder, tmp_path):
+    suggest = tmp_path / "next.csv"
+    done = identify(folder / "swing.yaml", "--suggest", suggest, "--duration", 2, "--seed", 3)
+    assert done.exit_code == 0, done.output
+    assert "Motions" in done.output and "no motion tells" not in done.output
+    assert "the inputs do not move" not in done.output
+    assert abs(fan.Input.load(arm().puppet, suggest).end - 2.0) < 0.5
+
+
+def test_motions_that_tell_nothing_are_called_so(capsys):
+    still = fan.Input.hold(arm().puppet, 1.0)
+    print_motions((fan.identification.Candidate("still", still, 0.0, {}, (), np.inf),))
+    assert "no motion tells anything" in capsys.readouterr().out
 
 
 def test_a_failed_suggestion_leaves_what_was_found(folder, tmp_path):

@@ -57,14 +57,14 @@ def identify_record(
         found = identify(
             record, threads=threads, progress=lambda stage, cost: steps.step(_doing(stage, cost))
         )
-        if out is not None:
-            with writing(out):
-                found.save_puppet(out)
-        if report is not None:
-            with writing(report):
-                _save_report(found, report)
     if not quiet:
         _print(found)
+    if out is not None:
+        with writing(out):
+            found.save_puppet(out)
+    if report is not None:
+        with writing(report):
+            _save_report(found, report)
     if suggest is not None:
         with Steps(quiet) as steps:
             best = suggest_motion(
@@ -75,7 +75,7 @@ def identify_record(
             with writing(suggest):
                 best[0].save(suggest)
         if not quiet:
-            _print_motions(best)
+            print_motions(best)
     if found.combinations or not found.converged:
         raise typer.Exit(FAILED)
 
@@ -116,7 +116,8 @@ def _print(found: Identified) -> None:
     write(f"chi2 {found.chi2:.3f}, drift {found.drift:.2g}, {found.seconds:.1f} s{ended}")
 
 
-def _print_motions(best: tuple[Candidate, ...]) -> None:
+def print_motions(best: tuple[Candidate, ...]) -> None:
+    """Prints motions, best first, and whether they tell anything."""
     table(
         "Motions",
         ("", "tells [bits]>", "worst deviation>", "untold>"),

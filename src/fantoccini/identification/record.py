@@ -24,6 +24,8 @@ _POSITION = 0.01
 """Size of an unknown place or length error, for what counts as found [m or rad]."""
 _TIME = 0.01
 """Likewise of a delay [s]."""
+_STILL, _INSTANTS = 1e-9, 500
+"""Range below which an input stands still [m or rad], and instants at which it is looked at."""
 _HELD = 0.5
 """Share of the samples that may lie beyond the inputs, which are held there."""
 
@@ -51,6 +53,12 @@ class Unknown:
             raise ValueError(f"about of {self.name} is {self.about!r}; it must be a finite number")
         if self.known is not None:
             check_positive(**{f"known of {self.name}": self.known})
+
+
+def driven_scalars(marionette: Marionette) -> list[str]:
+    """Names of the scalar driven coordinates."""
+    table = marionette.coordinates
+    return [table.v_K[v] for _, v in table.scalars_K]
 
 
 def check_span(t: Array, inputs: Input, share: float) -> None:
@@ -122,7 +130,7 @@ class Record:
         for one in self.unknowns:
             if one.name not in model.parameter_index:
                 raise UnknownNameError("parameter", one.name, tuple(model.parameter_index))
-        scalars = [model.coordinates.v_K[v] for _, v in model.coordinates.scalars_K]
+        scalars = driven_scalars(self.marionette)
         for name in self.offsets:
             if name not in scalars:
                 raise UnknownNameError("scalar driven coordinate", name, scalars)
@@ -234,9 +242,9 @@ class Record:
     @property
     def still(self) -> tuple[str, ...]:
         """Scalar driven coordinates that the inputs do not move."""
-        table = self.marionette.coordinates
-        q_K = self.inputs.evaluate(np.linspace(self.inputs.start, self.inputs.end, 200))[0]
-        return tuple(table.q_K[q] for q, _ in table.scalars_K if np.ptp(q_K[:, q]) == 0.0)
+        table, n = self.marionette.coordinates, _INSTANTS
+        q_K = self.inputs.evaluate(np.linspace(self.inputs.start, self.inputs.end, n))[0]
+        return tuple(table.q_K[q] for q, _ in table.scalars_K if np.ptp(q_K[:, q]) < _STILL)
 
     @cached_property
     def guessed(self) -> Marionette:

@@ -16,7 +16,7 @@ from fantoccini.arrays import Array
 from fantoccini.errors import FileError, Mistake, StateError, nearest
 from fantoccini.identification.channels import Marker
 from fantoccini.identification.marking import Mark, find, marked
-from fantoccini.identification.record import Record, Unknown, check_span
+from fantoccini.identification.record import Record, Unknown, check_span, driven_scalars
 from fantoccini.identification.schema import ColumnFile, DelayFile, RecordFile
 from fantoccini.marionette import Marionette, link_index
 from fantoccini.motion import Input
@@ -70,7 +70,7 @@ def load_record(
     made = check.need(("puppet",), lambda: Marionette(marked(puppet, marks), progress))
     for name, one in file.markers.items():
         check(("markers", name, "body"), lambda one=one: link_index(made.model, one.body))
-    scalars = [made.coordinates.v_K[v] for _, v in made.coordinates.scalars_K]
+    scalars = driven_scalars(made)
     for i, name in enumerate(file.offsets):
         if name not in scalars:
             text = f"{shown(name)} is no scalar driven coordinate{nearest(name, scalars)}"

@@ -179,7 +179,7 @@ class Identified:
         })  # fmt: skip
 
     def save_puppet(self, path: str | Path) -> None:
-        """Writes the puppet's file with the numbers found; comments and layout stay.
+        """Writes the puppet's file with the numbers found; the rest of its text stays.
 
         Numbers that are not told are left as they were. Offsets of driven coordinates, places of
         markers and the delay are no part of a puppet's file.
