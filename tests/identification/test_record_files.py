@@ -160,6 +160,16 @@ def test_samples_beyond_the_inputs_are_refused(folder):
         fan.load_record(folder / "cut.yaml")
 
 
+def test_coordinates_that_nothing_moves_are_known(folder):
+    text = "record: hung\npuppet: arm.yaml\nsamples: hung.csv\nunknown: {tie: }\ndelay: -2.0\n"
+    (folder / "hung.yaml").write_text(text, encoding="utf-8")
+    rows = "\n".join(f"{0.1 * i:.1f},{0.01 * i:.2f}" for i in range(20))
+    (folder / "hung.csv").write_text(f"time,elbow\n{rows}\n", encoding="utf-8")
+    one = fan.load_record(folder / "hung.yaml")
+    assert set(one.still) == {"hand.x", "hand.y", "hand.length"}
+    assert fan.load_record(folder / "swing.yaml").still == ()
+
+
 def test_a_place_never_takes_the_name_of_a_parameter(folder):
     text = PLAIN.replace("mass: 0.1\n", "mass: {parameter: upper_mass, value: 0.1}\n")
     assert text != PLAIN
@@ -211,12 +221,12 @@ bodies:
 def test_a_written_puppet_differs_in_its_numbers_alone(tmp_path):
     data = read_text(BARE).data
     found = {"a.mass": 0.25, "a.com.z": -0.2, "m": 0.125, "j.damping": 0.01,
-             "b.drag.linear": 0.5, "c.mass": 1.0}  # fmt: skip
+             "b.drag.linear": 0.5, "b.drag.angular": 1e-5, "c.mass": 1.0}  # fmt: skip
     write_numbers(BARE, {find(data, k): x for k, x in found.items()}, tmp_path / "out.yaml")
     text = (tmp_path / "out.yaml").read_text(encoding="utf-8")
     expected = BARE.replace("0.5,", "0.25,").replace("-0.1]", "-0.2]").replace("3e-1", "0.125")
     expected = expected.replace("name: j, ", "name: j, damping: 0.01, ")
-    expected = expected.replace("   joint:", "   drag: {linear: 0.5}\n   joint:")
+    expected = expected.replace("   joint:", "   drag: {linear: 0.5, angular: 1e-05}\n   joint:")
     expected = expected.replace("-    name: c", "-    mass: 1\n     name: c")
     assert text == expected
 

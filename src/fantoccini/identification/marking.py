@@ -195,23 +195,23 @@ def write_numbers(text: str, numbers: Mapping[Mark, float], path: str | FilePath
     from ruamel.yaml import YAML
 
     top = YAML(typ="safe", pure=True).compose(text)
-    edits = [
-        _edit(top, place, f"{value:.7g}", text)
-        for mark, value in numbers.items()
-        for place in mark.places
-    ]
-    for start, end, new in sorted(edits, reverse=True):
-        text = text[:start] + new + text[end:]
+    new = {place: f"{x:.7g}" for mark, x in numbers.items() for place in mark.places}
+    edits = {_edit(top, place, new, text) for place in new}
+    for start, end, written in sorted(edits, reverse=True):
+        text = text[:start] + written + text[end:]
     with replacing(path) as temporary:
         temporary.write_bytes(text.encode("utf-8"))
 
 
-def _edit(node: Any, place: Path, number: str, text: str) -> tuple[int, int, str]:
+def _edit(node: Any, place: Path, new: Mapping[Path, str], text: str) -> tuple[int, int, str]:
     """From where to where the text changes, and what is written there."""
     for i, key in enumerate(place):
         below = _below(node, key)
         if below is None:
-            return _added(node, [str(key) for key in place[i:]], number)
+            beside = {other: x for other, x in new.items() if other[:-1] == place[:-1]}
+            within = ", ".join(f"{other[-1]}: {x}" for other, x in beside.items())
+            last = i == len(place) - 1
+            return _added(node, f"{key}: {new[place]}" if last else f"{key}: {{{within}}}")
         node = below
     if isinstance(node.value, list):
         node = _below(node, "value")
@@ -224,7 +224,7 @@ def _edit(node: Any, place: Path, number: str, text: str) -> tuple[int, int, str
             f"{where} in line {node.start_mark.line + 1} is written as {text[start:end]!r:.40}, "
             "which other numbers share; write the number out"
         ) from None
-    return start, end, number
+    return start, end, new[place]
 
 
 def _below(node: Any, key: str | int) -> Any | None:
@@ -233,14 +233,13 @@ def _below(node: Any, key: str | int) -> Any | None:
     return next((value for name, value in node.value if name.value == key), None)
 
 
-def _added(node: Any, keys: list[str], number: str) -> tuple[int, int, str]:
+def _added(node: Any, entry: str) -> tuple[int, int, str]:
     """A key that a mapping lacks, before its second key or its only one."""
-    new = f"{keys[0]}: {number}" if len(keys) == 1 else f"{keys[0]}: {{{keys[1]}: {number}}}"
     if not node.value:
-        return node.start_mark.index + 1, node.start_mark.index + 1, new
+        return node.start_mark.index + 1, node.start_mark.index + 1, entry
     mark = node.value[min(1, len(node.value) - 1)][0].start_mark
     gap = ", " if node.flow_style else "\n" + " " * node.value[0][0].start_mark.column
-    return mark.index, mark.index, new + gap
+    return mark.index, mark.index, entry + gap
 
 
 def missing_files(data: Any, folder: FilePath) -> tuple[str, ...]:

@@ -94,6 +94,13 @@ class Record:
         name: of the record.
         marks: numbers of ``puppet_file`` that are looked for, as of :class:`Mark`.
         puppet_file: the puppet's file, for writing it with other numbers.
+
+    Raises:
+        UnknownNameError: of a parameter, coordinate, marker or column.
+        StateError: the puppet has contact or slipping winches, more than half of the samples lie
+            beyond the inputs, times do not rise, a column has another length or infinite numbers,
+            something is looked for twice, or nothing is.
+        ValueError: a delay that is not finite, or a noise level that is not above 0.
     """
 
     marionette: Marionette
