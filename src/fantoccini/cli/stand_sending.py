@@ -32,7 +32,8 @@ from fantoccini.stand import (
     stream,
     udp_sender,
 )
-from fantoccini.stand.controllers import Grbl
+from fantoccini.stand.controllers import ArtNet, Grbl
+from fantoccini.stand.sending import check_first
 from fantoccini.stand.streaming import STOPPED, Progress
 
 
@@ -82,17 +83,25 @@ def send_packets(points: SetPoints, request: StandStreamRequest) -> None:
     ):  # fmt: skip
         if given is not None:
             fail(f"applies to G-code, and the controller is {controller.type}", option)
+    host, port = address_of(request.to, "--to") or (controller.host, controller.port)
+    if port == 0:
+        fail(f"found port 0 in {request.to!r}; needed: 1 to 65535", "--to")
+    first, motion = request.from_time or 0.0, points.whole()
+    check_first(first, float(motion.t[-1]))
     if request.dry_run:
-        packets, motion = packets_of(points.map.stand, controller, points.rate), points.whole()
+        packets = packets_of(points.map.stand, controller, points.rate)
         for t, position in zip(motion.t, motion.position, strict=True):
-            if t >= (request.from_time or 0.0):
+            if t >= first:
                 write(f"{t:.4f} {packets.told(position)}")
         return
-    host, port = address_of(request.to, "--to") or (controller.host, controller.port)
+    if first and not request.quiet:
+        say(f"the first packet sends the axes to where they are at t = {first:g} s, at once; they "
+            "must stand there")
+    broadcast = isinstance(controller, ArtNet) and controller.broadcast
     progress = Sending()
     try:
-        with _holding() as hold, udp_sender(host, port) as send:
-            send_points(points, send, first=request.from_time or 0.0, hold=hold, progress=progress,
+        with _holding() as hold, udp_sender(host, port, broadcast) as send:
+            send_points(points, send, first=first, hold=hold, progress=progress,
                         go_on=lambda done: _ask(f"t = {done.t:.3f} s"))  # fmt: skip
     except PacketError as error:
         say(f"fantoccini: {error}")
