@@ -224,6 +224,25 @@ def test_enter_goes_on_over_the_network(files):
     assert np.min(p) == pytest.approx(np.min(points.motion.position), abs=2e-3)
 
 
+def test_a_receiver_lost_in_a_hold_ends_the_prompt(files):
+    """Nobody presses Enter; the end of the input does not come either."""
+    points = points_of(files, "osc")
+    with Receiver(points.map.stand, points.controller, "127.0.0.1", 0) as stand:
+        options = ("--controller", "osc", "--to", "{}:{}".format(*stand.address))
+        process = Process(files, *options)
+        wait(lambda: len(stand) > 20)
+        process.interrupt()
+        process.until("Ctrl-C stops\n")
+    try:
+        assert process.own.wait(20.0) == 1
+        _, _, said = process.end()
+    finally:
+        process.own.kill()
+        process.watch.cancel()
+    assert re.search(r"t = \d\.\d+ s: not sent: Connection refused", said)
+    assert "go on with --from-time" in said
+
+
 def test_the_end_of_input_stops(files):
     """As of a stream without a terminal: nobody can say that it is to go on."""
     points = points_of(files, "osc")

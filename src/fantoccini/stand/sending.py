@@ -43,12 +43,14 @@ class Sending:
         dropped: set points that were too late, and were left out.
         times: of the set points that were sent, in order [s].
         late: by how much each of them was late [s].
+        lost: set when nobody listens any more while the motion is held.
     """
 
     sent: int = 0
     dropped: int = 0
     times: list[float] = field(default_factory=list)
     late: list[float] = field(default_factory=list)
+    lost: threading.Event = field(default_factory=threading.Event)
 
     @property
     def t(self) -> float:
@@ -81,7 +83,8 @@ def send_points(
         first: time of the set points to begin at [s], from rest. The axes must stand there, as
             after a hold: the first packet sends them there, as fast as they are.
         hold: set from elsewhere to hold all motion, softly.
-        go_on: then asked whether to go on or to stop, while the held position is sent on.
+        go_on: then asked whether to go on or to stop, while the held position is sent on; it may
+            return once ``lost`` is set, what it says does not count then.
         progress: to count in, for who catches what interrupts.
         latest: how late a packet may be [s]; ``LATEST`` by default.
 
@@ -187,6 +190,7 @@ class _Sender:
                     self._send(position, time.monotonic())
                 except PacketError as error:
                     wrong.append(error)
+                    self.progress.lost.set()
                     return
 
         thread = threading.Thread(target=keep, name="held", daemon=True)
