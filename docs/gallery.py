@@ -67,7 +67,7 @@ class Piece:
     @property
     def command(self) -> str:
         """The command that simulates the motion."""
-        inputs = f" --inputs {PERFORMANCES}/{self.inputs}.yaml" if self.inputs else ""
+        inputs = f" --inputs {self.inputs}" if self.inputs else ""
         if self.dt is not None:
             inputs += f" --method timestepping --dt {self.dt:g}"
         start = "".join(f" --start {name}={value:g}" for name, value in self.start.items())

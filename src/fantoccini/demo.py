@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State
+from fantoccini.puppets import performance as performance_file
 
 DURATION = 10.0
 """Of the greeting [s]."""
@@ -19,8 +18,6 @@ WALK_DURATION = 12.0
 WALK_POSES = (0.0, 1.2, 1.7, 2.3, 2.9, 3.5, 4.6, 7.2, 9.7)
 """Times of the walk worth a picture: hanging, five steps, standing still, the wave, the nod [s]."""
 
-_FOLDER = Path(__file__).parent / "puppets" / "performances"
-
 
 def performance(marionette: Marionette) -> tuple[State, Input, float]:
     """The greeting, for the bundled marionette.
@@ -31,7 +28,7 @@ def performance(marionette: Marionette) -> tuple[State, Input, float]:
     Returns:
         The hanging start, the inputs, and the duration [s].
     """
-    inputs = Input.load(marionette, _FOLDER / "greeting.yaml")
+    inputs = Input.load(marionette, performance_file("greeting"))
     return marionette.rest(), inputs, DURATION
 
 
@@ -44,4 +41,4 @@ def walk(stage: Marionette) -> tuple[State, Input, float]:
     Returns:
         The hanging start, the inputs, and the duration [s].
     """
-    return stage.rest(), Input.load(stage, _FOLDER / "walk.yaml"), WALK_DURATION
+    return stage.rest(), Input.load(stage, performance_file("walk")), WALK_DURATION

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections import defaultdict
 from pathlib import Path
 from typing import Any
@@ -235,3 +236,20 @@ def test_the_command_line_writes_the_same(tmp_path: Path) -> None:
     path = fan.export(run, tmp_path / "b.mcap")
     assert (tmp_path / "a.mcap").read_bytes() == path.read_bytes()
     assert len(messages(path)["/tf"]) == 13
+
+
+def test_a_run_that_begins_before_0_begins_with_the_clock(tmp_path: Path) -> None:
+    arm = fan.puppets.arm2d()
+    moves = {"hand.length": [(-0.5, 0.8), (0.2, 0.7)]}
+    given = fan.Input.waypoints(arm, moves)
+    x0 = dataclasses.replace(arm.rest({"hand.length": 0.8}), t=-0.5)
+    run = fan.simulate(arm, x0, given, 0.1)
+    fan.export(run, tmp_path / "early.mcap", fps=10)
+    found = messages(tmp_path / "early.mcap")["/joints"]
+    np.testing.assert_allclose([t for t, _ in found], np.arange(7) / 10, atol=1e-9)
+    lengths = [joint.position for _, message in found for joint in message.joints
+               if joint.name == "hand.length"]  # fmt: skip
+    column = run.coordinates.q_K.index("hand.length")
+    at = run.resample(np.arange(7) / 10 - 0.5)
+    np.testing.assert_allclose(lengths, at.q_K[:, column], atol=1e-9)
+    assert found[0][1].timestamp.seconds == found[0][1].timestamp.nanos == 0

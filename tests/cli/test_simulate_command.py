@@ -228,3 +228,30 @@ def test_longest_slack_counts_to_the_end() -> None:
     x = pendulum.state({"bob.x": 0.0, "bob.z": -0.5})
     run = fan.simulate(pendulum, x, t_end=0.2)
     assert longest_slack(run, "line") == pytest.approx(0.2)
+
+
+def test_a_bundled_performance_by_its_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    by_name = ("simulate", "arm2d", "--inputs", "toss", "--duration", "0.2", "-q", "--out")
+    assert fantoccini(*by_name, "a.npz").exit_code == 0
+    by_path = [fan.puppets.performance("toss") if a == "toss" else a for a in by_name]
+    assert fantoccini(*by_path, "b.npz").exit_code == 0
+    a, b = (fan.Trajectory.load(tmp_path / f"{name}.npz") for name in "ab")
+    assert np.array_equal(a.q_K, b.q_K) and np.ptp(a.q_K) > 0.0
+    checked = fantoccini("check", "arm2d", "arm3d", "--inputs", "toss", "--inputs", "stir")
+    assert checked.exit_code == 2  # each drives only one of them, and mistakes name the file
+    assert "stir.yaml:" in checked.stderr and "toss.yaml: no mistakes" in checked.stdout
+
+
+@pytest.mark.parametrize("command", ["simulate", "check", "validate-reduction"])
+def test_a_name_of_no_performance_is_a_mistake(command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    said = mistake(command, "arm2d", "--inputs", "tos")
+    assert said == "tos: no such file, and no bundled performance of this name; " \
+        "did you mean 'toss'?\n"
+
+
+def test_a_file_goes_before_a_performance_of_its_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "toss").write_text("")
+    assert "ending ''" in mistake("simulate", "arm2d", "--inputs", "toss")

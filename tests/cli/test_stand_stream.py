@@ -197,6 +197,7 @@ def test_two_ctrl_c_hold_the_last_position_and_packets_go_on_from_the_time(files
         with streaming(files, *options, "--from-time", t) as process:
             code, out, said = process.end()
         assert code == 0, said
+        assert "they must stand there" in said
         assert "packets to 127.0.0.1:" in out
         wait(lambda: stand.silent)
     again = stand.steps[sent:, 0] / unit
@@ -221,6 +222,25 @@ def test_enter_goes_on_over_the_network(files):
     p = stand.steps[:, 0] / points.axes[0].counts
     assert p[-1] == pytest.approx(points.motion.position[-1, 0], abs=1.0 / points.axes[0].counts)
     assert np.min(p) == pytest.approx(np.min(points.motion.position), abs=2e-3)
+
+
+def test_a_receiver_lost_in_a_hold_ends_the_prompt(files):
+    """Nobody presses Enter; the end of the input does not come either."""
+    points = points_of(files, "osc")
+    with Receiver(points.map.stand, points.controller, "127.0.0.1", 0) as stand:
+        options = ("--controller", "osc", "--to", "{}:{}".format(*stand.address))
+        process = Process(files, *options)
+        wait(lambda: len(stand) > 20)
+        process.interrupt()
+        process.until("Ctrl-C stops\n")
+    try:
+        assert process.own.wait(20.0) == 1
+        _, _, said = process.end()
+    finally:
+        process.own.kill()
+        process.watch.cancel()
+    assert re.search(r"t = \d\.\d+ s: not sent: Connection refused", said)
+    assert "go on with --from-time" in said
 
 
 def test_the_end_of_input_stops(files):
@@ -273,6 +293,8 @@ def test_a_dry_run_sends_nothing(files):
     ("grbl", ("--to", "127.0.0.1:9000"), "applies to osc and artnet, and the controller is grbl"),
     ("grbl", ("--from-time", "1"), "applies to osc and artnet"),
     ("artnet", ("--to", "nowhere"), "needed: HOST:PORT"),
+    ("artnet", ("--to", "nowhere", "--dry-run"), "needed: HOST:PORT"),
+    ("artnet", ("--to", "127.0.0.1:0"), "found port 0"),
 ])  # fmt: skip
 def test_options_of_the_other_kind_are_refused(files, kind, option, words):
     done = fantoccini(
@@ -280,6 +302,35 @@ def test_options_of_the_other_kind_are_refused(files, kind, option, words):
     )
     assert done.exit_code == 2
     assert words in " ".join(done.stderr.split())
+
+
+@pytest.mark.parametrize("dry", [(), ("--dry-run",)])
+def test_a_time_beyond_the_end_is_told(files, dry):
+    done = fantoccini(
+        "stand", "stream", files / "stand.yaml", files / "run.npz", "--controller", "osc",
+        "--from-time", "100", *dry,
+    )  # fmt: skip
+    assert done.exit_code == 1 and not done.stdout
+    assert "found 100 s to go on from; the set points last 1.5 s" in done.stderr
+
+
+def test_a_broadcast_address_is_refused(files):
+    done = fantoccini(
+        "stand", "stream", files / "stand.yaml", files / "run.npz", "--controller", "osc",
+        "--to", "255.255.255.255:9000",
+    )  # fmt: skip
+    assert done.exit_code == 1
+    assert "all machines of a network would hear it" in done.stderr
+
+
+@pytest.mark.parametrize("kind", ["osc", "artnet"])
+def test_the_emulator_of_packets_has_no_rate(files, kind):
+    done = fantoccini(
+        "stand", "emulate", files / "stand.yaml", "--controller", kind, "--rate", "20",
+        "--listen", "no.such.host.invalid:1",
+    )  # fmt: skip
+    assert done.exit_code == 2
+    assert f"applies to G-code, and the controller is {kind}" in " ".join(done.stderr.split())
 
 
 def test_the_emulated_stand_of_packets_writes_where_its_motors_were(files, monkeypatch):

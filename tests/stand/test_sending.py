@@ -241,6 +241,25 @@ def test_wrong_hosts_are_told():
         pass
 
 
+def test_a_broadcast_address_needs_the_word():
+    """Nothing is sent: the socket only gets its address."""
+    refused = pytest.raises(StandError, match=r"needed: the address of one, or `broadcast: true`")
+    with refused, udp_sender("255.255.255.255", 6454):
+        pass
+    try:
+        with udp_sender("255.255.255.255", 6454, broadcast=True):
+            pass
+    except StandError as error:
+        assert "unreachable" in str(error)  # a machine without a network
+
+
+def test_only_art_net_broadcasts(run, hoist):
+    assert points_of(run, hoist, "artnet", ", broadcast: true").controller.broadcast
+    assert not points_of(run, hoist, "artnet").controller.broadcast
+    with pytest.raises(FileError, match="broadcast"):
+        points_of(run, hoist, "osc", ", broadcast: true")
+
+
 @pytest.mark.parametrize("answer", [True, False])
 def test_a_hold_stays_on_the_path_and_goes_on_or_stops(run, hoist, answer):
     """Its time slows down evenly and rises evenly; the position is kept alive in between."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 import shlex
-import shutil
 import subprocess
 import sys
 import threading
@@ -26,7 +25,6 @@ pytestmark = [
 ]
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "stand.md"
-PERFORMANCES = fan.puppets.path("marionette").parent / "performances"
 STANDS = {"six_winches": "conduct", "desktop6": "waves", "gantry21": "greeting"}
 
 
@@ -40,8 +38,6 @@ def commands(stand):
 def test_a_stand_from_its_puppet_to_its_motors(stand, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sending, "LATEST", 5.0)  # the machine of the tests may be busy
-    for name in ("conduct", "greeting"):
-        shutil.copy(PERFORMANCES / f"{name}.yaml", tmp_path)
     (waves,) = [b for b in blocks(PAGE, "yaml") if b.startswith("# waves.yaml")]
     Path("waves.yaml").write_text(waves)
     done = [c[:2] if c[0] == "stand" else c[:1] for c in commands(stand)]

@@ -48,7 +48,10 @@ Messages = Callable[[int, Timestamp], Any]
 
 
 def write(scene: AnimatedScene, path: Path) -> None:
-    """Writes a scene; times count from the start of 1970, as those of a clock that begins at 0."""
+    """Writes a scene; times count from the start of 1970, as those of a clock that begins at 0.
+
+    A run that begins before 0 begins at 0 there: the messages have no times before 1970.
+    """
     assert scene.fps is not None
     run = scene.run.resample(scene.frames(scene.fps))
     with path.open("wb") as file, Writer(file) as writer:
@@ -57,7 +60,7 @@ def write(scene: AnimatedScene, path: Path) -> None:
             about["stopped"] = scene.run.status.message
         writer.add_metadata("fantoccini", about)
         topics = dict(_topics(scene, run))
-        for k, t in enumerate(run.t):
+        for k, t in enumerate(run.t - min(0.0, float(run.t[0]))):
             now = round(float(t) * 1e9)
             stamp = Timestamp(seconds=now // 10**9, nanos=now % 10**9)
             if k == 0:

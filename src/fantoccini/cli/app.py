@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from fantoccini.cli.guard import GuardedGroup
-from fantoccini.cli.options import Bodies, File, Fps, Inputs, Quiet, SchemaOf
+from fantoccini.cli.options import Bodies, File, Fps, Inputs, Quiet, SchemaOf, performed
 from fantoccini.cli.requests import (
     FollowRequest,
     OptimiseRequest,
@@ -79,7 +79,11 @@ def check(
     ],
     inputs: Annotated[
         list[Path] | None,
-        typer.Option(metavar="FILE", help="Inputs file to check with every puppet; repeatable."),
+        typer.Option(
+            metavar="FILE", callback=performed,
+            help="Inputs file, or name of a bundled performance, to check with every puppet; "
+            "repeatable.",
+        ),
     ] = None,
     quiet: Quiet = False,
 ) -> None:

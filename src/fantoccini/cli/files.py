@@ -13,7 +13,7 @@ import typer
 from fantoccini import puppets
 from fantoccini.animation.formats import ENDINGS
 from fantoccini.cli.terminal import plain
-from fantoccini.errors import FantocciniError, Mistake, PuppetError, nearest
+from fantoccini.errors import FantocciniError, InputError, Mistake, PuppetError, nearest
 from fantoccini.marionette import Marionette, StringModel, load
 from fantoccini.progress import OnStep
 
@@ -60,6 +60,26 @@ def puppet_path(name: str) -> Path:
         message = f"no such file, and no bundled puppet or scene of this name{hint}"
         raise PuppetError([Mistake(name, None, "", message)])
     return path
+
+
+def inputs_path(given: Path) -> Path:
+    """The file of an ``--inputs`` option: a path, or the name of a bundled performance.
+
+    Raises:
+        InputError: it is neither.
+    """
+    name = str(given)
+    try:
+        missing = not given.exists()
+    except OSError:
+        return given  # reading it reports the error
+    if not missing or given.name != name or given.suffix:
+        return given
+    known = puppets.performances()
+    if name in known:
+        return puppets.performance(name)
+    message = f"no such file, and no bundled performance of this name{nearest(name, known)}"
+    raise InputError([Mistake(name, None, "", message)])
 
 
 def marionette(

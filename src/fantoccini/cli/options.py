@@ -32,6 +32,16 @@ def positive(value: float | None) -> float | None:
     return value
 
 
+def performed(value: Path | list[Path] | None) -> Path | list[Path] | None:
+    """The value, with files for the names of bundled performances."""
+    if value is None:
+        return None
+    # Reads puppets, which --help does not need.
+    from fantoccini.cli.files import inputs_path
+
+    return [inputs_path(path) for path in value] if isinstance(value, list) else inputs_path(value)
+
+
 File = Annotated[
     str, typer.Argument(metavar="FILE", help="Puppet file, or name of a bundled puppet.")
 ]
@@ -41,8 +51,9 @@ Quiet = Annotated[
 Inputs = Annotated[
     Path | None,
     typer.Option(
-        metavar="FILE",
-        help="Motion of the driven coordinates: .yaml, .csv, .npz, or a recording (.npz).",
+        metavar="FILE", callback=performed,
+        help="Motion of the driven coordinates: .yaml, .csv, .npz, a recording (.npz), or the name "
+        "of a bundled performance.",
     ),
 ]
 Out = Annotated[

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from fantoccini.cli.options import Quiet
+from fantoccini.cli.options import Quiet, positive
 from fantoccini.cli.requests import takes
 from fantoccini.cli.stand_requests import StandExportRequest, StandStreamRequest
 
@@ -83,8 +83,12 @@ def stand_emulate(
         typer.Option(metavar="TYPE", help="Kind of controller, instead of the stand's."),
     ] = None,
     rate: Annotated[
-        float, typer.Option(metavar="N", help="Set points per second that it is set up for.")
-    ] = 50.0,
+        float | None,
+        typer.Option(
+            metavar="N", callback=positive,
+            help="Set points per second that GRBL is set up for [50].",
+        ),
+    ] = None,
     listen: Annotated[
         str | None,
         typer.Option(

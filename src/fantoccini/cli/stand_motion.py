@@ -41,6 +41,8 @@ from fantoccini.stand.controllers import ArtNet, Grbl, Marlin, Osc
 from fantoccini.stand.grbl_planner import GrblSettings
 from fantoccini.stand.point_files import ENDINGS
 
+_RATE = 50.0
+"""Set points per second that an emulated GRBL is set up for."""
 _SAMPLED = 100.0
 """Times per second at which the emulator's motors are written."""
 
@@ -75,7 +77,7 @@ def stream_run(request: StandStreamRequest) -> None:
 
 
 def emulate(
-    stand: str, controller: str | None, rate: float, listen: str | None, out: Path | None,
+    stand: str, controller: str | None, rate: float | None, listen: str | None, out: Path | None,
     quiet: bool,
 ) -> None:  # fmt: skip
     """Serves until a program ends, or packets come no more."""
@@ -85,12 +87,14 @@ def emulate(
     kind = controller_of(read, controller)
     names = list(read.file.axes)
     if isinstance(kind, Osc | ArtNet):
+        if rate is not None:
+            fail(f"applies to G-code, and the controller is {kind.type}", "--rate")
         heard = _listen(read, kind, listen, quiet)
         where = _table(heard.t[-1], heard.positions, names) if len(heard) else ""
     else:
         if listen is not None:
             fail(f"applies to osc and artnet, and the controller is {kind.type}", "--listen")
-        machine = _serve(grbl_settings(read, kind, rate), quiet)
+        machine = _serve(grbl_settings(read, kind, rate or _RATE), quiet)
         where = _table(machine.planner.time, machine.positions, names)
     if out is not None and where:
         with writing(out), replacing(out) as temporary:

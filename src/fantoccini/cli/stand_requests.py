@@ -87,7 +87,8 @@ class StandStreamRequest(StandMotionOptions):
     from_time: Annotated[
         float | None,
         typer.Option(
-            metavar="S", min=0.0, help="Go on from this time of the set points (OSC, Art-Net).",
+            metavar="S", min=0.0,
+            help="Go on from this time of the set points, where the axes stand (OSC, Art-Net).",
         ),
     ] = None
     dry_run: Annotated[

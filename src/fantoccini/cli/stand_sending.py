@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import os
+import select
 import signal
 import sys
 import threading
@@ -32,8 +34,12 @@ from fantoccini.stand import (
     stream,
     udp_sender,
 )
-from fantoccini.stand.controllers import Grbl
+from fantoccini.stand.controllers import ArtNet, Grbl
+from fantoccini.stand.sending import check_first
 from fantoccini.stand.streaming import STOPPED, Progress
+
+_LOOK = 0.1
+"""Interval at which a prompt looks whether it is to end [s]."""
 
 
 def send_lines(points: SetPoints, request: StandStreamRequest) -> None:
@@ -82,18 +88,26 @@ def send_packets(points: SetPoints, request: StandStreamRequest) -> None:
     ):  # fmt: skip
         if given is not None:
             fail(f"applies to G-code, and the controller is {controller.type}", option)
+    host, port = address_of(request.to, "--to") or (controller.host, controller.port)
+    if port == 0:
+        fail(f"found port 0 in {request.to!r}; needed: 1 to 65535", "--to")
+    first, motion = request.from_time or 0.0, points.whole()
+    check_first(first, float(motion.t[-1]))
     if request.dry_run:
-        packets, motion = packets_of(points.map.stand, controller, points.rate), points.whole()
+        packets = packets_of(points.map.stand, controller, points.rate)
         for t, position in zip(motion.t, motion.position, strict=True):
-            if t >= (request.from_time or 0.0):
+            if t >= first:
                 write(f"{t:.4f} {packets.told(position)}")
         return
-    host, port = address_of(request.to, "--to") or (controller.host, controller.port)
+    if first and not request.quiet:
+        say(f"the first packet sends the axes to where they are at t = {first:g} s, at once; they "
+            "must stand there")
+    broadcast = isinstance(controller, ArtNet) and controller.broadcast
     progress = Sending()
     try:
-        with _holding() as hold, udp_sender(host, port) as send:
-            send_points(points, send, first=request.from_time or 0.0, hold=hold, progress=progress,
-                        go_on=lambda done: _ask(f"t = {done.t:.3f} s"))  # fmt: skip
+        with _holding() as hold, udp_sender(host, port, broadcast) as send:
+            send_points(points, send, first=first, hold=hold, progress=progress,
+                        go_on=lambda done: _ask(f"t = {done.t:.3f} s", done.lost))  # fmt: skip
     except PacketError as error:
         say(f"fantoccini: {error}")
         if progress.t > 0.0:
@@ -117,16 +131,32 @@ def _holding() -> Iterator[threading.Event]:
         signal.signal(signal.SIGINT, before)
 
 
-def _ask(where: str) -> bool:
-    """Whether a held motion is to go on."""
+def _ask(where: str, lost: threading.Event | None = None) -> bool:
+    """Whether a held motion is to go on; not once the event is set."""
     say(f"held at {where}; Enter goes on, Ctrl-C stops")
     before = signal.signal(signal.SIGINT, _interrupt)
     try:
-        return bool(sys.stdin.readline())
+        return _entered(lost or threading.Event())
     except KeyboardInterrupt:
         return False
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def _entered(ended: threading.Event) -> bool:
+    """Waits for a line, and says whether there was one; ends with the event.
+
+    On Windows, where a console cannot be waited for like this, it ends with the line.
+    """
+    if sys.platform == "win32":
+        return bool(sys.stdin.readline())
+    terminal = sys.stdin.fileno()
+    while not ended.is_set():
+        if select.select([terminal], [], [], _LOOK)[0]:
+            read = os.read(terminal, 1)  # no more, as the next line may be another hold's
+            if read in (b"", b"\n"):
+                return bool(read)
+    return False
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

@@ -14,6 +14,7 @@ from fantoccini.puppet.files import bundled
 from fantoccini.puppets.gait import Gait as Gait
 
 _FOLDER = Path(__file__).parent
+_PERFORMANCES = _FOLDER / "performances"
 Progress = Callable[[str], None]
 
 
@@ -37,6 +38,25 @@ def path(name: str) -> Path:
     if found is None:
         raise UnknownNameError("bundled puppet or scene", name, (*names(), *scenes()))
     return found
+
+
+def performances() -> tuple[str, ...]:
+    """Names of the bundled performances."""
+    return tuple(sorted(p.stem for p in _PERFORMANCES.glob("*.yaml")))
+
+
+def performance(name: str) -> Path:
+    """Where the inputs file of a bundled performance lies.
+
+    Args:
+        name: one of ``performances()``.
+
+    Raises:
+        UnknownNameError: there is none.
+    """
+    if name not in performances():
+        raise UnknownNameError("bundled performance", name, performances())
+    return _PERFORMANCES / f"{name}.yaml"
 
 
 def arm2d(

@@ -166,6 +166,8 @@ class ArtNet(_Controller):
     """Where they go."""
     universe: Annotated[int, Field(ge=0, le=32_767)] = 0
     """Of the channels."""
+    broadcast: bool = False
+    """Whether all machines of a network may be sent to: `host` may be a broadcast address then."""
     bits: Literal[8, 16] = 16
     """Of an axis: its travel goes from 0 to the largest number."""
 

@@ -43,12 +43,14 @@ class Sending:
         dropped: set points that were too late, and were left out.
         times: of the set points that were sent, in order [s].
         late: by how much each of them was late [s].
+        lost: set when nobody listens any more while the motion is held.
     """
 
     sent: int = 0
     dropped: int = 0
     times: list[float] = field(default_factory=list)
     late: list[float] = field(default_factory=list)
+    lost: threading.Event = field(default_factory=threading.Event)
 
     @property
     def t(self) -> float:
@@ -78,10 +80,11 @@ def send_points(
     Args:
         points: for a controller that takes packets.
         send: sends one.
-        first: time of the set points to begin at [s], from rest: the axes stand there, after a
-            hold.
+        first: time of the set points to begin at [s], from rest. The axes must stand there, as
+            after a hold: the first packet sends them there, as fast as they are.
         hold: set from elsewhere to hold all motion, softly.
-        go_on: then asked whether to go on or to stop, while the held position is sent on.
+        go_on: then asked whether to go on or to stop, while the held position is sent on; it may
+            return once ``lost`` is set, what it says does not count then.
         progress: to count in, for who catches what interrupts.
         latest: how late a packet may be [s]; ``LATEST`` by default.
 
@@ -90,12 +93,17 @@ def send_points(
         StandError, FileError: as of :func:`packets_of`, and there is nothing to go on from.
     """
     sender = _Sender(points, send, progress or Sending(), LATEST if latest is None else latest)
-    if not 0.0 <= first < sender.end:
-        raise StandError(f"found {first:g} s to go on from; the set points last {sender.end:g} s")
+    check_first(first, sender.end)
     sender.stand(first)
     sender.go(first, hold or threading.Event(), go_on, soft=first > 0.0)
     sender.stand(sender.end)
     return sender.progress
+
+
+def check_first(first: float, end: float) -> None:
+    """Raises a StandError unless set points that last so long have a time to go on from [s]."""
+    if not 0.0 <= first < end:
+        raise StandError(f"found {first:g} s to go on from; the set points last {end:g} s")
 
 
 class _Sender:
@@ -182,6 +190,7 @@ class _Sender:
                     self._send(position, time.monotonic())
                 except PacketError as error:
                     wrong.append(error)
+                    self.progress.lost.set()
                     return
 
         thread = threading.Thread(target=keep, name="held", daemon=True)
@@ -209,11 +218,15 @@ def _epoch() -> float:
 
 
 @contextmanager
-def udp_sender(host: str, port: int) -> Iterator[Send]:
+def udp_sender(host: str, port: int, broadcast: bool = False) -> Iterator[Send]:
     """What sends packets to a port of a host. It raises an OSError once nobody listens there.
 
+    Args:
+        host, port: where they go.
+        broadcast: whether the host may be a network's broadcast address, whom all machines hear.
+
     Raises:
-        StandError: there is no such host, or no way there.
+        StandError: there is no such host, no way there, or it is a broadcast address.
     """
     try:
         found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
@@ -222,8 +235,14 @@ def udp_sender(host: str, port: int) -> Iterator[Send]:
         raise StandError(f"{host}: {error.strerror or error}; needed: such as 127.0.0.1") from None
     with out:
         try:
-            out.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
+            if broadcast:
+                out.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
             out.connect(found[4])
+        except PermissionError:
+            raise StandError(
+                f"cannot send to {host}:{port}: all machines of a network would hear it; needed: "
+                "the address of one, or `broadcast: true` in the file of a stand on artnet"
+            ) from None
         except OSError as error:
             raise StandError(f"cannot send to {host}:{port}: {error.strerror or error}") from None
         yield out.send
