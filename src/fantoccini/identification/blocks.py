@@ -63,18 +63,27 @@ class Normal:
         S, m = self.g.shape
         scale = np.repeat(1.0 / np.square(LARGEST_MOVE), m // 2)
         right = np.concatenate([self.g[..., None], self.border], axis=2)
-        factors: list[tuple[Array, bool]] = []
+        factors: list[Array] = []
         below: list[Array] = []
         for s in range(S):
             D = self.H[s] + damping[s] * np.diag(scale)
             if s:
-                share = linalg.cho_solve(factors[-1], self.next[s - 1], check_finite=False)
+                share = _solved(factors[-1], self.next[s - 1])
                 below.append(share)
                 D = D - self.next[s - 1].T @ share
                 right[s] -= share.T @ right[s - 1]
-            factors.append(linalg.cho_factor(D, lower=True, check_finite=False))
+            factor, info = linalg.lapack.dpotrf(D, lower=1)
+            if info:
+                raise np.linalg.LinAlgError(f"the normal equations of segment {s} are singular")
+            factors.append(factor)
         for s in range(S)[::-1]:
-            right[s] = linalg.cho_solve(factors[s], right[s], check_finite=False)
+            right[s] = _solved(factors[s], right[s])
             if s < S - 1:
                 right[s] -= below[s] @ right[s + 1]
         return right
+
+
+def _solved(factor: Array, right: Array) -> Array:
+    """Of a Cholesky factor; LAPACK's own, as the matrices are small and many."""
+    found: Array = linalg.lapack.dpotrs(factor, right, lower=1)[0]
+    return found

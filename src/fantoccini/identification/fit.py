@@ -197,7 +197,8 @@ class Fit:
             by[..., first:n_rolled] += look.by_K[..., list(lay.offsets)]
             if look.by_p is not None:
                 by[..., m:first] += look.by_p[..., list(lay.parameters)]
-            J[:, : channels.n_places, :n_rolled] += part[:, None, None] * by
+            by *= part[:, None, None]
+            J[:, : channels.n_places, :n_rolled] += by
             for j, marker in enumerate(lay.places):
                 own = slice(n_rolled + 3 * j, n_rolled + 3 * j + 3)
                 J[:, 3 * marker : 3 * marker + 3, own] += (
