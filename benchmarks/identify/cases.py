@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -154,10 +154,10 @@ _ARM_TRUTH = {
 }  # fmt: skip
 
 
-def arm(**changes: object) -> Case:
+def arm() -> Case:
     """The paper's arm, 4 dynamic and 3 driven coordinates; the lower arm's mass is known."""
     puppet = fan.loads(ARM).with_parameters({"lower_mass": 0.1})
-    return replace(Case(puppet, _ARM_TRUTH, _ARM_MARKERS, ("tie",)), **changes)  # type: ignore[arg-type]
+    return Case(puppet, _ARM_TRUTH, _ARM_MARKERS, ("tie",))
 
 
 _MARKED = (

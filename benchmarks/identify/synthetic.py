@@ -1,4 +1,4 @@
-"""Prints what ``fan.identify`` finds in synthetic records, beside the truth.
+"""Compares the estimates of ``fan.identify`` with the true values, on synthetic records.
 
     python -m benchmarks.identify.synthetic [--puppet marionette] [--seeds 3] [--duration 30]
 
@@ -30,7 +30,7 @@ def main() -> None:
     for seed in range(given.seeds):
         one = record(case, given.duration, seed, gaps=0.1)
         if seed == 0:
-            fan.identify(record(case, 1.0, 0))  # compiles what is missing
+            fan.identify(record(case, 1.0, 0))  # compiles the libraries, outside the timing
         began, worked = time.perf_counter(), time.process_time()
         found = fan.identify(one)
         wall, cpu = time.perf_counter() - began, time.process_time() - worked

@@ -213,7 +213,7 @@ def scaled_case():
         "lower_mass": 0.11, "upper_drag": 0.022, "delay": 0.004,
     }  # fmt: skip
     markers = [replace(m, find=False) for m in arm().markers]
-    return arm(truth=truth, markers=markers, signed=())
+    return replace(arm(), truth=truth, markers=markers, signed=())
 
 
 def test_only_forces_tell_the_scale_of_masses():

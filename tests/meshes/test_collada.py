@@ -149,7 +149,7 @@ def test_an_image_colours_the_triangles_that_lie_on_it(tmp_path):
     pixels = np.zeros((8, 8, 3), "uint8")
     pixels[:4, :4], pixels[4:, 4:] = [200, 0, 0], [0, 0, 100]
     Image.fromarray(pixels).save(tmp_path / "look.png")
-    for name in ("look.png", "./look.png", "file:///C:/work/look.png", "..\\art\\look.png"):
+    for name in ("look.png", "./look.png", "file:///C:/art/look.png", "..\\art\\look.png"):
         assert np.allclose(255.0 * textured(tmp_path, name), [[200, 0, 0], [0, 0, 100]], atol=0.5)
     assert textured(tmp_path, "lost.png") is None
 

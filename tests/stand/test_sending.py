@@ -12,7 +12,7 @@ from pythonosc.dispatcher import Dispatcher
 from pythonosc.osc_bundle import OscBundle
 from pythonosc.osc_server import BlockingOSCUDPServer
 from stupidArtnet import StupidArtnetServer
-from tests.stand.hoist import HOIST, STAND, lift
+from tests.stand.hoist import STAND
 
 import fantoccini as fan
 from fantoccini.errors import FileError, PacketError, StandError
@@ -39,23 +39,6 @@ LOCAL = "127.0.0.1"
 def patience(monkeypatch):
     """The machine of the tests may be busy; what is late is left out."""
     monkeypatch.setattr(sending, "LATEST", 2.0)
-
-
-@pytest.fixture(scope="module")
-def hoist():
-    return fan.loads(HOIST)
-
-
-@pytest.fixture(scope="module")
-def run(hoist):
-    return lift(hoist)
-
-
-@pytest.fixture(scope="module")
-def conduct():
-    puppet = fan.puppets.stand6()
-    moves = fan.puppets.path("stand6").parent / "performances" / "conduct.yaml"
-    return fan.simulate(puppet, puppet.rest(), fan.Input.load(puppet, moves), 5.0)
 
 
 def points_of(run, hoist, kind="osc", more="", **options):

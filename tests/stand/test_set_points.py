@@ -27,23 +27,6 @@ ABLE = STAND.replace("TORQUE", "0.5").replace("speed: 1\n", "speed: 2\n")
 HOME = ABLE + "    home: {towards: min, at: 0.2, speed: 0.03}\n"
 
 
-@pytest.fixture(scope="module")
-def hoist():
-    return fan.loads(HOIST)
-
-
-@pytest.fixture(scope="module")
-def run(hoist):
-    return lift(hoist)
-
-
-@pytest.fixture(scope="module")
-def conduct():
-    puppet = fan.puppets.stand6()
-    moves = fan.puppets.path("stand6").parent / "performances" / "conduct.yaml"
-    return fan.simulate(puppet, puppet.rest(), fan.Input.load(puppet, moves), 5.0)
-
-
 def replayed(points, inverse=True):
     """The machine that took all lines, and its settings."""
     machine = GrblMachine(grbl_settings(points.map.stand, points.controller, points.rate))
