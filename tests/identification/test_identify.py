@@ -62,7 +62,7 @@ def test_derivatives_agree_with_differences_of_event_driven_runs(case):
     one = record(case, 3.0, 1)
     fit = fit_of(one, 0.25, 0.0005, 1)
     at = chained(fit, one.start_state(fit.inputs, float(fit.starts[0])))
-    _, J, _ = fit.jacobian(at)
+    J = fit.slopes(at).samples
     s, m = 4, 2 * one.marionette.coordinates.n_vD
     _, segments, _ = fit.located(at.theta, fit.dt)
     own = np.flatnonzero(segments == s)[2:-2]
@@ -102,12 +102,14 @@ def _moved(inputs, offset):
 
 
 def test_derivatives_of_the_steps_are_exact(case):
-    """Predictions by all unknowns and by the first states: central differences to 1e-5 by the
-    unknowns and 1e-4 by the states, of which steps are smaller and rounding is more."""
+    """Predictions by all unknowns and by the first states: central differences to 5e-5 by the
+    unknowns, as rotations are interpolated within steps ((omega dt)^2/8 at 4 rad/s), and 1e-4 by
+    the states, of which steps are smaller and rounding is more."""
     one = replace(record(case, 3.0, 2), delay=0.00137)  # samples fall between nodes
     fit = fit_of(one, 0.25, 0.005, 1)
     at = chained(fit, one.start_state(fit.inputs, float(fit.starts[0])))
-    _, J, ends = fit.jacobian(at)
+    found = fit.slopes(at)
+    J = found.samples
     m, rng = J.shape[2] - len(at.theta), np.random.default_rng(0)
     _, segments, _ = fit.located(at.theta, fit.dt)
     for i in range(len(at.theta)):
@@ -116,14 +118,14 @@ def test_derivatives_of_the_steps_are_exact(case):
         sides = [fit.predict(fit.moved(at, np.zeros((len(at.q_D), m)), s * by)) for s in (1, -1)]
         slope = (sides[0].y - sides[1].y) / (2 * by[i])
         exact = J[:, :, m + i]
-        assert np.max(np.abs(slope - exact)) < 1e-5 * np.max(np.abs(exact)), one.labels[i]
+        assert np.max(np.abs(slope - exact)) < 5e-5 * np.max(np.abs(exact)), one.labels[i]
     move = 1e-6 * rng.standard_normal((len(at.q_D), m))
     sides = [fit.predict(fit.moved(at, s * move, 0 * at.theta)) for s in (1, -1)]
     slope = 0.5 * (sides[0].y - sides[1].y)
     exact = np.einsum("ncm,nm->nc", J[:, :, :m], move[segments])
     assert np.max(np.abs(slope - exact)) < 1e-4 * np.max(np.abs(exact))
     rate = 0.5 * (sides[0].v_D - sides[1].v_D)
-    exact = np.einsum("sim,sm->si", ends[1][:, m // 2 :, :m], move)
+    exact = np.einsum("sim,sm->si", found.end[:, m // 2 :, :m], move)
     assert np.max(np.abs(rate - exact)) < 1e-4 * np.max(np.abs(exact))
 
 

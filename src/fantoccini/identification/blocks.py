@@ -52,6 +52,11 @@ class Normal:
         theta = -linalg.lstsq(T, h)[0] if len(h) else np.zeros(0)
         return -reduced[..., 0] - reduced[..., 1:] @ theta, theta
 
+    def of_states(self) -> Normal:
+        """Those of the states alone, with the parameters held."""
+        none = np.zeros(0)
+        return Normal(self.H, self.next, self.border[..., :0], none[:, None], self.g, none)
+
     def information(self) -> Array:
         """(P, P) of the parameters: the Fisher information with the states free."""
         reduced = self._reduced(np.zeros(len(self.g)))

@@ -107,7 +107,7 @@ class Channels:
         R, r = self._frames(found)
         at = (R @ places[..., None])[..., 0] + r
         numbers = q_D[:, [q for q, _ in self._scalars]]
-        return np.concatenate([at.reshape(len(q_D), -1), numbers], axis=1)
+        return np.concatenate([at.reshape(len(q_D), 3 * len(self._links)), numbers], axis=1)
 
     def look_by(self, q_D: Array, q_K: Array, p: Array, places: Array, of_p: bool) -> Looked:
         """The channels and their derivatives; ``of_p``: by the parameters, too."""
@@ -127,7 +127,7 @@ class Channels:
         for j, (_, v) in enumerate(self._scalars):
             by[:, m + j, v] = 1.0
         numbers = q_D[:, [q for q, _ in self._scalars]]
-        value = np.concatenate([at.reshape(N, -1), numbers], axis=1)
+        value = np.concatenate([at.reshape(N, 3 * len(self._links)), numbers], axis=1)
         by_p = self._by_p(q_D, q_K, p, places) if of_p else None
         return Looked(value, by[..., :n], by[..., n:], by_p, R)
 

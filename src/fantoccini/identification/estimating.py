@@ -10,11 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fantoccini.arrays import Array, check_positive
+from fantoccini.identification.cost import Cost
 from fantoccini.identification.fit import Fit, chained
 from fantoccini.identification.point import Layout, Weights
 from fantoccini.identification.record import Record
 from fantoccini.identification.result import Identified
 from fantoccini.identification.searching import Found, search
+from fantoccini.identification.untangling import untangled
 from fantoccini.marionette import bind_input
 from fantoccini.runtime import default_threads
 
@@ -32,17 +34,15 @@ class Stage:
     Attributes:
         name: for the progress callback.
         drift: factor of the drift that is allowed at the end.
-        every: of so many samples one counts.
         moves: at most.
         tolerance: relative fall of the cost that ends it.
         extrapolated: whether the steps' length is extrapolated to none.
         held: whether the states alone move.
-        final: whether samples far off count ever less, and not by their size.
+        final: whether all samples count, and those far off ever less, not by their size.
     """
 
     name: str
     drift: float
-    every: int
     moves: int
     tolerance: float
     extrapolated: bool = True
@@ -50,12 +50,14 @@ class Stage:
     final: bool = False
 
 
+_RARE = 3
+"""Of so many samples one counts, but in the last stage."""
 STAGES = (
-    Stage("states near the record", 50.0, 3, 3, 0.1, False, True),
-    Stage("first numbers", 50.0, 3, 12, 0.05, False),
-    Stage("segments joined", 4.0, 3, 15, 0.01),
-    Stage("segments joined closely", 1.0, 3, 12, 1e-4),
-    Stage("all samples", 1.0, 1, 4, 2e-5, final=True),
+    Stage("states near the record", 50.0, 3, 0.1, False, True),
+    Stage("first numbers", 50.0, 12, 0.05, False),
+    Stage("segments joined", 4.0, 8, 0.01),
+    Stage("segments joined closely", 1.0, 6, 1e-4),
+    Stage("all samples", 1.0, 3, 2e-5, final=True),
 )
 """Segments are loosely joined at first, so that none of them has to be right before the others."""
 
@@ -99,27 +101,38 @@ def identify(
         positive[: len(record.unknowns)] = [one.positive for one in record.unknowns]
         noise = Noise.of(record)
         first = at = chained(fit, record.start_state(fit.inputs, float(fit.starts[0])))
-        found, levels, before = None, noise.guess, fit
+        levels, found, kept = noise.guess, None, None
+        rare = replace(fit, t=fit.t[::_RARE], y=fit.y[::_RARE])
         for stage in STAGES:
             weights = Weights(levels, (stage.drift * drift[0], stage.drift * drift[1]), stage.final)
-            some = replace(fit, t=fit.t[:: stage.every], y=fit.y[:: stage.every])
-            if stage.final and found is not None:
-                trusted = before.explained(at, found.predicted, weights)
-                some = fit = replace(some, trusted=trusted)
+            some = fit if stage.final else rare
+            cost = Cost(some, first, weights)
+            if stage.drift == 1.0 and found is not None:
+                at = untangled(replace(cost, fit=rare), found.at)
+                kept = replace(found.kept, stale=found.kept.stale | found.at.differs(at))
+                trusted = cost.explained(at, some.predict(at, extrapolated=True))
+                if stage.final:
+                    smooth = trusted & ~found.odd
+                    trusted = smooth if 2 * np.sum(smooth) > np.sum(trusted) else trusted
+                cost = replace(cost, trusted=trusted)
             report = None
             if progress is not None:
                 report = _reporting(progress, stage.name)
                 report(np.nan)
             found = search(
-                some, at, first, weights, positive, moves=stage.moves, tolerance=stage.tolerance,
-                extrapolated=stage.extrapolated, held=stage.held, progress=report,
+                cost, at, positive, None if stage.final else kept, moves=stage.moves,
+                tolerance=stage.tolerance, extrapolated=stage.extrapolated, held=stage.held,
+                progress=report,
             )  # fmt: skip
-            at, before = found.at, some
+            # Derivatives by the unknowns are not tried while these are held.
+            at, kept = found.at, None if stage.held else found.kept
             if not stage.held:
                 levels = noise.estimated(some, found)
         assert found is not None
+        normal = cost.normal(at, found.predicted, fit.slopes(at))
+        cost = replace(cost, weights=Weights(levels, drift))
         spent = time.perf_counter() - began
-        return Identified.of(record, fit, found, Weights(levels, drift), spent)
+        return Identified.of(record, cost, found, normal, spent)
 
 
 def _reporting(progress: Callable[[str, float], None], name: str) -> Callable[[float], None]:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fantoccini.arrays import Array, MaskRows
+from fantoccini.arrays import Array, Indices, MaskRows
 from fantoccini.marionette import Model
 from fantoccini.marionette.configurations import integrate
 
@@ -75,24 +75,34 @@ class Holding:
         """(S, n_rows) bool, the rows that are open."""
         return np.asarray((self.rows(q_D, v_D).h < -_NEAR) & ~self.model.two_sided)
 
+    def some(self, chosen: MaskRows | Indices) -> Holding:
+        """Some of the states."""
+        return Holding(self.model, self.q_K[chosen], self.v_K[chosen], self.p)
+
     def project(self, q_D: Array, v_D: Array, held: MaskRows) -> tuple[Array, Array]:
         """The states moved onto the rows that hold them, and off those that they violate."""
+        q_D, v_D = q_D.copy(), v_D.copy()
+        left = np.arange(len(q_D))
         for _ in range(_ROUNDS):
-            found = self.rows(q_D, v_D)
-            active = held | (found.h > 0.0)
+            found = self.some(left).rows(q_D[left], v_D[left])
+            active = held[left] | (found.h > 0.0)
             off = np.where(active, found.h, 0.0)
-            if np.max(np.abs(off), initial=0.0) < 0.01 * _CLOSED:
+            by = _nearest(found.by["A_D"], off, active)
+            q_D[left] = integrate(self.model, q_D[left], -by)
+            left = left[np.max(np.abs(off), axis=1, initial=0.0) >= 0.01 * _CLOSED]
+            if len(left) == 0:
                 break
-            q_D = integrate(self.model, q_D, -_nearest(found.by["A_D"], off, active))
         found = self.rows(q_D, v_D)
+        left = np.arange(len(q_D))
         for _ in range(_ROUNDS):
-            rate = (found.by["A_D"] @ v_D[..., None])[..., 0]
-            rate += (found.by["A_K"] @ self.v_K[..., None])[..., 0]
-            active = held | ((found.h >= -_CLOSED) & (rate > 0.0))
+            A_D, A_K = found.by["A_D"][left], found.by["A_K"][left]
+            rate = (A_D @ v_D[left, :, None] + A_K @ self.v_K[left, :, None])[..., 0]
+            active = held[left] | ((found.h[left] >= -_CLOSED) & (rate > 0.0))
             off = np.where(active, rate, 0.0)
-            if np.max(np.abs(off), initial=0.0) < 0.01 * _STILL:
+            v_D[left] -= _nearest(A_D, off, active)
+            left = left[np.max(np.abs(off), axis=1, initial=0.0) >= 0.01 * _STILL]
+            if len(left) == 0:
                 break
-            v_D = v_D - _nearest(found.by["A_D"], off, active)
         return q_D, v_D
 
     def moves(

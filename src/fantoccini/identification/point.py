@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fantoccini.arrays import Array, MaskRows
+import numpy as np
+
+from fantoccini.arrays import Array, Indices, MaskRows
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +49,19 @@ class Point:
     theta: Array
     held: MaskRows
 
+    def differs(self, other: Point) -> MaskRows:
+        """(S,) bool, segments that begin elsewhere than another point's."""
+        moved = np.any(self.q_D != other.q_D, axis=1) | np.any(self.v_D != other.v_D, axis=1)
+        return np.asarray(moved | np.any(self.held != other.held, axis=1))
+
+    def mixed(self, other: Point, some: MaskRows) -> Point:
+        """This point with the states of some segments (S,) from another."""
+        own = some[:, None]
+        return Point(
+            np.where(own, other.q_D, self.q_D), np.where(own, other.v_D, self.v_D), self.theta,
+            np.where(own, other.held, self.held),
+        )  # fmt: skip
+
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
@@ -63,6 +78,29 @@ class Predicted:
     v_D: Array
     arrived: bool
 
+    def mixed(self, other: Predicted, some: MaskRows, segments: Indices) -> Predicted:
+        """This with what another says of some segments (S,); samples lie in ``segments`` (N,)."""
+        own = some[:, None]
+        return Predicted(
+            np.where(own[segments], other.y, self.y), np.where(own, other.q_D, self.q_D),
+            np.where(own, other.v_D, self.v_D), self.arrived and other.arrived,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """Derivatives of what a point predicts, by (dq_D, dv_D) of the segment and theta.
+
+    Attributes:
+        samples: (N, n_c, 2 n_vD + P) of the channels.
+        begin: (S, 2 n_vD, 2 n_vD + P) of the first states, as far as strings let them move.
+        end: (S, 2 n_vD, 2 n_vD + P) of the ends of the segments.
+    """
+
+    samples: Array
+    begin: Array
+    end: Array
+
 
 @dataclass(frozen=True, eq=False)
 class Weights:
@@ -74,8 +112,10 @@ class Weights:
             deviations of configuration and velocity [m or rad, and per second].
         final: whether samples far off count by Cauchy's measure instead of Huber's: a segment that
             is caught in another order of events must not bend the numbers in the end.
+        joined: whether gaps count by Huber's measure instead of Cauchy's, so that none is given up.
     """
 
     noise: Array
     drift: tuple[float, float]
     final: bool = False
+    joined: bool = False

@@ -10,9 +10,10 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError, UnknownNameError
-from fantoccini.identification.fit import REACH, Fit
+from fantoccini.identification.blocks import Normal
+from fantoccini.identification.cost import Cost
+from fantoccini.identification.fit import REACH
 from fantoccini.identification.marking import write_numbers
-from fantoccini.identification.point import Weights
 from fantoccini.identification.record import Record
 from fantoccini.identification.searching import LEAST_DAMPING, Found
 from fantoccini.marionette import Marionette
@@ -123,10 +124,10 @@ class Identified:
 
     @classmethod
     def of(
-        cls, record: Record, fit: Fit, found: Found, weights: Weights, seconds: float
+        cls, record: Record, cost: Cost, found: Found, normal: Normal, seconds: float
     ) -> Identified:  # fmt: skip
         """From the end of a search."""
-        F = found.normal.information()
+        fit, weights, F = cost.fit, cost.weights, normal.information()
         deviations, correlation, combinations = told(
             F, record.sizes(found.at.theta), record.labels
         )
@@ -136,14 +137,14 @@ class Identified:
             Outlier(float(fit.t[i]), record.channels.names[j], float(r[i, j]))
             for i, j in np.argwhere(np.abs(r) > LISTED)
         ]
-        lost = () if fit.trusted is None else tuple(fit.starts[~fit.trusted].tolist())
-        gaps = fit.gaps(found.at, found.predicted, weights)
+        lost = () if cost.trusted is None else tuple(fit.starts[~cost.trusted].tolist())
+        gaps = cost.gaps(found.at, found.predicted)
         return cls(
             record, record.labels, found.at.theta.copy(), deviations, correlation, F, combinations,
             dict(zip(record.channels.names, weights.noise.tolist(), strict=True)),
             float(np.nanmean(np.minimum(np.abs(r), LISTED) ** 2)),
             float(np.sqrt(np.median(gaps**2))) if len(gaps) else 0.0,
-            tuple(listed), lost, fit.t, residuals, _left(found, deviations), seconds,
+            tuple(listed), lost, fit.t, residuals, _left(normal, deviations), seconds,
         )  # fmt: skip
 
     def __repr__(self) -> str:
@@ -225,9 +226,9 @@ class Identified:
         return "\n".join(lines)
 
 
-def _left(found: Found, deviations: Array) -> float:
+def _left(normal: Normal, deviations: Array) -> float:
     """The largest part of a standard deviation by which one more step would move a number."""
-    _, step = found.normal.step(np.full(len(found.at.q_D), LEAST_DAMPING), 0.0)
+    _, step = normal.step(np.full(len(normal.g), LEAST_DAMPING), 0.0)
     clear = np.isfinite(deviations) & (deviations > 0.0)
     return float(np.max(np.abs(step[clear]) / deviations[clear], initial=0.0))
 

@@ -82,7 +82,7 @@ class Driven:
         force = None if self.u_D is None else self.u_D[:1]
         return Driven(self.q_K[:2], self.v_K[:2], self.acc_K[:1], force, self.dt)
 
-    def some(self, s: slice) -> Driven:
+    def some(self, s: slice | Indices) -> Driven:
         """Those of some segments."""
         force = None if self.u_D is None else self.u_D[:, s]
         return Driven(self.q_K[:, s], self.v_K[:, s], self.acc_K[:, s], force, self.dt)
@@ -173,13 +173,12 @@ class Sensed:
 
     Attributes:
         end: (S, 2 n_vD, 2 n_vD + P) of the ends of the segments.
-        before, after: (N, n_vD, 2 n_vD + P) of q_D at the ends of the steps that hold a sample.
-        pull: (N, n_rows, 2 n_vD + P) of the tensions of these steps; None where not asked for.
+        between: (N, n_vD, 2 n_vD + P) of q_D at the samples.
+        pull: (N, n_rows, 2 n_vD + P) of the tensions of their steps; None where not asked for.
     """
 
     end: Array
-    before: Array
-    after: Array
+    between: Array
     pull: Array | None
 
 
@@ -191,7 +190,7 @@ def sense(
     of_p: Sequence[int],
     of_K: Sequence[int],
     begin: Array,
-    samples: tuple[Indices, Indices],
+    samples: tuple[Indices, Indices, Array],
     *,
     pull: bool,
     threads: int,
@@ -204,17 +203,17 @@ def sense(
         p: (n_p,).
         of_p, of_K: places of the parameters in p, and of the offsets among v_K.
         begin: (S, 2 n_vD, 2 n_vD + P) the same derivatives of the first states.
-        samples: (N,) step and segment of every sample.
+        samples: (N,) step and segment of every sample, and the part of the step before it.
         pull: also of the tensions.
         threads: that share the work.
     """
     n, S = driven.acc_K.shape[:2]
     n_v, n_k = model.coordinates.n_vD, model.coordinates.n_vK
-    steps, segments = samples
+    steps, segments, share = samples
     width = 2 * n_v + len(of_p) + len(of_K)
     columns = [2 * n_v + 3 * n_k + i for i in of_p] + [2 * n_v + k for k in of_K]
     Z = begin.copy()
-    before, after = (np.empty((len(steps), n_v, width)) for _ in range(2))
+    between = np.empty((len(steps), n_v, width))
     pulled = np.empty((len(steps), model.tree.n_rows, width)) if pull else None
     of_step = {}
     for own in _parts(S, threads):
@@ -229,14 +228,15 @@ def sense(
         mine = slice(*own)
         for j in range(block):
             here, now = slice(j * S + own[0], j * S + own[1]), of_step[own][k + j]
-            before[now] = Z[segments[now], :n_v]
+            part = share[now, None, None]
+            between[now] = (1.0 - part) * Z[segments[now], :n_v]
             if pulled is not None and lin.pull is not None and len(now):
                 by = lin.pull[j * S + segments[now]]
                 pulled[now] = by[..., : 2 * n_v] @ Z[segments[now]]
                 pulled[now, :, 2 * n_v :] += by[..., columns]
             Z[mine] = lin.motion[here, :, : 2 * n_v] @ Z[mine]
             Z[mine, :, 2 * n_v :] += lin.motion[here][..., columns]
-            after[now] = Z[segments[now], :n_v]
+            between[now] += part * Z[segments[now], :n_v]
 
     room = None
     with ThreadPoolExecutor(len(of_step)) as pool:
@@ -254,4 +254,4 @@ def sense(
             room = lin.motion
             for done in [pool.submit(carry, own, k, lin) for own in of_step]:
                 done.result()
-    return Sensed(Z, before, after, pulled)
+    return Sensed(Z, between, pulled)

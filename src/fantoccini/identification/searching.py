@@ -3,21 +3,55 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fantoccini.arrays import Array, MaskRows
 from fantoccini.identification.blocks import LARGEST_MOVE, Normal
+from fantoccini.identification.cost import Cost
 from fantoccini.identification.fit import Fit
-from fantoccini.identification.point import Point, Predicted, Weights
+from fantoccini.identification.point import Point, Predicted, Slopes
+from fantoccini.identification.windows import cheaper, spread
 
 FIRST_DAMPING = 1e-3
 LEAST_DAMPING, MOST_DAMPING = 1e-4, 1e8
 _LEAST_FALL = 0.01
 """Of the cost, from which on a search goes on: a hundredth of what one deviation costs is less."""
+_FAR = 0.1
+"""Part of a positive number by which it may move before all derivatives are found anew."""
+_MIXED = 3.0
+"""Times the fall that ends a search, what all segments may change by then."""
 LARGEST_FACTOR = 4.0
 """By which a positive number may grow or shrink in one move."""
+
+
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """Derivatives that are kept from one move to the next.
+
+    Attributes:
+        slopes: of all segments; those of some are written over.
+        theta: (P,) unknowns at which all were found.
+        stale: (S,) bool, segments whose derivatives are to be found anew.
+    """
+
+    slopes: Slopes
+    theta: Array
+    stale: MaskRows
+
+    @classmethod
+    def at(cls, fit: Fit, at: Point) -> Kept:
+        """All of a point."""
+        return cls(fit.slopes(at), at.theta, np.zeros(len(at.q_D), dtype=bool))
+
+    def renewed(self, fit: Fit, at: Point, positive: MaskRows) -> Kept:
+        """Those of stale segments anew; all where a positive number went far."""
+        if np.any(np.abs(at.theta - self.theta)[positive] > _FAR * self.theta[positive]):
+            return Kept.at(fit, at)
+        if np.any(self.stale):
+            fit.slopes(at, only=self.stale, kept=self.slopes)
+        return replace(self, stale=np.zeros(len(self.stale), dtype=bool))
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,26 +61,27 @@ class Found:
     Attributes:
         at: the point.
         predicted: what it predicts.
-        normal: the normal equations there.
         cost: there.
         moves: that were taken.
-        settled: whether the last move reduced the cost by less than the tolerance.
+        settled: whether the last move changed the costs by little.
+        odd: (S,) bool, segments whose derivatives did not tell the last two moves.
+        kept: the derivatives.
     """
 
     at: Point
     predicted: Predicted
-    normal: Normal
     cost: float
     moves: int
     settled: bool
+    odd: MaskRows
+    kept: Kept
 
 
 def search(
-    fit: Fit,
+    cost: Cost,
     at: Point,
-    first: Point,
-    weights: Weights,
     positive: MaskRows,
+    kept: Kept | None = None,
     *,
     moves: int,
     tolerance: float,
@@ -57,11 +92,10 @@ def search(
     """Moves a point until the cost no longer falls.
 
     Args:
-        fit: the record and its model.
+        cost: of points.
         at: where the search begins.
-        first: the guess of the first state.
-        weights: of residuals.
         positive: (P,) bool, unknowns that stay above zero.
+        kept: derivatives from an earlier search.
         moves: largest number.
         tolerance: relative fall of the cost that ends the search.
         extrapolated: residuals of steps of no length; derivatives stay those of steps of dt.
@@ -70,23 +104,30 @@ def search(
     """
     damping, taken, settled = np.full(len(at.q_D), FIRST_DAMPING), 0, False
     shared = FIRST_DAMPING
+    fit = cost.fit
     predicted = fit.predict(at, extrapolated=extrapolated)
     at = fit.freed(at, predicted)
-    normal = _normal(fit, at, first, weights, predicted)
-    costs = fit.costs(at, first, predicted, weights)
+    kept = Kept.at(fit, at) if kept is None else kept
+    normal: Normal | None = None
+    parts = cost.parts(at, predicted)
     tries = failed = 0
+    odd = stale = np.zeros(len(at.q_D), dtype=bool)
     while taken < moves and not settled and tries < 4 * moves:
         tries += 1
+        if normal is None:
+            kept = kept.renewed(fit, at, positive)
+            normal = cost.normal(at, predicted, kept.slopes)
         if held:
-            by, theta = _step(_states_alone(normal), damping, shared)[0], 0.0 * at.theta
+            by, theta = _step(normal.of_states(), damping, shared)[0], 0.0 * at.theta
         else:
             by, theta = _step(normal, damping, shared)
         trial = fit.moved(at, by, _bounded(at.theta, theta, positive) - at.theta)
         seen = fit.predict(trial, extrapolated=extrapolated)
-        new = fit.costs(trial, first, seen, weights)
-        rise = new - costs
-        bad = _wide(rise[:-1] > 0.02 * costs[:-1] + 1.0)
-        if not np.sum(new) < np.sum(costs):
+        new = cost.parts(trial, seen)
+        bad = _bad(parts, new)
+        if np.any(bad) and seen.arrived:
+            trial, seen, new = _stayed(cost, at, trial, seen, new, bad, extrapolated)
+        if not np.sum(new) < np.sum(parts):
             damping = np.where(bad, np.minimum(16.0 * damping, MOST_DAMPING), damping)
             failed += 1
             if failed > 2 or not np.any(bad):
@@ -95,29 +136,38 @@ def search(
             continue
         damping = np.where(bad, 4.0 * damping, np.maximum(damping / 4.0, LEAST_DAMPING))
         failed = 0
-        fall = float(np.sum(costs) - np.sum(new))
-        settled = fall <= max(tolerance * float(np.sum(costs)), _LEAST_FALL)
+        # Some segments may rise by what others fall: then the search is not at its end.
+        change = float(np.sum(np.abs(parts - new)))
+        settled = change <= _MIXED * max(tolerance * float(np.sum(parts)), _LEAST_FALL)
         shared, taken = max(LEAST_DAMPING, shared / 8.0), taken + 1
-        at, costs = fit.freed(trial, seen), new
+        before, stale = stale, cost.stale(at, trial, predicted, seen, kept.slopes)
+        odd, kept = before & stale, replace(kept, stale=stale)
+        at, parts, predicted, normal = fit.freed(trial, seen), new, seen, None
         if progress is not None:
-            progress(float(np.sum(costs)))
-        predicted, normal = seen, _normal(fit, at, first, weights, seen)
-    return Found(at, predicted, normal, float(np.sum(costs)), taken, settled)
+            progress(float(np.sum(parts)))
+    return Found(at, predicted, float(np.sum(parts)), taken, settled, odd, kept)
 
 
-def _wide(bad: MaskRows) -> MaskRows:
-    """Segments that went wrong, and the one after each: its gap is theirs."""
-    return np.asarray(bad | np.append(False, bad[:-1]) | np.append(bad[1:], False))
+def _bad(parts: Array, new: Array) -> MaskRows:
+    """(S,) bool, segments that went wrong, and those beside them, whose gaps are theirs, too."""
+    return spread((new - parts)[:-1] > 0.02 * parts[:-1] + 1.0, 1, 1)
 
 
-def _normal(fit: Fit, at: Point, first: Point, weights: Weights, predicted: Predicted) -> Normal:
-    _, J, ends = fit.jacobian(at)
-    return fit.normal(at, first, predicted, J, ends, weights)
-
-
-def _states_alone(normal: Normal) -> Normal:
-    none = np.zeros(0)
-    return Normal(normal.H, normal.next, normal.border[..., :0], none[:, None], normal.g, none)
+def _stayed(
+    cost: Cost, at: Point, trial: Point, seen: Predicted, new: Array, bad: MaskRows,
+    extrapolated: bool,
+) -> tuple[Point, Predicted, Array]:  # fmt: skip
+    """The trial with the first states of bad segments where they were, if that costs less."""
+    fit = cost.fit
+    stay = trial.mixed(at, bad)
+    stay = fit.placed(stay.q_D, stay.v_D, stay.theta, stay.held, bad)
+    same = fit.predict(stay, extrapolated=extrapolated, only=bad, kept=seen)
+    if not same.arrived:
+        return trial, seen, new
+    better = cheaper(bad, new, cost.parts(stay, same))
+    trial = trial.mixed(stay, better)
+    seen = seen.mixed(same, better, fit.segments(trial.theta))
+    return trial, seen, cost.parts(trial, seen)
 
 
 def _step(normal: Normal, damping: Array, shared: float) -> tuple[Array, Array]:

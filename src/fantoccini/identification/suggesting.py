@@ -19,6 +19,7 @@ import numpy as np
 from fantoccini.arrays import Array, check_positive
 from fantoccini.errors import FantocciniError, StateError
 from fantoccini.files import write_table
+from fantoccini.identification.cost import Cost
 from fantoccini.identification.estimating import Noise, fit_of, one_blas_thread
 from fantoccini.identification.fit import chained
 from fantoccini.identification.point import Weights
@@ -141,16 +142,14 @@ def _candidate(
         own = replace(record, inputs=inputs, t=t + record.delay, columns=columns)
         fit = fit_of(own, segment, dt, threads)
         at = chained(fit, own.start_state(fit.inputs, float(fit.starts[0])))
-        predicted, J, ends = fit.jacobian(at)
+        predicted, slopes = fit.predict(at), fit.slopes(at)
     except (FantocciniError, np.linalg.LinAlgError) as error:
         return Candidate(name, inputs, -np.inf, {}, (), np.inf, str(error))
-    if not predicted.arrived:
-        why = "the puppet cannot follow it"
-        return Candidate(name, inputs, -np.inf, {}, (), np.inf, why)
     noise = Noise.of(own)
     levels = np.where(np.isfinite(noise.given), noise.given, noise.guess)
     weights = Weights(levels, (5e-4, 5e-3))
-    F = replace(fit, y=predicted.y).normal(at, at, predicted, J, ends, weights).information()
+    cost = Cost(replace(fit, y=predicted.y), at, weights)
+    F = cost.normal(at, predicted, slopes).information()
     scaled = F * np.outer(record.scales, record.scales)
     eigenvalues = np.maximum(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)), 0.0)
     deviations, _, combinations = told(F, record.scales, record.labels)
