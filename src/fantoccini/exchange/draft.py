@@ -111,14 +111,14 @@ class Draft:
         self.joints.append(own)
         return {"name": own}
 
-    def mesh(self, name: str, content: bytes) -> str:
+    def mesh(self, name: str, content: bytes, ending: str = "stl") -> str:
         """Adds a mesh file; its path."""
         stem = plain_name(name) or "mesh"
         folder, k = f"{self.name}_meshes", 1
-        path, there = f"{folder}/{stem}.stl", {known.lower() for known in self.meshes}
+        path, there = f"{folder}/{stem}.{ending}", {known.lower() for known in self.meshes}
         while path.lower() in there:
             k += 1
-            path = f"{folder}/{stem}_{k}.stl"
+            path = f"{folder}/{stem}_{k}.{ending}"
         self.meshes[path] = content
         return path
 
