@@ -283,7 +283,9 @@ WRONG = {
     "an asset that is not there": (
         f'<mujoco><asset><mesh file="no.stl"/></asset>{BALL}</mujoco>', "no.stl",
     ),
-    "a file that is not there": ('<mujoco>\n<include file="no.xml"/></mujoco>', ":2: MuJoCo says"),
+    "a file that is not there": (
+        '<mujoco>\n<include file="no.xml"/></mujoco>', ":2: include: found no file 'no.xml'",
+    ),
     "no mass": ("<mujoco>\n<worldbody><body>\n<joint/></body></worldbody></mujoco>", "mass"),
     "no bodies": ("<mujoco/>", "found no bodies"),
     "too deep": ("<mujoco>\n" + "<body>" * 300, ":2: nested deeper than 200 levels"),
