@@ -275,6 +275,20 @@ def test_a_part_without_material_is_grey(tmp_path):
     assert np.array_equal(found, np.array([[255, 0, 0], [178] * 3, [178] * 3, [0, 0, 255]]) / 255)
 
 
+def test_a_material_that_is_not_defined_is_told(tmp_path):
+    ball = '<geometry><sphere radius="1"/></geometry>'
+    red = '<material name="red"><color rgba="1 0 0 1"/></material>'
+    shapes, (note,) = coloured_by(
+        f'<visual>{ball}{red}</visual><visual>{ball}<material name="rad"/></visual>'
+        f'<visual>{ball}<material name="red"/></visual><visual>{ball}<material name=""/></visual>',
+        tmp_path,
+    )
+    assert [shape.colour for shape in shapes] == ["#ff0000", "#b2b2b2", "#ff0000", "#b2b2b2"]
+    assert note.message == (
+        "has a solid of the material 'rad', which is not defined; did you mean 'red'?"
+    )
+
+
 def test_textures_of_urdf_are_told(tmp_path):
     """Of a material that another visual defines, too."""
     wood = '<material name="wood"><texture filename="wood.png"/></material>'
@@ -304,6 +318,10 @@ WRONG = {
     "no numbers": (
         LINKS + joint("j", "fixed", "a", "b", '<origin xyz="1 2 x"/>'),
         ":4: origin: xyz: found '1 2 x'; needed: 3 finite numbers",
+    ),
+    "a unit": (
+        '<robot name="r">\n<link name="a"><inertial><mass value="1kg"/></inertial></link>',
+        ":2: mass: value: found '1kg'; needed: 1 finite number",
     ),
     "a twin": (LINKS + '<link name="a"/>', ":4: link: 'a' is there already, in line 2"),
     "an unknown link": (

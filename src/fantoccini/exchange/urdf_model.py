@@ -291,7 +291,8 @@ def _check(file: ModelFile) -> None:
             plain = text.replace(",", " ") if tag in ("box", "mesh") else text
             if sizes and element.known and not _are_numbers(plain, sizes):
                 count = " or ".join(map(str, sizes))
-                say(element, f"{key}: found {text[:60]!r}; needed: {count} finite numbers")
+                needed = f"{count} finite number{'' if sizes == (1,) else 's'}"
+                say(element, f"{key}: found {text[:60]!r}; needed: {needed}")
     if found:
         raise ExchangeError(found)
 

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fantoccini import meshes
-from fantoccini.errors import MissingLibraryError
+from fantoccini.errors import MissingLibraryError, nearest
 from fantoccini.exchange import solids
 from fantoccini.exchange.draft import Draft, numbers, quaternion
 
@@ -39,7 +39,10 @@ def add_shapes(draft: Draft, link: Any, made: dict[str, Any], materials: dict[st
         shape, has_own = found
         material = getattr(solid, "material", None)
         if material is not None and material.color is None and material.texture is None:
-            material = materials.get(material.name)
+            name, material = material.name or "", materials.get(material.name)
+            if name and material is None:
+                what = f"has a solid of the material {name[:100]!r}, which is not defined"
+                note(f"{what}{nearest(name, materials)}")
         if material is not None and material.texture is not None:
             note(f"has the texture {str(material.texture.filename)[:100]!r}, left out")
         if material is not None and material.color is not None:
