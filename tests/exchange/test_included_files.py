@@ -191,3 +191,25 @@ def test_few_copies_are_made(folder):
     made = import_model("m.xml")
     (shapes,) = (b.shapes for b in fan.puppet.loads(made.text).bodies if b.name == "c_d")
     assert len(shapes) == 3
+
+
+def test_lines_of_attached_models_are_not_taken_for_the_files_own(folder):
+    body = '<body name="b">\n<joint frictionloss="1"/><geom size="0.1"/></body>'
+    Path("y.xml").write_text(f"<mujoco><worldbody>\n{body}</worldbody></mujoco>")
+    Path("x.xml").write_text(ATTACHED.format("y", 1).replace("<joint/>", "\n\n<joint/>", 1))
+    (joint, contact) = import_model("x.xml").report
+    assert str(joint) == "x.xml: joint: has frictionloss, left out" and contact.kind == "contact"
+    Path("x.xml").write_text(ATTACHED.format("y", 1).replace("<joint/>", JOINT))
+    told = [(n.kind, n.line) for n in import_model("x.xml").report]
+    assert told == [("joint", 4), ("joint", None), ("contact", None)]
+
+
+JOINT = '\n\n<joint frictionloss="1"/>'
+
+
+@pytest.mark.parametrize("name", ["m.xml", "parts/last.xml"])
+def test_another_encoding_is_told(folder, name):
+    text = '<?xml version="1.0" encoding="latin-1"?>\n<mujoco>\n<!-- \xe9 --></mujoco>'
+    Path(name).write_bytes(text.encode("latin-1"))
+    with pytest.raises(ExchangeError, match=rf"^{name}:3: is not UTF-8"):
+        import_model("m.xml")

@@ -1,7 +1,8 @@
 """MJCF files with the files that they include, where every element keeps its file and line.
 
-MuJoCo forgets the lines of included elements. It reads the text made here a second time, one
-element a line, and tells where they are.
+MuJoCo forgets the lines of included elements, and takes those of attached models for its own. It
+reads the text made here a second time, one element a line, below more empty lines than attached
+models have, and tells where they are.
 """
 
 from __future__ import annotations
@@ -22,16 +23,21 @@ _LISTS = (
 )  # fmt: skip
 """Elements of MuJoCo's that know their lines."""
 
+_ABOVE = 1_000_000
+"""Empty lines above the text: lines up to here are of attached models."""
+
 _LINE = re.compile(r"\b([Ll]ine(?: number=| ))(\d+)")
 
 
 def with_includes(file: ModelFile) -> ModelFile:
-    """The file with the content of those that it includes; itself where it includes none.
+    """The file with the content of those that it includes; itself where it names no others.
 
     Raises:
-        ExchangeError: such a file is missing, broken, or included twice; all are too large.
+        ExchangeError: such a file is missing, broken, or included twice; all are too large; one is
+            not UTF-8.
     """
-    if not any(element.tag == "include" for element in file.elements):
+    _check_encoding(file, file.text)
+    if not any(element.tag in ("include", "model") for element in file.elements):
         return file
     reader = _Reader(file)
     reader.add(file.elements, file.name, 0)
@@ -54,30 +60,28 @@ def found_beside(given: str, *folders: str) -> str | None:
 def locate(mujoco: Any, file: ModelFile, spec: Any) -> None:
     """Gives the elements of MuJoCo's specification their lines in the file's text."""
     try:
-        twin = mujoco.MjSpec.from_string(file.text.decode())
+        twin = mujoco.MjSpec.from_string(_ABOVE * "\n" + file.text.decode())
     except (ValueError, RuntimeError, mujoco.FatalError):
         twin = None
     for kind in _LISTS:
         own = list(getattr(spec, kind, ()))
         others = [] if twin is None else list(getattr(twin, kind, ()))
+        alike = len(others) == len(own)
         for k, element in enumerate(own):
-            found = _LINE.search(others[k].info if len(others) == len(own) else element.info)
-            line = int(found[2]) if found else 0
-            if len(others) != len(own):
-                line = file.line_at(file.name, line) or 0
-            element.info = f"line {line}" if line else ""
+            found = _LINE.search(others[k].info) if alike else None
+            line = int(found[2]) - _ABOVE if found else 0
+            element.info = f"line {line}" if line > 0 else ""
 
 
 def line_of_mistake(mujoco: Any, file: ModelFile, message: str) -> int | None:
     """The line in the file's text of what MuJoCo says when it reads the file itself."""
     try:
-        mujoco.MjSpec.from_string(file.text.decode())
+        mujoco.MjSpec.from_string(_ABOVE * "\n" + file.text.decode())
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         found = _LINE.search(str(error))
         if found and _LINE.sub("", str(error)) == _LINE.sub("", message):
-            return int(found[2])
-    found = _LINE.search(message)
-    return file.line_at(file.name, int(found[2])) if found else None
+            return max(int(found[2]) - _ABOVE, 0) or None
+    return None
 
 
 def told(message: str, line: int | None) -> str:
@@ -85,6 +89,14 @@ def told(message: str, line: int | None) -> str:
     if line is None:
         return re.sub(r",? *\b[Ll]ine(?: number=| )\d+", "", message)
     return _LINE.sub(lambda found: f"{found[1]}{line}", message)
+
+
+def _check_encoding(file: ModelFile, text: bytes) -> None:
+    try:
+        text.decode()
+    except UnicodeDecodeError as error:
+        line = text.count(b"\n", 0, error.start) + 1
+        raise file.mistake("is not UTF-8, in which MuJoCo reads", line) from None
 
 
 class _Reader:
@@ -131,6 +143,7 @@ class _Reader:
         if depth > MAX_DEPTH or len(self.known) > MAX_DEPTH:
             raise fail(f"nested deeper than {MAX_DEPTH} levels, or more than so many files")
         text, inner = read_elements(found)
+        _check_encoding(replace(self.file, name=found, origins=()), text)
         self.size += len(text)
         if self.size > MAX_BYTES:
             raise fail(f"all files together are larger than {MAX_BYTES / 1e6:g} MB")

@@ -86,14 +86,6 @@ class ModelFile:
             return self.origins[line - 1]
         return self.name, None if self.origins else line or None
 
-    def line_at(self, name: str, line: int | None) -> int | None:
-        """The first line of ``text`` that comes from a line of a file; None for none."""
-        return self._at.get((name, line or 0)) if self.origins else line
-
-    @cached_property
-    def _at(self) -> dict[tuple[str, int], int]:
-        return {at: k for k, at in reversed([*enumerate(self.origins, 1)])}
-
     def mistake(self, message: str, line: int | None = None, key: str = "") -> ExchangeError:
         """An error at a line of ``text``."""
         return ExchangeError([Mistake(*self.place(line), key, message)])
