@@ -15,6 +15,7 @@ PACKAGES = {
     "errors": "Errors that name the place and the remedy, and the statuses a run can end with.",
     "arrays": "Type aliases for arrays, named after their shape.",
     "files": "Writes files that appear whole or not at all.",
+    "datagrams": "Sockets for datagrams to one machine, unless all of a network are meant.",
     "media": "Finds ffmpeg and reads sound files with it.",
     "progress": "Progress callbacks, and the bar on a terminal.",
     "meshes": "Mesh files: triangles, colours of their materials, and the closed pieces they make.",

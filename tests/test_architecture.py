@@ -29,6 +29,7 @@ ORDER = (
     "errors",
     "arrays",
     "files",
+    "datagrams",
     "media",
     "progress",
     "meshes",

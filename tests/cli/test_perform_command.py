@@ -13,6 +13,7 @@ from pathlib import Path
 
 from pythonosc.osc_message_builder import OscMessageBuilder
 from pythonosc.osc_packet import OscPacket
+from tests.cli.command import fantoccini
 from tests.perform.played import PLAY
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -48,3 +49,10 @@ def test_a_show_is_directed_by_messages_until_ctrl_c(tmp_path):
     assert process.returncode == 0
 
 
+def test_messages_are_not_sent_to_port_0(tmp_path):
+    """Port 0 is a free one where messages are heard."""
+    (tmp_path / "short.yaml").write_text(PLAY, encoding="utf-8")
+    done = fantoccini("perform", tmp_path / "short.yaml", "--osc-in", "0", "--osc-out", "::1:0")
+    assert done.exit_code == 2
+    told = " ".join(done.stderr.split())
+    assert "found port 0 in '::1:0'; needed: 1 to 65535" in told and "--osc-out" in told

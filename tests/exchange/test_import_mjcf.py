@@ -140,16 +140,20 @@ CONNECTED = """
 </mujoco>"""
 
 
-@pytest.mark.parametrize(("kind", "count"), [("connect", 3), ("weld", 6)])
-def test_bodies_are_held_by_wires(kind, count, tmp_path):
+@pytest.mark.parametrize(("kind", "count", "extent", "length"), [
+    ("connect", 3, 2.0, 1.0), ("weld", 6, 50.0, 1.0), ("connect", 3, 0.5, 0.1),
+    ("weld", 6, 0.099, 0.01), ("weld", 6, 1e-5, 0.001),
+])  # fmt: skip
+def test_bodies_are_held_by_wires(kind, count, extent, length, tmp_path):
     """At rest, accelerations are those of MuJoCo's constraint if it were rigid:
 
     M a + bias = J^T f, J a = 0.
     """
     text = CONNECTED.replace("<connect", f"<{kind}")
+    text = text.replace("  <equality", f'  <statistic extent="{extent}"/> <equality')
     made, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
     assert [str(n) for n in made.report if n.kind == "equality"] == [
-        f"{tmp_path / 'model.xml'}:14: equality pin: {kind}: is {count} wires of 1 m here"
+        f"{tmp_path / 'model.xml'}:14: equality pin: {kind}: is {count} wires of {length:g} m here"
     ]
     m.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     puppet = fan.loads(made.text)
@@ -283,7 +287,9 @@ WRONG = {
     "an asset that is not there": (
         f'<mujoco><asset><mesh file="no.stl"/></asset>{BALL}</mujoco>', "no.stl",
     ),
-    "a file that is not there": ('<mujoco>\n<include file="no.xml"/></mujoco>', ":2: MuJoCo says"),
+    "a file that is not there": (
+        '<mujoco>\n<include file="no.xml"/></mujoco>', ":2: include: found no file 'no.xml'",
+    ),
     "no mass": ("<mujoco>\n<worldbody><body>\n<joint/></body></worldbody></mujoco>", "mass"),
     "no bodies": ("<mujoco/>", "found no bodies"),
     "too deep": ("<mujoco>\n" + "<body>" * 300, ":2: nested deeper than 200 levels"),
@@ -362,6 +368,13 @@ def test_a_keyframe_moves_mocap_bodies(tmp_path):
     assert tuple(pose["hand.rotation"]) == (0, 1, 0, 0)
     told = [str(note).partition(":31: ")[2] for note in made.report if note.kind == "key"]
     assert told == ["key bent: has velocities, left out"]
+
+
+def test_a_winch_is_told_how_to_come_back(tmp_path):
+    winch = '<actuator><position tendon="idle"/></actuator>'
+    made = imported(REST.replace("<sensor>", f"{winch}<sensor>"), tmp_path)
+    (note,) = (note for note in made.report if note.what == "tendon idle")
+    assert note.message.endswith("; a string with `length: driven` is wound in and out by inputs")
 
 
 def test_a_tendon_with_play_keeps_its_damping(tmp_path):

@@ -220,11 +220,84 @@ def test_meshes_of_all_formats(ending, tmp_path):
         '<robot name="r"><link name="a"><visual><geometry>'
         f'<mesh filename="package://r/box.{ending}"/></geometry></visual></link></robot>', tmp_path
     )  # fmt: skip
-    lost = ["its own colours are left out"] if ending == "dae" else []
-    assert [note.message.partition(": ")[2] for note in made.report] == lost
+    assert not made.report
     made.save(tmp_path / "r.yaml")
     (body,) = fan.puppet.load(tmp_path / "r.yaml").bodies
     assert np.allclose(fan.puppet.shapes.load_mesh(body.shapes[0]).extents, size, atol=1e-7)
+
+
+RED_BLUE = """mtllib {0}.mtl
+v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1
+usemtl red\nf 1 3 2\nf 1 2 4\nusemtl blue\nf 1 4 3\nf 2 3 4
+"""
+
+
+def coloured_by(visuals: str, folder: Path) -> tuple:
+    """Shapes of the one body of a robot, with a mesh in red and blue, read from the disk."""
+    (folder / "a.obj").write_text(RED_BLUE.format("a"))
+    (folder / "a.mtl").write_text("newmtl red\nKd 1 0 0\nnewmtl blue\nKd 0 0.2 1\n")
+    made = imported(f'<robot name="r"><link name="a">{visuals}</link></robot>', folder)
+    made.save(folder / "r.yaml")
+    (body,) = fan.puppet.load(folder / "r.yaml").bodies
+    return body.shapes, made.report
+
+
+MESH = '<geometry><mesh filename="a.obj"/></geometry>'
+
+
+def test_meshes_keep_the_colours_of_their_files(tmp_path):
+    """As the mesh's own file has them."""
+    (shape,), report = coloured_by(f"<visual>{MESH}</visual>", tmp_path)
+    assert shape.colour is None and not report
+    wanted = fan.meshes.read(tmp_path / "a.obj", tmp_path)
+    found = shape.read()
+    middles = [m.vertices[m.faces].mean(axis=1) for m in (wanted, found)]
+    order = [np.lexsort(x.round(6).T) for x in middles]
+    assert np.allclose(middles[1][order[1]], middles[0][order[0]], atol=1e-7)
+    assert np.array_equal(found.colours[order[1]], wanted.colours[order[0]])
+    assert len(np.unique(found.colours, axis=0)) == 2 and found.closed
+
+
+def test_a_colour_of_urdf_hides_those_of_the_mesh(tmp_path):
+    green = '<material name="green"><color rgba="0 1 0 1"/></material>'
+    (one, other), report = coloured_by(
+        f"<visual>{MESH}{green}</visual><visual>{MESH}</visual>", tmp_path
+    )
+    assert (one.colour, other.colour) == ("#00ff00", None) and not report
+    assert one.file == other.file
+
+
+def test_a_part_without_material_is_grey(tmp_path):
+    corners, faces = _tetrahedron()
+    colours = np.array([[1, 0, 0], [np.nan] * 3, [np.nan] * 3, [0, 0, 1.0]])
+    (tmp_path / "a.ply").write_bytes(fan.exchange.solids.ply(corners, faces, colours))
+    found = fan.meshes.read(tmp_path / "a.ply", tmp_path).colours
+    assert np.array_equal(found, np.array([[255, 0, 0], [178] * 3, [178] * 3, [0, 0, 255]]) / 255)
+
+
+def test_a_material_that_is_not_defined_is_told(tmp_path):
+    ball = '<geometry><sphere radius="1"/></geometry>'
+    red = '<material name="red"><color rgba="1 0 0 1"/></material>'
+    shapes, (note,) = coloured_by(
+        f'<visual>{ball}{red}</visual><visual>{ball}<material name="rad"/></visual>'
+        f'<visual>{ball}<material name="red"/></visual><visual>{ball}<material name=""/></visual>',
+        tmp_path,
+    )
+    assert [shape.colour for shape in shapes] == ["#ff0000", "#b2b2b2", "#ff0000", "#b2b2b2"]
+    assert note.message == (
+        "has a solid of the material 'rad', which is not defined; did you mean 'red'?"
+    )
+
+
+def test_textures_of_urdf_are_told(tmp_path):
+    """Of a material that another visual defines, too."""
+    wood = '<material name="wood"><texture filename="wood.png"/></material>'
+    (one, other), report = coloured_by(
+        f'<visual>{MESH}{wood}</visual><visual><geometry><sphere radius="1"/></geometry>'
+        '<material name="wood"/></visual>', tmp_path
+    )  # fmt: skip
+    assert (one.colour, other.colour) == (None, "#b2b2b2")
+    assert [n.message for n in report] == ["has the texture 'wood.png', left out"] * 2
 
 
 def _tetrahedron() -> tuple[np.ndarray, np.ndarray]:
@@ -245,6 +318,10 @@ WRONG = {
     "no numbers": (
         LINKS + joint("j", "fixed", "a", "b", '<origin xyz="1 2 x"/>'),
         ":4: origin: xyz: found '1 2 x'; needed: 3 finite numbers",
+    ),
+    "a unit": (
+        '<robot name="r">\n<link name="a"><inertial><mass value="1kg"/></inertial></link>',
+        ":2: mass: value: found '1kg'; needed: 1 finite number",
     ),
     "a twin": (LINKS + '<link name="a"/>', ":4: link: 'a' is there already, in line 2"),
     "an unknown link": (

@@ -362,3 +362,8 @@ def test_addresses(stage):
     first.stop()
     with pytest.raises(StateError, match="is no address"):
         Osc(stage.show, None, Address("no such host.", 1), lambda do: None)
+    for host in ("239.1.2.3", "255.255.255.255"):
+        with pytest.raises(StateError, match=r"all machines .* needed: the address of one"):
+            Osc(stage.show, None, Address(host, 53000), lambda do: None)
+    with pytest.raises(StateError, match="needed: a port from 1 on"):
+        Osc(stage.show, None, Address("127.0.0.1", 0), lambda do: None)

@@ -236,6 +236,18 @@ def test_a_broadcast_address_needs_the_word():
         assert "unreachable" in str(error)  # a machine without a network
 
 
+@pytest.mark.parametrize("host", ["224.0.0.1", "239.255.1.2", "ff02::1", "::ffff:224.0.0.1"])
+def test_a_multicast_address_needs_the_word_too(host):
+    refused = pytest.raises(StandError, match=r"needed: the address of one, or `broadcast: true`")
+    with refused, udp_sender(host, 6454):
+        pass
+    try:
+        with udp_sender(host, 6454, broadcast=True):
+            pass
+    except StandError as error:
+        assert str(error).startswith(f"cannot send to {host}:6454: ")  # without a network
+
+
 def test_only_art_net_broadcasts(run, hoist):
     assert points_of(run, hoist, "artnet", ", broadcast: true").controller.broadcast
     assert not points_of(run, hoist, "artnet").controller.broadcast

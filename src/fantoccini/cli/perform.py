@@ -18,7 +18,7 @@ def perform_play(request: PerformRequest) -> None:
     """Compiles a play and performs it until Ctrl-C."""
     check_folder(request.record_to, "--record-to")
     hear = address_of(request.osc_in, "--osc-in")
-    send = address_of(request.osc_out, "--osc-out")
+    send = address_to(request.osc_out, "--osc-out")
     if hear is not None and hear == send:
         fail(f"found {hear} for --osc-in as well; needed: two addresses", "--osc-out")
     from fantoccini.perform import Show
@@ -54,3 +54,11 @@ def address_of(given: str | None, option: str) -> Address | None:
         return Address.of(given)
     except ValueError as error:
         fail(str(error), option)
+
+
+def address_to(given: str | None, option: str) -> Address | None:
+    """As :func:`address_of`, of what something is sent to: port 0 is a mistake."""
+    found = address_of(given, option)
+    if found is not None and found.port == 0:
+        fail(f"found port 0 in {given!r}; needed: 1 to 65535", option)
+    return found

@@ -16,7 +16,7 @@ import typer
 
 from fantoccini.cli.files import fail
 from fantoccini.cli.guard import FAILED, INTERRUPTED
-from fantoccini.cli.perform import address_of
+from fantoccini.cli.perform import address_to
 from fantoccini.cli.stand_requests import StandStreamRequest
 from fantoccini.cli.terminal import Steps, say, write
 from fantoccini.errors import PacketError, StreamError
@@ -88,9 +88,7 @@ def send_packets(points: SetPoints, request: StandStreamRequest) -> None:
     ):  # fmt: skip
         if given is not None:
             fail(f"applies to G-code, and the controller is {controller.type}", option)
-    host, port = address_of(request.to, "--to") or (controller.host, controller.port)
-    if port == 0:
-        fail(f"found port 0 in {request.to!r}; needed: 1 to 65535", "--to")
+    host, port = address_to(request.to, "--to") or (controller.host, controller.port)
     first, motion = request.from_time or 0.0, points.whole()
     check_first(first, float(motion.t[-1]))
     if request.dry_run:

@@ -77,8 +77,8 @@ class Draft:
         self, kind: str, name: str, message: str, line: int | None = None, part: str = ""
     ) -> None:
         """Adds a line to the report."""
-        note = ImportNote(self.file.name, line, kind, shown(name), printable(message), part)
-        self.notes.append(note)
+        place = self.file.place(line)
+        self.notes.append(ImportNote(*place, kind, shown(name), printable(message), part))
 
     def take(
         self, kind: str, name: str, instead: str = "", line: int | None = None, end: str = ""
@@ -111,14 +111,14 @@ class Draft:
         self.joints.append(own)
         return {"name": own}
 
-    def mesh(self, name: str, content: bytes) -> str:
+    def mesh(self, name: str, content: bytes, ending: str = "stl") -> str:
         """Adds a mesh file; its path."""
         stem = plain_name(name) or "mesh"
         folder, k = f"{self.name}_meshes", 1
-        path, there = f"{folder}/{stem}.stl", {known.lower() for known in self.meshes}
+        path, there = f"{folder}/{stem}.{ending}", {known.lower() for known in self.meshes}
         while path.lower() in there:
             k += 1
-            path = f"{folder}/{stem}_{k}.stl"
+            path = f"{folder}/{stem}_{k}.{ending}"
         self.meshes[path] = content
         return path
 
@@ -137,11 +137,12 @@ class Draft:
             if found := getattr(self, key):
                 data[key] = found
         self._check(data)
-        self.notes.sort(key=lambda note: note.line or np.inf)
+        files = list(dict.fromkeys((self.file.name, *(name for name, _ in self.file.origins))))
+        self.notes.sort(key=lambda n: (n.line is None, files.index(n.file), n.line or 0))
         text, rest = _with_comments(dump.to_yaml(data), self.notes)
         lines = (*head, *_summary(rest))
         comment = "".join(f"# {printable(line)}".rstrip() + "\n" for line in lines)
-        sources = self.file.path, *self.sources
+        sources = self.file.path, *self.file.others, *self.sources
         return Imported(
             comment + text, tuple(self.notes), self.meshes, tuple(self.joints), sources
         )
@@ -195,11 +196,12 @@ class Draft:
     def _named(self, mistake: Mistake, data: dict[str, Any]) -> Mistake:
         """A mistake with the model's kind and name in place of the puppet file's key."""
         found = re.match(r"(bodies|strings|springs)\[(\d+)\]\.?(.*)", mistake.key)
+        place = self.file.place(mistake.line)
         if not found:
-            return mistake
+            return Mistake(*place, mistake.key, mistake.message)
         kind, name, _ = self._given[data[found[1]][int(found[2])]["name"]]
         key = f"{kind} {name}" + (f": {found[3]}" if found[3] else "")
-        return Mistake(mistake.file, mistake.line, key, mistake.message)
+        return Mistake(*place, key, mistake.message)
 
 
 def number(x: float) -> float:

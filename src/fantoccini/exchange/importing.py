@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import warnings
 from collections.abc import Iterator
@@ -15,12 +14,12 @@ from fantoccini.errors import UnknownNameError
 from fantoccini.exchange.draft import Draft, numbers
 from fantoccini.exchange.imported import Imported
 from fantoccini.exchange.mjcf_bodies import Bodies, Compiled
+from fantoccini.exchange.mjcf_copies import refuse_copies
+from fantoccini.exchange.mjcf_includes import line_of_mistake, locate, told, with_includes
 from fantoccini.exchange.mjcf_rest import add_notes, add_shapes
 from fantoccini.exchange.mjcf_strings import add_constraints, add_tendons
 from fantoccini.exchange.model_file import ROOTS, ModelFile, line_in, read_model
 from fantoccini.exchange.mujoco_puppet import library
-
-_MOST_COPIES = 100_000
 
 _UNNAMED = "MuJoCo Model"
 """MuJoCo's name for models without one."""
@@ -53,7 +52,8 @@ def import_model(path: str | os.PathLike[str], keyframe: str | None = None) -> I
 
 def mjcf_puppet(file: ModelFile, keyframe: str | None) -> Imported:
     """An MJCF file as a puppet file."""
-    _refuse_copies(file)
+    file = with_includes(file)
+    refuse_copies(file)
     compiled = _compiled(file, keyframe)
     name = compiled.spec.modelname
     draft = Draft(file, "" if name == _UNNAMED else name)
@@ -63,7 +63,7 @@ def mjcf_puppet(file: ModelFile, keyframe: str | None) -> Imported:
     if gravity != [0.0, 0.0, -9.81]:
         draft.top["gravity"] = gravity
     bodies = Bodies(compiled, draft)
-    draft.sources += _meshes(compiled.spec, file.path.parent)
+    draft.sources += _meshes(compiled.spec, file)
     add_tendons(bodies)
     add_constraints(bodies)
     add_shapes(bodies)
@@ -73,36 +73,33 @@ def mjcf_puppet(file: ModelFile, keyframe: str | None) -> Imported:
     return draft.finish([f"{draft.name}: made of the MuJoCo model {file.path.name}."])
 
 
-def _refuse_copies(file: ModelFile) -> None:
-    """Raises where elements are copied so often that the model would take all memory."""
-    above: list[int] = []
-    for element in file.elements:
-        count = element.attributes.get("count", "").strip() if element.tag == "replicate" else ""
-        above = [*above[: element.depth], int(count) if count.isdecimal() else 1]
-        if math.prod(above) > _MOST_COPIES:
-            text = f"copies its content {math.prod(above)} times; allowed: up to {_MOST_COPIES}"
-            raise file.mistake(text, element.line, "replicate")
-
-
-def _meshes(spec: Any, folder: Path) -> Iterator[Path]:
+def _meshes(spec: Any, file: ModelFile) -> Iterator[Path]:
     """Where the files of meshes may be."""
-    for mesh in spec.meshes:
-        if mesh.file:
-            yield folder / mesh.file
-            yield folder / (spec.meshdir or "") / mesh.file
+    for folder in dict.fromkeys(path.parent for path in (file.path, *file.others)):
+        for mesh in spec.meshes:
+            if mesh.file:
+                yield folder / mesh.file
+                yield folder / (spec.meshdir or "") / mesh.file
 
 
 def _compiled(file: ModelFile, keyframe: str | None) -> Compiled:
-    mujoco = library()
+    mujoco, spec = library(), None
     try:
-        with warnings.catch_warnings(record=True) as said:
+        with warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always")
             spec = mujoco.MjSpec.from_file(str(file.path))
+            if file.origins:
+                locate(mujoco, file, spec)
             model = spec.compile()
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
-        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        said, line = str(error), line_in(str(error))
+        if file.origins:
+            if spec is None:
+                line = line_of_mistake(mujoco, file, said)
+            said = told(said, file.place(line)[1])
+        lines = [part.strip() for part in said.splitlines() if part.strip()]
         text = "; ".join(lines)[:500] or "cannot be read"
-        raise file.mistake(f"MuJoCo says: {text}", line_in(str(error))) from None
+        raise file.mistake(f"MuJoCo says: {text}", line) from None
     names = [model.key(k).name for k in range(model.nkey)]
     if keyframe is not None and keyframe not in names:
         raise UnknownNameError("keyframe", keyframe, names)
@@ -112,5 +109,5 @@ def _compiled(file: ModelFile, keyframe: str | None) -> Compiled:
         k = names.index(keyframe)
         qpos = model.key_qpos[k]
         mocap = np.hstack([model.key_mpos[k].reshape(-1, 3), model.key_mquat[k].reshape(-1, 4)])
-    texts = tuple(" ".join(str(w.message).split()) for w in said)
+    texts = tuple(" ".join(str(w.message).split()) for w in warned)
     return Compiled(mujoco, spec, model, np.array(qpos), mocap, texts)

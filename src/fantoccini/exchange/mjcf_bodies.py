@@ -275,7 +275,7 @@ def field(m: Any, name: str, k: int) -> Any:
 
 
 def line_of(element: Any) -> int | None:
-    """The line of an element of a model's file; None for those of included files."""
+    """The line of an element of a model's text."""
     return None if element is None else line_in(element.info)
 
 

@@ -3,13 +3,14 @@
 - A spatial tendon of limited length through sites is a string of that length.
 - One with stiffness or damping between two sites is a spring.
 - One of constrained length is a wire.
-- A point that two bodies share is held by three wires of 1 m, from the point on one body to three
-  points 1 m away along the axes of the other: |a - b_i|^2 = 1 has no other solution nearby. Three
-  more weld them.
+- A point that two bodies share is held by three wires of a length L, from the point on one body to
+  three points L away along the axes of the other: |a - b_i|^2 = L^2 has no other solution nearby.
+  Three more weld them.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -20,10 +21,13 @@ from fantoccini.exchange.mjcf_bodies import Bodies, field, line_of
 from fantoccini.exchange.mujoco_puppet import library
 from fantoccini.motion import rotation as rotations
 
+_WIRES = (1e-3, 1.0)
+"""Shortest and longest of a point's wires [m]."""
+
 _SCALE = 10  # Place of a weld's torquescale in its data
 
 _POINT = {"x": ((0, 0, 0), (1, 0, 0)), "y": ((0, 0, 0), (0, 1, 0)), "z": ((0, 0, 0), (0, 0, 1))}
-"""Wires of 1 m that hold a point: their ends in the two frames [m]."""
+"""Wires that hold a point: their ends in the two frames, over their length."""
 
 _TURN = {"xy": ((1, 0, 0), (1, 1, 0)), "yz": ((0, 1, 0), (0, 1, 1)), "zx": ((0, 0, 1), (1, 0, 1))}
 """Those that also hold the orientation: each stops one axis."""
@@ -34,6 +38,8 @@ def add_tendons(bodies: Bodies) -> None:
     draft, m, compiled = bodies.draft, bodies.m, bodies.compiled
     elements = compiled.elements("tendons")
     wires = _constrained(bodies)
+    on_tendons = m.actuator_trntype == int(library().mjtTrn.mjTRN_TENDON)
+    pulled = set(m.actuator_trnid[on_tendons, 0].tolist())
     for t in range(m.ntendon):
         name, line = m.tendon(t).name, line_of(elements.get(t))
 
@@ -55,7 +61,10 @@ def add_tendons(bodies: Bodies) -> None:
             if np.any(values):
                 note(f"has {what}, left out")
         if not (limited or any(elastic) or t in wires):
-            note("left out: nothing limits its length, and it has no stiffness or damping")
+            text = "left out: nothing limits its length, and it has no stiffness or damping"
+            if t in pulled and not reason:
+                text += "; a string with `length: driven` is wound in and out by inputs"
+            note(text)
             continue
         if reason:
             note(f"left out: {reason}")
@@ -177,16 +186,24 @@ def _held(bodies: Bodies, e: int, name: str, line: int | None) -> bool:
     if ends is None:
         return False
     (one, R, r), (other, S, s) = ends
-    wire = ""
+    wire, length = "", _wire_length(m)
     for end, (here, there) in pairs.items():
         path = [
-            bodies.fixed_point(one, r + R @ np.array(here)),
-            bodies.fixed_point(other, s + S @ np.array(there)),
+            bodies.fixed_point(one, r + length * R @ np.array(here)),
+            bodies.fixed_point(other, s + length * S @ np.array(there)),
         ]
         wire = draft.take("equality", name, word, line, f"_{end}")
-        draft.strings.append({"name": wire, "path": path, "length": 1, "wire": True})
-    draft.note("equality", name, f"{word}: is {len(pairs)} wires of 1 m here", line, wire)
+        made = {"name": wire, "path": path, "length": number(length), "wire": True}
+        draft.strings.append(made)
+    text = f"{word}: is {len(pairs)} wires of {length:g} m here"
+    draft.note("equality", name, text, line, wire)
     return True
+
+
+def _wire_length(m: Any) -> float:
+    """A power of ten [m] that fits into the model, so that wires are not all one sees of it."""
+    power = float(f"1e{math.floor(math.log10(max(float(m.stat.extent), _WIRES[0])))}")
+    return min(power, _WIRES[1])
 
 
 def _frames(m: Any, e: int) -> list[tuple[int, Array, Array]] | None:

@@ -52,8 +52,11 @@ class ModelFile:
         name: as the user gave it.
         path: of the file.
         root: tag of its first element, one of :data:`ROOTS`.
-        text: content.
-        elements: all elements, in order.
+        text: content; with the files that it includes, if it does, one element a line.
+        elements: all elements, in order; their lines are those of ``text``.
+        origins: of each line of ``text`` the file, as a user would name it, and its line there;
+            empty where it is the file's own.
+        others: files that it includes.
     """
 
     name: str
@@ -61,6 +64,8 @@ class ModelFile:
     root: str
     text: bytes
     elements: tuple[Element, ...]
+    origins: tuple[tuple[str, int], ...] = ()
+    others: tuple[Path, ...] = ()
 
     @cached_property
     def _lines(self) -> dict[tuple[str, str], int]:
@@ -75,9 +80,15 @@ class ModelFile:
         """Line of an element with a name; of several the first."""
         return self._lines.get((tag, name))
 
+    def place(self, line: int | None) -> tuple[str, int | None]:
+        """The file in which a line of ``text`` stands, and its line there."""
+        if line and line <= len(self.origins):
+            return self.origins[line - 1]
+        return self.name, None if self.origins else line or None
+
     def mistake(self, message: str, line: int | None = None, key: str = "") -> ExchangeError:
-        """An error at a line of the file."""
-        return ExchangeError([Mistake(self.name, line or None, key, message)])
+        """An error at a line of ``text``."""
+        return ExchangeError([Mistake(*self.place(line), key, message)])
 
 
 def read_model(path: str | os.PathLike[str]) -> ModelFile:
@@ -87,6 +98,27 @@ def read_model(path: str | os.PathLike[str]) -> ModelFile:
         ExchangeError: it cannot be read, is not XML, or neither MJCF nor URDF.
     """
     name = os.fspath(path)
+    text, elements = read_elements(name)
+    first = elements[0]
+
+    def fail(message: str, line: int) -> ExchangeError:
+        return ExchangeError([Mistake(name, line, "", message)])
+
+    if first.tag not in ROOTS:
+        needed = "needed: <mujoco> (MJCF) or <robot> (URDF)"
+        raise fail(f"begins with <{first.tag[:60]}>; {needed}", first.line)
+    for element in elements:
+        if element.tag.startswith("xacro:"):
+            raise fail("found a macro of xacro; run xacro on the file first", element.line)
+    return ModelFile(name, Path(name), first.tag, text, tuple(elements))
+
+
+def read_elements(name: str) -> tuple[bytes, list[Element]]:
+    """Content and elements of a file.
+
+    Raises:
+        ExchangeError: it cannot be read, or is not XML.
+    """
 
     def fail(message: str, line: int | None = None) -> ExchangeError:
         return ExchangeError([Mistake(name, line, "", message)])
@@ -132,14 +164,7 @@ def read_model(path: str | os.PathLike[str]) -> ModelFile:
         raise fail(f"is not XML: {what}", reason.lineno) from None
     except ValueError as reason:  # an encoding that is not known
         raise fail(f"is not XML: {reason}") from None
-    first = elements[0]
-    if first.tag not in ROOTS:
-        needed = "needed: <mujoco> (MJCF) or <robot> (URDF)"
-        raise fail(f"begins with <{first.tag[:60]}>; {needed}", first.line)
-    for element in elements:
-        if element.tag.startswith("xacro:"):
-            raise fail("found a macro of xacro; run xacro on the file first", element.line)
-    return ModelFile(name, place, first.tag, text, tuple(elements))
+    return text, elements
 
 
 def line_in(message: str) -> int | None:

@@ -11,6 +11,9 @@ from fantoccini.arrays import Array, Indices, Quaternion
 from fantoccini.exchange.draft import Draft, number, numbers, placed
 from fantoccini.puppet.quantities import QUANTITIES
 
+GREY = np.array([0.7, 0.7, 0.7, 1.0])
+"""Colour of solids without one."""
+
 _SECTIONS = 32  # Sides of a cylinder's mesh
 _OPAQUE = 1e-3  # Opacity from which a solid is seen
 
@@ -46,19 +49,19 @@ def cylinder(
 
 def mesh(
     draft: Draft, key: Hashable, content: Callable[[], bytes], at: Array, turn: Quaternion,
-    stem: str,
+    stem: str, ending: str = "stl",
 ) -> dict[str, Any]:  # fmt: skip
     """A mesh; its file is written once for each key.
 
     Args:
         draft: of the puppet.
         key: what tells the mesh from others of the model.
-        content: returns the STL file's content.
+        content: returns the file's content.
         at, turn: pose.
-        stem: of the file's name.
+        stem, ending: of the file's name.
     """
     if key not in draft.mesh_paths:
-        draft.mesh_paths[key] = draft.mesh(stem, content())
+        draft.mesh_paths[key] = draft.mesh(stem, content(), ending)
     return {"type": "mesh", "file": draft.mesh_paths[key], **placed(at, turn)}
 
 
@@ -68,6 +71,18 @@ def stl(vertices: Array, faces: Array | Indices) -> bytes:
 
     made = trimesh.Trimesh(np.asarray(vertices, float), np.asarray(faces), process=False)
     return bytes(made.export(file_type="stl"))
+
+
+def ply(vertices: Array, faces: Array | Indices, colours: Array) -> bytes:
+    """A binary PLY file of triangles with a colour each: (m, 3), from 0 to 1; grey for nan."""
+    import trimesh
+
+    known = np.where(np.isfinite(colours), colours, GREY[:3])
+    made = trimesh.Trimesh(
+        np.asarray(vertices, float), np.asarray(faces), process=False,
+        face_colors=np.round(255.0 * known).astype(np.uint8),
+    )  # fmt: skip
+    return bytes(made.export(file_type="ply"))
 
 
 def coloured(shape: dict[str, Any], rgba: Array) -> dict[str, Any]:

@@ -99,10 +99,10 @@ class _Robot:
         self.draft, self.robot, self.file = draft, robot, draft.file
         self.names: dict[str, str] = {}
         inside = (v.material for link in robot.links for v in link.visuals)
-        self.colours: dict[str, Any] = {}
+        self.materials: dict[str, Any] = {}
         for material in (*robot.materials, *inside):
-            if material is not None and material.color is not None:
-                self.colours.setdefault(material.name, material.color)
+            if material is not None and (material.color or material.texture):
+                self.materials.setdefault(material.name, material)
 
     def add(self) -> None:
         """Adds all bodies, strings of none: URDF has none."""
@@ -215,7 +215,7 @@ class _Robot:
                     made["com"] = com
             if inertial.mass or np.any(own):
                 made["inertia"] = six(R @ self._possible(own, link.name, made["name"]) @ R.T)
-        add_shapes(self.draft, link, made, self.colours)
+        add_shapes(self.draft, link, made, self.materials)
         self.draft.bodies.append(made)
 
     def _possible(self, inertia: Array, link: str, part: str) -> Array:
@@ -291,7 +291,8 @@ def _check(file: ModelFile) -> None:
             plain = text.replace(",", " ") if tag in ("box", "mesh") else text
             if sizes and element.known and not _are_numbers(plain, sizes):
                 count = " or ".join(map(str, sizes))
-                say(element, f"{key}: found {text[:60]!r}; needed: {count} finite numbers")
+                needed = f"{count} finite number{'' if sizes == (1,) else 's'}"
+                say(element, f"{key}: found {text[:60]!r}; needed: {needed}")
     if found:
         raise ExchangeError(found)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -9,71 +10,82 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fantoccini import meshes
-from fantoccini.errors import MissingLibraryError
+from fantoccini.errors import MissingLibraryError, nearest
 from fantoccini.exchange import solids
 from fantoccini.exchange.draft import Draft, numbers, quaternion
 
-_GREY = np.array([0.7, 0.7, 0.7, 1.0])  # Colour of visuals without one
 
-
-def add_shapes(draft: Draft, link: Any, made: dict[str, Any], colours: dict[str, Any]) -> None:
+def add_shapes(draft: Draft, link: Any, made: dict[str, Any], materials: dict[str, Any]) -> None:
     """Adds a link's visuals to its body, or its collisions where it has none.
+
+    A colour of URDF hides those of a mesh's file.
 
     Args:
         draft: of the puppet.
         link: yourdfpy's.
         made: the body.
-        colours: name of a material -> its colour.
+        materials: name of a material -> yourdfpy's, with a colour or texture.
     """
-    line = draft.file.line_of("link", link.name)
+    line, part = draft.file.line_of("link", link.name), made["name"]
+
+    def note(text: str) -> None:
+        draft.note("link", link.name, text, line, part)
+
     for solid in link.visuals or link.collisions:
         origin = np.eye(4) if solid.origin is None else solid.origin
-        part = made["name"]
-        shape = _shape(draft, solid.geometry, origin, link.name, line, part)
-        if shape is None:
+        found = _shape(draft, solid.geometry, origin, note)
+        if found is None:
             continue
+        shape, has_own = found
         material = getattr(solid, "material", None)
-        colour = None
-        if material is not None:
-            colour = material.color or colours.get(material.name)
-        rgba = _GREY if colour is None else colour.rgba
-        if rgba[3] < 1.0:
-            text = "has a transparent solid, which is opaque here"
-            draft.note("link", link.name, text, line, part)
-        made.setdefault("shapes", []).append(solids.coloured(shape, rgba))
+        if material is not None and material.color is None and material.texture is None:
+            name, material = material.name or "", materials.get(material.name)
+            if name and material is None:
+                what = f"has a solid of the material {name[:100]!r}, which is not defined"
+                note(f"{what}{nearest(name, materials)}")
+        if material is not None and material.texture is not None:
+            note(f"has the texture {str(material.texture.filename)[:100]!r}, left out")
+        if material is not None and material.color is not None:
+            rgba = material.color.rgba
+            if rgba[3] < 1.0:
+                note("has a transparent solid, which is opaque here")
+            shape = solids.coloured(shape, rgba)
+        elif not has_own:
+            shape = solids.coloured(shape, solids.GREY)
+        made.setdefault("shapes", []).append(shape)
 
 
 def _shape(
-    draft: Draft, geometry: Any, origin: Any, link: str, line: int | None, part: str
-) -> dict[str, Any] | None:
+    draft: Draft, geometry: Any, origin: Any, note: Callable[[str], None]
+) -> tuple[dict[str, Any], bool] | None:
+    """A solid as a shape, and whether that has colours of its own; None where it is left out."""
     at, turn = origin[:3, 3], quaternion(Rotation.from_matrix(origin[:3, :3]))
     box, ball, rod, mesh = geometry.box, geometry.sphere, geometry.cylinder, geometry.mesh
     if box is not None and solids.fits(*box.size):
-        return solids.box(box.size, at, turn)
+        return solids.box(box.size, at, turn), False
     if ball is not None and solids.fits(ball.radius):
-        return solids.sphere(ball.radius, at)
+        return solids.sphere(ball.radius, at), False
     if rod is not None and solids.fits(rod.radius, rod.length):
-        return solids.cylinder(draft, rod.radius, rod.length, at, turn)
+        return solids.cylinder(draft, rod.radius, rod.length, at, turn), False
     if mesh is None:
-        draft.note("link", link, "has a solid of a size that is left out", line, part)
+        note("has a solid of a size that is left out")
         return None
     file = _find(mesh.filename, draft.file.path.resolve().parent)
-    read, what = (None, "is not there") if file is None else _triangles(file)
-    if read is not None and what:
-        draft.note("link", link, f"has the mesh {str(mesh.filename)[:100]!r}: {what}", line, part)
     if file is not None:
         draft.sources.append(file)
-    if file is None or read is None:
-        name = str(mesh.filename)[:100]
-        draft.note("link", link, f"has the mesh {name!r}, left out: it {what}", line, part)
+    read = "is not there" if file is None else _read(file)
+    if file is None or isinstance(read, str):
+        note(f"has the mesh {str(mesh.filename)[:100]!r}, left out: it {read}")
         return None
     scale = 1.0 if mesh.scale is None else mesh.scale
     factors = numbers(np.broadcast_to(np.asarray(scale, float), 3))
     if not all(factors):
-        draft.note("link", link, "has a mesh with a scale of 0, left out", line, part)
+        note("has a mesh with a scale of 0, left out")
         return None
-    shape = solids.mesh(draft, str(file), lambda: read, at, turn, file.stem)
-    return shape if factors == [1, 1, 1] else shape | {"scale": factors}
+    has_own = read.colours is not None
+    ending = "ply" if has_own else "stl"
+    shape = solids.mesh(draft, str(file), lambda: _written(read), at, turn, file.stem, ending)
+    return shape if factors == [1, 1, 1] else shape | {"scale": factors}, has_own
 
 
 def _find(name: str, folder: Path) -> Path | None:
@@ -98,13 +110,18 @@ def _find(name: str, folder: Path) -> Path | None:
         return None
 
 
-def _triangles(file: Path) -> tuple[bytes | None, str]:
-    """A mesh as STL and what it loses, or None and why it is left out."""
+def _read(file: Path) -> meshes.MeshFile | str:
+    """A mesh, or why it is left out."""
     if file.suffix.lower() not in meshes.FORMATS:
-        return None, f"is not one of {', '.join(meshes.FORMATS)}"
+        return f"is not one of {', '.join(meshes.FORMATS)}"
     try:
-        found = meshes.read(file, file.parent)
+        return meshes.read(file, file.parent)
     except (OSError, ValueError, MissingLibraryError) as error:
-        return None, f"cannot be read: {error}"
-    lost = "" if found.colours is None else "its own colours are left out"
-    return solids.stl(found.vertices, found.faces), lost
+        return f"cannot be read: {error}"
+
+
+def _written(mesh: meshes.MeshFile) -> bytes:
+    """A mesh as STL, or with its colours as PLY."""
+    if mesh.colours is None:
+        return solids.stl(mesh.vertices, mesh.faces)
+    return solids.ply(mesh.vertices, mesh.faces, mesh.colours)

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from fantoccini.datagrams import ManyHearersError, socket_to
 from fantoccini.errors import FantocciniError, MissingLibraryError, StateError
 from fantoccini.perform.show import Happening, Show
 
@@ -122,10 +123,12 @@ class Osc:
         self._in: socket.socket | None = None
         self.heard_at = hear
         if send is not None:
+            if send.port == 0:
+                raise StateError(f"messages cannot be sent to {send}; needed: a port from 1 on")
             self._out, self._there = _socket(send)
             show.listen(self._tell)
         if hear is not None:
-            self._in, here = _socket(hear)
+            self._in, here = _socket(hear, many=True)
             try:
                 self._in.bind(here)
             except OSError as error:
@@ -257,12 +260,16 @@ def _library() -> tuple[Any, Any]:
     return OscPacket, OscMessageBuilder
 
 
-def _socket(address: Address) -> tuple[socket.socket, Any]:
+def _socket(address: Address, many: bool = False) -> tuple[socket.socket, Any]:
     """A socket for datagrams of the address's kind, and the address as it takes it."""
     try:
-        found = socket.getaddrinfo(address.host, address.port, type=socket.SOCK_DGRAM)[0]
+        return socket_to(address.host, address.port, many)
+    except ManyHearersError:
+        raise StateError(
+            f"messages cannot be sent to {address}: all machines of a network would hear them; "
+            "needed: the address of one"
+        ) from None
     except OSError as error:
         raise StateError(
             f"{address.host} is no address: {error.strerror}; needed: such as 127.0.0.1"
         ) from None
-    return socket.socket(found[0], socket.SOCK_DGRAM), found[4]

@@ -167,7 +167,7 @@ class ArtNet(_Controller):
     universe: Annotated[int, Field(ge=0, le=32_767)] = 0
     """Of the channels."""
     broadcast: bool = False
-    """Whether all machines of a network may be sent to: `host` may be a broadcast address then."""
+    """Whether all machines of a network may be sent to: a broadcast or multicast `host`."""
     bits: Literal[8, 16] = 16
     """Of an axis: its travel goes from 0 to the largest number."""
 

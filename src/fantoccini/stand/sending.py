@@ -7,7 +7,6 @@ axes stay on their path: velocity p' ds/dt, acceleration p'' (ds/dt)^2 + p' d2s/
 
 from __future__ import annotations
 
-import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -18,6 +17,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from fantoccini.arrays import Array
+from fantoccini.datagrams import ManyHearersError, socket_to
 from fantoccini.errors import PacketError, StandError
 from fantoccini.stand.packets import packets_of
 from fantoccini.stand.points import SetPoints
@@ -223,26 +223,23 @@ def udp_sender(host: str, port: int, broadcast: bool = False) -> Iterator[Send]:
 
     Args:
         host, port: where they go.
-        broadcast: whether the host may be a network's broadcast address, whom all machines hear.
+        broadcast: whether the host may be a broadcast or multicast address, which many hear.
 
     Raises:
-        StandError: there is no such host, no way there, or it is a broadcast address.
+        StandError: there is no such host, no way there, or many would hear it.
     """
     try:
-        found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
-        out = socket.socket(found[0], socket.SOCK_DGRAM)
+        out, there = socket_to(host, port, many=broadcast)
+    except ManyHearersError:
+        raise StandError(
+            f"cannot send to {host}:{port}: all machines of a network would hear it; needed: "
+            "the address of one, or `broadcast: true` in the file of a stand on artnet"
+        ) from None
     except OSError as error:
         raise StandError(f"{host}: {error.strerror or error}; needed: such as 127.0.0.1") from None
     with out:
         try:
-            if broadcast:
-                out.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
-            out.connect(found[4])
-        except PermissionError:
-            raise StandError(
-                f"cannot send to {host}:{port}: all machines of a network would hear it; needed: "
-                "the address of one, or `broadcast: true` in the file of a stand on artnet"
-            ) from None
+            out.connect(there)
         except OSError as error:
             raise StandError(f"cannot send to {host}:{port}: {error.strerror or error}") from None
         yield out.send

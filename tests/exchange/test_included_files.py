@@ -1,0 +1,215 @@
+"""Files that an MJCF file includes: their elements keep file and line, and their copies count."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import mujoco
+import pytest
+
+import fantoccini as fan
+from fantoccini.errors import ExchangeError
+from fantoccini.exchange import import_model
+
+MAIN = """<mujoco model="m">
+  <include file="parts/first.xml"/>
+  <worldbody>
+    <body name="a">
+      <freejoint/> <include file="parts/inner.xml"/> <geom name="g" size="0.1" rgba="1 0 0 0.5"/>
+    </body>
+  </worldbody>
+  <actuator><motor name="pull" joint="hinge"/></actuator>
+</mujoco>"""
+
+FIRST = """<mujocoinclude>
+  <!-- two
+       lines -->
+  <worldbody>
+    <body name="b">
+      <joint name="hinge" frictionloss="1"/>
+      <geom size="0.1"/>
+    </body>
+  </worldbody>
+  <actuator>
+    <motor name="push" joint="hinge"/>
+  </actuator>
+</mujocoinclude>"""
+
+INNER = """<mujoco>
+  <body name="c.d">
+    <joint type="ball"
+      limited="true" range="0 1"/>
+    <include file="last.xml"/>
+  </body>
+</mujoco>"""
+
+LAST = """<mujoco>
+  <geom type="sphere" size="0.1"
+    rgba="1 1 1 0.5"/>
+</mujoco>"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "parts").mkdir()
+    written(MAIN, FIRST, INNER, LAST)
+    return tmp_path
+
+
+def written(*texts: str) -> None:
+    names = ("m.xml", "parts/first.xml", "parts/inner.xml", "parts/last.xml")
+    for name, text in zip(names, texts, strict=True):
+        Path(name).write_text(text)
+
+
+def test_notes_name_the_included_file_and_its_line(folder):
+    made = import_model("m.xml")
+    assert [f"{n.file}:{n.line}: {n.kind} {n.name}".rstrip() for n in made.report] == [
+        "m.xml:5: geom g",
+        "m.xml:8: actuator pull",
+        "parts/first.xml:6: joint hinge",
+        "parts/first.xml:11: actuator push",
+        "parts/inner.xml:2: body c.d",
+        "parts/inner.xml:3: joint",
+        "parts/last.xml:2: geom",
+        "m.xml:None: contact",
+    ]
+    assert [path.name for path in made.sources[:4]] == [
+        "m.xml", "first.xml", "inner.xml", "last.xml",
+    ]  # fmt: skip
+    m = mujoco.MjModel.from_xml_path("m.xml")
+    wanted = [m.body(k).name.replace(".", "_") for k in range(1, m.nbody)]
+    assert [body.name for body in fan.puppet.loads(made.text).bodies] == wanted
+
+
+WRONG = {
+    "a word": ("first", 'frictionloss="1"', 'friction="1"', ":6: ", "unrecognized attribute"),
+    "a number": ("last", 'size="0.1"', 'size="-1"', ":2: ", "must be positive"),
+    "a name": ("first", 'joint="hinge"', 'joint="hing"', ":11: ", "'hing'"),
+    "a puppet's": ("first", 'frictionloss="1"', 'damping="1e12"', ":5: ", "joint.damping: found"),
+    "no XML": ("inner", "</body>", "</boy>", ":6: ", "is not XML"),
+    "no file": ("inner", "last.xml", "none.xml", ":5: include: ", "found no file 'none.xml'"),
+    "a circle": ("last", "<geom", '<include file="inner.xml"/><geom', ":2: ", "included already"),
+    "itself": ("last", "<geom", '<include file="m.xml"/><geom', ":2: ", "included already"),
+}
+
+
+@pytest.mark.parametrize(("name", "old", "new", "line", "text"), WRONG.values(), ids=WRONG)
+def test_mistakes_name_the_included_file_and_its_line(folder, name, old, new, line, text):
+    path = Path(f"parts/{name}.xml")
+    path.write_text(path.read_text().replace(old, new, 1))
+    with pytest.raises(ExchangeError) as caught:
+        import_model("m.xml")
+    (told,) = str(caught.value).splitlines()
+    assert told.startswith(f"{path}{line}") and text in told
+    assert "line 0" not in told
+
+
+def test_mistakes_of_the_first_file_keep_their_lines(folder):
+    Path("m.xml").write_text(MAIN.replace('size="0.1"', 'size="-1"'))
+    with pytest.raises(ExchangeError, match=r"^m\.xml:5: MuJoCo says: .*; Element .*, line 5$"):
+        import_model("m.xml")
+
+
+def test_lines_are_known_where_meshes_are_read(folder):
+    """The text that is read for lines has no folder, and meshes are not looked for there."""
+    (folder / "x.stl").write_bytes(fan.exchange.solids._cylinder())
+    asset = '<asset><mesh name="x" file="{}.stl"/></asset>\n<worldbody>'
+    text = FIRST.replace("<worldbody>", asset).replace('<geom size="0.1"/>', MESH)
+    Path("parts/first.xml").write_text(text.format("x"))
+    made = import_model("m.xml")
+    assert list(made.meshes) == ["m_meshes/x.stl"]
+    assert "parts/first.xml:12: actuator push" in "\n".join(map(str, made.report))
+    Path("parts/first.xml").write_text(text.format("none"))
+    with pytest.raises(ExchangeError, match=r"^m\.xml: MuJoCo says: .*none\.stl"):
+        import_model("m.xml")
+
+
+MESH = '<geom type="mesh" mesh="x"/>'
+
+GEOM = '<geom size="0.1"/>'
+
+COPIES = {
+    "one included": ('<replicate count="20000">' + GEOM + "</replicate>", "parts/last.xml:2"),
+    "with a sign": ('<replicate count=" +20000 ">' + GEOM + "</replicate>", "parts/last.xml:2"),
+    "within one another": (
+        '<replicate count="200"><replicate count="200">' + GEOM + "</replicate></replicate>",
+        "parts/last.xml:2",
+    ),
+    "many small ones": (
+        ('<replicate count="10">' + GEOM + "</replicate>") * 2000, "parts/last.xml:2",
+    ),
+    "of bodies": (
+        '<replicate count="9000"><body><joint/>' + GEOM * 9 + "</body></replicate>",
+        "parts/last.xml:2",
+    ),
+    "a cable": ('<composite type="cable" count="20000 1 1"/>', "parts/last.xml:2"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("inside", "place"), COPIES.values(), ids=COPIES)
+def test_too_many_copies_are_refused_in_seconds(folder, inside, place):
+    Path("parts/last.xml").write_text(f"<mujoco>\n{inside}{GEOM}</mujoco>")
+    before = time.monotonic()
+    with pytest.raises(ExchangeError, match="copies") as caught:
+        import_model("m.xml")
+    assert time.monotonic() - before < 5.0
+    assert str(caught.value).startswith(f"{place}: ")
+
+
+def test_copies_of_an_included_file_count_in_the_first(folder):
+    Path("parts/last.xml").write_text(f'<mujoco><replicate count="200">{GEOM}</replicate></mujoco>')
+    whole = '<include file="parts/inner.xml"/>'
+    Path("m.xml").write_text(MAIN.replace(whole, f'<replicate count="200">{whole}</replicate>'))
+    with pytest.raises(ExchangeError, match=r"last\.xml:1: replicate: copies its content 40000"):
+        import_model("m.xml")
+
+
+ATTACHED = """<mujoco><asset><model name="x" file="{0}.xml"/></asset><worldbody><body name="b">
+<joint/><geom size="0.1"/></body><replicate count="{1}" offset="1 0 0"><attach model="x" body="b"
+prefix="p"/></replicate></worldbody></mujoco>"""
+
+
+def test_models_within_models_end(folder):
+    """MuJoCo ends with a segmentation fault where they do not."""
+    Path("x.xml").write_text(ATTACHED.format("x", 1))
+    with pytest.raises(ExchangeError, match=r"^x\.xml:1: model: 'x\.xml' holds itself"):
+        import_model("x.xml")
+    for k in range(4):
+        Path(f"x{k}.xml").write_text(ATTACHED.format(f"x{k + 1}", 100))
+    plain = '<body name="b"><joint/><geom size="1"/></body>'
+    Path("x4.xml").write_text(f"<mujoco><worldbody>{plain}</worldbody></mujoco>")
+    with pytest.raises(ExchangeError, match="allowed: "):
+        import_model("x0.xml")
+    assert len(import_model("x3.xml").joints) == 101
+
+
+def test_few_copies_are_made(folder):
+    Path("parts/last.xml").write_text(f'<mujoco><replicate count="3">{GEOM}</replicate></mujoco>')
+    made = import_model("m.xml")
+    (shapes,) = (b.shapes for b in fan.puppet.loads(made.text).bodies if b.name == "c_d")
+    assert len(shapes) == 3
+
+
+def test_lines_of_attached_models_are_not_taken_for_the_files_own(folder):
+    body = '<body name="b">\n<joint frictionloss="1"/><geom size="0.1"/></body>'
+    Path("y.xml").write_text(f"<mujoco><worldbody>\n{body}</worldbody></mujoco>")
+    Path("x.xml").write_text(ATTACHED.format("y", 1).replace("<joint/>", "\n\n<joint/>", 1))
+    (joint, contact) = import_model("x.xml").report
+    assert str(joint) == "x.xml: joint: has frictionloss, left out" and contact.kind == "contact"
+    Path("x.xml").write_text(ATTACHED.format("y", 1).replace("<joint/>", JOINT))
+    told = [(n.kind, n.line) for n in import_model("x.xml").report]
+    assert told == [("joint", 4), ("joint", None), ("contact", None)]
+
+
+JOINT = '\n\n<joint frictionloss="1"/>'
+
+
+@pytest.mark.parametrize("name", ["m.xml", "parts/last.xml"])
+def test_another_encoding_is_told(folder, name):
+    text = '<?xml version="1.0" encoding="latin-1"?>\n<mujoco>\n<!-- \xe9 --></mujoco>'
+    Path(name).write_bytes(text.encode("latin-1"))
+    with pytest.raises(ExchangeError, match=rf"^{name}:3: is not UTF-8"):
+        import_model("m.xml")
