@@ -86,6 +86,11 @@ class Identified:
             inputs' clock [s].
         t: (N,) times of the samples [s].
         residuals: (N, columns) samples less predictions; NaN in gaps.
+        predicted: (N, columns) what the puppet with these numbers does, in gaps, too.
+        starts: (S,) where segments begin, by the inputs' clock [s].
+        jumps: (S - 1, 2 n_vD) first configurations and velocities of segments less the ends before
+            them, over the drift that was allowed.
+        allowed: that drift, of configurations and velocities [m or rad, and per second].
         left: largest move that one more step would make, over the standard deviations.
         seconds: that it took.
     """
@@ -104,6 +109,10 @@ class Identified:
     lost: tuple[float, ...]
     t: Array
     residuals: Array
+    predicted: Array
+    starts: Array
+    jumps: Array
+    allowed: tuple[float, float]
     left: float
     seconds: float
 
@@ -120,6 +129,11 @@ class Identified:
         """Whether the delay came to the end of its range, 0.25 s from where the search began."""
         far = abs(self.values[-1] - self.record.delay) if self.record.find_delay else 0.0
         return bool(far > 0.999 * REACH)
+
+    @property
+    def delay(self) -> float:
+        """Of the record's clock, found or given [s]."""
+        return float(self.values[-1]) if self.record.find_delay else self.record.delay
 
     @classmethod
     def of(
@@ -143,7 +157,8 @@ class Identified:
             dict(zip(record.channels.names, weights.noise.tolist(), strict=True)),
             float(np.nanmean(np.minimum(np.abs(r), LISTED) ** 2)),
             float(np.sqrt(np.median(gaps**2))) if len(gaps) else 0.0,
-            tuple(listed), lost, fit.t, residuals, _left(found, deviations), seconds,
+            tuple(listed), lost, fit.t, residuals, found.predicted.y, fit.starts, gaps,
+            weights.drift, _left(found, deviations), seconds,
         )  # fmt: skip
 
     def __repr__(self) -> str:
