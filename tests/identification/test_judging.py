@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from benchmarks.identify.cases import arm, record
+from benchmarks.identify.turned import turned
 
 import fantoccini as fan
 from fantoccini.identification.judging import columns, doubts, from_before, leaning
@@ -27,13 +28,7 @@ def test_noise_alone_is_not_doubted(seed):
 
 def test_a_turned_camera_is_doubted(good):
     """By one degree: chi2 and drift do not show it, neighbouring residuals and jumps do."""
-    c, s = np.cos(np.radians(1.0)), np.sin(np.radians(1.0))
-    turned = {}
-    for marker in good.markers:
-        x, y, z = (good.columns[f"{marker.name}.{axis}"] for axis in "xyz")
-        turned |= {f"{marker.name}.x": c * x + s * z, f"{marker.name}.y": y,
-                   f"{marker.name}.z": c * z - s * x}  # fmt: skip
-    found = fan.identify(replace(good, columns=turned))
+    found = fan.identify(turned(good, 1.0))
     assert found.chi2 < 1.15 and found.drift < 0.5
     said = " ".join(doubts(found))
     assert "are like those just before" in said and "tip.z" in said
@@ -59,11 +54,12 @@ def test_what_was_known_and_is_not_so_is_doubted(good):
 CART = """
 puppet: cart
 bodies:
-- {name: cart, joint: {name: rail, type: prismatic, axis: [1, 0, 0], damping: {parameter: d, value: 1}},
-   mass: 1}
+- name: cart
+  joint: {name: rail, type: prismatic, axis: [1, 0, 0], damping: {parameter: d, value: 1}}
+  mass: 1
 strings:
 - {name: line, path: [{body: cart}, {driven: [x], at: [0, 0, 0.1]}], length: 50}
-"""  # fmt: skip
+"""
 
 
 def test_a_missing_acceleration_is_told():

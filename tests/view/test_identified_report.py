@@ -195,6 +195,23 @@ def test_doubts_are_on_the_page(found, tmp_path):
     assert "Nothing speaks against it" not in page.words
 
 
+def test_segments_that_do_not_count_are_shaded(found):
+    lost = replace(found, lost=tuple(found.starts[[5, 9]].tolist()))
+    (figure, _), *_ = identified_plots.residuals(lost)
+    red = [p for p in figure.axes[0].patches if p.get_facecolor()[0] > 0.6 and p.get_x() > 0]
+    assert np.allclose([p.get_x() for p in red], found.starts[[5, 9]] + found["delay"])
+    assert np.allclose([p.get_width() for p in red], 0.25)
+
+
+def test_a_record_of_one_segment_has_a_page(tmp_path):
+    one = record(arm(), 2.0, 4)
+    found = fan.identify(one, segment=4.0)
+    assert len(found.starts) == 1 and len(found.jumps) == 0
+    once = replace(found, lost=(float(found.starts[0]),))
+    page = Page(view.identified_report(once, tmp_path / "x.html").read_text(encoding="utf-8"))
+    assert len(page.sources) == 3 and "Jumps" not in page.words
+
+
 def test_where_no_page_can_be(found, tmp_path):
     with pytest.raises(ValueError, match="ends in"):
         view.identified_report(found, tmp_path / "page.pdf")

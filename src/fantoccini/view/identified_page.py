@@ -112,7 +112,7 @@ def _before(found: Identified) -> str:
         return ""
     return (
         "Known before: the standard deviation of where the search began. From before: the part of "
-        "what is known now that was known without the record."
+        "what is known now that was known without the record; red where the record adds little."
     )
 
 

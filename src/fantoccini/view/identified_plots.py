@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -260,10 +261,10 @@ def _gaps(axes: Axes, t: Array, there: Array, theme: Theme) -> None:
 
 def _lost(axes: Axes, found: Identified) -> None:
     """Shades the segments that do not count."""
-    span = found.starts[1] - found.starts[0]
-    for start in found.lost:
-        begin = start + found.delay
-        axes.axvspan(begin, begin + span, color=RED, alpha=0.12, linewidth=0.0)
+    late = found.delay
+    for begin, end in pairwise([*found.starts.tolist(), float(found.t[-1]) - late]):
+        if begin in found.lost:
+            axes.axvspan(begin + late, end + late, color=RED, alpha=0.12, linewidth=0.0)
 
 
 def _outliers(axes: Axes, t: Array, y: Array) -> None:
