@@ -2,7 +2,8 @@
 
 An arm is simulated with other numbers than its file has, and filmed with noise, gaps and a delay.
 The record finds its numbers again. Without a force it cannot tell the masses' scale; with the
-string's tension it can. Writes out/record.csv and out/next.csv, the motion that would tell more.
+string's tension it can. Writes out/record.csv, the report out/record.html, and out/next.csv, the
+motion that would tell more.
 """
 
 from dataclasses import replace
@@ -11,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import fantoccini as fan
+from fantoccini import view
 from fantoccini.files import write_table
 
 out = Path("out")
@@ -60,6 +62,7 @@ record = fan.Record(arm, played, t, columns, markers, tuple(truth), find_delay=T
 print("markers:", *fan.identify(record).combinations)
 weighed = replace(record, columns=columns | {"hand.tension": tension})
 found = fan.identify(weighed)
+view.identified_report(found, out / "record.html")
 for name in found.names:
     low, high = found.interval(name)
     print(f"{name:18s} {low:.5g} to {high:.5g}, truth {truth.get(name, 0.025):.5g}")

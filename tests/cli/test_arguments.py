@@ -111,6 +111,13 @@ WRONG = {
         "is given twice",
     ),
     "a film of plots": (["simulate", "arm2d", "--plot", "x.mp4"], ".png, .svg, .pdf"),
+    "a report of another kind": (
+        ["identify", "swing.yaml", "--report", "x.pdf"], "allowed: .json, .html",
+    ),
+    "a report in no folder": (
+        ["identify", "swing.yaml", "--report", "no/x.html"], "there is no folder",
+    ),
+    "a report that is a record": (["identify", "none.yaml", "--report", "x.html"], "none.yaml"),
     "an export into no folder": (["export", "arm2d", "no/x"], "there is no folder"),
 }
 

@@ -76,6 +76,7 @@ def test_a_record_is_found_and_the_puppet_written(folder, tmp_path):
     data = json.loads(report.read_text(encoding="utf-8"))
     low, high = data["numbers"]["upper.mass"]["interval"]
     assert low - 0.004 < 0.16 < high + 0.004
+    assert data["doubts"] == []
     text = out.read_text(encoding="utf-8")
     assert "# weighed badly" in text
     found = fan.load(out)
@@ -255,9 +256,19 @@ def identify(*options):
     return CliRunner().invoke(app, ["identify", *map(str, options)])
 
 
+def test_the_report_is_a_page_or_numbers_by_its_ending(folder, tmp_path):
+    page = tmp_path / "found.HTML"
+    done = identify(folder / "swing.yaml", "--report", page)
+    assert done.exit_code == 0, done.output
+    text = page.read_text(encoding="utf-8")
+    assert text.startswith("<!DOCTYPE html>") and "<h1>swing</h1>" in text
+    assert all(f"<td>{name}</td>" in text for name in ("upper.mass", "tie", "tip.at.z", "wrist.y"))
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
+        (("--report", "{}/page.pdf"), "allowed: .json, .html"),
         (("--out", "{}/arm.yaml", "--force"), "is a file of the record"),
         (("--out", "{}/swing.yaml"), "is a file of the record"),
         (("--suggest", "{}/swing.csv"), "is a file of the record"),

@@ -249,7 +249,8 @@ def identify(
         typer.Option(metavar="PATH", help="Write the puppet with the numbers found (.yaml)."),
     ] = None,
     report: Annotated[
-        Path | None, typer.Option(metavar="PATH", help="Write all results (.json).")
+        Path | None,
+        typer.Option(metavar="PATH", help="Write all results (.json), or a page (.html)."),
     ] = None,
     suggest: Annotated[
         Path | None,

@@ -14,6 +14,7 @@ from fantoccini.cli.guard import FAILED
 from fantoccini.cli.terminal import Steps, table, write
 from fantoccini.files import replacing
 from fantoccini.identification import Candidate, Identified, identify, load_record, suggest_motion
+from fantoccini.identification.judging import doubts
 from fantoccini.identification.record_file import record_files
 
 _MOST = 10
@@ -34,7 +35,7 @@ def identify_record(
     Exit code 1 where the record leaves something untold or the search was cut short.
     """
     for option, path, endings in (
-        ("--out", out, (".yaml", ".yml")), ("--report", report, (".json",)),
+        ("--out", out, (".yaml", ".yml")), ("--report", report, (".json", ".html")),
         ("--suggest", suggest, (".csv",)),
     ):  # fmt: skip
         if path is not None:
@@ -64,7 +65,7 @@ def identify_record(
             found.save_puppet(out)
     if report is not None:
         with writing(report):
-            _save_report(found, report)
+            _save_report(found, report, quiet)
     if suggest is not None:
         with Steps(quiet) as steps:
             best = suggest_motion(
@@ -106,14 +107,13 @@ def _print(found: Identified) -> None:
         write(f"outlier: {outlier.column} at {outlier.t:.4g} s, {outlier.residual:+.1f} deviations")
     if len(found.outliers) > _MOST:
         write(f"and {len(found.outliers) - _MOST} more outliers")
-    if found.at_bound:
-        write("the delay came to the end of its range; begin nearer: delay: {about: ...}")
     if found.record.still:
         write(f"the inputs do not move {', '.join(found.record.still)}")
     if found.lost:
         write("segments that do not count: " + ", ".join(f"{t:.4g} s" for t in found.lost[:_MOST]))
-    ended = "" if found.converged else "; the search was cut short"
-    write(f"chi2 {found.chi2:.3f}, drift {found.drift:.2g}, {found.seconds:.1f} s{ended}")
+    for doubt in doubts(found):
+        write(f"doubt: {doubt}")
+    write(f"chi2 {found.chi2:.3f}, drift {found.drift:.2g}, {found.seconds:.1f} s")
 
 
 def print_motions(best: tuple[Candidate, ...]) -> None:
@@ -130,7 +130,19 @@ def print_motions(best: tuple[Candidate, ...]) -> None:
         write("no motion tells anything of these numbers; more --reach, or other columns, may")
 
 
-def _save_report(found: Identified, path: Path) -> None:
+def _save_report(found: Identified, path: Path, quiet: bool) -> None:
+    """By the ending of the path: a page, or all numbers."""
+    if path.suffix.lower() == ".html":
+        from fantoccini import view
+
+        with Steps(quiet) as steps:
+            steps.step(f"drawing {path}")
+            view.identified_report(found, path)
+    else:
+        _save_numbers(found, path)
+
+
+def _save_numbers(found: Identified, path: Path) -> None:
     def number(x: float) -> float | None:
         return float(x) if math.isfinite(x) else None
 
@@ -150,7 +162,7 @@ def _save_report(found: Identified, path: Path) -> None:
         ],
         "residuals": {name: number(x) for name, x in found.rms().items()}, "noise": found.noise,
         "chi2": found.chi2, "drift": found.drift, "converged": found.converged,
-        "left": number(found.left), "lost": list(found.lost),
+        "doubts": list(doubts(found)), "left": number(found.left), "lost": list(found.lost),
         "outliers": [vars(one) for one in found.outliers], "seconds": found.seconds,
     }  # fmt: skip
     with replacing(path) as temporary:

@@ -83,10 +83,15 @@ class Identified:
         drift: root mean square of the gaps between segments over the drift that was allowed; far
             below 1 where the model leaves nothing out.
         outliers: samples that are more than 4 standard deviations off.
-        lost: where segments begin that the model does not explain, and that do not count, by the
-            inputs' clock [s].
+        lost: where segments begin that do not count, by the inputs' clock [s]: the model does not
+            explain them, or its derivatives do not tell what small moves of them do.
         t: (N,) times of the samples [s].
         residuals: (N, columns) samples less predictions; NaN in gaps.
+        predicted: (N, columns) what the puppet with these numbers does, in gaps, too.
+        starts: (S,) where segments begin, by the inputs' clock [s].
+        jumps: (S - 1, 2 n_vD) first configurations and velocities of segments less the ends before
+            them, over the drift that was allowed; 0 behind segments that do not count.
+        allowed: that drift, of configurations and velocities [m or rad, and per second].
         left: largest move that one more step would make, over the standard deviations.
         seconds: that it took.
     """
@@ -105,6 +110,10 @@ class Identified:
     lost: tuple[float, ...]
     t: Array
     residuals: Array
+    predicted: Array
+    starts: Array
+    jumps: Array
+    allowed: tuple[float, float]
     left: float
     seconds: float
 
@@ -121,6 +130,11 @@ class Identified:
         """Whether the delay came to the end of its range, 0.25 s from where the search began."""
         far = abs(self.values[-1] - self.record.delay) if self.record.find_delay else 0.0
         return bool(far > 0.999 * REACH)
+
+    @property
+    def delay(self) -> float:
+        """Of the record's clock, found or given [s]."""
+        return float(self.values[-1]) if self.record.find_delay else self.record.delay
 
     @classmethod
     def of(
@@ -139,12 +153,14 @@ class Identified:
         ]
         lost = () if cost.trusted is None else tuple(fit.starts[~cost.trusted].tolist())
         gaps = cost.gaps(found.at, found.predicted)
+        counted = gaps if cost.trusted is None else gaps[cost.trusted[:-1]]
         return cls(
             record, record.labels, found.at.theta.copy(), deviations, correlation, F, combinations,
             dict(zip(record.channels.names, weights.noise.tolist(), strict=True)),
             float(np.nanmean(np.minimum(np.abs(r), LISTED) ** 2)),
-            float(np.sqrt(np.median(gaps**2))) if len(gaps) else 0.0,
-            tuple(listed), lost, fit.t, residuals, _left(normal, deviations), seconds,
+            float(np.sqrt(np.median(counted**2))) if len(counted) else 0.0,
+            tuple(listed), lost, fit.t, residuals, found.predicted.y, fit.starts, gaps,
+            weights.drift, _left(normal, deviations), seconds,
         )  # fmt: skip
 
     def __repr__(self) -> str:

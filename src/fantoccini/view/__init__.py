@@ -1,12 +1,14 @@
 """Pictures and film of a motion, without a GPU or a display.
 
 ``strip`` writes a row of poses, ``draw`` one state, ``plot`` the run against time, ``film`` an mp4
-or a gif, ``play_report`` the page of a verified play, ``stand_report`` that of a stand's check.
+or a gif, ``play_report`` the page of a verified play, ``stand_report`` that of a stand's check,
+``identified_report`` that of an identification.
 matplotlib and ffmpeg are loaded by the first call, not by importing this package; pyvista only
 where ``renderer="pyvista"`` asks for it.
 """
 
 from fantoccini.view.films import FilmError, film
+from fantoccini.view.identified_page import identified_report
 from fantoccini.view.optima import optimum_picture
 from fantoccini.view.pictures import draw, pose_times, strip
 from fantoccini.view.plans import plan_picture
@@ -26,6 +28,7 @@ __all__ = [
     "Theme",
     "draw",
     "film",
+    "identified_report",
     "optimum_picture",
     "plan_picture",
     "play_report",

@@ -10,7 +10,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.stand import QUANTITIES
 from fantoccini.view.drawing import blank_figure, plain
-from fantoccini.view.theme import LIGHT, Theme
+from fantoccini.view.theme import LIGHT, RED, Theme
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     from fantoccini.stand import StandCheck
 
-RED = "#b3261e"
-"""Of what is not enough."""
 _MARKS = dict(zip(QUANTITIES, "|os^Dv", strict=True))
 _COLUMNS = 3
 _ROWS = 7

@@ -17,6 +17,9 @@ WOOD = ("#c8553d", "#e0b07c", "#3f6c8f", "#d9a066", "#8f5a3c", "#6c8f5a")
 _DASHES = ((), (4.0, 2.0), (1.0, 1.5), (6.0, 2.0, 1.0, 2.0))
 """Dash patterns of lines in plots; the empty one is solid."""
 
+RED = "#b3261e"
+"""Of what is wrong or not enough, in plots of reports."""
+
 STONE = "#b4aea0"
 """Colour of obstacles."""
 

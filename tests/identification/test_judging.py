@@ -1,0 +1,112 @@
+"""Doubts: none where noise is all that is left, and some where the model is wrong."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from benchmarks.identify.cases import arm, record
+from benchmarks.identify.turned import turned
+
+import fantoccini as fan
+from fantoccini.identification.judging import columns, doubts, from_before, leaning
+from fantoccini.identification.units import parameter_units
+
+
+@pytest.fixture(scope="module")
+def good():
+    return record(arm(), 12.0, 3, gaps=0.1)
+
+
+@pytest.mark.parametrize("seed", [3, 20, 21])
+def test_noise_alone_is_not_doubted(seed):
+    found = fan.identify(record(arm(), 12.0, seed, gaps=0.1))
+    assert doubts(found) == ()
+    assert all(abs(one.within - 0.954) < 0.03 for one in columns(found))  # 4 deviations of 700
+
+
+def test_a_turned_camera_is_doubted(good):
+    """By one degree: chi2 and drift do not show it, neighbouring residuals and jumps do."""
+    found = fan.identify(turned(good, 1.0))
+    assert found.chi2 < 1.15 and found.drift < 0.5
+    said = " ".join(doubts(found))
+    assert "are like those just before" in said and "tip.z" in said
+    assert "go to one side" in said and leaning(found)
+
+
+def test_a_noise_level_that_is_wrong_is_doubted(good):
+    low = fan.identify(replace(good, noise={"wrist": 1e-3}))
+    assert any("wrist.x, wrist.y, wrist.z are more than the noise" in one for one in doubts(low))
+    high = fan.identify(replace(good, noise={"wrist": 5e-3}))
+    assert any("wrist.x, wrist.y, wrist.z are less than the noise" in one for one in doubts(high))
+    assert [one.doubtful for one in columns(low)] == [False] * 3 + [True] * 3 + [False] * 3
+
+
+def test_what_was_known_and_is_not_so_is_doubted(good):
+    """0.13 kg known to 1 g, and in truth 0.16 kg."""
+    known = [replace(one, known=1e-3) if one.name == "upper_mass" else one for one in good.unknown]
+    found = fan.identify(replace(good, unknown=known))
+    assert any("upper_mass" in one and "known of it beforehand" in one for one in doubts(found))
+    assert 0.0 < from_before(found)["upper_mass"] <= 1.0
+
+
+CART = """
+puppet: cart
+bodies:
+- name: cart
+  joint: {name: rail, type: prismatic, axis: [1, 0, 0], damping: {parameter: d, value: 1}}
+  mass: 1
+strings:
+- {name: line, path: [{body: cart}, {driven: [x], at: [0, 0, 0.1]}], length: 50}
+"""
+
+
+def test_a_missing_acceleration_is_told():
+    """A cart that a force pulls of which the model knows nothing, x = a t^2 / 2.
+
+    A part of it goes into the jumps of the position and at the ends: 20 %.
+    """
+    cart = fan.loads(CART)
+    t, rng = np.arange(0.2, 7.8, 1 / 60), np.random.default_rng(0)
+    x = 0.5 * 0.05 * t**2 + 1e-4 * rng.standard_normal(len(t))
+    known = fan.Unknown("d", about=1e-6, known=1e-6)
+    one = fan.Record(cart, fan.Input.hold(cart, 8.0), t, {"rail": x}, unknown=[known])
+    first = leaning(fan.identify(one))[0]
+    assert first.name == "velocity of rail" and first.unit == "m/s²"
+    assert abs(first.acceleration - 0.05) < 0.2 * 0.05
+    assert "m/s² were missing" in str(first)
+
+
+def test_units_follow_from_where_numbers_stand():
+    def number(name):
+        return {"parameter": name, "value": 1.0}
+
+    data = {
+        "gravity": [0, 0, number("g")],
+        "bodies": [
+            {"name": "a", "mass": number("m"), "com": [0, 0, number("c")],
+             "inertia": [number("i"), 1, 1], "drag": {"quadratic": number("q")},
+             "joint": {"type": "ball", "damping": number("turning")},
+             "shapes": [{"density": number("rho")}]},
+            {"name": "b", "joint": {"type": "prismatic", "damping": number("sliding"),
+                                    "spring": {"stiffness": number("k"), "rest": number("r")}}},
+            {"name": "c", "joint": {"type": "free", "damping": number("both")}},
+        ],
+        "strings": [{"length": number("l"), "restitution": number("e"),
+                     "chain": {"stiffness": number("EA"), "mass": number("cord")}}],
+        "springs": [{"stiffness": number("rubber")}],
+        "drives": [
+            {"on": ["s.length"], "drum": 0.01, "friction": {"viscous": number("wound")},
+             "control": {"stiffness": number("pd")}},
+            {"on": "s.x", "friction": {"coulomb": number("carriage")}},
+            {"on": "bar", "control": {"stiffness": number("turned")}},
+        ],
+    }  # fmt: skip
+    kinds = {"s.length": "m", "s.x": "m", "bar": "rad"}
+    assert parameter_units(data, kinds) == {
+        "g": "m/s²", "m": "kg", "c": "m", "i": "kg m²", "q": "N s²/m²", "turning": "N m s/rad",
+        "rho": "kg/m³", "sliding": "N s/m", "k": "N/m", "r": "m", "both": "N s/m or N m s/rad",
+        "l": "m", "e": "", "EA": "N", "cord": "kg", "rubber": "N/m", "wound": "N m s/rad",
+        "pd": "N/m", "carriage": "N", "turned": "N m/rad",
+    }  # fmt: skip
