@@ -1,6 +1,7 @@
 """Compares the estimates of ``fan.identify`` with the true values, on synthetic records.
 
     python -m benchmarks.identify.synthetic [--puppet marionette] [--seeds 3] [--duration 30]
+        [--drift 2e-4]
 
 Records are event-driven runs (rtol 1e-9) of the puppet with other numbers, sampled at 60 Hz:
 markers with 2 mm of noise, each hidden for a tenth of the time. Wanted: lengths to 1 mm,
@@ -24,6 +25,8 @@ def main() -> None:
     parser.add_argument("--puppet", choices=("arm", "marionette"), default="arm")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--duration", type=float, default=30.0)
+    parser.add_argument("--drift", type=float, default=5e-4, help="of configurations; ten times "
+                        "that of velocities")  # fmt: skip
     given = parser.parse_args()
     case = {"arm": arm, "marionette": marionette}[given.puppet]()
     truth, scores = dict(case.truth), []
@@ -32,7 +35,7 @@ def main() -> None:
         if seed == 0:
             fan.identify(record(case, 1.0, 0))  # compiles the libraries, outside the timing
         began, worked = time.perf_counter(), time.process_time()
-        found = fan.identify(one)
+        found = fan.identify(one, drift=(given.drift, 10.0 * given.drift))
         wall, cpu = time.perf_counter() - began, time.process_time() - worked
         print(f"seed {seed}: {wall:.1f} s, {cpu:.1f} s of processors, chi2 {found.chi2:.3f}, "
               f"drift {found.drift:.2g}, {len(found.outliers)} outliers")  # fmt: skip

@@ -197,8 +197,9 @@ def test_what_a_pendulum_cannot_tell_apart_is_named():
     assert len(found.combinations) == 1
     parts = found.combinations[0].parts
     assert set(parts) == {"mass", "damping"}
-    # Shares are relative to first values, the factor to the values found.
-    mass, damping = (parts[n] * one.scales[i] / found[n] for i, n in enumerate(("mass", "damping")))
+    # Shares are relative to the larger of first and found values, the factor to those found.
+    sizes = one.sizes(found.values)
+    mass, damping = (parts[n] * sizes[i] / found[n] for i, n in enumerate(("mass", "damping")))
     assert abs(mass / damping - 1.0) < 0.02
     centre = (0.01 + 0.4 * 0.3**2) / (0.4 * 0.3)  # of a point mass that swings as the rod does
     ratio = (0.01 + 0.4 * 0.3**2) / (0.03 * centre**2)

@@ -50,6 +50,10 @@ class Stage:
     final: bool = False
 
 
+DRIFT = (5e-4, 5e-3)
+"""Of configurations and velocities, from a segment to the next [rad or m, and per second]. With
+less, segments are joined in the end, but not judged before: time steps err by as much at catches.
+"""
 _RARE = 3
 """Of so many samples one counts, but in the last stage."""
 STAGES = (
@@ -67,7 +71,7 @@ def identify(
     *,
     segment: float = 0.25,
     dt: float = 0.005,
-    drift: tuple[float, float] = (5e-4, 5e-3),
+    drift: tuple[float, float] = DRIFT,
     threads: int | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> Identified:
@@ -104,13 +108,15 @@ def identify(
         levels, found, kept = noise.guess, None, None
         rare = replace(fit, t=fit.t[::_RARE], y=fit.y[::_RARE])
         for stage in STAGES:
-            weights = Weights(levels, (stage.drift * drift[0], stage.drift * drift[1]), stage.final)
+            wide = (stage.drift * max(drift[0], DRIFT[0]), stage.drift * max(drift[1], DRIFT[1]))
+            weights = Weights(levels, drift if stage.final else wide, stage.final)
             some = fit if stage.final else rare
             cost = Cost(some, first, weights)
             if stage.drift == 1.0 and found is not None:
-                at = untangled(replace(cost, fit=rare), found.at)
+                judged = replace(cost, weights=replace(weights, drift=wide))
+                at = untangled(replace(judged, fit=rare), found.at)
                 kept = replace(found.kept, stale=found.kept.stale | found.at.differs(at))
-                trusted = cost.explained(at, some.predict(at, extrapolated=True))
+                trusted = judged.explained(at, some.predict(at, extrapolated=True))
                 if stage.final:
                     smooth = trusted & ~found.odd
                     trusted = smooth if 2 * np.sum(smooth) > np.sum(trusted) else trusted

@@ -18,6 +18,8 @@ FIRST_DAMPING = 1e-3
 LEAST_DAMPING, MOST_DAMPING = 1e-4, 1e8
 _LEAST_FALL = 0.01
 """Of the cost, from which on a search goes on: a hundredth of what one deviation costs is less."""
+_STEEP = 0.1
+"""Part of the cost by which a move reduces it while the search is far from its end."""
 _FAR = 0.1
 """Part of a positive number by which it may move before all derivatives are found anew."""
 _MIXED = 3.0
@@ -96,7 +98,7 @@ def search(
         at: where the search begins.
         positive: (P,) bool, unknowns that stay above zero.
         kept: derivatives from an earlier search.
-        moves: largest number.
+        moves: largest number, but while the cost falls steeply, four times as many.
         tolerance: relative fall of the cost that ends the search.
         extrapolated: residuals of steps of no length; derivatives stay those of steps of dt.
         held: leave the unknowns as they are, and move the states alone.
@@ -112,7 +114,8 @@ def search(
     parts = cost.parts(at, predicted)
     tries = failed = 0
     odd = stale = np.zeros(len(at.q_D), dtype=bool)
-    while taken < moves and not settled and tries < 4 * moves:
+    steep = False
+    while (taken < moves or steep) and not settled and tries < 4 * moves:
         tries += 1
         if normal is None:
             kept = kept.renewed(fit, at, positive)
@@ -137,8 +140,10 @@ def search(
         damping = np.where(bad, 4.0 * damping, np.maximum(damping / 4.0, LEAST_DAMPING))
         failed = 0
         # Some segments may rise by what others fall: then the search is not at its end.
-        change = float(np.sum(np.abs(parts - new)))
-        settled = change <= _MIXED * max(tolerance * float(np.sum(parts)), _LEAST_FALL)
+        change, least = np.abs(parts - new), max(tolerance * float(np.sum(parts)), _LEAST_FALL)
+        fall = float(np.sum(parts - new))
+        settled = fall <= least and bool(np.sum(change) <= _MIXED * least)
+        steep = fall > _STEEP * float(np.sum(parts))
         shared, taken = max(LEAST_DAMPING, shared / 8.0), taken + 1
         before, stale = stale, cost.stale(at, trial, predicted, seen, kept.slopes)
         odd, kept = before & stale, replace(kept, stale=stale)

@@ -20,7 +20,7 @@ from fantoccini.arrays import Array, check_positive
 from fantoccini.errors import FantocciniError, StateError
 from fantoccini.files import write_table
 from fantoccini.identification.cost import Cost
-from fantoccini.identification.estimating import Noise, fit_of, one_blas_thread
+from fantoccini.identification.estimating import DRIFT, Noise, fit_of, one_blas_thread
 from fantoccini.identification.fit import chained
 from fantoccini.identification.point import Weights
 from fantoccini.identification.record import Record
@@ -147,7 +147,7 @@ def _candidate(
         return Candidate(name, inputs, -np.inf, {}, (), np.inf, str(error))
     noise = Noise.of(own)
     levels = np.where(np.isfinite(noise.given), noise.given, noise.guess)
-    weights = Weights(levels, (5e-4, 5e-3))
+    weights = Weights(levels, DRIFT)
     cost = Cost(replace(fit, y=predicted.y), at, weights)
     F = cost.normal(at, predicted, slopes).information()
     scaled = F * np.outer(record.scales, record.scales)
