@@ -41,6 +41,7 @@ def test_an_arm_is_found_within_the_marks(case):
     assert found.converged and not found.combinations
     assert 0.9 < found.chi2 < 1.15  # outliers count as 4 deviations
     assert 10 < len(found.outliers) < 100  # of some 35 bad triples
+    assert not found.lost  # outliers do not make their segments count for nothing
     assert abs(found.noise["wrist.x"] - 2e-3) < 2e-4
     assert "delay" in found.summary()
 
@@ -391,3 +392,37 @@ def test_a_record_checks_its_numbers(change, message):
 def test_what_is_known_beforehand_is_positive(known):
     with pytest.raises(ValueError, match="known of damping"):
         fan.Unknown("damping", known=known)
+
+
+def test_sensors_whose_rows_take_turns_all_count(case):
+    """Every marker has rows of its own, as with three cameras; a third of the samples is left."""
+    one = record(case, 12.0, 4)
+    turn = np.arange(len(one.t)) % 3
+    columns = {
+        name: np.where(turn == ("middle", "wrist", "tip").index(name.split(".")[0]), x, np.nan)
+        for name, x in one.columns.items()
+    }
+    found = fan.identify(replace(one, columns=columns))
+    assert found.converged and all(found.noise[name] < 3e-3 for name in columns)
+    assert abs(found["tie"] - case.truth["tie"]) < 2e-3
+
+
+def test_a_positive_number_does_not_begin_at_zero(case):
+    one = record(case, 3.0, 1)
+    for about in (0.0, -0.1):
+        with pytest.raises(fan.StateError, match=r"upper_mass begins at .* let it begin above 0"):
+            replace(one, unknown=[fan.Unknown("upper_mass", about=about)])
+
+
+def test_what_does_not_move_by_itself_is_refused():
+    rail = fan.loads("""
+puppet: rail
+bodies:
+- {name: cart, joint: {name: rail, type: prismatic, axis: [1, 0, 0], driven: true}, mass: 1}
+""")
+    t = np.linspace(0.1, 1.9, 60)
+    with pytest.raises(fan.StateError, match="no dynamic coordinates"):
+        fan.Record(
+            rail, fan.Input.hold(rail, 2.0), t, {"dot.x": 0.0 * t}, [fan.Marker("dot", "cart")],
+            find_delay=True,
+        )  # fmt: skip

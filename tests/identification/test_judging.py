@@ -43,6 +43,15 @@ def test_a_noise_level_that_is_wrong_is_doubted(good):
     assert [one.doubtful for one in columns(low)] == [False] * 3 + [True] * 3 + [False] * 3
 
 
+def test_neighbours_are_samples_of_a_column(good):
+    """The turned camera with every second row: its neighbours are two rows apart."""
+    half = np.arange(len(good.t)) % 2 == 0
+    one = turned(good, 1.0)
+    columns_ = {name: np.where(half, x, np.nan) for name, x in one.columns.items()}
+    found = fan.identify(replace(one, columns=columns_))
+    assert any("are like those just before" in said for said in doubts(found))
+
+
 def test_what_was_known_and_is_not_so_is_doubted(good):
     """0.13 kg known to 1 g, and in truth 0.16 kg."""
     known = [replace(one, known=1e-3) if one.name == "upper_mass" else one for one in good.unknown]

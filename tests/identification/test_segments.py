@@ -12,6 +12,7 @@ from fantoccini.identification.cost import Cost
 from fantoccini.identification.estimating import fit_of
 from fantoccini.identification.fit import chained
 from fantoccini.identification.point import Weights
+from fantoccini.identification.searching import Kept
 from fantoccini.identification.untangling import untangled
 from fantoccini.identification.windows import cheaper, spread
 
@@ -57,6 +58,42 @@ def test_some_slopes_are_those_of_all(setting):
         assert np.max(np.abs(a - b)) < 1e-9 * np.max(np.abs(b)), name
 
 
+def test_derivatives_are_renewed_where_a_row_lets_go(setting):
+    """Of two segments that a string no longer holds, and of all where a number went far."""
+    fit, at = setting
+    assert np.all(at.held[3:5, 0])
+    cost = Cost(fit, at, Weights(np.full(9, 2e-3), (5e-4, 5e-3)))
+    kept, positive = Kept.at(fit, at), np.arange(len(at.theta)) < 3
+    held = at.held.copy()
+    held[3:5] = False
+    free = replace(at, held=held)
+    other = cost.other(at, free)
+    assert np.flatnonzero(other).tolist() == [3, 4]
+    whole = fit.slopes(free)
+    assert np.max(np.abs(whole.begin[3] - kept.slopes.begin[3])) > 0.1
+    renewed = replace(kept, stale=other).renewed(fit, free, positive)
+    assert np.allclose(renewed.slopes.begin, whole.begin, rtol=0, atol=1e-12)
+    assert np.allclose(renewed.slopes.samples, whole.samples, rtol=0, atol=1e-9)
+    assert not np.any(renewed.stale)
+    theta = at.theta.copy()
+    theta[1] *= 1.2
+    far = fit.placed(at.q_D, at.v_D, theta, at.held)
+    assert np.array_equal(renewed.renewed(fit, far, positive).theta, theta)
+
+
+def test_a_badly_told_move_is_stale_and_a_small_one_is_not(setting):
+    fit, at = setting
+    cost = Cost(fit, at, Weights(np.full(9, 2e-3), (5e-4, 5e-3)))
+    slopes, predicted = fit.slopes(at), fit.predict(at)
+    n = at.v_D.shape[1]
+    for size, expected in ((1e-4, []), (0.5, [6])):
+        by = np.zeros((len(at.q_D), 2 * n))
+        by[6, : n - 1] = size
+        to = fit.moved(at, by, 0.0 * at.theta)
+        stale = cost.stale(at, to, predicted, fit.predict(to), slopes)
+        assert np.flatnonzero(stale).tolist() == expected, size
+
+
 def test_a_tangled_segment_is_found_and_mended(setting):
     """Three segments begin elsewhere, too far for small moves; the states come back."""
     fit, at = setting
@@ -68,7 +105,7 @@ def test_a_tangled_segment_is_found_and_mended(setting):
     bad = fit.placed(q_D, v_D, at.theta, at.held)
     seen = fit.predict(bad, extrapolated=True)
     assert np.all(cost.tangled(bad, seen)[6:9])
-    assert not np.all(cost.explained(bad, seen)[6:8])
+    assert not np.any(cost.explained(bad, seen)[6:8])
     mended = untangled(cost, bad)
     assert np.array_equal(mended.q_D[:3], at.q_D[:3])  # far from there nothing moved
     assert np.max(np.abs(mended.q_D - at.q_D)) < 2e-3

@@ -21,7 +21,7 @@ from fantoccini.identification.units import channel_units, units
 from fantoccini.view import identified_plots
 from fantoccini.view.theme import RED
 
-HOSTILE = "<script>alert('$x^$')</script>"
+HOSTILE = '''<script>alert('$x^$')</script>" onerror="alert(1)'''
 _VOID = {"meta", "img"}
 
 
@@ -40,6 +40,7 @@ class Page(HTMLParser):
 
     def handle_starttag(self, tag, attrs):
         self.tags.add(tag)
+        assert not any(name.startswith("on") for name, _ in attrs)
         if tag == "img":
             self.sources.append(dict(attrs)["src"])
         elif tag == "table":

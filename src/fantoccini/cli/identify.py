@@ -110,7 +110,10 @@ def _print(found: Identified) -> None:
     if found.record.still:
         write(f"the inputs do not move {', '.join(found.record.still)}")
     if found.lost:
-        write("segments that do not count: " + ", ".join(f"{t:.4g} s" for t in found.lost[:_MOST]))
+        times = [f"{t + found.delay:.4g} s" for t in found.lost[:_MOST]]
+        more = len(found.lost) - len(times)
+        write("segments that do not count, from: " + ", ".join(times)
+              + (f" and {more} more" if more else ""))  # fmt: skip
     for doubt in doubts(found):
         write(f"doubt: {doubt}")
     write(f"chi2 {found.chi2:.3f}, drift {found.drift:.2g}, {found.seconds:.1f} s")
@@ -161,7 +164,7 @@ def _save_numbers(found: Identified, path: Path) -> None:
             for one in found.combinations
         ],
         "residuals": {name: number(x) for name, x in found.rms().items()}, "noise": found.noise,
-        "chi2": found.chi2, "drift": found.drift, "converged": found.converged,
+        "chi2": number(found.chi2), "drift": number(found.drift), "converged": found.converged,
         "doubts": list(doubts(found)), "left": number(found.left), "lost": list(found.lost),
         "outliers": [vars(one) for one in found.outliers], "seconds": found.seconds,
     }  # fmt: skip

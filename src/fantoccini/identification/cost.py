@@ -57,12 +57,13 @@ class Cost:
     def explained(self, at: Point, predicted: Predicted) -> MaskRows:
         """(S,) bool, the segments that are explained, and joined to the next, as well as most are.
 
-        The others are caught in an order of events that the puppet's was not.
+        The others are caught in an order of events that the puppet's was not. A few outliers do
+        not make a segment one of them.
         """
         r, there = self.residuals(at, predicted)
         segments, S = self.fit.segments(at.theta), len(at.q_D)
         n = np.maximum(np.bincount(segments, np.sum(there, axis=1), S), 1.0)
-        mean = np.bincount(segments, np.sum(r**2, axis=1), S) / n
+        mean = np.bincount(segments, np.sum(np.minimum(np.abs(r), OUTLIER) ** 2, axis=1), S) / n
         usual = np.median(mean[n > 1.0]) if np.any(n > 1.0) else 1.0
         tangled = self.tangled(at, predicted)
         odd = tangled | np.append(tangled[1:], False)
@@ -85,8 +86,9 @@ class Cost:
     def parts(self, at: Point, predicted: Predicted) -> Array:
         """(S + 1,) the cost of every segment, and of what is known of theta.
 
-        Half the squares of its samples (Huber's beyond OUTLIER) and of the gap before it (Cauchy's,
-        since a catch that comes a step too early or late makes a gap of any size).
+        Of its samples, by Huber's measure, or by Cauchy's in the end; and of the gap before it, by
+        Cauchy's, since a catch that comes a step too early or late makes a gap of any size, or by
+        Huber's while segments are to be joined.
         """
         S, fit = len(at.q_D), self.fit
         if not predicted.arrived:
@@ -112,15 +114,16 @@ class Cost:
     def stale(
         self, at: Point, to: Point, predicted: Predicted, seen: Predicted, slopes: Slopes
     ) -> MaskRows:
-        """(S,) bool, segments whose derivatives told a move badly."""
+        """(S,) bool, segments whose derivatives told a move badly; samples that stay in them."""
         fit, S = self.fit, len(at.q_D)
         segments = fit.segments(at.theta)
+        there = np.isfinite(fit.y) & (fit.segments(to.theta) == segments)[:, None]
         theta = np.broadcast_to(to.theta - at.theta, (S, len(at.theta)))
         dq = difference(fit.model, at.q_D, to.q_D)
         move = np.concatenate([dq, to.v_D - at.v_D, theta], axis=1)
-        came = np.where(np.isfinite(fit.y), seen.y - predicted.y, 0.0) / self.weights.noise
+        came = np.where(there, seen.y - predicted.y, 0.0) / self.weights.noise
         told = (slopes.samples @ move[segments, :, None])[..., 0] / self.weights.noise
-        told = np.where(np.isfinite(fit.y), told, 0.0)
+        told = np.where(there, told, 0.0)
         drift = np.repeat(self.weights.drift, dq.shape[1])
         ends = difference(fit.model, predicted.q_D, seen.q_D), seen.v_D - predicted.v_D
         end = np.concatenate(ends, axis=1) / drift
@@ -128,10 +131,15 @@ class Cost:
         size = np.bincount(segments, np.sum(came**2, axis=1), S)
         wrong += np.sum((end - (slopes.end @ move[..., None])[..., 0] / drift) ** 2, axis=1)
         size += np.sum(end**2, axis=1)
-        crossed = np.zeros(S, dtype=bool)
-        other = fit.segments(to.theta)
-        crossed[segments[other != segments]] = crossed[other[other != segments]] = True
-        return np.asarray(crossed | (wrong > np.maximum(_TOLD**2 * size, _STILL)))
+        return np.asarray(wrong > np.maximum(_TOLD**2 * size, _STILL))
+
+    def other(self, at: Point, to: Point) -> MaskRows:
+        """(S,) bool, segments that other samples lie in, or other rows hold the first states of."""
+        found = np.any(at.held != to.held, axis=1)
+        before, after = self.fit.segments(at.theta), self.fit.segments(to.theta)
+        crossed = before != after
+        found[before[crossed]] = found[after[crossed]] = True
+        return np.asarray(found)
 
     def normal(
         self, at: Point, predicted: Predicted, slopes: Slopes, only: MaskRows | None = None

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fantoccini.arrays import Array, check_positive
+from fantoccini.errors import StateError
 from fantoccini.identification.cost import Cost
 from fantoccini.identification.fit import Fit, chained
 from fantoccini.identification.point import Layout, Weights
@@ -34,7 +35,7 @@ class Stage:
     Attributes:
         name: for the progress callback.
         drift: factor of the drift that is allowed at the end.
-        moves: at most.
+        moves: at most, but while the cost falls steeply.
         tolerance: relative fall of the cost that ends it.
         extrapolated: whether the steps' length is extrapolated to none.
         held: whether the states alone move.
@@ -51,8 +52,8 @@ class Stage:
 
 
 DRIFT = (5e-4, 5e-3)
-"""Of configurations and velocities, from a segment to the next [rad or m, and per second]. With
-less, segments are joined in the end, but not judged before: time steps err by as much at catches.
+"""Of configurations and velocities, from a segment to the next [rad or m, and per second]. Time
+steps err by as much at catches, so that whether segments are joined is never judged by less.
 """
 _RARE = 3
 """Of so many samples one counts, but in the last stage."""
@@ -82,7 +83,7 @@ def identify(
 
     over the unknowns theta and the first states x_s of all segments (multiple shooting), by
     Levenberg and Marquardt with exact derivatives of the time steps; residuals are extrapolated to
-    steps of no length. rho is Huber's, so that outliers count little.
+    steps of no length. rho is Huber's, and Cauchy's in the end, so that outliers count little.
 
     Args:
         record: what was measured.
@@ -91,22 +92,22 @@ def identify(
         drift: how far a segment may begin from where the one before ends, as standard deviations
             of configuration and velocity [m or rad, and per second]: what the model leaves out.
         threads: all processors when not given.
-        progress: called with the stage and the cost.
+        progress: called with the stage and the cost; the cost is NaN where a stage begins.
 
     Raises:
-        StateError: the search cannot begin: no hanging pose, or the puppet cannot follow the
-            inputs.
+        StateError: the search cannot begin, as there is no hanging pose or the puppet cannot follow
+            the inputs; or it broke down.
     """
     check_positive(segment=segment, dt=dt, configuration=drift[0], velocity=drift[1])
     began = time.perf_counter()
-    with one_blas_thread():
+    with one_blas_thread(), _solvable():
         fit = fit_of(record, segment, dt, threads)
         positive = np.zeros(len(record.labels), dtype=bool)
         positive[: len(record.unknowns)] = [one.positive for one in record.unknowns]
         noise = Noise.of(record)
         first = at = chained(fit, record.start_state(fit.inputs, float(fit.starts[0])))
         levels, found, kept = noise.guess, None, None
-        rare = replace(fit, t=fit.t[::_RARE], y=fit.y[::_RARE])
+        rare = _thinned(fit)
         for stage in STAGES:
             wide = (stage.drift * max(drift[0], DRIFT[0]), stage.drift * max(drift[1], DRIFT[1]))
             weights = Weights(levels, drift if stage.final else wide, stage.final)
@@ -135,10 +136,21 @@ def identify(
             if not stage.held:
                 levels = noise.estimated(some, found)
         assert found is not None
+        cost = replace(cost, weights=Weights(levels, drift, final=True))
         normal = cost.normal(at, found.predicted, fit.slopes(at))
-        cost = replace(cost, weights=Weights(levels, drift))
         spent = time.perf_counter() - began
         return Identified.of(record, cost, found, normal, spent)
+
+
+def _thinned(fit: Fit) -> Fit:
+    """The fit of every third sample: of rows, or of a column's own where rows would leave few."""
+    there = np.isfinite(fit.y)
+    rows = (np.arange(len(fit.y)) % _RARE == 0)[:, None] & there
+    own = (np.cumsum(there, axis=0) % _RARE == 1) & there
+    few = 2 * _RARE * np.sum(rows, axis=0) < np.sum(there, axis=0)
+    kept = np.where(few, own, rows)
+    some = np.any(kept, axis=1)
+    return replace(fit, t=fit.t[some], y=np.where(kept, fit.y, np.nan)[some])
 
 
 def _reporting(progress: Callable[[str, float], None], name: str) -> Callable[[float], None]:
@@ -216,6 +228,18 @@ class Noise:
             out[own] = _MAD * np.median(some) if len(some) else np.nan
         out = np.where(np.isfinite(self.given), self.given, np.maximum(out, self.least))
         return np.where(np.isfinite(out), out, self.guess)
+
+
+@contextmanager
+def _solvable() -> Iterator[None]:
+    """A search whose equations cannot be solved ends in an error that says what to do."""
+    try:
+        yield
+    except np.linalg.LinAlgError as error:
+        raise StateError(
+            f"the search broke down: {error}. Errors grow too much within a segment; take shorter "
+            "segments, or begin nearer to the truth"
+        ) from error
 
 
 @contextmanager

@@ -132,7 +132,7 @@ class Fit:
             return self._predict(at, self.dt, only, kept)
         coarse, fine = (self._predict(at, part * self.dt, only, kept) for part in (0.5, 0.25))
         if not (coarse.arrived and fine.arrived):
-            return fine
+            return replace(fine, arrived=False)
         own = slice(None) if only is None else only
         mine = own if only is None else only[self.segments(at.theta)]
         y, q_D, v_D = fine.y.copy(), fine.q_D.copy(), fine.v_D.copy()

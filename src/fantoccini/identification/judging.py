@@ -23,6 +23,8 @@ _NOISY, _QUIET = 1.5, 0.67
 """Residuals over a noise level that was given."""
 _MAD = 1.4826
 """Standard deviation over the median of |r|, of normal noise."""
+_APART = 3.0
+"""Times the usual step between a column's samples, from which on two are no neighbours."""
 _FEW = 50
 """Neighbours below which their correlation is not looked at."""
 _SURPRISE = 3.0
@@ -75,7 +77,7 @@ def columns(found: Identified) -> tuple[ColumnFit, ...]:
     """What is left of every column that has samples."""
     channels, units, out = found.record.channels, channel_units(found.record), []
     for j, (name, group) in enumerate(zip(channels.names, channels.groups, strict=True)):
-        r, noise = found.residuals[:, j], found.noise[name]
+        r, noise = np.where(found.counts, found.residuals[:, j], np.nan), found.noise[name]
         there = np.isfinite(r)
         if np.any(there):
             z = np.abs(r[there]) / noise
@@ -84,19 +86,20 @@ def columns(found: Identified) -> tuple[ColumnFit, ...]:
             given = name in found.record.noise or group in found.record.noise
             out.append(ColumnFit(
                 name, units[j], int(np.sum(there)), rms, spread, noise, given,
-                float(np.mean(z <= 2.0)), _neighbours(r / noise), int(np.sum(z > LISTED)),
+                float(np.mean(z <= 2.0)), _neighbours(found.t, r / noise), int(np.sum(z > LISTED)),
             ))  # fmt: skip
     return tuple(out)
 
 
-def _neighbours(z: Array) -> float:
-    """Correlation of neighbours, outliers cut off; NaN of few.
+def _neighbours(t: Array, z: Array) -> float:
+    """Correlation of a column's neighbours, outliers cut off; NaN of few.
 
     It is taken about 0, not about the mean, so that a bias counts as well.
     """
-    z = np.clip(z, -LISTED, LISTED)
-    both = np.isfinite(z[:-1]) & np.isfinite(z[1:])
-    a, b = z[:-1][both], z[1:][both]
+    there = np.isfinite(z)
+    t, z = t[there], np.clip(z[there], -LISTED, LISTED)
+    near = np.diff(t) < _APART * np.median(np.diff(t)) if len(t) > 1 else np.zeros(0, dtype=bool)
+    a, b = z[:-1][near], z[1:][near]
     size = float(np.sqrt(np.sum(a**2) * np.sum(b**2)))
     return float(np.sum(a * b)) / size if len(a) >= _FEW and size > 0.0 else float("nan")
 
@@ -126,7 +129,9 @@ class Leaning:
 
 def leaning(found: Identified) -> tuple[Leaning, ...]:
     """What jumps to one side between segments, the largest first."""
-    jumps, table = np.clip(found.jumps, -LISTED, LISTED), found.record.marionette.coordinates
+    counts = ~np.isin(found.starts[:-1], found.lost)
+    jumps = np.clip(found.jumps[counts], -LISTED, LISTED)
+    table = found.record.marionette.coordinates
     if len(jumps) < 2:
         return ()
     mean, n, names = np.mean(jumps, axis=0), table.n_vD, jump_names(found)

@@ -155,6 +155,14 @@ class Record:
                 "nothing is looked for; name what is unknown: parameters, offsets, markers with "
                 "`find`, or the delay"
             )
+        for one, begin in zip(self.unknowns, self.begin, strict=False):
+            if one.positive and not begin > 0.0:
+                raise StateError(
+                    f"{one.name} begins at {begin:g} and is to stay positive; let it begin above 0 "
+                    "(about), or let it be negative (positive: false)"
+                )
+        if not model.coordinates.n_vD:
+            raise StateError(f"{model.name} has no dynamic coordinates; its motion tells nothing")
         self._check_times()
 
     def _check_times(self) -> None:

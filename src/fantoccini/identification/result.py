@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, MaskRows
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.identification.blocks import Normal
 from fantoccini.identification.cost import Cost
@@ -21,7 +21,7 @@ from fantoccini.marionette import Marionette
 UNTOLD = 1.0
 """Standard deviation of a combination, relative to the sizes of what it combines, from which on
 the record does not tell it."""
-_LEFT = 2.0
+_LEFT = 1.0
 """Standard deviations by which one more step may still move a number of a search that ended."""
 _SHARE = 0.05
 """Part of a combination below which a number is left out of its words."""
@@ -79,13 +79,15 @@ class Identified:
         information: (P, P) Fisher information of the unknowns, the states being unknown, too.
         combinations: that the record cannot tell apart.
         noise: column -> standard deviation that was given or estimated.
-        chi2: mean square of the residuals over the noise; 1 where noise is all that is left.
-        drift: root mean square of the gaps between segments over the drift that was allowed; far
-            below 1 where the model leaves nothing out.
-        outliers: samples that are more than 4 standard deviations off.
+        chi2: mean square of the residuals over the noise, of samples that count, each cut off at
+            that of an outlier; 1 where noise is all that is left.
+        drift: median of the gaps between segments over the drift that was allowed; far below 1
+            where the model leaves nothing out.
+        outliers: samples that count and are more than 4 standard deviations off.
         lost: where segments begin that do not count, by the inputs' clock [s]: the model does not
             explain them, or its derivatives do not tell what small moves of them do.
         t: (N,) times of the samples [s].
+        counts: (N,) bool, samples in segments that count.
         residuals: (N, columns) samples less predictions; NaN in gaps.
         predicted: (N, columns) what the puppet with these numbers does, in gaps, too.
         starts: (S,) where segments begin, by the inputs' clock [s].
@@ -109,6 +111,7 @@ class Identified:
     outliers: tuple[Outlier, ...]
     lost: tuple[float, ...]
     t: Array
+    counts: MaskRows
     residuals: Array
     predicted: Array
     starts: Array
@@ -146,20 +149,22 @@ class Identified:
             F, record.sizes(found.at.theta), record.labels
         )
         residuals = fit.y - found.predicted.y
-        r = residuals / weights.noise
+        trusted = np.ones(len(fit.starts), dtype=bool) if cost.trusted is None else cost.trusted
+        counts = trusted[fit.segments(found.at.theta)]
+        r = np.where(counts[:, None], residuals / weights.noise, np.nan)
         listed = [
             Outlier(float(fit.t[i]), record.channels.names[j], float(r[i, j]))
             for i, j in np.argwhere(np.abs(r) > LISTED)
         ]
-        lost = () if cost.trusted is None else tuple(fit.starts[~cost.trusted].tolist())
+        lost = tuple(fit.starts[~trusted].tolist())
         gaps = cost.gaps(found.at, found.predicted)
-        counted = gaps if cost.trusted is None else gaps[cost.trusted[:-1]]
+        counted = gaps[trusted[:-1]]
         return cls(
             record, record.labels, found.at.theta.copy(), deviations, correlation, F, combinations,
             dict(zip(record.channels.names, weights.noise.tolist(), strict=True)),
             float(np.nanmean(np.minimum(np.abs(r), LISTED) ** 2)),
             float(np.sqrt(np.median(counted**2))) if len(counted) else 0.0,
-            tuple(listed), lost, fit.t, residuals, found.predicted.y, fit.starts, gaps,
+            tuple(listed), lost, fit.t, counts, residuals, found.predicted.y, fit.starts, gaps,
             weights.drift, _left(normal, deviations), seconds,
         )  # fmt: skip
 

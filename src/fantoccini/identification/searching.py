@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fantoccini.arrays import Array, MaskRows
+from fantoccini.errors import StateError
 from fantoccini.identification.blocks import LARGEST_MOVE, Normal
 from fantoccini.identification.cost import Cost
 from fantoccini.identification.fit import Fit
@@ -17,13 +18,13 @@ from fantoccini.identification.windows import cheaper, spread
 FIRST_DAMPING = 1e-3
 LEAST_DAMPING, MOST_DAMPING = 1e-4, 1e8
 _LEAST_FALL = 0.01
-"""Of the cost, from which on a search goes on: a hundredth of what one deviation costs is less."""
+"""Of the cost: a fall that is smaller ends a search. One standard deviation costs 0.5."""
 _STEEP = 0.1
 """Part of the cost by which a move reduces it while the search is far from its end."""
 _FAR = 0.1
 """Part of a positive number by which it may move before all derivatives are found anew."""
 _MIXED = 3.0
-"""Times the fall that ends a search, what all segments may change by then."""
+"""The costs of all segments may change by so many times the fall that ends a search."""
 LARGEST_FACTOR = 4.0
 """By which a positive number may grow or shrink in one move."""
 
@@ -108,8 +109,16 @@ def search(
     shared = FIRST_DAMPING
     fit = cost.fit
     predicted = fit.predict(at, extrapolated=extrapolated)
-    at = fit.freed(at, predicted)
-    kept = Kept.at(fit, at) if kept is None else kept
+    if not predicted.arrived:
+        raise StateError(
+            "the puppet cannot be simulated with the numbers that the search has come to; begin "
+            "nearer to the truth, or take a smaller dt"
+        )
+    free = fit.freed(at, predicted)
+    if kept is None:
+        kept = Kept.at(fit, free)
+    kept = replace(kept, stale=kept.stale | cost.other(at, free))
+    at = free
     normal: Normal | None = None
     parts = cost.parts(at, predicted)
     tries = failed = 0
@@ -146,8 +155,9 @@ def search(
         steep = fall > _STEEP * float(np.sum(parts))
         shared, taken = max(LEAST_DAMPING, shared / 8.0), taken + 1
         before, stale = stale, cost.stale(at, trial, predicted, seen, kept.slopes)
-        odd, kept = before & stale, replace(kept, stale=stale)
-        at, parts, predicted, normal = fit.freed(trial, seen), new, seen, None
+        free = fit.freed(trial, seen)
+        odd, kept = before & stale, replace(kept, stale=stale | cost.other(at, free))
+        at, parts, predicted, normal = free, new, seen, None
         if progress is not None:
             progress(float(np.sum(parts)))
     return Found(at, predicted, float(np.sum(parts)), taken, settled, odd, kept)
