@@ -63,7 +63,7 @@ def test_derivatives_agree_with_differences_of_event_driven_runs(case):
     one = record(case, 3.0, 1)
     fit = fit_of(one, 0.25, 0.0005, 1)
     at = chained(fit, one.start_state(fit.inputs, float(fit.starts[0])))
-    J = fit.slopes(at).samples
+    J = fit.jacobians(at).samples
     s, m = 4, 2 * one.marionette.coordinates.n_vD
     _, segments, _ = fit.located(at.theta, fit.dt)
     own = np.flatnonzero(segments == s)[2:-2]
@@ -109,7 +109,7 @@ def test_derivatives_of_the_steps_are_exact(case):
     one = replace(record(case, 3.0, 2), delay=0.00137)  # samples fall between nodes
     fit = fit_of(one, 0.25, 0.005, 1)
     at = chained(fit, one.start_state(fit.inputs, float(fit.starts[0])))
-    found = fit.slopes(at)
+    found = fit.jacobians(at)
     J = found.samples
     m, rng = J.shape[2] - len(at.theta), np.random.default_rng(0)
     _, segments, _ = fit.located(at.theta, fit.dt)

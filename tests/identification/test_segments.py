@@ -45,14 +45,14 @@ def test_some_segments_are_predicted_as_all_are(setting, extrapolated):
     assert np.max(np.abs(part.y - before.y)) > 1e-3
 
 
-def test_some_slopes_are_those_of_all(setting):
+def test_some_jacobians_are_those_of_all(setting):
     fit, at = setting
     some = np.zeros(len(at.q_D), dtype=bool)
     some[[2, 7]] = True
     by = np.where(some[:, None], 0.01, np.zeros((len(some), 8)))
     to = fit.moved(at, by, 0.0 * at.theta, some)
-    whole = fit.slopes(to)
-    part = fit.slopes(to, only=some, kept=fit.slopes(at))
+    whole = fit.jacobians(to)
+    part = fit.jacobians(to, only=some, kept=fit.jacobians(at))
     for name in ("samples", "begin", "end"):
         a, b = getattr(part, name), getattr(whole, name)
         assert np.max(np.abs(a - b)) < 1e-9 * np.max(np.abs(b)), name
@@ -69,11 +69,11 @@ def test_derivatives_are_renewed_where_a_row_lets_go(setting):
     free = replace(at, held=held)
     other = cost.other(at, free)
     assert np.flatnonzero(other).tolist() == [3, 4]
-    whole = fit.slopes(free)
-    assert np.max(np.abs(whole.begin[3] - kept.slopes.begin[3])) > 0.1
+    whole = fit.jacobians(free)
+    assert np.max(np.abs(whole.begin[3] - kept.jacobians.begin[3])) > 0.1
     renewed = replace(kept, stale=other).renewed(fit, free, positive)
-    assert np.allclose(renewed.slopes.begin, whole.begin, rtol=0, atol=1e-12)
-    assert np.allclose(renewed.slopes.samples, whole.samples, rtol=0, atol=1e-9)
+    assert np.allclose(renewed.jacobians.begin, whole.begin, rtol=0, atol=1e-12)
+    assert np.allclose(renewed.jacobians.samples, whole.samples, rtol=0, atol=1e-9)
     assert not np.any(renewed.stale)
     theta = at.theta.copy()
     theta[1] *= 1.2
@@ -84,13 +84,13 @@ def test_derivatives_are_renewed_where_a_row_lets_go(setting):
 def test_a_badly_told_move_is_stale_and_a_small_one_is_not(setting):
     fit, at = setting
     cost = Cost(fit, at, Weights(np.full(9, 2e-3), (5e-4, 5e-3)))
-    slopes, predicted = fit.slopes(at), fit.predict(at)
+    jacobians, predicted = fit.jacobians(at), fit.predict(at)
     n = at.v_D.shape[1]
     for size, expected in ((1e-4, []), (0.5, [6])):
         by = np.zeros((len(at.q_D), 2 * n))
         by[6, : n - 1] = size
         to = fit.moved(at, by, 0.0 * at.theta)
-        stale = cost.stale(at, to, predicted, fit.predict(to), slopes)
+        stale = cost.stale(at, to, predicted, fit.predict(to), jacobians)
         assert np.flatnonzero(stale).tolist() == expected, size
 
 

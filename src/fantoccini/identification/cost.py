@@ -9,7 +9,7 @@ import numpy as np
 from fantoccini.arrays import Array, MaskRows
 from fantoccini.identification.blocks import Normal
 from fantoccini.identification.fit import Fit
-from fantoccini.identification.point import Point, Predicted, Slopes, Weights
+from fantoccini.identification.point import Jacobians, Point, Predicted, Weights
 from fantoccini.marionette.configurations import difference
 
 OUTLIER = 3.0
@@ -112,7 +112,7 @@ class Cost:
         return np.concatenate([dq, (at.v_D[0] - self.first.v_D[0]) / FIRST_STATE[1]])
 
     def stale(
-        self, at: Point, to: Point, predicted: Predicted, seen: Predicted, slopes: Slopes
+        self, at: Point, to: Point, predicted: Predicted, seen: Predicted, jacobians: Jacobians
     ) -> MaskRows:
         """(S,) bool, segments whose derivatives told a move badly; samples that stay in them."""
         fit, S = self.fit, len(at.q_D)
@@ -122,14 +122,14 @@ class Cost:
         dq = difference(fit.model, at.q_D, to.q_D)
         move = np.concatenate([dq, to.v_D - at.v_D, theta], axis=1)
         came = np.where(there, seen.y - predicted.y, 0.0) / self.weights.noise
-        told = (slopes.samples @ move[segments, :, None])[..., 0] / self.weights.noise
+        told = (jacobians.samples @ move[segments, :, None])[..., 0] / self.weights.noise
         told = np.where(there, told, 0.0)
         drift = np.repeat(self.weights.drift, dq.shape[1])
         ends = difference(fit.model, predicted.q_D, seen.q_D), seen.v_D - predicted.v_D
         end = np.concatenate(ends, axis=1) / drift
         wrong = np.bincount(segments, np.sum((came - told) ** 2, axis=1), S)
         size = np.bincount(segments, np.sum(came**2, axis=1), S)
-        wrong += np.sum((end - (slopes.end @ move[..., None])[..., 0] / drift) ** 2, axis=1)
+        wrong += np.sum((end - (jacobians.end @ move[..., None])[..., 0] / drift) ** 2, axis=1)
         size += np.sum(end**2, axis=1)
         return np.asarray(wrong > np.maximum(_TOLD**2 * size, _STILL))
 
@@ -142,11 +142,11 @@ class Cost:
         return np.asarray(found)
 
     def normal(
-        self, at: Point, predicted: Predicted, slopes: Slopes, only: MaskRows | None = None
+        self, at: Point, predicted: Predicted, jacobians: Jacobians, only: MaskRows | None = None
     ) -> Normal:
         """The normal equations at a point; samples of ``only`` some segments (S,) count."""
         fit, weights = self.fit, self.weights
-        S, m, P = len(at.q_D), slopes.end.shape[1], len(fit.layout)
+        S, m, P = len(at.q_D), jacobians.end.shape[1], len(fit.layout)
         r, there = self.residuals(at, predicted)
         less = 1.0 + (r / FAR) ** 2 if weights.final else np.maximum(1.0, np.abs(r) / OUTLIER)
         share = np.sqrt(np.where(there, 1.0, 0.0) / less)
@@ -157,9 +157,9 @@ class Cost:
         ends = np.searchsorted(fit.segments(at.theta)[order], np.arange(S + 1))
         for s in range(S) if only is None else np.flatnonzero(only):
             own = order[ends[s] : ends[s + 1]]
-            mine = (slopes.samples[own] * share[own, :, None]).reshape(-1, m + P)
+            mine = (jacobians.samples[own] * share[own, :, None]).reshape(-1, m + P)
             whole[s], slope[s] = mine.T @ mine, mine.T @ left[own].ravel()
-        begin, n = slopes.begin, m // 2
+        begin, n = jacobians.begin, m // 2
         scale = np.repeat([1.0 / weights.drift[0], 1.0 / weights.drift[1]], n)
         gaps = self.gaps(at, predicted)
         far = np.abs(gaps) / OUTLIER
@@ -167,7 +167,7 @@ class Cost:
         if self.trusted is not None:
             loose *= self.trusted[:-1, None]
         gaps = gaps * (loose / scale)
-        before = -slopes.end[:-1] * loose[..., None]
+        before = -jacobians.end[:-1] * loose[..., None]
         before[..., m:] += begin[1:, :, m:] * loose[..., None]
         after = begin[1:, :, :m] * loose[..., None]
         whole[:-1] += before.swapaxes(1, 2) @ before

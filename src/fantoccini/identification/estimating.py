@@ -38,7 +38,7 @@ class Stage:
         moves: at most, but while the cost falls steeply.
         tolerance: relative fall of the cost that ends it.
         extrapolated: whether the steps' length is extrapolated to none.
-        held: whether the states alone move.
+        states_only: whether the unknowns stay as they are.
         final: whether all samples count, and those far off ever less, not by their size.
     """
 
@@ -47,7 +47,7 @@ class Stage:
     moves: int
     tolerance: float
     extrapolated: bool = True
-    held: bool = False
+    states_only: bool = False
     final: bool = False
 
 
@@ -128,16 +128,16 @@ def identify(
                 report(np.nan)
             found = search(
                 cost, at, positive, None if stage.final else kept, moves=stage.moves,
-                tolerance=stage.tolerance, extrapolated=stage.extrapolated, held=stage.held,
-                progress=report,
+                tolerance=stage.tolerance, extrapolated=stage.extrapolated,
+                states_only=stage.states_only, progress=report,
             )  # fmt: skip
-            # Derivatives by the unknowns are not tried while these are held.
-            at, kept = found.at, None if stage.held else found.kept
-            if not stage.held:
+            # Derivatives by the unknowns are not tried while these stay.
+            at, kept = found.at, None if stage.states_only else found.kept
+            if not stage.states_only:
                 levels = noise.estimated(some, found)
         assert found is not None
         cost = replace(cost, weights=Weights(levels, drift, final=True))
-        normal = cost.normal(at, found.predicted, fit.slopes(at))
+        normal = cost.normal(at, found.predicted, fit.jacobians(at))
         spent = time.perf_counter() - began
         return Identified.of(record, cost, found, normal, spent)
 

@@ -10,7 +10,7 @@ from fantoccini.arrays import Array, Indices, MaskRows
 from fantoccini.errors import StateError
 from fantoccini.identification.channels import Channels
 from fantoccini.identification.holding import Holding
-from fantoccini.identification.point import Layout, Point, Predicted, Slopes
+from fantoccini.identification.point import Jacobians, Layout, Point, Predicted
 from fantoccini.identification.rolling import Driven, Rolled, roll, sense
 from fantoccini.marionette import Model
 from fantoccini.marionette.configurations import difference, integrate
@@ -195,9 +195,9 @@ class Fit:
         mine = np.flatnonzero(place[segments] >= 0)
         return steps[mine], place[segments[mine]], share[mine], mine
 
-    def slopes(
-        self, at: Point, *, only: MaskRows | None = None, kept: Slopes | None = None
-    ) -> Slopes:
+    def jacobians(
+        self, at: Point, *, only: MaskRows | None = None, kept: Jacobians | None = None
+    ) -> Jacobians:
         """Derivatives of what a point predicts, in steps of dt, or of dt/4 where those fail.
 
         Args:
@@ -246,7 +246,7 @@ class Fit:
         ends = np.zeros((2, len(chosen), m, m + len(lay)))
         ends[0, ..., :n_rolled], ends[1, ..., :n_rolled] = begin, found.end
         if kept is None:
-            return Slopes(J, *ends)
+            return Jacobians(J, *ends)
         kept.samples[mine], kept.begin[chosen], kept.end[chosen] = J, *ends
         return kept
 

@@ -88,7 +88,7 @@ class Predicted:
 
 
 @dataclass(frozen=True, eq=False)
-class Slopes:
+class Jacobians:
     """Derivatives of what a point predicts, by (dq_D, dv_D) of the segment and theta.
 
     Attributes:

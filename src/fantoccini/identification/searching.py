@@ -12,7 +12,7 @@ from fantoccini.errors import StateError
 from fantoccini.identification.blocks import LARGEST_MOVE, Normal
 from fantoccini.identification.cost import Cost
 from fantoccini.identification.fit import Fit
-from fantoccini.identification.point import Point, Predicted, Slopes
+from fantoccini.identification.point import Jacobians, Point, Predicted
 from fantoccini.identification.windows import cheaper, spread
 
 FIRST_DAMPING = 1e-3
@@ -34,26 +34,26 @@ class Kept:
     """Derivatives that are kept from one move to the next.
 
     Attributes:
-        slopes: of all segments; those of some are written over.
+        jacobians: of all segments; those of some are written over.
         theta: (P,) unknowns at which all were found.
         stale: (S,) bool, segments whose derivatives are to be found anew.
     """
 
-    slopes: Slopes
+    jacobians: Jacobians
     theta: Array
     stale: MaskRows
 
     @classmethod
     def at(cls, fit: Fit, at: Point) -> Kept:
         """All of a point."""
-        return cls(fit.slopes(at), at.theta, np.zeros(len(at.q_D), dtype=bool))
+        return cls(fit.jacobians(at), at.theta, np.zeros(len(at.q_D), dtype=bool))
 
     def renewed(self, fit: Fit, at: Point, positive: MaskRows) -> Kept:
         """Those of stale segments anew; all where a positive number went far."""
         if np.any(np.abs(at.theta - self.theta)[positive] > _FAR * self.theta[positive]):
             return Kept.at(fit, at)
         if np.any(self.stale):
-            fit.slopes(at, only=self.stale, kept=self.slopes)
+            fit.jacobians(at, only=self.stale, kept=self.jacobians)
         return replace(self, stale=np.zeros(len(self.stale), dtype=bool))
 
 
@@ -89,7 +89,7 @@ def search(
     moves: int,
     tolerance: float,
     extrapolated: bool = False,
-    held: bool = False,
+    states_only: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Found:
     """Moves a point until the cost no longer falls.
@@ -102,7 +102,7 @@ def search(
         moves: largest number, but while the cost falls steeply, four times as many.
         tolerance: relative fall of the cost that ends the search.
         extrapolated: residuals of steps of no length; derivatives stay those of steps of dt.
-        held: leave the unknowns as they are, and move the states alone.
+        states_only: leave the unknowns as they are.
         progress: called with the cost after every move.
     """
     damping, taken, settled = np.full(len(at.q_D), FIRST_DAMPING), 0, False
@@ -128,8 +128,8 @@ def search(
         tries += 1
         if normal is None:
             kept = kept.renewed(fit, at, positive)
-            normal = cost.normal(at, predicted, kept.slopes)
-        if held:
+            normal = cost.normal(at, predicted, kept.jacobians)
+        if states_only:
             by, theta = _step(normal.of_states(), damping, shared)[0], 0.0 * at.theta
         else:
             by, theta = _step(normal, damping, shared)
@@ -154,7 +154,7 @@ def search(
         settled = fall <= least and bool(np.sum(change) <= _MIXED * least)
         steep = fall > _STEEP * float(np.sum(parts))
         shared, taken = max(LEAST_DAMPING, shared / 8.0), taken + 1
-        before, stale = stale, cost.stale(at, trial, predicted, seen, kept.slopes)
+        before, stale = stale, cost.stale(at, trial, predicted, seen, kept.jacobians)
         free = fit.freed(trial, seen)
         odd, kept = before & stale, replace(kept, stale=stale | cost.other(at, free))
         at, parts, predicted, normal = free, new, seen, None

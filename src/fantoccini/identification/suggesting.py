@@ -146,7 +146,7 @@ def _candidate(
         levels = np.where(np.isfinite(noise.given), noise.given, noise.guess)
         predicted = fit.predict(at)
         cost = Cost(replace(fit, y=predicted.y), at, Weights(levels, DRIFT))
-        F = cost.normal(at, predicted, fit.slopes(at)).information()
+        F = cost.normal(at, predicted, fit.jacobians(at)).information()
     except (FantocciniError, np.linalg.LinAlgError) as error:
         return Candidate(name, inputs, -np.inf, {}, (), np.inf, str(error))
     scaled = F * np.outer(record.scales, record.scales)

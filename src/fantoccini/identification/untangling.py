@@ -15,7 +15,7 @@ from fantoccini.arrays import MaskRows
 from fantoccini.identification.blocks import LARGEST_MOVE
 from fantoccini.identification.cost import Cost
 from fantoccini.identification.fit import Fit
-from fantoccini.identification.point import Point, Predicted, Slopes
+from fantoccini.identification.point import Jacobians, Point, Predicted
 from fantoccini.identification.rolling import roll
 from fantoccini.identification.windows import cheaper, spread
 
@@ -44,30 +44,30 @@ def untangled(cost: Cost, at: Point) -> Point:
         return at
     cost = replace(cost, weights=replace(cost.weights, joined=True))
     drift = cost.weights.drift
-    slopes = _slopes(fit, to, loose)
+    jacobians = _jacobians(fit, to, loose)
     for factor in _DRIFTS:
         wider = replace(cost.weights, drift=(factor * drift[0], factor * drift[1]))
-        to, seen = _fitted(replace(cost, weights=wider), to, seen, slopes, loose)
+        to, seen = _fitted(replace(cost, weights=wider), to, seen, jacobians, loose)
     return at.mixed(to, cheaper(loose, cost.parts(at, first), cost.parts(to, seen)))
 
 
-def _slopes(fit: Fit, at: Point, loose: MaskRows) -> Slopes:
+def _jacobians(fit: Fit, at: Point, loose: MaskRows) -> Jacobians:
     """Those of loose segments; the others do not move, theirs are 0."""
     m, P = 2 * fit.model.coordinates.n_vD, len(fit.layout)
     none = [np.zeros((*lead, m + P)) for lead in (fit.y.shape, (len(loose), m), (len(loose), m))]
-    return fit.slopes(at, only=loose, kept=Slopes(*none))
+    return fit.jacobians(at, only=loose, kept=Jacobians(*none))
 
 
 def _fitted(
-    cost: Cost, at: Point, predicted: Predicted, slopes: Slopes, loose: MaskRows
+    cost: Cost, at: Point, predicted: Predicted, jacobians: Jacobians, loose: MaskRows
 ) -> tuple[Point, Predicted]:
-    """Moves the loose states, every window for itself; the slopes are written over."""
+    """Moves the loose states, every window for itself; the jacobians are written over."""
     fit, P = cost.fit, len(cost.fit.layout)
     damping = np.where(loose, _FIRST_DAMPING, _FROZEN)
     parts = cost.parts(at, predicted)
     largest = np.repeat(LARGEST_MOVE, at.v_D.shape[1])
     for _ in range(_MOVES):
-        normal = cost.normal(at, predicted, slopes, loose).of_states()
+        normal = cost.normal(at, predicted, jacobians, loose).of_states()
         by = np.where(loose[:, None], normal.step(damping, 1.0)[0], 0.0)
         by /= np.maximum(1.0, np.max(np.abs(by) / largest, axis=1))[:, None]
         to = fit.moved(at, by, np.zeros(P), loose)
@@ -79,7 +79,7 @@ def _fitted(
             at = at.mixed(to, better)
             predicted = predicted.mixed(seen, better, fit.segments(at.theta))
             parts = cost.parts(at, predicted)
-            fit.slopes(at, only=better, kept=slopes)
+            fit.jacobians(at, only=better, kept=jacobians)
     return at, predicted
 
 
