@@ -4,18 +4,25 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fantoccini.errors import UnknownNameError
+from fantoccini.errors import ExchangeError, UnknownNameError
 from fantoccini.exchange.draft import Draft, numbers
 from fantoccini.exchange.imported import Imported
 from fantoccini.exchange.mjcf_bodies import Bodies, Compiled
-from fantoccini.exchange.mjcf_copies import refuse_copies
-from fantoccini.exchange.mjcf_includes import line_of_mistake, locate, told, with_includes
+from fantoccini.exchange.mjcf_copies import attached_models
+from fantoccini.exchange.mjcf_includes import (
+    asset_folders,
+    line_of_mistake,
+    locate,
+    told,
+    with_includes,
+)
 from fantoccini.exchange.mjcf_rest import add_notes, add_shapes
 from fantoccini.exchange.mjcf_strings import add_constraints, add_tendons
 from fantoccini.exchange.model_file import ROOTS, ModelFile, line_in, read_model
@@ -53,8 +60,8 @@ def import_model(path: str | os.PathLike[str], keyframe: str | None = None) -> I
 def mjcf_puppet(file: ModelFile, keyframe: str | None) -> Imported:
     """An MJCF file as a puppet file."""
     file = with_includes(file)
-    refuse_copies(file)
-    compiled = _compiled(file, keyframe)
+    models = attached_models(file)
+    compiled = _compiled(file, keyframe, models)
     name = compiled.spec.modelname
     draft = Draft(file, "" if name == _UNNAMED else name)
     m, flags = compiled.model, compiled.mujoco.mjtDisableBit
@@ -63,7 +70,10 @@ def mjcf_puppet(file: ModelFile, keyframe: str | None) -> Imported:
     if gravity != [0.0, 0.0, -9.81]:
         draft.top["gravity"] = gravity
     bodies = Bodies(compiled, draft)
-    draft.sources += _meshes(compiled.spec, file)
+    for model in models:
+        draft.sources += (model.path, *model.others)
+    for model in (file, *models):
+        draft.sources += _assets(model)
     add_tendons(bodies)
     add_constraints(bodies)
     add_shapes(bodies)
@@ -73,33 +83,63 @@ def mjcf_puppet(file: ModelFile, keyframe: str | None) -> Imported:
     return draft.finish([f"{draft.name}: made of the MuJoCo model {file.path.name}."])
 
 
-def _meshes(spec: Any, file: ModelFile) -> Iterator[Path]:
-    """Where the files of meshes may be."""
-    for folder in dict.fromkeys(path.parent for path in (file.path, *file.others)):
-        for mesh in spec.meshes:
-            if mesh.file:
-                yield folder / mesh.file
-                yield folder / (spec.meshdir or "") / mesh.file
+@dataclass(frozen=True)
+class _Said:
+    """What MuJoCo says of a file, and the line in its text."""
+
+    text: str
+    line: int | None
+
+    @property
+    def first(self) -> str:
+        """The mistake, without the element."""
+        return self.text.partition("\n")[0]
+
+    def mistake(self, file: ModelFile) -> ExchangeError:
+        lines = [part.strip() for part in self.text.splitlines() if part.strip()]
+        text = "; ".join(lines)[:500] or "cannot be read"
+        return file.mistake(f"MuJoCo says: {text}", self.line)
 
 
-def _compiled(file: ModelFile, keyframe: str | None) -> Compiled:
+def _read(file: ModelFile) -> tuple[Any, Any] | _Said:
+    """MuJoCo's specification and model of a file."""
     mujoco, spec = library(), None
     try:
-        with warnings.catch_warnings(record=True) as warned:
-            warnings.simplefilter("always")
-            spec = mujoco.MjSpec.from_file(str(file.path))
-            if file.origins:
-                locate(mujoco, file, spec)
-            model = spec.compile()
+        spec = mujoco.MjSpec.from_file(str(file.path))
+        if file.origins:
+            locate(mujoco, file, spec)
+        return spec, spec.compile()
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         said, line = str(error), line_in(str(error))
         if file.origins:
             if spec is None:
                 line = line_of_mistake(mujoco, file, said)
             said = told(said, file.place(line)[1])
-        lines = [part.strip() for part in said.splitlines() if part.strip()]
-        text = "; ".join(lines)[:500] or "cannot be read"
-        raise file.mistake(f"MuJoCo says: {text}", line) from None
+        return _Said(said, line)
+
+
+def _assets(file: ModelFile) -> Iterator[Path]:
+    """Where files that a model names may be, with and without the folders in their names."""
+    folders = asset_folders(file)
+    for element in file.elements:
+        if given := element.attributes.get("file"):
+            for name in dict.fromkeys((given, os.path.basename(given))):
+                yield from (Path(folder, name) for folder in folders)
+
+
+def _compiled(file: ModelFile, keyframe: str | None, models: Iterable[ModelFile]) -> Compiled:
+    """MuJoCo's model of a file, which attaches others."""
+    mujoco = library()
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        found = _read(file)
+        if isinstance(found, _Said):
+            for attached in models:
+                own = _read(attached)
+                if isinstance(own, _Said) and own.first and own.first in found.text:
+                    raise own.mistake(attached)
+            raise found.mistake(file)
+    spec, model = found
     names = [model.key(k).name for k in range(model.nkey)]
     if keyframe is not None and keyframe not in names:
         raise UnknownNameError("keyframe", keyframe, names)

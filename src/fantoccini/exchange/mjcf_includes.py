@@ -1,8 +1,8 @@
 """MJCF files with the files that they include, where every element keeps its file and line.
 
-MuJoCo forgets the lines of included elements, and takes those of attached models for its own. It
-reads the text made here a second time, one element a line, below more empty lines than attached
-models have, and tells where they are.
+MuJoCo does not tell the lines of included elements, nor which lines are of attached models. So it
+reads a second text: all elements, one a line, below a million empty lines. A line that it then
+tells stands for an element if it is below those, and is of an attached model if it is not.
 """
 
 from __future__ import annotations
@@ -26,6 +26,9 @@ _LISTS = (
 _ABOVE = 1_000_000
 """Empty lines above the text: lines up to here are of attached models."""
 
+_MOST_FILES = 200
+"""Of a model, with the included ones."""
+
 _LINE = re.compile(r"\b([Ll]ine(?: number=| ))(\d+)")
 
 
@@ -41,11 +44,24 @@ def with_includes(file: ModelFile) -> ModelFile:
         return file
     reader = _Reader(file)
     reader.add(file.elements, file.name, 0)
-    text = "".join(_lines(reader.elements, file.path.parent)).encode()
-    return replace(
-        file, text=text, elements=tuple(reader.elements), origins=tuple(reader.origins),
+    whole = replace(
+        file, elements=tuple(reader.elements), origins=tuple(reader.origins),
         others=tuple(reader.others),
     )  # fmt: skip
+    return replace(whole, text="".join(_lines(whole)).encode())
+
+
+def asset_folders(file: ModelFile) -> list[str]:
+    """Folders in which MuJoCo may look for meshes: those that a compiler names first."""
+    first, *others = (os.path.dirname(os.fspath(path)) for path in (file.path, *file.others))
+    below = ["", *(os.path.relpath(folder or ".", first or ".") for folder in others)]
+    named = [
+        element.attributes[key]
+        for element in file.elements if element.tag == "compiler"
+        for key in ("meshdir", "assetdir") if key in element.attributes
+    ]  # fmt: skip
+    places = (os.path.join(name, folder) for name in (*named, "") for folder in below)
+    return list(dict.fromkeys(os.path.join(first, place) for place in places))
 
 
 def found_beside(given: str, *folders: str) -> str | None:
@@ -140,26 +156,40 @@ class _Reader:
         if place in self.known:
             raise fail(f"{given[:100]!r} is included already; a file is included once")
         self.known.add(place)
-        if depth > MAX_DEPTH or len(self.known) > MAX_DEPTH:
-            raise fail(f"nested deeper than {MAX_DEPTH} levels, or more than so many files")
+        if depth > MAX_DEPTH:
+            raise fail(f"nested deeper than {MAX_DEPTH} levels")
+        if len(self.known) > _MOST_FILES:
+            raise fail(f"includes a file too many; allowed: {_MOST_FILES} files together")
+        if include.inside:
+            raise fail("has elements inside, which MuJoCo refuses; put them before or behind it")
         text, inner = read_elements(found)
         _check_encoding(replace(self.file, name=found, origins=()), text)
         self.size += len(text)
         if self.size > MAX_BYTES:
             raise fail(f"all files together are larger than {MAX_BYTES / 1e6:g} MB")
+        if len(inner) == 1:
+            raise fail(f"{given[:100]!r} has no elements, which MuJoCo refuses")
         self.others.append(Path(found))
         return inner, found
 
 
-def _lines(elements: list[Element], folder: Path) -> list[str]:
-    """Lines of XML, one for each element; names of whole models become those of any folder."""
+def _lines(file: ModelFile) -> list[str]:
+    """Lines of XML, one for each element; paths of attached models and flexcomps become absolute.
+
+    MuJoCo reads both at once, while those of meshes are not needed for lines.
+    """
     lines, open_now = list[str](), list[str]()
-    for element in elements:
+    assets = asset_folders(file)
+    for element, (origin, _) in zip(file.elements, file.origins, strict=True):
         end = "".join(f"</{tag}>" for tag in reversed(open_now[element.depth :]))
         del open_now[element.depth :]
         given = dict(element.attributes)
-        if element.tag == "model" and "file" in given:
-            given["file"] = os.path.abspath(folder / given["file"])
+        if element.tag in ("model", "flexcomp") and "file" in given:
+            beside = os.path.dirname(file.name), os.path.dirname(origin)
+            folders = beside if element.tag == "model" else assets
+            given["file"] = os.path.abspath(found_beside(given["file"], *folders) or given["file"])
+        if element.tag == "text" and element.characters:
+            given.setdefault("data", "".join(element.characters))
         pairs = "".join(f" {key}={quoteattr(value)}" for key, value in given.items())
         if lines:
             lines[-1] += end + "\n"

@@ -201,9 +201,10 @@ def _held(bodies: Bodies, e: int, name: str, line: int | None) -> bool:
 
 
 def _wire_length(m: Any) -> float:
-    """A power of ten [m] that fits into the model, so that wires are not all one sees of it."""
-    power = float(f"1e{math.floor(math.log10(max(float(m.stat.extent), _WIRES[0])))}")
-    return min(power, _WIRES[1])
+    """A power of ten [m] that fits into the model, so that wires do not dwarf the model."""
+    shortest, longest = _WIRES
+    extent = min(longest, max(shortest, float(m.stat.extent)))
+    return float(f"1e{math.floor(math.log10(extent))}")
 
 
 def _frames(m: Any, e: int) -> list[tuple[int, Array, Array]] | None:

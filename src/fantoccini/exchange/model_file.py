@@ -34,6 +34,7 @@ class Element:
         depth: 0 for the first element.
         inside: tags of the elements directly inside.
         known: whether it is part of the model, not of another program's extension.
+        characters: of its CDATA sections.
     """
 
     tag: str
@@ -42,6 +43,7 @@ class Element:
     depth: int
     inside: set[str]
     known: bool
+    characters: list[str]
 
 
 @dataclass(frozen=True)
@@ -147,9 +149,15 @@ def read_elements(name: str) -> tuple[bytes, list[Element]]:
         if above is not None:
             above.inside.add(tag)
         line, depth = parser.CurrentLineNumber, len(open_now)
-        element = Element(tag, attributes, line, depth, set(), known)
+        element = Element(tag, attributes, line, depth, set(), known, [])
         elements.append(element)
         open_now.append(element)
+
+    def begin_data() -> None:
+        parser.CharacterDataHandler = open_now[-1].characters.append
+
+    def end_data() -> None:
+        parser.CharacterDataHandler = None
 
     def refuse(*_: object) -> None:
         what = "found a document type declaration; take it out: entities are not read"
@@ -157,6 +165,7 @@ def read_elements(name: str) -> tuple[bytes, list[Element]]:
 
     parser.StartElementHandler, parser.StartDoctypeDeclHandler = begin, refuse
     parser.EndElementHandler = lambda _: open_now.pop()
+    parser.StartCdataSectionHandler, parser.EndCdataSectionHandler = begin_data, end_data
     try:
         parser.Parse(text, True)
     except expat.ExpatError as reason:
