@@ -13,8 +13,9 @@ from pythonosc.osc_packet import OscPacket
 from tests.perform.played import PLAY
 
 import fantoccini as fan
+from fantoccini.datagrams import socket_to
 from fantoccini.errors import StateError, UnknownNameError
-from fantoccini.perform import reach
+from fantoccini.perform import osc, reach
 from fantoccini.perform.osc import Address, Osc
 
 
@@ -357,13 +358,35 @@ def test_addresses(stage):
         with pytest.raises(ValueError, match="needed: HOST:PORT"):
             Address.of(wrong)
     first = Osc(stage.show, Address("127.0.0.1", 0), None, lambda do: None)
-    with pytest.raises(StateError, match="a port that is free"):
+    with pytest.raises(StateError, match="a free port of this machine"):
         Osc(stage.show, first.heard_at, None, lambda do: None)
     first.stop()
     with pytest.raises(StateError, match="is no address"):
         Osc(stage.show, None, Address("no such host.", 1), lambda do: None)
     for host in ("239.1.2.3", "255.255.255.255"):
-        with pytest.raises(StateError, match=r"all machines .* needed: the address of one"):
-            Osc(stage.show, None, Address(host, 53000), lambda do: None)
+        if host == "239.1.2.3" or has_way_to(host):
+            with pytest.raises(StateError, match=r"all machines .* needed: the address of one"):
+                Osc(stage.show, None, Address(host, 53000), lambda do: None)
+            with pytest.raises(StateError, match=r"all machines .* needed: an address of this one"):
+                Osc(stage.show, Address(host, 0), None, lambda do: None)
     with pytest.raises(StateError, match="needed: a port from 1 on"):
         Osc(stage.show, None, Address("127.0.0.1", 0), lambda do: None)
+    with pytest.raises(StateError, match=r"'a\.\.b' is no address: no host has such a name"):
+        Osc(stage.show, None, Address("a..b", 1), lambda do: None)
+
+
+def has_way_to(host: str) -> bool:
+    """Whether this machine has a network on which it could broadcast."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
+        return probe.connect_ex((host, 53000)) == 0
+
+
+def test_a_refused_address_leaves_nothing_open(stage, monkeypatch):
+    """Where one of the two is refused, the other is not used either."""
+    listeners, made = [], []
+    monkeypatch.setattr(stage.show, "listen", listeners.append)
+    monkeypatch.setattr(osc, "socket_to", lambda *to: made.append(socket_to(*to)) or made[0])
+    with pytest.raises(StateError, match="is no address"):
+        Osc(stage.show, Address("a..b", 1), Address("127.0.0.1", 53000), lambda do: None)
+    assert not listeners and made[0][0].fileno() == -1

@@ -219,8 +219,11 @@ def test_a_listener_that_goes_away_stops_the_motion(run, hoist):
 
 
 def test_wrong_hosts_are_told():
-    refused = pytest.raises(StandError, match=r"needed: such as 127\.0\.0\.1")
-    with refused, udp_sender("no.such.host.invalid", 9000):
+    for host in ("no.such.host.invalid", "a..b", "a" * 64 + ".b"):
+        refused = r"is no address: .*; needed: such as 127\.0\.0\.1"
+        with pytest.raises(StandError, match=refused), udp_sender(host, 9000):
+            pass
+    with pytest.raises(StandError, match="needed: a port from 1 on"), udp_sender(LOCAL, 0):
         pass
 
 
@@ -245,7 +248,7 @@ def test_a_multicast_address_needs_the_word_too(host):
         with udp_sender(host, 6454, broadcast=True):
             pass
     except StandError as error:
-        assert str(error).startswith(f"cannot send to {host}:6454: ")  # without a network
+        assert "all machines" not in str(error)  # without a network
 
 
 def test_only_art_net_broadcasts(run, hoist):

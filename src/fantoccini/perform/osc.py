@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from fantoccini.datagrams import ManyHearersError, socket_to
+from fantoccini.datagrams import AddressError, socket_at, socket_to
 from fantoccini.errors import FantocciniError, MissingLibraryError, StateError
 from fantoccini.perform.show import Happening, Show
 
@@ -122,20 +122,17 @@ class Osc:
         self._out: socket.socket | None = None
         self._in: socket.socket | None = None
         self.heard_at = hear
-        if send is not None:
-            if send.port == 0:
-                raise StateError(f"messages cannot be sent to {send}; needed: a port from 1 on")
-            self._out, self._there = _socket(send)
+        try:
+            if send is not None:
+                self._out, self._there = socket_to(*send)
+            if hear is not None:
+                self._in = socket_at(*hear)
+        except AddressError as error:
+            self.stop()
+            raise StateError(f"OSC messages: {error}") from None
+        if self._out is not None:
             show.listen(self._tell)
-        if hear is not None:
-            self._in, here = _socket(hear, many=True)
-            try:
-                self._in.bind(here)
-            except OSError as error:
-                raise StateError(
-                    f"messages cannot be heard at {hear}: {error.strerror}; "
-                    "needed: an address of this machine with a port that is free"
-                ) from None
+        if self._in is not None:
             self._in.settimeout(_PAUSE)
             self.heard_at = Address(*self._in.getsockname()[:2])
             self._thread = threading.Thread(target=self._listen, name="osc", daemon=True)
@@ -258,18 +255,3 @@ def _library() -> tuple[Any, Any]:
     except ImportError:
         raise MissingLibraryError("OSC", "python-osc", "osc") from None
     return OscPacket, OscMessageBuilder
-
-
-def _socket(address: Address, many: bool = False) -> tuple[socket.socket, Any]:
-    """A socket for datagrams of the address's kind, and the address as it takes it."""
-    try:
-        return socket_to(address.host, address.port, many)
-    except ManyHearersError:
-        raise StateError(
-            f"messages cannot be sent to {address}: all machines of a network would hear them; "
-            "needed: the address of one"
-        ) from None
-    except OSError as error:
-        raise StateError(
-            f"{address.host} is no address: {error.strerror}; needed: such as 127.0.0.1"
-        ) from None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 import threading
 import time
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fantoccini.arrays import Array, Times
+from fantoccini.datagrams import AddressError, socket_at
 from fantoccini.errors import MissingLibraryError, StandError
 from fantoccini.stand.axes import axes_of
 from fantoccini.stand.controllers import ArtNet, Osc
@@ -59,12 +59,9 @@ class Receiver:
         self._counts, self._scale = np.array([a.counts for a in axes]), units(axes)
         there = (host or controller.host, controller.port if port is None else port)
         try:
-            family = socket.getaddrinfo(*there, type=socket.SOCK_DGRAM)[0][0]
-            self._socket = socket.socket(family, socket.SOCK_DGRAM)
-            self._socket.bind(there)
-        except OSError as error:
-            text = f"cannot listen at {there[0]}:{there[1]}: {error.strerror or error}"
-            raise StandError(f"{text}; needed: a free port of this machine") from None
+            self._socket = socket_at(*there, many=True)
+        except AddressError as error:
+            raise StandError(str(error)) from None
         self._socket.settimeout(_PAUSE)
         self.address: tuple[str, int] = self._socket.getsockname()[:2]
         self.wrong = self.stops = 0

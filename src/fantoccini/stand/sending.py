@@ -17,7 +17,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from fantoccini.arrays import Array
-from fantoccini.datagrams import ManyHearersError, socket_to
+from fantoccini.datagrams import AddressError, ManyHearersError, socket_to
 from fantoccini.errors import PacketError, StandError
 from fantoccini.stand.packets import packets_of
 from fantoccini.stand.points import SetPoints
@@ -230,13 +230,11 @@ def udp_sender(host: str, port: int, broadcast: bool = False) -> Iterator[Send]:
     """
     try:
         out, there = socket_to(host, port, many=broadcast)
-    except ManyHearersError:
-        raise StandError(
-            f"cannot send to {host}:{port}: all machines of a network would hear it; needed: "
-            "the address of one, or `broadcast: true` in the file of a stand on artnet"
-        ) from None
-    except OSError as error:
-        raise StandError(f"{host}: {error.strerror or error}; needed: such as 127.0.0.1") from None
+    except ManyHearersError as error:
+        artnet = "or `broadcast: true` in the file of a stand on artnet"
+        raise StandError(f"{error}, {artnet}") from None
+    except AddressError as error:
+        raise StandError(str(error)) from None
     with out:
         try:
             out.connect(there)
