@@ -142,7 +142,7 @@ CONNECTED = """
 
 @pytest.mark.parametrize(("kind", "count", "extent", "length"), [
     ("connect", 3, 2.0, 1.0), ("weld", 6, 50.0, 1.0), ("connect", 3, 0.5, 0.1),
-    ("weld", 6, 0.099, 0.01), ("weld", 6, 1e-5, 0.001),
+    ("weld", 6, 0.099, 0.01), ("weld", 6, 1e-5, 0.001), ("connect", 3, "inf", 1.0),
 ])  # fmt: skip
 def test_bodies_are_held_by_wires(kind, count, extent, length, tmp_path):
     """At rest, accelerations are those of MuJoCo's constraint if it were rigid:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from pathlib import Path
 
 import mujoco
@@ -15,6 +16,8 @@ from tests.exchange.test_import_mjcf import states
 import fantoccini as fan
 from fantoccini.errors import ExchangeError, MissingLibraryError, UnknownNameError
 from fantoccini.exchange import Imported, import_model
+from fantoccini.exchange.draft import Draft
+from fantoccini.exchange.model_file import read_model
 from harness import Model, State
 from oracles import random_models
 
@@ -273,6 +276,45 @@ def test_a_part_without_material_is_grey(tmp_path):
     (tmp_path / "a.ply").write_bytes(fan.exchange.solids.ply(corners, faces, colours))
     found = fan.meshes.read(tmp_path / "a.ply", tmp_path).colours
     assert np.array_equal(found, np.array([[255, 0, 0], [178] * 3, [178] * 3, [0, 0, 255]]) / 255)
+
+
+def test_64_colours_have_room_for_a_part_without_one(tmp_path):
+    """A mesh has no more colours; one more would merge others when the file is read."""
+    ball = trimesh.creation.icosphere(1)
+    colours = np.full((len(ball.faces), 3), np.nan)
+    colours[:64] = np.column_stack([np.arange(64.0), np.full((64, 2), 178.0)]) / 255
+    (tmp_path / "a.ply").write_bytes(fan.exchange.solids.ply(ball.vertices, ball.faces, colours))
+    found = fan.meshes.read(tmp_path / "a.ply", tmp_path).colours
+    wanted = np.where(np.isfinite(colours), colours, colours[63])
+    assert np.array_equal(np.sort(found, axis=0), np.sort(wanted, axis=0))
+
+
+def test_materials_without_a_name_are_of_their_visuals_alone(tmp_path):
+    ball = '<geometry><sphere radius="1"/></geometry>'
+    red = '<color rgba="1 0 0 1"/></material>'
+    shapes, (note,) = coloured_by(
+        f'<visual>{ball}<material>{red}</visual><visual>{ball}<material/></visual>'
+        f'<visual>{ball}<material name="">{red}</visual><visual>{ball}<material name=""/></visual>'
+        f'<visual>{ball}<material name="red"/></visual>', tmp_path
+    )  # fmt: skip
+    assert [shape.colour for shape in shapes] == [
+        "#ff0000", "#b2b2b2", "#ff0000", "#b2b2b2", "#b2b2b2",
+    ]  # fmt: skip
+    assert note.message == "has a solid of the material 'red', which is not defined; there are none"
+
+
+def test_many_parts_of_one_mesh_without_names_are_made_at_once(tmp_path, monkeypatch):
+    """The file is read once, and numbers are not counted through from 2."""
+    reads = []
+    read = fan.meshes.read
+    monkeypatch.setattr(fan.meshes, "read", lambda *given: reads.append(given) or read(*given))
+    shapes, _ = coloured_by(f"<visual>{MESH}</visual>" * 50, tmp_path)
+    assert len(shapes) == 50 and len([path for path, _ in reads if path.suffix == ".obj"]) == 1
+    draft = Draft(read_model(tmp_path / "robot.urdf"), "r")
+    before = time.monotonic()
+    names = [draft.take("geom", "") for _ in range(30_000)]
+    assert time.monotonic() - before < 5.0  # counted through: minutes
+    assert len(set(names)) == 30_000 and names[:3] == ["geom", "geom_2", "geom_3"]
 
 
 def test_a_material_that_is_not_defined_is_told(tmp_path):

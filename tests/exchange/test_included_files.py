@@ -267,8 +267,10 @@ IN_ATTACHED = {
     "a word": ("<joint/>", '<joint\nkind="ball"/>', ":2: ", "unrecognized attribute: 'kind'"),
     "a number": ('size="0.1"', '\nsize="-1"', ":2: ", "must be positive"),
     "no XML": ("</body>", "\n</boy>", ":3: ", "is not XML"),
-    "of its parts": ("<joint/>", '\n<include file="z.xml"/>', "parts/z.xml:2: ", "must be positive"),
-}
+    "of its parts": (
+        "<joint/>", '\n<include file="z.xml"/>', "parts/z.xml:2: ", "must be positive",
+    ),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("old", "new", "line", "text"), IN_ATTACHED.values(), ids=IN_ATTACHED)

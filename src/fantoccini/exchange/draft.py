@@ -16,6 +16,7 @@ from fantoccini.arrays import Array, Quaternion
 from fantoccini.errors import ExchangeError, FileError, Mistake
 from fantoccini.exchange.imported import MAX_NAME, Imported, ImportNote, plain_name
 from fantoccini.exchange.model_file import ModelFile
+from fantoccini.meshes import MeshFile
 from fantoccini.puppet import Puppet, dump
 from fantoccini.puppet.located import Located
 from fantoccini.puppet.quantities import QUANTITIES
@@ -48,6 +49,7 @@ class Draft:
         notes: report.
         meshes: path beside the puppet file -> content.
         mesh_paths: what tells a mesh of the model from others -> path.
+        mesh_files: path of a mesh of the model -> what was read, or why it is left out.
         sources: files that were read besides the model's.
         joints: names of joints, in the model's order.
 
@@ -68,9 +70,11 @@ class Draft:
         self.notes: list[ImportNote] = []
         self.meshes: dict[str, bytes] = {}
         self.mesh_paths: dict[Hashable, str] = {}
+        self.mesh_files: dict[Path, MeshFile | str] = {}
         self.sources: list[Path] = []
         self.joints: list[str] = []
         self._taken = set(RESERVED)
+        self._next: dict[str, int] = {}
         self._given: dict[str, tuple[str, str, int | None]] = {}
 
     def note(
@@ -92,10 +96,11 @@ class Draft:
             end: of the part's name, where an element is several parts.
         """
         base = (plain_name(name) or plain_name(instead) or kind)[: MAX_NAME - len(end)] + end
-        found, k = base, 2
+        found, k = base, self._next.get(base, 2)
         while found in self._taken:
             tail = f"_{k}"
             found, k = base[: MAX_NAME - len(tail)] + tail, k + 1
+        self._next[base] = k
         self._taken.add(found)
         self._given[found] = kind, shown(name or found), line
         if name and found != name + end:

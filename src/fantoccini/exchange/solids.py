@@ -9,6 +9,7 @@ import numpy as np
 
 from fantoccini.arrays import Array, Indices, Quaternion
 from fantoccini.exchange.draft import Draft, number, numbers, placed
+from fantoccini.meshes import LIMITS
 from fantoccini.puppet.quantities import QUANTITIES
 
 GREY = np.array([0.7, 0.7, 0.7, 1.0])
@@ -74,10 +75,17 @@ def stl(vertices: Array, faces: Array | Indices) -> bytes:
 
 
 def ply(vertices: Array, faces: Array | Indices, colours: Array) -> bytes:
-    """A binary PLY file of triangles with a colour each: (m, 3), from 0 to 1; grey for nan."""
+    """A binary PLY file of triangles with a colour each: (m, 3), from 0 to 1; grey for nan.
+
+    Where there is no room for one more colour, it is the nearest to grey instead.
+    """
     import trimesh
 
-    known = np.where(np.isfinite(colours), colours, GREY[:3])
+    finite = np.isfinite(colours)
+    others, grey = np.unique(colours[finite.all(axis=1)], axis=0), GREY[:3]
+    if len(others) >= LIMITS.max_colours:
+        grey = others[np.argmin(np.linalg.norm(others - grey, axis=1))]
+    known = np.where(finite, colours, grey)
     made = trimesh.Trimesh(
         np.asarray(vertices, float), np.asarray(faces), process=False,
         face_colors=np.round(255.0 * known).astype(np.uint8),

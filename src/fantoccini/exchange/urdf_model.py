@@ -101,7 +101,9 @@ class _Robot:
         inside = (v.material for link in robot.links for v in link.visuals)
         self.materials: dict[str, Any] = {}
         for material in (*robot.materials, *inside):
-            if material is not None and (material.color or material.texture):
+            if material is None or not material.name:
+                continue  # it is of its visual alone
+            if material.color or material.texture:
                 self.materials.setdefault(material.name, material)
 
     def add(self) -> None:

@@ -39,7 +39,8 @@ def add_shapes(draft: Draft, link: Any, made: dict[str, Any], materials: dict[st
         shape, has_own = found
         material = getattr(solid, "material", None)
         if material is not None and material.color is None and material.texture is None:
-            name, material = material.name or "", materials.get(material.name)
+            name = material.name or ""
+            material = materials.get(name)
             if name and material is None:
                 what = f"has a solid of the material {name[:100]!r}, which is not defined"
                 note(f"{what}{nearest(name, materials)}")
@@ -73,7 +74,9 @@ def _shape(
     file = _find(mesh.filename, draft.file.path.resolve().parent)
     if file is not None:
         draft.sources.append(file)
-    read = "is not there" if file is None else _read(file)
+        if file not in draft.mesh_files:
+            draft.mesh_files[file] = _read(file)
+    read = "is not there" if file is None else draft.mesh_files[file]
     if file is None or isinstance(read, str):
         note(f"has the mesh {str(mesh.filename)[:100]!r}, left out: it {read}")
         return None
