@@ -270,6 +270,29 @@ def test_a_colour_of_urdf_hides_those_of_the_mesh(tmp_path):
     assert one.file == other.file
 
 
+LOOKS = {
+    "plain": ("Kd 1 0 0\nd 1", None),
+    "transparent": ("Kd 1 0 0\nd 0.5", "has a mesh with transparency; "),
+    "textured": ("map_Kd x.png", "has a mesh with textures; "),
+    "both": ("Tr 0.5\nmap_Kd x.png", "has a mesh with textures and transparency; "),
+}
+
+
+@pytest.mark.parametrize(("red", "told"), LOOKS.values(), ids=LOOKS)
+def test_looks_of_mesh_files_that_are_lost_are_told(red, told, tmp_path):
+    """Unless a colour of URDF hides them."""
+    (tmp_path / "b.obj").write_text(RED_BLUE.format("b"))
+    (tmp_path / "b.mtl").write_text(f"newmtl red\n{red}\nnewmtl blue\nKd 0 0 1\n")
+    green = '<material name="green"><color rgba="0 1 0 1"/></material>'
+    mesh = MESH.replace("a.obj", "b.obj")
+    _, report = coloured_by(
+        f"<visual>{mesh}</visual><visual>{mesh}{green}</visual>", tmp_path
+    )
+    assert [n.message for n in report] == (
+        [] if told is None else [f"{told}each triangle has one opaque colour here"]
+    )
+
+
 def test_a_part_without_material_is_grey(tmp_path):
     corners, faces = _tetrahedron()
     colours = np.array([[1, 0, 0], [np.nan] * 3, [np.nan] * 3, [0, 0, 1.0]])

@@ -110,6 +110,27 @@ def test_colours_are_those_of_the_materials(tmp_path):
     assert np.isnan(found.colours[right]).all() and right.sum() == 12
 
 
+CLEAR = {
+    "": set(),
+    "<transparent><color>1 1 1 1</color></transparent>": set(),
+    "<transparency><float>0</float></transparency>": set(),  # some write it without the other
+    "<transparent><color>1 1 1 0.5</color></transparent>": {"transparency"},
+    "<transparent><color>1 1 1 1</color></transparent><transparency><float>0.5</float>"
+    "</transparency>": {"transparency"},
+    "<transparent opaque='RGB_ZERO'><color>0 0 0 1</color></transparent>"
+    "<transparency><float>1</float></transparency>": set(),
+    "<transparent opaque='RGB_ZERO'><color>0 0.5 0 1</color></transparent>"
+    "<transparency><float>1</float></transparency>": {"transparency"},
+}
+
+
+@pytest.mark.parametrize(("more", "lost"), CLEAR.items(), ids=range(len(CLEAR)))
+def test_transparency_is_known(more, lost, tmp_path):
+    text = dae(f"<node><instance_geometry url='#g0'>{BOUND}</instance_geometry></node>")
+    (tmp_path / "a.dae").write_text(text.replace("</diffuse>", f"</diffuse>{more}"))
+    assert read(tmp_path / "a.dae", tmp_path).lost == lost
+
+
 def textured(folder: Path, name: str) -> np.ndarray:
     """Colours of a square whose halves, left and right, lie on an image that ``name`` names."""
     import collada
@@ -151,6 +172,7 @@ def test_an_image_colours_the_triangles_that_lie_on_it(tmp_path):
     Image.fromarray(pixels).save(tmp_path / "look.png")
     for name in ("look.png", "./look.png", "file:///C:/art/look.png", "..\\art\\look.png"):
         assert np.allclose(255.0 * textured(tmp_path, name), [[200, 0, 0], [0, 0, 100]], atol=0.5)
+    assert read(tmp_path / "t.dae", tmp_path).lost == {"textures"}
     assert textured(tmp_path, "lost.png") is None
 
 

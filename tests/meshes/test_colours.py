@@ -108,6 +108,22 @@ def test_a_texture_colours_the_triangles_that_lie_on_it(tmp_path):
     assert at(1.25, 0.25, **clamped) == [0, 250, 0] and at(0.25, 9.0, **clamped) == [0, 0, 250]
 
 
+def test_looks_that_triangles_do_not_have_are_known(tmp_path):
+    """A texture, and alpha where its mode is not that of opaque materials; of PLY any below 1."""
+    writer, image = Writer(), np.zeros((2, 2, 3), "uint8")
+    plain, textured, clear = writer.material(), writer.material(image=image), writer.material()
+    for lost, material in (([], plain), (["textures"], textured), (["transparency"], clear)):
+        writer.gltf.materials[clear].alphaMode = "BLEND" if material == clear else "OPAQUE"
+        writer.gltf.scenes[0].nodes.clear()
+        writer.boxes(((1, 1, 1), (0, 0, 0), material))
+        assert sorted(read(writer.save(tmp_path / "a.glb"), tmp_path).lost) == lost
+    box = trimesh.creation.box()
+    for alpha in (255, 254):
+        box.visual.face_colors = [200, 100, 50, alpha]
+        (tmp_path / "a.ply").write_bytes(box.export(file_type="ply"))
+        assert len(read(tmp_path / "a.ply", tmp_path).lost) == (alpha < 255)
+
+
 def test_a_triangle_has_the_mean_of_its_texture_in_linear_light(tmp_path):
     """Half of it white, half black: 50 % of the light, sRGB 188."""
     image = np.zeros((2, 2, 3), "uint8")

@@ -14,6 +14,8 @@ from fantoccini.errors import MissingLibraryError, nearest
 from fantoccini.exchange import solids
 from fantoccini.exchange.draft import Draft, numbers, quaternion
 
+_PLAIN = "each triangle has one opaque colour here"
+
 
 def add_shapes(draft: Draft, link: Any, made: dict[str, Any], materials: dict[str, Any]) -> None:
     """Adds a link's visuals to its body, or its collisions where it has none.
@@ -36,7 +38,7 @@ def add_shapes(draft: Draft, link: Any, made: dict[str, Any], materials: dict[st
         found = _shape(draft, solid.geometry, origin, note)
         if found is None:
             continue
-        shape, has_own = found
+        shape, own = found
         material = getattr(solid, "material", None)
         if material is not None and material.color is None and material.texture is None:
             name = material.name or ""
@@ -51,23 +53,26 @@ def add_shapes(draft: Draft, link: Any, made: dict[str, Any], materials: dict[st
             if rgba[3] < 1.0:
                 note("has a transparent solid, which is opaque here")
             shape = solids.coloured(shape, rgba)
-        elif not has_own:
-            shape = solids.coloured(shape, solids.GREY)
+        else:
+            if own is None or own.colours is None:
+                shape = solids.coloured(shape, solids.GREY)
+            if own is not None and own.lost:
+                note(f"has a mesh with {' and '.join(sorted(own.lost))}; {_PLAIN}")
         made.setdefault("shapes", []).append(shape)
 
 
 def _shape(
     draft: Draft, geometry: Any, origin: Any, note: Callable[[str], None]
-) -> tuple[dict[str, Any], bool] | None:
-    """A solid as a shape, and whether that has colours of its own; None where it is left out."""
+) -> tuple[dict[str, Any], meshes.MeshFile | None] | None:
+    """A solid as a shape, and the mesh file if it is of one; None where it is left out."""
     at, turn = origin[:3, 3], quaternion(Rotation.from_matrix(origin[:3, :3]))
     box, ball, rod, mesh = geometry.box, geometry.sphere, geometry.cylinder, geometry.mesh
     if box is not None and solids.fits(*box.size):
-        return solids.box(box.size, at, turn), False
+        return solids.box(box.size, at, turn), None
     if ball is not None and solids.fits(ball.radius):
-        return solids.sphere(ball.radius, at), False
+        return solids.sphere(ball.radius, at), None
     if rod is not None and solids.fits(rod.radius, rod.length):
-        return solids.cylinder(draft, rod.radius, rod.length, at, turn), False
+        return solids.cylinder(draft, rod.radius, rod.length, at, turn), None
     if mesh is None:
         note("has a solid of a size that is left out")
         return None
@@ -85,10 +90,9 @@ def _shape(
     if not all(factors):
         note("has a mesh with a scale of 0, left out")
         return None
-    has_own = read.colours is not None
-    ending = "ply" if has_own else "stl"
+    ending = "stl" if read.colours is None else "ply"
     shape = solids.mesh(draft, str(file), lambda: _written(read), at, turn, file.stem, ending)
-    return shape if factors == [1, 1, 1] else shape | {"scale": factors}, has_own
+    return shape if factors == [1, 1, 1] else shape | {"scale": factors}, read
 
 
 def _find(name: str, folder: Path) -> Path | None:

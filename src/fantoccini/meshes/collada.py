@@ -13,7 +13,7 @@ from fantoccini.errors import MissingLibraryError
 from fantoccini.meshes.beside import Beside
 from fantoccini.meshes.colours import Texture, image_beside, srgb
 from fantoccini.meshes.limits import LIMITS
-from fantoccini.meshes.part import Y_UP, Count, Part
+from fantoccini.meshes.part import Y_UP, Count, Part, lost
 
 _UP = {
     "Z_UP": np.eye(3),
@@ -84,7 +84,23 @@ def _parts(found: Any, placed: Array, beside: Beside) -> Iterator[Part]:
             count.add(len(faces))
             vertices = np.asarray(primitive.vertex, dtype=float)
             colours = _colours(primitive, faces, beside, images)
-            yield Part.placed(placed, vertices, faces[:, ::-1] if mirrored else faces, colours)
+            faces = faces[:, ::-1] if mirrored else faces
+            yield Part.placed(placed, vertices, faces, colours, _lost(primitive.material))
+
+
+def _lost(material: Any) -> frozenset[str]:
+    effect = getattr(material, "effect", None)
+    if effect is None:
+        return frozenset()
+    look, clear, share = effect.diffuse or effect.emission, effect.transparent, effect.transparency
+    transparent = hasattr(clear, "sampler")
+    if clear is not None and not transparent:
+        share = share if isinstance(share, int | float) else 1.0
+        if effect.opaque_mode == "RGB_ZERO":
+            transparent = share * max(clear[:3], default=0.0) > 0.0
+        else:
+            transparent = share * (clear[3] if len(clear) > 3 else 1.0) < 1.0
+    return lost(hasattr(look, "sampler"), transparent)
 
 
 def _colours(

@@ -41,6 +41,7 @@ class MeshFile:
             the file has them the other way round.
         closed: whether they bound a volume.
         colours: (m, 3) sRGB of faces, nan where there is none; None where no face has one.
+        lost: what materials have besides colours: textures, transparency.
         beside: contents of the files that it names and that are there, by their names relative to
             its folder.
     """
@@ -49,6 +50,7 @@ class MeshFile:
     faces: Indices
     closed: bool
     colours: Array | None
+    lost: frozenset[str]
     beside: dict[str, bytes]
 
 
@@ -84,7 +86,8 @@ def read(path: Path, root: Path) -> MeshFile:
     closed = is_closed(faces)
     if closed:
         faces = np.where(facing_out(mesh)[:, None], faces[:, ::-1], faces)
-    found = MeshFile(vertices, faces, closed, colours, there)
+    lost = frozenset[str]().union(*(part.lost for part in parts))
+    found = MeshFile(vertices, faces, closed, colours, lost, there)
     _keep(key, dict(beside.found), found)
     return found
 

@@ -19,7 +19,7 @@ from fantoccini.meshes.accessors import Accessors, whole
 from fantoccini.meshes.beside import Beside
 from fantoccini.meshes.colours import Texture, image, srgb
 from fantoccini.meshes.limits import LIMITS
-from fantoccini.meshes.part import Y_UP, Count, Part
+from fantoccini.meshes.part import Y_UP, Count, Part, lost
 
 _KNOWN = ("KHR_materials_", "KHR_lights_", "KHR_texture_transform", "KHR_mesh_quantization",
           "EXT_texture_webp", "KHR_xmp")  # fmt: skip
@@ -69,6 +69,10 @@ def _unpacked(content: bytes) -> tuple[bytes, bytes | None]:
     return chunks[0x4E4F534A], chunks.get(0x004E4942)
 
 
+_Primitive = tuple[Array, Indices, Array | None, frozenset[str]]
+"""Vertices, faces, colours, and what its look has besides."""
+
+
 class _Reader:
     """Reads one file.
 
@@ -83,7 +87,7 @@ class _Reader:
         buffers = [self._buffer(k, b) for k, b in enumerate(header.get("buffers", []))]
         self.accessors = Accessors(header, buffers)
         self._images: dict[int, np.ndarray] = {}
-        self._meshes: dict[int, list[tuple[Array, Indices, Array | None]]] = {}
+        self._meshes: dict[int, list[_Primitive]] = {}
         self._count = Count()
 
     def parts(self) -> list[Part]:
@@ -114,8 +118,8 @@ class _Reader:
         below = {child for node in nodes for child in node.get("children", [])}
         return [k for k in range(len(nodes)) if k not in below]
 
-    def _mesh(self, index: int) -> list[tuple[Array, Indices, Array | None]]:
-        """Vertices, faces and colours of each primitive that has triangles, which are counted."""
+    def _mesh(self, index: int) -> list[_Primitive]:
+        """Each primitive that has triangles, which are counted."""
         primitives = [
             p for p in self.header["meshes"][index]["primitives"]
             if p.get("mode", _TRIANGLES) >= _TRIANGLES
@@ -129,7 +133,7 @@ class _Reader:
             self._meshes[index] = [self._primitive(p) for p in primitives]
         return self._meshes[index]
 
-    def _primitive(self, primitive: dict[str, Any]) -> tuple[Array, Indices, Array | None]:
+    def _primitive(self, primitive: dict[str, Any]) -> _Primitive:
         attributes = primitive["attributes"]
         vertices = self.accessors.numbers(attributes["POSITION"], 3)
         if "indices" in primitive:
@@ -141,7 +145,14 @@ class _Reader:
             raise ValueError("a triangle has a corner that is not there")
         colours = self._colours(primitive, attributes, faces)
         used, own = np.unique(faces, return_inverse=True)  # others may have the rest
-        return vertices[used], own.reshape(-1, 3), colours
+        return vertices[used], own.reshape(-1, 3), colours, self._lost(primitive)
+
+    def _lost(self, primitive: dict[str, Any]) -> frozenset[str]:
+        if "material" not in primitive:
+            return frozenset()
+        material = self.header["materials"][whole(primitive["material"], "a material")]
+        textured = "baseColorTexture" in material.get("pbrMetallicRoughness", {})
+        return lost(textured, material.get("alphaMode", "OPAQUE") != "OPAQUE")
 
     def _colours(
         self, primitive: dict[str, Any], attributes: dict[str, Any], faces: Indices

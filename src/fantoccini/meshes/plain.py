@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.meshes.beside import Beside
 from fantoccini.meshes.colours import Texture, image_beside, srgb
-from fantoccini.meshes.part import Count, Part
+from fantoccini.meshes.part import Count, Part, lost
 
 
 class _Materials:
@@ -18,11 +19,13 @@ class _Materials:
 
     Attributes:
         images: names of images by the names of materials.
+        transparent: names of materials.
     """
 
     def __init__(self, beside: Beside):
         self.beside = beside
         self.images: dict[str, str] = {}
+        self.transparent: set[str] = set()
 
     def get(self, name: str) -> bytes:
         """The content of a file; FileNotFoundError where it is missing or not allowed."""
@@ -32,7 +35,9 @@ class _Materials:
             content = self.beside.read(name.removeprefix("./"))
         except ValueError:
             raise FileNotFoundError(name) from None
-        self.images |= _images_of(content.decode("utf-8", "replace"))
+        text = content.decode("utf-8", "replace")
+        self.images |= _images_of(text)
+        self.transparent |= _transparent_of(text)
         return content
 
     __getitem__ = get
@@ -40,14 +45,38 @@ class _Materials:
 
 def _images_of(text: str) -> dict[str, str]:
     """Names of images in a material file, without the options before them."""
-    found, material = dict[str, str](), ""
+    return {
+        material: rest.split()[-1] if rest.startswith("-") else rest
+        for material, key, rest in _lines_of(text)
+        if key == "map_kd" and rest
+    }
+
+
+def _transparent_of(text: str) -> set[str]:
+    """Names of the materials in a material file that let light through."""
+    opaque = {"d": 1.0, "tr": 0.0}
+    return {
+        material
+        for material, key, rest in _lines_of(text)
+        if key == "map_d" or (key in opaque and _last(rest, opaque[key]) != opaque[key])
+    }
+
+
+def _lines_of(text: str) -> Iterator[tuple[str, str, str]]:
+    """Material, key and the rest of each line."""
+    material = ""
     for line in text.splitlines():
         key, _, rest = line.strip().partition(" ")
         if key.lower() == "newmtl":
             material = " ".join(rest.split())
-        elif key.lower() == "map_kd" and rest.strip():
-            found[material] = rest.split()[-1] if rest.strip().startswith("-") else rest.strip()
-    return found
+        yield material, key.lower(), rest.strip()
+
+
+def _last(text: str, default: float) -> float:
+    try:
+        return float(text.split()[-1])
+    except (ValueError, IndexError):
+        return default
 
 
 def read_plain(content: bytes, beside: Beside, kind: str) -> list[Part]:
@@ -75,8 +104,18 @@ def read_plain(content: bytes, beside: Beside, kind: str) -> list[Part]:
         if isinstance(mesh, trimesh.Trimesh):
             count.add(len(mesh.faces))
             vertices, faces = np.array(mesh.vertices, dtype=float), np.array(mesh.faces)
-            parts.append(Part(vertices, faces, _colours(mesh, materials)))
+            parts.append(Part(vertices, faces, _colours(mesh, materials), _lost(mesh, materials)))
     return parts
+
+
+def _lost(mesh: Any, materials: _Materials) -> frozenset[str]:
+    look = mesh.visual
+    if look.kind in ("face", "vertex"):
+        return lost(False, bool(np.any(np.asarray(look.face_colors)[:, 3] < 255)))
+    if look.kind != "texture":
+        return frozenset()
+    name = str(look.material.name)
+    return lost(name in materials.images, name in materials.transparent)
 
 
 def _colours(mesh: Any, materials: _Materials) -> Array | None:
