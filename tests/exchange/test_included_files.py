@@ -286,6 +286,19 @@ def test_mistakes_in_attached_models_name_their_file_and_line(folder, old, new, 
     assert place in told and text in told
 
 
+def test_a_mistake_that_an_attached_model_has_too_is_told_of_the_file(folder):
+    """MuJoCo does not look at the part of the model that is not attached."""
+    more = '<body name="c"><joint/>\n<geom size="-1"/></body>'
+    body = '<body name="b"><joint/><geom size="0.1"/></body>'
+    Path("y.xml").write_text(f"<mujoco><worldbody>{body}{more}</worldbody></mujoco>")
+    text = ATTACHED.format("y", 1).replace("<replicate", "\n\n{}<replicate", 1)
+    Path("x.xml").write_text(text.format('<geom size="-1"/>'))
+    with pytest.raises(ExchangeError, match=r"^x\.xml:4: MuJoCo says: .*must be positive"):
+        import_model("x.xml")
+    Path("x.xml").write_text(text.format(""))
+    assert len(import_model("x.xml").joints) == 2
+
+
 def test_files_of_attached_models_are_kept(folder):
     for name in ("parts/a_meshes", "a_meshes"):
         Path(name).mkdir()

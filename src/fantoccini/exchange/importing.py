@@ -134,7 +134,7 @@ def _compiled(file: ModelFile, keyframe: str | None, models: Iterable[ModelFile]
         warnings.simplefilter("always")
         found = _read(file)
         if isinstance(found, _Said):
-            for attached in models:
+            for attached in models if found.line is None else ():
                 own = _read(attached)
                 if isinstance(own, _Said) and own.first and own.first in found.text:
                     raise own.mistake(attached)
