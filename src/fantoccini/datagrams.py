@@ -8,11 +8,11 @@ from typing import Any
 
 
 class AddressError(ValueError):
-    """An address cannot be used; the message says what is needed."""
+    """An address that cannot be used. The message says what is needed."""
 
 
 class ManyHearersError(AddressError):
-    """All machines of a network, or of a group, would hear what is sent."""
+    """A broadcast or multicast address: more than one machine would hear."""
 
 
 def socket_to(host: str, port: int, many: bool = False) -> tuple[socket.socket, Any]:

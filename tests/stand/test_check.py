@@ -22,11 +22,6 @@ CONDUCT = path("stand6").parent / "performances" / "conduct.yaml"
 
 
 @pytest.fixture(scope="module")
-def hoist():
-    return fan.loads(HOIST)
-
-
-@pytest.fixture(scope="module")
 def lifted(hoist):
     return lift(hoist)
 

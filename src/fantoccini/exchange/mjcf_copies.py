@@ -14,7 +14,7 @@ from fantoccini.exchange.mjcf_includes import asset_folders, found_beside, with_
 from fantoccini.exchange.model_file import Element, ModelFile, read_model
 
 _MOST_COPIES = 10_000
-"""Of what an element copies, with those around it."""
+"""Largest number of copies of one element, nested copying included."""
 _MOST_WORK = 200_000_000
 """Work of copying: about ten seconds of MuJoCo."""
 _EACH = 20
