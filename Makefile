@@ -8,11 +8,14 @@ CROCODDYL := .venv-crocoddyl
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo show test test-all test-portable gallery docs architecture bench bench-plan
+.PHONY: demo show test test-slow test-all test-portable test-install clean-room gallery docs architecture bench bench-plan
 .PHONY: soak soak-crowds soak-rests strings-report growth-report long-runs-report stage-report
 .PHONY: optimal-peers
 .PHONY: reduction-report reports lint wheel clean
 .NOTPARALLEL:
+
+# Many processes load the same modules: they keep the bytecode.
+unexport PYTHONDONTWRITEBYTECODE
 
 demo: $(VENV)/stamp-demo
 	$(BIN)/fantoccini demo
@@ -20,13 +23,25 @@ demo: $(VENV)/stamp-demo
 show: $(VENV)/stamp-demo
 	$(BIN)/fantoccini show stroll
 
-# Without those that are marked slow.
+# Without those that are marked slow. Puppets are compiled sooner, and run a little slower.
 test: $(VENV)/stamp-test
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest -m "not slow" --optimisation=-O1
 
-# All of them: what must pass before a change lands.
+# Only those that `make test` leaves out, with the flags that ship.
+test-slow: $(VENV)/stamp-test
+	$(BIN)/python -m pytest -m slow
+
+# All of them, with the flags that ship.
 test-all: $(VENV)/stamp-test
 	$(BIN)/python -m pytest
+
+# The wheel in a fresh environment without extras, used from an empty folder.
+clean-room: $(VENV)/stamp-test
+	$(BIN)/python .ci/clean_room.py
+
+# Each extra alone, in a fresh environment of its own.
+test-install: $(VENV)/stamp-test
+	$(BIN)/python .ci/clean_room.py extras
 
 # The tests with code for other processors, one after the other: an hour and more.
 test-portable: $(VENV)/stamp-test
@@ -88,6 +103,7 @@ reports: long-runs-report reduction-report
 
 lint: $(VENV)/stamp-test
 	$(BIN)/ruff check .
+	$(BIN)/deptry src
 	$(BIN)/mypy
 
 wheel: $(VENV)/stamp-test

@@ -1,6 +1,6 @@
 """Puts the folder of the tests on the path, so that they find the oracles, and long files first.
 
-Files with many small puppets of their own compile these quickly.
+Chooses how puppets are compiled (``--optimisation``).
 """
 
 import os
@@ -51,21 +51,31 @@ CONTACT = (
 
 SLOW = (
     *CONTACT,
+    "animation/test_bvh.py",
     "animation/test_three.py",
+    "cli/test_perform_command.py",
     "cli/test_simulate_command.py",
     "codegen/test_c99.py",
     "contact/test_contact_lanes.py",
     "contact/test_contact_runs.py",
+    "cpp/test_complementarity.py",
     "cpp/test_lanes.py",
     "cpp/test_sanitizers.py",
     "cpp/test_touch.py",
+    "cpp/test_touch_follow.py",
+    "cpp/test_touch_hull.py",
+    "cpp/test_variational.py",
     "cross/test_mujoco.py",
     "drives/test_drive_derivatives.py",
     "drives/test_drives.py",
     "exchange/test_import_models.py",
     "gestures/test_rehearsing.py",
+    "gestures/test_walk_and_targets.py",
+    "identification/test_identify.py",
     "laws/test_complementarity.py",
     "laws/test_linearisation.py",
+    "laws/test_sensitivity.py",
+    "optimal/test_contact.py",
     "optimal/test_design.py",
     "optimal/test_exact_search.py",
     "optimal/test_forces.py",
@@ -73,6 +83,7 @@ SLOW = (
     "optimal/test_motors.py",
     "optimal/test_mpc.py",
     "optimal/test_reach.py",
+    "optimal/test_task_files.py",
     "optimal/test_tosses.py",
     "optimal/test_touches.py",
     "optimal/test_walk.py",
@@ -85,6 +96,11 @@ SLOW = (
     "plan/test_pushing_plans.py",
     "plan/test_standing_plans.py",
     "plan/test_touching_plans.py",
+    "plan/test_verify_mujoco.py",
+    "plays/test_clips.py",
+    "plays/test_companies.py",
+    "plays/test_props.py",
+    "plays/test_putting.py",
     "properties/",
     "reduction/test_experiment.py",
     "runs/test_impossible.py",
@@ -101,6 +117,7 @@ SLOW = (
     "show/test_hands_page.py",
     "show/test_page.py",
     "show/test_perform_page.py",
+    "show/test_play_page.py",
     "show/test_round_trip_page.py",
     "show/test_viewers.py",
     "sweep/test_scene_sweep.py",
@@ -113,22 +130,29 @@ SLOW = (
 
 QUICK = (
     *CONTACT,
+    "codegen/test_pieces.py",
     "cross/test_mechanisms.py",
     "cross/test_reeling_pendulum.py",
     "cross/test_string_pendulum.py",
     "cross/test_two_strings.py",
     "drives/",
     "exchange/test_import_mjcf.py",
+    "identification/",
     "laws/test_chains.py",
+    "laws/test_modes.py",
     "laws/test_redundant.py",
     "laws/test_restitution.py",
+    "laws/test_sensitivity.py",
     "motion/test_files.py",
     "motion/test_trajectory.py",
     "optimal/test_clear_rows.py",
     "optimal/test_contact.py",
     "optimal/test_design.py",
+    "optimal/test_optimise.py",
     "optimal/test_tuning.py",
+    "plan/test_clearance.py",
     "plan/test_damaged_plans.py",
+    "plan/test_meshes.py",
     "plan/test_plan_files.py",
     "plan/test_touching_plans.py",
     "plays/test_props.py",
@@ -152,21 +176,27 @@ QUICK = (
     "view/test_forces.py",
     "view/test_pictures.py",
 )
-"""Files and folders whose puppets are small and their own: compiling takes far longer than running
-them.
+"""Files and folders whose puppets are small and their own: compiling them takes longer than running
+them, so they are compiled with -Og.
 
-They are compiled with -Og, in half the time. Bundled and random puppets, and all that is about bits
-or speed, stay with the product's -O2; ``FANTOCCINI_CXXFLAGS=-O2 make test`` compiles all so.
+Bundled and random puppets, and all that is about bits or speed, have the flags that ship, unless
+``--optimisation`` gives others. ``FANTOCCINI_CXXFLAGS`` goes before both.
 """
+
+
+def pytest_addoption(parser):
+    text = "compiler flag for all puppets but those that are compiled with -Og anyway"
+    parser.addoption("--optimisation", default="", metavar="FLAG", help=text)
 
 
 @pytest.fixture(scope="module", autouse=True)
 def quickly_compiled(request):
-    """Adds the flag for the files in QUICK, unless who runs the tests has chosen flags."""
+    """Sets the optimisation of a file's puppets, unless whoever runs the tests has chosen flags."""
     name = request.path.relative_to(Path(__file__).parent).as_posix()
+    flag = "-Og" if name.startswith(QUICK) else request.config.getoption("--optimisation")
     with pytest.MonkeyPatch.context() as patch:
-        if name.startswith(QUICK) and not os.environ.get("FANTOCCINI_CXXFLAGS"):
-            patch.setenv("FANTOCCINI_CXXFLAGS", "-Og")
+        if flag and not os.environ.get("FANTOCCINI_CXXFLAGS"):
+            patch.setenv("FANTOCCINI_CXXFLAGS", flag)
         yield
 
 

@@ -128,6 +128,7 @@ def owner_of(file: Path) -> str:
     return file.relative_to(PACKAGE).with_suffix("").parts[0]
 
 
+@cache
 def imports_of(file: Path) -> list[Import]:
     """Every name that a file imports, at the top and inside functions."""
     found: list[Import] = []
@@ -158,8 +159,13 @@ def names_of(node: ast.AST, file: Path) -> list[str]:
     return []
 
 
-ALL_IMPORTS = [found for file in modules() for found in imports_of(file)]
-INTERNAL = [i for i in ALL_IMPORTS if i.name.split(".")[0] == "fantoccini"]
+@cache
+def all_imports() -> list[Import]:
+    return [found for file in modules() for found in imports_of(file)]
+
+
+def internal_imports() -> list[Import]:
+    return [found for found in all_imports() if found.name.split(".")[0] == "fantoccini"]
 
 
 def test_every_module_has_its_place_in_the_order():
@@ -174,7 +180,7 @@ def test_the_architecture_page_describes_every_package_in_order():
 
 def test_a_module_imports_only_from_those_before_it():
     wrong = []
-    for found in INTERNAL:
+    for found in internal_imports():
         if found.owner in EXEMPT:
             continue
         target = found.name.split(".")[1] if "." in found.name else ""
@@ -209,7 +215,7 @@ def file_of(name: str) -> Path | None:
 def test_no_file_imports_itself_in_a_circle():
     """18: imports for type checking and inside functions count, those of late views do not."""
     graph: dict[Path, set[Path]] = {}
-    for found in INTERNAL:
+    for found in internal_imports():
         late = (found.owner, found.function) in LATE_VIEWS and found.name.split(".")[1] == "view"
         target = file_of(found.name)
         if found.file.name != "__init__.py" and target not in (None, found.file) and not late:
@@ -225,7 +231,7 @@ def test_each_outside_world_has_one_door():
     """Processes are started, libraries loaded, in known places."""
     wrong = [
         str(found)
-        for found in ALL_IMPORTS
+        for found in all_imports()
         if found.owner not in ONLY_IN.get(found.name.split(".")[0], {found.owner})
     ]
     assert wrong == []

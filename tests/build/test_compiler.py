@@ -13,7 +13,12 @@ import pytest
 
 from fantoccini import build
 from fantoccini.build import compiler as compiler_module
-from fantoccini.build.compiler import BASE_FLAGS, run_compiler, run_compilers
+from fantoccini.build.compiler import (
+    BASE_FLAGS,
+    first_build_notice,
+    run_compiler,
+    run_compilers,
+)
 from fantoccini.errors import BuildError
 
 VERSION = 'if [ "$1" = --version ]; then echo "fake g++ 1.0"; exit 0; fi\n'
@@ -31,8 +36,19 @@ def test_no_compiler_names_the_command_that_installs_one(monkeypatch, tmp_path, 
     program("apt-get", "exit 0")
     monkeypatch.setenv("PATH", str(tmp_path / "bin"))
     monkeypatch.setattr(sys, "executable", str(program("python", "exit 1")))
-    with pytest.raises(BuildError, match=r"no C\+\+ compiler was found.*apt-get install -y g\+\+"):
+    remedies = r"pip install 'fantoccini\[compiler\]'  or:  .*apt-get install -y g\+\+"
+    with pytest.raises(BuildError, match=rf"no C\+\+ compiler was found.*{remedies}"):
         build.find_compiler()
+
+
+def test_the_first_build_with_zig_is_announced(monkeypatch, tmp_path):
+    """Until zig's own cache exists, which then holds the C++ library."""
+    zig = build.Compiler(("python", "-m", "ziglang", "c++"), "zig", "clang version 20")
+    monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(tmp_path / "zig"))
+    assert "zig builds its C++ library first" in first_build_notice(zig)
+    assert not first_build_notice(build.Compiler(("g++",), "gcc", "g++ 12"))
+    (tmp_path / "zig").mkdir()
+    assert not first_build_notice(zig)
 
 
 def test_a_compiler_installed_after_a_failure_is_found(monkeypatch, tmp_path, program):

@@ -83,6 +83,7 @@ def test_feed_forward_takes_a_third_of_a_hands_swing_out(marionette):
 
 
 @pytest.mark.parametrize("feed_forward", [False, True])
+@pytest.mark.slow
 def test_inputs_keep_their_bounds(conduct, feed_forward):
     speed, acceleration = 0.8, 10.0
     for bounds in ((SPEED, ACCELERATION), (speed, acceleration)):
@@ -93,6 +94,7 @@ def test_inputs_keep_their_bounds(conduct, feed_forward):
         assert np.abs(acc).max() <= bounds[1] * (1.0 + 1e-6)
 
 
+@pytest.mark.slow
 def test_a_lag_makes_the_puppet_late(conduct):
     made, late = (kinematic_inputs(conduct, False, lag=lag) for lag in (0.0, 0.2))
     hand = conduct.marionette.coordinates.q_K.index("hand_left.length")

@@ -185,6 +185,7 @@ def test_more_steps_bring_no_path_astray(marionette, monkeypatch):
     assert costs[1] < 1.2 * costs[0]
 
 
+@pytest.mark.slow
 def test_a_waving_person_is_followed_within_the_bounds(marionette, tmp_path):
     path = clip(tmp_path, "cmu", "wave")
     done = []
@@ -202,6 +203,7 @@ def test_a_waving_person_is_followed_within_the_bounds(marionette, tmp_path):
     np.testing.assert_array_equal(again.q_D[-1], found.run.q_D[-1])
 
 
+@pytest.mark.slow
 def test_slow_hands_follow_worse_and_keep_their_bounds(marionette, tmp_path):
     path = clip(tmp_path, "mixamo", "wave")
     found = fan.follow_clip(marionette, path, speed=0.2, acceleration=2.0)
@@ -210,6 +212,7 @@ def test_slow_hands_follow_worse_and_keep_their_bounds(marionette, tmp_path):
     assert {one.name: one.above for one in found.report}["hands"] > 0.02
 
 
+@pytest.mark.slow
 def test_a_run_that_begins_later_follows_as_well(marionette, tmp_path):
     path = clip(tmp_path, "lafan1", "wave")
     begun = fan.retarget_clip(marionette, path, start=marionette.rest().replace(t=5.0))

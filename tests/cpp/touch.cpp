@@ -12,7 +12,7 @@
 #include <list>
 #include <vector>
 
-#include "fantoccini/touch_follow.hpp"
+#include "fantoccini/touch.hpp"
 
 namespace {
 

@@ -165,6 +165,7 @@ def test_a_player_is_taken_and_given_back_while_the_other_plays_on(stage, moved)
     assert stage.within_bounds()
 
 
+@pytest.mark.slow
 def test_hands_that_shift_against_swing_end_it_soon(play):
     """Of a push of 0.5 N for 0.2 s."""
 

@@ -70,6 +70,7 @@ def test_a_pause_uses_the_swing_of_the_walk_before(
 
 
 @pytest.mark.parametrize("seed", [1, 3, 11])
+@pytest.mark.slow
 def test_a_random_play_compiles_and_holds(plays: Plays, seed: int):
     path = plays.folder / "random.yaml"
     YAML().dump(random_play(seed), path)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import logging
 import os
 import re
 import shutil
@@ -25,10 +26,11 @@ from fantoccini.build.compiler import (
     command_lines,
     default_flags,
     find_compiler,
+    first_build_notice,
     run_compiler,
     run_compilers,
 )
-from fantoccini.build.entry import READ, Source, is_whole, seal, write_source
+from fantoccini.build.entry import LIBRARY, READ, Source, is_whole, seal, write_source
 from fantoccini.build.folders import (
     UnusableError,
     cache_folder,
@@ -37,7 +39,7 @@ from fantoccini.build.folders import (
     open_lock,
     private_folder,
 )
-from fantoccini.build.key import runtime_folder
+from fantoccini.build.key import fingerprint, runtime_folder
 from fantoccini.errors import BuildError
 
 fcntl: ModuleType | None
@@ -51,6 +53,8 @@ Progress = Callable[[str], None]
 
 LOCK_SECONDS = COMPILE_SECONDS + 60.0
 """Time to wait for another process that compiles the same library [s]."""
+
+_LOGGER = logging.getLogger(__name__)
 
 _LIFETIMES = {"tmp-*": 3600.0, "failed-*": 7 * 86400.0}
 """Folders of killed and failed builds, and the age at which they are removed [s]."""
@@ -81,11 +85,16 @@ def obtain(
     """
     if not _KEY.fullmatch(key):
         raise ValueError(f"{key!r} is not a key")
-    produce = functools.cache(produce)
     tell = progress or (lambda text: None)
+
+    @functools.cache
+    def derived() -> Source:
+        tell("deriving the equations of motion")
+        return produce()
+
     place = cache_folder()
     try:
-        return _obtain_in(place, key, produce, flags, tell, afresh)
+        return _obtain_in(place, key, derived, flags, tell, afresh)
     except UnusableError as error:
         trouble = error
     try:
@@ -96,7 +105,7 @@ def obtain(
             RuntimeWarning,
             stacklevel=2,
         )
-        return _obtain_in(refuge, key, produce, flags, tell, afresh)
+        return _obtain_in(refuge, key, derived, flags, tell, afresh)
     except UnusableError as error:
         raise BuildError(f"there is no place for the compiled puppet: {trouble}; {error}") from None
 
@@ -174,7 +183,6 @@ def _obtain_in(
             return entry
         for folder in _leftovers(root, age=1.0):
             shutil.rmtree(folder, ignore_errors=True)
-        tell("deriving the equations of motion")
         source = produce()
         chosen = flags(source) if callable(flags) else flags
         _make(root, entry, source, chosen, tell, replace=afresh and not waited)
@@ -200,13 +208,17 @@ def _make(
         replace: also replace a complete entry.
     """
     compiler = find_compiler()
+    objects = [_shared_unit(root, name, flags, tell) for name in source.shared_units]
     with _writing(root):
         folder = Path(tempfile.mkdtemp(prefix="tmp-", dir=entry.parent))
     try:
-        parts, whole = command_lines(compiler, source, flags, runtime_folder())
+        parts, whole = command_lines(compiler, source, flags, runtime_folder(), objects)
         with _writing(root):
             write_source(folder, source)
         tell(f"compiling with {compiler.version}")
+        if notice := first_build_notice(compiler):
+            # Also shown to callers without a progress callback.
+            _LOGGER.warning(notice)
         with _writing(root):
             run_compilers(parts, folder)
             run_compiler(whole, folder)
@@ -226,6 +238,21 @@ def _make(
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise
+
+
+def _shared_unit(root: Path, name: str, flags: tuple[str, ...], tell: Progress) -> Path:
+    """The object file of a unit of the runtime, compiled once for this machine and these flags.
+
+    It is an entry of the cache like a library; ``-c`` makes its file an object.
+    """
+    source = Source({"unit.cpp": f'#include "fantoccini/{name}.hpp"\n'}, "unit.cpp")
+    key = fingerprint(f"unit {name}", "", flags)
+
+    def tell_unit(text: str) -> None:
+        tell(f"{text}: contact, once for this machine")
+
+    _obtain_in(root, key, lambda: source, (*flags, "-c"), tell_unit, afresh=False)
+    return root / key[:2] / key / LIBRARY
 
 
 def _settle(folder: Path, entry: Path, replace: bool) -> None:

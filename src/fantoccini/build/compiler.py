@@ -16,6 +16,7 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
@@ -91,9 +92,11 @@ def find_compiler() -> Compiler:
     for command in (("g++",), ("c++",), ("clang++",), (sys.executable, "-m", "ziglang", "c++")):
         with contextlib.suppress(OSError):
             return _identify(command, os.environ.get("PATH", ""))
+    system = system_command()
     raise BuildError(
         f"a puppet is compiled on this machine, and no C++ compiler was found "
-        f"(g++, c++, clang++, ziglang); install one with:  {install_command()}"
+        f"(g++, c++, clang++, ziglang); install one with:  pip install 'fantoccini[compiler]'"
+        f"{f'  or:  {system}' if system else ''}"
     )
 
 
@@ -134,8 +137,17 @@ def _identify(command: tuple[str, ...], path: str) -> Compiler:
     return Compiler((program, *command[1:]), kind, lines[0] if lines else "")
 
 
-def install_command() -> str:
-    """The one command that installs a C++ compiler on this machine."""
+def first_build_notice(compiler: Compiler) -> str:
+    """Reason why this compiler's first build on this machine takes longer; empty otherwise."""
+    cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    library = Path(os.environ.get("ZIG_GLOBAL_CACHE_DIR") or Path(cache, "zig"))
+    if compiler.kind != "zig" or library.exists():
+        return ""
+    return "zig builds its C++ library first, once on this machine; that takes about half a minute"
+
+
+def system_command() -> str:
+    """The command that installs this system's own C++ compiler; empty where none is known."""
     if sys.platform == "darwin":
         return "xcode-select --install"
     as_root = "" if hasattr(os, "geteuid") and os.geteuid() == 0 else "sudo "
@@ -148,7 +160,7 @@ def install_command() -> str:
     ):
         if shutil.which(program):
             return f"{as_root}{program} {arguments}"
-    return "python -m pip install ziglang"
+    return ""
 
 
 def compile_flags(compiler: Compiler) -> tuple[str, ...]:
@@ -183,9 +195,20 @@ def default_flags(source: Source) -> tuple[str, ...]:
 
 
 def command_lines(
-    compiler: Compiler, source: Source, flags: tuple[str, ...], include: Path
+    compiler: Compiler,
+    source: Source,
+    flags: tuple[str, ...],
+    include: Path,
+    objects: Sequence[Path] = (),
 ) -> tuple[list[list[str]], list[str]]:
     """The commands that make the library, to run inside the entry's folder.
+
+    Args:
+        compiler: to call.
+        source: of the library.
+        flags: compiler flags beyond the standard ones.
+        include: folder of the runtime's headers.
+        objects: compiled files to link with.
 
     Returns:
         Commands that can run at the same time, and the one that links their output; the first list
@@ -193,12 +216,13 @@ def command_lines(
     """
     files = [source.main, *source.units]
     common = [*compiler.command, *BASE_FLAGS, *flags]
+    linked = [str(file) for file in objects]
     if len(files) == 1:
-        return [], [*common, "-I", str(include), source.main, "-o", LIBRARY]
+        return [], [*common, "-I", str(include), source.main, *linked, "-o", LIBRARY]
     alone = [flag for flag in common if flag != "-shared"] + [APART, "-I", str(include), "-c"]
-    objects = [f"{Path(file).stem}.o" for file in files]
-    parts = [[*alone, f, "-o", o] for f, o in zip(files, objects, strict=True)]
-    return parts, [*common, *objects, "-o", LIBRARY]
+    own = [f"{Path(file).stem}.o" for file in files]
+    parts = [[*alone, f, "-o", o] for f, o in zip(files, own, strict=True)]
+    return parts, [*common, *own, *linked, "-o", LIBRARY]
 
 
 def run_compilers(

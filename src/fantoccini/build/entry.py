@@ -37,12 +37,15 @@ class Source:
         main: the file to compile; it may include the others.
         units: further files to compile and link, all with ``FAN_APART`` defined.
         info: facts to keep as ``info.json``.
+        shared_units: headers of the runtime, without the ending, whose functions are compiled once
+            for this machine and linked with.
     """
 
     files: dict[str, str]
     main: str
     info: dict[str, Any] = field(default_factory=dict)
     units: tuple[str, ...] = ()
+    shared_units: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name in self.files:

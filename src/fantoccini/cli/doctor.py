@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import re
 from importlib import metadata
 
 import typer
@@ -10,29 +11,6 @@ import typer
 from fantoccini.build import describe
 from fantoccini.cli.guard import FAILED
 from fantoccini.cli.terminal import say, version, write
-
-NEEDED = (
-    "casadi",
-    "cma",
-    "coacd",
-    "coal",
-    "imageio-ffmpeg",
-    "lazy-loader",
-    "matplotlib",
-    "numpy",
-    "pillow",
-    "platformdirs",
-    "pydantic",
-    "rich",
-    "ruamel.yaml",
-    "scipy",
-    "sympy",
-    "threadpoolctl",
-    "trimesh",
-    "typer",
-    "viser",
-)
-"""Required distributions, as in pyproject.toml."""
 
 
 def examine() -> None:
@@ -42,7 +20,7 @@ def examine() -> None:
         "python": f"{platform.python_version()} ({platform.system()} {platform.machine()})",
     }
     problems = []
-    for name in NEEDED:
+    for name in dependencies():
         try:
             facts[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
@@ -62,6 +40,12 @@ def examine() -> None:
         say(f"fantoccini: {problem}")
     if problems:
         raise typer.Exit(FAILED)
+
+
+def dependencies() -> list[str]:
+    """Names of the distributions that the installed package requires, without extras."""
+    required = metadata.requires("fantoccini") or []
+    return sorted(re.split(r"[^\w.-]", line)[0] for line in required if "extra ==" not in line)
 
 
 def _ffmpeg() -> tuple[str, str]:

@@ -112,7 +112,8 @@ def generate(equations: Equations, library: str = "model") -> Generated:
         **vars(kind.real),
     )
     files = {f"{STEM}.hpp": tables_text(equations, sizes), "main.cpp": main}
-    return assembled(parts | ({_SINGLE: made} if singly else {}), files)
+    generated = assembled(parts | ({_SINGLE: made} if singly else {}), files)
+    return replace(generated, shared_units=("touch_unit",) * (equations.tree.n_contacts > 0))
 
 
 def _programs(
@@ -208,6 +209,7 @@ namespace {space} {{
 
 _MAIN = """\
 // A compiled puppet: its library of {library}.
+#define FAN_TOUCH_APART
 #include <cmath>
 
 #include "{header}"

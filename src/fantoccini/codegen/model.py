@@ -52,12 +52,14 @@ class Generated:
         units: further files to compile, all with ``FAN_APART`` defined; without it ``main`` alone
             is complete.
         operations: arithmetic operations of every generated function.
+        shared_units: units of the runtime to link with.
     """
 
     files: dict[str, str]
     main: str
     units: tuple[str, ...]
     operations: dict[str, int]
+    shared_units: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -148,7 +148,8 @@ class Compiled:
 
         check_mass_matrix(self.puppet, self.tree)
         made = codegen.generate(self.equations, library)
-        return build.Source(made.files, made.main, {"operations": made.operations}, made.units)
+        facts = {"operations": made.operations}
+        return build.Source(made.files, made.main, facts, made.units, made.shared_units)
 
     def _lanes(self, file: Path) -> BatchLibrary:
         return BatchLibrary(Loaded(file, self.sized.sizes))

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from fantoccini.arrays import Array
 from fantoccini.errors import nearest
@@ -19,6 +18,7 @@ from fantoccini.plays.extents import extent
 from fantoccini.plays.footing import Footing
 from fantoccini.plays.play_file import PlayFile, PropFile
 from fantoccini.plays.starts import Places
+from fantoccini.puppet.located import read_file
 from fantoccini.puppet.values import value_of
 from fantoccini.scene.schema import Prop
 
@@ -170,7 +170,7 @@ def _described(name: str, given: PropFile, spot: Spot, notes: Notes) -> dict[str
             text = f"no bundled prop is called {kind!r}{nearest(kind, thing_names())}"
             notes.mistake(spot, f"{text}; needed: `like:` or `shapes:`")
             return None
-        data = yaml.safe_load((_FOLDER / f"{kind}.yaml").read_text(encoding="utf-8"))
+        data = read_file(_FOLDER / f"{kind}.yaml").data
         if given.mass is not None:
             data["mass"] = given.mass
     for key in ("handle", "seat"):

@@ -6,6 +6,7 @@ import logging
 import os
 from typing import Any
 
+from fantoccini.errors import MissingLibraryError
 from fantoccini.runtime import default_threads
 from fantoccini.sweeps.case import Case
 from fantoccini.sweeps.executors import Completed
@@ -33,9 +34,7 @@ class RayExecutor:
         try:
             import ray
         except ImportError:
-            raise ImportError(
-                "on='ray' needs Ray, which is not installed: pip install 'fantoccini[ray]'"
-            ) from None
+            raise MissingLibraryError("on='ray'", "Ray", "ray") from None
         self._ray = ray
         self._started_here = not ray.is_initialized()
         if self._started_here:

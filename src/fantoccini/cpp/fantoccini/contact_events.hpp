@@ -7,6 +7,7 @@
 
 #include "contact_push.hpp"
 #include "contract.hpp"
+#include "space.hpp"
 
 namespace fan {
 

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "contact_points.hpp"
-#include "touch_follow.hpp"
+#include "touch.hpp"
 
 FAN_LOOPS_BEGIN
 

@@ -12,7 +12,7 @@
 // smoothly.
 #pragma once
 
-#include "touch.hpp"
+#include "touch_narrow.hpp"
 
 namespace fan {
 
@@ -347,7 +347,7 @@ FAN_FN bool in_order(
 
 // The point of x and y that has a feature, and a region, whether or not the solids touch there now;
 // `holds` says whether they certainly may. Returns whether the feature has such a point.
-FAN_FN bool follow_touch(
+FAN_TOUCH_FN bool follow_touch(
     const PlacedSolid& x, const PlacedSolid& y, int feature, int region, Touch* out, bool* holds) {
   const bool turned = touching::out_of_order(x, y);
   const PlacedSolid &first = turned ? y : x, &second = turned ? x : y;

@@ -17,19 +17,21 @@ class TouchPoses : private PlacedLinks<Model, double> {
   static void find(
       const ContactArrays& in, int pair, int n, const double* poses, const double* other,
       double margin, double* out) {
-    const Solid &a = in.solids[in.pairs[2 * pair]], &b = in.solids[in.pairs[2 * pair + 1]];
-    Solid first, second = b;
-    if (b.link >= 0) TouchPoses::placed(b, other, other + 9, second);
-    for (int i = 0; i < n; ++i, poses += 12) {
-      TouchPoses::placed(a, poses, poses + 9, first);
-      Touch found[max_touches];
-      const int n_found = touches(first, second, margin, found);
-      for (int k = 0; k < max_touches; ++k, out += width) {
-        out[0] = k < n_found ? found[k].feature : -1.0;
-        if (k >= n_found) continue;
-        out[1] = found[k].gap;
-        copy3(found[k].point, out + 2);
-        copy3(found[k].normal, out + 5);
+    if constexpr (Model::n_contacts > 0) {
+      const Solid &a = in.solids[in.pairs[2 * pair]], &b = in.solids[in.pairs[2 * pair + 1]];
+      Solid first, second = b;
+      if (b.link >= 0) TouchPoses::placed(b, other, other + 9, second);
+      for (int i = 0; i < n; ++i, poses += 12) {
+        TouchPoses::placed(a, poses, poses + 9, first);
+        Touch found[max_touches];
+        const int n_found = touches(first, second, margin, found);
+        for (int k = 0; k < max_touches; ++k, out += width) {
+          out[0] = k < n_found ? found[k].feature : -1.0;
+          if (k >= n_found) continue;
+          out[1] = found[k].gap;
+          copy3(found[k].point, out + 2);
+          copy3(found[k].normal, out + 5);
+        }
       }
     }
   }

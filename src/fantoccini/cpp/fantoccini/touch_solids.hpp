@@ -4,6 +4,11 @@
 #include "contract.hpp"
 #include "distance.hpp"
 
+// Functions that touch_unit.hpp defines for other translation units.
+#ifndef FAN_TOUCH_FN
+#define FAN_TOUCH_FN FAN_FN
+#endif
+
 FAN_LOOPS_BEGIN
 
 namespace fan {
