@@ -191,19 +191,22 @@ def pytest_addoption(parser):
 
 @pytest.fixture(scope="module", autouse=True)
 def quickly_compiled(request):
-    """Sets the optimisation of a file's puppets, unless whoever runs the tests has chosen flags."""
+    """Compiles the puppets of files in QUICK with -Og, unless flags were chosen."""
     name = request.path.relative_to(Path(__file__).parent).as_posix()
-    flag = "-Og" if name.startswith(QUICK) else request.config.getoption("--optimisation")
+    chosen = os.environ.get("FANTOCCINI_CXXFLAGS") != request.config.getoption("--optimisation")
     with pytest.MonkeyPatch.context() as patch:
-        if flag and not os.environ.get("FANTOCCINI_CXXFLAGS"):
-            patch.setenv("FANTOCCINI_CXXFLAGS", flag)
+        if name.startswith(QUICK) and not chosen:
+            patch.setenv("FANTOCCINI_CXXFLAGS", "-Og")
         yield
 
 
 def pytest_configure(config):
-    """Ctrl-C works in the tests of it also where they run in the background of a script: there
-    SIGINT is ignored, and who starts with it ignored, a process that a test starts too, stays so.
+    """Sets the optimisation, and lets Ctrl-C work in the tests of it.
+
+    Fixtures of the session compile before any fixture of a file could set flags. In the background
+    of a script SIGINT is ignored, and a process that starts so stays so.
     """
+    os.environ.setdefault("FANTOCCINI_CXXFLAGS", config.getoption("--optimisation"))
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
