@@ -14,7 +14,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 .PHONY: reduction-report reports lint wheel clean
 .NOTPARALLEL:
 
-# Many processes load the same modules: they keep the bytecode.
+# Keep the bytecode cache: many processes import the same modules.
 unexport PYTHONDONTWRITEBYTECODE
 
 demo: $(VENV)/stamp-demo
@@ -23,23 +23,23 @@ demo: $(VENV)/stamp-demo
 show: $(VENV)/stamp-demo
 	$(BIN)/fantoccini show stroll
 
-# Without those that are marked slow. Puppets are compiled sooner, and run a little slower.
+# Tests not marked slow. At -O1 puppets compile faster and run slightly slower.
 test: $(VENV)/stamp-test
-	$(BIN)/python -m pytest -m "not slow" --optimisation=-O1
+	$(BIN)/python -m pytest -m "not slow" --puppet-flag=-O1
 
-# Only those that `make test` leaves out, with the flags that ship.
+# Only the slow tests, with the default compiler flags (files with small puppets: -Og).
 test-slow: $(VENV)/stamp-test
 	$(BIN)/python -m pytest -m slow
 
-# All of them, with the flags that ship.
+# All tests, likewise.
 test-all: $(VENV)/stamp-test
 	$(BIN)/python -m pytest
 
-# The wheel in a fresh environment without extras, used from an empty folder.
+# Install the wheel without extras in a fresh environment, and test it from an empty folder.
 clean-room: $(VENV)/stamp-test
 	$(BIN)/python .ci/clean_room.py
 
-# Each extra alone, in a fresh environment of its own.
+# Install each extra alone in a fresh environment, and test its feature.
 test-install: $(VENV)/stamp-test
 	$(BIN)/python .ci/clean_room.py extras
 

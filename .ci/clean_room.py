@@ -1,11 +1,11 @@
-"""Installs the package as a stranger would, and uses it from an empty folder.
+"""Clean-install test: builds the wheel, installs it in fresh environments and runs it.
 
-    python .ci/clean_room.py            the wheel without extras, under every Python found
-    python .ci/clean_room.py extras     each extra alone makes its own feature work
+    python .ci/clean_room.py            the wheel without extras, on every Python version found
+    python .ci/clean_room.py extras     each extra, installed alone, enables its feature
 
-The test environment hides what the package forgets to declare, because the tests bring libraries of
-their own. So the distributions are built and checked, and the wheel goes into fresh environments
-outside the checkout, with empty caches. Needs `build` and `twine`.
+The test environment hides undeclared dependencies, because the tests install more libraries. This
+script builds and checks the distributions, then installs the wheel outside the checkout, with an
+empty cache. It needs `build` and `twine`.
 """
 
 from __future__ import annotations
@@ -28,33 +28,33 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 
 VERSIONS = ("3.11", "3.12", "3.13", "3.14")
-"""Versions of Python to try; those that this machine lacks are reported."""
+"""Python versions to test; missing ones are reported and skipped."""
 
-EXTRA_OF_MODULE = {
-    "collada": "dae",
-    "foxglove_schemas_protobuf": "mcap",
-    "google": "mcap",
-    "mcap_protobuf": "mcap",
-    "mujoco": "mujoco",
-    "pxr": "usd",
-    "pythonosc": "osc",
-    "pyvista": "pyvista",
-    "ray": "ray",
-    "serial": "serial",
-    "vtkmodules": "pyvista",
-    "yourdfpy": "urdf",
+OPTIONAL_MODULES = {
+    "collada",
+    "foxglove_schemas_protobuf",
+    "google",
+    "mcap_protobuf",
+    "mujoco",
+    "pxr",
+    "pythonosc",
+    "pyvista",
+    "ray",
+    "serial",
+    "vtkmodules",
+    "yourdfpy",
 }
-"""The only modules that a plain installation may lack, each with the extra that brings it."""
+"""Modules that extras install; a plain installation may lack only these."""
 
-DEVELOPERS_EXTRAS = {"bench", "docs", "test"}
-"""Extras for work on the package itself."""
+DEVELOPMENT_EXTRAS = {"bench", "docs", "test"}
+"""Extras for developing the package; they enable no user feature."""
 
 IMPORT_ALL = """
 import importlib, pkgutil, fantoccini
 def fail(name): raise
 for module in pkgutil.walk_packages(fantoccini.__path__, "fantoccini.", fail):
     if module.name.endswith("__main__"):
-        continue  # a program, which runs when it is imported
+        continue  # importing it would run the program
     try:
         importlib.import_module(module.name)
     except ModuleNotFoundError as error:
@@ -66,9 +66,14 @@ import typer
 from fantoccini.cli.app import app
 def walk(command, words):
     print(*words)
-    for name, below in getattr(command, "commands", {}).items():
-        walk(below, [*words, name])
+    for name, subcommand in getattr(command, "commands", {}).items():
+        walk(subcommand, [*words, name])
 walk(typer.main.get_command(app), ["fantoccini"])
+"""
+
+LIST_EXTRAS = """
+from importlib.metadata import metadata
+print(*metadata("fantoccini").get_all("Provides-Extra"))
 """
 
 COMMANDS = (
@@ -81,9 +86,9 @@ COMMANDS = (
     "stand check gantry21 run.npz",
     "demo",
 )
-"""Run in this order in one empty folder, from an empty cache."""
+"""Commands to run in this order; later ones read the files of earlier ones."""
 
-TETRAHEDRON = """<?xml version="1.0"?>
+TETRAHEDRON_DAE = """<?xml version="1.0"?>
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
 <asset><unit meter="1"/><up_axis>Z_UP</up_axis></asset>
 <library_geometries><geometry id="g"><mesh>
@@ -97,29 +102,37 @@ TETRAHEDRON = """<?xml version="1.0"?>
 </visual_scene></library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>
 """
 
-BOB = """puppet: bob
+BOB_YAML = """puppet: bob
 bodies: [{name: bob, joint: free, shapes: [{type: mesh, file: bob.dae, density: 500}]}]
 strings: [{name: line, path: [{body: bob}, {world: [0, 0, 1]}], length: 1}]
 """
 
-MJCF = """<mujoco><worldbody><body name="bob"><joint name="swing" axis="0 1 0"/>
+BALL_YAML = """puppet: ball
+bodies:
+  - {name: ball, joint: free, shapes: [{type: sphere, radius: 0.05, density: 500}]}
+pose: {ball.z: 0.1}
+floor: 0
+contact: true
+"""
+
+PENDULUM_MJCF = """<mujoco><worldbody><body name="bob"><joint name="swing" axis="0 1 0"/>
 <geom type="sphere" size="0.05" pos="0 0 -0.5"/></body></worldbody></mujoco>
 """
 
-URDF = """<robot name="pendulum"><link name="base"/><link name="bob"><inertial>
+PENDULUM_URDF = """<robot name="pendulum"><link name="base"/><link name="bob"><inertial>
 <origin xyz="0 0 -0.5"/><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0"
 iyz="0"/></inertial></link><joint name="swing" type="continuous"><parent link="base"/>
 <child link="bob"/><axis xyz="0 1 0"/></joint></robot>
 """
 
-SHADED = """
+PYVISTA_SCRIPT = """
 import fantoccini as fan
 from fantoccini.view import draw
 arm = fan.puppets.arm2d()
 draw(arm, arm.rest(), "arm.png", renderer="pyvista")
 """
 
-SWEPT = """
+RAY_SCRIPT = """
 import fantoccini as fan
 def study(case):
     return {"tension": float(case.marionette.rest().t + case["mass"])}
@@ -128,310 +141,349 @@ assert result["tension"].tolist() == [1.0, 2.0], result
 """
 
 
-class Failure(Exception):
-    """A check that did not hold; the message says which, and what was printed."""
+class CheckFailed(Exception):
+    """A failed check; the message holds the command and its output."""
 
 
-class Room:
-    """A fresh virtual environment with an empty folder, home and cache.
+class CleanEnvironment:
+    """A fresh virtual environment, with an empty working folder, home and cache.
 
     Args:
-        parent: folder to make it in.
+        parent: folder to create it in.
         python: interpreter of the environment.
-        requirement: to install, as `fantoccini[mcap] @ file:///...`.
+        requirement: package to install, for example `fantoccini[mcap] @ file:///...`.
     """
 
     def __init__(self, parent: Path, python: str, requirement: str):
-        self.place = Path(tempfile.mkdtemp(prefix="room-", dir=parent))
-        self.folder = self.place / "empty"
-        self.bin = self.place / "env" / "bin"
+        self.root = Path(tempfile.mkdtemp(prefix="clean-", dir=parent))
+        self.working_folder = self.root / "empty"
+        self.bin = self.root / "env" / "bin"
         for name in ("empty", "home"):
-            (self.place / name).mkdir()
-        kept = {key: value for key, value in os.environ.items() if not key.startswith("FANTOCCINI")}
-        kept.pop("PYTHONPATH", None)
-        self.environment = kept | {
-            "FANTOCCINI_CACHE": str(self.place / "cache"),
-            "HOME": str(self.place / "home"),
-            "PATH": f"{self.bin}{os.pathsep}{kept['PATH']}",
+            (self.root / name).mkdir()
+        inherited = {k: v for k, v in os.environ.items() if not k.startswith("FANTOCCINI")}
+        for name in ("PYTHONPATH", "PYTHONHOME", "CXX", "XDG_CACHE_HOME", "MPLCONFIGDIR"):
+            inherited.pop(name, None)
+        self.variables = inherited | {
+            "FANTOCCINI_CACHE": str(self.root / "cache"),
+            "HOME": str(self.root / "home"),
+            "PATH": f"{self.bin}{os.pathsep}{inherited['PATH']}",
         }
-        call([python, "-m", "venv", str(self.place / "env")])
+        # pip keeps the user's home: it holds pip's settings and downloads.
+        self.pip_variables = inherited
+        run_program([python, "-m", "venv", str(self.root / "env")], env=inherited)
         self.install(requirement)
 
     def install(self, requirement: str) -> None:
         """Installs a requirement."""
-        call([str(self.bin / "python"), "-m", "pip", "install", "--quiet",
-              "--disable-pip-version-check", requirement])  # fmt: skip
+        pip = [str(self.bin / "python"), "-m", "pip", "install", "--quiet"]
+        run_program([*pip, "--disable-pip-version-check", requirement], env=self.pip_variables)
 
     def write(self, name: str, text: str) -> str:
-        """Writes a file into the empty folder, and returns its name."""
-        (self.folder / name).write_text(text, encoding="utf-8")
+        """Writes a file into the working folder, and returns its name."""
+        (self.working_folder / name).write_text(text, encoding="utf-8")
         return name
 
-    def run(self, command: str, **environment: str) -> str:
-        """Output of a command.
+    def run(self, command: str, **variables: str) -> str:
+        """Runs a command and returns its output.
 
         Raises:
-            Failure: its exit code is not 0, or it printed a traceback.
+            CheckFailed: the exit code is not 0, or the output contains a traceback.
         """
-        words = shlex.split(command)
-        words[0] = str(self.bin / words[0])
-        return call(words, cwd=self.folder, env=self.environment | environment)
+        program, *arguments = shlex.split(command)
+        words = [str(self.bin / program), *arguments]
+        return run_program(words, cwd=self.working_folder, env=self.variables | variables)
 
     @contextlib.contextmanager
-    def started(self, command: str, until: str) -> Iterator[str]:
-        """Runs a command in the background, and ends it as Ctrl-C does.
+    def running(
+        self, command: str, ready_pattern: str, exits: bool = False
+    ) -> Iterator[str]:
+        """Runs a command in the background, and interrupts it (SIGINT) on exit.
 
         Args:
-            command: to run.
-            until: pattern to wait for in its output; the context is its first group.
+            command: command to run.
+            ready_pattern: regular expression to wait for in its output; yields its first group.
+            exits: whether to give it time to exit by itself.
 
         Raises:
-            Failure: it ends before it printed that, or badly.
+            CheckFailed: the command exits before the pattern matches, or exits with an error.
         """
-        words = shlex.split(command)
+        program, *arguments = shlex.split(command)
         process = subprocess.Popen(
-            [str(self.bin / words[0]), *words[1:]], cwd=self.folder, env=self.environment,
+            [str(self.bin / program), *arguments], cwd=self.working_folder, env=self.variables,
             text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL,
+            preexec_fn=accept_interrupts,
         )  # fmt: skip
         assert process.stdout is not None
         watchdog = threading.Timer(300.0, process.kill)
         watchdog.start()
-        printed: list[str] = []
+        output: list[str] = []
         try:
             for line in process.stdout:
-                printed.append(line)
-                if match := re.search(until, line):
-                    yield match.group(1)
+                output.append(line)
+                if match := re.search(ready_pattern, line):
                     break
             else:
-                raise Failure(f"{command} ended:\n{''.join(printed)}")
-            # A server that was interrupted before may be past its end.
-            if process.poll() is None:
-                process.send_signal(signal.SIGINT)
-            printed.append(process.communicate(timeout=60)[0])
-            if process.returncode not in (0, 130) or "Traceback" in printed[-1]:
-                raise Failure(f"{command}: exit code {process.returncode}\n{''.join(printed)}")
+                raise CheckFailed(f"{command} exited before it was ready:\n{''.join(output)}")
+            yield match.group(1)
+            # Emulators exit by themselves at the end of a stream.
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(timeout=20 if exits else 0)
+            process.send_signal(signal.SIGINT)
+            output.append(process.stdout.read())
+            process.wait(timeout=60)
+            text = "".join(output)
+            if process.returncode not in (0, 130) or "Traceback" in text:
+                raise CheckFailed(f"{command}: exit code {process.returncode}\n{text}")
         finally:
             watchdog.cancel()
             process.kill()
 
 
-def call(words: list[str], **options: object) -> str:
-    """Output of a program; a Failure with the output where it does not end well."""
-    done = subprocess.run(
-        words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL,
-        text=True, timeout=900, check=False, **options,
+def accept_interrupts() -> None:
+    """Restores SIGINT, which background jobs of a script ignore and pass on to their children."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def run_program(words: list[str], **options: object) -> str:
+    """Runs a program and returns what it wrote to stdout; raises CheckFailed if it fails."""
+    completed = subprocess.run(
+        words, capture_output=True, stdin=subprocess.DEVNULL, text=True, timeout=900, check=False,
+        **options,
     )  # fmt: skip
-    if done.returncode != 0 or "Traceback (most recent call last)" in done.stdout:
-        raise Failure(f"{shlex.join(words)}: exit code {done.returncode}\n{done.stdout}")
-    return done.stdout
+    output = completed.stdout + completed.stderr
+    if completed.returncode != 0 or "Traceback (most recent call last)" in output:
+        raise CheckFailed(f"{shlex.join(words)}: exit code {completed.returncode}\n{output}")
+    return completed.stdout
 
 
 @contextlib.contextmanager
-def step(text: str) -> Iterator[None]:
-    """Prints what is checked, and the seconds that it took."""
-    print(f"{text} ...", flush=True)
+def timed_check(name: str) -> Iterator[None]:
+    """Prints the name of a check, and its duration [s]."""
+    print(f"{name} ...", flush=True)
     start = time.monotonic()
     yield
     print(f"    {time.monotonic() - start:.0f} s", flush=True)
 
 
-def distributions(folder: Path) -> Path:
-    """The wheel, built from the source distribution; `twine` has checked both."""
-    call([sys.executable, "-m", "build", "--outdir", str(folder), str(ROOT)])
+def build_wheel(folder: Path) -> Path:
+    """Builds the source distribution and from it the wheel, checks both with twine.
+
+    Returns:
+        The wheel.
+    """
+    run_program([sys.executable, "-m", "build", "--outdir", str(folder), str(ROOT)])
     files = sorted(folder.iterdir())
-    call([sys.executable, "-m", "twine", "check", "--strict", *map(str, files)])
+    run_program([sys.executable, "-m", "twine", "check", "--strict", *map(str, files)])
     (wheel,) = (file for file in files if file.suffix == ".whl")
     return wheel
 
 
 def interpreters() -> dict[str, str]:
-    """The Pythons of this machine, by version."""
-    programs: dict[str, str] = {}
-    managed = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
+    """Python interpreters found on this machine, by version."""
+    by_version: dict[str, str] = {}
+    pyenv_versions = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
     for version in VERSIONS:
         for program in (
             f"python{version}", sys.executable,
-            *map(str, managed.glob(f"{version}.*/bin/python{version}")),
+            *map(str, pyenv_versions.glob(f"{version}.*/bin/python{version}")),
         ):  # fmt: skip
             code = "import sys, ensurepip, venv; print('%d.%d' % sys.version_info[:2])"
-            with contextlib.suppress(OSError, Failure):
-                if call([program, "-c", code]).strip() == version:
-                    programs[version] = program
+            with contextlib.suppress(OSError, CheckFailed):
+                if run_program([program, "-c", code]).strip() == version:
+                    by_version[version] = program
                     break
-    return programs
+    return by_version
 
 
-def import_all(room: Room) -> None:
-    """Imports every module; only those that an extra brings may be missing."""
-    printed = room.run(f"python -c {shlex.quote(IMPORT_ALL)}")
-    missing = [line.split() for line in printed.splitlines()]
+def import_all(environment: CleanEnvironment) -> None:
+    """Imports every module; only modules from extras may be missing."""
+    output = environment.run(f"python -c {shlex.quote(IMPORT_ALL)}")
+    missing = [line.split() for line in output.splitlines()]
     undeclared = [
-        f"{module} imports {name}, which nothing declares"
+        f"{module} imports {name}, which is not a declared dependency"
         for module, name in missing
-        if name.split(".")[0] not in EXTRA_OF_MODULE
+        if name.split(".")[0] not in OPTIONAL_MODULES
     ]
     if undeclared:
-        raise Failure("\n".join(undeclared))
+        raise CheckFailed("\n".join(undeclared))
 
 
-def know_all_extras(room: Room) -> None:
-    """Each extra that the wheel declares has a feature here."""
-    code = (
-        "from importlib.metadata import metadata\n"
-        "print(*metadata('fantoccini').get_all('Provides-Extra'))"
-    )
-    declared = set(room.run(f"python -c {shlex.quote(code)}").split())
-    untried = declared - DEVELOPERS_EXTRAS - {feature.__name__ for feature in FEATURES}
-    if untried:
-        raise Failure(f"no feature is tried for the extras {', '.join(sorted(untried))}")
+def check_every_extra_is_tested(environment: CleanEnvironment) -> None:
+    """Checks that every extra declared by the wheel has a test in FEATURES."""
+    declared = set(environment.run(f"python -c {shlex.quote(LIST_EXTRAS)}").split())
+    untested = declared - DEVELOPMENT_EXTRAS - {feature.__name__ for feature in FEATURES}
+    if untested:
+        raise CheckFailed(f"no test in FEATURES for the extras {', '.join(sorted(untested))}")
 
 
-def answer_help(room: Room) -> None:
-    """Every command and subcommand answers --help."""
-    commands = room.run(f"python -c {shlex.quote(LIST_COMMANDS)}").splitlines()
+def check_help(environment: CleanEnvironment) -> None:
+    """Checks that every command and subcommand prints its usage with --help."""
+    commands = environment.run(f"python -c {shlex.quote(LIST_COMMANDS)}").splitlines()
     for command in commands:
-        if "Usage: fantoccini" not in room.run(f"{command} --help"):
-            raise Failure(f"{command} --help does not print its usage")
+        if f"Usage: {command}" not in environment.run(f"{command} --help"):
+            raise CheckFailed(f"{command} --help does not print its usage")
     print(f"    {len(commands)} commands")
 
 
-def show_and_stop(room: Room) -> None:
-    """The page is served until Ctrl-C."""
-    with room.started("fantoccini show arm2d --no-browser --port 0", r"(http://\S+)") as address:
-        page = urllib.request.urlopen(address, timeout=60).read().decode()
+def check_show(environment: CleanEnvironment) -> None:
+    """Checks that `fantoccini show` serves the page until it is interrupted."""
+    command = "fantoccini show arm2d --no-browser --port 0"
+    with environment.running(command, r"(http://\S+)") as address:
+        direct = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+        page = direct.open(address, timeout=60).read().decode()
         if "<html" not in page:
-            raise Failure(f"{address} serves no page:\n{page[:500]}")
+            raise CheckFailed(f"{address} did not return an HTML page:\n{page[:500]}")
 
 
-def dae(room: Room) -> None:
-    """COLLADA meshes."""
-    room.write("bob.dae", TETRAHEDRON)
-    room.run(f"fantoccini check {room.write('bob.yaml', BOB)}")
+def dae(environment: CleanEnvironment) -> None:
+    """COLLADA meshes"""
+    environment.write("bob.dae", TETRAHEDRON_DAE)
+    environment.run(f"fantoccini check {environment.write('bob.yaml', BOB_YAML)}")
 
 
-def mcap(room: Room) -> None:
-    """Animations for Foxglove."""
-    room.run("fantoccini simulate arm2d --duration 0.1 --out arm.mcap")
+def mcap(environment: CleanEnvironment) -> None:
+    """MCAP animations"""
+    environment.run("fantoccini simulate arm2d --duration 0.1 --out arm.mcap")
 
 
-def mujoco(room: Room) -> None:
-    """Models in MJCF."""
-    room.run(f"fantoccini import {room.write('bob.xml', MJCF)} from_mjcf.yaml")
+def mujoco(environment: CleanEnvironment) -> None:
+    """MJCF import"""
+    environment.run(f"fantoccini import {environment.write('bob.xml', PENDULUM_MJCF)} mjcf.yaml")
 
 
-def osc(room: Room) -> None:
-    """Streams set points to an emulated stand that hears OSC."""
-    room.run("fantoccini simulate marionette --duration 0.2 --out still.npz")
-    emulated = "fantoccini stand emulate gantry21 --controller osc --out moved.csv"
-    with room.started(emulated, r"(127\.0\.0\.1:\d+)") as address:
-        room.run(f"fantoccini stand stream gantry21 still.npz --controller osc --to {address}")
+def osc(environment: CleanEnvironment) -> None:
+    """OSC streaming to an emulated stand"""
+    environment.run("fantoccini simulate marionette --duration 0.2 --out rest.npz")
+    emulate = "fantoccini stand emulate gantry21 --controller osc --out stand_log.csv"
+    stream = "fantoccini stand stream gantry21 rest.npz --controller osc"
+    with environment.running(emulate, r"(127\.0\.0\.1:\d+)", exits=True) as address:
+        environment.run(f"{stream} --to {address}")
+    check_stand_log(environment)
 
 
-def pyvista(room: Room) -> None:
-    """Shaded pictures."""
-    room.run(f"python {room.write('shaded.py', SHADED)}")
+def check_stand_log(environment: CleanEnvironment) -> None:
+    """Checks that the emulated stand has logged the positions of its motors."""
+    log = environment.working_folder / "stand_log.csv"
+    rows = log.read_text(encoding="utf-8").splitlines() if log.exists() else []
+    if len(rows) < 3:
+        raise CheckFailed(f"the emulated stand logged {len(rows)} lines")
+    log.unlink()
 
 
-def ray(room: Room) -> None:
-    """Sweeps on Ray."""
-    room.run(f"python {room.write('swept.py', SWEPT)}")
+def pyvista(environment: CleanEnvironment) -> None:
+    """pictures rendered by PyVista"""
+    environment.run(f"python {environment.write('picture.py', PYVISTA_SCRIPT)}")
 
 
-def serial(room: Room) -> None:
-    """Streams G-code to an emulated stand."""
-    room.run("fantoccini simulate marionette --duration 0.2 --out still.npz")
-    with room.started("fantoccini stand emulate desktop6 --out moved.csv", r"(/dev/\S+)") as port:
-        room.run(f"fantoccini stand stream desktop6 still.npz --port {port}")
+def ray(environment: CleanEnvironment) -> None:
+    """Ray sweeps"""
+    environment.run(f"python {environment.write('sweep.py', RAY_SCRIPT)}")
 
 
-def urdf(room: Room) -> None:
-    """Models in URDF."""
-    room.run(f"fantoccini import {room.write('bob.urdf', URDF)} from_urdf.yaml")
+def serial(environment: CleanEnvironment) -> None:
+    """G-code streaming to an emulated stand"""
+    environment.run("fantoccini simulate marionette --duration 0.2 --out rest.npz")
+    emulate = "fantoccini stand emulate desktop6 --out stand_log.csv"
+    with environment.running(emulate, r"(/dev/\S+)", exits=True) as port:
+        environment.run(f"fantoccini stand stream desktop6 rest.npz --port {port}")
+    check_stand_log(environment)
 
 
-def usd(room: Room) -> None:
-    """Animations in OpenUSD."""
-    room.run("fantoccini simulate arm2d --duration 0.1 --out arm.usdc")
+def urdf(environment: CleanEnvironment) -> None:
+    """URDF import"""
+    environment.run(f"fantoccini import {environment.write('bob.urdf', PENDULUM_URDF)} urdf.yaml")
 
 
-def compiler(room: Room) -> None:
-    """A first motion where the path has no C++ compiler."""
-    variables = {"PATH": str(room.bin), "FANTOCCINI_CACHE": str(room.place / "zig"), "CXX": ""}
-    room.run("fantoccini simulate arm2d --duration 0.1 --out zig.npz", **variables)
+def usd(environment: CleanEnvironment) -> None:
+    """OpenUSD animations"""
+    environment.run("fantoccini simulate arm2d --duration 0.1 --out arm.usdc")
 
 
-FEATURES: tuple[Callable[[Room], None], ...] = (
+def compiler(environment: CleanEnvironment) -> None:
+    """simulation with no system compiler on PATH"""
+    alone = {"PATH": str(environment.bin), "FANTOCCINI_CACHE": str(environment.root / "zig_cache")}
+    environment.run("fantoccini simulate arm2d --duration 0.1 --out arm.npz", **alone)
+    ball = environment.write("ball.yaml", BALL_YAML)
+    environment.run(f"fantoccini simulate {ball} --duration 0.5 --out ball.npz", **alone)
+
+
+FEATURES: tuple[Callable[[CleanEnvironment], None], ...] = (
     compiler, dae, mcap, mujoco, osc, pyvista, ray, serial, urdf, usd,
 )  # fmt: skip
-"""Each carries the name of its extra, and fails without it."""
+"""One function for each extra, with the extra's name; it fails if the extra is not installed."""
 
 
-def names_its_extra(feature: Callable[[Room], None], room: Room) -> None:
-    """Without its extra a feature fails, and the message says what to install."""
+def check_missing_extra_message(
+    feature: Callable[[CleanEnvironment], None], environment: CleanEnvironment
+) -> None:
+    """Checks that the feature fails without its extra, and that the error says what to install."""
     extra = feature.__name__
     try:
-        feature(room)
-    except Failure as failure:
-        if f"pip install 'fantoccini[{extra}]'" in str(failure) and "Traceback" not in str(failure):
+        feature(environment)
+    except CheckFailed as error:
+        if f"pip install 'fantoccini[{extra}]'" in str(error) and "exit code 0" not in str(error):
             return
-        raise Failure(f"the message does not name the extra {extra}:\n{failure}") from None
-    raise Failure(f"{feature.__doc__} works without the extra {extra}")
+        raise CheckFailed(f"the error does not name the extra {extra}:\n{error}") from None
+    raise CheckFailed(f"{feature.__doc__} works without the extra {extra}")
 
 
-def try_wheel(folder: Path, wheel: Path) -> None:
-    """The wheel without extras under the newest and every other Python, then without a compiler."""
+def check_wheel(folder: Path, wheel: Path) -> None:
+    """Checks the wheel without extras: in full on the oldest Python, briefly on newer ones."""
     programs = interpreters()
     for version in VERSIONS:
         if version not in programs:
-            print(f"Python {version}: not on this machine")
-    oldest, *others = programs
-    with step(f"Python {oldest}: install the wheel without extras"):
-        room = Room(folder, programs[oldest], f"fantoccini @ {wheel.as_uri()}")
-    with step("import every module"):
-        import_all(room)
-        know_all_extras(room)
-    with step("ask every command for help"):
-        answer_help(room)
+            print(f"Python {version}: not installed, skipped")
+    oldest, *newer = programs
+    with timed_check(f"Python {oldest}: install the wheel without extras"):
+        environment = CleanEnvironment(folder, programs[oldest], f"fantoccini @ {wheel.as_uri()}")
+    with timed_check("import every module"):
+        import_all(environment)
+        check_every_extra_is_tested(environment)
+    with timed_check("run every command with --help"):
+        check_help(environment)
     for command in COMMANDS:
-        with step(f"fantoccini {command}"):
-            room.run(f"fantoccini {command}")
-    with step("fantoccini show"):
-        show_and_stop(room)
-    with step("ask for what needs an extra"):
+        with timed_check(f"fantoccini {command}"):
+            environment.run(f"fantoccini {command}")
+    with timed_check("fantoccini show"):
+        check_show(environment)
+    with timed_check("use each feature without its extra"):
         for feature in FEATURES:
-            names_its_extra(feature, room)
-    with step("install the compiler as an extra, and simulate with no other on the path"):
-        room.install(f"fantoccini[compiler] @ {wheel.as_uri()}")
-        compiler(room)
-    for version in others:
-        with step(f"Python {version}: install, import every module, simulate"):
-            room = Room(folder, programs[version], f"fantoccini @ {wheel.as_uri()}")
-            import_all(room)
-            room.run("fantoccini simulate arm2d --duration 0.2 --out run.npz --out run.png")
+            check_missing_extra_message(feature, environment)
+    with timed_check("install the extra `compiler`"):
+        environment.install(f"fantoccini[compiler] @ {wheel.as_uri()}")
+    with timed_check(compiler.__doc__ or ""):
+        compiler(environment)
+    for version in newer:
+        with timed_check(f"Python {version}: install, import every module, simulate"):
+            environment = CleanEnvironment(
+                folder, programs[version], f"fantoccini @ {wheel.as_uri()}"
+            )
+            import_all(environment)
+            environment.run("fantoccini simulate arm2d --duration 0.2 --out run.npz --out run.png")
 
 
-def try_extras(folder: Path, wheel: Path) -> None:
-    """Every extra alone, in an environment of its own."""
+def check_extras(folder: Path, wheel: Path) -> None:
+    """Checks each extra alone, each in its own environment."""
     for feature in FEATURES:
         extra = feature.__name__
-        with step(f"fantoccini[{extra}]: {feature.__doc__}"):
-            feature(Room(folder, sys.executable, f"fantoccini[{extra}] @ {wheel.as_uri()}"))
+        with timed_check(f"fantoccini[{extra}]: {feature.__doc__}"):
+            requirement = f"fantoccini[{extra}] @ {wheel.as_uri()}"
+            feature(CleanEnvironment(folder, sys.executable, requirement))
 
 
 def main() -> None:
-    """Command line; the exit code is 1 after the first failure."""
-    parser = argparse.ArgumentParser(description="Install and use the package as a stranger would.")
-    parser.add_argument("what", nargs="?", choices=("wheel", "extras"), default="wheel")
-    what = parser.parse_args().what
+    """Runs the chosen checks; exits with 1 at the first failure."""
+    parser = argparse.ArgumentParser(description="Test the package in clean environments.")
+    parser.add_argument("checks", nargs="?", choices=("wheel", "extras"), default="wheel")
+    checks = parser.parse_args().checks
     with tempfile.TemporaryDirectory(prefix="clean-room-") as name:
-        folder = Path(name).resolve()
+        folder, distributions = Path(name).resolve(), Path(name).resolve() / "distributions"
         try:
-            with step("build and check the distributions"):
-                wheel = distributions(folder)
-            (try_wheel if what == "wheel" else try_extras)(folder, wheel)
-        except (Failure, subprocess.TimeoutExpired) as failure:
-            sys.exit(f"clean room: {failure}")
+            with timed_check("build and check the distributions"):
+                wheel = build_wheel(distributions)
+            (check_wheel if checks == "wheel" else check_extras)(folder, wheel)
+        except (CheckFailed, subprocess.TimeoutExpired) as error:
+            sys.exit(f"clean room: {error}")
 
 
 if __name__ == "__main__":

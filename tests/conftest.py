@@ -1,6 +1,6 @@
 """Puts the folder of the tests on the path, so that they find the oracles, and long files first.
 
-Chooses how puppets are compiled (``--optimisation``).
+Sets the compiler flags of puppets (``--puppet-flag``).
 """
 
 import os
@@ -25,6 +25,22 @@ LONG = (
     "test_examples.py",
     "perform/test_abuse.py",
     "plan/test_plan.py",
+    "animation/test_glb.py",
+    "plays/test_props.py",
+    "plays/test_clips.py",
+    "capture/test_retarget.py",
+    "plays/test_companies.py",
+    "laws/test_equations.py",
+    "animation/test_export.py",
+    "exchange/test_import_mjcf.py",
+    "optimal/test_optimise.py",
+    "drives/test_weak_motors.py",
+    "plan/test_clearance.py",
+    "plan/test_meshes.py",
+    "cli/test_show_command.py",
+    "cli/test_stand_stream.py",
+    "plays/test_compiling.py",
+    "plays/test_sitting.py",
 )
 """The files that take longest, which go first: one that begins last is waited for."""
 
@@ -75,6 +91,7 @@ SLOW = (
     "laws/test_complementarity.py",
     "laws/test_linearisation.py",
     "laws/test_sensitivity.py",
+    "optimal/test_clear_rows.py",
     "optimal/test_contact.py",
     "optimal/test_design.py",
     "optimal/test_exact_search.py",
@@ -90,6 +107,7 @@ SLOW = (
     "perform/test_abuse.py",
     "perform/test_live_on_stage.py",
     "perform/test_playing.py",
+    "perform/test_show.py",
     "plan/test_contact_problem_files.py",
     "plan/test_marionette_plan.py",
     "plan/test_plan.py",
@@ -99,10 +117,13 @@ SLOW = (
     "plan/test_verify_mujoco.py",
     "plays/test_clips.py",
     "plays/test_companies.py",
+    "plays/test_compiling.py",
     "plays/test_props.py",
     "plays/test_putting.py",
+    "plays/test_sitting.py",
     "properties/",
     "reduction/test_experiment.py",
+    "runs/test_cable_robot.py",
     "runs/test_impossible.py",
     "runs/test_integrators.py",
     "runs/test_rollout_gradient.py",
@@ -130,29 +151,22 @@ SLOW = (
 
 QUICK = (
     *CONTACT,
-    "codegen/test_pieces.py",
     "cross/test_mechanisms.py",
     "cross/test_reeling_pendulum.py",
     "cross/test_string_pendulum.py",
     "cross/test_two_strings.py",
     "drives/",
     "exchange/test_import_mjcf.py",
-    "identification/",
     "laws/test_chains.py",
-    "laws/test_modes.py",
     "laws/test_redundant.py",
     "laws/test_restitution.py",
-    "laws/test_sensitivity.py",
     "motion/test_files.py",
     "motion/test_trajectory.py",
     "optimal/test_clear_rows.py",
     "optimal/test_contact.py",
     "optimal/test_design.py",
-    "optimal/test_optimise.py",
     "optimal/test_tuning.py",
-    "plan/test_clearance.py",
     "plan/test_damaged_plans.py",
-    "plan/test_meshes.py",
     "plan/test_plan_files.py",
     "plan/test_touching_plans.py",
     "plays/test_props.py",
@@ -176,39 +190,44 @@ QUICK = (
     "view/test_forces.py",
     "view/test_pictures.py",
 )
-"""Files and folders whose puppets are small and their own: compiling them takes longer than running
+"""Files and folders with small puppets of their own. Compiling these takes longer than running
 them, so they are compiled with -Og.
 
-Bundled and random puppets, and all that is about bits or speed, have the flags that ship, unless
-``--optimisation`` gives others. ``FANTOCCINI_CXXFLAGS`` goes before both.
+Bundled and random puppets, and tests of bits and speed, have the default flags or the flag of
+``--puppet-flag``. ``FANTOCCINI_CXXFLAGS`` overrides both.
 """
+
+FLAGS = "FANTOCCINI_CXXFLAGS"
+FLAGS_OF_USER = pytest.StashKey[bool]()
 
 
 def pytest_addoption(parser):
-    text = "compiler flag for all puppets but those that are compiled with -Og anyway"
-    parser.addoption("--optimisation", default="", metavar="FLAG", help=text)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def quickly_compiled(request):
-    """Compiles the puppets of files in QUICK with -Og, unless flags were chosen."""
-    name = request.path.relative_to(Path(__file__).parent).as_posix()
-    chosen = os.environ.get("FANTOCCINI_CXXFLAGS") != request.config.getoption("--optimisation")
-    with pytest.MonkeyPatch.context() as patch:
-        if name.startswith(QUICK) and not chosen:
-            patch.setenv("FANTOCCINI_CXXFLAGS", "-Og")
-        yield
+    help_text = "compiler flag for all puppets except those compiled with -Og"
+    parser.addoption("--puppet-flag", default="", metavar="FLAG", help=help_text)
 
 
 def pytest_configure(config):
-    """Sets the optimisation, and lets Ctrl-C work in the tests of it.
+    """Sets the compiler flag of puppets, and restores SIGINT for the Ctrl-C tests.
 
-    Fixtures of the session compile before any fixture of a file could set flags. In the background
-    of a script SIGINT is ignored, and a process that starts so stays so.
+    Session fixtures compile before module fixtures could set flags. A script's background jobs
+    start with SIGINT ignored, and their children inherit this.
     """
-    os.environ.setdefault("FANTOCCINI_CXXFLAGS", config.getoption("--optimisation"))
+    config.stash[FLAGS_OF_USER] = bool(os.environ.get(FLAGS))
+    starts_workers = bool(config.getoption("numprocesses", None))  # these set the flag themselves
+    if not config.stash[FLAGS_OF_USER] and not starts_workers:
+        os.environ[FLAGS] = config.getoption("--puppet-flag")
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled_with_og(request):
+    """Compiles the puppets of files in QUICK with -Og, unless the user has set flags."""
+    name = request.path.relative_to(Path(__file__).parent).as_posix()
+    with pytest.MonkeyPatch.context() as patch:
+        if name.startswith(QUICK) and not request.config.stash[FLAGS_OF_USER]:
+            patch.setenv(FLAGS, "-Og")
+        yield
 
 
 def pytest_collection_modifyitems(items):

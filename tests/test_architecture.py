@@ -161,11 +161,11 @@ def names_of(node: ast.AST, file: Path) -> list[str]:
 
 @cache
 def all_imports() -> list[Import]:
-    return [found for file in modules() for found in imports_of(file)]
+    return [each for file in modules() for each in imports_of(file)]
 
 
 def internal_imports() -> list[Import]:
-    return [found for found in all_imports() if found.name.split(".")[0] == "fantoccini"]
+    return [each for each in all_imports() if each.name.split(".")[0] == "fantoccini"]
 
 
 def test_every_module_has_its_place_in_the_order():

@@ -1,4 +1,4 @@
-"""Contents of the wheel; `make clean-room` installs and uses it."""
+"""Checks the contents of the wheel; `make clean-room` installs and runs it."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("wheel")
     options = ("--quiet", "--no-deps", "--no-build-isolation", "--wheel-dir", str(folder))
     command = [sys.executable, "-m", "pip", "wheel", *options, str(ROOT)]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stdout + done.stderr
+    completed = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300)
+    assert completed.returncode == 0, completed.stdout + completed.stderr
     (file,) = folder.glob("fantoccini-*.whl")
     return file
 

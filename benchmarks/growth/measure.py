@@ -61,7 +61,9 @@ def measure(kind: str, dof: int, strings: int) -> Size:
     before = _processor_time(resource.RUSAGE_SELF)
     generated = codegen.generate(puppet.equations)
     derive = _processor_time(resource.RUSAGE_SELF) - before
-    source = build.Source(generated.files, generated.main, units=generated.units)
+    source = build.Source(
+        generated.files, generated.main, {}, generated.units, generated.shared_units
+    )
     with tempfile.TemporaryDirectory() as folder:
         os.environ["FANTOCCINI_CACHE"] = folder
         start = time.perf_counter()

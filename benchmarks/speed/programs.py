@@ -89,7 +89,9 @@ def words(states: Sequence[State]) -> list:
 def lane_source() -> build.Source:
     """Likewise as the library of its lanes is made of it."""
     generated = generate(marionette().equations, "lanes")
-    return build.Source(generated.files, generated.main, units=generated.units)
+    return build.Source(
+        generated.files, generated.main, {}, generated.units, generated.shared_units
+    )
 
 
 def source() -> build.Source:

@@ -420,3 +420,38 @@ def test_describe_tells_what_is_wrong(tmp_path, monkeypatch):
     assert facts["compiler"] == "none"
     assert "no-such-compiler" in facts["problem"]
     assert "is not used" in facts["problem"]
+
+
+SHARED = """
+#define FAN_TOUCH_EXTERNAL
+#include "fantoccini/touch.hpp"
+extern "C" __attribute__((visibility("default"))) int answer() {
+  fan::PlacedSolid ball{};
+  ball.kind = fan::SEGMENT;
+  ball.radius = 1.0;
+  fan::Touch found[fan::max_touches];
+  return 10 * fan::touches(ball, ball, 1.0, found) + VALUE;
+}
+"""
+
+
+@pytest.mark.filterwarnings("ignore:.*compiled again")
+@pytest.mark.parametrize("damaged", [False, True])
+def test_a_shared_unit_is_compiled_once_for_several_libraries(cache, damaged):
+    """Contact geometry is linked into each library; a damaged object file is compiled again."""
+
+    def compiled_units(value: int) -> int:
+        files, told = {"main.cpp": SHARED.replace("VALUE", str(value))}, []
+        source = build.Source(files, "main.cpp", shared_units=("touch_unit",))
+        entry = build.obtain(
+            str(value) * 64, lambda: source, flags=("-O0",), progress=told.append
+        )
+        assert answer(entry) == 10 + value
+        assert {file.suffix for file in entry.iterdir()} == {".cpp", ".json", ".so"}
+        return sum("touch_unit" in text for text in told)
+
+    assert compiled_units(1) == 1
+    if damaged:
+        (unit,) = (file.parent for file in cache.glob("*/*/unit.cpp"))
+        (unit / build.LIBRARY).write_bytes(b"no object")
+    assert compiled_units(2) == int(damaged)

@@ -36,16 +36,16 @@ def test_no_compiler_names_the_command_that_installs_one(monkeypatch, tmp_path, 
     program("apt-get", "exit 0")
     monkeypatch.setenv("PATH", str(tmp_path / "bin"))
     monkeypatch.setattr(sys, "executable", str(program("python", "exit 1")))
-    remedies = r"pip install 'fantoccini\[compiler\]'  or:  .*apt-get install -y g\+\+"
-    with pytest.raises(BuildError, match=rf"no C\+\+ compiler was found.*{remedies}"):
+    install_commands = r"pip install 'fantoccini\[compiler\]'  or:  .*apt-get install -y g\+\+"
+    with pytest.raises(BuildError, match=rf"no C\+\+ compiler was found.*{install_commands}"):
         build.find_compiler()
 
 
 def test_the_first_build_with_zig_is_announced(monkeypatch, tmp_path):
-    """Until zig's own cache exists, which then holds the C++ library."""
+    """Only while zig's cache, which holds the C++ standard library, is missing."""
     zig = build.Compiler(("python", "-m", "ziglang", "c++"), "zig", "clang version 20")
     monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(tmp_path / "zig"))
-    assert "zig builds its C++ library first" in first_build_notice(zig)
+    assert "zig first builds its C++ standard library" in first_build_notice(zig)
     assert not first_build_notice(build.Compiler(("g++",), "gcc", "g++ 12"))
     (tmp_path / "zig").mkdir()
     assert not first_build_notice(zig)

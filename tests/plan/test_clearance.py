@@ -222,9 +222,10 @@ def test_the_distance_of_a_capsule_is_the_least_along_it(still):
             least = min((a - other["at"]) @ unit, (b - other["at"]) @ unit)
             assert found == pytest.approx(least - puppet_shape["radius"], abs=1e-14)
             continue
-        # The square is convex: every start leads to its least.
-        best = minimize(square, (0.5, 0.5), bounds=[(0, 1)] * 2, tol=1e-15, method="L-BFGS-B").fun
-        expected = np.sqrt(best) - puppet_shape["radius"] - other.get("radius", 0.0)
+        # The squared distance is convex: every start reaches its minimum.
+        options = {"bounds": [(0, 1), (0, 1)], "tol": 1e-15, "method": "L-BFGS-B"}
+        squared = minimize(square, (0.5, 0.5), **options).fun
+        expected = np.sqrt(squared) - puppet_shape["radius"] - other.get("radius", 0.0)
         assert found == pytest.approx(expected, abs=2e-6)
         assert found <= expected + 1e-9, "no point along it is nearer than the distance"
 

@@ -88,13 +88,13 @@ def obtain(
     tell = progress or (lambda text: None)
 
     @functools.cache
-    def derived() -> Source:
+    def derive_once() -> Source:
         tell("deriving the equations of motion")
         return produce()
 
     place = cache_folder()
     try:
-        return _obtain_in(place, key, derived, flags, tell, afresh)
+        return _obtain_in(place, key, derive_once, flags, tell, afresh)
     except UnusableError as error:
         trouble = error
     try:
@@ -105,7 +105,7 @@ def obtain(
             RuntimeWarning,
             stacklevel=2,
         )
-        return _obtain_in(refuge, key, derived, flags, tell, afresh)
+        return _obtain_in(refuge, key, derive_once, flags, tell, afresh)
     except UnusableError as error:
         raise BuildError(f"there is no place for the compiled puppet: {trouble}; {error}") from None
 
@@ -208,22 +208,27 @@ def _make(
         replace: also replace a complete entry.
     """
     compiler = find_compiler()
-    objects = [_shared_unit(root, name, flags, tell) for name in source.shared_units]
+    shared = {
+        f"{name}.o": _shared_object(root, name, flags, tell, afresh=replace)
+        for name in source.shared_units
+    }
     with _writing(root):
         folder = Path(tempfile.mkdtemp(prefix="tmp-", dir=entry.parent))
     try:
-        parts, whole = command_lines(compiler, source, flags, runtime_folder(), objects)
+        parts, whole = command_lines(compiler, source, flags, runtime_folder(), tuple(shared))
         with _writing(root):
             write_source(folder, source)
+            for name, file in shared.items():
+                shutil.copy(file, folder / name)
         tell(f"compiling with {compiler.version}")
         if notice := first_build_notice(compiler):
-            # Also shown to callers without a progress callback.
+            # Logged, so that callers without a progress callback see it too.
             _LOGGER.warning(notice)
         with _writing(root):
             run_compilers(parts, folder)
             run_compiler(whole, folder)
-            for command in parts:
-                (folder / command[-1]).unlink()
+            for name in [*shared, *(command[-1] for command in parts)]:
+                (folder / name).unlink()
             seal(folder, [*parts, whole])
             _settle(folder, entry, replace)
     except BuildError as error:
@@ -240,18 +245,21 @@ def _make(
         raise
 
 
-def _shared_unit(root: Path, name: str, flags: tuple[str, ...], tell: Progress) -> Path:
-    """The object file of a unit of the runtime, compiled once for this machine and these flags.
+def _shared_object(
+    root: Path, name: str, flags: tuple[str, ...], tell: Progress, afresh: bool
+) -> Path:
+    """Compiles a shared runtime unit once per machine and flags; the path of its object file.
 
-    It is an entry of the cache like a library; ``-c`` makes its file an object.
+    It is cached as a library is; with ``-c`` the cached file is an object file.
     """
-    source = Source({"unit.cpp": f'#include "fantoccini/{name}.hpp"\n'}, "unit.cpp")
-    key = fingerprint(f"unit {name}", "", flags)
+    text = f'#include "fantoccini/{name}.hpp"\n'
+    source, flags = Source({"unit.cpp": text}, "unit.cpp"), (*flags, "-c")
+    key = fingerprint(text, "", flags)
 
-    def tell_unit(text: str) -> None:
-        tell(f"{text}: contact, once for this machine")
+    def report(text: str) -> None:
+        tell(f"{text} ({name}, once per machine)")
 
-    _obtain_in(root, key, lambda: source, (*flags, "-c"), tell_unit, afresh=False)
+    _obtain_in(root, key, lambda: source, flags, report, afresh)
     return root / key[:2] / key / LIBRARY
 
 

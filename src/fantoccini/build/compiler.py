@@ -92,11 +92,10 @@ def find_compiler() -> Compiler:
     for command in (("g++",), ("c++",), ("clang++",), (sys.executable, "-m", "ziglang", "c++")):
         with contextlib.suppress(OSError):
             return _identify(command, os.environ.get("PATH", ""))
-    system = system_command()
+    commands = ["pip install 'fantoccini[compiler]'", *filter(None, [system_install_command()])]
     raise BuildError(
         f"a puppet is compiled on this machine, and no C++ compiler was found "
-        f"(g++, c++, clang++, ziglang); install one with:  pip install 'fantoccini[compiler]'"
-        f"{f'  or:  {system}' if system else ''}"
+        f"(g++, c++, clang++, ziglang); install one with:  {'  or:  '.join(commands)}"
     )
 
 
@@ -138,16 +137,17 @@ def _identify(command: tuple[str, ...], path: str) -> Compiler:
 
 
 def first_build_notice(compiler: Compiler) -> str:
-    """Reason why this compiler's first build on this machine takes longer; empty otherwise."""
-    cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    library = Path(os.environ.get("ZIG_GLOBAL_CACHE_DIR") or Path(cache, "zig"))
-    if compiler.kind != "zig" or library.exists():
+    """Notice that this compiler's first build on this machine is slow; empty if it is not."""
+    folder = "LOCALAPPDATA" if sys.platform == "win32" else "XDG_CACHE_HOME"
+    caches = os.environ.get(folder) or os.path.expanduser("~/.cache")
+    zig_cache = Path(os.environ.get("ZIG_GLOBAL_CACHE_DIR") or Path(caches, "zig"))
+    if compiler.kind != "zig" or zig_cache.exists():
         return ""
-    return "zig builds its C++ library first, once on this machine; that takes about half a minute"
+    return "zig first builds its C++ standard library, once on this machine; this takes a minute"
 
 
-def system_command() -> str:
-    """The command that installs this system's own C++ compiler; empty where none is known."""
+def system_install_command() -> str:
+    """Command that installs a C++ compiler with the system's package manager; empty if unknown."""
     if sys.platform == "darwin":
         return "xcode-select --install"
     as_root = "" if hasattr(os, "geteuid") and os.geteuid() == 0 else "sudo "
@@ -199,16 +199,16 @@ def command_lines(
     source: Source,
     flags: tuple[str, ...],
     include: Path,
-    objects: Sequence[Path] = (),
+    object_files: Sequence[str] = (),
 ) -> tuple[list[list[str]], list[str]]:
     """The commands that make the library, to run inside the entry's folder.
 
     Args:
-        compiler: to call.
-        source: of the library.
-        flags: compiler flags beyond the standard ones.
+        compiler: compiler to call.
+        source: source files of the library.
+        flags: compiler flags beyond the standard ones; with ``-c`` the library is an object file.
         include: folder of the runtime's headers.
-        objects: compiled files to link with.
+        object_files: object files to link.
 
     Returns:
         Commands that can run at the same time, and the one that links their output; the first list
@@ -216,13 +216,14 @@ def command_lines(
     """
     files = [source.main, *source.units]
     common = [*compiler.command, *BASE_FLAGS, *flags]
-    linked = [str(file) for file in objects]
+    if "-c" in flags:
+        common.remove("-shared")
     if len(files) == 1:
-        return [], [*common, "-I", str(include), source.main, *linked, "-o", LIBRARY]
+        return [], [*common, "-I", str(include), source.main, *object_files, "-o", LIBRARY]
     alone = [flag for flag in common if flag != "-shared"] + [APART, "-I", str(include), "-c"]
-    own = [f"{Path(file).stem}.o" for file in files]
-    parts = [[*alone, f, "-o", o] for f, o in zip(files, own, strict=True)]
-    return parts, [*common, *own, *linked, "-o", LIBRARY]
+    unit_objects = [f"{Path(file).stem}.o" for file in files]
+    parts = [[*alone, f, "-o", o] for f, o in zip(files, unit_objects, strict=True)]
+    return parts, [*common, *unit_objects, *object_files, "-o", LIBRARY]
 
 
 def run_compilers(

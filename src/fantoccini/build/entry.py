@@ -37,8 +37,8 @@ class Source:
         main: the file to compile; it may include the others.
         units: further files to compile and link, all with ``FAN_APART`` defined.
         info: facts to keep as ``info.json``.
-        shared_units: headers of the runtime, without the ending, whose functions are compiled once
-            for this machine and linked with.
+        shared_units: runtime headers, without the suffix, that are compiled once per machine and
+            linked to the library.
     """
 
     files: dict[str, str]

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import platform
-import re
 from importlib import metadata
 
 import typer
+from packaging.requirements import Requirement
 
 from fantoccini.build import describe
 from fantoccini.cli.guard import FAILED
@@ -20,7 +20,7 @@ def examine() -> None:
         "python": f"{platform.python_version()} ({platform.system()} {platform.machine()})",
     }
     problems = []
-    for name in dependencies():
+    for name in required_distributions():
         try:
             facts[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
@@ -42,10 +42,10 @@ def examine() -> None:
         raise typer.Exit(FAILED)
 
 
-def dependencies() -> list[str]:
-    """Names of the distributions that the installed package requires, without extras."""
-    required = metadata.requires("fantoccini") or []
-    return sorted(re.split(r"[^\w.-]", line)[0] for line in required if "extra ==" not in line)
+def required_distributions() -> list[str]:
+    """Distributions required by the installed package on this system, without those of extras."""
+    requirements = map(Requirement, metadata.requires("fantoccini") or [])
+    return sorted(r.name for r in requirements if not r.marker or r.marker.evaluate({"extra": ""}))
 
 
 def _ffmpeg() -> tuple[str, str]:

@@ -113,7 +113,7 @@ def generate(equations: Equations, library: str = "model") -> Generated:
     )
     files = {f"{STEM}.hpp": tables_text(equations, sizes), "main.cpp": main}
     generated = assembled(parts | ({_SINGLE: made} if singly else {}), files)
-    return replace(generated, shared_units=("touch_unit",) * (equations.tree.n_contacts > 0))
+    return replace(generated, shared_units=("touch_unit",) if equations.tree.n_contacts else ())
 
 
 def _programs(
@@ -209,7 +209,7 @@ namespace {space} {{
 
 _MAIN = """\
 // A compiled puppet: its library of {library}.
-#define FAN_TOUCH_APART
+#define FAN_TOUCH_EXTERNAL
 #include <cmath>
 
 #include "{header}"

@@ -52,7 +52,7 @@ class Generated:
         units: further files to compile, all with ``FAN_APART`` defined; without it ``main`` alone
             is complete.
         operations: arithmetic operations of every generated function.
-        shared_units: units of the runtime to link with.
+        shared_units: runtime headers compiled once per machine and linked (see ``build.Source``).
     """
 
     files: dict[str, str]

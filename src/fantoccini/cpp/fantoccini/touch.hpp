@@ -1,12 +1,12 @@
-// Contact points between two placed solids, and a cheap test before it.
+// Contact points between two placed solids, and a bounding-sphere test that skips distant pairs.
 //
-// Where FAN_TOUCH_APART is defined, the functions are those of touch_unit.hpp, which is compiled once
-// for the machine: they know nothing of a puppet.
+// With FAN_TOUCH_EXTERNAL only declarations are included. The definitions do not depend on the puppet,
+// so touch_unit.hpp is compiled once per machine and linked.
 #pragma once
 
 #include "touch_solids.hpp"
 
-#ifndef FAN_TOUCH_APART
+#ifndef FAN_TOUCH_EXTERNAL
 #include "touch_follow.hpp"
 #include "touch_narrow.hpp"
 #endif
@@ -15,7 +15,7 @@ FAN_LOOPS_BEGIN
 
 namespace fan {
 
-#ifdef FAN_TOUCH_APART
+#ifdef FAN_TOUCH_EXTERNAL
 int touches(const PlacedSolid& x, const PlacedSolid& y, double margin, Touch* out);
 bool follow_touch(
     const PlacedSolid& x, const PlacedSolid& y, int feature, int region, Touch* out, bool* holds);

@@ -1,10 +1,8 @@
 // The narrow phase: contact points between two placed solids.
 //
-// The points of a pair stay where they are, and keep their numbers, when the solids move a little;
-// solids that lie flat have all their points. Swapping the solids gives the same points with the
-// normals turned round, and the same numbers but for two capsules that point opposite ways and boxes
-// of one size. Finite
-// solids have finite points, however deep they are in one another.
+// Small motions keep a pair's points and their feature numbers. Solids in flat contact have all their
+// corner points. Swapping the solids reverses the normals and keeps points and numbers, except for
+// antiparallel capsules and boxes of equal size. Finite solids have finite points at any depth.
 #pragma once
 
 #include "touch_box_pair.hpp"

@@ -4,7 +4,7 @@
 #include "contract.hpp"
 #include "distance.hpp"
 
-// Functions that touch_unit.hpp defines for other translation units.
+// Linkage of the functions that touch_unit.hpp exports; inline elsewhere.
 #ifndef FAN_TOUCH_FN
 #define FAN_TOUCH_FN FAN_FN
 #endif

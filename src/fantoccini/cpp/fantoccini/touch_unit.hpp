@@ -1,4 +1,4 @@
-// The functions of touch.hpp as a unit of their own. Include it in one translation unit.
+// Definitions of the functions of touch.hpp. Include it first, in exactly one translation unit.
 #pragma once
 
 #define FAN_TOUCH_FN
