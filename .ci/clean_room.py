@@ -103,13 +103,13 @@ TETRAHEDRON_DAE = """<?xml version="1.0"?>
 """
 
 BOB_YAML = """puppet: bob
-bodies: [{name: bob, joint: free, shapes: [{type: mesh, file: bob.dae, density: 500}]}]
+bodies: [{name: bob, joint: {type: free}, shapes: [{type: mesh, file: bob.dae, density: 500}]}]
 strings: [{name: line, path: [{body: bob}, {world: [0, 0, 1]}], length: 1}]
 """
 
 BALL_YAML = """puppet: ball
 bodies:
-  - {name: ball, joint: free, shapes: [{type: sphere, radius: 0.05, density: 500}]}
+  - {name: ball, joint: {type: free}, shapes: [{type: sphere, radius: 0.05, density: 500}]}
 pose: {ball.z: 0.1}
 floor: 0
 contact: true
