@@ -23,6 +23,8 @@ import threading
 import time
 import urllib.request
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -433,11 +435,15 @@ def check_wheel(folder: Path, wheel: Path) -> None:
     for version in VERSIONS:
         if version not in programs:
             print(f"Python {version}: not installed, skipped")
-    oldest, *newer = programs
-    with timed_check(f"Python {oldest}: install the wheel without extras"):
-        environment = CleanEnvironment(folder, programs[oldest], f"fantoccini @ {wheel.as_uri()}")
+    with timed_check(f"Python {', '.join(programs)}: install the wheel without extras"):
+        requirement = f"fantoccini @ {wheel.as_uri()}"
+        with ThreadPoolExecutor() as pool:
+            install = partial(CleanEnvironment, folder, requirement=requirement)
+            environments = list(pool.map(install, programs.values()))
+    environment, *newer = environments
     with timed_check("import every module"):
-        import_all(environment)
+        for each in environments:
+            import_all(each)
         check_every_extra_is_tested(environment)
     with timed_check("run every command with --help"):
         check_help(environment)
@@ -453,13 +459,9 @@ def check_wheel(folder: Path, wheel: Path) -> None:
         environment.install(f"fantoccini[compiler] @ {wheel.as_uri()}")
     with timed_check(compiler.__doc__ or ""):
         compiler(environment)
-    for version in newer:
-        with timed_check(f"Python {version}: install, import every module, simulate"):
-            environment = CleanEnvironment(
-                folder, programs[version], f"fantoccini @ {wheel.as_uri()}"
-            )
-            import_all(environment)
-            environment.run("fantoccini simulate arm2d --duration 0.2 --out run.npz --out run.png")
+    with timed_check("simulate on the newer Pythons"):
+        for each in newer:
+            each.run("fantoccini simulate arm2d --duration 0.2 --out run.npz --out run.png")
 
 
 def check_extras(folder: Path, wheel: Path) -> None:
