@@ -107,7 +107,7 @@ def test_a_tangled_segment_is_found_and_mended(setting):
     assert np.all(cost.tangled(bad, seen)[6:9])
     assert not np.any(cost.explained(bad, seen)[6:8])
     mended = untangled(cost, bad)
-    assert np.array_equal(mended.q_D[:3], at.q_D[:3])  # far from there nothing moved
+    assert np.array_equal(mended.q_D[:3], bad.q_D[:3])  # far from there nothing moved
     assert np.max(np.abs(mended.q_D - at.q_D)) < 2e-3
     assert np.max(np.abs(mended.v_D - at.v_D)) < 2e-2
     assert not np.any(cost.tangled(mended, fit.predict(mended, extrapolated=True)))
