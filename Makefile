@@ -29,7 +29,7 @@ test: $(VENV)/stamp-test
 
 # Only the slow tests, with the default compiler flags (files with small puppets: -Og).
 test-slow: $(VENV)/stamp-test
-	$(BIN)/python -m pytest -m slow
+	$(BIN)/python -m pytest -m slow $(PYTEST)
 
 # All tests, likewise.
 test-all: $(VENV)/stamp-test

@@ -6,6 +6,7 @@ Sets the compiler flags of puppets (``--puppet-flag``).
 import os
 import signal
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -197,6 +198,7 @@ Bundled and random puppets, and tests of bits and speed, have the default flags 
 ``--puppet-flag``. ``FANTOCCINI_CXXFLAGS`` overrides both.
 """
 
+STARTED = time.monotonic()
 FLAGS = "FANTOCCINI_CXXFLAGS"
 FLAGS_OF_USER = pytest.StashKey[bool]()
 
@@ -204,6 +206,14 @@ FLAGS_OF_USER = pytest.StashKey[bool]()
 def pytest_addoption(parser):
     help_text = "compiler flag for all puppets except those compiled with -Og"
     parser.addoption("--puppet-flag", default="", metavar="FLAG", help=help_text)
+    help_text = "skip the tests that have not begun after this time [s]"
+    parser.addoption("--time-limit", type=float, default=float("inf"), help=help_text)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item):
+    if time.monotonic() - STARTED > item.config.getoption("--time-limit"):
+        pytest.skip("the time limit had passed")
 
 
 def pytest_configure(config):
