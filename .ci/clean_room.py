@@ -247,7 +247,7 @@ def accept_interrupts() -> None:
 
 
 def run_program(words: list[str], **options: object) -> str:
-    """Runs a program and returns what it wrote to stdout; raises CheckFailed if it fails."""
+    """Runs a program and returns its stdout; raises CheckFailed if it fails."""
     completed = subprocess.run(
         words, capture_output=True, stdin=subprocess.DEVNULL, text=True, timeout=900, check=False,
         **options,
