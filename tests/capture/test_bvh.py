@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
+from benchmarks.capture import clips
 from scipy.spatial.transform import Rotation
 
 import fantoccini as fan
@@ -239,3 +242,71 @@ def test_joints_go_by_name(tmp_path):
     clip = fan.load_bvh(written(tmp_path, ARM))
     with pytest.raises(UnknownNameError, match="did you mean 'hand'"):
         clip.skeleton.index("hnd")
+
+
+def with_fixed_root(text: str, away: tuple[float, float, float]) -> str:
+    """A clip with a joint at the origin above its hips, which walk at another place."""
+    first, motion = text.split("MOTION")
+    first = first.replace("HIERARCHY\nROOT", "HIERARCHY\nROOT reference\n{\nOFFSET 0 0 0\nCHANNELS 3 "
+                          "Xrotation Yrotation Zrotation\nJOINT")  # fmt: skip
+    frames, interval, *rows = motion.strip().splitlines()
+    moved = []
+    for row in rows:
+        values = [float(word) for word in row.split()]
+        values[:3] = np.add(values[:3], away).tolist()
+        moved.append(" ".join(f"{x:.4f}" for x in (0.0, 0.0, 0.0, *values)))
+    return first + "}\nMOTION\n" + "\n".join([frames, interval, *moved]) + "\n"
+
+
+@pytest.mark.parametrize("convention", ["mixamo", "cmu", "lafan1"])
+@pytest.mark.parametrize("away", [(0.0, 0.0, 900.0), (-2000.0, 0.0, 50.0)])
+def test_a_root_that_stays_at_the_origin_is_no_part_of_the_body(tmp_path, convention, away):
+    text = clips.clip("walk", convention)
+    size = clips.CONVENTIONS[convention].unit
+    away = tuple(0.01 * x / size for x in away)
+    plain = fan.load_bvh(written(tmp_path, text)).without_calibration()
+    rooted = fan.load_bvh(written(tmp_path, with_fixed_root(text, away))).without_calibration()
+    assert (rooted.up, rooted.unit) == (plain.up, plain.unit) == (1, rooted.unit)
+    assert rooted.unit[1] == size and rooted.height == pytest.approx(plain.height)
+    heads = [take.upright().positions[:, take.skeleton.names.index(head), 2].mean()
+             for take in (plain, rooted)
+             for head in take.skeleton.names if head.endswith("Head")]  # fmt: skip
+    assert heads[0] == pytest.approx(heads[1], abs=1e-3) and heads[0] > 1.3
+
+
+def turned(take: fan.Capture, turn: Rotation) -> fan.Capture:
+    """A clip whose motion is turned, but not its rest pose."""
+    matrix = turn.as_matrix()
+    return dataclasses.replace(
+        take, positions=take.positions @ matrix.T, rotations=matrix @ take.rotations
+    )
+
+
+def test_up_is_that_of_the_rest_pose_while_a_person_crawls(tmp_path):
+    """Somebody who sits on air and leans forward by 90 degrees is on hands and knees."""
+    take = fan.load_bvh(written(tmp_path, clips.clip("sit", "mixamo")))
+    sits = slice(int(0.45 * len(take.t)), int(0.55 * len(take.t)))
+    take = dataclasses.replace(
+        take, t=take.t[sits], positions=take.positions[sits], rotations=take.rotations[sits]
+    )
+    for heading in (0.0, 90.0, 180.0, 30.0):
+        crawls = turned(take, Rotation.from_euler("xy", [90.0, heading], degrees=True))
+        assert crawls.up == 1 and crawls.unit == ("cm", 0.01), heading
+        heights = np.ptp(crawls.upright().positions[..., 2], axis=1)
+        assert np.all(heights < 1.3), heading
+
+
+def test_up_is_the_axis_along_which_a_person_stands_in_a_file_with_a_turned_root(tmp_path):
+    take = fan.load_bvh(written(tmp_path, clips.clip("walk", "mixamo")))
+    stands = turned(take, Rotation.from_euler("x", 90.0, degrees=True))
+    assert stands.up == 2 and stands.unit == ("cm", 0.01)
+
+
+@pytest.mark.parametrize("axes", [[2, 0, 1], [0, 2, 1], [2, 1, 0]])
+def test_arms_spread_in_the_rest_pose_are_not_taken_for_its_height(tmp_path, axes):
+    """Whichever way the person looks, and whether y or z is up."""
+    take = fan.load_bvh(written(tmp_path, clips.clip("wave", "mixamo")))
+    skeleton = dataclasses.replace(take.skeleton, offsets=take.skeleton.offsets[:, axes])
+    other = dataclasses.replace(take, skeleton=skeleton, positions=take.positions[..., axes])
+    assert "xyz"[other.up] == "xyz"[axes.index(1)]
+    assert other.height == pytest.approx(take.height)

@@ -193,6 +193,17 @@ def test_hands_that_shift_against_swing_end_it_soon(play):
     assert swing(True) < 0.5 * swing(False)
 
 
+@pytest.mark.slow
+def test_players_are_steadied_as_pendulums_in_the_gravity_of_their_own_files(play, tmp_path):
+    """w^2 = g/height: on the moon they swing sqrt(9.81/1.62) times more slowly."""
+    text = fan.puppets.path("marionette").read_text(encoding="utf-8")
+    (tmp_path / "lunar.yaml").write_text("gravity: [0, 0, -1.62]\n" + text, encoding="utf-8")
+    lunar = PLAY.replace("{at: ", "{puppet: lunar.yaml, at: ").replace("{puppet: lunar.yaml, at: [", "{at: [")
+    (tmp_path / "play.yaml").write_text(lunar, encoding="utf-8")
+    moon, earth = (fan.Show(p).steady for p in (fan.load_play(tmp_path / "play.yaml"), play))
+    np.testing.assert_allclose(earth.frequencies / moon.frequencies, np.sqrt(9.81 / 1.62), rtol=1e-3)
+
+
 def test_a_taken_player_stays_out_of_skips_and_all_hands_stop_and_go_on(stage):
     show, live = stage.show, stage.show.performance
     show.go()

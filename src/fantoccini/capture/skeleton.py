@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from fantoccini.arrays import Array, Times, frozen
+from fantoccini.arrays import Array, Indices, Times, frozen
 from fantoccini.errors import StateError, UnknownNameError
 
 _UNITS = {"cm": 0.01, "m": 1.0, "inches": 0.0254, "mm": 0.001, "CMU": 0.0254 / 0.45}
@@ -15,6 +16,14 @@ _PERSON = 1.7
 """Height of a person [m]."""
 _JUMP, _NEXT = 10.0, 20
 """How much farther joints jump after a pose for calibration than in any of the next frames."""
+_BONE = 0.2
+"""Largest change of a bone's length, relative to the skeleton's longest bone."""
+_TALL = 0.7
+"""Smallest extent along the vertical of a rest pose that shows it, relative to the largest."""
+_MIRRORED = 0.02
+"""Largest mean distance of a symmetric skeleton from its reflection, relative to its extent."""
+_STANDS = 0.9
+"""Smallest extent along the vertical of a standing skeleton, relative to its rest pose."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +59,31 @@ class Skeleton:
                 placed[i] = placed[parent] + self.offsets[i]
         return placed
 
+    def up(self, joints: Indices) -> int | None:
+        """The vertical axis of the rest pose: 1 for y, 2 for z; None where it does not show one.
+
+        It is the one axis of the two along which the joints extend about as far as along any. In
+        a T-pose that looks along x these are both; then it is not the axis along which the
+        skeleton is symmetric.
+
+        Args:
+            joints: indices of those that are parts of the body.
+        """
+        places = self.rest[joints]
+        extent = np.ptp(places, axis=0)
+        axes = [axis for axis in (1, 2) if extent[axis] > _TALL * extent.max()]
+        if len(axes) == 2:
+            axes = [axis for axis in axes if not _symmetric(places, axis)]
+        return axes[0] if len(axes) == 1 else None
+
+
+def _symmetric(places: Array, axis: int) -> bool:
+    """Whether places (n, 3) are their own reflection along an axis."""
+    mirrored = places.copy()
+    mirrored[:, axis] = places[:, axis].min() + places[:, axis].max() - places[:, axis]
+    apart = np.linalg.norm(places[:, None] - mirrored, axis=2).min(axis=1)
+    return float(apart.mean()) < _MIRRORED * float(np.ptp(places, axis=0).max())
+
 
 @dataclass(frozen=True, eq=False)
 class Capture:
@@ -83,19 +117,54 @@ class Capture:
         """[s]."""
         return float(self.t[-1] - self.t[0])
 
-    @property
-    def up(self) -> int:
-        """The axis along which the skeleton stands: 1 for y, 2 for z.
+    @cached_property
+    def body(self) -> Indices:
+        """Indices of the joints that bones join; all where bones join fewer than half of them.
 
-        That along which its joints are spread farthest, over all frames.
+        A bone has the length of its offset in all frames. The joint at the origin that some
+        programs put above the hips, and targets of inverse kinematics, have none.
         """
-        spread = np.ptp(self.positions, axis=1).mean(axis=0)
-        return int(np.argmax(spread))
+        parents, offsets = self.skeleton.parents, self.skeleton.offsets
+        length = np.linalg.norm(offsets, axis=1)
+        part = np.arange(len(parents))
+        for i, parent in enumerate(parents):
+            if parent < 0:
+                continue
+            away = np.linalg.norm(self.positions[:, i] - self.positions[:, parent], axis=1)
+            if np.max(np.abs(away - length[i])) <= _BONE * length.max():
+                part[i] = part[parent]
+        body = np.flatnonzero(part == np.bincount(part).argmax())
+        return body if 2 * len(body) > len(part) else np.arange(len(part))
+
+    @cached_property
+    def _extent(self) -> Array:
+        """(3,) extent of the body along each axis: the median over the frames."""
+        return np.asarray(np.median(np.ptp(self.positions[:, self.body], axis=1), axis=0))
+
+    @cached_property
+    def up(self) -> int:
+        """The vertical axis: 1 for y, 2 for z.
+
+        That of the rest pose, unless the skeleton stands along the other one in most frames, as in
+        files whose root is turned. Where the rest pose shows none, the axis along which the
+        body extends farther in most frames.
+        """
+        extent, rest = self._extent, self.skeleton.up(self.body)
+        if rest is None:
+            return int(1 + np.argmax(extent[1:]))
+        tall, other = _STANDS * np.ptp(self.skeleton.rest[self.body, rest]), 3 - rest
+        return other if extent[rest] < tall <= extent[other] else rest
 
     @property
     def height(self) -> float:
-        """How tall the skeleton stands, in the file's unit: the median over the frames."""
-        return float(np.median(np.ptp(self.positions[..., self.up], axis=1)))
+        """Height of the skeleton in its rest pose, in the file's unit.
+
+        Where the rest pose shows no vertical, the median over the frames.
+        """
+        axis = self.skeleton.up(self.body)
+        if axis is None:
+            return float(self._extent[self.up])
+        return float(np.ptp(self.skeleton.rest[self.body, axis]))
 
     @property
     def unit(self) -> tuple[str, float]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import typer
 
 from fantoccini.capture import load_bvh
@@ -12,11 +14,9 @@ from fantoccini.cli.requests import FollowRequest
 from fantoccini.cli.show import show_run
 from fantoccini.cli.terminal import Steps, say, table
 from fantoccini.perform import Recording
-from fantoccini.retarget import Followed, follow_clip, retarget_clip
-from fantoccini.retarget.following import ACCELERATION, SPEED
+from fantoccini.retarget import Followed, FollowStatus, follow_clip, retarget_clip
+from fantoccini.retarget.following import ACCELERATION, MAX_ERROR, SPEED
 
-_FAR = 0.15
-"""Share of the height by which hanging poses are off where that is told."""
 _STEP = 0.004
 """Time step of the recording that is saved [s]."""
 
@@ -24,7 +24,7 @@ _STEP = 0.004
 def follow_file(request: FollowRequest) -> None:
     """Follows a clip, prints a report and writes the outputs.
 
-    Exit code 1 where the run does not reach the clip's end.
+    Exit code 1 where the puppet does not follow the clip to its end.
     """
     out = request.out or []
     check_outputs(out, None)
@@ -54,15 +54,42 @@ def follow_file(request: FollowRequest) -> None:
         _report(followed)
     if request.show:
         show_run(puppet, followed.run, request.quiet)
-    far = max(one.reach for one in followed.report) / found.figure.height
-    if far > _FAR:
-        say(
-            f"fantoccini: the puppet cannot hang as the clip shows: {100 * far:.0f} % of its "
+    for remark in _remarks(followed):
+        say(f"fantoccini: {remark}")
+    if followed.status is FollowStatus.STOPPED:
+        say(f"fantoccini: {followed.status.message}: {followed.run.status}")
+    if not followed:
+        raise typer.Exit(FAILED)
+
+
+def _remarks(followed: Followed) -> Iterator[str]:
+    """Sentences on what the report's figures mean."""
+    for remark in followed.retargeted.remarks:
+        yield f"{remark} (--up)"
+    if followed.hanging_far > MAX_ERROR:
+        yield (
+            f"the puppet cannot hang as the clip shows: {100 * followed.hanging_far:.0f} % of its "
             "height off; try --travel 0, or another puppet"
         )
-    if not followed:
-        say(f"fantoccini: {followed.status.message}: {followed.run.status}")
-        raise typer.Exit(FAILED)
+    elif followed.status is FollowStatus.ASTRAY:
+        worst = max(followed.report, key=lambda part: part.run)
+        yield (
+            f"the puppet does not follow: its {worst.name} are {1e3 * worst.run:.0f} mm off (root "
+            f"mean square), {100 * followed.far:.0f} % of its height, where hanging poses are "
+            f"{1e3 * worst.reach:.0f} mm off; try slower hands (--speed, --acceleration), a slower "
+            "clip, or another puppet"
+        )
+    if followed.share < 1.0:
+        yield (
+            "the puppet went astray within the bounds of speed and acceleration; the hands use "
+            f"{100 * followed.share:.0f} % of them"
+        )
+    if followed.crossings:
+        first = followed.crossings[0]
+        yield (
+            f"strings pass through one another {len(followed.crossings)} times, which threads "
+            f"cannot: first {first}"
+        )
 
 
 def _recording(followed: Followed) -> Recording:

@@ -5,6 +5,8 @@ mass from where the play has it, and the shift s of all its hands, both horizont
 
     e'' = -w^2 (e - s) - 2 D w e',   s'' = -k (e, e', s, s'),   w^2 = g/height,
 
+with g the vertical part of the stage's own gravity,
+
 k: the gains of the linear-quadratic regulator of the integral of e^2 + (e'/w)^2, and of weights
 times s^2 + (s'/w)^2 and (s''/w^2)^2.
 """
@@ -50,6 +52,10 @@ _LOWEST = 0.05
 class Steady:
     """Shifts the hands of players against their swing.
 
+    Attributes:
+        frequencies: (n_players,) natural frequencies w of the pendulums [rad/s]; 0 for players
+            that are not steadied.
+
     Args:
         play: its own run says how players swing.
         performance: whose hands are shifted.
@@ -63,10 +69,14 @@ class Steady:
         at = run.resample(self._clock)
         self._usual = self._members.middles(at.q_D, at.q_K)[..., :2]
         tick = performance.tick
-        heights = self._heights(performance)
-        self._gains = np.array([_gains(height, tick) for height in heights])
+        model = play.marionette.model
+        gravity = -model.number(model.tree.gravity[2])
+        self.frequencies = np.array([
+            natural_frequency(height, gravity) for height in self._heights(performance)
+        ])
+        self._gains = np.array([_gains(w, tick) for w in self.frequencies])
         self._most = _WEIGHTS.share * play.cast.file.stage.acceleration
-        n = len(heights)
+        n = len(self.frequencies)
         self._s, self._rate = np.zeros((n, 2)), np.zeros((n, 2))
         self._before: Array | None = None
         self._t = 0.0
@@ -152,12 +162,21 @@ class Members:
         return np.einsum("pa,pan->n", shifts, self._channels)
 
 
-def _gains(height: float, tick: float) -> Array:
-    """(4,) gains of (e, e', s, s') for a player's height below its hands; 0 without hands."""
-    if height < _LOWEST:
+def natural_frequency(height: float, gravity: float) -> float:
+    """w = sqrt(g/height) [rad/s]; 0 without a pendulum: hands too low, or nothing pulls down.
+
+    Args:
+        height: of the hands above the centre of mass [m].
+        gravity: downward acceleration g [m/s^2].
+    """
+    return float(np.sqrt(gravity / height)) if height >= _LOWEST and gravity > 0.0 else 0.0
+
+
+def _gains(w: float, tick: float) -> Array:
+    """(4,) gains of (e, e', s, s') for a pendulum's natural frequency [rad/s]; 0 for 0."""
+    if w == 0.0:
         return np.zeros(4)
-    w2 = 9.81 / height
-    w = np.sqrt(w2)
+    w2 = w * w
     A = np.zeros((5, 5))
     A[0, 1] = A[2, 3] = A[3, 4] = 1.0
     A[1, :3] = -w2, -2.0 * _WEIGHTS.damping * w, w2

@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +20,8 @@ from scipy.ndimage import gaussian_filter1d
 
 from fantoccini.arrays import Array, Times, check_positive
 from fantoccini.capture import Capture
+from fantoccini.clearance import StringsApart
+from fantoccini.clearance.winding import Crossing
 from fantoccini.errors import ARRIVED, Outcome, StateError
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State, Trajectory
@@ -44,6 +46,12 @@ _STILL = 8
 """Intervals after the clip's end in which the puppet comes to rest."""
 _EASE = 0.5
 """Time in which the clip's time begins to run, and comes to its end [s]."""
+MAX_ERROR = 0.15
+"""Largest error of a group of parts in a run that follows, relative to the puppet's height."""
+_SLOWER = 0.5, 0.25
+"""Shares of the bounds that are tried where a run goes astray."""
+_EVERY = 4
+"""Step between samples of a run between which crossings are searched."""
 _WIDTH = 0.035
 """Standard deviation of what smooths the hanging poses [s]."""
 GROUPS = {
@@ -64,7 +72,8 @@ _LINES = (
 class FollowStatus(Outcome):
     """How a puppet follows a clip."""
 
-    FOLLOWS = "the run reached the clip's end; its report tells how near"
+    FOLLOWS = "the run reached the clip's end, within 15 % of the puppet's height of the clip"
+    ASTRAY = "the run is farther from the clip than 15 % of the puppet's height"
     STOPPED = "the event-driven run stopped before the clip's end"
 
 
@@ -89,7 +98,7 @@ class PartError:
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """A puppet that follows a clip. True where its run arrived.
+    """A puppet that follows a clip. True where its run arrived and is near the clip.
 
     Attributes:
         retargeted: the clip, and the hanging poses nearest to it.
@@ -99,6 +108,8 @@ class Followed:
         interval: [s].
         t: (T,) times in the run of the clip's frames: its time begins and ends slowly [s].
         seconds: that it took to find.
+        share: factor of the bounds of speed and acceleration: less than 1 where the run went
+            astray with all of them.
     """
 
     retargeted: Retargeted
@@ -108,9 +119,30 @@ class Followed:
     interval: float
     t: Times
     seconds: float
+    share: float = 1.0
 
     def __bool__(self) -> bool:
         return self.status is FollowStatus.FOLLOWS
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the run reached the clip's end."""
+        return self.status is not FollowStatus.STOPPED
+
+    @property
+    def far(self) -> float:
+        """Largest error of a group of parts, root mean square, relative to the puppet's height."""
+        return max(part.run for part in self.report) / self.retargeted.figure.height
+
+    @property
+    def hanging_far(self) -> float:
+        """The same of the hanging poses nearest to the clip."""
+        return max(part.reach for part in self.report) / self.retargeted.figure.height
+
+    @cached_property
+    def crossings(self) -> tuple[Crossing, ...]:
+        """Passages of the puppet's strings through one another in the run."""
+        return crossings_in(self.retargeted.marionette, self.run)
 
     def __repr__(self) -> str:
         clip = self.retargeted.clip
@@ -183,15 +215,40 @@ def follow_clip(
         clip = retarget_clip(marionette, clip, mapping, start, travel)
     elif mapping is not None or start is not None or travel != 1.0:
         raise StateError("follow_clip: a retargeted clip has its mapping, start and travel already")
-    x0 = clip.start
+    names, best = marionette.coordinates.v_K, None
+    for share in (1.0, *_SLOWER):
+        bounds = [
+            {name: share * most for name, most in _every(bound, usual, names).items()}
+            for bound, usual in ((speed, SPEED), (acceleration, ACCELERATION))
+        ]
+        made = _followed(clip, bounds[0], bounds[1], progress)
+        made = replace(made, share=share, seconds=time.perf_counter() - began)
+        if best is None or (bool(made), made.arrived, -made.far) > (
+            bool(best), best.arrived, -best.far
+        ):  # fmt: skip
+            best = made
+        if best or best.hanging_far > MAX_ERROR:
+            break
+    assert best is not None
+    return best
+
+
+def _followed(
+    clip: Retargeted, speed: Mapping[str, float], acceleration: Mapping[str, float],
+    progress: Callable[[float], None] | None,
+) -> Followed:  # fmt: skip
+    """A clip followed within bounds of the driven coordinates, by name."""
+    marionette, x0 = clip.marionette, clip.start
     t = x0.t + eased(clip.t)
     tracks = tracks_along(clip.figure, t, *smoothed(clip))
     acc_K, arrived = lead_along(marionette, x0, t[-1], tracks, speed, acceleration, progress)
     # Run again from the inputs alone: what a stand does that is not watched.
     run = simulate(marionette, x0, driven(marionette, x0, acc_K), effort=False, throw=False)
-    arrived = arrived and run.status in ARRIVED
-    status = FollowStatus.FOLLOWS if arrived else FollowStatus.STOPPED
-    return Followed(clip, status, run, acc_K, INTERVAL, t, time.perf_counter() - began)
+    status = FollowStatus.FOLLOWS if arrived and run.status in ARRIVED else FollowStatus.STOPPED
+    made = Followed(clip, status, run, acc_K, INTERVAL, t, 0.0)
+    if made and made.far > MAX_ERROR:
+        return replace(made, status=FollowStatus.ASTRAY)
+    return made
 
 
 def lead_along(
@@ -267,6 +324,12 @@ def report_of(retargeted: Retargeted, errors: Mapping[str, Array]) -> tuple[Part
         above = (b - a) / retargeted.figure.height
         found.append(PartError(name, a, b, float(run.max()), above))
     return tuple(found)
+
+
+def crossings_in(marionette: Marionette, run: Trajectory) -> tuple[Crossing, ...]:
+    """Passages of strings through one another in a run."""
+    samples = (x[::_EVERY] for x in (run.q_D, run.q_K, run.t))
+    return StringsApart(marionette).over(*samples).crossings()
 
 
 def eased(t: Times, ease: float = _EASE) -> Times:

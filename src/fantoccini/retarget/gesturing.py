@@ -16,7 +16,6 @@ import numpy as np
 
 from fantoccini.arrays import Array, Times, check_positive
 from fantoccini.capture import Capture, load_bvh
-from fantoccini.clearance import StringsApart
 from fantoccini.clearance.winding import Crossing
 from fantoccini.errors import ARRIVED, StateError
 from fantoccini.gestures import Gesture
@@ -27,6 +26,7 @@ from fantoccini.retarget.following import (
     GROUPS,
     INTERVAL,
     PartError,
+    crossings_in,
     driven,
     eased,
     errors_of,
@@ -38,6 +38,7 @@ from fantoccini.retarget.following import (
 from fantoccini.retarget.mapping import MappingFile
 from fantoccini.retarget.placing import Placing
 from fantoccini.retarget.retargeting import (
+    LEANS,
     WEIGHTS,
     Placed,
     Retargeted,
@@ -51,10 +52,6 @@ BEGINS, OVER = "begins", "over"
 """Marks of the clip's first and last frame."""
 _RATE = 30.0
 """Frames a second from which on some are left out."""
-_LEANS = 1.8, 2.6
-"""By how much strings lean, of how they do where the puppet hangs; tried in this order."""
-_EVERY = 4
-"""So many samples of a run are one in which crossings are looked for."""
 _EASE = 0.5
 """Time in which the clip's time begins to run, and comes to its end [s]."""
 _LEAD, _SHARES = 0.5, (0.5, 0.25)
@@ -147,7 +144,7 @@ def clip_gesture(
     """
     check_positive(faster=faster, speed=speed, acceleration=acceleration)
     first: ClipGesture | None = None
-    for lean in _LEANS:
+    for lean in LEANS:
         made = _made(dataclasses.replace(placed, lean=lean), faster, lasts, speed, acceleration)
         if not made.crossings:
             return made
@@ -190,9 +187,8 @@ def _made(
         at = at * lasts / made.duration
         made = made.lasting(lasts)
     run = simulate(marionette, start, made.inputs(start), effort=False, throw=False)
-    strings = StringsApart(marionette).over(*(x[::_EVERY] for x in (run.q_D, run.q_K, run.t)))
     report = report_of(found, errors_of(found, run, at))
-    return ClipGesture(made, found, at, run, report, strings.crossings())
+    return ClipGesture(made, found, at, run, report, crossings_in(marionette, run))
 
 
 def _raised(placed: Placed, by: float) -> Placed:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -17,6 +17,8 @@ import numpy as np
 
 from fantoccini.arrays import Array, Times, check_not_negative
 from fantoccini.capture import Capture, load_bvh
+from fantoccini.clearance import StringsApart
+from fantoccini.clearance.winding import Crossing
 from fantoccini.errors import StateError
 from fantoccini.marionette import Marionette, link_index, refuse_contact
 from fantoccini.motion import State
@@ -39,6 +41,10 @@ _ITERATIONS = 10
 """Of the search for one pose; the next one goes on from there."""
 _FIRST = 100
 """Of the search for the first one."""
+LEANS = 1.8, 2.6
+"""Leans of the strings relative to those where the puppet hangs, tried where strings cross."""
+_LYING = 0.5
+"""Vertical component of the trunk's direction in most frames of somebody who lies or crawls."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +94,25 @@ class Retargeted:
             part: np.linalg.norm(self.hung[part] - self.places.parts[part], axis=1)
             for part in WEIGHTS
         }
+
+    @cached_property
+    def crossings(self) -> tuple[Crossing, ...]:
+        """Passages of the puppet's strings through one another, from pose to pose."""
+        strings = StringsApart(self.marionette).over(self.reach.q_D, self.reach.q_K, self.t)
+        return strings.crossings()
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Signs that the clip may be placed wrongly."""
+        trunk = self.places.frames["trunk"][:, 2, :3] @ self.figure.axes[:, 2]
+        upward = float(np.median(trunk))
+        if upward > _LYING:
+            return ()
+        return (
+            f"the trunk is {np.degrees(np.arccos(upward)):.0f} degrees off the vertical in half of "
+            "the frames; if nobody lies or crawls in the clip, say which of the file's axes is up: "
+            "`y` or `z`",
+        )
 
     @property
     def start(self) -> State:
@@ -158,6 +183,9 @@ def retarget_clip(
 ) -> Retargeted:
     """The hanging poses of a puppet that are nearest to captured motion, one a frame.
 
+    Strings run straight up; where they would pass through one another, they lean outwards as far
+    as helps.
+
     Args:
         marionette: the puppet, without contact.
         clip: the motion; a BVH file, or what :func:`load_bvh` read.
@@ -165,7 +193,8 @@ def retarget_clip(
             found by the joints' names when not given.
         start: where the puppet hangs, from which the first pose is looked for.
         travel: share of the way along the floor that is kept; 0 stays on the spot.
-        up: ``y`` or ``z``; the axis along which trunks point most when not given.
+        up: the file's vertical axis, ``y`` or ``z``; when not given that of the rest pose or, where
+            it shows none, the axis along which trunks point most.
         turning: share of the trunk's turning about the vertical that is kept; with 0 the puppet
             looks one way throughout.
 
@@ -173,14 +202,26 @@ def retarget_clip(
         FileError: files with mistakes, or joints that are not found.
         StateError: the puppet has not the bodies of a person, or has contact.
     """
-    if not isinstance(clip, Placed):
-        clip = place_clip(marionette, clip, mapping, start, travel, up, turning)
-    figure, start, placing = clip.figure, clip.start, clip.places
+    if isinstance(clip, Placed):
+        return _hung(clip)
+    placed = place_clip(marionette, clip, mapping, start, travel, up, turning)
+    best = _hung(placed)
+    for lean in LEANS:
+        if not best.crossings:
+            break
+        best = min(best, _hung(replace(placed, lean=lean)), key=lambda made: len(made.crossings))
+    return best
+
+
+def _hung(placed: Placed) -> Retargeted:
+    """The hanging poses nearest to a clip that is placed."""
+    figure, start, placing = placed.figure, placed.start, placed.places
+    marionette = figure.marionette
     targets: dict[What, Any] = {
         figure.points[part]: placing.parts[part] for part in WEIGHTS
     }
     weights: dict[What, float] = {figure.points[part]: w for part, w in WEIGHTS.items()}
-    above = straight_up(figure, placing.frames, start, clip.lean)
+    above = straight_up(figure, placing.frames, start, placed.lean)
     for coordinate, values in above.items():
         targets[coordinate] = values
         weights[coordinate] = _ABOVE
@@ -191,12 +232,14 @@ def retarget_clip(
         found = reach(marionette, targets, begun, iterations=_ITERATIONS, **options)
     except StateError:  # the first pose is on the edge of tipping over
         found = reach(marionette, targets, start, iterations=_ITERATIONS, **options)
-    t = clip.clip.t - clip.clip.t[0]
-    return Retargeted(marionette, figure, clip.clip, t, placing, found)
+    t = placed.clip.t - placed.clip.t[0]
+    return Retargeted(marionette, figure, placed.clip, t, placing, found)
 
 
 def _up(clip: Capture, joints: Mapping[str, int]) -> str:
-    """The axis along which trunks point most, over all frames: y or z."""
+    """Vertical axis: of the rest pose, or without one that along which trunks point most."""
+    if clip.skeleton.up(clip.body) is not None:
+        return "xyz"[clip.up]
     x = {part: clip.positions[:, i] for part, i in joints.items()}
     shoulders, hips = (x[f"{part}_left"] + x[f"{part}_right"] for part in ("shoulder", "hip"))
     trunk = np.mean(shoulders - hips, axis=0)
@@ -273,7 +316,7 @@ def straight_up(
         frames: part -> (T, 3, 4) orientation and origin of its body.
         start: the state.
         lean: by how much those of other parts than the head lean instead, of how they do in that
-            state.
+            state, turned as the trunk.
     """
     table, n = figure.marionette.coordinates, len(frames["trunk"])
     found = {table.q_K[q]: np.full(n, start.q_K[q]) for q, _ in table.scalars_K}
@@ -285,12 +328,22 @@ def straight_up(
         if lean and string.part != "head":
             hung = poses[link_index(figure.marionette.model, figure.bodies[string.part])]
             off = lean * (string.top - hung[:, :3] @ string.at - hung[:, 3]) * [1.0, 1.0, 0.0]
+            off = _heading(figure, frames["trunk"]) @ off
         for name, axis in string.ends.items():
             found[name] = found[name] + (tie + off - string.top) @ axis
         if string.length:
             up = np.maximum(string.top[2] - tie[:, 2], 0.01)
-            found[string.length] = np.hypot(up, np.linalg.norm(off))
+            found[string.length] = np.hypot(up, np.linalg.norm(off, axis=-1))
     return found
+
+
+def _heading(figure: Figure, trunk: Array) -> Array:
+    """(T, 3, 3) turns about z from where the puppet looks at the start to where its trunk looks."""
+    left = trunk[:, :, :3] @ figure.axes[:, 1]
+    angle = np.arctan2(-left[:, 0], left[:, 1]) - np.arctan2(figure.forward[1], figure.forward[0])
+    c, s, turn = np.cos(angle), np.sin(angle), np.tile(np.eye(3), (len(left), 1, 1))
+    turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1] = c, -s, s, c
+    return turn
 
 
 def _numbers(model: Any, at: Any) -> Array:
