@@ -247,8 +247,8 @@ def test_joints_go_by_name(tmp_path):
 def with_fixed_root(text: str, away: tuple[float, float, float]) -> str:
     """A clip with a joint at the origin above its hips, which walk at another place."""
     first, motion = text.split("MOTION")
-    first = first.replace("HIERARCHY\nROOT", "HIERARCHY\nROOT reference\n{\nOFFSET 0 0 0\nCHANNELS 3 "
-                          "Xrotation Yrotation Zrotation\nJOINT")  # fmt: skip
+    root = "ROOT reference\n{\nOFFSET 0 0 0\nCHANNELS 3 Xrotation Yrotation Zrotation\nJOINT"
+    first = first.replace("ROOT", root)
     frames, interval, *rows = motion.strip().splitlines()
     moved = []
     for row in rows:

@@ -198,10 +198,12 @@ def test_players_are_steadied_as_pendulums_in_the_gravity_of_their_own_files(pla
     """w^2 = g/height: on the moon they swing sqrt(9.81/1.62) times more slowly."""
     text = fan.puppets.path("marionette").read_text(encoding="utf-8")
     (tmp_path / "lunar.yaml").write_text("gravity: [0, 0, -1.62]\n" + text, encoding="utf-8")
-    lunar = PLAY.replace("{at: ", "{puppet: lunar.yaml, at: ").replace("{puppet: lunar.yaml, at: [", "{at: [")
-    (tmp_path / "play.yaml").write_text(lunar, encoding="utf-8")
-    moon, earth = (fan.Show(p).steady for p in (fan.load_play(tmp_path / "play.yaml"), play))
-    np.testing.assert_allclose(earth.frequencies / moon.frequencies, np.sqrt(9.81 / 1.62), rtol=1e-3)
+    cast = "{pierrot: {at: west}, columbine: {at: east}}"
+    lunar = "{pierrot: {puppet: lunar.yaml, at: west}, columbine: {puppet: lunar.yaml, at: east}}"
+    (tmp_path / "play.yaml").write_text(PLAY.replace(cast, lunar), encoding="utf-8")
+    moon = fan.Show(fan.load_play(tmp_path / "play.yaml")).steady.frequencies
+    ratio = np.sqrt(9.81 / 1.62)
+    np.testing.assert_allclose(fan.Show(play).steady.frequencies / moon, ratio, rtol=1e-3)
 
 
 def test_a_taken_player_stays_out_of_skips_and_all_hands_stop_and_go_on(stage):

@@ -1,0 +1,16 @@
+"""Entries of the cache: the answer that a test library returns, and a source never asked for."""
+
+from __future__ import annotations
+
+import ctypes
+from pathlib import Path
+
+from fantoccini import build
+
+
+def answer(entry: Path) -> int:
+    return ctypes.CDLL(str(entry / build.LIBRARY)).answer()
+
+
+def never() -> build.Source:
+    raise AssertionError("derived again although the library is there")
