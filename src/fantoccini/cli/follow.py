@@ -14,7 +14,7 @@ from fantoccini.cli.requests import FollowRequest
 from fantoccini.cli.show import show_run
 from fantoccini.cli.terminal import Steps, say, table
 from fantoccini.perform import Recording
-from fantoccini.retarget import Followed, FollowStatus, follow_clip, retarget_clip
+from fantoccini.retarget import Followed, FollowStatus, follow_clip, place_clip
 from fantoccini.retarget.following import ACCELERATION, MAX_ERROR, SPEED
 
 _STEP = 0.004
@@ -35,12 +35,11 @@ def follow_file(request: FollowRequest) -> None:
         steps.step(f"reading {request.clip}")
         clip = load_bvh(request.clip)
         puppet = marionette(request.file, steps.step)
-        steps.step("looking for hanging poses")
-        found = retarget_clip(
+        placed = place_clip(
             puppet, clip, request.mapping, travel=request.travel, up=request.up and request.up.value
         )
         followed = follow_clip(
-            puppet, found, speed=request.speed or SPEED,
+            puppet, placed, speed=request.speed or SPEED,
             acceleration=request.acceleration or ACCELERATION,
             progress=steps.bar("following", 1.0),
         )  # fmt: skip

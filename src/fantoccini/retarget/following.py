@@ -28,7 +28,15 @@ from fantoccini.motion import Input, State, Trajectory
 from fantoccini.optimal import MPC, Bounds, Smooth, Task, Track
 from fantoccini.retarget.figure import Figure
 from fantoccini.retarget.mapping import SIDES, MappingFile
-from fantoccini.retarget.retargeting import WEIGHTS, Retargeted, places_in, retarget_clip
+from fantoccini.retarget.retargeting import (
+    LEANS,
+    WEIGHTS,
+    Placed,
+    Retargeted,
+    place_clip,
+    places_in,
+    retarget_clip,
+)
 from fantoccini.simulation import simulate
 
 SPEED, ACCELERATION = 2.0, 30.0
@@ -185,7 +193,7 @@ class Followed:
 
 def follow_clip(
     marionette: Marionette,
-    clip: Capture | Retargeted | str | os.PathLike[str],
+    clip: Capture | Placed | Retargeted | str | os.PathLike[str],
     mapping: MappingFile | str | os.PathLike[str] | None = None,
     *,
     start: State | None = None,
@@ -196,9 +204,14 @@ def follow_clip(
 ) -> Followed:
     """The motion of the hands with which a puppet follows captured motion.
 
+    Strings run straight up; where they pass through one another, the clip is followed again with
+    strings that lean outwards, and the motion with the fewest passages is returned. Where the run
+    goes astray, smaller shares of the bounds are tried.
+
     Args:
         marionette: the puppet, without contact.
-        clip: a BVH file, what :func:`load_bvh` read, or what :func:`retarget_clip` found.
+        clip: a BVH file, what :func:`load_bvh` read, or the result of :func:`place_clip` or
+            :func:`retarget_clip`; the poses of the latter are followed as they are.
         mapping: see :func:`retarget_clip`, as for ``start`` and ``travel``.
         start: where the puppet hangs, from which the first pose is looked for.
         travel: share of the way along the floor that is kept.
@@ -211,18 +224,38 @@ def follow_clip(
         StateError: the puppet has not the bodies of a person, or has contact.
     """
     began = time.perf_counter()
-    if not isinstance(clip, Retargeted):
-        clip = retarget_clip(marionette, clip, mapping, start, travel)
-    elif mapping is not None or start is not None or travel != 1.0:
-        raise StateError("follow_clip: a retargeted clip has its mapping, start and travel already")
-    names, best = marionette.coordinates.v_K, None
+    if isinstance(clip, Retargeted):
+        if mapping is not None or start is not None or travel != 1.0:
+            raise StateError(
+                "follow_clip: a retargeted clip has its mapping, start and travel already"
+            )
+        best = _at_a_speed(clip, speed, acceleration, progress)
+    else:
+        if not isinstance(clip, Placed):
+            clip = place_clip(marionette, clip, mapping, start, travel)
+        best = _at_a_speed(retarget_clip(marionette, clip), speed, acceleration, progress)
+        for lean in LEANS:
+            if not best or not best.crossings:
+                break
+            hung = retarget_clip(marionette, replace(clip, lean=lean))
+            made = _at_a_speed(hung, speed, acceleration, progress)
+            if made and len(made.crossings) < len(best.crossings):
+                best = made
+    return replace(best, seconds=time.perf_counter() - began)
+
+
+def _at_a_speed(
+    clip: Retargeted, speed: float | Mapping[str, float], acceleration: float | Mapping[str, float],
+    progress: Callable[[float], None] | None,
+) -> Followed:  # fmt: skip
+    """The clip followed within all of the bounds, or within a share where it goes astray."""
+    names, best = clip.marionette.coordinates.v_K, None
     for share in (1.0, *_SLOWER):
         bounds = [
             {name: share * most for name, most in _every(bound, usual, names).items()}
             for bound, usual in ((speed, SPEED), (acceleration, ACCELERATION))
         ]
-        made = _followed(clip, bounds[0], bounds[1], progress)
-        made = replace(made, share=share, seconds=time.perf_counter() - began)
+        made = replace(_followed(clip, bounds[0], bounds[1], progress), share=share)
         if best is None or (bool(made), made.arrived, -made.far) > (
             bool(best), best.arrived, -best.far
         ):  # fmt: skip
@@ -375,8 +408,8 @@ def tracks_along(
 
 def _every(
     bound: float | Mapping[str, float], usual: float, names: tuple[str, ...]
-) -> float | dict[str, float]:
-    """A bound of all driven velocities: the usual one for those that are not named."""
+) -> dict[str, float]:
+    """Bounds of all driven velocities: the usual one for those that are not named."""
     if not isinstance(bound, Mapping):
-        return float(bound)
+        return dict.fromkeys(names, float(bound))
     return {**dict.fromkeys(names, usual), **bound}

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -17,8 +17,6 @@ import numpy as np
 
 from fantoccini.arrays import Array, Times, check_not_negative
 from fantoccini.capture import Capture, load_bvh
-from fantoccini.clearance import StringsApart
-from fantoccini.clearance.winding import Crossing
 from fantoccini.errors import StateError
 from fantoccini.marionette import Marionette, link_index, refuse_contact
 from fantoccini.motion import State
@@ -94,12 +92,6 @@ class Retargeted:
             part: np.linalg.norm(self.hung[part] - self.places.parts[part], axis=1)
             for part in WEIGHTS
         }
-
-    @cached_property
-    def crossings(self) -> tuple[Crossing, ...]:
-        """Passages of the puppet's strings through one another, from pose to pose."""
-        strings = StringsApart(self.marionette).over(self.reach.q_D, self.reach.q_K, self.t)
-        return strings.crossings()
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -183,9 +175,6 @@ def retarget_clip(
 ) -> Retargeted:
     """The hanging poses of a puppet that are nearest to captured motion, one a frame.
 
-    Strings run straight up; where they would pass through one another, they lean outwards as far
-    as helps.
-
     Args:
         marionette: the puppet, without contact.
         clip: the motion; a BVH file, or what :func:`load_bvh` read.
@@ -202,26 +191,14 @@ def retarget_clip(
         FileError: files with mistakes, or joints that are not found.
         StateError: the puppet has not the bodies of a person, or has contact.
     """
-    if isinstance(clip, Placed):
-        return _hung(clip)
-    placed = place_clip(marionette, clip, mapping, start, travel, up, turning)
-    best = _hung(placed)
-    for lean in LEANS:
-        if not best.crossings:
-            break
-        best = min(best, _hung(replace(placed, lean=lean)), key=lambda made: len(made.crossings))
-    return best
-
-
-def _hung(placed: Placed) -> Retargeted:
-    """The hanging poses nearest to a clip that is placed."""
-    figure, start, placing = placed.figure, placed.start, placed.places
-    marionette = figure.marionette
+    if not isinstance(clip, Placed):
+        clip = place_clip(marionette, clip, mapping, start, travel, up, turning)
+    figure, start, placing = clip.figure, clip.start, clip.places
     targets: dict[What, Any] = {
         figure.points[part]: placing.parts[part] for part in WEIGHTS
     }
     weights: dict[What, float] = {figure.points[part]: w for part, w in WEIGHTS.items()}
-    above = straight_up(figure, placing.frames, start, placed.lean)
+    above = straight_up(figure, placing.frames, start, clip.lean)
     for coordinate, values in above.items():
         targets[coordinate] = values
         weights[coordinate] = _ABOVE
@@ -232,8 +209,8 @@ def _hung(placed: Placed) -> Retargeted:
         found = reach(marionette, targets, begun, iterations=_ITERATIONS, **options)
     except StateError:  # the first pose is on the edge of tipping over
         found = reach(marionette, targets, start, iterations=_ITERATIONS, **options)
-    t = placed.clip.t - placed.clip.t[0]
-    return Retargeted(marionette, figure, placed.clip, t, placing, found)
+    t = clip.clip.t - clip.clip.t[0]
+    return Retargeted(marionette, figure, clip.clip, t, placing, found)
 
 
 def _up(clip: Capture, joints: Mapping[str, int]) -> str:
