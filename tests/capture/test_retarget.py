@@ -244,6 +244,43 @@ def test_a_run_that_breaks_off_is_told(marionette, tmp_path, monkeypatch):
     assert len(found.acc_K) in (20, 21) and found.run.t[-1] < 1.1
 
 
+def test_a_run_far_from_its_clip_does_not_follow(marionette, monkeypatch):
+    """Hands that hold still leave the puppet behind; smaller shares of the bounds are tried."""
+    bounds = []
+
+    def still(puppet, x0, until, tracks, speed, acceleration, progress):
+        bounds.append((speed["hand_left.x"], acceleration["head.length"]))
+        return np.zeros((int(np.ceil(until / 0.05)) + 1, puppet.coordinates.n_vK)), True
+
+    monkeypatch.setattr("fantoccini.retarget.following.lead_along", still)
+    hung = fan.retarget_clip(marionette, "walk_up")
+    lost = fan.follow_clip(marionette, hung, speed=1.0, acceleration={"head.length": 4.0})
+    assert lost.status is FollowStatus.ASTRAY and not lost
+    assert lost.far > 0.15 > lost.hanging_far
+    assert bounds == [(1.0, 4.0), (0.5, 2.0), (0.25, 1.0)]
+    ran = fantoccini("follow", "walk_up", "marionette", "--quiet")
+    assert ran.exit_code == 1
+    assert "the puppet does not follow: its" in ran.stderr and "slower hands" in ran.stderr
+
+
+@pytest.mark.slow
+def test_strings_that_pass_through_one_another_are_counted_and_avoided_where_leaning_helps(
+    marionette,
+):
+    upright = fan.follow_clip(marionette, fan.retarget_clip(marionette, "walk_up"))
+    followed = fan.follow_clip(marionette, "walk_up")
+    assert followed and len(followed.crossings) < len(upright.crossings)
+
+
+def test_a_clip_of_somebody_who_crawls_is_remarked_on(marionette):
+    """Nobody can tell a clip of somebody who lies from one that is laid on its side."""
+    stands = np.repeat(STANDS[None], 3, axis=0)
+    assert fan.retarget_clip(marionette, captured(stands)).remarks == ()
+    lies = fan.retarget_clip(marionette, captured(stands[..., [0, 2, 1]] * [1, 1, -1]), up="z")
+    (remark,) = lies.remarks
+    assert "the trunk is 90 degrees off the vertical" in remark
+
+
 def test_clips_that_show_no_person_are_refused(marionette):
     standing = np.repeat(STANDS[None], 3, axis=0)
     with pytest.raises(StateError, match="one frame; needed: at least two"):
