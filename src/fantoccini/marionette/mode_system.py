@@ -20,7 +20,8 @@ from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.kkt import DEPENDENT_ROWS
 
 CONTRADICTS = 1e-6
-"""Change of rows that depend on one another, relative to the largest, by which they contradict."""
+"""Change of rows that depend on one another, relative to the largest by the same quantity, by which
+they contradict."""
 SHIFT = 0.1
 """Force that is shared otherwise, relative to the largest, to see whether motions depend on it."""
 DEPENDS = 1e-6
@@ -49,7 +50,7 @@ def solve_in_modes(
         rate: (len(held), m) those of the rows.
         rows: points -> their rows, and (k, m) how these change at fixed acc_D.
         points: those that are held.
-        strict: whether rows that depend on one another must agree.
+        strict: as in :meth:`ModeSystem.solve`.
 
     Raises:
         StateError: friction jams, redundant rows do not agree, or the motion depends on how
@@ -119,14 +120,20 @@ class ModeSystem:
         self.idle = vt[np.sum(kept) :]
         """(redundant, k) forces that do nothing."""
 
+    @property
+    def held(self) -> Array:
+        """(n_vD, k) F^-T C^T."""
+        return self._C
+
     def solve(self, force: Array, rate: Array, strict: bool) -> tuple[Array, Array]:
         """x (n_vD, m) and y (k, m), the shortest where several are solutions.
 
         Args:
             force: (n_vD, m).
             rate: (k, m): of rows, then of contacts.
-            strict: whether rows that depend on one another must agree. Otherwise x is that of least
-                squares: off the states that keep redundant points closed they need not.
+            strict: of the changes by q_D, v_D and the rest, whether rows that depend on one another
+                must agree by all but q_D. Otherwise x is that of least squares: off the
+                configurations that keep redundant points closed they need not.
 
         Raises:
             StateError: they do not.
@@ -135,8 +142,9 @@ class ModeSystem:
         right = self._C.T @ free + rate
         y = self._v @ ((self._u.T @ right) / self._s[:, None])
         w = free - self._inverse @ self._B @ y
-        left = np.max(np.abs(self._C.T @ w + rate), initial=0.0)
-        if strict and left > CONTRADICTS * max(1.0, np.max(np.abs(rate), initial=0.0)):
+        left = np.max(np.abs(self._C.T @ w + rate), axis=0, initial=0.0)[len(w) :]
+        size = np.max(np.abs(rate), axis=0, initial=1.0)[len(w) :]
+        if strict and np.any(left > CONTRADICTS * size):
             raise StateError(
                 f"{self._names} touch at more points than can go on together near by, so that the "
                 "motion has no derivative"

@@ -54,7 +54,9 @@ class StepLinearisation:
 
         z_next = A z + B dacc_K + B_u du_D + B_p dp
 
-    where acc_K and u_D are constant over the step, as a stepper's are.
+    where acc_K and u_D are constant over the step, as a stepper's are. Of small changes dq, those
+    count that keep the points of contact closed; by others, as where one of two flat soles tilts, A
+    is that of least squares.
 
     Attributes:
         x, x_next: the states before and after it.

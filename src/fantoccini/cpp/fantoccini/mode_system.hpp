@@ -19,7 +19,8 @@ namespace fan {
 struct ModeSystemTolerances {
   // Singular value of C M^-1 B^T, and of C M^-1 C^T, relative to the largest, below which rows depend.
   static constexpr double dependent = 1e-9;
-  // Change of rows that depend on one another, relative to the largest, by which they contradict.
+  // Change of rows that depend on one another, relative to the largest by the same quantity, by which
+  // they contradict.
   static constexpr double contradicts = 1e-6;
 };
 
@@ -55,21 +56,20 @@ class ModeSystem {
   bool idle(double* forces) const { return inverse_.null_vector(forces); }
 
   // From -w (n,), with w = F^-T force, and the rows' `rate` (n_rows,) to the multipliers y and
-  // w <- F x. Raises `most` to the largest change of rows by which they contradict one another.
+  // w <- F x. `left` is the largest change of rows by which they contradict one another: x then is that
+  // of least squares.
   template <class Real>
-  void solve(Real* w, const Real* rate, Real* y, double* most) const {
+  void solve(Real* w, const Real* rate, Real* y, Real* left) const {
     Real right[room(capacity)];
     soften(w);
     for (int a = 0; a < n_rows; ++a) right[a] = rate[a] + along(C[a], w);
     inverse_.apply(right, y);
     for (int a = 0; a < n_rows; ++a)
       for (int k = 0; k < n; ++k) w[k] -= soft_B_[a][k] * y[a];
+    *left = Real(0.0);
     if (inverse_.rank == n_rows) return;
     using std::abs;
-    Real left = Real(0.0);
-    for (int a = 0; a < n_rows; ++a) left = maximum(Real(abs(rate[a] + along(C[a], w))), left);
-    for (int l = 0; l < Traits<Real>::width; ++l)
-      if (lane_of(left, l) > *most) *most = lane_of(left, l);
+    for (int a = 0; a < n_rows; ++a) *left = maximum(Real(abs(rate[a] + along(C[a], w))), *left);
   }
 
   // The transposed of solve(), of a sum with derivatives g by x and -y by the multipliers, on entry

@@ -115,24 +115,27 @@ class ModesOfStep {
   }
 
   // dt dacc and, unless null, the changes `pull` of the tensions. Returns whether rows that depend on
-  // one another agree.
+  // one another agree; where a configuration off those that keep them closed has them disagree, its
+  // derivative is that of least squares.
   bool solve(const Eval& eval, const Wide* force, Wide* found, Wide* pull) {
-    Wide sizes = Wide(1.0);
-    double left = 0.0, size = 1.0;
+    bool agree = true;
     for (int b = 0; b < columns_->n_bundles; ++b) {
       if (!Columns::acts(b)) continue;
       const Wide* rate = rate_ + b * R;
-      Wide x[room(N)], w[room(N)], y[room(R)];
-      for (int a = 0; a < system_.n_rows; ++a) sizes = maximum(fabs(rate[a]), sizes);
+      Wide x[room(N)], w[room(N)], y[room(R)], size = Wide(1.0), left;
+      for (int a = 0; a < system_.n_rows; ++a) size = maximum(fabs(rate[a]), size);
       for (int k = 0; k < N; ++k) x[k] = -force[b * N + k];
       Model::forth_of(eval.L, x, w);
       system_.solve(w, rate, y, &left);
       Model::back_of(eval.L, w, x);
       for (int k = 0; k < N; ++k) found[b * N + k] = dt_ * x[k];
       for (int a = 0; pull && a < n_held_; ++a) pull[b * M + a] = y[a];
+      for (int l = 0; l < columns_->count[b]; ++l)
+        if (columns_->begin[b] + l >= N)  // not by q_D
+          agree = agree &&
+                  lane_of(left, l) <= ModeSystemTolerances::contradicts * lane_of(size, l);
     }
-    for (int l = 0; l < Columns::width; ++l) size = maximum(lane_of(sizes, l), size);
-    return left <= ModeSystemTolerances::contradicts * size;
+    return agree;
   }
 
   // Whether the motion depends on how redundant points share their force: shares that do nothing,

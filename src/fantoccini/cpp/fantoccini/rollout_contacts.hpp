@@ -60,8 +60,7 @@ class RolloutContacts {
       double own[3][room(N)], forces[3][room(N)], drag[room(N)];
       int held;
       const bool turns = partials_.hold(point_[i], &held, own, forces, drag);
-      const double per_gap = fmax(point_[i].closes, 1.0) / dt_;
-      for (int k = 0; k < N; ++k) largest_ = fmax(per_gap * fabs(own[0][k]), largest_);
+      for (int k = 0; k < N; ++k) largest_ = fmax(fabs(own[0][k]) / dt_, largest_);
       for (int d = 0; d < held; ++d, ++n) {
         Call<Model, double>::forth(eval.L, own[d], system_.C[n]);
         Call<Model, double>::forth(eval.L, forces[d], system_.B[n]);
@@ -81,7 +80,7 @@ class RolloutContacts {
     return false;
   }
 
-  // Size of the largest change of a row over dt, which is that by a gap.
+  // Size of the largest change of a row over dt, by a velocity.
   double largest() const { return largest_; }
 
   // Adds what the points give to a sum's derivatives by q_D, q_K, v_D, rate and p (n_columns,), from z

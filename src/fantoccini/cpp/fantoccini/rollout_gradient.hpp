@@ -293,8 +293,9 @@ class RolloutGradient {
       // Where all that ties the rows is rows of sticking points, strings and forces have no part in it.
       if (!contacts_.slides() && contacts_.ties_points_alone(y)) contacts_.pull_back(z, y, by);
       else list_products(in, k, z, y, by);
+      // Off the configurations that keep the rows closed they need not agree: by q_D both lists begin.
       double left = 0.0;
-      for (int j = 0; j < n_by; ++j) left = fmax(fabs(by[j]), left);
+      for (int j = N; j < n_by; ++j) left = fmax(fabs(by[j]), left);
       if (left > ModeSystemTolerances::contradicts * fmax(contacts_.largest(), 1.0)) {
         in.pairs[k] = contacts_.pair_of(y);
         return CONTRADICTS;
