@@ -93,17 +93,6 @@ bodies:
   shapes: [{type: capsule, from: [-0.1, 0, 0], to: [0.1, 0, 0], radius: 0.04, mass: 1}]
 """
 
-TIED = """
-puppet: tied
-floor: 0
-contact: {friction: 0.4}
-bodies:
-- {name: body, joint: {type: free}, shapes: [{type: box, size: [0.2, 0.2, 0.1], mass: 1}]}
-strings:
-- {name: rod, wire: true, path: [{body: body}, {driven: [x], at: [0.5, 0, 0.05]}], length: 0.5}
-pose: {body.z: 0.05}
-"""
-
 STOOL = """
 puppet: stool
 floor: 0

@@ -10,7 +10,7 @@ import trimesh
 
 import fantoccini as fan
 from contact.bodies import thrown
-from contact.files import ACROBAT, BALL, BALLS, BOX, CAPSULE, EGG, LOGS, STACK, TIED
+from contact.files import ACROBAT, BALL, BALLS, BOX, CAPSULE, EGG, LOGS, STACK
 from oracles.differences import apart, difference, moved, worst
 
 DT = 0.002
@@ -259,19 +259,6 @@ def test_the_bundled_marionette_stands_on_one_foot():
     lin = check_step(puppet, x, ["stick"] * 4, bound=2e-7, steps=Steps(q=3e-8, v=2e-7, a=1e-3))
     assert {point.name for point in lin.contacts} == {"shin_left|floor"}
     assert "head" in lin.rows
-
-
-def test_an_input_that_what_sticks_cannot_follow_has_no_derivative():
-    """A rod from a hand to a box that sticks: where the hand goes the box lifts, slips or tips."""
-    box = fan.loads(TIED)
-    x = box.state()
-    assert [point.mode for point in box.linearise(x).contacts] == ["stick"] * 4
-    with pytest.raises(fan.StateError, match="touch at more points than can go on together"):
-        box.linearise_step(x)
-    many = box.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K)
-    assert not many.sharp[0] and not many.settled[0]
-    assert many.n_contacts[0] == 4
-    assert many.edges_of(0) == ("solids touch at more points than can go on together near by",)
 
 
 def test_edges_are_named(ball, box, balls):

@@ -227,7 +227,7 @@ class FrozenModes:
         hddot = at.gamma[held] + at.W[:, held].T @ at.w0
         rate = np.concatenate([hddot, rows.accelerations()])[:, None]
         none = np.zeros((len(free), 1))
-        acc, y = ModeSystem(at, held, rows).solve(none, rate, strict=False)
+        acc, y = ModeSystem(at, held, rows).solve(none, rate)
         tension, forces, first = y[: len(held), 0], [], len(held)
         for point in points:
             k = len(point.directions)
@@ -264,4 +264,4 @@ class FrozenModes:
             made = ContactRows(screws, those, 0.0)
             return made, made.acceleration_by()
 
-        return solve_in_modes(at, held, force, rate, rows, points, strict=False)
+        return solve_in_modes(at, held, force, rate, rows, points)

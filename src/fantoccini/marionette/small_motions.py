@@ -90,7 +90,7 @@ class SmallMotions:
         rank = int(np.sum(size > DEPENDENT_ROWS * np.max(size, initial=0.0)))
         N = at.back(u[:, rank:].T).T
         C_K = np.concatenate([by["A_K"][held], by_inputs])
-        Y, _ = system.solve(np.zeros((n, k)), C_K, strict=False)
+        Y, _ = system.solve(np.zeros((n, k)), C_K)
         return cls(
             held, N, interpreted(model, "mass_matrix", x).M, N.T @ r_q @ N, N.T @ r_v @ N,
             (-N.T @ (r_q @ Y + r_qK), -N.T @ (r_v @ Y + r_vK), -N.T @ by["M_DK"]),

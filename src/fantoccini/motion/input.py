@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from fantoccini.arrays import Array, ConfigK, MaskRows, Times, VecD, VecK, floats, frozen
 from fantoccini.errors import InputError, Mistake
@@ -195,10 +194,7 @@ class Input:
                 join C^1.
         """
         table = reading.table_of(table)
-        t, q, v, acc = (
-            _floats(name, x)
-            for name, x in (("t", t), ("q_K", q_K), ("v_K", v_K), ("acc_K", acc_K))
-        )
+        t, q, v, acc = (floats(x) for x in (t, q_K, v_K, acc_K))
         if t.ndim != 1 or len(t) < 2:
             _fail("t", f"has the shape {t.shape}; it must be two times or more")
         n = len(t) - 1
@@ -444,13 +440,6 @@ class Input:
         if self.force is not None:
             return self.force
         return np.zeros((len(self.coef), self.coordinates.n_vD, polynomial.N_COEF))
-
-
-def _floats(field: str, values: ArrayLike) -> Array:
-    try:
-        return floats(values)
-    except (TypeError, ValueError) as error:
-        raise InputError([Mistake("inputs", None, field, str(error))]) from None
 
 
 def _fail(field: str, message: str) -> None:

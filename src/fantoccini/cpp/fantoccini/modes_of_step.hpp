@@ -65,14 +65,14 @@ class ModesOfStep {
     }
     assemble(eval, force);
     const bool jams = !system_.factorise();
-    const bool agrees = solve(eval, force, found_, pull);
+    solve(eval, force, found_, pull);
     if (jams) return JAMS;
     bool slides = false;
     for (int i = 0; i < n_; ++i) slides = slides || !point_[i].sticks;
     double idle[room(R)];
     const bool shares = slides && system_.idle(idle);
     if (shares && depends(eval, force, idle)) return OPEN_SHARES;
-    return agrees ? 0 : CONTRADICTS;
+    return 0;
   }
 
   // dt dacc, in bundles.
@@ -114,28 +114,19 @@ class ModesOfStep {
     return columns_->n - P + (c - 2 * E);
   }
 
-  // dt dacc and, unless null, the changes `pull` of the tensions. Returns whether rows that depend on
-  // one another agree; where a configuration off those that keep them closed has them disagree, its
-  // derivative is that of least squares.
-  bool solve(const Eval& eval, const Wide* force, Wide* found, Wide* pull) {
-    bool agree = true;
+  // dt dacc and, unless null, the changes `pull` of the tensions.
+  void solve(const Eval& eval, const Wide* force, Wide* found, Wide* pull) {
     for (int b = 0; b < columns_->n_bundles; ++b) {
       if (!Columns::acts(b)) continue;
       const Wide* rate = rate_ + b * R;
-      Wide x[room(N)], w[room(N)], y[room(R)], size = Wide(1.0), left;
-      for (int a = 0; a < system_.n_rows; ++a) size = maximum(fabs(rate[a]), size);
+      Wide x[room(N)], w[room(N)], y[room(R)];
       for (int k = 0; k < N; ++k) x[k] = -force[b * N + k];
       Model::forth_of(eval.L, x, w);
-      system_.solve(w, rate, y, &left);
+      system_.solve(w, rate, y);
       Model::back_of(eval.L, w, x);
       for (int k = 0; k < N; ++k) found[b * N + k] = dt_ * x[k];
       for (int a = 0; pull && a < n_held_; ++a) pull[b * M + a] = y[a];
-      for (int l = 0; l < columns_->count[b]; ++l)
-        if (columns_->begin[b] + l >= N)  // not by q_D
-          agree = agree &&
-                  lane_of(left, l) <= ModeSystemTolerances::contradicts * lane_of(size, l);
     }
-    return agree;
   }
 
   // Whether the motion depends on how redundant points share their force: shares that do nothing,
