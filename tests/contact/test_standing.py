@@ -76,16 +76,6 @@ def test_a_stem_on_a_flat_foot_swings_as_a_pendulum_upside_down():
     assert {point.mode for point in modes.contacts} == {"stick"} and modes.rows == ()
 
 
-def test_modes_where_a_point_touches_without_force_are_refused():
-    text = LAMP.replace("mass: 2}", "mass: 0.5}").replace("length: 1.6", "length: 1.4901")
-    lamp = fan.loads(text)
-    x = lamp.rest()
-    lift = lamp.linearise(x)
-    assert not lift.sharp
-    with pytest.raises(fan.StateError, match="touches without force"):
-        lamp.modes(x)
-
-
 def test_at_rest_on_the_floor_what_pulls_is_taut(promenade):
     """The head's string and both knees' limits pull; contact carries the rest."""
     x = promenade.rest()
@@ -156,7 +146,7 @@ def test_a_step_flat_on_both_feet_has_the_derivative_of_all_it_can_do(stool):
 
 def test_continuous_and_discrete_time_agree_on_a_puppet_that_stands(promenade):
     """A dt + 1 is the step's A, to its order, along motions that the soles allow."""
-    x, n, dt = promenade.rest(), promenade.coordinates.n_vD, 1e-5
+    x, n, dt = promenade.rest(), promenade.coordinates.n_vD, 1e-4
     flow, step = promenade.linearise(x), promenade.linearise_step(x, dt=dt)
     assert step.sharp and step.rows == flow.rows
     values, modes = scipy.linalg.eig(flow.A[: 2 * n, : 2 * n])
@@ -212,9 +202,11 @@ def test_rollouts_of_a_puppet_on_both_feet_have_gradients(stool):
 
 
 def test_rollouts_of_the_standing_marionette_have_gradients(promenade):
+    """The shoulders' strings stay: wound in, they would lift what the soles hold."""
     t, rng = promenade.coordinates, np.random.default_rng(2)
+    others = np.array(["shoulder" not in name for name in t.v_K])
     changes = {
         "v_D": 1e-7 * rng.normal(size=t.n_vD), "u_D": 1e-5 * rng.normal(size=(12, t.n_vD)),
-        "acc_K": 1e-4 * rng.normal(size=(12, t.n_vK)),
+        "acc_K": 1e-4 * others * rng.normal(size=(12, t.n_vK)),
     }  # fmt: skip
     gradient_of_last(promenade, promenade.rest(), 12, changes)
