@@ -49,24 +49,41 @@ Quaternion = NDArray[np.float64]
 def check_positive(**values: object) -> None:
     """Raises ValueError unless all are finite numbers greater than 0."""
     for name, value in values.items():
-        if not (_is_number(value) and 0.0 < value < np.inf):
+        if not (is_number(value) and 0.0 < value < np.inf):
             raise ValueError(f"{name} is {value!r}; it must be a finite number greater than 0")
 
 
 def check_not_negative(**values: object) -> None:
     """Raises ValueError unless all are finite numbers of at least 0."""
     for name, value in values.items():
-        if not (_is_number(value) and 0.0 <= value < np.inf):
+        if not (is_number(value) and 0.0 <= value < np.inf):
             raise ValueError(f"{name} is {value!r}; it must be a finite number of at least 0")
 
 
-def _is_number(value: object) -> TypeGuard[float]:
+def is_number(value: object) -> TypeGuard[float]:
+    """Whether a value is a real number: neither a flag nor text."""
     number = isinstance(value, (int, float, np.integer, np.floating))
     return number and not isinstance(value, bool)
 
 
+def floats(values: ArrayLike) -> Array:
+    """The values as floats.
+
+    Raises:
+        TypeError: complex numbers, of which a conversion would keep the real part alone, or text.
+        ValueError: rows of different lengths.
+    """
+    given = np.asarray(values)
+    if given.dtype.kind == "c":
+        raise TypeError("found complex numbers; it takes real ones: x.real, if that is meant")
+    if given.dtype.kind in "SU":
+        raise TypeError(f"found text, {given.flat[0] if given.size else ''!r}; it takes numbers")
+    return given.astype(np.float64, copy=False)
+
+
 def frozen(values: ArrayLike, dtype: DTypeLike = np.float64) -> NDArray[Any]:
-    """A read-only, C-contiguous copy of the values."""
-    copy = np.array(values, dtype=dtype, order="C", copy=True)
+    """A read-only, C-contiguous copy of the values; complex numbers and text are a TypeError."""
+    given = floats(values) if dtype in (float, np.float64) else values
+    copy = np.array(given, dtype=dtype, order="C", copy=True)
     copy.setflags(write=False)
     return copy

@@ -141,6 +141,19 @@ def test_what_is_hardly_meant_is_warned_of_with_its_place(dog, old, new, said):
     assert result.stdout.startswith(f"dog.yaml: no mistakes, {many}; ")
 
 
+def test_a_puppet_that_hangs_from_nothing_is_warned_of(dog, tmp_path):
+    """Its control bar is not driven: `rest` would let it fall for ever."""
+    text = fan.puppets.path("marionette_bar").read_text()
+    given, free = "joint: {type: free, driven: true}", "joint: {type: free}"
+    line = text[: text.index(given)].count("\n") + 1
+    file = tmp_path / "bar.yaml"
+    file.write_text(text.replace(given, free))
+    result = fantoccini("check", file)
+    (warned,) = result.stderr.splitlines()
+    assert warned.startswith(f"{file}:{line}: bodies[") and "warning: nothing holds bar" in warned
+    assert result.exit_code == 0 and "no mistakes, 1 warning" in result.stdout
+
+
 def test_a_mesh_without_its_scale_is_warned_of(tmp_path):
     """17.11: 129 tonnes."""
     import trimesh

@@ -10,7 +10,7 @@ import trimesh
 
 import fantoccini as fan
 from contact.bodies import thrown
-from contact.files import ACROBAT, BALL, BALLS, BOX, CAPSULE, EGG, LOGS, STACK, STOOL
+from contact.files import ACROBAT, BALL, BALLS, BOX, CAPSULE, EGG, LOGS, STACK
 from oracles.differences import apart, difference, moved, worst
 
 DT = 0.002
@@ -259,21 +259,6 @@ def test_the_bundled_marionette_stands_on_one_foot():
     lin = check_step(puppet, x, ["stick"] * 4, bound=2e-7, steps=Steps(q=3e-8, v=2e-7, a=1e-3))
     assert {point.name for point in lin.contacts} == {"shin_left|floor"}
     assert "head" in lin.rows
-
-
-def test_flat_on_both_feet_a_step_has_no_derivative():
-    """Two soles that stick hold both hips: a leg that tilts lifts a corner or lets one slip."""
-    stool = fan.loads(STOOL)
-    x = stool.state()
-    lin = stool.linearise(x)
-    assert [point.mode for point in lin.contacts] == ["stick"] * 8
-    assert np.max(np.abs(lin.acc_D)) < 1e-10
-    with pytest.raises(fan.StateError, match="touch at more points than can go on together"):
-        stool.linearise_step(x)
-    many = stool.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K)
-    assert not many.sharp[0] and not many.settled[0]
-    assert many.n_contacts[0] == 8
-    assert many.edges_of(0) == ("solids touch at more points than can go on together near by",)
 
 
 def test_edges_are_named(ball, box, balls):

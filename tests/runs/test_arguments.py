@@ -105,6 +105,49 @@ def refused(arm, x0):
     yield lambda: fan.simulate(arm, x0, t_end=0.1).resample(0.05), "times must be a list"
     yield lambda: fan.simulate(arm, x0, t_end=0.1).at([0.05]), "it must be one time"
     yield lambda: fan.simulate(arm, x0, t_end=0.1).tension[0], "no string is called 0"
+    end = "it must be a finite time later than the start"
+    for t_end in ("1", True, np.nan, 1j, [1.0]):
+        yield lambda t=t_end: fan.simulate(arm, x0, t_end=t), end
+        yield lambda t=t_end: fan.simulate_batch(arm, [x0], t_end=t), end
+        yield lambda t=t_end: fan.sensitivity(arm, x0, t_end=t), end
+        yield lambda t=t_end: arm.stepper(x0).run(t, lambda x: {}, 20), end
+    yield lambda: fan.simulate(arm, x0, t_end=1.0, save_at=["0.5"]), "found text"
+
+
+def complex_or_text(arm, x0):
+    """What takes numbers, given complex ones and text."""
+    yield lambda q: x0.replace(q_D=q(x0.q_D))
+    yield lambda q: x0.replace(v_K=q(x0.v_K))
+    yield lambda q: x0.replace(t=q(np.array(0.5))[()])
+    yield lambda q: fan.State(0.0, q(x0.q_D), x0.v_D, x0.q_K, x0.v_K, x0.taut)
+    yield lambda q: arm.state({"hand.length": q(np.array([0.8]))[0]})
+    yield lambda q: arm.forward_dynamics(x0, q(np.zeros(2)))
+    yield lambda q: arm.linearise(x0, u_D=q(np.zeros(2)))
+    yield lambda q: arm.linearise_steps(q(x0.q_D), x0.v_D, x0.q_K, x0.v_K)
+    yield lambda q: arm.rollout(x0, q(np.zeros((3, 2))))
+    yield lambda q: arm.stepper(x0).advance(0.1, q(np.zeros(2)))
+    yield lambda q: arm.stepper_batch(x0, 2).advance(0.1, q(np.zeros(2)))
+    yield lambda q: arm.with_winches(q(np.array([[12.0, 0.5, 0.0]])))
+    yield lambda q: fan.simulate(arm, x0, t_end=1.0, save_at=q(np.array([0.5])))
+    yield lambda q: fan.Input.segments(
+        arm, np.array([0.0, 1.0]), x0.q_K, x0.v_K, q(np.zeros((1, 2)))
+    )
+    yield lambda q: fan.Input.samples(
+        arm, np.array([0.0, 1.0]), {"hand.length": q(np.array([0.8, 0.7]))}
+    )
+    yield lambda q: fan.Input.waypoints(
+        arm, {"hand.length": [(0.0, 0.8), (1.0, q(np.array([0.7]))[0])]}
+    )
+
+
+@pytest.mark.parametrize("kind", [complex, np.complex64, str])
+@pytest.mark.filterwarnings("error")
+def test_complex_numbers_and_text_are_refused_not_cut(arm, kind):
+    """Of complex numbers only the real part counted; text of a number counted as one."""
+    x0 = arm.rest({"hand.length": 0.8})
+    for call in complex_or_text(arm, x0):
+        with pytest.raises((ValueError, TypeError, fan.FantocciniError), match=r"found|must be"):
+            call(lambda a: a.astype(kind))
 
 
 def test_what_is_refused_says_what_is_needed(arm):
@@ -128,6 +171,22 @@ def test_a_stepper_under_feedback_keeps_its_states_where_it_stops(arm):
     assert not stepper.arrived and len(states) > 2 and states[-1].t == stepper.state.t < 5.0
     with pytest.raises(fan.SimulationError):
         arm.stepper(x0).run(5.0, lambda x: {"hand.length": -1.0}, 20)
+
+
+def test_a_law_that_forgets_return_is_refused(arm):
+    """It ran open loop."""
+    x0 = arm.rest({"hand.length": 0.8})
+    stepper = arm.stepper(x0)
+
+    def law(x):
+        if x.t > 0.12:
+            {"hand.length": 0.1}  # noqa: B018  # a forgotten return
+        else:
+            return {"hand.length": 0.1}
+
+    with pytest.raises(TypeError, match=r"the law returned None at t = 0.15 s; it must return"):
+        stepper.run(1.0, law, 20)
+    assert stepper.state.t == pytest.approx(0.15)
 
 
 def test_every_error_is_public():

@@ -117,8 +117,34 @@ def test_what_has_no_gradient_says_why():
     with pytest.raises(fan.StateError, match="u_D has 2 rows"):
         arm.rollout(x, acc, np.zeros((2, 2)))
     acc[1] = -1e7
-    run = arm.rollout(x, acc)
-    assert run.status is fan.Status.LENGTH_NOT_POSITIVE
-    assert run.steps < 3
+    run = arm.rollout(x, acc, throw=False)
     with pytest.raises(fan.StateError, match="was stopped"):
         run.gradient()
+
+
+def test_a_rollout_that_stopped_raises_or_is_cut_at_the_stop():
+    """Its rest was finite zeros."""
+    arm = fan.puppets.arm2d()
+    x, acc = arm.rest().replace(t=1.0), np.zeros((5, arm.coordinates.n_vK))
+    acc[2:] = -1e7
+    with pytest.raises(fan.SimulationError, match=r"at step 2 of 5, t = 1.004 s") as stopped:
+        arm.rollout(x, acc)
+    assert stopped.value.status is fan.Status.LENGTH_NOT_POSITIVE
+    run = arm.rollout(x, acc, throw=False)
+    assert run.status is fan.Status.LENGTH_NOT_POSITIVE and run.steps == 2
+    whole = arm.rollout(x, acc[:2])
+    for name in ("q_D", "v_D", "q_K", "v_K", "tension", "held", "n_contacts", "edges"):
+        assert np.array_equal(getattr(run, name), getattr(whole, name)), name
+    assert len(run.q_D) == 3 and len(run.tension) == len(run.sharp) == 2
+
+
+def test_accelerations_of_a_rollout_have_a_row_for_each_step():
+    """One row of n_vK numbers was one step, whatever was meant."""
+    arm = fan.puppets.arm2d()
+    x, n = arm.rest(), arm.coordinates.n_vK
+    for shape in ((n,), (2, 3, n)):
+        with pytest.raises(fan.StateError, match="a row for each step"):
+            arm.rollout(x, np.zeros(shape))
+    with pytest.raises(fan.StateError, match="p has the shape"):
+        arm.rollout(x, np.zeros((1, n)), p=np.tile(arm.p, (2, 1)))
+    assert arm.rollout(x, np.zeros((2, n))).steps == 2

@@ -5,6 +5,7 @@ import pytest
 from scipy.optimize import nnls
 
 import fantoccini as fan
+from fantoccini.marionette.support import falling
 from fantoccini.motion import tangent
 
 
@@ -72,6 +73,46 @@ bodies:
 """
     with pytest.raises(fan.StateError, match="no equilibrium"):
         fan.loads(text).rest()
+
+
+def test_a_bar_that_nobody_holds_is_seen_in_the_file():
+    """It was let fall for 72 s before there was "no equilibrium"."""
+    text = fan.puppets.path("marionette_bar").read_text()
+    free = fan.loads(text.replace("joint: {type: free, driven: true}", "joint: {type: free}"))
+    with pytest.raises(fan.StateError, match=r"nothing holds bar, torso, .* make bar driven"):
+        free.rest()
+    assert "library" not in vars(free.model.compiled)  # nothing is compiled for it
+
+
+HELD = {
+    "{type: revolute, axis: [0, 1, 0]}": True,
+    "{type: prismatic, axis: [1, 0, 0]}": True,
+    "{type: prismatic, axis: [0, 0, 1]}": False,
+    "{type: prismatic, axis: [0, 0, 1], limits: {upper: 1}}": False,
+    "{type: prismatic, axis: [0, 0, 1], limits: {lower: -1}}": True,
+    "{type: prismatic, axis: [0, 0, -1], limits: {lower: -1}}": False,
+    "{type: prismatic, axis: [0, 0, 1], spring: {stiffness: 5}}": True,
+    "{type: translation, axes: [x, y]}": True,
+    "{type: translation, axes: [x, z]}": False,
+    "{type: translation, axes: [x, z], orientation: {rpy: [90 deg, 0, 0]}}": True,
+    "{type: free}": False,
+    "{type: free, driven: true}": True,
+    "{type: fixed}": True,
+}
+
+
+@pytest.mark.parametrize(("joint", "held"), HELD.items())
+def test_what_holds_a_body_is_its_joint_or_what_it_is_tied_to(joint, held):
+    text = (
+        f"{{puppet: p, bodies: [{{name: bar, joint: {joint}, mass: 1, inertia: [1, 1, 1]}}, "
+        "{name: bob, joint: {type: translation, axes: [x, y, z]}, mass: 1}], "
+        "strings: [{name: s, path: [{body: bob}, {body: bar}], length: 1}]MORE}"
+    )
+    puppet = fan.loads(text.replace("MORE", ""))
+    assert (falling(puppet.model) == ()) is held
+    tied = "{name: k, between: [{body: bob}, {world: [0, 0, 2]}], stiffness: 9, rest: 1}"
+    assert falling(fan.loads(text.replace("MORE", f", springs: [{tied}]")).model) == ()
+    assert falling(fan.loads(text.replace("MORE", ", gravity: [0, 0, 0]")).model) == ()
 
 
 def test_lengths_that_do_not_fit_are_named():

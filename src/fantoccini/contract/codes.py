@@ -92,9 +92,8 @@ class StepEdge(Code):
     ASKEW = 16, "a point touches without force, and slides askew of those that push"
     LEAVES_LAW = 32, "bodies are wedged in, or restitution is scaled down to add no energy"
     JAMS = 64, "friction jams: no forces keep the modes"
-    CONTRADICTS = 128, "solids touch at more points than can go on together near by"
-    OPEN_SHARES = 256, "solids slide on more points than the law can share force among"
-    CROWDED = 512, "more points push than there is room for"
+    OPEN_SHARES = 128, "solids slide on more points than the law can share force among"
+    CROWDED = 256, "more points push than there is room for"
 
 
 CODES: tuple[type[Code] | type[Status], ...] = (

@@ -10,7 +10,7 @@ import numpy as np
 from fantoccini.arrays import Array, ConfigD, ConfigK, Times, VecD, VecK
 from fantoccini.errors import Status
 from fantoccini.exchange.mujoco_puppet import MuJoCoPuppet
-from fantoccini.marionette import Marionette, bind_input, check_start
+from fantoccini.marionette import Marionette, bind_input, check_start, checked_end
 from fantoccini.motion import Columns, Input, State, Trajectory
 from fantoccini.motion.channel import SAME_TIME
 from fantoccini.motion.trajectory import LEDGER
@@ -58,6 +58,7 @@ def mujoco_run(
         StateError: ``x0`` breaks a string or limit.
     """
     check_start(marionette.model, x0, "timestepping")
+    t_end = checked_end(t_end, x0.t)
     puppet = MuJoCoPuppet(marionette, dt, text)
     data = puppet.data
     t = _steps(x0.t, t_end, inputs.breaks, dt)

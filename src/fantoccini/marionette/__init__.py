@@ -12,10 +12,12 @@ from fantoccini.marionette.checks import (
     check_starts,
     check_step,
     check_steps,
+    checked_end,
     count_samples,
     refuse_contact,
 )
 from fantoccini.marionette.contact_rows import ContactMode, HeldPoint
+from fantoccini.marionette.contact_state import motion_at
 from fantoccini.marionette.critical_step import critical_step_of_tensions
 from fantoccini.marionette.dynamics import ForwardDynamics
 from fantoccini.marionette.evaluation import Evaluation
@@ -91,6 +93,7 @@ __all__ = [
     "check_starts",
     "check_step",
     "check_steps",
+    "checked_end",
     "contradiction",
     "coriolis_full",
     "count_samples",
@@ -103,6 +106,7 @@ __all__ = [
     "load",
     "loads",
     "may_be_redundant",
+    "motion_at",
     "parameter_rows",
     "refuse_contact",
     "warnings",

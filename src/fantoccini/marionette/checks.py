@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, is_number
 from fantoccini.errors import InputError, Mistake, StateError
 from fantoccini.marionette.active_set import TOLERANCES
 from fantoccini.marionette.critical_step import critical_step
@@ -18,6 +18,19 @@ _STATES_AT_ONCE = 4096
 """States evaluated together, which bounds the memory."""
 _MAX_LISTED = 20
 """Mistakes of one kind that a message lists."""
+
+
+def checked_end(t_end: object, t: float) -> float:
+    """The end of a run that starts at t [s].
+
+    Raises:
+        ValueError: it is no finite time later than the start.
+    """
+    if not is_number(t_end) or not t < t_end < np.inf:
+        raise ValueError(
+            f"t_end is {t_end!r}; it must be a finite time later than the start at {t:g} s"
+        )
+    return float(t_end)
 
 
 def check_step(model: Model, method: str, q_D: Array, q_K: Array, dt: float) -> None:

@@ -9,9 +9,11 @@ import numpy as np
 
 from fantoccini.arrays import Array, Indices
 from fantoccini.errors import StateError, Status
+from fantoccini.marionette.active_set import taut_mask
 from fantoccini.marionette.checks import check_start
 from fantoccini.marionette.contact_geometry import PairGeometry
 from fantoccini.marionette.contact_rows import ContactMode, ContactRows, HeldPoint, PointMode
+from fantoccini.marionette.dynamics import forward_dynamics
 from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.kkt import KKTSystem
 from fantoccini.marionette.mode_system import ModeSystem, solve_in_modes
@@ -26,8 +28,9 @@ from fantoccini.marionette.step_contacts import (
     still_speed,
 )
 from fantoccini.marionette.stepper import held_input
+from fantoccini.marionette.touching import TOUCHING
 from fantoccini.motion import ContactPoints, State, pair_name
-from fantoccini.runtime import Run
+from fantoccini.runtime import Piece, Run
 
 JUMP = 1e-6
 """Change of velocities at the start of a run, relative to 1 or the largest: an impact."""
@@ -56,6 +59,51 @@ def resting(model: Model, x: State, acc_K: Array, u_D: Array) -> Resting:
     Raises:
         StateError: solids strike one another there, or no event-driven run begins there.
     """
+    sample, piece = _begun(model, x, acc_K, u_D)
+    assert model.contacts is not None
+    found = ContactPoints.of_rows(piece.contacts, model.contacts.names).at(len(piece.samples) - 1)
+    screws = Screws(model, x, sample["acc_D"], acc_K)
+    contacts = _contacts(model, screws, x, found)
+    return Resting(sample["acc_D"], sample["tension"], contacts)
+
+
+def motion_at(model: Model, x: State) -> Resting:
+    """Accelerations, tensions and contacts at a state with its inputs at rest.
+
+    Raises:
+        StateError: see :func:`resting` and :func:`forward_dynamics`.
+    """
+    if touches(model, x):
+        table = model.coordinates
+        return resting(model, x, np.zeros(table.n_vK), np.zeros(table.n_vD))
+    return Resting(*forward_dynamics(model, x), Contacts((), ()))
+
+
+def touches(model: Model, x: State) -> bool:
+    """Whether solids touch at a state."""
+    return bool(model.overlaps(x.q_D, x.q_K, -TOUCHING))
+
+
+def with_active_set(model: Model, x: State) -> State:
+    """The state with its taut rows found, as the solids that touch there let them pull.
+
+    Where a motion begins with an impact, or none does, the rows that it marks stay.
+    """
+    if not touches(model, x):
+        tension = forward_dynamics(model, x).tension
+    else:
+        table = model.coordinates
+        try:
+            tension = _begun(model, x, np.zeros(table.n_vK), np.zeros(table.n_vD))[0]["tension"]
+        except StateError:
+            return x.replace(taut=taut_mask(model, x) | model.two_sided)
+    return x.replace(taut=(tension > 0.0) | model.two_sided)
+
+
+def _begun(
+    model: Model, x: State, acc_K: Array, u_D: Array
+) -> tuple[dict[str, Array], Piece]:
+    """The first sample of an event-driven run, and what else it writes there."""
     check_start(model, x)
     options = model.run_options()
     inputs = held_input(model, x, options.dt, acc_K, u_D)
@@ -70,11 +118,7 @@ def resting(model: Model, x: State, acc_K: Array, u_D: Array) -> Resting:
             "solids or strings strike at this state: it lies between two motions, and has no "
             "derivative"
         )
-    assert model.contacts is not None
-    found = ContactPoints.of_rows(piece.contacts, model.contacts.names).at(len(piece.samples) - 1)
-    screws = Screws(model, x, sample["acc_D"], acc_K)
-    contacts = _contacts(model, screws, x, found)
-    return Resting(sample["acc_D"], sample["tension"], contacts)
+    return sample, piece
 
 
 def _contacts(model: Model, screws: Screws, x: State, found: ContactPoints) -> Contacts:
@@ -183,7 +227,7 @@ class FrozenModes:
         hddot = at.gamma[held] + at.W[:, held].T @ at.w0
         rate = np.concatenate([hddot, rows.accelerations()])[:, None]
         none = np.zeros((len(free), 1))
-        acc, y = ModeSystem(at, held, rows).solve(none, rate, strict=False)
+        acc, y = ModeSystem(at, held, rows).solve(none, rate)
         tension, forces, first = y[: len(held), 0], [], len(held)
         for point in points:
             k = len(point.directions)
@@ -220,4 +264,4 @@ class FrozenModes:
             made = ContactRows(screws, those, 0.0)
             return made, made.acceleration_by()
 
-        return solve_in_modes(at, held, force, rate, rows, points, strict=False)
+        return solve_in_modes(at, held, force, rate, rows, points)

@@ -53,8 +53,3 @@ def forward_dynamics(
         )
     tension[rows] = found.x
     return ForwardDynamics(at.back(w0 - at.W[:, rows] @ found.x), tension)
-
-
-def with_active_set(model: Model, x: State) -> State:
-    """The state with its taut rows found."""
-    return x.replace(taut=(forward_dynamics(model, x).tension > 0.0) | model.two_sided)

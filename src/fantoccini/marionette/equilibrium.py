@@ -13,11 +13,14 @@ from fantoccini.marionette import descent, relaxation
 from fantoccini.marionette.active_set import TOLERANCES
 from fantoccini.marionette.analysis import energies
 from fantoccini.marionette.checks import check_apart
-from fantoccini.marionette.dynamics import forward_dynamics, with_active_set
+from fantoccini.marionette.contact_state import with_active_set
+from fantoccini.marionette.dynamics import forward_dynamics
 from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.model import Model
 from fantoccini.marionette.projection import onto_rows, overstepped, positioned
 from fantoccini.marionette.settling import settled
+from fantoccini.marionette.small_motions import poised
+from fantoccini.marionette.support import falling, falls
 from fantoccini.motion import State
 
 
@@ -48,6 +51,10 @@ def rest(model: Model, x: State) -> State:
         StateError: there is no equilibrium below, or it was not found, or a winch would slip in it,
             with the reason for each search.
     """
+    if groups := falling(model):
+        raise StateError(
+            "there is no equilibrium: " + "; ".join(falls(model, group) for group in groups)
+        )
     rewinds = model.winches[: len(x.slip), WINCH_AT["rewind_speed"]] > 0
     still = x.replace(
         v_D=np.zeros_like(x.v_D),
@@ -81,7 +88,7 @@ def _descended(model: Model, start: State) -> State:
 
 def _settled(model: Model, start: State) -> State:
     try:
-        return settled(model, start)
+        return poised(model, settled(model, start))
     except StateError:
         check_apart(model, model.states([start]))  # the likelier reason
         raise

@@ -23,11 +23,10 @@ import numpy as np
 from fantoccini.arrays import Array, Indices
 from fantoccini.errors import UnknownNameError
 from fantoccini.marionette.contact_rows import HeldPoint, PointMode
-from fantoccini.marionette.contact_state import FrozenModes, resting
+from fantoccini.marionette.contact_state import FrozenModes, resting, touches
 from fantoccini.marionette.dynamics import forward_dynamics
 from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.model import Model
-from fantoccini.marionette.touching import TOUCHING
 from fantoccini.marionette.vectors import vector
 from fantoccini.motion import State
 from fantoccini.puppet import Parameter
@@ -166,7 +165,7 @@ def linearise(
     at = Evaluation.of(model, x, acc_K, u_D)
     points, edges = tuple(contacts or ()), tuple[str, ...]()
     tension = np.zeros(model.tree.n_rows)
-    near = contacts is None and bool(model.overlaps(x.q_D, x.q_K, -TOUCHING))
+    near = contacts is None and touches(model, x)
     if near or (points and rows is None):
         found = resting(model, x, acc_K, u_D)
         acc_D, tension = found.acc_D, found.tension

@@ -325,6 +325,7 @@ class Marionette(Quantities):
         p: Array | None = None,
         dt: float = 0.002,
         extrapolate: bool = True,
+        throw: bool = True,
     ) -> Rollout:
         """n time steps from a state, with gradients of their cost by :meth:`Rollout.gradient`.
 
@@ -333,16 +334,21 @@ class Marionette(Quantities):
 
         Args:
             x0: the start, without slip.
-            acc_K: (n, n_vK) driven accelerations.
+            acc_K: (n, n_vK) driven accelerations, a row for each step.
             u_D: (n, n_vD) or (n_vD,) user forces; 0 when not given.
             p: (n_p,) parameters; the marionette's own when not given.
             dt: length of the steps [s].
             extrapolate: as in :class:`TimeStepping`.
+            throw: raise when the steps cannot go on; otherwise the rollout ends there, with its
+                status.
 
         Raises:
             StateError: an array has another shape, or winches have slipped at the start.
+            SimulationError: the rollout stopped.
         """
-        return rollout(self.model, x0, acc_K, u_D, p=p, dt=dt, extrapolate=extrapolate)
+        return rollout(
+            self.model, x0, acc_K, u_D, p=p, dt=dt, extrapolate=extrapolate, throw=throw
+        )
 
     def modes(self, x: State) -> Modes:
         """Vibration modes about a state of rest, and which inputs excite each.

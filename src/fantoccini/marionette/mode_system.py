@@ -19,8 +19,6 @@ from fantoccini.marionette.contact_rows import ContactMode, ContactRows, HeldPoi
 from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.kkt import DEPENDENT_ROWS
 
-CONTRADICTS = 1e-6
-"""Change of rows that depend on one another, relative to the largest, by which they contradict."""
 SHIFT = 0.1
 """Force that is shared otherwise, relative to the largest, to see whether motions depend on it."""
 DEPENDS = 1e-6
@@ -38,7 +36,6 @@ def solve_in_modes(
     rate: Array,
     rows: Rows,
     points: Sequence[HeldPoint],
-    strict: bool,
 ) -> tuple[Array, Array, Array]:
     """Changes of acc_D (n_vD, m), of tensions (len(held), m) and of forces (3 points, m).
 
@@ -49,20 +46,18 @@ def solve_in_modes(
         rate: (len(held), m) those of the rows.
         rows: points -> their rows, and (k, m) how these change at fixed acc_D.
         points: those that are held.
-        strict: whether rows that depend on one another must agree.
 
     Raises:
-        StateError: friction jams, redundant rows do not agree, or the motion depends on how
-            redundant points share their force.
+        StateError: friction jams, or the motion depends on how redundant points share their force.
     """
     own, change = rows(points)
     system = ModeSystem(at, held, own)
-    acc, y = system.solve(force + own.force_by(), np.concatenate([rate, change]), strict)
+    acc, y = system.solve(force + own.force_by(), np.concatenate([rate, change]))
     if len(system.idle) and any(point.mode is ContactMode.SLIDE for point in points):
         shifted = _shared_otherwise(points, system.idle[:, len(held) :])
         other, change = rows(shifted)
         again = ModeSystem(at, held, other)
-        found, _ = again.solve(force + other.force_by(), np.concatenate([rate, change]), strict)
+        found, _ = again.solve(force + other.force_by(), np.concatenate([rate, change]))
         size = np.max(np.abs(acc), axis=0)
         most = DEPENDS * np.maximum(size, ROUNDING * np.max(size, initial=0.0))
         if np.any(np.max(np.abs(found - acc), axis=0) > most):
@@ -119,28 +114,25 @@ class ModeSystem:
         self.idle = vt[np.sum(kept) :]
         """(redundant, k) forces that do nothing."""
 
-    def solve(self, force: Array, rate: Array, strict: bool) -> tuple[Array, Array]:
+    @property
+    def held(self) -> Array:
+        """(n_vD, k) F^-T C^T."""
+        return self._C
+
+    def solve(self, force: Array, rate: Array) -> tuple[Array, Array]:
         """x (n_vD, m) and y (k, m), the shortest where several are solutions.
+
+        Off the states that keep redundant points closed rows that depend on one another need not
+        agree: x then is that of least squares.
 
         Args:
             force: (n_vD, m).
             rate: (k, m): of rows, then of contacts.
-            strict: whether rows that depend on one another must agree. Otherwise x is that of least
-                squares: off the states that keep redundant points closed they need not.
-
-        Raises:
-            StateError: they do not.
         """
         free = -self._inverse @ self._at.forth(force.T).T
         right = self._C.T @ free + rate
         y = self._v @ ((self._u.T @ right) / self._s[:, None])
         w = free - self._inverse @ self._B @ y
-        left = np.max(np.abs(self._C.T @ w + rate), initial=0.0)
-        if strict and left > CONTRADICTS * max(1.0, np.max(np.abs(rate), initial=0.0)):
-            raise StateError(
-                f"{self._names} touch at more points than can go on together near by, so that the "
-                "motion has no derivative"
-            )
         return self._at.back(w.T).T, y
 
 

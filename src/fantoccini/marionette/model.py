@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from fantoccini import tree as trees
-from fantoccini.arrays import Array, Indices, MaskRows
+from fantoccini.arrays import Array, Indices, MaskRows, floats
 from fantoccini.contract import LEAST_LENGTH, TENSION_CAP, WINCH_AT, WINCH_DECELERATION
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette.compiled import Compiled
@@ -110,7 +110,7 @@ class Model:
 
     def with_winches(self, winches: Array) -> Model:
         """The same puppet on other winches; see :meth:`Marionette.with_winches`."""
-        table = np.array(winches, dtype=float)
+        table = floats(winches)
         if table.shape != self.winches.shape:
             raise StateError(
                 f"winches have the shape {table.shape}; it must be {self.winches.shape}: largest "

@@ -1,15 +1,8 @@
-"""Vibration modes of a hanging puppet, and which inputs excite them.
+"""Vibration modes of a puppet at rest, hanging or standing, and which inputs excite them.
 
-Near rest every small motion on the taut strings is dq_D = N eta + Y dq_K, with A_D N = 0,
-N^T M N = 1 and Y the motion that follows the inputs:
-
-    etaddot + D etadot + K eta = -N^T (r_q Y + r_qK) dq_K - N^T (r_v Y + r_vK) dv_K
-                                 - N^T M_DK dacc_K
-    D = N^T r_v N,   K = N^T r_q N,   Y = -M^-1 A_D^T (A_D M^-1 A_D^T)^-1 A_K
-
-r_q is the derivative of gravity, springs and A_D^T tension, so it includes the stiffness from
-tension. A mode is eta = phi exp(s t) with (s^2 + s D + K) phi = 0. The torques that drives compute
-have no potential; K and D are not symmetric then, and forces act through psi with
+With the small motions of :mod:`.small_motions`, etaddot + D etadot + K eta = F, a mode is
+eta = phi exp(s t) with (s^2 + s D + K) phi = 0. The torques that drives compute have no potential;
+K and D are not symmetric then, nor where solids roll, and forces act through psi with
 psi^T (s^2 + s D + K) = 0.
 """
 
@@ -21,12 +14,10 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError
-from fantoccini.marionette.analysis import interpreted
-from fantoccini.marionette.dynamics import forward_dynamics
-from fantoccini.marionette.evaluation import Evaluation
-from fantoccini.marionette.kkt import DEPENDENT_ROWS, KKTSystem
-from fantoccini.marionette.linearisation import derivatives_at
+from fantoccini.marionette.contact_rows import HeldPoint
+from fantoccini.marionette.contact_state import motion_at
 from fantoccini.marionette.model import Model
+from fantoccini.marionette.small_motions import SmallMotions
 from fantoccini.motion import State
 
 
@@ -34,7 +25,6 @@ from fantoccini.motion import State
 class Tolerances:
     """Decisions about modes. s are eigenvalues [1/s]."""
 
-    min_tension: float = 1e-9  # Tension of a taut row, relative to the puppet's weight
     max_rest_motion: float = 1e-6
     """Largest speed and acceleration of a puppet at rest [rad or m per s or s^2]."""
     zero: float = 1e-6
@@ -98,12 +88,14 @@ class Modes:
     Attributes:
         x: the state of rest.
         rows: names of the taut strings and limits.
+        contacts: the points that carry; they stick, or slide where there is no friction.
         modes: all of them. An oscillation stands for two eigenvalues, s and its conjugate; so does
             a coordinate with neither stiffness nor damping.
     """
 
     x: State
     rows: tuple[str, ...]
+    contacts: tuple[HeldPoint, ...]
     modes: tuple[Mode, ...]
 
     def __len__(self) -> int:
@@ -144,47 +136,36 @@ def _listed(values: dict[str, float], shown: str) -> str:
 
 def modes(model: Model, x: State) -> Modes:
     """The modes of a puppet at rest; see :meth:`Marionette.modes`."""
-    acc_D, tension = forward_dynamics(model, x)
-    largest = np.max(np.abs(np.concatenate([acc_D, x.v_D, x.v_K])), initial=0.0)
+    motion = motion_at(model, x)
+    largest = np.max(np.abs(np.concatenate([motion.acc_D, x.v_D, x.v_K])), initial=0.0)
     if not largest <= TOLERANCES.max_rest_motion:
         raise StateError(
             f"the puppet does not rest there: a velocity or acceleration is {largest:.3g}; modes "
             "are those of a state that marionette.rest(...) gives"
         )
-    held = np.flatnonzero(
-        model.two_sided | (tension > TOLERANCES.min_tension * model.weight)
-    )
-    at = Evaluation.of(model, x)
-    found = derivatives_at(model, x, np.zeros_like(acc_D), np.zeros_like(x.v_K), tension)
-    u, size, _ = np.linalg.svd(at.W[:, held], full_matrices=True)
-    rank = int(np.sum(size > DEPENDENT_ROWS * np.max(size, initial=0.0)))
-    N = at.back(u[:, rank:].T).T
-    still = np.zeros((len(acc_D), len(x.v_K)))
-    Y, _ = KKTSystem(at, held).solve(still, found["A_K"][held])
-    K, D = (N.T @ found[name] @ N for name in ("r_q", "r_v"))
-    forcing = (
-        -N.T @ (found["r_q"] @ Y + found["r_qK"]),
-        -N.T @ (found["r_v"] @ Y + found["r_vK"]),
-        -N.T @ found["M_DK"],
-    )
+    if motion.contacts.edges:
+        raise StateError(
+            f"small motions there are not linear: {'; '.join(motion.contacts.edges)}"
+        )
+    small = SmallMotions.of(model, x, motion)
+    N, K, D = small.N, small.K, small.D
     symmetric = all(
         np.linalg.norm(m - m.T) <= TOLERANCES.asymmetry * np.linalg.norm(m) for m in (K, D)
     )
     if symmetric:
         K, D = 0.5 * (K + K.T), 0.5 * (D + D.T)
-    reduced = _Reduced(K, D, forcing, symmetric)
+    reduced = _Reduced(K, D, small.forcing, symmetric)
     groups = reduced.groups()
     all_gains = [reduced.gains(s, phi, N) for s, phi in groups]
     of_swings = (gains for (s, _), gains in zip(groups, all_gains, strict=True) if s)
     largest_gain = max((np.max(gains, initial=0.0) for gains in of_swings), default=0.0)
-    M = interpreted(model, "mass_matrix", x).M
     made = [
-        _mode(model, s, shape, M, gain, largest_gain)
+        _mode(model, s, shape, small.M, gain, largest_gain)
         for (s, phi), gains in zip(groups, all_gains, strict=True)
         for shape, gain in zip((N @ phi).T, gains, strict=True)
     ]
-    names = tuple(model.tree.row_names[i] for i in held)
-    return Modes(x, names, tuple(made))
+    names = tuple(model.tree.row_names[i] for i in small.held)
+    return Modes(x, names, motion.contacts.points, tuple(made))
 
 
 def _mode(

@@ -16,6 +16,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.marionette.initial_state import put_commands
 from fantoccini.marionette.model import Model
+from fantoccini.marionette.support import falling, falls
 from fantoccini.motion import Input
 from fantoccini.puppet import Body, Cone, Parameter, String
 from fantoccini.puppet.located import Finding
@@ -63,7 +64,9 @@ def warnings(model: Model, data: Any = None) -> list[Finding]:
     """
     size = measure(model.tree, model.number)
     checks = _Checks(model, size, data)
-    return [*checks.whole(), *checks.bodies(), *checks.joints(), *checks.strings()]
+    return [
+        *checks.whole(), *checks.support(), *checks.bodies(), *checks.joints(), *checks.strings()
+    ]  # fmt: skip
 
 
 class _Checks:
@@ -90,6 +93,17 @@ class _Checks:
             text = f"found a puppet that measures {longest:.3g} m; usual: "
             text += f"{_between(USUAL.puppet_length)} m; are lengths in other units?"
             yield ("bodies",), text
+
+    def support(self) -> Iterator[Finding]:
+        places = {self.index[body.name]: i for i, body in enumerate(self.puppet.bodies)}
+        tree = self.model.tree
+        strung = {p.link for row in (*tree.strings, *tree.chains) for p in row.points}
+        for group in falling(self.model):
+            if strung.isdisjoint(group):
+                continue  # a prop, which may fly
+            first = next((places[i] for i in group if i in places), None)
+            path = ("bodies",) if first is None else ("bodies", first, "joint")
+            yield path, falls(self.model, group)
 
     def bodies(self) -> Iterator[Finding]:
         for i, body in enumerate(self.puppet.bodies):

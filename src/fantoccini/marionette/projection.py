@@ -22,7 +22,7 @@ from fantoccini.arrays import Array, Indices, MaskRows
 from fantoccini.errors import StateError
 from fantoccini.marionette.active_set import TOLERANCES, ActiveSet, taut_mask
 from fantoccini.marionette.configurations import integrate
-from fantoccini.marionette.dynamics import with_active_set
+from fantoccini.marionette.contact_state import with_active_set
 from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.model import Model
 from fantoccini.motion import State, tangent

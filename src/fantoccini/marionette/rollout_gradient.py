@@ -18,10 +18,10 @@ import numpy as np
 
 from fantoccini.arrays import Array, Indices, MaskRows, check_positive
 from fantoccini.contract import StepEdge
-from fantoccini.errors import StateError, Status
+from fantoccini.errors import SimulationError, StateError, Status
 from fantoccini.marionette.model import Model
 from fantoccini.marionette.step_linearisation import AT_CAP, DrivenStep
-from fantoccini.marionette.vectors import vectors
+from fantoccini.marionette.vectors import vector, vectors
 from fantoccini.motion import State, pair_name, rotation
 from fantoccini.runtime import GradientRun
 from fantoccini.tree import CoordinateTable
@@ -51,13 +51,15 @@ class RolloutGradient:
 class Rollout:
     """n time steps from a state, by nodes 0 to n.
 
+    n is the number of steps asked for; with ``throw=False`` that of the steps made, ``steps``.
+
     Attributes:
         q_D, v_D, q_K, v_K: (n + 1, ...) the states.
         tension: (n, n_rows) of every step: impulses over dt [N or N m].
         held: (n, n_rows) bool, strings and limits held in the steps.
         dt: length of the steps [s].
-        status: ``DONE``, or what stopped it; the states that were not reached are zero.
-        steps: how many were made.
+        status: ``DONE``, or what stopped it.
+        steps: number of steps made.
         n_contacts: (n,) points of contact that push in the steps.
         n_sliding: (n,) those of them that slide.
         edges: (n,) what the steps are on the edge of, as bits; see :meth:`edges_of`. Here and in
@@ -197,17 +199,23 @@ def rollout(
     p: Array | None = None,
     dt: float = 0.002,
     extrapolate: bool = True,
+    throw: bool = True,
 ) -> Rollout:
     """Time steps with their gradients; see :meth:`Marionette.rollout`."""
     check_positive(dt=dt)
     model.check_state(x0)
     t = model.coordinates
-    acc = np.atleast_2d(vectors("acc_K", acc_K, t.n_vK))
+    acc = vectors("acc_K", acc_K, t.n_vK)
+    if acc.ndim != 2:
+        raise StateError(
+            f"acc_K has the shape {acc.shape}; it must be (n, {t.n_vK}), a row for each step: "
+            "np.tile(acc_K, (n, 1)) repeats one"
+        )
     n = len(acc)
     force = None if u_D is None else np.atleast_2d(vectors("u_D", u_D, t.n_vD))
-    if force is not None and len(force) not in (1, n):
+    if force is not None and (force.ndim != 2 or len(force) not in (1, n)):
         raise StateError(f"u_D has {len(force)} rows; it must have 1 or {n}, as acc_K")
-    values = model.p if p is None else vectors("p", p, len(model.p))
+    values = model.p if p is None else vector("p", p, len(model.p))
     if np.any(x0.slip):
         raise StateError("a rollout begins with winches that have not slipped")
     inputs, driven = _inputs(t, x0, acc, dt)
@@ -217,14 +225,20 @@ def rollout(
         model.compiled.gradients, options, model.winches, model.reference_force, inputs, force,
         x0.q_D, x0.v_D, values,
     )  # fmt: skip
-    tension = run.arrays["tension"]
+    status, made = Status(run.numbers.status), run.numbers.made
+    if throw and status is not Status.DONE:
+        raise SimulationError(
+            status, f"at step {made} of {n}, t = {x0.t + made * dt:.6g} s; throw=False keeps the "
+            "steps before it"
+        )  # fmt: skip
+    tension = run.arrays["tension"][:made]
     upper = np.minimum(model.upper, model.tension_cap)
     held = model.two_sided | ((tension > 0.0) & (tension < AT_CAP * upper))
     return Rollout(
-        **{name: run.arrays[name] for name in ("q_D", "v_D", "q_K", "v_K")}, tension=tension,
-        held=held, dt=dt, status=Status(run.numbers.status), steps=run.numbers.made,
-        n_contacts=run.touches["n_points"], n_sliding=run.touches["n_sliding"],
-        edges=run.touches["edges"], start=x0.t, coordinates=t, _run=run, _driven=driven,
+        **{name: run.arrays[name][: made + 1] for name in ("q_D", "v_D", "q_K", "v_K")},
+        tension=tension, held=held, dt=dt, status=status, steps=made,
+        n_contacts=run.touches["n_points"][:made], n_sliding=run.touches["n_sliding"][:made],
+        edges=run.touches["edges"][:made], start=x0.t, coordinates=t, _run=run, _driven=driven,
         _pairs=tuple(pair_name(pair) for pair in pairs),
     )  # fmt: skip
 

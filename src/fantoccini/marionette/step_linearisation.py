@@ -54,7 +54,9 @@ class StepLinearisation:
 
         z_next = A z + B dacc_K + B_u du_D + B_p dp
 
-    where acc_K and u_D are constant over the step, as a stepper's are.
+    where acc_K and u_D are constant over the step, as a stepper's are. Of small changes, those
+    count that the held rows and points can follow together; by others, as where one of two flat
+    soles tilts, the derivatives are those of least squares.
 
     Attributes:
         x, x_next: the states before and after it.
@@ -186,7 +188,7 @@ class _Touching:
         if self.before is None or self.after is None or not self.contacts.points:
             return *KKTSystem(at, held).solve(force, rate), np.zeros((0, force.shape[1]))
         points = self.contacts.points
-        return solve_in_modes(at, held, force, rate, self._rows, points, strict=True)
+        return solve_in_modes(at, held, force, rate, self._rows, points)
 
     def _rows(self, points: Sequence[HeldPoint]) -> tuple[ContactRows, Array]:
         """The points' rows, and their changes at fixed acc_D, over dt."""

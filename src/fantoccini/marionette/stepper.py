@@ -9,7 +9,13 @@ import numpy as np
 
 from fantoccini.arrays import Array, check_positive
 from fantoccini.errors import ARRIVED, SimulationError, Status, UnknownNameError
-from fantoccini.marionette.checks import bind_input, check_samples, check_start, check_step
+from fantoccini.marionette.checks import (
+    bind_input,
+    check_samples,
+    check_start,
+    check_step,
+    checked_end,
+)
 from fantoccini.marionette.methods import Method, MethodName, as_method
 from fantoccini.marionette.model import Model
 from fantoccini.marionette.redundant import CONTRADICTION_STATUSES, Contradiction, contradiction
@@ -180,22 +186,32 @@ class Stepper:
 
         Args:
             t_end: [s].
-            law: state -> accelerations of the driven coordinates, as in :meth:`advance`.
+            law: state -> accelerations of the driven coordinates, as in :meth:`advance`; it must
+                return some.
             rate: [1/s].
             throw: raise :class:`SimulationError` when the run cannot continue; otherwise see
                 ``status``.
 
         Returns:
             The states at which the law was called, and the last one.
+
+        Raises:
+            TypeError: the law returned nothing.
         """
         check_positive(rate=rate)
-        if not t_end > self.state.t:
-            raise ValueError(f"t_end is {t_end}; it must be later than now, {self.state.t:g} s")
+        t_end = checked_end(t_end, self.state.t)
         states = [self.state]
         n = max(1, round((t_end - self.state.t) * rate))
         times = np.linspace(self.state.t, t_end, n + 1)
         for t in times[1:]:
-            self.advance(t - self.state.t, law(self.state), throw=throw)
+            acc_K = law(self.state)
+            if acc_K is None:
+                raise TypeError(
+                    f"the law returned None at t = {self.state.t:g} s; it must return the "
+                    "accelerations of the driven coordinates, an array or {name: value}. Does it "
+                    "end with return?"
+                )
+            self.advance(t - self.state.t, acc_K, throw=throw)
             states.append(self.state)
             if not self.arrived:
                 break

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, floats
 from fantoccini.errors import StateError
 
 
@@ -20,9 +20,9 @@ def vector(name: str, values: Array | None, n: int) -> Array:
 def vectors(name: str, values: Array, n: int) -> Array:
     """(..., n) finite numbers; anything else is a StateError."""
     try:
-        made = np.asarray(values, dtype=float)
+        made = floats(values)
     except (TypeError, ValueError):
-        raise StateError(f"{name}: found {values!r}; it takes {n} numbers") from None
+        raise StateError(f"{name}: found {values!r}; it takes {n} real numbers") from None
     if not made.ndim or made.shape[-1] != n:
         raise StateError(f"{name} has the shape {made.shape}; it must be (..., {n})")
     if not np.isfinite(made).all():

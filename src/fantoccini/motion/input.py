@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from fantoccini.arrays import Array, ConfigK, MaskRows, Times, VecD, VecK, frozen
+from fantoccini.arrays import Array, ConfigK, MaskRows, Times, VecD, VecK, floats, frozen
 from fantoccini.errors import InputError, Mistake
 from fantoccini.motion import binding, channel, files, joints, pieces, polynomial, reading
 from fantoccini.motion.channel import SAME_TIME, Channel
@@ -194,7 +194,7 @@ class Input:
                 join C^1.
         """
         table = reading.table_of(table)
-        t, q, v, acc = (np.asarray(x, dtype=float) for x in (t, q_K, v_K, acc_K))
+        t, q, v, acc = (floats(x) for x in (t, q_K, v_K, acc_K))
         if t.ndim != 1 or len(t) < 2:
             _fail("t", f"has the shape {t.shape}; it must be two times or more")
         n = len(t) - 1

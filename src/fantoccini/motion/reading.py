@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import TypeAdapter, ValidationError
 
-from fantoccini.arrays import Array, Times
+from fantoccini.arrays import Array, Times, is_number
 from fantoccini.errors import nearest
 from fantoccini.motion import rotation
 from fantoccini.motion.channel import SAME_TIME, Points
@@ -155,7 +155,7 @@ def number(value: Any, angle: bool = False) -> float:
             return number(_ANGLE.validate_python(value))
         except ValidationError as error:
             raise ValueError(error.errors()[0]["msg"]) from None
-    if isinstance(value, bool | np.bool_) or not isinstance(value, int | float | np.number):
+    if not is_number(value):
         raise ValueError(f"found {shown(value)}; needed: a number")
     if not abs(float(value)) <= LIMITS.max_number:
         raise ValueError(f"found {shown(value)}; needed: {_NUMBER}")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fantoccini.arrays import Array, ConfigD, ConfigK, MaskRows, VecD, VecK, frozen
+from fantoccini.arrays import Array, ConfigD, ConfigK, MaskRows, VecD, VecK, floats, frozen
 from fantoccini.errors import StateError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -60,7 +60,10 @@ class State:
     def __post_init__(self) -> None:
         object.__setattr__(self, "t", _finite_time(self.t))
         for name in (*_MOTION, "slip"):
-            value = frozen(getattr(self, name))
+            try:
+                value = frozen(getattr(self, name))
+            except (TypeError, ValueError) as error:
+                raise StateError(f"{name}: {error}") from None
             if not np.isfinite(value).all():
                 raise self._not_finite(name, value)
             object.__setattr__(self, name, value)
@@ -154,10 +157,13 @@ class State:
 
 
 def _finite_time(t: float) -> float:
-    t = float(t)
-    if not math.isfinite(t):
-        raise StateError(f"t is {t}; a state holds finite numbers")
-    return t
+    try:
+        found = t if type(t) is float else float(floats(t))  # without arrays where runs make states
+    except (TypeError, ValueError):
+        raise StateError(f"t is {t!r}; it must be a number of seconds") from None
+    if not math.isfinite(found):
+        raise StateError(f"t is {found}; a state holds finite numbers")
+    return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError, UnknownNameError
-from fantoccini.marionette import Marionette
+from fantoccini.marionette import Marionette, motion_at
 from fantoccini.motion import State
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.puppet import DirectCurrent
@@ -88,9 +88,9 @@ class Bounds:
 
     def staying_taut(self, marionette: Marionette, x0: State) -> Bounds:
         """The same, where strings that pull at the start keep pulling."""
-        found = marionette.forward_dynamics(x0)
+        tensions = motion_at(marionette.model, x0).tension
         names = [s.name for s in marionette.tree.strings]
-        tension = dict(zip(names, found.tension, strict=False))
+        tension = dict(zip(names, tensions, strict=False))
         wires = {s.name for s in marionette.tree.strings if s.wire}
         least = _TAUT * marionette.weight
         taut = {name: (min(least, 0.5 * pull), np.inf) for name, pull in tension.items()

@@ -9,7 +9,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError, UnknownNameError
-from fantoccini.marionette import Marionette
+from fantoccini.marionette import Marionette, motion_at
 from fantoccini.motion import State, tangent
 
 _AT_REST = 1e-6
@@ -113,4 +113,7 @@ class Chosen:
         x0 = self._x0
         if np.any(x0.v_D) or np.any(x0.v_K):
             return False
-        return bool(np.max(np.abs(self._marionette.forward_dynamics(x0).acc_D)) < _AT_REST)
+        try:
+            return bool(np.max(np.abs(motion_at(self._marionette.model, x0).acc_D)) < _AT_REST)
+        except StateError:  # an impact, after which it moves
+            return False

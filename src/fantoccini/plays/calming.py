@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from fantoccini.arrays import Array
+from fantoccini.errors import SimulationError
 from fantoccini.gestures import Gesture
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State, polynomial
@@ -54,10 +55,19 @@ def calm_gesture(alone: Marionette, offsets: tuple[float, ...]) -> Gesture:
 def calming(alone: Marionette, x: State) -> tuple[float, ...]:
     """The offsets of :func:`calm_gesture` after which the trunk of a puppet swings least.
 
+    The hands stay where a run of the search stops: the play's own run tells whether that one does.
+
     Args:
         alone: the puppet.
         x: its state, with the hands at rest.
     """
+    try:
+        return _least_swing(alone, x)
+    except SimulationError:
+        return NONE
+
+
+def _least_swing(alone: Marionette, x: State) -> tuple[float, ...]:
     offsets = np.array(NONE)
     for _ in range(_ROUNDS):
         base = _speeds(alone, x, offsets)

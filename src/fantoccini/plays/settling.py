@@ -74,15 +74,19 @@ class Swing:
         self._weights[trunk or slice(None)] = 1.0
 
     def cost(self, p: float, gradient: bool = False) -> tuple[float, Array]:
-        """The cost of a pause, and (1,) its derivative, 0 where it is not asked for."""
+        """The cost of a pause, and (1,) its derivative, 0 where it is not asked for.
+
+        The cost is infinite where the rollout stops.
+        """
         t = np.asarray(_DT * np.arange(self._steps + 1) - p, dtype=float)
         rates, changes = self._hands(t)
         acc = np.diff(rates, axis=0) / _DT
-        rollout = self._marionette.rollout(self._x, acc, dt=_DT)
+        rollout = self._marionette.rollout(self._x, acc, dt=_DT, throw=False)
+        if rollout.steps < len(acc):
+            return np.inf, np.zeros(1)
         # The window begins and ends between two steps, so that it moves smoothly with p.
         since, until = (t - self._length) / _DT, (self._length + _WINDOW - t) / _DT
-        reached = np.arange(len(t)) <= rollout.steps
-        share = np.clip(np.minimum(since, until), 0.0, 1.0) * reached
+        share = np.clip(np.minimum(since, until), 0.0, 1.0)
         by_time = np.where(since < until, 1.0, -1.0) * ((share > 0.0) & (share < 1.0)) / _DT
         squares = rollout.v_D * rollout.v_D @ self._weights * _DT / _WINDOW
         value = float(share @ squares) + _PATIENCE * p

@@ -25,6 +25,7 @@ from fantoccini.marionette import (
     check_memory,
     check_starts,
     check_steps,
+    checked_end,
     contradiction,
     count_samples,
     first_excess_tension,
@@ -36,7 +37,7 @@ from fantoccini.motion.trajectories import RESIDUAL
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Batch, RunOptions, default_threads, whole
 from fantoccini.simulation.batch_progress import batch_progress
-from fantoccini.simulation.checks import check_end, check_marionette, save_times
+from fantoccini.simulation.checks import check_marionette, save_times
 from fantoccini.simulation.run import ledger_of
 from fantoccini.simulation.soundness import (
     ends_fast,
@@ -134,8 +135,7 @@ def simulate_batch(
             f"{len(states)} states and {len(given)} inputs{several} do not go together; give equal "
             "numbers of both, or a single one"
         )
-    t_end = given.end if t_end is None else float(t_end)
-    check_end(t_end, t)
+    t_end = checked_end(given.end if t_end is None else t_end, t)
     bound = bind_inputs(model, given, states.q_K, states.v_K, t, t_end)
     check_starts(model, states, name, p)
     check_steps(model, name, states, p, options.dt)

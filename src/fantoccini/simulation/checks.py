@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, floats
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, Inputs, State
 
@@ -18,14 +18,6 @@ def check_marionette(given: object) -> None:
         raise TypeError(
             f"marionette is a {type(given).__name__}; it must be one Marionette, as fan.load "
             "gives it. Simulate several one by one, or with fan.sweep"
-        )
-
-
-def check_end(t_end: float, t: float) -> None:
-    """Raises ValueError unless a run ends after its start t [s]."""
-    if not np.isfinite(t_end) or not t_end > t:
-        raise ValueError(
-            f"t_end is {t_end}; it must be a finite time later than the start at {t} s"
         )
 
 
@@ -53,7 +45,7 @@ def save_times(
         return None
     if method != "event":
         raise ValueError(f"save_at goes with method='event'; {method} takes save_every")
-    times = np.asarray(save_at, dtype=float)
+    times = floats(save_at)
     if times.ndim != 1 or not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
         raise ValueError("save_at must be a list of finite times that increase")
     if len(times) and (times[0] < t or times[-1] > t_end):

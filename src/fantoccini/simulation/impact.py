@@ -161,7 +161,7 @@ class Impact:
             made, struck = ContactRows(later, points, 1.0), ContactRows(before, points, 0.0)
             return made, made.velocity_by() + struck.bounce_by()
 
-        return solve_in_modes(self._at, self.rows, force, rate, rows, self.points, strict=False)[0]
+        return solve_in_modes(self._at, self.rows, force, rate, rows, self.points)[0]
 
     def _points(
         self, later: Screws, tolerance: float
@@ -209,7 +209,7 @@ class Impact:
                 closing[k] *= 1.0 + point.bounces
             system = ModeSystem(self._at, self.rows, rows)
             rate = np.concatenate([stopped[self.rows], closing])[:, None]
-            kick, y = system.solve(none, rate, strict=False)
+            kick, y = system.solve(none, rate)
             y = y[:, 0]
             own = y[len(self.rows) :]
             size = float(np.max(np.abs(y), initial=0.0))

@@ -24,6 +24,7 @@ from fantoccini.marionette import (
     check_samples,
     check_start,
     check_step,
+    checked_end,
     contradiction,
     first_excess_tension,
     refuse_contact,
@@ -40,7 +41,7 @@ from fantoccini.motion import (
 )
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Piece, Run
-from fantoccini.simulation.checks import check_end, check_marionette, check_one_run, save_times
+from fantoccini.simulation.checks import check_marionette, check_one_run, save_times
 from fantoccini.simulation.contact_effort import contact_effort
 from fantoccini.simulation.soundness import judged
 from fantoccini.simulation.weak_motors import weak_motors
@@ -131,8 +132,7 @@ def simulate(
     )
     model.check_state(x0)
     inputs = Input.hold(marionette).shifted(x0.t) if inputs is None else inputs
-    t_end = inputs.end if t_end is None else float(t_end)
-    check_end(t_end, x0.t)
+    t_end = checked_end(inputs.end if t_end is None else t_end, x0.t)
     bound = bind_input(model, inputs, x0.q_K, x0.v_K, x0.t, t_end)
     check_start(model, x0, name)
     check_step(model, name, x0.q_D, x0.q_K, options.dt)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array, Times, check_positive
+from fantoccini.arrays import Array, Times, check_positive, floats
 from fantoccini.errors import InputError, Mistake
 from fantoccini.marionette import Marionette, bind_input
 from fantoccini.motion import Input, InputDerivative, Inputs, State, Trajectory
@@ -96,12 +96,12 @@ def sensitivity(
     inputs = Input.hold(marionette).shifted(x0.t) if inputs is None else inputs
     run = simulate(marionette, x0, inputs, t_end, effort=False)
     check_differentiable(run)
-    t_end = inputs.end if t_end is None else float(t_end)
+    t_end = inputs.end if t_end is None else t_end
     bound = bind_input(marionette.model, inputs, x0.q_K, x0.v_K, x0.t, t_end)
     others = _bound(marionette, toward, bound, x0) if toward else None
     _check_along(marionette, along)
     changes = InputChanges(marionette, bound, others, along)
-    saved = np.zeros(0) if save_at is None else np.unique(np.asarray(save_at, dtype=float))
+    saved = np.zeros(0) if save_at is None else np.unique(floats(save_at))
     outside = saved[~((saved >= run.t[0]) & (saved <= run.t[-1]))]
     if len(outside):
         raise ValueError(

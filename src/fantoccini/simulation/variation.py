@@ -95,14 +95,14 @@ class Variation:
         gap = found["A_D"] @ Z[:n] + found["A_K"] @ by_input.q_K + found["h_p"] @ by_input.p
         gaps = np.concatenate([gap[rows], touching.gap_by()])
         system = ModeSystem(at, rows, _frictionless(touching, touching.rows[first]))
-        Z_q = Z[:n] + system.solve(still, gaps, strict=False)[0]
+        Z_q = Z[:n] + system.solve(still, gaps)[0]
         rate = rate_change(found, Z_q, by_input.q_K, by_input.v_K, by_input.p)
         rate = (rate + found["A_D"] @ Z[n:])[rows]
         Z = np.concatenate([Z_q, Z[n:]])
         touching = ContactRows(Screws(model, x, changes=stacked(Z, by_input)), held, 0.0)
         rates = np.concatenate([rate, touching.velocity_by()])
         system = ModeSystem(at, rows, _frictionless(touching, touching.rows))
-        return np.concatenate([Z_q, Z[n:] + system.solve(still, rates, strict=False)[0]])
+        return np.concatenate([Z_q, Z[n:] + system.solve(still, rates)[0]])
 
     def along(
         self,

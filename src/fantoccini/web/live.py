@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fantoccini.errors import FantocciniError
+from fantoccini.marionette import motion_at
 from fantoccini.perform import Balance, Performance, Show
 from fantoccini.view.geometry import Geometry, force_arrows, geometry_at
 from fantoccini.view.theme import Theme
@@ -363,7 +364,7 @@ class Live(PageLoop):
         tension = np.asarray(p.tension, dtype=float)
         if tension.any():
             return tension
-        _, forces = p.marionette.forward_dynamics(p.state)
+        forces = motion_at(p.marionette.model, p.state).tension
         return np.asarray(forces)[: len(p.marionette.tree.strings)]
 
     # -- reports and views ---------------------------------------------------------------------

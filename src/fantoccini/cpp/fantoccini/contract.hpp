@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x5357627b31d3528b;
+constexpr long long contract_digest = 0x5b1efede299544dd;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -135,9 +135,8 @@ enum StepEdge : int {
   ASKEW = 16,  // a point touches without force, and slides askew of those that push
   LEAVES_LAW = 32,  // bodies are wedged in, or restitution is scaled down to add no energy
   JAMS = 64,  // friction jams: no forces keep the modes
-  CONTRADICTS = 128,  // solids touch at more points than can go on together near by
-  OPEN_SHARES = 256,  // solids slide on more points than the law can share force among
-  CROWDED = 512,  // more points push than there is room for
+  OPEN_SHARES = 128,  // solids slide on more points than the law can share force among
+  CROWDED = 256,  // more points push than there is room for
 };
 
 // An input: arrays in C order.

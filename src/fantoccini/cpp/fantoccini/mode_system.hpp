@@ -4,7 +4,7 @@
 //
 // C are the rows that are held and B the forces that hold them; they differ where solids slide. Z is
 // what friction does because it turns with the velocity. Rows may depend on one another: y then is
-// the shortest. All rows come as W = F^-T A^T, with M = F^T F.
+// the shortest, and x that of least squares. All rows come as W = F^-T A^T, with M = F^T F.
 #pragma once
 
 #include <cmath>
@@ -19,8 +19,6 @@ namespace fan {
 struct ModeSystemTolerances {
   // Singular value of C M^-1 B^T, and of C M^-1 C^T, relative to the largest, below which rows depend.
   static constexpr double dependent = 1e-9;
-  // Change of rows that depend on one another, relative to the largest, by which they contradict.
-  static constexpr double contradicts = 1e-6;
 };
 
 // Room for `capacity` rows and `turning` that turn, of n numbers each.
@@ -45,31 +43,19 @@ class ModeSystem {
     return inverse_.rank >= rank_.rank;
   }
 
-  // Whether rows depend on one another.
-  bool redundant() const { return inverse_.rank < n_rows; }
-
-  // Whether the rows may contradict one another, and (n_rows,) what must take their changes to 0.
-  bool tied(double* rows) const { return inverse_.left_null_vector(rows); }
-
   // Whether some forces do nothing, and (n_rows,) those: a combination of all.
   bool idle(double* forces) const { return inverse_.null_vector(forces); }
 
   // From -w (n,), with w = F^-T force, and the rows' `rate` (n_rows,) to the multipliers y and
-  // w <- F x. Raises `most` to the largest change of rows by which they contradict one another.
+  // w <- F x.
   template <class Real>
-  void solve(Real* w, const Real* rate, Real* y, double* most) const {
+  void solve(Real* w, const Real* rate, Real* y) const {
     Real right[room(capacity)];
     soften(w);
     for (int a = 0; a < n_rows; ++a) right[a] = rate[a] + along(C[a], w);
     inverse_.apply(right, y);
     for (int a = 0; a < n_rows; ++a)
       for (int k = 0; k < n; ++k) w[k] -= soft_B_[a][k] * y[a];
-    if (inverse_.rank == n_rows) return;
-    using std::abs;
-    Real left = Real(0.0);
-    for (int a = 0; a < n_rows; ++a) left = maximum(Real(abs(rate[a] + along(C[a], w))), left);
-    for (int l = 0; l < Traits<Real>::width; ++l)
-      if (lane_of(left, l) > *most) *most = lane_of(left, l);
   }
 
   // The transposed of solve(), of a sum with derivatives g by x and -y by the multipliers, on entry
@@ -80,11 +66,6 @@ class ModeSystem {
     soften(own);
     for (int a = 0; a < n_rows; ++a) left[a] = y[a] + along(B[a], own);
     inverse_.apply_transposed(left, y);
-    take_rows(w, y);
-  }
-
-  // w = F^-T z alone, of derivatives -y by `rate`.
-  void take_rows(double* w, const double* y) const {
     for (int a = 0; a < n_rows; ++a)
       for (int k = 0; k < n; ++k) w[k] -= C[a][k] * y[a];
     soften(w);

@@ -65,14 +65,14 @@ class ModesOfStep {
     }
     assemble(eval, force);
     const bool jams = !system_.factorise();
-    const bool agrees = solve(eval, force, found_, pull);
+    solve(eval, force, found_, pull);
     if (jams) return JAMS;
     bool slides = false;
     for (int i = 0; i < n_; ++i) slides = slides || !point_[i].sticks;
     double idle[room(R)];
     const bool shares = slides && system_.idle(idle);
     if (shares && depends(eval, force, idle)) return OPEN_SHARES;
-    return agrees ? 0 : CONTRADICTS;
+    return 0;
   }
 
   // dt dacc, in bundles.
@@ -114,25 +114,19 @@ class ModesOfStep {
     return columns_->n - P + (c - 2 * E);
   }
 
-  // dt dacc and, unless null, the changes `pull` of the tensions. Returns whether rows that depend on
-  // one another agree.
-  bool solve(const Eval& eval, const Wide* force, Wide* found, Wide* pull) {
-    Wide sizes = Wide(1.0);
-    double left = 0.0, size = 1.0;
+  // dt dacc and, unless null, the changes `pull` of the tensions.
+  void solve(const Eval& eval, const Wide* force, Wide* found, Wide* pull) {
     for (int b = 0; b < columns_->n_bundles; ++b) {
       if (!Columns::acts(b)) continue;
       const Wide* rate = rate_ + b * R;
       Wide x[room(N)], w[room(N)], y[room(R)];
-      for (int a = 0; a < system_.n_rows; ++a) sizes = maximum(fabs(rate[a]), sizes);
       for (int k = 0; k < N; ++k) x[k] = -force[b * N + k];
       Model::forth_of(eval.L, x, w);
-      system_.solve(w, rate, y, &left);
+      system_.solve(w, rate, y);
       Model::back_of(eval.L, w, x);
       for (int k = 0; k < N; ++k) found[b * N + k] = dt_ * x[k];
       for (int a = 0; pull && a < n_held_; ++a) pull[b * M + a] = y[a];
     }
-    for (int l = 0; l < Columns::width; ++l) size = maximum(lane_of(sizes, l), size);
-    return left <= ModeSystemTolerances::contradicts * size;
   }
 
   // Whether the motion depends on how redundant points share their force: shares that do nothing,

@@ -103,20 +103,6 @@ class PseudoInverse {
       for (int j = 0; j < n_; ++j) y[j] += inverse[i * n_ + j] * x[i];
   }
 
-  // A non-zero vector in the null space of the transposed matrix, after find(); false if there is none.
-  bool left_null_vector(double* out) const {
-    if (rank == n_) return false;
-    // A sum of all of them that hides none.
-    for (int i = 0; i < n_; ++i) out[i] = i < rank ? 0.0 : cos(double(i - rank));
-    for (int r = rank - 1; r >= 0; --r) {
-      const double* v = left_[r];
-      double sum = 0.0;
-      for (int i = r; i < n_; ++i) sum += v[i] * out[i];
-      for (int i = r; i < n_; ++i) out[i] -= 2.0 * sum * v[i];
-    }
-    return true;
-  }
-
   // A vector that the matrix takes to 0, after find(); false where there is none but 0.
   bool null_vector(double* out) const {
     if (rank == n_) return false;

@@ -46,22 +46,18 @@ class RolloutContacts {
     modes_.screws(screws_, by_p_);
     partials_.begin(screws_, in.v_D + k * N, v_next, in.rate + k * K, by_p_, in.options.dt);
     pull_.begin(screws_, in.v_D + k * N, v_next, in.rate + k * K, by_p_, in.options.dt);
-    dt_ = in.options.dt;
     return true;
   }
 
   // Holds the points beside the gathered rows; false where friction jams.
   bool hold(const Evaluation<Model, double>& eval, const RowSystem<Model, double>& rows) {
     int n = n_held_ = rows.n, n_turning = 0;
-    largest_ = 0.0;
     for (int a = 0; a < n; ++a)
       for (int k = 0; k < N; ++k) system_.C[a][k] = system_.B[a][k] = rows.column[a][k];
     for (int i = 0; i < n_; ++i) {
       double own[3][room(N)], forces[3][room(N)], drag[room(N)];
       int held;
       const bool turns = partials_.hold(point_[i], &held, own, forces, drag);
-      const double per_gap = fmax(point_[i].closes, 1.0) / dt_;
-      for (int k = 0; k < N; ++k) largest_ = fmax(per_gap * fabs(own[0][k]), largest_);
       for (int d = 0; d < held; ++d, ++n) {
         Call<Model, double>::forth(eval.L, own[d], system_.C[n]);
         Call<Model, double>::forth(eval.L, forces[d], system_.B[n]);
@@ -81,9 +77,6 @@ class RolloutContacts {
     return false;
   }
 
-  // Size of the largest change of a row over dt, which is that by a gap.
-  double largest() const { return largest_; }
-
   // Adds what the points give to a sum's derivatives by q_D, q_K, v_D, rate and p (n_columns,), from z
   // and the y of all rows.
   void pull_back(const double* z, const double* y, double* out) {
@@ -100,26 +93,7 @@ class RolloutContacts {
     fan::share_otherwise(point_, n_, n_held_, idle, part);
   }
 
-  // Whether a combination y of rows has none of strings and limits.
-  bool ties_points_alone(const double* y) const {
-    double most = 0.0, others = 0.0;
-    for (int a = 0; a < n_held_; ++a) others = fmax(fabs(y[a]), others);
-    for (int a = n_held_; a < system_.n_rows; ++a) most = fmax(fabs(y[a]), most);
-    return others <= rounding * most;
-  }
-
-  // The pair of a point that the row combination y holds most, or of the first one that slides.
-  int pair_of(const double* y) const {
-    double most = -1.0;
-    int found = point_[0].pair;
-    for (int i = 0, a = n_held_; i < n_; ++i)
-      for (int d = 0; d < (point_[i].sticks ? 3 : 1); ++d, ++a)
-        if (fabs(y[a]) > most) {
-          most = fabs(y[a]);
-          found = point_[i].pair;
-        }
-    return found;
-  }
+  // The pair of the first point that slides.
   int sliding_pair() const {
     for (int i = 0; i < n_; ++i)
       if (!point_[i].sticks) return point_[i].pair;
@@ -127,8 +101,6 @@ class RolloutContacts {
   }
 
  private:
-  static constexpr double rounding = 1e-12;  // of a combination of rows, relative to its largest
-
   void begin_at(const GradientArrays& in, long long k) {
     modes_.begin(in.q_D + k * NQ, in.v_D + k * N, in.q_K + k * NQK, in.rate + k * K, in.p);
   }
@@ -139,7 +111,6 @@ class RolloutContacts {
   StepContact point_[room(C)];  // of one step
   int n_ = 0, n_held_ = 0;      // those, and the rows before theirs
   double screws_[room(6 * E)], by_p_[room((L + E) * 6 * P)];
-  double dt_, largest_;
   ContactPartials<Model> partials_;
   ContactPull<Model> pull_;
   ModeSystem<R, C, N> system_;

@@ -281,26 +281,12 @@ class RolloutGradient {
   // Holds the rows and points of step k; what makes it one without derivative, and the pair.
   int fault(const GradientArrays& in, long long k) {
     if constexpr (touches) {
-      const auto& system = contacts_.system();
       if (!contacts_.hold(eval_, rows_)) {
         in.pairs[k] = contacts_.sliding_pair();
         return JAMS;
       }
-      double y[room(rows)], w[room(N)] = {}, z[room(N)], by[room(n_by)] = {};
-      if (!system.tied(y)) return 0;
-      system.take_rows(w, y);
-      eval_.back(w, z);
-      // Where all that ties the rows is rows of sticking points, strings and forces have no part in it.
-      if (!contacts_.slides() && contacts_.ties_points_alone(y)) contacts_.pull_back(z, y, by);
-      else list_products(in, k, z, y, by);
-      double left = 0.0;
-      for (int j = 0; j < n_by; ++j) left = fmax(fabs(by[j]), left);
-      if (left > ModeSystemTolerances::contradicts * fmax(contacts_.largest(), 1.0)) {
-        in.pairs[k] = contacts_.pair_of(y);
-        return CONTRADICTS;
-      }
       double idle[room(rows)];
-      if (!contacts_.slides() || !system.idle(idle)) return 0;
+      if (!contacts_.slides() || !contacts_.system().idle(idle)) return 0;
       if (depends_on(in, k, idle)) {
         in.pairs[k] = contacts_.sliding_pair();
         return OPEN_SHARES;
