@@ -216,7 +216,7 @@ def test_step_rates_are_those_of_the_controller(hoist, lifted):
     limit = found.of("winch")["step rate"]
     assert limit.value == pytest.approx(1.5 * 3200 / (2 * np.pi * 0.01), rel=1e-4)
     assert limit.broken is not None
-    assert any("12 microsteps instead of 16" in line for line in remedies(found))
+    assert any("8 microsteps instead of 16" in line for line in remedies(found))
     assert "step rate" not in check_stand(stand(), lifted, hoist).of("winch")
 
 

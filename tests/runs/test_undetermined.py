@@ -1,0 +1,143 @@
+"""Tensions and efforts that the motion does not determine are told, for that string and time.
+
+The oracle is the null space of the taut strings' A_D^T by SVD, written down from the geometry.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.linalg
+from tests.runs.test_cable_robot import BOX, FRAME, MIDDLE, NAMES, REWOUND, moved, robot
+
+import fantoccini as fan
+from fantoccini.stand import check_stand, loads_stand
+
+METHODS = ("event", "timestepping", "variational")
+WEIGHT = 98.1
+
+
+def pulls(pose: np.ndarray) -> np.ndarray:
+    """(6, 8) force and moment about the centre of unit tensions on a box at (7,) a pose."""
+    at = MIDDLE + pose[:3]
+    w, x, y, z = pose[3:]
+    R = np.eye(3) + 2 * (w * hat(x, y, z) + hat(x, y, z) @ hat(x, y, z))
+    arms = BOX @ R.T
+    ways = FRAME - at - arms
+    ways /= np.linalg.norm(ways, axis=1)[:, None]
+    return np.vstack([ways.T, np.cross(arms, ways).T])
+
+
+def hat(x: float, y: float, z: float) -> np.ndarray:
+    return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+
+
+@pytest.fixture(scope="module")
+def eight():
+    return robot()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", METHODS)
+def test_eight_cables_at_rest_are_told_at_every_time(eight, method, tmp_path):
+    """Two self-stresses reach every cable; the winches' efforts are the tensions."""
+    x0, _ = moved(eight)
+    run = fan.simulate(eight, x0, t_end=0.1, method=method)
+    null = scipy.linalg.null_space(pulls(run.q_D[0]))
+    assert null.shape[1] == 2 and np.all(np.linalg.norm(null, axis=1) > 0.1)
+    for name in NAMES:
+        assert np.all(run.undetermined[name]) and np.all(run.undetermined[f"{name}.length"])
+    assert run.summary()["tension"]["c0"]["undetermined"] == pytest.approx(0.1)
+    assert np.all(run.columns()["undetermined:c3"])
+    run.save(tmp_path / "run.npz")
+    again = fan.Trajectory.load(tmp_path / "run.npz")
+    assert np.array_equal(again.undetermined.values, run.undetermined.values)
+    assert again.undetermined.values.dtype == bool
+    assert run.resample(np.array([0.05])).undetermined["c0"].tolist() == [True]
+
+
+STAND = """
+stand: eight_winches
+axes:
+  w0:
+    motor: {type: servo, torque: 6, inertia: 1.0e-6}
+    transmission: {type: drum, radius: 0.02}
+    moves: {c0.length: 1}
+    travel: [0.5, 5]
+    speed: 5
+    acceleration: 50
+""" + "".join(f"  w{i}: {{like: w0, moves: {{c{i}.length: 1}}}}\n" for i in range(1, 8))
+
+
+@pytest.fixture(scope="module")
+def moving():
+    """A platform on eight winches of at most 60 N, and its runs by both methods."""
+    platform = robot(REWOUND)
+    x0, inputs = moved(platform)
+    return platform, [
+        fan.simulate(platform, x0, inputs, 1.2, method=method)
+        for method in ("event", "timestepping")
+    ]
+
+
+@pytest.mark.slow
+def test_what_is_not_told_is_the_same_by_both_methods(moving):
+    """Where rounding puts tensions at the winch's cap by one method, and not by the other."""
+    _, (event, stepped) = moving
+    stepped = stepped.resample(event.t)
+    apart = np.abs(event.tension.values - stepped.tension.values)
+    told = event.undetermined.values[:, :8]
+    assert np.max(apart) > 0.1 * WEIGHT
+    assert np.all(told[apart > 0.05 * WEIGHT])
+    assert np.mean(told) > 0.9
+
+
+@pytest.mark.slow
+def test_a_stand_is_not_judged_by_tensions_that_the_motion_does_not_determine(moving):
+    platform, runs = moving
+    for run in runs:
+        found = check_stand(loads_stand(STAND), run, platform)
+        assert not found.ok and not found.broken and set(found.undetermined) == {
+            f"w{i}" for i in range(8)
+        }
+        assert "is not determined" in found.summary() and "w3" in found.summary()
+        assert any("does not determine the forces of w0" in note for note in found.notes)
+        # Speeds are those of the inputs, and are judged.
+        slow = check_stand(loads_stand(STAND.replace("speed: 5", "speed: 0.1")), run, platform)
+        assert {limit.quantity for limit in slow.broken} == {"speed"}
+
+
+SMALL = """
+puppet: small
+bodies:
+  - {name: cart, joint: {type: translation, axes: [x]}, mass: 1}
+  - {name: bob, joint: {type: translation, axes: [x, y, z]}, mass: 1}
+strings:
+  - {name: first, path: [{body: cart}, {world: [-1, 0, 0]}], length: 1}
+  - {name: second, path: [{body: cart}, {world: [-2, 0, 0]}], length: 2}
+  - {name: alone, path: [{body: bob}, {world: [0, 0, 1]}], length: driven}
+"""
+
+
+@pytest.fixture(scope="module")
+def small():
+    return fan.loads(SMALL)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_of_strings_only_those_of_the_null_space_are_told(small, method):
+    """A cart pushed against two parallel strings; a bob beside it hangs on one."""
+    x0 = small.state({"alone.length": 1.0})
+    pushed = fan.Input.hold(small, 0.1).with_forces({"cart.x": [(0.0, 5.0), (0.1, 5.0)]})
+    run = fan.simulate(small, x0, pushed, 0.1, method=method)
+    assert np.all(run.undetermined["first"][1:]) and np.all(run.undetermined["second"][1:])
+    assert not np.any(run.undetermined["alone"])
+    assert not np.any(run.undetermined["alone.length"])
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_strings_that_can_only_pull_determine_that_none_does(small, method):
+    """Without a force on the cart (1, -1) is a null vector; neither tension can fall below 0."""
+    run = fan.simulate(small, small.state({"alone.length": 1.0}), t_end=0.1, method=method)
+    assert not np.any(run.undetermined.values)
+    assert np.max(run.tension["first"]) < 1e-9
