@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.linalg
+from scipy.spatial.transform import Rotation
 from tests.runs.test_cable_robot import BOX, FRAME, MIDDLE, NAMES, REWOUND, moved, robot
 
 import fantoccini as fan
@@ -141,3 +142,84 @@ def test_strings_that_can_only_pull_determine_that_none_does(small, method):
     run = fan.simulate(small, small.state({"alone.length": 1.0}), t_end=0.1, method=method)
     assert not np.any(run.undetermined.values)
     assert np.max(run.tension["first"]) < 1e-9
+
+
+def plate(string_model: str = "constraint") -> fan.Marionette:
+    """A plate of 10 kg on four upright cables."""
+    lines = [
+        "puppet: plate", "bodies:",
+        "  - {name: plate, joint: {type: free, at: [0, 0, 1.5]}, "
+        "shapes: [{type: box, size: [0.6, 0.6, 0.2], mass: 10}]}",
+        "strings:",
+    ]  # fmt: skip
+    for i, (x, y, z) in enumerate(CORNERS.tolist()):
+        path = f"[{{body: plate, at: [{x}, {y}, {z}]}}, {{world: [{x}, {y}, 3]}}]"
+        lines.append(f"  - {{name: c{i}, path: {path}, length: driven}}")
+    return fan.loads("\n".join(lines), string_model=string_model)
+
+
+CORNERS = np.array([(x, y, 0.1) for x in (-0.3, 0.3) for y in (-0.3, 0.3)])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)])
+def test_near_a_symmetric_pose_peaks_of_rounding_are_told(axis):
+    """Upright, the cables have a self-stress; tilted by their inverse kinematics, almost one."""
+    four, way = plate(), np.linspace(0.0, 1.0, 101)
+    way = way**3 * (10.0 - 15.0 * way + 6.0 * way**2)
+    turn = 0.2 * np.array(axis) / np.linalg.norm(axis)
+    ends = np.array([
+        Rotation.from_rotvec(s * turn).apply(CORNERS) + [0.0, 0.0, 1.5 + 0.1 * s] for s in way
+    ])  # fmt: skip
+    tops = CORNERS * [1.0, 1.0, 0.0] + [0.0, 0.0, 3.0]
+    lengths = np.linalg.norm(ends - tops, axis=2)
+    columns = {f"c{i}.length": lengths[:, i] for i in range(4)}
+    x0 = four.project(four.state({name: column[0] for name, column in columns.items()}))
+    inputs = fan.Input.samples(four, np.linspace(0.0, 1.0, 101), columns)
+    times = np.linspace(0.0, 1.5, 601)
+    event, stepped = (
+        fan.simulate(four, x0, inputs, 1.5, method=method).resample(times)
+        for method in ("event", fan.TimeStepping(dt=5e-4))
+    )
+    apart = np.abs(event.tension.values - stepped.tension.values)
+    told = event.undetermined.values[:, :4] | stepped.undetermined.values[:, :4]
+    assert np.max(apart[told]) > 0.2 * WEIGHT and np.max(apart[~told]) < 0.005 * WEIGHT
+    assert 0.05 < np.mean(told) < 0.5
+
+
+@pytest.mark.slow
+def test_strings_that_stretch_are_determined():
+    """Of chains every tension follows from the motion."""
+    chains = plate("chain")
+    run = fan.simulate(chains, chains.rest({f"c{i}.length": 1.4 for i in range(4)}), t_end=0.05)
+    assert not np.any(run.undetermined.values)
+    efforts = [run.effort[f"c{i}.length"][-1] for i in range(4)]
+    assert efforts == pytest.approx([-WEIGHT / 4] * 4, rel=1e-2)
+
+
+STANDING = """
+puppet: standing
+contact: true
+floor: 0
+bodies:
+  - {name: foot, joint: {type: free, at: [0, 0, 0.05]}, shapes: [{type: box, size: [0.4, 0.2, 0.1], mass: 2}]}
+  - {name: shin, parent: foot, joint: {type: revolute, axis: [0, 1, 0], at: [0, 0, 0.05]}, mass: 1, com: [0.1, 0, 0.4], inertia: [0.01, 0.01, 0.01]}
+  - {name: load, joint: {type: free, at: [2, 0, 0.1]}, shapes: [{type: box, size: [0.2, 0.2, 0.2], mass: 2}]}
+strings:
+  - {name: leans, path: [{body: shin, at: [0, 0, 0.5]}, {world: [-1, 0, 0.6]}], length: driven}
+  - {name: lifts, path: [{body: load, at: [0, 0, 0.1]}, {world: [2, 0, 1.2]}], length: driven}
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["event", "timestepping"])
+def test_four_corners_of_a_sole_are_no_reason_to_tell(method):
+    """They share the weight in many ways, of which the string that holds the shin knows nothing. A
+    string upright over a box on the floor shares its weight with the floor, and is told."""
+    standing = fan.loads(STANDING)
+    x0 = standing.project(standing.state({"leans.length": 1.0, "lifts.length": 1.0}))
+    run = fan.simulate(standing, x0, t_end=0.1, method=method)
+    assert run.tension["leans"][-1] > 1.0
+    assert len(run.contact.of("foot", "floor")) >= 4 * (len(run) - 2)
+    assert not np.any(run.undetermined["leans"]) and not np.any(run.undetermined["leans.length"])
+    assert np.all(run.undetermined["lifts"][2:])

@@ -36,7 +36,7 @@ class Tolerances:
     singular: float = 1e-10  # Eigenvalue of G, relative to the largest, that is rounding
     bound: float = 1e-6  # Distance from a bound, relative to the weight, that counts as being at it
     moving: float = 1e-5  # Speed from which a winch slips or a point of contact slides [m/s]
-    closed: float = 1e-6  # -h below which a row of fixed steps is closed, relative to its length
+    closed: float = 1e-6  # -h below which a row is closed, relative to its length
     blocked: float = 1e-6
     """Distance from a cone, relative to the vector, that counts as inside; and part of a unit
     vector that counts as none."""
@@ -107,13 +107,15 @@ class _Rows:
         ref = model.reference_force
         self.low = ~model.two_sided & (forces <= TOLERANCES.bound * ref)
         self.high = forces >= model.upper - TOLERANCES.bound * ref
-        self.held = np.hstack([run.taut.values, run.limit_force.values > 0.0])
-        if run.method != "event":  # of dependent rows some pull, and the others are closed
-            slip = 0.0 if run.slip is None else run.slip.values
-            h = np.hstack([on.h - slip, on.h_limit])
-            scales = model.row_scales(run.q_D, run.q_K)
-            self.held = self.held | (h >= -TOLERANCES.closed * scales)
-        self.held[:, :n_s] &= ~(self.high[:, :n_s] & (on.hdot > TOLERANCES.moving))
+        # Of dependent rows some pull, and others are closed, or open by rounding.
+        slip = 0.0 if run.slip is None else run.slip.values
+        h = np.hstack([on.h - slip, on.h_limit])
+        held = h >= -TOLERANCES.closed * model.row_scales(run.q_D, run.q_K)
+        if run.method == "event":  # fixed steps leave speeds that take back their violations
+            held[:, :n_s] &= np.abs(on.hdot) <= TOLERANCES.moving
+        held |= np.hstack([run.taut.values, run.limit_force.values > 0.0])
+        held[:, :n_s] &= ~(self.high[:, :n_s] & (on.hdot > TOLERANCES.moving))
+        self.held = held
 
     def efforts(self, samples: Indices, held: Indices) -> Array:
         """(m, k, n_vK) effort by the forces of rows: limits have none."""
