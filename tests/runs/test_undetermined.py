@@ -168,9 +168,9 @@ def test_near_a_symmetric_pose_peaks_of_rounding_are_told(axis):
     four, way = plate(), np.linspace(0.0, 1.0, 101)
     way = way**3 * (10.0 - 15.0 * way + 6.0 * way**2)
     turn = 0.2 * np.array(axis) / np.linalg.norm(axis)
-    ends = np.array([
-        Rotation.from_rotvec(s * turn).apply(CORNERS) + [0.0, 0.0, 1.5 + 0.1 * s] for s in way
-    ])  # fmt: skip
+    centre = np.array([0.0, 0.0, 1.5])
+    turned = [Rotation.from_rotvec(s * turn).apply(CORNERS) for s in way]
+    ends = np.array(turned) + centre * (1.0 + way[:, None, None] / 15.0)
     tops = CORNERS * [1.0, 1.0, 0.0] + [0.0, 0.0, 3.0]
     lengths = np.linalg.norm(ends - tops, axis=2)
     columns = {f"c{i}.length": lengths[:, i] for i in range(4)}
@@ -202,9 +202,18 @@ puppet: standing
 contact: true
 floor: 0
 bodies:
-  - {name: foot, joint: {type: free, at: [0, 0, 0.05]}, shapes: [{type: box, size: [0.4, 0.2, 0.1], mass: 2}]}
-  - {name: shin, parent: foot, joint: {type: revolute, axis: [0, 1, 0], at: [0, 0, 0.05]}, mass: 1, com: [0.1, 0, 0.4], inertia: [0.01, 0.01, 0.01]}
-  - {name: load, joint: {type: free, at: [2, 0, 0.1]}, shapes: [{type: box, size: [0.2, 0.2, 0.2], mass: 2}]}
+  - name: foot
+    joint: {type: free, at: [0, 0, 0.05]}
+    shapes: [{type: box, size: [0.4, 0.2, 0.1], mass: 2}]
+  - name: shin
+    parent: foot
+    joint: {type: revolute, axis: [0, 1, 0], at: [0, 0, 0.05]}
+    mass: 1
+    com: [0.1, 0, 0.4]
+    inertia: [0.01, 0.01, 0.01]
+  - name: load
+    joint: {type: free, at: [2, 0, 0.1]}
+    shapes: [{type: box, size: [0.2, 0.2, 0.2], mass: 2}]
 strings:
   - {name: leans, path: [{body: shin, at: [0, 0, 0.5]}, {world: [-1, 0, 0.6]}], length: driven}
   - {name: lifts, path: [{body: load, at: [0, 0, 0.1]}, {world: [2, 0, 1.2]}], length: driven}

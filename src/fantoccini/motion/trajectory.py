@@ -320,8 +320,8 @@ class Trajectory:
         If ``seconds`` exceeds ``duration``, the run was slower than real time; method
         ``timestepping`` is faster.
 
-        ``summary()["tension"]["hand"]`` has min and max [N], slack [s], undetermined [s] (None if
-        that was not computed), catches and the largest impulse [N s]; ``summary()["drives"]`` has,
+        ``summary()["tension"]["hand"]`` has min and max [N], slack [s], catches and the largest
+        impulse [N s], and undetermined [s] where that was computed; ``summary()["drives"]`` has,
         for drives whose motor was too weak, ``since`` [s], ``lost_steps``, ``ran_away``, ``error``
         at the end [m or rad]. ``events``, ``catches``, ``impulse`` and ``drives`` are None where
         the events were not recorded.
@@ -335,12 +335,12 @@ class Trajectory:
                 "min": float(np.min(values)),
                 "max": float(np.max(values)),
                 "slack": float(np.sum(h[~self.taut.flags(name)])),
-                "undetermined": None
-                if self.undetermined is None
-                else float(np.sum(h[self.undetermined.flags(name)])),
                 "catches": len(caught) if known else None,
                 "impulse": max(caught, default=0.0) if known else None,
             }
+            if self.undetermined is not None:
+                seconds = float(np.sum(h[self.undetermined.flags(name)]))
+                strings[name]["undetermined"] = seconds
         drives = {name: vars(found) for name, found in self.overloads.items()}
         return {
             "duration": self.duration,
