@@ -33,7 +33,10 @@ class Tolerances:
     samples, contradict one another by as much between them."""
     change: float = 0.01
     """Change of a tension or effort that matters, relative to the puppet's weight."""
-    singular: float = 1e-10  # Eigenvalue of G, relative to the largest, that is rounding
+    singular: float = 0.03
+    """Added to the diagonal of G, so that it has an inverse, relative to the eigenvalue below which
+    changes matter. A row takes part from this share of a null vector on."""
+    rounding: float = 1e-13  # The same, relative to the trace of G, where that is more
     bound: float = 1e-6  # Distance from a bound, relative to the weight, that counts as being at it
     moving: float = 1e-5  # Speed from which a winch slips or a point of contact slides [m/s]
     closed: float = 1e-6  # -h below which a row is closed, relative to its length
@@ -54,7 +57,7 @@ def undetermined(model: Model, run: Trajectory) -> Columns:
     """
     table, n_s = model.coordinates, len(model.tree.strings)
     out = np.zeros((len(run), n_s + table.n_vK), dtype=bool)
-    if n_s or run.contact is not None:
+    if table.n_vD and (n_s or run.contact is not None):
         rows = _Rows(model, run)
         points = _Points(model, run, rows.L)
         for samples, held, places in _groups(rows.held, points.first):
@@ -104,9 +107,9 @@ class _Rows:
         J[:, limit, velocity] = on.J_limit[:, axis, limit]
         W_l = library.evaluate("forth", L=on.L[:, None], x=J).y if n_l else J
         self.B = -np.concatenate([np.swapaxes(on.W, 1, 2), W_l], axis=1)
-        ref = model.reference_force
-        self.low = ~model.two_sided & (forces <= TOLERANCES.bound * ref)
-        self.high = forces >= model.upper - TOLERANCES.bound * ref
+        near = TOLERANCES.bound * _force(model)
+        self.low = ~model.two_sided & (forces <= near)
+        self.high = forces >= model.upper - near
         # Of dependent rows some pull, and others are closed, or open by rounding.
         slip = 0.0 if run.slip is None else run.slip.values
         h = np.hstack([on.h - slip, on.h_limit])
@@ -149,7 +152,7 @@ class _Points:
         if contact is None or contacts is None or not len(contact):
             return
         size = np.linalg.norm(contact.force, axis=1)
-        idle = size <= TOLERANCES.bound * model.reference_force
+        idle = size <= TOLERANCES.bound * _force(model)
         slides = (contacts.friction[contact.pair] == 0.0) | (contact.sliding > TOLERANCES.moving)
         along = contact.force / np.where(idle, 1.0, size)[:, None]
         along[idle] = contact.normal[idle]
@@ -205,30 +208,36 @@ def _is_weak(model: Model, B: Array) -> Mask:
 
 def _weak(model: Model) -> float:
     """Eigenvalue of G below which rounding changes forces by what matters [1/kg]."""
-    return TOLERANCES.acceleration / (TOLERANCES.change * model.reference_force)
+    return TOLERANCES.acceleration / (TOLERANCES.change * _force(model))
+
+
+def _force(model: Model) -> float:
+    """The puppet's weight, with which forces are compared [N]."""
+    return model.reference_force or 1.0
 
 
 def _uncertain(model: Model, B: Array, S: Array, low: Mask, high: Mask) -> Mask:
     """(m, n) whether S x (n,) is uncertain by what matters, of forces x (m, k) with bounds."""
-    size, V = np.linalg.eigh(B @ np.swapaxes(B, 1, 2))
-    out = _changes(model, size, V, S)
+    out = _changes(model, B, S)
     for i in np.flatnonzero(np.any(low | high, axis=1) & np.any(out, axis=1)):
-        null = V[i][:, size[i] < _weak(model)]
-        free = ~_blocked(null, low[i], high[i])
+        size, V = np.linalg.eigh(B[i] @ B[i].T)
+        free = ~_blocked(V[:, size < _weak(model)], low[i], high[i])
         if not np.all(free):
-            part = B[i][free]
-            out[i] = _changes(model, *np.linalg.eigh(part @ part.T), S[i][:, free])
+            out[i] = _changes(model, B[i][free], S[i][:, free])
     return out
 
 
-def _changes(model: Model, size: Array, V: Array, S: Array) -> Mask:
-    """a |S G^-1| compared with what matters; G = V diag(size) V^T."""
-    if not size.shape[-1]:
+def _changes(model: Model, B: Array, S: Array) -> Mask:
+    """a |S G^-1| (..., n) compared with what matters."""
+    if not B.shape[-2]:
         return np.zeros(S.shape[:-1], dtype=bool)
-    least = TOLERANCES.singular * size[..., -1:]
-    by = np.linalg.norm(S @ V / np.maximum(size, least)[..., None, :], axis=-1)
-    matters = TOLERANCES.change * model.reference_force
-    return np.asarray(TOLERANCES.acceleration * by > matters)
+    # Solved instead of taken apart: eigenvectors of many small matrices cost a multiple.
+    G = B @ np.swapaxes(B, -1, -2)
+    least = TOLERANCES.rounding * np.trace(G, axis1=-2, axis2=-1)
+    least = np.maximum(least, TOLERANCES.singular * _weak(model))[..., None, None]
+    G = G + least * np.eye(G.shape[-1])
+    by = np.linalg.norm(np.linalg.solve(G, np.swapaxes(S, -1, -2)), axis=-2)
+    return np.asarray(TOLERANCES.acceleration * by > TOLERANCES.change * _force(model))
 
 
 def _blocked(null: Array, low: Mask, high: Mask) -> Mask:
