@@ -26,6 +26,7 @@ TOPICS = {
     "/strings": "foxglove.SceneUpdate",
     "/joints": "foxglove.JointStates",
     "/tension": "puppet.Tension",
+    "/undetermined": "puppet.Undetermined",
 }
 
 
@@ -86,9 +87,9 @@ def table(files: Path) -> pd.DataFrame:
 def test_every_topic_has_a_message_at_every_frame(
     read: dict[str, list[tuple[float, Any]]], table: pd.DataFrame
 ) -> None:
-    assert set(read) == set(TOPICS)
+    assert set(read) == set(TOPICS) - {"/undetermined"}
     assert [t for t, _ in read["/bodies"]] == [0.0]
-    for topic in set(TOPICS) - {"/bodies"}:
+    for topic in set(TOPICS) - {"/bodies", "/undetermined"}:
         own = read[topic]
         t = np.array([t for t, _ in own])
         assert np.abs(t - table["t"]).max() < 1e-9, topic
@@ -187,6 +188,20 @@ def test_shapes_are_those_of_the_glb(
             assert own.volume > 0.0
             compared += 1
     assert compared >= len(BODIES)
+
+
+def test_tensions_that_the_motion_does_not_determine_are_marked(
+    greeting: fan.Trajectory, tmp_path: Path
+) -> None:
+    """1 for that string and time; a run without such times has no topic for them."""
+    flags = np.array(greeting.undetermined.values)
+    assert not np.any(flags)
+    later = greeting.t >= 4.9  # frames are at 4.8 and 5.0
+    flags[later, greeting.undetermined.names.index("hand_left")] = True
+    marked = dataclasses.replace(greeting, undetermined=greeting.undetermined.like(flags))
+    read = messages(fan.export(marked, tmp_path / "marked.mcap", fps=5))
+    for t, message in read["/undetermined"]:
+        assert message.hand_left == (t > 4.9) and message.head == 0.0
 
 
 def test_named_bodies_alone(greeting: fan.Trajectory, tmp_path: Path) -> None:

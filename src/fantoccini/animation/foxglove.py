@@ -1,8 +1,9 @@
 """MCAP (.mcap): messages that Foxglove draws, and Rerun as far as it knows them; z up, metres.
 
 Of every frame: where bodies are in the frame of their parent (``/tf``), strings (``/strings``),
-coordinates (``/joints``) and the strings' tensions [N] (``/tension``). Shapes of the bodies come
-once, in the bodies' frames (``/bodies``). Messages are in Protocol Buffers, with their schemas.
+coordinates (``/joints``) and the strings' tensions [N] (``/tension``), with 1 where the motion does
+not determine a tension or effort (``/undetermined``). Shapes of the bodies come once, in the
+bodies' frames (``/bodies``). Messages are in Protocol Buffers, with their schemas.
 """
 
 from __future__ import annotations
@@ -80,6 +81,11 @@ def _topics(scene: AnimatedScene, run: Trajectory) -> Iterator[tuple[str, Messag
     if names:
         columns = dict(run.tension.items())
         yield "/tension", _numbers("Tension", {name: columns[name] for name in names})
+        flags = run.undetermined
+        if flags is not None and np.any(flags.values):
+            told = [n for n in flags.names if n in names or n not in columns]
+            undetermined = {name: flags[name].astype(float) for name in told}
+            yield "/undetermined", _numbers("Undetermined", undetermined)
 
 
 def _transforms(scene: AnimatedScene, run: Trajectory) -> Messages:

@@ -9,6 +9,8 @@ import numpy as np
 from fantoccini.cli.terminal import number, table, write
 from fantoccini.motion import EventKind, Trajectory
 
+_MAX_NAMED = 16
+"""Strings and efforts that are listed."""
 _FAR = 1.0
 """Way of a rotor that is told [m or rad]."""
 
@@ -53,6 +55,8 @@ def report(run: Trajectory, seconds: float) -> None:
         write(f"{name} {did} from t = {drive.since:.6g} s on{off}")
     for name, way in _turned_freely(run):
         write(f"{name} has no control: its rotor turned freely, by {way:.3g} (m, rad)")
+    for line in undetermined_lines(run):
+        write(line)
     if run.violation is not None:
         worst = float(np.max(run.violation.values, initial=0.0))
         write(f"largest violation of strings and limits: {worst:.2g} (m, rad)")
@@ -61,6 +65,22 @@ def report(run: Trajectory, seconds: float) -> None:
         f"{run.duration:.6g} s of motion in {seconds:.3g} s, {speed:.3g} times real time "
         f"(method {run.method}, {len(run)} samples): {run.status.message}"
     )
+
+
+def undetermined_lines(run: Trajectory) -> list[str]:
+    """Which tensions and efforts the motion does not determine, and from when on."""
+    if run.undetermined is None or not np.any(run.undetermined.values):
+        return []
+    found = [(name, flags) for name, flags in run.undetermined.items() if np.any(flags)]
+    first = min(float(run.t[np.argmax(flags)]) for _, flags in found)
+    share = 100.0 * max(float(np.mean(flags)) for _, flags in found)
+    names = ", ".join(name for name, _ in found[:_MAX_NAMED])
+    more = "" if len(found) <= _MAX_NAMED else f" and {len(found) - _MAX_NAMED} more"
+    return [
+        f"not determined by the motion, from t = {first:.6g} s on, in up to {share:.3g} % of the "
+        f"samples: tension or effort of {names}{more}; other values give the same motion, those of "
+        "strings that stretch (--string-model chain) do not"
+    ]
 
 
 def _turned_freely(run: Trajectory) -> list[tuple[str, float]]:

@@ -15,7 +15,14 @@ from fantoccini.cli.terminal import Steps, table, write
 from fantoccini.errors import FileError, Mistake
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Trajectory
-from fantoccini.stand import StandCheck, check_stand, load_stand, lost_lines, remedies
+from fantoccini.stand import (
+    QUANTITIES,
+    StandCheck,
+    check_stand,
+    load_stand,
+    lost_lines,
+    remedies,
+)
 from fantoccini.stand.tempo import Slowed, slower as found_slower
 
 _MAX_NAMED = 12
@@ -74,8 +81,7 @@ def _print(found: StandCheck, tempo: tuple[Slowed | None, str] | None) -> None:
     used = _columns(found)
     lines = []
     for axis in found.axes:
-        limits = found.of(axis.name)
-        cells = [f"{limits[q].margin:.0f}" if q in limits else "" for q in used]
+        cells = [found.margin_text(axis.name, q) for q in used]
         lines.append((axis.name, axis.kind, *cells))
     table("Margins [%]", ("axis", "motor", *(f"{q}>" for q in used)), lines)
     for limit in found.broken[:_MAX_NAMED]:
@@ -94,7 +100,8 @@ def _print(found: StandCheck, tempo: tuple[Slowed | None, str] | None) -> None:
 
 
 def _columns(found: StandCheck) -> list[str]:
-    return list(dict.fromkeys(limit.quantity for limit in found.limits))
+    told = {limit.quantity for limit in found.limits} | {"torque"}
+    return [quantity for quantity in QUANTITIES if quantity in told]
 
 
 def as_data(found: StandCheck, tempo: tuple[Slowed | None, str] | None) -> dict[str, Any]:
@@ -106,6 +113,7 @@ def as_data(found: StandCheck, tempo: tuple[Slowed | None, str] | None) -> dict[
         "summary": found.summary(),
         "first": None if found.first is None else dataclasses.asdict(found.first),
         "limits": [dataclasses.asdict(limit) for limit in found.limits],
+        "undetermined": found.undetermined,
         "lost_steps": {name: dataclasses.asdict(lost) for name, lost in found.lost.items()},
         "remedies": list(remedies(found)),
         "slower": None if tempo is None else {

@@ -25,7 +25,11 @@ RECORDING = "fantoccini.recording.3"
 RECORDINGS = (RECORDING, "fantoccini.recording.2")
 """Formats that are read."""
 _ARRAYS = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
-_TABLES = ("tension", "limit_force", "taut", "ledger", "effort", "violation", "slip")
+_TABLES = (
+    "tension", "limit_force", "taut", "ledger", "effort", "violation", "slip", "undetermined",
+)  # fmt: skip
+_FLAGS = ("taut", "undetermined")
+"""Tables of flags."""
 _POINTS = {"sample": (), "pair": (), "gap": (), "point": (3,), "normal": (3,), "force": (3,),
            "velocity": (3,)}  # fmt: skip
 """Arrays of contact points, and the width of each."""
@@ -89,7 +93,7 @@ def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any], path: str) 
     tables = {}
     for name, named in about["columns"].items():
         what, *names = texts(named, f"columns.{name}")
-        column = checked(arrays, name, (n, len(names)), "b" if name == "taut" else "f")
+        column = checked(arrays, name, (n, len(names)), "b" if name in _FLAGS else "f")
         tables[name] = Columns(tuple(names), column, what)
     events = []
     numbers = checked(arrays, "events", (len(about["events"]), len(_NUMBERS)))

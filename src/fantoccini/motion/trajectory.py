@@ -61,6 +61,9 @@ class Trajectory:
         effort: by driven velocity, the force that drives it [N or N m]; None when not computed.
         violation: by string and limit, max(h, 0) [m, rad or 1]; None when not computed.
         slip: by string, the length let out by its slipping winch, >= 0 [m]; None when not computed.
+        undetermined: by string and driven velocity, whether the motion does not determine its
+            tension or effort (bool): of several that give the same motion, or differ by rounding,
+            one is reported. None when not computed.
         seconds: time that computing it took [s]; None when not known, as after loading.
         contact_residual: (T,) by how much the laws of contact are broken in the step before each
             sample, a speed relative to the largest in them, 0 where nothing touches; None where
@@ -89,6 +92,7 @@ class Trajectory:
     effort: Columns | None = None
     violation: Columns | None = None
     slip: Columns | None = None
+    undetermined: Columns | None = None
     blamed: tuple[str, ...] = ()
     seconds: float | None = None
     contact: ContactPoints | None = None
@@ -244,8 +248,9 @@ class Trajectory:
 
         ``t``; a coordinate by its name (``elbow``, ``torso.qw``); ``v:elbow``, ``acc:elbow``;
         ``tension:hand``, ``taut:hand``, ``impulse:hand``, ``force:elbow.upper``,
-        ``effort:hand.length``, ``violation:hand``, ``slip:hand``, ``energy:kinetic``; with
-        contact ``contact_residual``. Without impulses where the events were not recorded.
+        ``effort:hand.length``, ``violation:hand``, ``slip:hand``, ``undetermined:hand``,
+        ``energy:kinetic``; with contact ``contact_residual``. Without impulses where the events
+        were not recorded.
         """
         table, columns = self.coordinates, {"t": self.t}
         for names, values in ((table.q_D, self.q_D), (table.q_K, self.q_K)):
@@ -265,6 +270,7 @@ class Trajectory:
             ("effort", self.effort),
             ("violation", self.violation),
             ("slip", self.slip),
+            ("undetermined", self.undetermined),
             ("energy", self.ledger),
         ):
             if named is not None:
@@ -315,9 +321,10 @@ class Trajectory:
         ``timestepping`` is faster.
 
         ``summary()["tension"]["hand"]`` has min and max [N], slack [s], catches and the largest
-        impulse [N s]; ``summary()["drives"]`` has, for drives whose motor was too weak,
-        ``since`` [s], ``lost_steps``, ``ran_away``, ``error`` at the end [m or rad]. ``events``,
-        ``catches``, ``impulse`` and ``drives`` are None where the events were not recorded.
+        impulse [N s], and undetermined [s] where that was computed; ``summary()["drives"]`` has,
+        for drives whose motor was too weak, ``since`` [s], ``lost_steps``, ``ran_away``, ``error``
+        at the end [m or rad]. ``events``, ``catches``, ``impulse`` and ``drives`` are None where
+        the events were not recorded.
         """
         h = np.diff(self.t, append=self.t[-1])
         known = self.events_recorded
@@ -331,6 +338,9 @@ class Trajectory:
                 "catches": len(caught) if known else None,
                 "impulse": max(caught, default=0.0) if known else None,
             }
+            if self.undetermined is not None:
+                seconds = float(np.sum(h[self.undetermined.flags(name)]))
+                strings[name]["undetermined"] = seconds
         drives = {name: vars(found) for name, found in self.overloads.items()}
         return {
             "duration": self.duration,
@@ -357,7 +367,10 @@ class Trajectory:
     # -- inside ------------------------------------------------------------------------------
 
     def _tables(self) -> dict[str, Columns]:
-        names = ("tension", "limit_force", "taut", "ledger", "effort", "violation", "slip")
+        names = (
+            "tension", "limit_force", "taut", "ledger", "effort", "violation", "slip",
+            "undetermined",
+        )  # fmt: skip
         return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
 
     def _inside(self, times: Times) -> Times:

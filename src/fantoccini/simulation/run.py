@@ -43,6 +43,7 @@ from fantoccini.motion.trajectory import LEDGER
 from fantoccini.runtime import Piece, Run
 from fantoccini.simulation.checks import check_marionette, check_one_run, save_times
 from fantoccini.simulation.contact_effort import contact_effort
+from fantoccini.simulation.determinacy import undetermined
 from fantoccini.simulation.soundness import judged
 from fantoccini.simulation.weak_motors import weak_motors
 
@@ -275,7 +276,7 @@ def trajectory_of_samples(
     ).h
     h[:, :n_strings] -= part["slip"]
     violation = np.where(marionette.model.two_sided, np.abs(h), np.maximum(h, 0.0))
-    return Trajectory(
+    made = Trajectory(
         t=part["t"], q_D=part["q_D"], v_D=part["v_D"], acc_D=part["acc_D"],
         q_K=part["q_K"], v_K=part["v_K"], acc_K=part["acc_K"],
         tension=Columns(strings, tension, "string"),
@@ -295,6 +296,7 @@ def trajectory_of_samples(
         contact=contact,
         contact_residual=None if contact is None else part["contact_residual"],
     )  # fmt: skip
+    return dataclasses.replace(made, undetermined=undetermined(marionette.model, made))
 
 
 def ledger_of(part: Mapping[str, Array]) -> Array:

@@ -1,11 +1,12 @@
 """Stands: the machines that move puppets, and whether they can do a motion."""
 
 from fantoccini.stand.axes import Axis, AxisMap, AxisMotion, axes_of
-from fantoccini.stand.check import QUANTITIES, Limit, StandCheck, check_stand
+from fantoccini.stand.check import StandCheck, check_stand
 from fantoccini.stand.emulator import Emulator
 from fantoccini.stand.gcode_text import gcode, gentle_feed, grbl_settings
 from fantoccini.stand.grbl_machine import GrblMachine
 from fantoccini.stand.helping import lost_lines, remedies
+from fantoccini.stand.limits import QUANTITIES, Limit
 from fantoccini.stand.packets import packets_of
 from fantoccini.stand.point_files import joint_trajectory, save_points
 from fantoccini.stand.points import SetPoints, controller_of, set_points

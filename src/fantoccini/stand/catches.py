@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, Mask
 from fantoccini.marionette import Marionette
 from fantoccini.motion import EventKind, Trajectory
 from fantoccini.stand.axes import Axis, AxisMap, AxisMotion
@@ -50,44 +50,72 @@ class Kick:
     margin: float
 
 
-def kicks(
-    bound: AxisMap, marionette: Marionette, run: Trajectory, motion: AxisMotion, torque: Array
-) -> tuple[Kick, ...]:
-    """The catches of an event-driven run that hit steppers; others have none of their own.
+@dataclass(frozen=True, eq=False)
+class Impacts:
+    """Impacts of a run, I of them, as its n axes feel them.
+
+    Attributes:
+        t: (I,) times [s].
+        impulse: (I, n) P on what the axes move [N s or N m s].
+        lost: (I,) sum(Lambda hdot) of the strings that snapped taut [J].
+        strings: of every impact, those strings.
+    """
+
+    t: Array
+    impulse: Array
+    lost: Array
+    strings: tuple[tuple[str, ...], ...]
+
+
+def impacts_of(bound: AxisMap, marionette: Marionette, run: Trajectory) -> Impacts | None:
+    """The impacts of an event-driven run that catches; other runs have none of their own.
 
     Args:
         bound: the stand.
         marionette: the run's puppet.
         run: with the samples of its impacts.
-        motion: of the axes, (T, n).
-        torque: (T, n) of the motors [N m].
     """
-    steppers = [(k, axis) for k, axis in enumerate(bound.axes) if isinstance(axis.motor, Stepper)]
     caught = [e for e in run.events if e.impulse and e.kind is EventKind.CATCH]
-    if run.method != "event" or not caught or not steppers:
-        return ()
+    if run.method != "event" or not caught:
+        return None
     times, impulses = impulses_of(run, marionette)
-    pushed = impulses[:, bound.v] @ bound.J
     lost, strings = np.zeros(len(times)), [dict[str, None]() for _ in times]
     for event in caught:
         i = int(np.searchsorted(times, event.t))
         if i < len(times) and times[i] == event.t:
             lost[i] += event.impulse * abs(event.speed)
             strings[i][event.name] = None
-    at = np.minimum(np.searchsorted(motion.t, times), len(motion.t) - 1)
-    found = []
-    for k, axis in steppers:
-        size = np.abs(pushed[:, k]) / axis.ratio
-        hit = np.flatnonzero((size > _LEAST) & (lost > 0.0))
-        here, own = at[hit], size[hit]
-        w = motion.velocity[here, k] * axis.ratio
-        most = taken(axis, np.abs(torque[here, k]), w, own**2 / lost[hit])
-        margin = 100.0 * (1.0 - own / np.maximum(most, own / _MOST))
-        found += [
-            Kick(axis.name, float(times[i]), tuple(strings[i]), float(x), float(m), float(left))
-            for i, x, m, left in zip(hit, own, most, margin, strict=True)
-        ]
-    return tuple(sorted(found, key=lambda kick: kick.t))
+    return Impacts(times, impulses[:, bound.v] @ bound.J, lost, tuple(map(tuple, strings)))
+
+
+def kicks(
+    impacts: Impacts | None, axis: Axis, k: int, motion: AxisMotion, torque: Array, unknown: Mask
+) -> list[Kick]:
+    """The catches that hit a stepper, in order; other motors have none.
+
+    Args:
+        impacts: of the run.
+        axis: the axis.
+        k: its number.
+        motion: of the axes, (T, n).
+        torque: (T,) of its motor [N m].
+        unknown: (T,) where the motion does not determine it: catches there are left out.
+    """
+    if impacts is None or not isinstance(axis.motor, Stepper):
+        return []
+    at = np.minimum(np.searchsorted(motion.t, impacts.t), len(motion.t) - 1)
+    size = np.abs(impacts.impulse[:, k]) / axis.ratio
+    hit = np.flatnonzero((size > _LEAST) & (impacts.lost > 0.0) & ~unknown[at])
+    here, own = at[hit], size[hit]
+    w = motion.velocity[here, k] * axis.ratio
+    most = taken(axis, np.abs(torque[here]), w, own**2 / impacts.lost[hit])
+    margin = 100.0 * (1.0 - own / np.maximum(most, own / _MOST))
+    return [
+        Kick(
+            axis.name, float(impacts.t[i]), impacts.strings[i], float(x), float(m), float(left)
+        )
+        for i, x, m, left in zip(hit, own, most, margin, strict=True)
+    ]
 
 
 def impulses_of(run: Trajectory, marionette: Marionette) -> tuple[Array, Array]:

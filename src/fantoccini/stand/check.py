@@ -25,8 +25,10 @@ from fantoccini.errors import Status
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Columns, Trajectory
 from fantoccini.simulation.contact_effort import contact_effort
+from fantoccini.simulation.determinacy import undetermined
 from fantoccini.stand.axes import Axis, AxisMap, AxisMotion
-from fantoccini.stand.catches import Kick, kicks
+from fantoccini.stand.catches import Impacts, Kick, impacts_of
+from fantoccini.stand.limits import Limit, limits_of, load_of
 from fantoccini.stand.losing import LostSteps, lost_steps
 from fantoccini.stand.motors import Stepper
 from fantoccini.stand.stand_file import Stand, load_stand
@@ -37,52 +39,10 @@ COARSE = 0.02, 0.2
 """Time between samples of a run [s], and change of a force from one to the next over its largest,
 from which both on peaks may be missed between them."""
 
+_INTERPOLATED = 3
+"""Samples on either side from which a value between two of them is interpolated."""
 _LEAST_SMOOTH = 3
 """Samples through which a smooth curve goes; a line goes through fewer."""
-
-_MOST = 10.0
-"""Demand over bound that is told at most: a motor beyond its curve has no torque at all."""
-
-QUANTITIES = ("travel", "speed", "acceleration", "step rate", "torque", "catch")
-"""What may not be enough, in order."""
-
-
-@dataclass(frozen=True)
-class Limit:
-    """How near an axis comes to one of its bounds.
-
-    Attributes:
-        axis: its name.
-        quantity: one of :data:`QUANTITIES`.
-        unit: of value and bound.
-        value: the largest demand, or the position nearest to an end of the travel.
-        bound: what is there at that moment.
-        margin: what is left of the bound [%]; below 0 it is broken.
-        t: when that is [s].
-        broken: when it is first broken [s]; None where it holds.
-    """
-
-    axis: str
-    quantity: str
-    unit: str
-    value: float
-    bound: float
-    margin: float
-    t: float
-    broken: float | None
-
-    def __str__(self) -> str:
-        if self.quantity == "travel":
-            text = f"{self.axis} is at {self.value:.4g} {self.unit}, its travel ends at "
-            return f"{text}{self.bound:.4g}"
-        has = f"{self.bound:.4g}" if self.bound > 0.0 else "none at that speed and load"
-        return f"{self.axis} needs {self.value:.4g} {self.unit} of {self.quantity}, and has {has}"
-
-    @property
-    def over(self) -> str:
-        """By how much it is broken at worst."""
-        much = -self.margin >= 100.0 * (_MOST - 1.0)
-        return f"over {_MOST:.0f} times" if much else f"{max(-self.margin, 0.0):.0f} %"
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +58,11 @@ class StandCheck:
         torque: (T, n) of the motors, with the sign of the axis' position [N m].
         available: (T, n) their largest torque at that moment [N m].
         limits: of every axis and quantity, in order.
+        impacts: of the run; None where it has none.
         kicks: catches of strings that hit an axis.
         lost: axis -> steps that it loses, for steppers that lose some.
+        unknown: (T, n) where the motion does not determine the force of an axis, so that neither
+            torque nor catch is judged.
         notes: what to know of the check itself.
     """
 
@@ -111,8 +74,10 @@ class StandCheck:
     torque: Array
     available: Array
     limits: tuple[Limit, ...]
+    impacts: Impacts | None
     kicks: tuple[Kick, ...]
     lost: dict[str, LostSteps]
+    unknown: Mask
     notes: tuple[str, ...]
 
     @property
@@ -122,8 +87,8 @@ class StandCheck:
 
     @property
     def ok(self) -> bool:
-        """Whether the stand can do it."""
-        return not self.broken
+        """Whether the stand can do it: no limit is broken, and all forces are known."""
+        return not self.broken and not self.undetermined
 
     @property
     def broken(self) -> tuple[Limit, ...]:
@@ -137,13 +102,39 @@ class StandCheck:
         return self.broken[0] if self.broken else None
 
     @property
+    def undetermined(self) -> dict[str, float]:
+        """Axis -> the time from which on the motion does not determine its force [s]."""
+        return {
+            axis.name: float(self.motion.t[np.argmax(flags)])
+            for axis, flags in zip(self.axes, self.unknown.T, strict=True)
+            if np.any(flags)
+        }
+
+    @property
+    def judged(self) -> Array:
+        """(T, n) size of the torques that are judged; 0 where they are not determined [N m]."""
+        return np.where(self.unknown, 0.0, np.abs(self.torque))
+
+    @property
     def margin(self) -> float:
-        """The smallest margin [%]."""
+        """The smallest margin of what is known [%]."""
         return min(limit.margin for limit in self.limits)
 
     def of(self, axis: str) -> dict[str, Limit]:
         """The limits of an axis by quantity."""
         return {limit.quantity: limit for limit in self.limits if limit.axis == axis}
+
+    def margin_text(self, axis: str, quantity: str) -> str:
+        """The margin of an axis and quantity [%], with ``?`` where not all forces are known."""
+        limit = self.of(axis).get(quantity)
+        text = "" if limit is None else f"{limit.margin:.0f}"
+        of_forces = quantity in ("torque", "catch") and axis in self.undetermined
+        return f"{text}?" if of_forces else text
+
+    def limits_with(self, k: int, axis: Axis) -> tuple[Limit, ...]:
+        """The limits of axis number ``k`` with another motor or transmission, for this motion."""
+        load = load_of(axis, k, self.motion, self.force, self.impacts, self.unknown[:, k])
+        return tuple(limits_of(self.map.stand, axis, k, self.motion, load))
 
     def power(self) -> Array:
         """(T, n) power of the motors [W]."""
@@ -151,12 +142,18 @@ class StandCheck:
         return np.asarray(self.torque * n * self.motion.velocity)
 
     def __repr__(self) -> str:
-        verdict = "can" if self.ok else "cannot"
+        verdict = "can" if self.ok else "cannot" if self.broken else "perhaps can"
         return f"<StandCheck: {self.map.stand.name} {verdict}, least margin {self.margin:.0f} %>"
 
     def summary(self) -> str:
         """The verdict in a sentence."""
         name, first = self.map.stand.name, self.first
+        if first is None and self.undetermined:
+            since, axes = min(self.undetermined.values()), ", ".join(self.undetermined)
+            return (
+                f"whether {name} can do it is not determined: from t = {since:.3f} s on other "
+                f"torques of {axes} give the same motion"
+            )
         if first is None:
             worst = min(self.limits, key=lambda limit: limit.margin)
             return (
@@ -202,41 +199,42 @@ def check_stand(
     times = _times(run)
     motion = bound.motion_of(run, times)
     force = between(run.t, bound.forces(run.effort.values), times)
-    torque = np.stack(
-        [torque_of(axis, motion, force, k) for k, axis in enumerate(bound.axes)], axis=1
+    impacts = impacts_of(bound, marionette, run)
+    unknown = _unknown(bound, marionette, run, times)
+    loads = [
+        load_of(axis, k, motion, force, impacts, unknown[:, k]) for k, axis in enumerate(bound.axes)
+    ]
+    torque, available = (
+        np.stack([getattr(load, name) for load in loads], axis=1)
+        for name in ("torque", "available")
     )
-    available = np.stack(
-        [
-            axis.motor.largest(axis.ratio * motion.velocity[:, k], torque[:, k])
-            for k, axis in enumerate(bound.axes)
-        ],
-        axis=1,
-    )
-    hits = kicks(bound, marionette, run, motion, torque)
+    hits = tuple(sorted((hit for load in loads for hit in load.kicks), key=lambda hit: hit.t))
     limits = [
         limit
         for k, axis in enumerate(bound.axes)
-        for limit in _limits(stand, axis, motion, torque[:, k], available[:, k], k, hits)
+        for limit in limits_of(stand, axis, k, motion, loads[k])
     ]
     return StandCheck(
-        bound, run, marionette, motion, force, torque, available, tuple(limits), hits,
-        _lost(bound, marionette, motion, torque, available, hits), _notes(run),
+        bound, run, marionette, motion, force, torque, available, tuple(limits), impacts, hits,
+        _lost(bound, marionette, motion, np.where(unknown, 0.0, torque), available, hits), unknown,
+        _notes(run, bound, unknown),
     )  # fmt: skip
 
 
-def torque_of(axis: Axis, motion: AxisMotion, force: Array, k: int) -> Array:
-    """(T,) torque of the motor of axis number ``k`` that exerts forces (T, n) [N m]."""
-    n, v, acc = axis.ratio, motion.velocity[:, k], motion.acceleration[:, k]
-    load = force[:, k] / n
-    drives = np.sign(load * v)  # 1 where the motor drives its load
-    arrives = axis.file.efficiency ** -drives
-    torque = load * arrives + axis.inertia * n * acc
-    friction = axis.file.friction
-    if friction is not None:
-        w = n * v
-        torque = torque + friction.viscous * w
-        torque = torque + friction.coulomb * w / np.sqrt(w**2 + friction.speed**2)
-    return np.asarray(torque)
+def _unknown(bound: AxisMap, marionette: Marionette, run: Trajectory, times: Array) -> Mask:
+    """(len(times), n) whether the motion does not determine the forces of the axes there."""
+    flags = run.undetermined
+    if flags is None:
+        flags = undetermined(marionette.model, run)
+    own = np.array([flags[name] for name in run.coordinates.v_K]).T[:, bound.v]
+    found = np.any(own[:, :, None] & (bound.J != 0.0), axis=1)
+    near = np.array(found)
+    for shift in range(1, _INTERPOLATED + 1):
+        near[shift:] |= found[:-shift]
+        near[:-shift] |= found[shift:]
+    at = np.searchsorted(run.t, times, side="right") - 1
+    exact = run.t[at] == times
+    return np.where(exact[:, None], found[at], near[at])
 
 
 def between(t: Array, values: Array, times: Array) -> Array:
@@ -276,68 +274,6 @@ def _times(run: Trajectory) -> Array:
     return np.union1d(run.t, np.linspace(run.t[0], run.t[-1], n))
 
 
-def _limits(
-    stand: Stand, axis: Axis, motion: AxisMotion, torque: Array, available: Array, k: int,
-    hits: tuple[Kick, ...],
-) -> list[Limit]:  # fmt: skip
-    """The limits of one axis."""
-    p, v, acc = motion.position[:, k], motion.velocity[:, k], motion.acceleration[:, k]
-    t, unit, file = motion.t, axis.unit, axis.file
-    low, high = axis.travel
-    room = np.minimum(p - low, high - p)
-    i = int(np.argmin(room))
-    end = low if p[i] - low < high - p[i] else high
-    made = [
-        Limit(
-            axis.name, "travel", unit, float(p[i]), end, 100.0 * float(room[i]) / (high - low),
-            float(t[i]), _first(t, room < -_ROUNDING * (high - low)),
-        )
-    ]  # fmt: skip
-    assert file.speed is not None and file.acceleration is not None
-    rates = [
-        ("speed", f"{unit}/s", np.abs(v), np.full(len(t), file.speed)),
-        ("acceleration", f"{unit}/s^2", np.abs(acc), np.full(len(t), file.acceleration)),
-    ]
-    controller = stand.file.controller
-    pulses = getattr(controller, "step_rate", None)
-    if isinstance(axis.motor, Stepper) and pulses is not None:
-        rate = np.abs(v) * axis.counts
-        rates.append(("step rate", "steps/s", rate, np.full(len(t), pulses)))
-    rates.append(("torque", "N m", np.abs(torque), available))
-    for quantity, of, demand, bound in rates:
-        made.append(_rate(axis.name, quantity, of, t, demand, bound))
-    own = [hit for hit in hits if hit.axis == axis.name]
-    if own:
-        worst = min(own, key=lambda hit: hit.margin)
-        broken = [hit.t for hit in own if hit.margin < 0.0]
-        made.append(
-            Limit(
-                axis.name, "catch", "N m s", worst.impulse, worst.bound, worst.margin, worst.t,
-                min(broken, default=None),
-            )
-        )
-    return made
-
-
-_ROUNDING = 1e-9
-"""By how much a bound may be passed, relative to it."""
-
-
-def _rate(axis: str, quantity: str, unit: str, t: Array, demand: Array, bound: Array) -> Limit:
-    """The limit of a demand (T,) with a bound (T,) of its own at every moment."""
-    share = demand / np.maximum(bound, 1e-12 * max(1.0, float(np.max(bound))))
-    i = int(np.argmax(share))
-    margin = 100.0 * (1.0 - min(float(share[i]), _MOST))
-    return Limit(
-        axis, quantity, unit, float(demand[i]), float(bound[i]), margin, float(t[i]),
-        _first(t, demand > bound * (1.0 + _ROUNDING)),
-    )  # fmt: skip
-
-
-def _first(t: Array, broken: Mask) -> float | None:
-    return float(t[np.argmax(broken)]) if np.any(broken) else None
-
-
 def _lost(
     bound: AxisMap, marionette: Marionette, motion: AxisMotion, torque: Array, available: Array,
     hits: tuple[Kick, ...],
@@ -356,8 +292,17 @@ def _lost(
     return found
 
 
-def _notes(run: Trajectory) -> tuple[str, ...]:
+def _notes(run: Trajectory, bound: AxisMap, unknown: Mask) -> tuple[str, ...]:
     notes = []
+    axes = [a.name for a, flags in zip(bound.axes, unknown.T, strict=True) if np.any(flags)]
+    if axes:
+        share = 100.0 * float(np.max(np.mean(unknown, axis=0)))
+        notes.append(
+            f"the motion does not determine the forces of {', '.join(axes)} in up to {share:.3g} % "
+            "of the run, where other tensions move the puppet alike: torques and catches are not "
+            "judged there. Strings that stretch (--string-model chain) have tensions of their own; "
+            "so do fewer strings"
+        )
     assert run.effort is not None
     force, gap = np.abs(run.effort.values), np.diff(run.t)
     change = np.max(np.abs(np.diff(force, axis=0)) / np.max(force, initial=1e-9), axis=1)

@@ -26,6 +26,7 @@ _COMPARED = 120.0
 """Times per second at which two motions are compared."""
 _SAVED = 500.0
 """Samples per second of a slower run."""
+_UNKNOWN = "slower does not help: the motion does not determine all torques"
 _LEAST_STEP = 1e-4
 """Of a run with a fixed step [s]."""
 
@@ -111,6 +112,8 @@ def slower(check: StandCheck) -> tuple[Slowed | None, str]:
     """The fastest tempo tried at which a stand can do it, and what was found, in words."""
     if any(limit.quantity == "travel" for limit in check.broken):
         return None, "slower does not help: the travel is too short at any tempo"
+    if check.undetermined:
+        return None, _UNKNOWN
     factor, last = _least(check), None
     while factor <= LARGEST:
         try:
@@ -119,6 +122,8 @@ def slower(check: StandCheck) -> tuple[Slowed | None, str]:
             return None, f"{factor:.3g} times as long, the simulation stops: {reason}"
         if last.check.ok:
             return last, str(last)
+        if last.check.undetermined:
+            return None, f"{factor:.3g} times as long, {_UNKNOWN}"
         factor *= GROWS
     if last is None:
         return None, f"slower does not help within {LARGEST:g} times as long"

@@ -99,9 +99,19 @@ def line_look(theme: Theme, k: int) -> dict[str, Any]:
 
 def _tension(axes: Axes, run: Trajectory, looks: Looks, theme: Theme) -> None:
     values = run.tension.values
+    some, what = np.zeros(len(run), dtype=bool), "tension [N]"
     for k, name in enumerate(run.tension.names):
         axes.plot(run.t, values[:, k], **looks[name], linewidth=1.2, label=name)
-    axes.set_ylabel("tension [N]", color=theme.ink)
+        if run.undetermined is not None:
+            some |= run.undetermined.flags(name)
+    if np.any(some):
+        spans = _spans(run.t, some)
+        axes.broken_barh(
+            spans, (0.0, 1.0), transform=axes.get_xaxis_transform(), facecolor=theme.faint,
+            alpha=0.18, linewidth=0.0,
+        )  # fmt: skip
+        what += "\ngrey: not all determined"
+    axes.set_ylabel(what, color=theme.ink)
     short_numbers(axes, theme)
     finite = np.abs(values[np.isfinite(values)])
     if finite.size and finite.max() > 0.0:

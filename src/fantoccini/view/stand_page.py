@@ -62,7 +62,7 @@ def _page(check: StandCheck, slower: tuple[Slowed | None, str] | None) -> str:
         paragraph(check.summary(), f"verdict {'holds' if check.ok else 'fails'}"),
         *(paragraph(note, "note") for note in check.notes),
     ]  # fmt: skip
-    if not check.ok:
+    if check.broken:
         parts += ["<h2>What is not enough</h2>", _broken(check).html()]
         if check.lost:
             parts += ["<h3>Lost steps</h3>", listing(lost_lines(check))]
@@ -90,7 +90,10 @@ def _page(check: StandCheck, slower: tuple[Slowed | None, str] | None) -> str:
             for figure, names in stand_plots.torque_and_speed(check)
         ),
         "<h2>Over time</h2>",
-        paragraph("Dashed: the bounds. Red: where they are passed.", "note"),
+        paragraph(
+            "Dashed: the bounds. Red: where they are passed. Torques that the motion does not "
+            "determine are left out.", "note",
+        ),
         *(
             png(figure, f"Motion and torque of {', '.join(names)}")
             for figure, names in stand_plots.over_time(check)
@@ -128,11 +131,12 @@ def _broken(check: StandCheck) -> Table:
 
 def margin_table(check: StandCheck) -> Table:
     """The margin of every axis and quantity [%]."""
-    used = [q for q in QUANTITIES if any(limit.quantity == q for limit in check.limits)]
+    told = {limit.quantity for limit in check.limits} | {"torque"}
+    used = [q for q in QUANTITIES if q in told]
     lines, wrong = [], set()
     for i, axis in enumerate(check.axes):
         limits = check.of(axis.name)
-        cells = [f"{limits[q].margin:.0f}" if q in limits else "" for q in used]
+        cells = [check.margin_text(axis.name, q) for q in used]
         lines.append((axis.name, axis.kind, *cells))
         if any(limit.broken is not None for limit in limits.values()):
             wrong.add(i)

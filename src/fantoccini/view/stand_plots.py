@@ -88,13 +88,17 @@ def _torque_panel(axes: Axes, check: StandCheck, k: int, theme: Theme) -> None:
     most = axis.motor.largest(curve, np.ones_like(curve))
     axes.fill_between(curve / _TURN, most, color=theme.faint, alpha=0.18, linewidth=0.0)
     axes.plot(curve / _TURN, most, color=theme.faint, linewidth=1.2)
-    axes.plot(w / _TURN, torque, color=theme.colour(0), linewidth=0.7)
-    over = torque > there
+    known = ~check.unknown[:, k]
+    axes.plot(
+        w / _TURN, np.where(known, torque, np.nan), color=theme.colour(0), linewidth=0.7
+    )
+    over = known & (torque > there)
     axes.plot(
         w[over] / _TURN, torque[over], linestyle="", marker=".", color=RED, markersize=4.0,
     )  # fmt: skip
     axes.set_xlim(0.0, fast / _TURN)
-    axes.set_ylim(0.0, 1.12 * max(float(np.max(torque)), float(np.max(most))))
+    largest = float(np.max(torque[known], initial=0.0))
+    axes.set_ylim(0.0, 1.12 * max(largest, float(np.max(most))))
     axes.set_title(plain(axis.name, 30), fontsize=9.5, color=theme.ink, loc="left")
     axes.set_xlabel("turns/s", fontsize=8.5, color=theme.ink)
     axes.set_ylabel("N m", fontsize=8.5, color=theme.ink)
@@ -127,7 +131,10 @@ def _axis_row(row: Array, check: StandCheck, k: int, theme: Theme) -> None:
         (motion.position[:, k], np.full(len(t), low), np.full(len(t), high), False),
         (motion.velocity[:, k], -speed, speed, True),
         (motion.acceleration[:, k], -acceleration, acceleration, True),
-        (check.torque[:, k], -check.available[:, k], check.available[:, k], True),
+        (
+            np.where(check.unknown[:, k], np.nan, check.torque[:, k]), -check.available[:, k],
+            check.available[:, k], True,
+        ),
     ]
     for panel, (values, below, above, symmetric) in zip(row, curves, strict=True):
         _dressed(panel, theme)
@@ -136,7 +143,7 @@ def _axis_row(row: Array, check: StandCheck, k: int, theme: Theme) -> None:
         panel.plot(t, values, color=theme.colour(0), linewidth=0.9)
         over = (values < below) | (values > above)
         panel.plot(t, np.where(over, values, np.nan), color=RED, linewidth=1.6)
-        size = float(np.max(np.abs(values), initial=1e-9))
+        size = float(np.nanmax(np.abs(values), initial=1e-9))
         if symmetric:
             there = 1.1 * float(np.max(above))
             most = max(1.15 * size, min(there, 4.0 * size), 0.1 * there)

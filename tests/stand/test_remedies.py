@@ -1,0 +1,135 @@
+"""Advice of a stand's check passes the whole check before it is given."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from tests.stand.hoist import STAND, lift, stand
+
+import fantoccini as fan
+from fantoccini.stand import StandCheck, check_stand, remedies
+
+SURE = {"speed: 1": "speed: 2", "acceleration: 20": "acceleration: 60"}
+RATE = {"axes:": "controller: {type: grbl, step_rate: 85000}\naxes:"}
+NUMBER = r"([\d.e+-]+)"
+SPAN = rf"{NUMBER}(?: to {NUMBER})?"
+PARTS = {
+    "drum": ("type: drum, radius: 0.01", "type: drum, radius: {}", rf"drum, radius {SPAN} m"),
+    "belt": (
+        "type: drum, radius: 0.01", "type: belt, pitch: 0.002, teeth: {}",
+        rf"pulley of {SPAN} teeth",
+    ),
+    "screw": ("type: drum, radius: 0.01", "type: screw, lead: {}", rf"lead of {SPAN} m"),
+    "shaft": ("type: shaft", "type: shaft", rf"gear of {SPAN} instead"),
+}  # fmt: skip
+OWN = {"drum": 0.01, "belt": 31, "screw": 0.0628, "shaft": 1.0}
+
+
+@pytest.fixture(scope="module")
+def lifted(hoist):
+    return lift(hoist)
+
+
+def of(kind: str, number: float, torque: float, microsteps: int, rate: float | None) -> str:
+    """The text of a stand for the hoist."""
+    old, new, _ = PARTS[kind]
+    text = STAND.replace("TORQUE", f"{torque}")
+    for before, after in SURE.items():
+        text = text.replace(before, after)
+    if rate is not None:
+        text = text.replace("axes:", f"controller: {{type: grbl, step_rate: {rate}}}\naxes:")
+    text = text.replace("inertia: 1.0e-5}", f"inertia: 1.0e-5, microsteps: {microsteps}}}")
+    if kind == "shaft":
+        # An axis that turns: lengths are 0.01 m a radian.
+        text = text.replace("{type: drum, radius: 0.01}", "{type: shaft}")
+        text = text.replace("line.length: 1", "line.length: 0.01").replace("[0.2, 0.9]", "[20, 90]")
+        text = text.replace("speed: 2", "speed: 200")
+        text = text.replace("acceleration: 60", "acceleration: 6000")
+        return text.replace("    moves", f"    gear: {number}\n    moves")
+    return text.replace(old, new.format(number))
+
+
+def advised(check: StandCheck, kind: str) -> tuple[list[float], int | None]:
+    """The numbers of the transmission from the least to the most advised, and microsteps."""
+    (line,) = remedies(check)
+    found = re.search(PARTS[kind][2] + r"[^;]*", line)
+    if found is None:
+        return [], None
+    low, high = float(found[1]), float(found[2] or found[1])
+    numbers = np.linspace(low, high, 7)
+    numbers = sorted({round(x) for x in numbers}) if kind == "belt" else numbers.tolist()
+    fewer = re.search(r"with (\d+) microsteps", found[0])
+    return numbers, None if fewer is None else int(fewer[1])
+
+
+@pytest.mark.parametrize("kind", PARTS)
+@pytest.mark.parametrize("torque, rate", [(0.055, 85000), (0.055, 75000), (0.055, None)])
+def test_every_transmission_that_is_advised_passes_the_whole_check(
+    hoist, lifted, kind, torque, rate
+):
+    """A smaller drum has the torque, and needs more steps a second than the controller makes."""
+    weak = check_stand(fan.stand.loads_stand(of(kind, OWN[kind], torque, 16, rate)), lifted, hoist)
+    assert weak.of("winch")["torque"].broken is not None
+    numbers, microsteps = advised(weak, kind)
+    assert numbers
+    for number in numbers:
+        text = of(kind, number, torque, microsteps or 16, rate)
+        better = check_stand(fan.stand.loads_stand(text), lifted, hoist)
+        assert better.ok, f"{kind} {number}: {better.summary()}"
+        assert better.of("winch")["torque"].margin > 9.99
+
+
+def test_a_drum_is_no_advice_where_its_step_rate_is_too_high(hoist, lifted):
+    """By torque alone radii from 3 mm would do; 8.7 mm already need too many steps a second."""
+    weak = check_stand(stand("0.055", **SURE, **RATE), lifted, hoist)
+    (line,) = remedies(weak)
+    (low, *_, high), microsteps = advised(weak, "drum")
+    rate = 1.5 * 200 * (microsteps or 16) / (2 * np.pi * low)
+    assert rate <= 85000 and "smaller drum" in line and low < high
+
+
+@pytest.mark.parametrize("microsteps", [3, 10, 16, 128])
+@pytest.mark.parametrize("share", [0.97, 0.3, 0.13])
+def test_microsteps_are_those_that_drivers_have(hoist, lifted, microsteps, share):
+    """Powers of two, the largest that the controller can make; none where none is enough."""
+    needs = 1.5 * 200 * microsteps / (2 * np.pi * 0.01)
+    rate = share * needs
+    found = check_stand(
+        fan.stand.loads_stand(of("drum", 0.01, 0.5, microsteps, rate)), lifted, hoist
+    )
+    (line,) = remedies(found)
+    told = re.search(r"or (\d+) microsteps instead of (\d+)", line)
+    most = [2**k for k in range(9) if 2**k <= share * microsteps * (1 - 1e-4)]
+    if not most:
+        assert told is None
+        return
+    assert (int(told[1]), int(told[2])) == (most[-1], microsteps)
+    text = of("drum", 0.01, 0.5, int(told[1]), rate)
+    assert check_stand(fan.stand.loads_stand(text), lifted, hoist).ok
+
+
+def test_no_microsteps_are_advised_where_the_torque_lacks_too(hoist, lifted):
+    """They would pass the step rate, and not the check."""
+    weak = check_stand(fan.stand.loads_stand(of("drum", 0.01, 0.055, 16, 60000)), lifted, hoist)
+    assert {limit.quantity for limit in weak.broken} == {"torque", "step rate"}
+    (line,) = remedies(weak)
+    assert not re.search(r"or \d+ microsteps instead", line)
+    assert re.search(r"smaller drum.* with \d+ microsteps instead of 16", line)
+
+
+@pytest.mark.parametrize("torque", ["0.05", "[[0, 0.055], [12, 0.05], [24, 0.01]]"])
+def test_numbers_of_advice_are_rounded_to_the_safe_side(hoist, lifted, torque):
+    """Speed, steps a second and torques of the advice hold where they are taken at their word."""
+    bounds = {"axes:": "controller: {type: grbl, step_rate: 76000}\naxes:"}
+    weak = check_stand(stand(torque, **bounds), lifted, hoist)
+    (line,) = remedies(weak)
+    speed = re.search(rf"{NUMBER} m/s of speed", line)[1]
+    rate = re.search(rf"makes {NUMBER} steps/s", line)[1]
+    torques = [float(x) for x in re.findall(rf"{NUMBER} N m at", line)]
+    told = {
+        "speed: 1": f"speed: {speed}", "acceleration: 20": "acceleration: 60",
+        "axes:": f"controller: {{type: grbl, step_rate: {rate}}}\naxes:",
+    }  # fmt: skip
+    assert check_stand(stand(f"{max(torques)}", **told), lifted, hoist).ok
