@@ -105,7 +105,7 @@ def test_a_play_that_is_stopped_in_time_says_so(tmp_path):
 def test_check_names_the_player_who_cannot_walk(tmp_path):
     path = write_play(tmp_path, "      - {who: one, walks to: there}\n")
     found = mistake("check", path)
-    assert f"{path}:14: acts[0].cues[0].walks to: one cannot do `walks to`" in found
+    assert f"{path}:14: acts[0].cues[0]['walks to']: one cannot do `walks to`" in found
 
 
 WRONG = {

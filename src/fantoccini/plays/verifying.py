@@ -129,7 +129,7 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
         runs = play.runs()
     except CannotBegin as error:
         text = _stops(play, error.stop)
-        raise play.located.error([((), text)], FileError) from None
+        raise play.located.error([(("cast", error.stop.players[0]), text)], FileError) from None
     finally:
         play.kept.until = math.inf
     run = together(play.cast, runs)
@@ -176,15 +176,17 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
 
 
 def _stops(play: Play, stop: Stop) -> str:
-    """Where a run stops, with the cue that has begun last and its line."""
-    begun = [
+    """Where a run stops, with the cue that has begun last, or else the first, and its line."""
+    starts = [
         (marks[START], cue) for cue in play.cues for who, marks in cue.marks.items()
-        if who in stop.players and marks[START] <= stop.t + LATE
+        if who in stop.players
     ]  # fmt: skip
     told = stop.told(f"in {play.when(stop.t)}")
-    if not begun:
+    if not starts:
         return told
-    _, cue = max(begun, key=lambda one: one[0])
+    starts.sort(key=lambda one: one[0])
+    begun = [cue for t, cue in starts if t <= stop.t + LATE]
+    cue = begun[-1] if begun else starts[0][1]
     return f"line {cue.line}: {cue.what}: {told}"
 
 
