@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import subprocess
+import time
 import wave
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from tests.cli.command import fantoccini, mistake
 from tests.plays.tiny import MAY_TOUCH, TOUCHES, write_play
 
 import fantoccini as fan
+from fantoccini import view
 from fantoccini.media import ffmpeg
 
 
@@ -76,6 +78,34 @@ def test_a_cue_that_may_be_left_out_is_told_and_ends_with_0(tmp_path):
     result = fantoccini("play", write_play(tmp_path, MAY_TOUCH))
     assert result.exit_code == 0
     assert "acts[0].cues[1]: one: sway.yaml is left out" in result.stderr
+
+
+def test_the_verdict_is_told_before_the_report_and_the_film_are_made(tmp_path, monkeypatch):
+    """It was printed only after them, and not at all where one failed."""
+    def fails(*_, **__):
+        raise view.PictureError("no room on the disk")
+
+    monkeypatch.setattr(view, "play_report", fails)
+    result = fantoccini("play", write_play(tmp_path, TOUCHES), "--report", tmp_path / "page.html")
+    assert result.exit_code != 0
+    assert "1 of 2 cues can be done" in result.stdout
+    assert "one: sway.yaml cannot be done" in result.stderr
+    assert isinstance(result.exception, view.PictureError)
+
+
+def test_a_play_that_is_stopped_in_time_says_so(tmp_path):
+    began = time.monotonic()
+    result = fantoccini("play", write_play(tmp_path, TOUCHES), "--within", "0")
+    assert result.exit_code == 1
+    assert "compiling was stopped after 1 round" in result.stderr
+    assert "2 of 2 cues can be done, " in result.stdout and " remarks" in result.stdout
+    assert time.monotonic() - began < 60.0
+
+
+def test_check_names_the_player_who_cannot_walk(tmp_path):
+    path = write_play(tmp_path, "      - {who: one, walks to: there}\n")
+    found = mistake("check", path)
+    assert f"{path}:14: acts[0].cues[0]['walks to']: one cannot do `walks to`" in found
 
 
 WRONG = {

@@ -36,7 +36,7 @@ def test_a_play_is_done_as_it_is_written(plays: Plays):
     assert abs(heading[0] - 0.5 * np.pi) < 1e-9
     assert look.start == pytest.approx(walk.end + 2 * 0.6, abs=1e-9)
     assert both.start >= max(look.end, walk.end) + 0.6 - 1e-9
-    assert [one.text for one in play.score.captions] == ["Good evening"]
+    assert [str(one) for one in play.score.captions] == ["pierrot: Good evening"]
     found = fan.verify_play(play)
     assert found, found.faults
     assert {one.cue.number for one in found.cues} == {1, 2, 3, 4}

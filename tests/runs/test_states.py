@@ -202,6 +202,25 @@ def test_an_event_driven_run_goes_on_from_its_rows(arm, lift):
             np.testing.assert_allclose(part.q_D[-1], whole.q_D[-1], atol=1e-7)
 
 
+@pytest.mark.parametrize("before", [0.0, 1e-13, 1e-11, 1e-10, 1e-9, 1e-7])
+def test_a_run_that_ends_just_at_a_catch_goes_on_from_there(arm, before):
+    """It refused the start: the string is at its bound and moves past it."""
+    x0 = arm.rest({"hand.length": 0.8})
+    points = [(0, 0.8), (0.15, 0.5), (0.4, 0.5), (0.6, 0.8)]
+    jerk = fan.Input.waypoints(arm, {"hand.length": points})
+    whole = fan.simulate(arm, x0, jerk, t_end=1.0)
+    catches = [event for event in whole.events if event.kind == "catch"]
+    assert catches
+    for event in catches:
+        part = fan.simulate(arm, x0, jerk, t_end=event.t - before)
+        rest = fan.simulate(arm, part.state(-1), jerk, t_end=1.0)
+        np.testing.assert_allclose(rest.q_D[-1], whole.q_D[-1], atol=1e-7)
+        # The catch is in the one or in the other.
+        impulses = [e.impulse for one in (part, rest) for e in one.events if e.kind == "catch"]
+        assert max(impulses) == pytest.approx(max(e.impulse for e in catches), rel=1e-5)
+        assert len(impulses) == len(catches)
+
+
 def test_exact_lengths_are_asked_for_with_the_remedy(arm, lift):
     """17.7: where a method cannot begin at a state, the message says how to make it one."""
     run = fan.simulate(arm, arm.rest({"hand.length": 0.8}), lift, method="timestepping")

@@ -13,6 +13,9 @@ import pytest
 from fantoccini import view
 from fantoccini.gestures import Caption, Sound
 from fantoccini.media import MediaError, sound_duration
+from fantoccini.view.drawing import Sheet
+from fantoccini.view.subtitles import Subtitles
+from fantoccini.view.theme import theme_of
 from view.still_life import bundled, swinging
 
 RATE = 8000
@@ -118,6 +121,37 @@ def test_captions_are_in_the_picture_in_their_time_only(puppet, tmp_path):
     ]
     assert list(np.flatnonzero(changed)) == [5, 6, 7, 8, 9, 12, 13, 14, 15]
     assert changed[13] > 3 * changed[7]
+
+
+def test_captions_that_overlap_are_all_read_with_their_speakers(puppet):
+    """Of two the older one vanished, and nobody was named."""
+    first = Caption(0.0, 2.0, "Good evening!", "pierrot")
+    second = Caption(1.0, 3.0, "Ah!", "doctor")
+    alone = Caption(4.0, 5.0, "A bell rings")
+    subtitles = Subtitles([alone, second, first], 960, 14.0, 300.0)
+    subtitles.place(Sheet((960, 720), theme_of("light")), 40.0)
+
+    def read(t: float) -> list[str]:
+        return [line for text in subtitles.at(t) for line in text.get_text().split("\n")]
+
+    assert read(0.5) == ["pierrot: Good evening!"]
+    assert read(1.5) == ["pierrot: Good evening!", "doctor: Ah!"]
+    assert read(2.0) == ["doctor: Ah!"]
+    assert read(3.5) == []
+    assert read(4.0) == ["A bell rings"]
+
+
+def test_captions_leave_room_for_the_picture(puppet, tmp_path):
+    """Many at once are written smaller, and none is lost."""
+    words = "all of us say " + "quite " * 30
+    captions = [Caption(0.0, 2.0, words, f"player_{k}") for k in range(9)]
+    low = Subtitles(captions, 320, 6.0, 96.0)
+    assert 0.0 < low.room <= 96.0
+    low.place(Sheet((320, 240), theme_of("light")), 10.0)
+    (text,) = low.at(1.0)
+    assert all(f"player_{k}: all of us" in text.get_text() for k in range(9))
+    film = view.film(*puppet, tmp_path / "a.mp4", captions=captions, fps=2, size=(320, 240))
+    assert film.stat().st_size > 0
 
 
 def test_what_is_no_sound_is_told(beep, puppet, tmp_path):

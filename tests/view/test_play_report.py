@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from tests.plays.tiny import TOUCHES, write_play
+from tests.plays.tiny import MAY_TOUCH, TOUCHES, write_play
 
 import fantoccini as fan
 from fantoccini import view
@@ -120,6 +120,23 @@ def test_a_play_that_fails_says_so_first(tmp_path):
     assert '<tr class="wrong"><td class="r">2</td><td class="r">15</td>' in text
 
 
+def test_remarks_are_not_counted_as_cues_that_cannot_be_done(tmp_path):
+    """The report said that a cue cannot be done where the terminal said that all can."""
+    path = write_play(tmp_path, TOUCHES)
+    play = fan.load_play(path, within=0.0)
+    verification = fan.verify_play(play)
+    assert not play.refused and len(play.remarks) >= 2  # it was stopped, and something touches
+    assert play.remarks == play.lacking == play.changes
+    text = view.play_report(verification, tmp_path / "page.html").read_text(encoding="utf-8")
+    assert play.counts == f"2 of 2 cues can be done, {len(play.remarks)} remarks"
+    assert f'class="verdict fails">{play.counts}' in text
+    assert "cues cannot be done" not in text
+    left = fan.load_play(write_play(tmp_path, MAY_TOUCH))
+    assert left.counts == "1 of 2 cues can be done, 1 left out" and not left.remarks
+    text = view.play_report(fan.verify_play(left), tmp_path / "page.html").read_text()
+    assert 'class="verdict holds">1 of 2 cues can be done, 1 left out' in text
+
+
 def inside(figure) -> list[str]:
     """The words of a figure; fails where one is cut."""
     figure.canvas.draw()
@@ -143,7 +160,7 @@ def test_the_drawings_name_everything_and_cut_nothing(verification):
     play = verification.play
     assert {"one", "two", "here", "there", "block"} <= set(inside(plan(play, verification.space)))
     words = inside(timeline(play))
-    assert {"First <act>", "one", "two", "captions", "1 hop.yaml", "<Hop> & hop"} <= set(words)
+    assert {"First <act>", "one", "two", "captions", "1 hop.yaml", "one: <Hop> & hop"} <= set(words)
     stills = inside(Stills(play, verification.run).of_act("First <act>"))
     assert [stills.count(name) for name in ("one", "two")] == [8, 8]
 

@@ -22,14 +22,14 @@ if TYPE_CHECKING:
 
 
 def play_file(request: PlayRequest) -> None:
-    """Compiles and verifies a play, prints its cue times, and writes the outputs.
+    """Compiles and verifies a play, prints its cue times and the verdict, and writes the outputs.
 
     The exit code is 1 if a cue cannot be done as written, unless it may be left out, or if the run
     does not hold what is promised.
     """
-    out, look, report = request.out or [], request.look, request.report
+    out, report = request.out or [], request.report
     check_outputs(out, None)
-    look.check(out)
+    request.look.check(out)
     if report is not None:
         check_output(report, (".html",), "--report")
     with Steps(request.quiet) as steps:
@@ -37,19 +37,11 @@ def play_file(request: PlayRequest) -> None:
         play = load_play(request.file, progress=steps.shares(), within=request.within)
         compiled = time.perf_counter()
         steps.step(f"simulating and measuring {play.duration:.1f} s")
-        verification = verify_play(play)
+        within = request.within
+        left = None if within is None else max(within - (compiled - began), 0.0)
+        verification = verify_play(play, within=left)
         verified = time.perf_counter()
-        if report is not None:
-            from fantoccini import view
-
-            view.play_report(verification, report, progress=steps.bar(f"drawing {report}", 1.0))
-        if out:
-            from fantoccini.view import AUDIENCE
-
-            films = {**films_of(play.score), "follow": False}
-            look = look if look.view is not None else replace(look, view=AUDIENCE)
-            run = verification.run
-            write_outputs(play.marionette, run, out, None, steps, look=look, films=films)
+    # Before the outputs, which may take longer than all that is told.
     if not request.quiet:
         _print(verification)
         report_score(play.score, out)
@@ -58,8 +50,27 @@ def play_file(request: PlayRequest) -> None:
         say(str(change))
     for fault in verification.faults:
         say(f"{request.file}: {fault}")
+    _write(request, verification, out)
     if play.lacking or not verification:
         raise typer.Exit(FAILED)
+
+
+def _write(request: PlayRequest, verification: Verification, out: list[Path]) -> None:
+    """Writes the report and the outputs."""
+    play, look = verification.play, request.look
+    with Steps(request.quiet) as steps:
+        if request.report is not None:
+            from fantoccini import view
+
+            drawing = steps.bar(f"drawing {request.report}", 1.0)
+            view.play_report(verification, request.report, progress=drawing)
+        if out:
+            from fantoccini.view import AUDIENCE
+
+            films = {**films_of(play.score), "follow": False}
+            look = look if look.view is not None else replace(look, view=AUDIENCE)
+            run = verification.run
+            write_outputs(play.marionette, run, out, None, steps, look=look, films=films)
 
 
 def checked_play(path: Path) -> str:
@@ -109,13 +120,10 @@ def _summary(verification: Verification, compiling: float, verifying: float) -> 
         f"coordinates; compiled in {compiling:.1f} s, {_count(play.rounds, 'round')}, "
         f"verified in {verifying:.1f} s"
     )
-    done = sum(not cue.refused for cue in play.cues)
-    left = len(play.cues) - done - len(play.refused)
-    cues = f"{done} of {_count(len(play.cues), 'cue')} can be done"
-    cues += f", {left} left out" if left else ""
     worst = f"no cue more than {1e3 * verification.worst:.0f} ms off"
     broken = len(verification.faults)
-    write(f"{cues}; {worst}; " + (f"{_count(broken, 'fault')}" if broken else "the run holds"))
+    holds = _count(broken, "fault") if broken else "the run holds"
+    write(f"{play.counts}; {worst}; {holds}")
     for why in dict.fromkeys(verification.stepped):
         write(f"where something touches, time steps of 0.25 ms were taken: {why}")
 

@@ -302,7 +302,11 @@ class PlayRequest(PictureOptions):
     ] = None
     within: Annotated[
         float | None,
-        typer.Option(min=0.0, metavar="SECONDS", help="Stop compiling then, with what there is."),
+        typer.Option(
+            min=0.0,
+            metavar="SECONDS",
+            help="Stop compiling and simulating then, with what there is.",
+        ),
     ] = None
     out: Out = None
 

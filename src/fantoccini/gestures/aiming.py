@@ -40,6 +40,11 @@ _TILTS = np.radians((-45.0, 0.0))
 """Lowest and highest tilt of a face [rad]: the head's string cannot tilt it up."""
 _FACE = 0.1
 """A point so far before the skull's joint is led to the place's direction [m]."""
+_PARTS = {
+    "look": ("skull",),
+    "point": ("upper_arm_left", "forearm_left", "upper_arm_right", "forearm_right"),
+}  # fmt: skip
+"""Bodies of the poses that look and point."""
 _LEAST = 0.02
 """Least distance of a place from the shoulder or the neck [m]."""
 
@@ -106,6 +111,24 @@ class Aim:
             findings.add(("to",), f"is {distance:.3f} m away; needed: a place {_LEAST:g} m away")
         findings.raise_any()
         return way / distance
+
+
+def check_parts(puppet: Marionette, start: State, name: str) -> None:
+    """Checks that a puppet has the strings and bodies that ``look`` or ``point`` moves.
+
+    Raises:
+        UnknownNameError: one is missing.
+    """
+    Ends(puppet.coordinates, start)
+    strings = [one.name for one in puppet.tree.strings]
+    for string in ("hand_left", "hand_right") if name == "point" else ():
+        if string not in strings:
+            raise UnknownNameError("string", string, strings)
+    # Puppets with contact are posed as the bundled marionette.
+    bodies = [link.name for link in puppet.tree.links]
+    for body in _PARTS[name] if puppet.puppet.touching is None else ():
+        if body not in bodies:
+            raise UnknownNameError("body", body, bodies)
 
 
 def point(ends: Ends, aim: Aim, findings: Findings) -> Gesture:

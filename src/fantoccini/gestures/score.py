@@ -20,11 +20,22 @@ from fantoccini.puppet.located import has_key
 
 @dataclass(frozen=True)
 class Caption:
-    """Words from one time to another [s]."""
+    """Words from one time to another [s].
+
+    Attributes:
+        start, end: [s].
+        text: the words.
+        who: who says them; "" for a caption without a speaker.
+    """
 
     start: float
     end: float
     text: str
+    who: str = ""
+
+    def __str__(self) -> str:
+        """The words, after the name of their speaker."""
+        return f"{self.who}: {self.text}" if self.who else self.text
 
 
 @dataclass(frozen=True)
@@ -119,6 +130,11 @@ class Score:
     def __repr__(self) -> str:
         changed = f", {len(self.changes)} changes" if self.changes else ""
         return f"<Score {self.name!r}: {self.duration:g} s, {len(self.cues)} gestures{changed}>"
+
+    def captions_at(self, t: float) -> tuple[Caption, ...]:
+        """The captions to be read at a time [s], in order of their beginnings."""
+        shown = (one for one in self.captions if one.start <= t < one.end)
+        return tuple(sorted(shown, key=lambda one: one.start))
 
     @property
     def duration(self) -> float:

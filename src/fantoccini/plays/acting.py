@@ -20,6 +20,7 @@ from fantoccini.errors import (
     nearest,
 )
 from fantoccini.gestures import Gesture, gesture_names, load_gesture
+from fantoccini.gestures.aiming import check_parts
 from fantoccini.gestures.gesture_file import bundled
 from fantoccini.gestures.notes import Notes
 from fantoccini.gestures.parameters import MADE
@@ -30,7 +31,7 @@ from fantoccini.marionette import Marionette
 from fantoccini.plays import props
 from fantoccini.plays.casting import Cast, Player
 from fantoccini.plays.clips import Clip, is_clip, read_clip
-from fantoccini.plays.cue_file import HOW, CueFile
+from fantoccini.plays.cue_file import HOW, CueFile, said
 from fantoccini.plays.footing import Footing
 from fantoccini.plays.kept import Kept
 
@@ -45,6 +46,8 @@ MARKS = {
     "stands_up_from": ("up",), "puts_down": ("down", "free"), "picks_up": ("under", "up"),
 }  # fmt: skip
 """Verb -> marks of the gesture that is made for it."""
+AIMED = {"looks_at": "look", "points_at": "point"}
+"""Verb -> the bundled gesture that is aimed."""
 
 
 @dataclass(frozen=True)
@@ -132,8 +135,7 @@ class Repertory:
             StateError: no hanging pose does that.
         """
         own = player.own(place, stands)
-        heading = stands.heading
-        name = "look" if verb == "looks_at" else "point"
+        heading, name = stands.heading, AIMED[verb]
         key = (name, player.alone, player.name, *np.round(own, 6), round(heading, 9))
         if key not in self._kept:
             try:
@@ -180,6 +182,26 @@ class Repertory:
             player.ends()
             self._kept[key] = props.carry(player.alone, "", side=side)
         return _or_raise(self._kept[key])
+
+    def inability(self, player: Player, given: CueFile) -> str:
+        """Why a player can never do what a cue says, wherever it is; "" where it may.
+
+        Nothing is simulated: clips, and places to look and point at, are not tried.
+        """
+        if given.does is not None:
+            if not isinstance(self._read(player, given.does), Gesture):
+                return ""
+            made = self._styled(player, given, Style.of(given), player.start.heading)
+            return made if isinstance(made, str) else ""
+        try:
+            if given.verb in AIMED:
+                check_parts(player.alone, player.hangs, AIMED[given.verb])
+            else:
+                player.ends()
+        except UnknownNameError as error:
+            what = f"do `{said(given.verb)}`"
+            return f"{player.name} cannot {what}: {error}"
+        return ""
 
     def _read(self, player: Player, name: str) -> Gesture | Clip | str:
         """A gesture file, take, clip or bundled gesture; the mistake where there is none."""

@@ -7,16 +7,16 @@ import os
 import time
 from collections.abc import Callable, Sequence
 
-from fantoccini.errors import StateError, Status
+from fantoccini.errors import StateError
 from fantoccini.gestures.notes import Notes
 from fantoccini.gestures.timing import END, START, Spot
 from fantoccini.plays.casting import Cast
 from fantoccini.plays.companies import settled
 from fantoccini.plays.cue_file import WITH_PROPS, said
-from fantoccini.plays.cues import Cue, Part, said_in_act
+from fantoccini.plays.cues import Cue, Part
 from fantoccini.plays.handled import failures
 from fantoccini.plays.handling import APPROACHES
-from fantoccini.plays.kept import Kept
+from fantoccini.plays.kept import Kept, OutOfTime
 from fantoccini.plays.placing import IN_TIME
 from fantoccini.plays.play import CueOfPlay, Play
 from fantoccini.plays.reading import read_script
@@ -50,8 +50,9 @@ def load_play(
         path: of the file, or the name of a bundled play: ``trio``, ``chase`` or ``duet``.
         progress: called with what is being done and the share of it, as for a progress bar.
         before: an earlier version of the play, whose runs are used where nothing has changed.
-        within: time after which no round begins any more [s]: the play is as it is then, and its
-            changes say that it was stopped and what is not mended. As long as it takes by default.
+        within: time after which compiling is stopped [s], though not before its first round is
+            whole: the play is that of the last whole round, and its changes say that it was stopped
+            and what is not mended. As long as it takes by default.
 
     Raises:
         FileError: with every mistake found and its location.
@@ -79,47 +80,69 @@ class _Compiler:
         self._cast, self._rounds, self._notes = cast, rounds, notes
         self._kept, self._tell = kept, tell
         self._touching: list[Cue] = []
+        self._count = 0
 
     def play(self, until: float = math.inf) -> Play:
-        """The play, after as many rounds as it takes, or as begin before a time [s].
+        """The play, after as many rounds as it takes, or as are made before a time [s].
 
-        Every round refuses a cue or moves one, and each is moved so often at most.
+        Every round refuses a cue or moves one, and each is moved so often at most. The first round
+        is made in any case.
         """
-        rounds, count, settled = self._rounds, 0, False
-        made: Round | None = None
+        self._next_round()
+        self._kept.until = until
+        try:
+            found = self._settled()
+        except OutOfTime:
+            self._kept.until = math.inf
+            return self._stopped()
+        finally:
+            self._kept.until = math.inf
+        self._tell("compiled", 1.0)
+        return self._made(found)
+
+    def _next_round(self) -> None:
+        """Makes a round, and keeps what it was made from."""
+        rounds = self._rounds
+        self._tell("rehearsing", 0.9 * (1.0 - 0.8 ** (self._count + 1)))
+        before = rounds.wishes.copied(), dict(rounds.settled)
+        self._round, self._before = rounds.made(), before
+        self._count += 1
+
+    def _settled(self) -> list[Touch]:
+        """Makes rounds until nothing is moved any more; what touches in the last.
+
+        Raises:
+            OutOfTime: the time is over.
+        """
+        rounds, paused = self._rounds, False
         while True:
-            if made is not None and time.monotonic() > until:
-                return self._stopped(made, count)
-            count += 1
-            self._tell("rehearsing", 0.9 * (1.0 - 0.8**count))
-            made = rounds.made()
-            if rounds.refuse_fast(made) or rounds.refuse_stopped(made):
-                continue
-            if rounds.look(made) or rounds.refuse_failures(made):
-                continue
-            if not settled:
-                settled = True
-                if rounds.settle(made):
-                    continue
-            if rounds.hurry(made) or rounds.refuse_late():
-                continue
-            found = self._touches(made)
-            if not self._mend(found, patient=count < PATIENT):
-                break
+            made = self._round
+            moved = rounds.refuse_fast(made) or rounds.refuse_stopped(made)
+            moved = moved or rounds.look(made) or rounds.refuse_failures(made)
+            if not (moved or paused):
+                paused, moved = True, rounds.settle(made)
+            if not (moved or rounds.hurry(made) or rounds.refuse_late()):
+                found = self._touches(made)
+                if not self._mend(found, patient=self._count < PATIENT):
+                    break
+            self._kept.check()
+            self._next_round()
         if self._touching and not found:
             self._try_again()
-            made = rounds.made()
-            found = self._touches(made)
-        self._tell("compiled", 1.0)
-        return self._made(made, found, count)
+            self._next_round()
+            found = self._touches(self._round)
+        return found
 
-    def _stopped(self, made: Round, rounds: int) -> Play:
-        """The play as its last round has it, with all that is not mended."""
+    def _stopped(self) -> Play:
+        """The play as its last whole round has it, with all that is not mended."""
+        wishes, self._rounds.settled = self._before
+        self._rounds.back(wishes)
+        self._round = self._rounds.made()
         self._notes.change(
-            ("acts",), f"compiling was stopped after {_rounds(rounds)}: cues may be late, too fast "
-            "or swing; with more time (`within`) they are mended or refused",
+            ("acts",), f"compiling was stopped after {_rounds(self._count)}: cues may be late, too "
+            "fast or swing; with more time (`within`) they are mended or refused",
         )  # fmt: skip
-        return self._made(made, self._touches(made), rounds)
+        return self._made(self._touches(self._round))
 
     # -- touches -----------------------------------------------------------------------------
 
@@ -150,7 +173,7 @@ class _Compiler:
                 rounds.wishes.approaches[cue.spot] = tried
             elif patient and waits <= rounds.most_pause(cue):
                 rounds.wishes.pauses[cue.spot] = waits
-            elif rounds.refuse(cue, f"{touch} {self._said(touch.t)}"):
+            elif rounds.refuse(cue, f"{touch} {self._rounds.said(touch.t)}"):
                 self._touching.append(cue)
             else:
                 continue
@@ -190,22 +213,19 @@ class _Compiler:
         made = rounds.made()
         while rounds.hurry(made) or rounds.look(made):
             made = rounds.made()
-        done = all(run.status is Status.DONE for run in made.runs.players.values())
         in_time = all(abs(late) <= IN_TIME for late in rounds.late.values())
-        right = done and not cue.refused and in_time
+        right = not made.runs.stops and not cue.refused and in_time
         right = right and not failures(self._cast, made.meetings, made.runs)
         return right and not self._touches(made)
 
-    def _said(self, t: float) -> str:
-        """A time in words, in beats of its act."""
-        return said_in_act(t, self._rounds.act_start(t), self._notes.beat)
-
     # -- the result --------------------------------------------------------------------------
 
-    def _made(self, made: Round, found: list[Touch], rounds: int) -> Play:
-        notes, file = self._notes, self._cast.file
-        for cue in self._rounds.timeline.cues:
-            self._note(cue)
+    def _made(self, found: list[Touch]) -> Play:
+        notes, file, made = self._notes, self._cast.file, self._round
+        cues = tuple(self._cue(i, cue) for i, cue in enumerate(self._rounds.timeline.cues))
+        for cue, given in zip(cues, self._rounds.timeline.cues, strict=True):
+            if cue.refused:
+                notes.change(given.spot, cue.change)
         at_once: set[frozenset[str]] = set()
         for touch in found:
             owners = frozenset(self._cast.owner(_plain(x)) for x in (touch.what, touch.other))
@@ -213,14 +233,14 @@ class _Compiler:
                 continue
             at_once |= {owners} if touch.t <= 0.0 else set()
             spot: Spot = ("acts",) if touch.t > 0.0 else ("cast",)
-            notes.change(spot, f"{touch} {self._said(touch.t)}")
+            notes.change(spot, f"{touch} {self._rounds.said(touch.t)}")
         for failure in failures(self._cast, made.meetings, made.runs):
-            notes.change(("acts",), f"{failure.text} {self._said(failure.t)}")
-        for name, run in made.runs.players.items():
-            if run.status is not Status.DONE:
-                stops = f"{name}'s run stops {self._said(float(run.t[-1]))}: {run.status}"
-                notes.change(("acts",), stops)
-        cues = tuple(self._cue(i, cue) for i, cue in enumerate(self._rounds.timeline.cues))
+            notes.change(("acts",), f"{failure.text} {self._rounds.said(failure.t)}")
+        for stop in made.runs.stops:
+            blamed = self._rounds.blamed(stop.t, {*stop.players})
+            spot = ("cast", stop.players[0]) if blamed is None else blamed.spot
+            during = "" if blamed is None else f"{described(blamed)}: "
+            notes.change(spot, during + stop.told(self._rounds.said(stop.t)))
         score = whole_score(self._cast, made.motions, made.lanes, self._rounds.timeline, notes)
         parts = tuple(
             (number, part.who)
@@ -232,16 +252,9 @@ class _Compiler:
         ways = {name: tuple(actor.ways) for name, actor in made.placing.actors.items()}
         return Play(
             file.play, notes.located, self._cast, score, parts, cues, tuple(notes.changes), acts,
-            made.motions, made.starts, made.meetings, ways, self._rounds.settled, rounds,
-            self._kept,
+            made.motions, made.starts, made.meetings, ways, self._rounds.settled,
+            self._count, self._kept,
         )  # fmt: skip
-
-    def _note(self, cue: Cue) -> None:
-        """Says what cannot be done."""
-        notes = self._notes
-        if cue.refused:
-            left = "is left out: " if cue.given.optional else "cannot be done: "
-            notes.change(cue.spot, f"{described(cue)} {left}{cue.refused}")
 
     def _cue(self, i: int, cue: Cue) -> CueOfPlay:
         given = cue.given

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import math
+import time
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -21,15 +23,21 @@ _MOST = 600
 """Results that are kept; those that were used longest ago go first."""
 
 
+class OutOfTime(Exception):
+    """Nothing more is made, as the time for it is over."""
+
+
 @dataclass
 class Kept:
     """Results by key; several threads may ask.
 
     Attributes:
         made: how many were made, as they were not kept.
+        until: time of the monotonic clock after which nothing more is made [s].
     """
 
     made: int = 0
+    until: float = math.inf
     _found: OrderedDict[str, Any] = field(default_factory=OrderedDict)
     _lock: Lock = field(default_factory=Lock)
 
@@ -39,12 +47,16 @@ class Kept:
         Args:
             key: says all that the result depends on.
             job: makes it.
+
+        Raises:
+            OutOfTime: it is not kept, and the time is over.
         """
         with self._lock:
             if key in self._found:
                 self._found.move_to_end(key)
                 found: T = self._found[key]
                 return found
+        self.check()
         made = job()
         with self._lock:
             self.made += 1
@@ -52,6 +64,11 @@ class Kept:
             while len(self._found) > _MOST:
                 self._found.popitem(last=False)
         return made
+
+    def check(self, *_: object) -> None:
+        """Raises OutOfTime if the time is over; can be the callback of a job's progress."""
+        if time.monotonic() > self.until:
+            raise OutOfTime
 
     def side_by_side(self, jobs: Mapping[str, Callable[[], T]], threads: int) -> dict[str, T]:
         """Name -> what each job makes, several at once."""

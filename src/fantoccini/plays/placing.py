@@ -12,7 +12,7 @@ from itertools import takewhile
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import StateError
+from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.gestures import Gesture
 from fantoccini.gestures.joining import Line
 from fantoccini.gestures.notes import LATE, Notes
@@ -29,6 +29,7 @@ from fantoccini.plays.doing import carry_pose, note, walk_along
 from fantoccini.plays.footing import Way
 from fantoccini.plays.handling import Handling
 from fantoccini.plays.starts import Places
+from fantoccini.plays.stops import ERRORS
 from fantoccini.plays.walks import Walks
 
 IN_TIME = 1.0 / 60.0
@@ -147,7 +148,7 @@ class Placing:
                     return
                 for name in cue.who:
                     self._place_one(cue, self.actors[name], t)
-            except CannotBe as error:
+            except (CannotBe, UnknownNameError, *ERRORS) as error:
                 why = str(error)
                 self.actors.update(before)
                 self._handling.back(things)

@@ -64,6 +64,14 @@ class CueOfPlay:
         """What they do, without who does it."""
         return self.what.partition(": ")[2]
 
+    @property
+    def change(self) -> str:
+        """That it cannot be done, or is left out, and why; "" where it is done."""
+        if not self.refused:
+            return ""
+        left = "is left out" if self.optional else "cannot be done"
+        return f"{self.what} {left}: {self.refused}"
+
 
 @dataclass(frozen=True, eq=False)
 class Play:
@@ -116,12 +124,8 @@ class Play:
         return not self.changes
 
     def __repr__(self) -> str:
-        refused = sum(bool(cue.refused) for cue in self.cues)
-        left = f", {refused} of them cannot be done" if refused else ""
         players = ", ".join(self.cast.players)
-        return (
-            f"<Play {self.name!r}: {players}; {self.duration:.1f} s, {len(self.cues)} cues{left}>"
-        )
+        return f"<Play {self.name!r}: {players}; {self.duration:.1f} s, {self.counts}>"
 
     @property
     def marionette(self) -> Marionette:
@@ -161,11 +165,23 @@ class Play:
     @property
     def lacking(self) -> tuple[Mistake, ...]:
         """The changes that count: all but those of cues that may be left out."""
-        left_out = {
-            (cue.line, f"{cue.what} is left out: {cue.refused}")
-            for cue in self.cues if cue.refused and cue.optional
-        }  # fmt: skip
+        left_out = {(cue.line, cue.change) for cue in self.cues if cue.refused and cue.optional}
         return tuple(one for one in self.changes if (one.line, one.message) not in left_out)
+
+    @property
+    def remarks(self) -> tuple[Mistake, ...]:
+        """The changes that are no refusals of cues: what touches, or was not compiled in time."""
+        refusals = {(cue.line, cue.change) for cue in self.cues if cue.refused}
+        return tuple(one for one in self.changes if (one.line, one.message) not in refusals)
+
+    @property
+    def counts(self) -> str:
+        """Numbers of cues and remarks: ``9 of 10 cues can be done, 1 left out, 2 remarks``."""
+        done, n = sum(not cue.refused for cue in self.cues), len(self.cues)
+        left, remarks = n - done - len(self.refused), len(self.remarks)
+        text = f"{done} of {n} cue{'s' * (n != 1)} can be done"
+        text += f", {left} left out" if left else ""
+        return text + (f", {remarks} remark{'s' * (remarks != 1)}" if remarks else "")
 
     def when(self, t: Times | float) -> str:
         """A time in words: its act, beat and second."""

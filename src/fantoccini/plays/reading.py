@@ -16,6 +16,7 @@ from fantoccini.plays.cue_file import CueFile, said
 from fantoccini.plays.cues import WALKS, Timeline
 from fantoccini.plays.play_file import PlayFile
 from fantoccini.plays.starts import Places
+from fantoccini.plays.walks import Walks
 from fantoccini.plays.whole import sounds_of
 from fantoccini.puppet.located import read_file, validate
 
@@ -129,10 +130,39 @@ def _check_props(file: PlayFile, cue: CueFile, spot: Spot, notes: Notes) -> None
 def check_play(path: str | os.PathLike[str]) -> PlayFile:
     """Reads a play, its cast, its gestures and its times, and simulates nothing.
 
+    A cue that its players can never do is a mistake, unless it is optional; compiled, the play
+    leaves it out and says so.
+
     Args:
         path: of the file.
 
     Raises:
         FileError: with every mistake found and its location.
     """
-    return read_script(path).cast.file
+    script = read_script(path)
+    _check_abilities(script)
+    script.notes.refuse()
+    return script.cast.file
+
+
+def _check_abilities(script: Script) -> None:
+    """Notes cues whose players lack the strings or bodies for them, and walks to no place."""
+    cast, notes, walks = script.cast, script.notes, Walks(script.cast, script.notes)
+    for cue in script.timeline.cues:
+        given, spot = cue.given, (*cue.spot, said(cue.given.verb))
+        if given.optional:
+            continue
+        places: list[tuple[Spot, object]] = []
+        if cue.walks and given.turns_to is None and not given.near:
+            places = [((*cue.spot, "past", k), where) for k, where in enumerate(given.past)]
+            places.append((spot, getattr(given, given.verb)))
+        for player in (cast.players[who] for who in cue.who):
+            why = script.repertory.inability(player, given)
+            if why:
+                notes.mistake(spot, why)
+                continue
+            for place_spot, where in places:
+                there = script.places.fixed(where)
+                why = "" if there is None else walks.obstruction(player, there)
+                if why:
+                    notes.mistake(place_spot, f"{player.name} cannot get there: {why}")

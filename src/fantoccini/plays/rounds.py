@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
-from fantoccini.errors import Status
 from fantoccini.gestures import Gesture, Played, Score, lateness
 from fantoccini.gestures.joining import Motion
 from fantoccini.gestures.notes import LATE, Notes
@@ -27,8 +27,11 @@ from fantoccini.plays.placing import IN_TIME, Placing
 from fantoccini.plays.runs import Runs, excerpt, runs_of
 from fantoccini.plays.settling import PAUSE, pause
 from fantoccini.plays.starts import Places
+from fantoccini.plays.stops import ERRORS, CannotBegin
 from fantoccini.plays.walks import Walks
 from fantoccini.runtime import default_threads
+
+T = TypeVar("T")
 
 _ENOUGH = 0.25 * IN_TIME
 """Lateness that is not mended [s]."""
@@ -123,7 +126,13 @@ class Rounds:
             for name in motions
         }  # fmt: skip
         meetings = placing.meetings(end)
-        runs = runs_of(self._cast, motions, starts, meetings, self._kept)
+        try:
+            runs = runs_of(self._cast, motions, starts, meetings, self._kept)
+        except CannotBegin as error:
+            if not self.refuse(self.blamed(0.0, {*error.stop.players}), str(error)):
+                self._notes.mistake(("cast", error.stop.players[0]), str(error))
+                self._notes.refuse()
+            return self.made()
         return Round(placing, motions, lanes, starts, meetings, runs)
 
     def refuse(self, cue: Cue | None, why: str) -> bool:
@@ -138,12 +147,10 @@ class Rounds:
         return True
 
     def refuse_stopped(self, made: Round) -> bool:
-        """Refuses the cues in which a run stopped before its end; whether there are any."""
+        """Refuses the cues in which a run stops before its end; whether there are any."""
         return any([
-            self.refuse(
-                self.blamed(float(run.t[-1]), {name}), f"{name}'s run stops there: {run.status}"
-            )
-            for name, run in made.runs.players.items() if run.status is not Status.DONE
+            self.refuse(self.blamed(stop.t, {*stop.players}), stop.told(self.said(stop.t)))
+            for stop in made.runs.stops
         ])  # fmt: skip
 
     def refuse_failures(self, made: Round) -> bool:
@@ -151,9 +158,8 @@ class Rounds:
         found = False
         for one in failures(self._cast, made.meetings, made.runs):
             cue = self._by_spot.get(one.cue) if one.cue else self.blamed(one.t, {*one.players})
-            said = said_in_act(one.t, self.act_start(one.t), self._notes.beat)
             # What comes later may be otherwise without it.
-            if self.refuse(cue, f"{one.text} {said}"):
+            if self.refuse(cue, f"{one.text} {self.said(one.t)}"):
                 found = True
                 break
         return found
@@ -214,7 +220,8 @@ class Rounds:
             label = f"calm {spot} {name}"
             content = self._cast.players[name].content
             key = digest(x, calm_gesture(alone, NONE), "calm", content)
-            jobs[label] = partial(self._kept.get, key, partial(calming, alone, x))
+            job = partial(_or, NONE, partial(calming, alone, x))
+            jobs[label] = partial(self._kept.get, key, job)
             keys[label] = spot, name
         changed = False
         for label, offsets in self._kept.side_by_side(jobs, default_threads()).items():
@@ -225,9 +232,10 @@ class Rounds:
             changed |= moved
         return changed
 
-    def act_start(self, t: float) -> float:
-        """When the act has begun that goes on at a time [s]."""
-        return max(one for one in (0.0, *self.act_starts) if one <= t + LATE)
+    def said(self, t: float) -> str:
+        """A time in words, in beats of its act."""
+        start = max(one for one in (0.0, *self.act_starts) if one <= t + LATE)
+        return said_in_act(t, start, self._notes.beat)
 
     def refuse_fast(self, made: Round) -> bool:
         """Refuses the cues in which hands pass their bounds; whether there are any."""
@@ -265,7 +273,7 @@ class Rounds:
             x = run.at(begun)
             content = self._cast.players[part.who].content
             key = digest(x, Gesture(alone.coordinates, *own), most, "pause", content)
-            job = partial(pause, alone, x, own, most)
+            job = partial(_or, (0.0, 0.0, 0.0), partial(pause, alone, x, own, most))
             jobs[f"{number}"] = partial(self._kept.get, key, job)
             cues[f"{number}"] = number, cue
         found = self._kept.side_by_side(jobs, default_threads())
@@ -369,6 +377,14 @@ class Rounds:
                 if part.who in owners and part.start <= t
             ]
         return max(now, key=lambda one: one[:3])[3] if now else None
+
+
+def _or(otherwise: T, job: Callable[[], T]) -> T:
+    """The result of a search, or another where its rollouts stop: the run made then tells why."""
+    try:
+        return job()
+    except ERRORS:
+        return otherwise
 
 
 def _of_hands(cue: Cue, name: str) -> float:

@@ -8,7 +8,7 @@ and a play that is compiled after a change is, to the bit, the one that is compi
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -29,6 +29,7 @@ from fantoccini.plays.companies import Company, Meeting, Span, Staged, spans, st
 from fantoccini.plays.contacts import asked_pairs
 from fantoccini.plays.kept import Kept, digest
 from fantoccini.plays.play_file import StageFile
+from fantoccini.plays.stops import ERRORS, CannotBegin, Stop
 from fantoccini.plays.things import PropState
 from fantoccini.runtime import default_threads
 from fantoccini.simulation import simulate
@@ -59,14 +60,14 @@ class Run:
         staged: the company, as it was simulated.
         begin: when it begins [s].
         whole: its run, from time 0 on.
-        ended: whether it reached the end of its span.
+        stopped: why it did not reach the end of its span; "" where it did.
         stepped: why parts of it were simulated in fine time steps, not event-driven.
     """
 
     staged: Staged
     begin: float
     whole: Trajectory
-    ended: bool
+    stopped: str = ""
     stepped: tuple[str, ...] = ()
 
     @property
@@ -108,10 +109,12 @@ class Runs:
     Attributes:
         companies: in order of their beginnings; those that could begin.
         players: player -> its own, from the start on; its ledger is its company's.
+        stops: where runs stop, or cannot begin.
     """
 
     companies: tuple[Run, ...]
     players: Mapping[str, Trajectory]
+    stops: tuple[Stop, ...] = ()
 
     def with_prop(self, name: str, t: float) -> Run | None:
         """The run in which a prop takes part at a time [s]; None where it stands by itself."""
@@ -138,24 +141,33 @@ def runs_of(
         meetings: who may touch what, and when.
         kept: has the parts that were made before.
         exact: whether what touches is simulated as exactly as can be.
+
+    Raises:
+        CannotBegin: a player's run cannot begin.
     """
     end = max(motion.duration for motion in motions.values())
     work = _Work(cast, motions, starts, kept, exact)
     with ThreadPoolExecutor(default_threads()) as pool:
         # Each waits for those before it only, which have begun when it does.
-        futures: list[tuple[Span, Future[Run | None]]] = []
+        futures: list[tuple[Span, Future[Run | Stop | None]]] = []
         for span in spans(list(cast.players), meetings, end):
             futures.append((span, pool.submit(work.run, span, tuple(futures))))
         found = [future.result() for _, future in futures]
-    companies = tuple(run for run in found if run is not None)
-    players = {
-        name: _joined([
+    companies = tuple(one for one in found if isinstance(one, Run))
+    stops = [one for one in found if isinstance(one, Stop)]
+    stops += [
+        Stop(one.staged.company.players, one.end, one.stopped) for one in companies if one.stopped
+    ]
+    players = {}
+    for name, player in cast.players.items():
+        own = [
             (run.begin, run.of_player(name, player.x0))
             for run in companies if name in run.staged.prefixes
-        ])
-        for name, player in cast.players.items()
-    }  # fmt: skip
-    return Runs(companies, players)
+        ]  # fmt: skip
+        if not own:
+            raise CannotBegin(next(one for one in stops if name in one.players))
+        players[name] = _joined(own)
+    return Runs(companies, players, tuple(sorted(stops, key=lambda one: one.t)))
 
 
 @dataclass(frozen=True)
@@ -167,9 +179,9 @@ class _Work:
     exact: bool
 
     def run(
-        self, span: Span, before: Sequence[tuple[Span, Future[Run | None]]]
-    ) -> Run | None:
-        """A company's run; None where one of its members does not come so far."""
+        self, span: Span, before: Sequence[tuple[Span, Future[Run | Stop | None]]]
+    ) -> Run | Stop | None:
+        """A company's run, or why it cannot begin; None where a member does not come so far."""
         cast, company = self.cast, span.company
         players: dict[str, State] = {}
         props: dict[str, PropState] = {}
@@ -182,7 +194,7 @@ class _Work:
                     props[name] = cast.lie[name]
                 continue
             run = last.result()
-            if run is None or not run.ended:
+            if not isinstance(run, Run) or run.stopped:
                 return None
             if name in cast.players:
                 players[name] = run.of_player(name, cast.players[name].x0).state(-1)
@@ -196,34 +208,54 @@ class _Work:
             for name in company.players
         })  # fmt: skip
         starts = sorted(t - span.begin for name in company.players for t in self.starts[name])
-        found, stepped = self._in_parts(stage, x, motion, starts)
-        return Run(stage, span.begin, found, found.status is Status.DONE, stepped)
+        parts, stepped, stopped = self._in_parts(stage, x, motion, starts)
+        if not parts:
+            return Stop(company.players, span.begin, stopped)
+        whole = _joined(parts)
+        if stopped and whole.status is Status.DONE:
+            whole = dataclasses.replace(whole, status=Status.STOPPED)
+        return Run(stage, span.begin, whole, stopped, stepped)
 
     def _in_parts(
         self, stage: Staged, x: State, motion: Gesture, starts: Sequence[float]
-    ) -> tuple[Trajectory, tuple[str, ...]]:
-        """A run part by part, and why parts of it are in time steps that were not to be."""
-        bounds, touches, stepped = self.cast.file.stage, bool(stage.company.pairs), list[str]()
-        parts = list[tuple[float, Trajectory]]()
-        for begun, end in pairwise(_cuts(motion, starts)):
-            own = Gesture(motion.coordinates, *excerpt(motion, begun, end))
-            if touches or self._steps:
-                x = stage.marionette.project(x)
-            for method in self._methods(stage.company):
-                key = digest(
-                    x, own, "part", stage.content, bounds.speed, bounds.acceleration, method
-                )
-                run = self.kept.get(key, partial(_part, stage, x, own, bounds, method))
-                if run.status is Status.DONE or not touches:
-                    break
-                stepped.append(str(run.status))
-            parts.append((begun, run))
-            if run.status is not Status.DONE:
-                break
-            x = run.state(len(run) - 1).replace(t=0.0)
+    ) -> tuple[list[tuple[float, Trajectory]], tuple[str, ...], str]:
+        """A run's parts, why some are in time steps that were not to be, and why it stops."""
+        stepped, parts = list[str](), list[tuple[float, Trajectory]]()
         if self.exact and stage.company.rests:
             stepped.append(_RESTS)
-        return _joined(parts), tuple(stepped)
+        for begun, end in pairwise(_cuts(motion, starts)):
+            own = Gesture(motion.coordinates, *excerpt(motion, begun, end))
+            try:
+                if stage.company.pairs or self._steps:
+                    x = stage.marionette.project(x)
+            except ERRORS as error:
+                return parts, tuple(stepped), str(error)
+            stopped = list[str]()
+            for method in self._methods(stage.company):
+                run, why = self._part(stage, x, own, method)
+                if not why:
+                    break
+                stopped.append(why)
+            if run is not None:
+                parts.append((begun, run))
+            if why or run is None:
+                return parts, tuple(stepped), why
+            stepped += stopped
+            x = run.state(len(run) - 1).replace(t=0.0)
+        return parts, tuple(stepped), ""
+
+    def _part(
+        self, stage: Staged, x: State, motion: Gesture, method: str
+    ) -> tuple[Trajectory | None, str]:
+        """A part by a method, and why it stops: a status, or an error of the simulator."""
+        bounds = self.cast.file.stage
+        key = digest(x, motion, "part", stage.content, bounds.speed, bounds.acceleration, method)
+        job = partial(_part, stage, x, motion, bounds, method, self.kept.check)
+        try:
+            run = self.kept.get(key, job)
+        except ERRORS as error:
+            return None, str(error)
+        return run, "" if run.status is Status.DONE else str(run.status)
 
     def _methods(self, company: Company) -> tuple[str, ...]:
         """Ways to simulate a company, each for when those before it stop."""
@@ -240,8 +272,8 @@ class _Work:
 
 
 def _last(
-    name: str, span: Span, before: Sequence[tuple[Span, Future[Run | None]]]
-) -> tuple[float, Future[Run | None] | None]:
+    name: str, span: Span, before: Sequence[tuple[Span, Future[Run | Stop | None]]]
+) -> tuple[float, Future[Run | Stop | None] | None]:
     """When a player or prop takes part last before a span [s], and the run of that."""
     for earlier, future in reversed(before):
         company = earlier.company
@@ -260,17 +292,20 @@ def prop_states(run: Run, name: str, *, still: bool = False) -> PropState:
 
 
 def _part(
-    stage: Staged, x: State, motion: Gesture, bounds: StageFile, method: str
+    stage: Staged, x: State, motion: Gesture, bounds: StageFile, method: str,
+    check: Callable[[float], None],
 ) -> Trajectory:
     inputs = motion.inputs(x, speed=bounds.speed, acceleration=bounds.acceleration)
     alone = stage.marionette
     if method == "event":
         most = _MOST * motion.duration if stage.company.pairs else None
-        return simulate(alone, x, inputs, effort=False, throw=False, max_memory=most)
+        return simulate(
+            alone, x, inputs, effort=False, throw=False, max_memory=most, progress=check
+        )
     dt = _STEPS[method]
     return simulate(
         alone, x, inputs, method=TimeStepping(dt=dt), save_every=round(_EVERY / dt),
-        effort=False, throw=False,
+        effort=False, throw=False, progress=check,
     )  # fmt: skip
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from fantoccini.arrays import Array
@@ -43,6 +45,16 @@ class Places:
     def still(self, name: str) -> Array | None:
         """(3,) the middle of an obstacle [m]."""
         return self._obstacles.get(name)
+
+    def fixed(self, where: object) -> complex | None:
+        """x + i y of a mark, an obstacle or a place [m]; None of a player, who may be anywhere."""
+        if not isinstance(where, str):
+            assert isinstance(where, Sequence)
+            return complex(where[0], where[1])
+        if where in self._file.stage.marks:
+            return complex(*self._file.stage.marks[where].at[:2])
+        middle = self.still(where)
+        return None if middle is None else complex(middle[0], middle[1])
 
     def direction(self, given: float | str, spot: Spot) -> float | str:
         """An angle [rad], or the name of what lies there; 0 after a mistake."""

@@ -46,7 +46,8 @@ def together(cast: Cast, runs: Runs, sample: float = SAMPLE) -> Trajectory:
         whole.add(run)
     first = runs.companies[0].whole
     statuses = [run.status for run in runs.players.values()]
-    status = next((one for one in statuses if one is not Status.DONE), Status.DONE)
+    otherwise = Status.STOPPED if runs.stops else Status.DONE
+    status = next((one for one in statuses if one is not Status.DONE), otherwise)
     put = {name: one.like(whole.found[name]) for name, one in whole.columns.items()}
     parts = whole.parts
     return Trajectory(

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from fantoccini.clearance import StringsApart, Winding
-from fantoccini.errors import Status
+from fantoccini.errors import FileError
 from fantoccini.gestures import lateness
+from fantoccini.gestures.notes import LATE
 from fantoccini.gestures.timing import START
 from fantoccini.gestures.transition import limits
 from fantoccini.motion import EventKind, Trajectory
 from fantoccini.plays.handled import failures
+from fantoccini.plays.kept import OutOfTime
 from fantoccini.plays.placing import IN_TIME
 from fantoccini.plays.play import CueOfPlay, Play
 from fantoccini.plays.rounds import PEAKS
+from fantoccini.plays.stops import CannotBegin, Stop
 from fantoccini.plays.together import together
 from fantoccini.plays.touching import EVERY, Touch, touches
 
@@ -93,7 +98,7 @@ class Verification:
         return max((abs(one.late) for one in self.cues), default=0.0)
 
 
-def verify_play(play: Play) -> Verification:
+def verify_play(play: Play, *, within: float | None = None) -> Verification:
     """Simulates a play event-driven, and measures whether it is as it was compiled.
 
     Checked are: the run reaches its end; every cue that is done is seen within 1/60 s of its time;
@@ -104,15 +109,35 @@ def verify_play(play: Play) -> Verification:
 
     Args:
         play: compiled.
+        within: time after which simulating is stopped [s]: what is measured then is the run of
+            compiling, which is in time steps where something touches, and that is a fault. As long
+            as it takes by default.
+
+    Raises:
+        FileError: a player's run cannot begin.
     """
-    runs = play.runs(exact=True)
+    faults = []
+    play.kept.until = math.inf if within is None else time.monotonic() + within
+    try:
+        runs = play.runs(exact=True)
+    except OutOfTime:
+        play.kept.until = math.inf
+        faults.append(
+            f"not simulated event-driven: the time was over after {within:.3g} s; measured is the "
+            "run of compiling, in time steps of 1 ms where something touches"
+        )
+        runs = play.runs()
+    except CannotBegin as error:
+        text = _stops(play, error.stop)
+        raise play.located.error([(("cast", error.stop.players[0]), text)], FileError) from None
+    finally:
+        play.kept.until = math.inf
     run = together(play.cast, runs)
-    faults = [
+    faults += [
         f"{one.text}, in {play.when(one.t)}"
         for one in failures(play.cast, play.meetings, runs)
     ]
-    if run.status is not Status.DONE:
-        faults.append(f"the run stops in {play.when(run.t[-1])}: {run.status}")
+    faults += [_stops(play, stop) for stop in runs.stops]
     found = tuple(touches(play.cast, run, play.meetings))
     faults += [f"{one}, in {play.when(one.t)}" for one in found]
     cues = cue_times(play, run)
@@ -148,6 +173,21 @@ def verify_play(play: Play) -> Verification:
         play, run, tuple(faults), cues, found, peaks, tension, catches, space, wound,
         tuple(why for one in runs.companies for why in one.stepped),
     )  # fmt: skip
+
+
+def _stops(play: Play, stop: Stop) -> str:
+    """Where a run stops, with the cue that has begun last, or else the first, and its line."""
+    starts = [
+        (marks[START], cue) for cue in play.cues for who, marks in cue.marks.items()
+        if who in stop.players
+    ]  # fmt: skip
+    told = stop.told(f"in {play.when(stop.t)}")
+    if not starts:
+        return told
+    starts.sort(key=lambda one: one[0])
+    begun = [cue for t, cue in starts if t <= stop.t + LATE]
+    cue = begun[-1] if begun else starts[0][1]
+    return f"line {cue.line}: {cue.what}: {told}"
 
 
 def cue_times(play: Play, run: Trajectory) -> tuple[CueTime, ...]:

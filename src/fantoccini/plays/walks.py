@@ -35,6 +35,8 @@ _SAMPLE = 0.02
 """Between places of a way that are looked at [s]."""
 _UPRIGHT = 1e-9
 """How far from 1 the vertical part of an upright box's axis may be."""
+_TOLERANCE = 1e-4
+"""Ways may be so much nearer to what stands there [m]."""
 _IN_TIME = 1e-6
 """Difference of times that counts as none [s]."""
 
@@ -116,6 +118,17 @@ class Walks:
         """Whether the hands of a player that stands somewhere are within their space."""
         room = self._room(player)
         return room is None or bool(room.holds(np.array(place.place)))
+
+    def obstruction(self, player: Player, place: complex) -> str:
+        """Why a player can stand nowhere near a place, whoever leaves; "" where it can."""
+        room, at = self._room(player), np.array(place)
+        if room is not None and not room.holds(at):
+            outside = abs(room.nearest(place) - place)
+            return f"the place is {outside:.2f} m outside of the hands' space"
+        for one in self.blocked:
+            if float(one.distance(at)) < self.clear(player) - _TOLERANCE:
+                return f"{one.name} is there"
+        return ""
 
     def in_the_way(self, player: Player, way: Way, others: Sequence[Track]) -> str | None:
         """Who comes too near to a player on a way, until it is there."""

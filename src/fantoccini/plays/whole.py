@@ -12,6 +12,7 @@ from fantoccini.gestures.sounding import read_sounds
 from fantoccini.gestures.timing import Spot
 from fantoccini.plays.casting import Cast
 from fantoccini.plays.companies import of_stage
+from fantoccini.plays.cue_file import WITH_PROPS
 from fantoccini.plays.cues import Timeline, lane_name
 from fantoccini.plays.play_file import PlayFile
 
@@ -43,7 +44,10 @@ def whole_score(
         start = min(part.start for part in cue.parts)
         if cue.given.says is not None:
             end = max(part.end for part in cue.parts)
-            captions.append(Caption(start, max(end, start + 1.0), cue.given.says))
+            # Who takes part in what another does with a prop says nothing.
+            who = cue.given.who if cue.given.verb in WITH_PROPS else cue.who
+            words = Caption(start, max(end, start + 1.0), cue.given.says, " and ".join(who))
+            captions.append(words)
         if cue.given.go:
             waits.append(Wait(f"cue {number}", min(start, cue.wanted)))
     sounds = sounds_of(file, notes)

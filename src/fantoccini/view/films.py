@@ -44,6 +44,8 @@ CODECS = {
     ),
 }  # fmt: skip
 """ffmpeg's arguments, by file ending."""
+_CAPTIONS = 0.4
+"""Largest share of the picture's height that captions take."""
 
 
 class FilmError(FantocciniError):
@@ -153,7 +155,7 @@ class Frames:
         unit = max(height / 50.0, min(10.0, width / 24.0))  # captions of small films stay legible
         self.geometry, self.sheet = geometry, Sheet(self.size, look.theme)
         axes = self.sheet.axes
-        self._subtitles = Subtitles(captions, width, unit)
+        self._subtitles = Subtitles(captions, width, unit, _CAPTIONS * height)
         low = 3.2 * unit + self._subtitles.room
         inner = Viewport(unit, low, width - 2.0 * unit, height - 2.8 * unit - low)
         self.layout, self.pan = _framing(geometry, inner, look, follow)

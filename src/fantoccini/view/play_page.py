@@ -102,17 +102,16 @@ def _facts(verification: Verification) -> str:
 def _verdict(verification: Verification) -> list[str]:
     """Whether all holds, what cannot be done and what does not hold."""
     play = verification.play
-    lacking, faults = play.lacking, verification.faults
+    faults, refused = verification.faults, len(play.refused)
     late = 1e3 * verification.worst
-    first = (
-        f"{len(lacking)} of {len(play.cues)} cues cannot be done as written"
-        if lacking else "Every cue is done as written"
-    )  # fmt: skip
+    first = "Every cue is done as written" if play else play.counts
+    if refused:
+        first = f"{refused} of {len(play.cues)} cues cannot be done as written"
     second = (
         f"the run breaks {len(faults)} of its promises"
         if faults else f"the run keeps its promises, no cue more than {late:.0f} ms off"
     )  # fmt: skip
-    kind = "fails" if lacking or faults else "holds"
+    kind = "fails" if play.lacking or faults else "holds"
     parts = [paragraph(f"{first}; {second}.", f"verdict {kind}")]
     if play.changes:
         parts += ["<h3>What is not as written, and why</h3>", listing(map(str, play.changes))]

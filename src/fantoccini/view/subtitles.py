@@ -19,6 +19,8 @@ _LETTER = 0.56
 """Mean width of a letter over its height."""
 _LEADING = 1.45
 """Height of a line over that of its letters."""
+_SMALLER = 0.9
+"""Factor of the letters' height where captions would take too much of the picture."""
 _LONGEST = 400
 """Letters of a caption that are shown."""
 
@@ -27,24 +29,31 @@ class Subtitles:
     """Captions of one film, drawn below the picture.
 
     Attributes:
-        room: height of the longest one [px]; 0 without captions.
+        room: height of the most lines that are read at once [px]; 0 without captions.
 
     Args:
-        captions: what is to be read when, on the motion's clock.
+        captions: words, speakers and times, on the motion's clock.
         width: of the film [px].
         unit: height of other text [px].
+        most: largest height; letters become smaller to keep it [px].
     """
 
-    def __init__(self, captions: Sequence[Caption], width: int, unit: float):
-        self._size, self._middle, self._unit = _SIZE * unit, 0.5 * width, unit
-        letters = max(8, int(0.92 * width / (_LETTER * self._size)))
-        self._captions = [
-            (one.start, one.end, textwrap.wrap(plain(one.text, _LONGEST), letters) or [""])
-            for one in captions
-        ]
-        most = max((len(lines) for *_, lines in self._captions), default=0)
-        self.room = most * _LEADING * self._size
+    def __init__(self, captions: Sequence[Caption], width: int, unit: float, most: float):
+        self._size, self._middle = _SIZE * unit, 0.5 * width
         self._text: Text | None = None
+        in_order = sorted(captions, key=lambda one: one.start)
+        while True:
+            letters = max(8, int(0.92 * width / (_LETTER * self._size)))
+            self._captions = [
+                (one.start, one.end, textwrap.wrap(plain(str(one), _LONGEST), letters) or [""])
+                for one in in_order
+            ]
+            # The most lines are shown where a caption begins.
+            lines = max((len(self._lines(start)) for start, *_ in self._captions), default=0)
+            self.room = lines * _LEADING * self._size
+            if self.room <= most:
+                break
+            self._size *= _SMALLER
 
     def place(self, sheet: Sheet, low: float) -> None:
         """Makes the text, with its lower edge at a height [px]."""
@@ -55,9 +64,12 @@ class Subtitles:
             )  # fmt: skip
 
     def at(self, t: float) -> list[Text]:
-        """What is to be read at a time; of several captions the last that has begun."""
-        shown = [one for one in self._captions if one[0] <= t < one[1]]
-        if self._text is None or not shown:
+        """The text at a time: all captions that go on, those that began first above the others."""
+        lines = self._lines(t)
+        if self._text is None or not lines:
             return []
-        self._text.set_text("\n".join(max(shown, key=lambda one: one[0])[2]))
+        self._text.set_text("\n".join(lines))
         return [self._text]
+
+    def _lines(self, t: float) -> list[str]:
+        return [line for start, end, own in self._captions if start <= t < end for line in own]

@@ -39,7 +39,7 @@ def timeline(play: Play) -> Figure:
     rows = max(1, int(np.ceil(end / _LONGEST - 1e-9)))
     each = end / rows
     lanes = _lanes(play, _CROSS * each)
-    captions = _stacked([(one.start, one.end, one.text) for one in play.score.captions])
+    captions = _stacked([(one.start, one.end, str(one)) for one in play.score.captions])
     n = sum(len(own) for own in lanes.values()) + len(captions)
     left = 20.0 + 7.0 * max(len(plain(name, 18)) for name in (*lanes, "captions"))
     height = rows * (_LANE * n + 74)

@@ -123,12 +123,12 @@ def _about(show: Show, messages: str) -> str:
         given = ", GO is given" if show.released else ""
         lines.append(f"GO begins {cue.number} {text(cue.what)}{given}")
     lines += [text(line) for line in (show.message, messages) if line]
-    words = " ".join(one.text for one in play.score.captions if one.start <= t < one.end)
+    words = "<br>".join(text(str(one)) for one in play.score.captions_at(t))
     return (
         '<div style="padding:0 0.5em;font-size:0.85em;line-height:1.45">'
         f"<div>{where}{t:.1f} s of {play.duration:.1f} s{state}</div>"
         + "".join(f'<div style="opacity:0.75">{line}</div>' for line in lines)
-        + f'<div style="min-height:1.4em;font-size:1.25em">{text(words)}</div></div>'
+        + f'<div style="min-height:1.4em;font-size:1.25em">{words}</div></div>'
     )
 
 

@@ -177,10 +177,10 @@ def _said(score: Score, t: float, waiting: Any) -> str:
         where += f", beat {t / score.beat:.1f}"
     if waiting is not None:
         where += f"; waits at {text(waiting.name)} for GO"
-    words = " ".join(one.text for one in score.captions if one.start <= t < one.end)
+    words = "<br>".join(text(str(one)) for one in score.captions_at(t))
     cues = ", ".join(dict.fromkeys(one.gesture for one in score.cues if one.start <= t < one.end))
     return (
         f'<div style="padding:0 0.5em;font-size:0.85em;line-height:1.45"><div>{text(score.name)}: '
         f'{where}</div><div style="opacity:0.75">{text(cues) or "&nbsp;"}</div>'
-        f'<div style="min-height:1.4em;font-size:1.25em">{text(words)}</div></div>'
+        f'<div style="min-height:1.4em;font-size:1.25em">{words}</div></div>'
     )

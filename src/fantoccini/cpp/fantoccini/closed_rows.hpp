@@ -204,7 +204,7 @@ struct ClosedRows {
       // would grip at once, and its string would close again.
       const bool closed = f.eval.height(r) >= -FlowTolerances::closed_gap * f.row_scale(r) &&
                           f.row_state[r] != SLIPPING &&
-                          f.rate_of(r, f.y + NQ) <= Tolerance::max_rest_speed * speed_scale(f);
+                          f.rate_of(r, f.y + NQ) <= rest_speed(f);
       if (f.row_state[r] == HELD || f.row_state[r] == SLIPPING || closed) list[n++] = r;
     }
     f.rows.gather(f.eval, f.y + NQ, list, n);
@@ -228,9 +228,10 @@ struct ClosedRows {
   }
 
   // Whether row r opens at the flow's latest evaluation, faster than a row at rest.
-  bool leaves(const F& f, int r) const {
-    return f.rate_of(r, f.y + NQ) < -Tolerance::max_rest_speed * speed_scale(f);
-  }
+  bool leaves(const F& f, int r) const { return f.rate_of(r, f.y + NQ) < -rest_speed(f); }
+
+  // |hdot| up to which a closed row is at rest.
+  double rest_speed(const F& f) const { return Tolerance::max_rest_speed * speed_scale(f); }
 
   // The tensions of the flow's latest evaluation, by row. If rows are redundant, those of least
   // norm among all that give the same motion.

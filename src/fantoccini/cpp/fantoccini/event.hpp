@@ -107,6 +107,12 @@ struct EventRun : EventInstants<Model> {
       // A break at the end of this run is handled when the run continues.
       at_break_ = flow.t >= smooth;
     }
+    // A row that closes at the very end is caught, so that a run can begin at the last state.
+    if (closes()) {
+      if (!out.room_for(rows_per_step, events_per_step)) return RUNNING;
+      const Status status = instant(out);
+      if (status != RUNNING) return status;
+    }
     return flow.motors.verdict(0);
   }
 
@@ -231,6 +237,15 @@ struct EventRun : EventInstants<Model> {
       const Status status = accept(at, at == left ? target : flow.t + at, out);
       return status == RUNNING ? instant(out) : status;
     }
+  }
+
+  // Whether a slack row is at its bound at the present state and moves past it.
+  bool closes() const {
+    for (int r = 0; r < M; ++r)
+      if (flow.row_state[r] == SLACK && guards.touches(r, FlowTolerances::closed_gap) &&
+          flow.rate_of(r, flow.y + NQ) > closed_rows.rest_speed(flow))
+        return true;
+    return false;
   }
 
   // The status of a step below the clock's resolution, whose trial has left the flow where it may.

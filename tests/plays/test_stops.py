@@ -1,0 +1,239 @@
+"""Runs that stop, searches out of time, and cues that nobody can do: told with line and player."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.plays import check_play, compiling, runs
+from fantoccini.plays.kept import Kept, OutOfTime
+from plays.conftest import Plays
+from plays.tiny import TOUCHES, write_play
+
+TWICE = """\
+      - {who: one, does: hop.yaml, when: 0.5}
+      - {who: one, does: hop.yaml, when: 3, name: again}
+      - {who: two, does: hop.yaml, when: 1, name: other}
+"""
+
+
+def failing(monkeypatch, when, error: Exception) -> None:
+    """Lets the simulator raise an error where a part's marionette, state and method are such."""
+    simulated = runs.simulate
+
+    def simulate(marionette, x, inputs, **options):
+        if when(x, inputs, options):
+            raise error
+        return simulated(marionette, x, inputs, **options)
+
+    monkeypatch.setattr(runs, "simulate", simulate)
+
+
+ERRORS = [
+    fan.StateError("hold is at its bound and moves past it"),
+    fan.SimulationError(fan.Status.NOT_SETTLED),
+    ValueError("t_end is 0; it must be later than the start"),
+    ZeroDivisionError("division by zero"),
+]
+
+
+@pytest.mark.parametrize("error", ERRORS, ids=lambda error: type(error).__name__)
+def test_an_error_of_the_simulator_refuses_its_cue_and_the_rest_is_played(
+    tmp_path, monkeypatch, error
+):
+    """It ended the whole play, without line, player and cue."""
+    path = write_play(tmp_path, TWICE)
+    failing(monkeypatch, lambda x, inputs, _: moves_again(x, inputs), error)
+    play = fan.load_play(path)
+    (change,) = play.changes
+    assert change.line == play.cues[1].line == 15
+    assert change.message.startswith("one: hop.yaml cannot be done: one's run stops on beat 3.0")
+    assert str(error) in change.message
+    assert [bool(cue.refused) for cue in play.cues] == [False, True, False]
+    found = fan.verify_play(play)
+    assert found, found.faults
+
+
+def moves_again(x: fan.State, inputs: fan.Input) -> bool:
+    """Whether it is the second hop of one, which has 2 s until the end; the first has 2.5 s."""
+    length = x.coordinates.q_K.index("hold.length")
+    early = float(np.abs(inputs.evaluate(0.25)[0] - inputs.evaluate(0.0)[0])[length])
+    return x["hold.y"] < 0.0 and early > 1e-3 and inputs.end < 2.2
+
+
+def test_an_error_at_the_very_start_is_told_with_player_and_line(tmp_path, monkeypatch):
+    path = write_play(tmp_path)
+    error = fan.StateError("nothing can begin here")
+    failing(monkeypatch, lambda x, *_: x["hold.y"] < 0.0, error)
+    with pytest.raises(fan.FileError, match=r"tiny.yaml:9: cast.one: one's run stops at the star"):
+        fan.load_play(path)
+
+
+def test_an_error_in_the_verification_is_a_fault_with_line_player_and_cue(tmp_path, monkeypatch):
+    play = fan.load_play(write_play(tmp_path, TWICE))
+    play.kept._found.clear()
+    failing(monkeypatch, lambda x, inputs, _: moves_again(x, inputs), ERRORS[0])
+    found = fan.verify_play(play)
+    assert not found
+    (fault,) = [one for one in found.faults if "run stops" in one]
+    assert fault.startswith("line 15: one: hop.yaml: one's run stops in First <act>, beat 3.0")
+    assert found.run.status is not fan.Status.DONE
+    failing(monkeypatch, lambda x, inputs, _: x["hold.y"] < 0.0, ERRORS[0])
+    play.kept._found.clear()
+    with pytest.raises(fan.FileError, match=r"tiny\.yaml:9: cast\.one: line 14: one: hop\.yaml: "):
+        fan.verify_play(play)
+
+
+def test_a_play_that_is_out_of_time_is_that_of_its_last_whole_round(tmp_path, monkeypatch):
+    """It was stopped between rounds only, however long they took."""
+    path = write_play(tmp_path, TOUCHES)
+    simulated, began = runs.simulate, time.monotonic()
+    calls = []
+
+    def slowly(*arguments, progress, **options):
+        calls.append(time.monotonic() - began)
+        if len(calls) <= 4:
+            return simulated(*arguments, progress=progress, **options)
+        while True:  # a run that would take for ever
+            time.sleep(0.01)
+            progress(0.0)
+
+    monkeypatch.setattr(runs, "simulate", slowly)
+    play = fan.load_play(path, within=1.0)
+    took = time.monotonic() - began
+    assert took < 10.0
+    (remark, *_) = play.remarks
+    assert "compiling was stopped after 1 round" in str(remark)
+    assert play.counts.startswith("2 of 2 cues can be done, ")
+    assert play.duration > 0.0 and not play
+    assert play.kept.until == np.inf
+
+
+def test_a_verification_out_of_time_says_so_and_measures_what_there_is(tmp_path, monkeypatch):
+    play = fan.load_play(write_play(tmp_path))
+
+    def stopped(self, *, exact=False):
+        if exact:
+            raise OutOfTime
+        return whole(self)
+
+    whole = type(play).runs
+    monkeypatch.setattr(type(play), "runs", stopped)
+    found = fan.verify_play(play, within=3.0)
+    assert not found
+    assert "the time was over after 3 s" in found.faults[0]
+    assert found.run.t[-1] == pytest.approx(play.duration)
+    monkeypatch.undo()
+    assert fan.verify_play(play, within=0.0)  # all is kept
+
+
+def test_nothing_is_made_once_the_time_is_over():
+    kept = Kept()
+    assert kept.get("a", lambda: 1) == 1
+    kept.until = time.monotonic() - 1.0
+    assert kept.get("a", lambda: 2) == 1
+    with pytest.raises(OutOfTime):
+        kept.get("b", lambda: 2)
+
+
+CANNOT = {
+    "walks": ("{who: one, walks to: there}", "acts[0].cues[0]['walks to']: one cannot do"),
+    "enters": ("{who: one, enters to: there}", "acts[0].cues[0]['enters to']: one cannot do"),
+    "exits": ("{who: one, exits to: there}", "acts[0].cues[0]['exits to']: one cannot do"),
+    "turns": ("{who: one, turns to: back}", "acts[0].cues[0]['turns to']: one cannot do"),
+    "looks": ("{who: two, looks at: one}", "acts[0].cues[0]['looks at']: two cannot do `looks at`"),
+    "points": ("{who: all, points at: [1, 0, 1]}", "acts[0].cues[0]['points at']: one cannot do"),
+    "mirrored": ("{who: one, does: hop.yaml, mirrored: true}", None),
+}
+
+
+@pytest.mark.parametrize(("cue", "says"), CANNOT.values(), ids=CANNOT)
+def test_check_refuses_what_no_player_of_such_a_puppet_can_do(tmp_path, cue, says):
+    """It passed a play in which players without legs walk, and look without a head."""
+    path = write_play(tmp_path, f"      - {cue}\n")
+    if says is None:
+        assert check_play(path).play == "tiny"
+        return
+    with pytest.raises(fan.FileError) as caught:
+        check_play(path)
+    assert f"{path}:14: {says}" in str(caught.value)
+    assert "no driven coordinate is called" in str(caught.value)
+    # Compiled, it is left out, and the rest is played.
+    play = fan.load_play(path)
+    assert len(play.refused) == 1 and play.refused[0].line == 14
+    optional = cue.replace("}", ", optional: true}")
+    assert check_play(write_play(tmp_path, f"      - {optional}\n"))
+
+
+def test_check_refuses_a_gesture_that_cannot_be_mirrored(tmp_path):
+    path = write_play(tmp_path, "      - {who: one, does: lean.yaml, mirrored: true}\n")
+    lean = "gesture: lean\nmoves: {arm_left.length: [[0, 0], [1, 1 cm]]}\n"
+    (tmp_path / "lean.yaml").write_text(lean)
+    ball = (tmp_path / "bob.yaml").read_text().replace("hold", "arm_left")
+    (tmp_path / "bob.yaml").write_text(ball)
+    with pytest.raises(fan.FileError, match=r"tiny.yaml:14: acts\[0\].cues\[0\].does: .*arm_right"):
+        check_play(path)
+    assert check_play(write_play_again(path, "mirrored: true", "how: twice"))
+
+
+def write_play_again(path: Path, old: str, new: str) -> Path:
+    """A play with another text in it."""
+    path.write_text(path.read_text().replace(old, new))
+    return path
+
+
+def test_check_refuses_walks_to_where_nobody_can_stand(plays: Plays):
+    acts = """acts:
+  - act: one
+    cues:
+      - {who: pierrot, walks to: far}
+      - {who: pierrot, walks to: centre, past: [table]}
+      - {who: columbine, walks to: far, near: 2}
+      - {who: columbine, walks to: far, optional: true, name: maybe}
+      - {who: columbine, walks to: pierrot, name: near_him}
+"""
+    path = plays.written(acts)
+    with pytest.raises(fan.FileError) as caught:
+        check_play(path)
+    first, second = str(caught.value).splitlines()
+    assert "cues[0]['walks to']: pierrot cannot get there: the place is" in first
+    assert "outside of the hands' space" in first
+    assert "cues[1].past[0]: pierrot cannot get there: table is there" in second
+    play = fan.load_play(path)
+    assert [bool(cue.refused) for cue in play.cues][:3] == [True, True, False]
+
+
+def test_check_simulates_nothing_for_those_who_can(plays: Plays, monkeypatch):
+    monkeypatch.setattr(compiling, "Rounds", None)
+    acts = """acts:
+  - act: one
+    cues:
+      - {who: pierrot, walks to: centre}
+      - {who: columbine, looks at: pierrot}
+      - {who: pierrot, points at: columbine}
+      - {who: columbine, does: wave, mirrored: true, how: twice}
+"""
+    assert check_play(plays.written(acts)).play == "trial"
+
+
+@pytest.mark.slow
+def test_a_gesture_follows_a_walk_though_a_string_snaps_taut_as_it_begins(plays: Plays):
+    """Its part began at a string at its bound, and the whole play ended there."""
+    cues, beat = "{who: pierrot, walks to: [0, 0.3]}\n{who: pierrot, does: nod, when: 12}", 0.6
+    play = plays.compiled(cues)
+    walk, run = play.cues[0], play.runs().players["pierrot"]
+    catches = [
+        event for event in run.events
+        if event.kind == "catch" and 1e-4 < event.speed < 1e-2
+        and walk.end + 0.5 < event.t < 12 * beat - 0.5
+    ]  # fmt: skip
+    assert catches
+    for event in catches[:: max(1, len(catches) // 4)]:
+        again = plays.compiled(cues.replace("12}", f"{event.t / beat!r}}}"), before=play)
+        assert again.cues[1].wanted == pytest.approx(event.t, abs=1e-12)
+        assert not any("run stops" in str(change) for change in again.changes)
+        assert not again.runs().stops
