@@ -26,8 +26,12 @@ from fantoccini.marionette import Marionette
 
 _ACCURACY = 1e-5
 """By how much a least distance may be too large [m]: so near to it, no nearer sample is sought."""
-_SHORT = 1e-4
-"""Moves between samples that are not looked into any more [m]."""
+_SHORT, _SHARE = 1e-4, 0.02
+"""Moves between samples that are not looked into any more [m], and relative to the distance."""
+_SAMPLE = -1.0
+"""Stands for the time after a sample, of the sample itself [s]."""
+_LEAST_PART = 1e-4
+"""Part of a step that is not halved any more: what jumps there, like the fold of a string, does."""
 
 
 @dataclass(frozen=True)
@@ -131,7 +135,7 @@ class StringMotion:
     """Strings and bodies along a motion.
 
     Between samples everything moves evenly. Where a pair may come nearer there than is asked for,
-    steps are halved until they move things by less than 0.1 mm.
+    steps are halved until they move things by less than 0.1 mm, or 2 % of their distance.
 
     Attributes:
         t: (T,) times [s].
@@ -150,7 +154,7 @@ class StringMotion:
     def nearest(self, within: float = 0.05) -> Approaches:
         """The least distance of every pair that comes nearer than ``within``, the least first.
 
-        Distances are right to 0.1 mm.
+        Distances are right to 0.1 mm and 2 %. Of what overlaps at a sample it is not asked how deep.
 
         Raises:
             ValueError: ``within`` is not a finite number greater than 0.
@@ -160,8 +164,10 @@ class StringMotion:
         best = np.full(len(self.pairs.names), float(within))
         which, when, later = *np.full((2, len(best)), -1), np.zeros(len(best))
 
-        def limit(pair: Indices, _k: Indices, _s: Array) -> Array:
-            return best[pairs.group[pair]] - _ACCURACY + pairs.swollen[pair]
+        def limit(pair: Indices, _k: Indices, s: Array) -> Array:
+            least = best[pairs.group[pair]]
+            between = np.where(least > 0.0, least - np.maximum(_SHORT, _SHARE * least), -np.inf)
+            return np.where(s >= 0.0, between, least - _ACCURACY) + pairs.swollen[pair]
 
         def take(pair: Indices, k: Indices, s: Array, distance: Array) -> None:
             distance, group = distance - pairs.swollen[pair], pairs.group[pair]
@@ -226,7 +232,7 @@ class StringMotion:
         pairs, none = self.pairs.every, np.zeros(len(self.pairs.every))
         pair, k = search(
             self.cores, pairs,
-            lambda pair, k: limit(pair, k, np.zeros(len(k))),
+            lambda pair, k: limit(pair, k, np.full(len(k), _SAMPLE)),
             lambda pair, k, distance: take(pair, k, np.zeros(len(k)), distance),
         )  # fmt: skip
         within = k + 1 < len(self.t)
@@ -247,7 +253,11 @@ class StringMotion:
                 there = cores.travelled[core, at]
                 before, after = there - cores.travelled[core, at - 1], cores.travelled[core, at + 1]
                 moved = moved + np.maximum(before, after - there)
-            open_ = np.flatnonzero((moved > _SHORT) & (distance - moved < limit(pair, k, start)))
+            apart = np.maximum(distance - pairs.swollen[pair], 0.0)
+            long = (moved > np.maximum(_SHORT, _SHARE * apart)) & (
+                end - start > _LEAST_PART * self.path.h[k]
+            )
+            open_ = np.flatnonzero(long & (distance - moved < limit(pair, k, start)))
             pair, k, start, middle, end = (x[open_] for x in (pair, k, start, middle, end))
             pair, k = np.tile(pair, 2), np.tile(k, 2)
             start, end = np.concatenate([start, middle]), np.concatenate([middle, end])
