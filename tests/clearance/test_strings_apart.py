@@ -132,16 +132,19 @@ def test_kinds_names_and_order():
 
 def test_thickness_counts_for_each_string():
     q_D, q_K, t = wandering(0, -0.1)
-    thin, thick = (
-        StringsApart(scene(), radius=radius).over(q_D, q_K, t).nearest(within=10.0)
-        for radius in (0.0, 0.004)
-    )
-    for kind, sides in (("strings", 2), ("bodies", 1), ("own", 1)):
-        at = {(a.what, a.other): a.distance for a in getattr(thick, kind)}
-        for one in getattr(thin, kind):
-            if one.distance > 0.0:
-                less = one.distance - at[one.what, one.other]
-                assert less == pytest.approx(sides * 0.004, abs=2e-5)
+    for k in range(0, len(t), 40):
+        thin, thick = (
+            StringsApart(scene(), radius=radius)
+            .over(q_D[[k]], q_K[[k]], t[[k]])
+            .nearest(within=10.0)
+            for radius in (0.0, 0.004)
+        )
+        for kind, sides in (("strings", 2), ("bodies", 1), ("own", 1)):
+            at = {(a.what, a.other): a.distance for a in getattr(thick, kind)}
+            for one in getattr(thin, kind):
+                if one.distance > 0.0:
+                    less = one.distance - at[one.what, one.other]
+                    assert less == pytest.approx(sides * 0.004, abs=2e-5)
 
 
 def test_strings_through_one_point_are_left_out():

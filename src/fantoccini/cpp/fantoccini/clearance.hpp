@@ -50,6 +50,21 @@ class Clearance {
   // A link's pose at the last measurement: R by columns, then r.
   FAN_FN const Real* pose(int link) const { return poses_ + 12 * link; }
 
+  // Takes the strings' lengths less their spans to lie between those of the configurations that are
+  // given to this since moves.clear().
+  FAN_FN void include_excess(const Real* D, const Real* K) {
+    Call<Model, Real>::points(D, K, p, points_);
+    int at = 0;
+    for (int i = 0; i < S; at += Model::string_points[i++]) {
+      Real excess = string_length<Model, Real>(i, D, K);
+      for (int k = 1; k < Model::string_points[i]; ++k)
+        excess -= apart(points_ + 3 * (at + k - 1), points_ + 3 * (at + k));
+      moves.least_excess[i] = moves.known ? minimum(excess, moves.least_excess[i]) : excess;
+      moves.most_excess[i] = moves.known ? maximum(excess, moves.most_excess[i]) : excess;
+    }
+    moves.known = true;
+  }
+
   // Finds the least distance over all pairs, numbered in this order: moving (outer) by standing
   // (inner); pairs; string segments (outer) by standing. Distances certainly above `enough`, and
   // those of meshes in lanes that do not count, are lower bounds. Where something `moving`, `lower` is
@@ -105,6 +120,11 @@ class Clearance {
         carried[k] = moving ? moves.path(in, poses_, in.carriers[at + k], points_ + 3 * (at + k))
                             : Real(0.0);
         x += (pieces > 1 ? 2.0 : 1.0) * carried[k];  // slack moves from piece to piece
+      }
+      if (moving && moves.known) {
+        const Real excess = length - whole;
+        x = maximum(moves.most_excess[i] - excess, excess - moves.least_excess[i]);
+        x = maximum(x, Real(0.0));
       }
       for (int k = 0; k < pieces; ++k) {
         Placed<Real> segment;

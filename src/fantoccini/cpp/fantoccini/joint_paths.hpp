@@ -24,8 +24,12 @@ struct JointPaths {
 
   Real slide[room(L)], turn[room(L)], wound[room(S)];  // of links, and of the strings' lengths
   Real loose[room(S)];  // 1.0 for strings that may go slack on the way although they are straight now
+  // If known, bounds of a string's length less its span; else they follow from the paths.
+  bool known = false;
+  Real least_excess[room(S)], most_excess[room(S)];
 
   FAN_FN void clear() {
+    known = false;
     for (int i = 0; i < L; ++i) slide[i] = turn[i] = Real(0.0);
     for (int i = 0; i < S; ++i) wound[i] = loose[i] = Real(0.0);
   }

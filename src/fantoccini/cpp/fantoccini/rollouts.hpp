@@ -208,6 +208,7 @@ class Rollouts {
     for (int i = 0; i < QK; ++i) clearance_.q_K[i] = inputs.q_K[i];
     Real counts = Real(0.0);
     for (int l = 0; l < width; ++l) lane_of(counts, l) = active_[l];
+    for (int s = 0; s <= in.steps; ++s) clearance_.include_excess(place(s), place(s) + NQ);
     clearance_.measure(*in.solids, placed_.data(), counts > Real(0.5), in.margin, true);
     const Real least = clearance_.least;
     Real pose_of_goal[12] = {};
@@ -267,6 +268,8 @@ class Rollouts {
     for (int i = 0; i < QK; ++i) clearance_.q_K[i] = middle[NQ + i];
     clearance_.moves.clear();
     clearance_.moves.add(*in.solids, from, from + NQ, to, to + NQ, 0.5);
+    clearance_.include_excess(from, from + NQ);
+    clearance_.include_excess(to, to + NQ);
     clearance_.measure(*in.solids, placed_.data(), asked > Real(0.5), in.margin, true);
     Real unsure = Real(0.0);
     bool some = false;
