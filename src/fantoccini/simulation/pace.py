@@ -95,6 +95,8 @@ def chatter(t: Times, contact: ContactPoints | None, events: Iterable[EventRecor
         events: of the run.
     """
     first = max(0, len(t) - _LIMITS.samples)
+    if len(t) - first < 2:  # so few are saved
+        return "its steps are short"
     text = f"its last {len(t) - first} samples take {t[-1] - t[first]:.2g} s of motion"
     counts = Counter(e.name for e in events if e.name and e.t >= t[first])
     if counts:

@@ -220,11 +220,11 @@ def _where(
 
 
 def _chatter(model: Model, pieces: list[Piece]) -> str:
-    """What makes the present steps short, of a run whose last pieces are these."""
-    last = Piece.joined(pieces[-5:])
-    t = model.sample_layout.split(last.samples)["t"]
-    events = [_event(model, event) for event in last.events]
-    return chatter(t, _contact_points(model, last.contacts, len(t)), events)
+    """What makes the present steps short, of a run that has written these pieces."""
+    written = Piece.joined(pieces)
+    t = model.sample_layout.split(written.samples)["t"]
+    events = [_event(model, event) for event in written.events]
+    return chatter(t, _contact_points(model, written.contacts, len(t)), events)
 
 
 def _sliding(made: Trajectory) -> str:
