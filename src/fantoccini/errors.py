@@ -189,6 +189,7 @@ class Status(enum.IntEnum):
     TOO_MANY_CONTACTS = 20, "more points touched at once than a step has room for"
     NO_UNIQUE_MOTION = 21, "friction jams what slides (Painlevé): no finite force, or several"
     UNBALANCED = 22, "the end was reached, but the ledger of the fixed steps does not balance"
+    OUT_OF_TIME = 23, "the time limit on computing ended the run"
 
 
 class Outcome(enum.Enum):

@@ -1,7 +1,8 @@
 """Distances of a puppet from obstacles, from other puppets and from itself."""
 
-from fantoccini.clearance.measure import Clearance, Nearest
+from fantoccini.clearance.measure import Clearance, Least, Nearest
 from fantoccini.clearance.obstacles import HalfSpace, Standing, standing
+from fantoccini.clearance.path import Path
 from fantoccini.clearance.strings_apart import Approach, Approaches, StringMotion, StringsApart
 from fantoccini.clearance.winding import Crossing, Winding
 
@@ -11,7 +12,9 @@ __all__ = [
     "Clearance",
     "Crossing",
     "HalfSpace",
+    "Least",
     "Nearest",
+    "Path",
     "Standing",
     "StringMotion",
     "StringsApart",

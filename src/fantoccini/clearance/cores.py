@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from fantoccini.arrays import Array, Indices, Vec3
+from fantoccini.clearance.path import MIN_SLACK
 from fantoccini.clearance.segments import (
     N_CHORDS,
     between_segments,
@@ -20,9 +21,6 @@ from fantoccini.clearance.segments import (
 )
 from fantoccini.marionette import Marionette
 from fantoccini.runtime.clearance import Records
-
-_MIN_SLACK = 1.0 + 1e-6
-"""Length over span above which a string sags, as in compiled code."""
 
 _MIN_SAG = 1e-5
 """Distance of a curve from its chord up to which a string counts as straight [m]."""
@@ -183,7 +181,7 @@ def _pieces(marionette: Marionette, q_D: Array, q_K: Array) -> tuple[Array, Arra
         spans = np.linalg.norm(np.diff(points, axis=1), axis=2)
         whole = spans.sum(axis=1)
         # Wires push too, and stay straight.
-        slack = (length > whole * _MIN_SLACK) & (whole > 0.0) & (not string.wire)
+        slack = (length > whole * MIN_SLACK) & (whole > 0.0) & (not string.wire)
         share = np.where(slack, length, 0.0) / np.where(slack, whole, 1.0)
         for n, span in enumerate(spans.T):
             ends.append(points[:, n : n + 2].swapaxes(0, 1))

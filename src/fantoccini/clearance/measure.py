@@ -9,17 +9,23 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, Indices
 from fantoccini.clearance import solids
+from fantoccini.clearance.between import Places, advance
 from fantoccini.clearance.meshes import Meshes
 from fantoccini.clearance.obstacles import HalfSpace, standing
+from fantoccini.clearance.path import Path
 from fantoccini.marionette import Marionette
 from fantoccini.motion import State, Trajectory
 from fantoccini.puppet import Obstacle
-from fantoccini.runtime import Solids, default_threads
+from fantoccini.runtime import Moves, Solids, default_threads, moved_by
 
 _MAX_TOUCH = 1e-6
-"""Overlap below which solids are said to meet [m]."""
+"""Overlap below which solids are said to meet [m]; along paths they do from as near as that."""
+_ACCURACY = 0.01
+"""By which a least distance along a path may be too large, relative to it."""
+_EDGE = 1e-4
+"""By which solids may come nearer between samples than a limit, unseen [m]."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +47,22 @@ class Nearest:
         if self.distance < 0.0:
             return f"{self.what} is {-self.distance:.3g} m inside {self.other}"
         return f"{self.what} is {self.distance:.3g} m from {self.other}"
+
+
+@dataclass(frozen=True)
+class Least:
+    """The least distance on a path, and where it is.
+
+    Attributes:
+        distance: [m]; negative where solids overlap or pass one another.
+        t: when [s].
+        q_D, q_K: (n_qD,), (n_qK,) configuration.
+    """
+
+    distance: float
+    t: float
+    q_D: Array
+    q_K: Array
 
 
 class Clearance:
@@ -103,7 +125,8 @@ class Clearance:
         left = np.array(left_out, dtype=bool).reshape(len(names), len(self.obstacles))
         radius = string_radius if strings and len(still) else -1.0
         exact = self.meshes.distance if len(self.meshes) else None
-        self.solids = Solids(moving, still, pairs, left, np.full(len(tree.strings), radius), exact)
+        radii = np.full(len(tree.strings), radius)
+        self.solids = Solids(moving, still, pairs, left, radii, *moved_by(tree), exact)
 
     @property
     def measures_nothing(self) -> bool:
@@ -161,10 +184,64 @@ class Clearance:
         """
         return self.at(*_configurations(motion), threads=default_threads())
 
+    def least(self, motion: Trajectory | Path) -> Least:
+        """The least distance along a motion, also between its samples.
+
+        It is right to 1 %. Solids that come within a micrometre of one another count as touching.
+        """
+        path = motion if isinstance(motion, Path) else Path.of(self.marionette, motion)
+        best = Least(np.inf, float(path.t[0]), path.q_D[0], path.q_K[0])
+
+        def look(at: Places, distance: Array, lower: Array) -> Indices:
+            nonlocal best
+            k = int(np.argmin(np.nan_to_num(distance, nan=np.inf)))
+            if distance[k] < best.distance:
+                best = Least(float(distance[k]), float(at.t[k]), at.q_D[k], at.q_K[k])
+            # Where something overlaps already, it is not asked how deep.
+            room = max(_ACCURACY * best.distance, _MAX_TOUCH)
+            return np.flatnonzero((best.distance >= 0.0) & (lower < best.distance - room))
+
+        advance(path, self._bounded, look)
+        if 0.0 <= best.distance < _MAX_TOUCH:
+            best = replace(best, distance=best.distance - _MAX_TOUCH)
+        return best
+
+    def along(self, path: Path, within: float) -> tuple[Places, Array]:
+        """Distances at the samples of a path, and between them where they are less than a limit.
+
+        Args:
+            path: of the puppet.
+            within: the limit [m]. By less than 0.1 mm solids may come nearer unseen.
+
+        Returns:
+            The places (m,) in order of time, and the distances there (m,) [m].
+        """
+        found = list[tuple[Places, Array]]()
+
+        def look(at: Places, distance: Array, lower: Array) -> Indices:
+            kept = (distance < within) | (at.s == 0.0)
+            found.append((Places(*(x[kept] for x in at)), distance[kept]))
+            far = distance >= within
+            return np.flatnonzero(far & (lower < np.minimum(within, distance - _EDGE)))
+
+        advance(path, self._bounded, look)
+        at = Places(*map(np.concatenate, zip(*(places for places, _ in found), strict=True)))
+        order = np.argsort(at.t, kind="stable")
+        distance = np.concatenate([distance for _, distance in found])
+        return Places(*(x[order] for x in at)), distance[order]
+
     def nearest(self, motion: State | Trajectory | Sequence[State]) -> Nearest | None:
-        """The nearest pair in the worst configuration; None without pairs."""
+        """The nearest pair in the worst configuration, of runs also between samples.
+
+        None without pairs.
+        """
+        if self.measures_nothing:
+            return None
+        if isinstance(motion, Trajectory):
+            least = self.least(motion)
+            return replace(self.pair_at(least.q_D, least.q_K), distance=least.distance)
         q_D, q_K = (np.atleast_2d(q) for q in _configurations(motion))
-        distance, pair = self._measured(q_D, q_K, 1)
+        distance, _, pair = self._measured(q_D, q_K, 1)
         if not np.any(pair >= 0):
             return None
         worst = int(np.nanargmin(distance))
@@ -176,12 +253,18 @@ class Clearance:
         Raises:
             ValueError: there are no pairs, or the arrays do not fit the puppet.
         """
-        distance, pair = self._measured(q_D, q_K, 1)
+        distance, _, pair = self._measured(q_D, q_K, 1)
         if pair < 0:
             raise ValueError("no pair is measured")
         return Nearest(*self._named(int(pair)), float(distance))
 
-    def _measured(self, q_D: Array, q_K: Array, threads: int) -> tuple[Array, np.ndarray]:
+    def _bounded(self, q_D: Array, q_K: Array, moves: Moves) -> tuple[Array, Array]:
+        """Distances at configurations, and bounds below which none falls on moves about them."""
+        return self._measured(q_D, q_K, default_threads(), moves)[:2]
+
+    def _measured(
+        self, q_D: Array, q_K: Array, threads: int, moves: Moves | None = None
+    ) -> tuple[Array, Array, np.ndarray]:
         q_D, q_K = np.asarray(q_D, dtype=float), np.asarray(q_K, dtype=float)
         table = self.marionette.coordinates
         if (q_D.shape[-1:], q_K.shape[-1:]) != ((table.n_qD,), (table.n_qK,)):
@@ -191,16 +274,17 @@ class Clearance:
             )
         lead = np.broadcast_shapes(q_D.shape[:-1], q_K.shape[:-1])
         if self.measures_nothing or 0 in lead:
-            return np.full(lead, np.inf), np.full(lead, -1)
+            return np.full(lead, np.inf), np.full(lead, np.inf), np.full(lead, -1)
         n = int(np.prod(lead))
         q_D, q_K = (
             np.broadcast_to(a, (*lead, a.shape[-1])).reshape(n, a.shape[-1]) for a in (q_D, q_K)
         )
-        distance, pair = self.marionette.model.compiled.clearances.measure(
-            self.solids, q_D, q_K, self.marionette.p, threads
+        distance, lower, pair = self.marionette.model.compiled.clearances.measure(
+            self.solids, q_D, q_K, self.marionette.p, threads, moves
         )
         finite = np.isfinite(q_D).all(axis=1) & np.isfinite(q_K).all(axis=1)
-        return np.where(finite, distance, np.nan).reshape(lead), pair.reshape(lead)
+        distance, lower = (np.where(finite, x, np.nan).reshape(lead) for x in (distance, lower))
+        return distance, lower, pair.reshape(lead)
 
     def _named(self, pair: int) -> tuple[str, str]:
         """Names of a pair."""

@@ -2,21 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array, Indices, Times, check_not_negative, check_positive
+from fantoccini.arrays import (
+    Array,
+    Indices,
+    MaskRows,
+    Times,
+    check_not_negative,
+    check_positive,
+)
 from fantoccini.clearance import solids
 from fantoccini.clearance.blocks import search
 from fantoccini.clearance.cores import Cores
 from fantoccini.clearance.meshes import Meshes
+from fantoccini.clearance.path import Path
 from fantoccini.clearance.string_pairs import Kind, StringPairs, string_pairs
 from fantoccini.clearance.winding import Crossing, Winding, crossings, windings
 from fantoccini.marionette import Marionette
 
 _ACCURACY = 1e-5
 """By how much a least distance may be too large [m]: so near to it, no nearer sample is sought."""
+_SHORT, _SHARE = 1e-4, 0.02
+"""Moves between samples that are not looked into any more [m], and relative to the distance."""
+_SAMPLE = -1.0
+"""Stands for the time after a sample, of the sample itself [s]."""
+_LEAST_PART = 1e-4
+"""Part of a step that is not halved any more: what jumps there, like the fold of a string, does."""
 
 
 @dataclass(frozen=True)
@@ -108,31 +123,38 @@ class StringsApart:
             )
         if not all(np.isfinite(x).all() for x in (q_D, q_K, t)) or np.any(np.diff(t) < 0.0):
             raise ValueError("q_D, q_K and t must be finite, and t must not decrease")
-        cores = Cores.of(self.marionette, self._bodies, self._links, q_D, q_K)
-        return StringMotion(t, cores, self._pairs)
+        path = Path(self.marionette, t, q_D, q_K)
+        return StringMotion(t, self._cores(q_D, q_K), self._pairs, path, self._cores)
+
+    def _cores(self, q_D: Array, q_K: Array) -> Cores:
+        return Cores.of(self.marionette, self._bodies, self._links, q_D, q_K)
 
 
 @dataclass(frozen=True, eq=False)
 class StringMotion:
     """Strings and bodies along a motion.
 
-    Distances are those at the samples: between two samples a pair may be nearer, by half of what
-    it moves in a step. Crossings are found between samples as well.
+    Between samples everything moves evenly. Where a pair may come nearer there than is asked for,
+    steps are halved until they move things by less than 0.1 mm, or 2 % of their distance.
 
     Attributes:
         t: (T,) times [s].
-        cores: where strings and bodies are.
+        cores: where strings and bodies are at the samples.
         pairs: what is measured.
+        path: configurations between the samples, too.
+        placed: the cores at configurations.
     """
 
     t: Times
     cores: Cores
     pairs: StringPairs
+    path: Path
+    placed: Callable[[Array, Array], Cores]
 
     def nearest(self, within: float = 0.05) -> Approaches:
         """The least distance of every pair that comes nearer than ``within``, the least first.
 
-        Distances are right to 0.01 mm.
+        Distances are right to 0.1 mm and 2 %. Of what overlaps at a sample it is not asked how deep.
 
         Raises:
             ValueError: ``within`` is not a finite number greater than 0.
@@ -140,21 +162,24 @@ class StringMotion:
         check_positive(within=within)
         pairs = self.pairs.every
         best = np.full(len(self.pairs.names), float(within))
-        which, when = np.full((2, len(best)), -1)
+        which, when, later = *np.full((2, len(best)), -1), np.zeros(len(best))
 
-        def limit(pair: Indices, _start: Indices) -> Array:
-            return best[pairs.group[pair]] - _ACCURACY + pairs.swollen[pair]
+        def limit(pair: Indices, _k: Indices, s: Array) -> Array:
+            least = best[pairs.group[pair]]
+            between = np.where(least > 0.0, least - np.maximum(_SHORT, _SHARE * least), -np.inf)
+            return np.where(s >= 0.0, between, least - _ACCURACY) + pairs.swollen[pair]
 
-        def take(pair: Indices, k: Indices, distance: Array) -> None:
+        def take(pair: Indices, k: Indices, s: Array, distance: Array) -> None:
             distance, group = distance - pairs.swollen[pair], pairs.group[pair]
             first = _firsts(group, distance)
             first = first[distance[first] < best[group[first]]]
             best[group[first]] = distance[first]
             which[group[first]], when[group[first]] = pair[first], k[first]
+            later[group[first]] = s[first]
 
-        search(self.cores, pairs, limit, take)
+        self._search(limit, take)
         near = np.flatnonzero(which >= 0)
-        return self._approaches(which[near], when[near], best[near])
+        return self._approaches(which[near], when[near], later[near], best[near])
 
     def nearer_than(self, margin: float) -> Approaches:
         """When every pair that comes nearer than a margin does so first, the earliest first.
@@ -165,20 +190,27 @@ class StringMotion:
         check_positive(margin=margin)
         pairs, never = self.pairs.every, len(self.t)
         which, when = np.full((2, len(self.pairs.names)), never)
+        later = np.zeros(len(which))
 
-        def limit(pair: Indices, start: Indices) -> Array:
-            return np.where(start < when[pairs.group[pair]], margin + pairs.swollen[pair], -np.inf)
+        def before(group: Indices, k: Indices, s: Array) -> MaskRows:
+            return (k < when[group]) | ((k == when[group]) & (s < later[group]))
 
-        def take(pair: Indices, k: Indices, distance: Array) -> None:
+        def limit(pair: Indices, k: Indices, s: Array) -> Array:
+            early = before(pairs.group[pair], k, s)
+            return np.where(early, margin + pairs.swollen[pair], -np.inf)
+
+        def take(pair: Indices, k: Indices, s: Array, distance: Array) -> None:
             near = np.flatnonzero(distance - pairs.swollen[pair] < margin)
-            group = pairs.group[pair[near]]
-            first = _firsts(group, k[near])
-            first = first[k[near[first]] < when[group[first]]]
-            which[group[first]], when[group[first]] = pair[near[first]], k[near[first]]
+            pair, k, s, group = pair[near], k[near], s[near], pairs.group[pair[near]]
+            first = _firsts(group, self.t[k] + s)
+            first = first[before(group[first], k[first], s[first])]
+            which[group[first]], when[group[first]] = pair[first], k[first]
+            later[group[first]] = s[first]
 
-        search(self.cores, pairs, limit, take)
+        self._search(limit, take)
         near = np.flatnonzero(when < never)
-        return self._approaches(which[near], when[near], when[near])
+        rank = self.t[when[near]] + later[near]
+        return self._approaches(which[near], when[near], later[near], rank)
 
     def crossings(self) -> tuple[Crossing, ...]:
         """Every passage of a string through another, the earliest first.
@@ -195,9 +227,50 @@ class StringMotion:
         """
         return windings(self.cores, self.pairs)
 
-    def _approaches(self, pair: Indices, k: Indices, rank: Array) -> Approaches:
-        """Approaches of pairs (m,) at samples (m,), by kinds and in the order of ranks (m,)."""
-        pairs, cores = self.pairs.every, self.cores
+    def _search(self, limit: Limit, take: Take) -> None:
+        """Looks at samples, and between them where pairs may be nearer than a limit there."""
+        pairs, none = self.pairs.every, np.zeros(len(self.pairs.every))
+        pair, k = search(
+            self.cores, pairs,
+            lambda pair, k: limit(pair, k, np.full(len(k), _SAMPLE)),
+            lambda pair, k, distance: take(pair, k, np.zeros(len(k)), distance),
+        )  # fmt: skip
+        within = k + 1 < len(self.t)
+        pair, k = pair[within], k[within]
+        start, end = np.zeros(len(k)), self.path.h[k]
+        while len(pair):
+            middle = 0.5 * (start + end)
+            step, own = np.unique(np.array([k, start, end]), axis=1, return_inverse=True)
+            own = own.reshape(-1)
+            piece = np.repeat(step[0].astype(int), 3)
+            marks = np.array([step[1], 0.5 * (step[1] + step[2]), step[2]]).T.ravel()
+            cores = self.placed(*self.path.at(piece, marks))
+            i, j, at = pairs.i[pair], pairs.j[pair], 3 * own + 1
+            distance, _ = cores.exact(i, j, at)
+            take(pair, k, middle, distance)
+            moved = none[pair]
+            for core in (i, j):
+                there = cores.travelled[core, at]
+                before, after = there - cores.travelled[core, at - 1], cores.travelled[core, at + 1]
+                moved = moved + np.maximum(before, after - there)
+            apart = np.maximum(distance - pairs.swollen[pair], 0.0)
+            long = (moved > np.maximum(_SHORT, _SHARE * apart)) & (
+                end - start > _LEAST_PART * self.path.h[k]
+            )
+            open_ = np.flatnonzero(long & (distance - moved < limit(pair, k, start)))
+            pair, k, start, middle, end = (x[open_] for x in (pair, k, start, middle, end))
+            pair, k = np.tile(pair, 2), np.tile(k, 2)
+            start, end = np.concatenate([start, middle]), np.concatenate([middle, end])
+
+    def _approaches(self, pair: Indices, k: Indices, s: Array, rank: Array) -> Approaches:
+        """Approaches of pairs (m,), s (m,) after samples (m,), by kinds and in the order of ranks."""
+        pairs, t = self.pairs.every, self.t[k] + s
+        if len(self.path.h):
+            piece = np.minimum(k, len(self.path.h) - 1)
+            s = np.where(k > piece, self.path.h[piece], s)
+            cores, k = self.placed(*self.path.at(piece, s)), np.arange(len(k))
+        else:
+            cores = self.cores
         distance, place = cores.exact(pairs.i[pair], pairs.j[pair], k)
         distance = distance - pairs.swollen[pair]
         found: dict[Kind, list[Approach]] = {kind: [] for kind in Kind}
@@ -205,9 +278,16 @@ class StringMotion:
             group = pairs.group[pair[n]]
             x, y, z = place[n].tolist()
             what, other = self.pairs.names[group]
-            made = Approach(what, other, float(distance[n]), float(self.t[k[n]]), (x, y, z))
+            made = Approach(what, other, float(distance[n]), float(t[n]), (x, y, z))
             found[self.pairs.kinds[group]].append(made)
         return Approaches(*(tuple(made) for made in found.values()))
+
+
+Limit = Callable[[Indices, Indices, Array], Array]
+"""Distances without radii up to which pairs (m,) count from samples (m,) and times after them on."""
+
+Take = Callable[[Indices, Indices, Array, Array], None]
+"""Told of pairs (m,), samples, times after them and distances without radii there."""
 
 
 def _firsts(group: Indices, rank: Array | Indices) -> Indices:

@@ -77,7 +77,7 @@ def _report(found: PlanResult, checks: dict[str, Check]) -> None:
             ("duration [s]", f"{found.duration:.3f}"),
             ("distance from the goal", f"{found.distance:.4g}"),
             ("tolerance", f"{found.tolerance:g}"),
-            ("least clearance [mm]", f"{1e3 * float(found.clearance.min()):.1f}"),
+            ("least clearance [mm]", f"{1e3 * found.least_clearance:.1f}"),
             ("rollouts", found.tried),
             ("nodes", len(found.tree)),
             ("search [s]", f"{found.seconds:.3g}"),

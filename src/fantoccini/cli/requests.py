@@ -162,6 +162,14 @@ class SimulateRequest(PictureOptions):
             "start, the end and the events.",
         ),
     ] = None
+    time_limit: Annotated[
+        float | None,
+        typer.Option(
+            metavar="S",
+            callback=positive,
+            help="Computing time after which the run ends with what it has; none by default.",
+        ),
+    ] = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -84,6 +84,7 @@ def simulate_file(request: SimulateRequest) -> None:
         if x0 is None:
             x0 = start_state(puppet, inputs, given, request.quiet)
         method, saved = _method(request, x0.t, duration)
+        saved["time_limit"] = request.time_limit
         run, seconds, trouble = timed(steps, puppet, x0, inputs, duration, method, **saved)
         films = {} if given_motion is None else given_motion.of_films
         write_outputs(puppet, run, out, request.plot, steps, look=look, films=films)

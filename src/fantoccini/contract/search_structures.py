@@ -259,6 +259,13 @@ SEARCHES: tuple[Structure, ...] = (
         Field("by", OUT, "(n, n_vK + n_p, n_vD) derivative of q_D by what is chosen"),
         Field("stable", "unsigned char*", "(n,) whether V has a minimum there"),
     )),
+    Structure("JointPlace", "A link's joint, and where its coordinates are.", (
+        Field("parent", "int", "link, or -1 for the world"),
+        Field("role", "int", "0: it does not move; 1: in q_D; 2: in q_K"),
+        Field("q", "int", "first of its coordinates"),
+        Field("slides", "int", "coordinates along axes, which come first"),
+        Field("turns", "int", "coordinates that turn it: 1 for an angle, 4 for a quaternion"),
+    )),
     Structure("ClearanceArrays", "Solids and pairs of them whose clearance is measured.", (
         Field("n_moving", MANY),
         Field("n_standing", MANY),
@@ -269,6 +276,8 @@ SEARCHES: tuple[Structure, ...] = (
         Field("left_out", "const unsigned char*",
               "(n_moving, n_standing) those that are not measured against one another"),
         Field("string_radius", IN, "(n_strings,) against standing solids; negative: not measured"),
+        Field("joints", "const JointPlace*", "(n_links,)"),
+        Field("carriers", INT, "(n_points,) links of the strings' points; -1 for the world"),
         Field("exact", "double(const Solid*, const Solid*)",
               "distance of two solids one of which is a mesh, without radii; null without mesh"),
     )),

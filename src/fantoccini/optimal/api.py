@@ -269,7 +269,7 @@ def _too_near(objective: Objective, runs: EventRuns, nodes: Nodes) -> float:
     made = runs.run(nodes.finer(_LOOKS))
     if made is None:
         return math.inf
-    return max(0.0, clear.margin - float(np.min(clear.whole.of(made[1]))))
+    return max(0.0, clear.margin - clear.whole.least(made[1]).distance)
 
 
 def _check(task: Task) -> None:

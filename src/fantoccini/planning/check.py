@@ -11,7 +11,6 @@ from fantoccini.errors import Status
 from fantoccini.marionette import Event, Marionette, Method, MethodName, TimeStepping, as_method
 from fantoccini.motion import Trajectory
 from fantoccini.planning.plan_path import PlanPath
-from fantoccini.planning.rollouts import Rollouts
 from fantoccini.planning.state_arrays import StateArrays
 from fantoccini.planning.touches import Meeting, carried
 
@@ -42,7 +41,7 @@ class Check:
         arrives: whether the run is DONE, ends within the tolerance and touches nothing that it
             should keep off. It may use up the margin.
         distance: from the goal at the end.
-        clearance: the least of the run [m].
+        clearance: the least of the run, also between its samples [m].
         deviation: largest difference of a dynamic coordinate from the plan's own run, at its nodes.
         run: the trajectory.
         touches: what a body of a puppet touched that is not its own, in order.
@@ -87,7 +86,7 @@ def checked(
             method = TimeStepping(dt=dt, extrapolate=False)
         run = plan.simulate(as_method(method), effort)
     distance = float(plan.goal.distance(StateArrays.of(run.state(-1)))[0])
-    clearance = _least_clearance(plan.rollouts, run)
+    clearance = plan.rollouts.clearance.least(run).distance
     near = _nearest(run.t, plan.times)
     deviation = float(np.max(np.abs(run.q_D[near] - plan.states.q_D)))
     marionette, goal = plan.problem.marionette, plan.goal
@@ -135,26 +134,6 @@ def confirmed(plan: PlanPath) -> Check:
     if check.run.status is Status.STOPPED:
         raise KeyboardInterrupt
     return check
-
-
-def _least_clearance(rollouts: Rollouts, run: Trajectory) -> float:
-    """The least clearance [m]: at every sample, and between samples where it may be below 0.
-
-    That is where the mean of two samples is less than half the largest change of clearance between
-    them and the samples next to them.
-    """
-    clearance = rollouts.clearance.of(run)
-    least = float(np.min(clearance))
-    if rollouts.clearance.measures_nothing or run.method != "event" or not least >= 0.0:
-        return least
-    change = np.abs(np.diff(clearance))
-    around = np.max([change, np.append(change[1:], 0.0), np.append(0.0, change[:-1])], axis=0)
-    near = np.flatnonzero(clearance[:-1] + clearance[1:] < around)
-    look = rollouts.options.look
-    times = run.t[near, None] + np.diff(run.t)[near, None] * (np.arange(1, look) / look)
-    if not times.size:
-        return least
-    return min(least, float(np.min(rollouts.clearance.of(run.resample(times.ravel())))))
 
 
 def _nearest(t: Array, times: Array) -> Indices:

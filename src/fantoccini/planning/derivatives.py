@@ -134,7 +134,7 @@ def _unbounded(marionette: Marionette, options: RunOptions, looks: int) -> Rollo
         bounds={"speed": fast, "acceleration": fast, "low": -far, "high": far},
         margin=0.0,
         slack=True,
-        solids=Solids.none(len(marionette.tree.strings)),
+        solids=Solids.none(marionette.tree),
         goal=nowhere,
         tolerance=-1.0,
     )

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.arrays import Array, Indices, MaskRows, check_positive
+from fantoccini.clearance import Path
 from fantoccini.errors import StateError, Status
 from fantoccini.marionette import (
     ActiveSet,
@@ -98,9 +99,10 @@ class Followed:
         """
         found = StateArrays.of(*states)
         distance = float(problem.goal.distance(found[-1:])[0])
-        clearance = float(np.min(problem.rollouts.clearance.at(found.q_D, found.q_K)))
-        arrives = status is Status.DONE and distance <= problem.tolerance and clearance >= 0.0
         t = np.array([x.t for x in states])
+        path = Path(problem.marionette, t, found.q_D, found.q_K)
+        clearance = problem.rollouts.clearance.least(path).distance
+        arrives = status is Status.DONE and distance <= problem.tolerance and clearance >= 0.0
         return cls(t, found, acceleration, distance, clearance, bool(arrives), status)
 
 

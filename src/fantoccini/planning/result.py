@@ -25,6 +25,9 @@ from fantoccini.planning.touches import Meeting
 from fantoccini.runtime import POINT
 
 
+_BY_CLOCK = "a time limit ended the search, so that a second run may find another plan"
+
+
 class PlanStatus(Outcome):
     """How a search ended."""
 
@@ -169,7 +172,14 @@ class PlanResult(PlanPath):
     def _notes(self) -> str:
         text = f"; {self.refused} refused that do not hold in simulation" if self.refused else ""
         text += f" ({self.search.fault})" if self.refused and self.search.fault else ""
-        return text + (f"; polish: {self.polished}" if self.polished is not None else "")
+        text += f"; polish: {self.polished}" if self.polished is not None else ""
+        return text + (f"; {_BY_CLOCK}" if self.ended_by_clock else "")
+
+    @property
+    def ended_by_clock(self) -> bool:
+        """Whether there is a plan and a time limit decided which: a second run may find another."""
+        found = self.distance <= self.problem.tolerance and len(self.path) > 1
+        return found and not self.reason and self.search.late
 
     def polish(self, distance: float = 1e-3, seconds: float = 0.5) -> PlanResult:
         """The plan, ended nearer to the goal, and made shorter where possible.
@@ -216,8 +226,13 @@ class PlanResult(PlanPath):
 
     @property
     def clearance(self) -> Array:
-        """(T,) of ``trajectory`` [m]."""
+        """(T,) of the samples of ``trajectory`` [m]."""
         return self.rollouts.clearance.of(self.trajectory)
+
+    @property
+    def least_clearance(self) -> float:
+        """The least clearance of ``trajectory``, also between its samples [m]."""
+        return self.rollouts.clearance.least(self.trajectory).distance
 
     @property
     def touches(self) -> tuple[Meeting, ...]:

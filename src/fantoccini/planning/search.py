@@ -46,7 +46,7 @@ class SearchRecord:
         curve: (seconds, rollouts, duration) of every plan that was the best, in order. A polished
             plan is nearer to the goal, but may be longer than the one before it.
         random_state: of the random choices to come, as plain data.
-        late: whether the time limit ended the search.
+        late: whether a time limit ended the search or its last part.
         refused: plans that arrive by the time-stepper, but do not hold in simulation.
         polished: the outcome of polishing the best plan; None where it was not attempted.
     """
@@ -196,6 +196,7 @@ class Search:
         finally:
             # What was found when Ctrl-C came is kept: the shortest plan that holds.
             self.seconds += time.perf_counter() - began
+            self.late = self.late or seconds > 0.0 or polisher.late
             kept = (self._kept(one, distance) for one in reversed(found))
             held = next((one for one in kept if one is not None), None)
             if found:

@@ -6,14 +6,10 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import combinations
 
-import numpy as np
-
-from fantoccini.arrays import Array, Times
-from fantoccini.clearance import Clearance, StringsApart
+from fantoccini.clearance import Clearance, Path, StringsApart
 from fantoccini.motion import Trajectory
 from fantoccini.plays.casting import Cast
 from fantoccini.plays.touching import EVERY
-from fantoccini.runtime import default_threads
 
 WITHIN = 0.3
 """Strings that stay farther apart than this are not listed [m]."""
@@ -50,11 +46,11 @@ def clearances(cast: Cast, run: Trajectory) -> tuple[Least, ...]:
 
     Args:
         cast: of the play.
-        run: of the stage; measured at every fourth of its samples.
+        run: of the stage; measured at every fourth of its samples, and between them as needed.
     """
-    t, q_D, q_K = run.t[::EVERY], run.q_D[::EVERY], run.q_K[::EVERY]
-    bodies = _nearest(_of_bodies(cast, t, q_D, q_K))
-    strings = _nearest(_of_strings(cast, t, q_D, q_K))
+    path = Path.of(cast.whole, run, EVERY)
+    bodies = _nearest(_of_bodies(cast, path))
+    strings = _nearest(_of_strings(cast, path))
     return (*bodies, *strings)
 
 
@@ -66,7 +62,7 @@ def _nearest(found: Iterable[Least]) -> list[Least]:
     return list(least.values())
 
 
-def _of_bodies(cast: Cast, t: Times, q_D: Array, q_K: Array) -> Iterator[Least]:
+def _of_bodies(cast: Cast, path: Path) -> Iterator[Least]:
     """Bodies of every two owners, each pair of them measured alone."""
     whole = cast.whole
     links = [link.name for link in whole.tree.links]
@@ -81,15 +77,14 @@ def _of_bodies(cast: Cast, t: Times, q_D: Array, q_K: Array) -> Iterator[Least]:
         clearance = Clearance(whole, strings=False, free=free)
         if clearance.measures_nothing:
             continue
-        distance = clearance.at(q_D, q_K, threads=default_threads())
-        k = int(np.nanargmin(distance))
-        pair = clearance.pair_at(q_D[k], q_K[k])
-        yield Least((a, b), pair.what, pair.other, float(distance[k]), float(t[k]))
+        least = clearance.least(path)
+        pair = clearance.pair_at(least.q_D, least.q_K)
+        yield Least((a, b), pair.what, pair.other, least.distance, least.t)
 
 
-def _of_strings(cast: Cast, t: Times, q_D: Array, q_K: Array) -> Iterator[Least]:
+def _of_strings(cast: Cast, path: Path) -> Iterator[Least]:
     """Strings with strings and bodies of others, and with obstacles."""
-    near = StringsApart(cast.whole).over(q_D, q_K, t).nearest(WITHIN)
+    near = StringsApart(cast.whole).over(path.q_D, path.q_K, path.t).nearest(WITHIN)
     for one in (*near.strings, *near.bodies):
         owners = cast.owner(one.what), cast.owner(one.other)
         if owners[0] != owners[1]:
@@ -98,8 +93,7 @@ def _of_strings(cast: Cast, t: Times, q_D: Array, q_K: Array) -> Iterator[Least]
     for name, part in Clearance(cast.whole).parts().items():
         if not name.startswith("string "):
             continue
-        distance = part.at(q_D, q_K, threads=default_threads())
-        k = int(np.nanargmin(distance))
-        other = part.pair_at(q_D[k], q_K[k]).other
+        least = part.least(path)
+        other = part.pair_at(least.q_D, least.q_K).other
         owners = cast.owner(name.removeprefix("string ")), other
-        yield Least(owners, name, other, float(distance[k]), float(t[k]))
+        yield Least(owners, name, other, least.distance, least.t)

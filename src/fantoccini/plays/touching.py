@@ -8,17 +8,16 @@ from itertools import combinations, pairwise
 
 import numpy as np
 
-from fantoccini.arrays import Array, Times
-from fantoccini.clearance import Clearance, StringMotion, StringsApart
+from fantoccini.arrays import MaskRows, Times
+from fantoccini.clearance import Clearance, Path, StringMotion, StringsApart
 from fantoccini.motion import Trajectory
 from fantoccini.plays.casting import Cast
 from fantoccini.plays.companies import Meeting
 from fantoccini.plays.contacts import Pair
 from fantoccini.puppet.contact import FLOOR
-from fantoccini.runtime import default_threads
 
 EVERY = 4
-"""So many samples of a run are one that is measured: 50 a second."""
+"""So many samples of a run are one that is measured: 50 a second, and between them as needed."""
 AT_HAND = 0.001
 """Who handles a prop, the prop, and who is given it, with their strings, keep this distance, and
 who sits and the seat [m]."""
@@ -65,7 +64,8 @@ def touches(
         meetings: what may touch, and when.
         every: so many samples of the run are one that is measured.
     """
-    t, q_D, q_K = run.t[::every], run.q_D[::every], run.q_K[::every]
+    path = Path.of(cast.whole, run, every)
+    t, q_D, q_K = path.t, path.q_D, path.q_K
     # Props do not move by themselves: what they stand on they may touch at all times.
     stand = {(name, one.on) for name, one in cast.file.props.items() if one.on is not None}
     always = {frozenset(pair) for pair in stand}
@@ -76,7 +76,7 @@ def touches(
     bodies, strings = list[_Near](), dict[Pair, Touch]()
     for begin, end, now in _windows(t, meetings):
         rules, own = _Rules(cast, now, always), slice(begin, end)
-        for near in rules.bodies(t[own], q_D[own], q_K[own]):
+        for near in rules.bodies(path.part(begin, end)):
             bodies.append(replace(near, first=begin + near.first, last=begin + near.last))
         for touch in rules.strings(apart.over(q_D[own], q_K[own], t[own])):
             strings.setdefault(frozenset((touch.what, touch.other)), touch)
@@ -90,12 +90,21 @@ def touches(
 def _windows(
     t: Times, meetings: Sequence[Meeting]
 ) -> Iterator[tuple[int, int, tuple[Meeting, ...]]]:
-    """From which sample to before which the same meetings go on, and those."""
+    """From which sample to before which the same meetings go on, and those.
+
+    Between two such spans the meetings of both may touch.
+    """
     on = np.array([(t >= one.begin) & (t <= one.end) for one in meetings], dtype=bool)
     on = on.reshape(len(meetings), len(t))
     changes = np.flatnonzero(np.any(on[:, 1:] != on[:, :-1], axis=0)) + 1
+
+    def those(which: MaskRows) -> tuple[Meeting, ...]:
+        return tuple(meetings[i] for i in np.flatnonzero(which).tolist())
+
     for begin, end in pairwise([0, *changes.tolist(), len(t)]):
-        yield begin, end, tuple(meetings[i] for i in np.flatnonzero(on[:, begin]).tolist())
+        yield begin, end, those(on[:, begin])
+        if end < len(t):
+            yield end - 1, end + 1, those(on[:, end - 1] | on[:, end])
 
 
 class _Rules:
@@ -126,10 +135,10 @@ class _Rules:
                     (Clearance(whole, strings=False, free=every - pairs), distance)
                 )
 
-    def bodies(self, t: Times, q_D: Array, q_K: Array) -> Iterator[_Near]:
+    def bodies(self, path: Path) -> Iterator[_Near]:
         """Where bodies come too near to others and to obstacles, and strings to obstacles."""
         for clearance, distance in self._bodies:
-            for near in _near(clearance, t, q_D, q_K, distance):
+            for near in _near(clearance, path, distance):
                 if not self._allowed(near.touch):
                     yield near
 
@@ -170,19 +179,18 @@ class _Near:
     last: int
 
 
-def _near(
-    clearance: Clearance, t: Times, q_D: Array, q_K: Array, clear: float
-) -> Iterator[_Near]:
+def _near(clearance: Clearance, path: Path, clear: float) -> Iterator[_Near]:
     """Where each part is nearer to another than it is to be."""
     for name, one in clearance.parts().items():
-        distance = one.at(q_D, q_K, threads=default_threads())
+        at, distance = one.along(path, clear)
         near = distance < clear
         for k in np.flatnonzero(near & ~np.append(False, near[:-1])):
             end = int(k) + int(np.argmin(np.append(near[k:], False)))
             worst = int(k) + int(np.argmin(distance[k:end]))
-            nearest = one.pair_at(q_D[worst], q_K[worst])
+            nearest = one.pair_at(at.q_D[worst], at.q_K[worst])
             other = nearest.other if nearest.what == name else nearest.what
-            yield _Near(Touch(float(t[k]), name, other, float(distance[worst])), int(k), end - 1)
+            touch = Touch(float(at.t[k]), name, other, float(distance[worst]))
+            yield _Near(touch, int(at.piece[k]), int(at.piece[end - 1]))
 
 
 def _merged(found: Iterable[_Near]) -> list[Touch]:

@@ -8,7 +8,9 @@ from fantoccini.runtime.clearance import (
     HALF_SPACE,
     SEGMENT,
     ClearanceLibrary,
+    Moves,
     Solids,
+    moved_by,
 )
 from fantoccini.runtime.compiled import Complementarity, Library, Piece, Run
 from fantoccini.runtime.contacts import Contacts
@@ -67,6 +69,7 @@ __all__ = [
     "LaneSteppers",
     "Library",
     "Loaded",
+    "Moves",
     "Piece",
     "ReachLibrary",
     "Reached",
@@ -82,6 +85,7 @@ __all__ = [
     "StepTouches",
     "default_threads",
     "memory",
+    "moved_by",
     "step_touches",
     "whole",
 ]

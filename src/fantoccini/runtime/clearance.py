@@ -9,19 +9,23 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from types import FrameType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fantoccini.arrays import Array
-from fantoccini.contract import SolidKind
+from fantoccini.contract import STRUCTURES, SolidKind
 from fantoccini.runtime.functions import Loaded, pointer
 from fantoccini.runtime.solids import SOLID
-from fantoccini.runtime.structures import structures
+from fantoccini.runtime.structures import dtype_of, structures
+from fantoccini.tree import Role, Tree
 
 SEGMENT, BOX, HALF_SPACE = SolidKind.SEGMENT, SolidKind.BOX, SolidKind.HALF_SPACE
 """Kinds of solids."""
+
+JOINT = dtype_of(next(s for s in STRUCTURES if s.name == "JointPlace"))
+"""A link's joint, and where its coordinates are."""
 
 _EXACT: Any = next(f[1] for f in structures["ClearanceArrays"]._fields_ if f[0] == "exact")
 
@@ -42,6 +46,8 @@ class Solids:
         pairs: (n, 2) indices of moving solids that are measured against one another.
         left_out: (moving, standing) bool, those that are not measured against one another.
         string_radius: (n_strings,) of strings against standing solids [m]; negative: not measured.
+        joints: (n_links,) ``JOINT``, what moves the solids and the strings' points.
+        carriers: (n_points,) links of the strings' points; -1 for the world.
         exact: distance of two placed solids (``SOLID`` records) one of which is a mesh, without
             radii [m]; negative where they overlap. None without meshes.
     """
@@ -51,14 +57,29 @@ class Solids:
     pairs: NDArray[np.int32]
     left_out: NDArray[np.bool_]
     string_radius: Array
+    joints: Records
+    carriers: NDArray[np.int32]
     exact: Callable[[np.void, np.void], float] | None = None
 
     @classmethod
-    def none(cls, n_strings: int) -> Solids:
+    def none(cls, tree: Tree) -> Solids:
         """No solids: clearance is infinite."""
         solids = np.zeros(0, dtype=SOLID)
         none = np.zeros((0, 2), dtype=np.int32), np.zeros((0, 0), dtype=bool)
-        return cls(solids, solids, *none, np.full(n_strings, -1.0))
+        return cls(solids, solids, *none, np.full(len(tree.strings), -1.0), *moved_by(tree))
+
+
+def moved_by(tree: Tree) -> tuple[Records, NDArray[np.int32]]:
+    """``joints`` and ``carriers`` of :class:`Solids`."""
+    joints = []
+    for link in tree.links:
+        moves = link.v.stop > link.v.start
+        turns = {"revolute": 1, "ball": 4, "free": 4}.get(link.kind, 0) if moves else 0
+        role = 1 + (Role.DYNAMIC, Role.DRIVEN).index(link.role) if moves else 0
+        slides = link.q.stop - link.q.start - turns
+        joints.append((link.parent, role, link.q.start, slides, turns))
+    carriers = [point.link for string in tree.strings for point in string.points]
+    return np.array(joints, dtype=JOINT), np.array(carriers, dtype=np.int32)
 
 
 def clearance_arrays(solids: Solids, exact: Exact, kept: list[Any]) -> ctypes.Structure:
@@ -69,6 +90,8 @@ def clearance_arrays(solids: Solids, exact: Exact, kept: list[Any]) -> ctypes.St
         "pairs": np.ascontiguousarray(solids.pairs, dtype=np.int32),
         "left_out": np.ascontiguousarray(solids.left_out, dtype=np.uint8),
         "string_radius": np.ascontiguousarray(solids.string_radius, dtype=float),
+        "joints": np.ascontiguousarray(solids.joints, dtype=JOINT),
+        "carriers": np.ascontiguousarray(solids.carriers, dtype=np.int32),
     }
     kept += held.values()
     counts = {f"n_{name}": len(held[name]) for name in ("moving", "standing", "pairs")}
@@ -131,12 +154,34 @@ def _record(address: int) -> np.void:
     return solid
 
 
+class Moves(NamedTuple):
+    """How far joints move about n configurations, at most.
+
+    Attributes:
+        slide, turn: (n, n_links) path of each link's origin in its parent's frame [m], and the
+            angle that its joint turns [rad].
+        wound: (n, n_strings) by which lengths change [m].
+        loose: (n, n_strings) 1.0 for strings that may go slack on the way; else 0.0.
+    """
+
+    slide: Array
+    turn: Array
+    wound: Array
+    loose: Array
+
+
 class ClearanceLibrary(Loaded):
     """A library that measures clearances."""
 
     def measure(
-        self, solids: Solids, q_D: Array, q_K: Array, p: Array, threads: int
-    ) -> tuple[Array, NDArray[np.int64]]:
+        self,
+        solids: Solids,
+        q_D: Array,
+        q_K: Array,
+        p: Array,
+        threads: int,
+        moves: Moves | None = None,
+    ) -> tuple[Array, Array, NDArray[np.int64]]:
         """The clearance at each of n configurations, and the index of the pair that has it.
 
         Args:
@@ -144,9 +189,11 @@ class ClearanceLibrary(Loaded):
             q_D, q_K: (n, n_qD), (n, n_qK).
             p: (n_p,) parameters.
             threads: that share the work of many configurations.
+            moves: about the configurations; none by default.
 
         Returns:
-            (n,) [m], and (n,) indices in the order of ``Clearance::measure``; -1 without pairs.
+            (n,) [m]; (n,) bounds below which no distance falls on these moves [m]; and (n,) indices
+            in the order of ``Clearance::measure``, -1 without pairs.
 
         Raises:
             MemoryError: no memory.
@@ -154,7 +201,8 @@ class ClearanceLibrary(Loaded):
         kept: list[Any] = []
         n = len(q_D)
         q_D, q_K, p = (np.ascontiguousarray(a, dtype=float) for a in (q_D, q_K, p))
-        clearance, pair = np.empty(n), np.empty(n, dtype=np.int64)
+        about = [] if moves is None else [np.ascontiguousarray(a, dtype=float) for a in moves]
+        clearance, lower, pair = np.empty(n), np.empty(n), np.empty(n, dtype=np.int64)
         failed: list[int] = []
         exact = Exact(solids)
         arrays = clearance_arrays(solids, exact, kept)
@@ -164,7 +212,9 @@ class ClearanceLibrary(Loaded):
             failed.append(
                 self.dll.fan_clearance(
                     ctypes.c_longlong(last - first), pointer(q_D[part]), pointer(q_K[part]),
-                    pointer(p), ctypes.byref(arrays), pointer(clearance[part]), pointer(pair[part]),
+                    pointer(p), *[pointer(a[part]) for a in about] or [None] * 4,
+                    ctypes.byref(arrays), pointer(clearance[part]), pointer(lower[part]),
+                    pointer(pair[part]),
                 )
             )  # fmt: skip
 
@@ -180,4 +230,4 @@ class ClearanceLibrary(Loaded):
                 other.join()
         if any(failed):
             raise MemoryError("no memory for clearances")
-        return clearance, pair
+        return clearance, lower, pair

@@ -3,6 +3,7 @@
 from fantoccini.simulation.batch import simulate_batch
 from fantoccini.simulation.catch import Passage
 from fantoccini.simulation.checks import INTEGRATORS
+from fantoccini.simulation.pace import SlowRunWarning
 from fantoccini.simulation.run import simulate, trajectory_of_samples
 from fantoccini.simulation.sensitivities import Sensitivity, sensitivity
 
@@ -10,6 +11,7 @@ __all__ = [
     "INTEGRATORS",
     "Passage",
     "Sensitivity",
+    "SlowRunWarning",
     "sensitivity",
     "simulate",
     "simulate_batch",

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from fantoccini import contract
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, check_positive
 from fantoccini.errors import ARRIVED, SimulationError, Status
 from fantoccini.marionette import (
     CONTRADICTION_STATUSES,
@@ -44,6 +43,7 @@ from fantoccini.runtime import Piece, Run
 from fantoccini.simulation.checks import check_marionette, check_one_run, save_times
 from fantoccini.simulation.contact_effort import contact_effort
 from fantoccini.simulation.determinacy import undetermined
+from fantoccini.simulation.pace import Pace, chatter
 from fantoccini.simulation.soundness import judged
 from fantoccini.simulation.weak_motors import weak_motors
 
@@ -80,6 +80,7 @@ def simulate(
     progress: Callable[[float], None] | None = None,
     throw: bool = True,
     max_memory: float | None = None,
+    time_limit: float | None = None,
 ) -> Trajectory:
     """M_DD acc_D + M_DK acc_K + c = u_D + A_D^T lambda, with strings that only pull.
 
@@ -106,6 +107,8 @@ def simulate(
         max_memory: for samples and events [bytes]; half of the free memory when not given. Runs
             known not to fit are refused; an event-driven run ends with ``TOO_MANY_SAMPLES`` where
             its samples no longer fit.
+        time_limit: computing time after which the run ends with ``OUT_OF_TIME`` [s]; none when not
+            given. Runs that would take minutes more warn of it after some seconds.
 
     Raises:
         StateError: ``x0`` violates a string or limit; ``marionette.project(x0)`` repairs it. Or
@@ -134,6 +137,8 @@ def simulate(
     model.check_state(x0)
     inputs = Input.hold(marionette).shifted(x0.t) if inputs is None else inputs
     t_end = checked_end(inputs.end if t_end is None else t_end, x0.t)
+    if time_limit is not None:
+        check_positive(time_limit=time_limit)
     bound = bind_input(model, inputs, x0.q_K, x0.v_K, x0.t, t_end)
     check_start(model, x0, name)
     check_step(model, name, x0.q_D, x0.q_K, options.dt)
@@ -144,10 +149,11 @@ def simulate(
         run = Run(model.compiled.library_of(name), name, *about)
     else:
         run = ScipyRun(integrator, model.library, *about)
-    began = time.perf_counter()
-    written, status = _collect(run, t_end, progress)
+    pieces = list[Piece]()
+    pace = Pace(x0.t, t_end, time_limit, lambda: _chatter(model, pieces))
+    written, status = _collect(run, t_end, progress, pieces, pace)
     samples, events = written.samples, written.events
-    seconds = time.perf_counter() - began
+    seconds = pace.seconds
 
     def trajectory(samples: Array, events: Array) -> Trajectory:
         return trajectory_of_samples(
@@ -194,10 +200,14 @@ def _where(
     if contradicted:
         most = np.max(made.tension.values)
         return f"{text}: {contradicted}. The largest tension was {most:.3g} N"
+    if made.status is Status.OUT_OF_TIME:
+        return f"{text}: {chatter(made.t, made.contact, made.events)}"
     if made.status is Status.TOO_MANY_SAMPLES:
         return f"{text} after {len(made)} samples; write fewer with save_at, or allow max_memory"
     if made.blamed:
         text += f", because of {', '.join(made.blamed)}"
+    if made.status is Status.TOO_MANY_EVENTS:
+        text += f": {chatter(made.t, made.contact, made.events)}; method='timestepping' goes on"
     if made.status is Status.NO_UNIQUE_MOTION:
         text += f", where {_sliding(made)} slide; method='timestepping' goes on with an impulse"
     text += weak_motors(marionette, made)
@@ -210,6 +220,14 @@ def _where(
     return text + "".join(f"; {n}.length is nearly 0" for n in gone)
 
 
+def _chatter(model: Model, pieces: list[Piece]) -> str:
+    """What makes the present steps short, of a run that has written these pieces."""
+    written = Piece.joined(pieces)
+    t = model.sample_layout.split(written.samples)["t"]
+    events = [_event(model, event) for event in written.events]
+    return chatter(t, _contact_points(model, written.contacts, len(t)), events)
+
+
 def _sliding(made: Trajectory) -> str:
     """The pairs that touched at the last samples."""
     contact = made.contact
@@ -220,15 +238,23 @@ def _sliding(made: Trajectory) -> str:
 
 
 def _collect(
-    run: Run, t_end: float, progress: Callable[[float], None] | None
+    run: Run,
+    t_end: float,
+    progress: Callable[[float], None] | None,
+    pieces: list[Piece],
+    pace: Pace,
 ) -> tuple[Piece, Status]:
-    """What a run wrote to its end and the status; Ctrl-C keeps what was reached."""
-    pieces: list[Piece] = []
+    """What a run wrote to its end and the status; Ctrl-C and a time limit keep what was reached."""
     try:
         for piece in run.advance(t_end):
             pieces.append(piece)
+            t = run.progress.t
             if progress:
-                progress(run.progress.t)
+                progress(t)
+            if pace.late and run.status in (Status.RUNNING, *ARRIVED) and t < t_end:
+                pieces.append(run.present())
+                return Piece.joined(pieces), Status.OUT_OF_TIME
+            pace.note(t)
         status = run.status
     except KeyboardInterrupt:
         pieces.append(run.present())

@@ -4,8 +4,8 @@
 #include "contract.hpp"
 #include "distance.hpp"
 #include "catenary.hpp"
+#include "joint_paths.hpp"
 #include "lane_of.hpp"
-#include "string_length.hpp"
 
 namespace fan {
 
@@ -32,6 +32,7 @@ struct Placed {
   Real a[3], b[3], R[9];
   const double* half;
   double radius;
+  Real moved;  // path of its points, at most
 };
 
 template <class Model, class Real>
@@ -42,36 +43,64 @@ class Clearance {
   using Mask = typename Traits<Real>::Mask;
 
   Real q_D[room(Model::n_qD)], q_K[room(Model::n_qK)], p[room(Model::n_p)];
+  JointPaths<Model, Real> moves;  // about the configuration; see `measure`
   Real least, which;  // the clearance and its number: see `measure`
+  Real lower;         // no distance is less on the way that `moves` describes
 
   // A link's pose at the last measurement: R by columns, then r.
   FAN_FN const Real* pose(int link) const { return poses_ + 12 * link; }
 
+  // Takes the strings' lengths less their spans to lie between those of the configurations that are
+  // given to this since moves.clear().
+  FAN_FN void include_excess(const Real* D, const Real* K) {
+    Call<Model, Real>::points(D, K, p, points_);
+    int at = 0;
+    for (int i = 0; i < S; at += Model::string_points[i++]) {
+      Real excess = string_length<Model, Real>(i, D, K);
+      for (int k = 1; k < Model::string_points[i]; ++k)
+        excess -= apart(points_ + 3 * (at + k - 1), points_ + 3 * (at + k));
+      moves.least_excess[i] = moves.known ? minimum(excess, moves.least_excess[i]) : excess;
+      moves.most_excess[i] = moves.known ? maximum(excess, moves.most_excess[i]) : excess;
+    }
+    moves.known = true;
+  }
+
   // Finds the least distance over all pairs, numbered in this order: moving (outer) by standing
   // (inner); pairs; string segments (outer) by standing. Distances certainly above `enough`, and
-  // those of meshes in lanes that do not count, are lower bounds.
+  // those of meshes in lanes that do not count, are lower bounds. Where something `moving`, `lower` is
+  // the least distance less the paths of both solids.
   FAN_FN void measure(
-      const ClearanceArrays& in, Placed<Real>* placed, const Mask& counts, double enough = Tol::far) {
+      const ClearanceArrays& in, Placed<Real>* placed, const Mask& counts, double enough = Tol::far,
+      bool moving = false) {
     enough_ = enough + Tol::rounding;
     exact_ = in.exact;
     Call<Model, Real>::poses(q_D, q_K, p, poses_);
-    for (long long m = 0; m < in.n_moving; ++m) place(in.moving[m], placed[m]);
-    least = Real(Tol::far);
+    for (long long m = 0; m < in.n_moving; ++m) {
+      place(in.moving[m], placed[m]);
+      placed[m].moved = moving ? path(in, in.moving[m], placed[m]) : Real(0.0);
+    }
+    least = lower = Real(Tol::far);
     which = Real(-1.0);
     double number = 0.0;
     const auto take = [&](const Real& distance) {
       const auto nearer = distance < least;
       least = select(nearer, distance, least);
+      lower = minimum(distance - spread_, lower);
       which = select(nearer, Real(number), which);
       number += 1.0;
     };
-    for (long long m = 0; m < in.n_moving; ++m)
+    for (long long m = 0; m < in.n_moving; ++m) {
+      spread_ = placed[m].moved;
       for (long long o = 0; o < in.n_standing; ++o)
         take(
             in.left_out[m * in.n_standing + o] ? Real(Tol::far)
                                                : measured(placed[m], in.standing[o], counts, most()));
-    for (long long k = 0; k < in.n_pairs; ++k)
-      take(measured(placed[in.pairs[2 * k]], placed[in.pairs[2 * k + 1]], counts, most()));
+    }
+    for (long long k = 0; k < in.n_pairs; ++k) {
+      const Placed<Real>&a = placed[in.pairs[2 * k]], &b = placed[in.pairs[2 * k + 1]];
+      spread_ = a.moved + b.moved;
+      take(measured(a, b, counts, most()));
+    }
     static constexpr double no_box[3] = {};
     bool strings = false;
     for (int i = 0; i < S; ++i) strings = strings || in.string_radius[i] >= 0.0;
@@ -86,6 +115,17 @@ class Clearance {
         whole += span[k];
       }
       const Real length = string_length<Model, Real>(i, q_D, q_K);
+      Real carried[room(Model::n_points)], x = moving ? moves.wound[i] : Real(0.0);
+      for (int k = 0; k <= pieces; ++k) {
+        carried[k] = moving ? moves.path(in, poses_, in.carriers[at + k], points_ + 3 * (at + k))
+                            : Real(0.0);
+        x += (pieces > 1 ? 2.0 : 1.0) * carried[k];  // slack moves from piece to piece
+      }
+      if (moving && moves.known) {
+        const Real excess = length - whole;
+        x = maximum(moves.most_excess[i] - excess, excess - moves.least_excess[i]);
+        x = maximum(x, Real(0.0));
+      }
       for (int k = 0; k < pieces; ++k) {
         Placed<Real> segment;
         segment.kind = SEGMENT;
@@ -104,6 +144,9 @@ class Clearance {
         curve.length = own;
         // Wires push too, and stay straight.
         curve.slack = own > (Model::wire[i] ? Real(Tol::far) : Real(span[k] * Tol::min_slack));
+        spread_ = maximum(carried[k], carried[k + 1]);
+        const Mask sags = curve.slack || (moving ? moves.loose[i] : Real(0.0)) > Real(0.5);
+        if (moving && any(sags)) spread_ += select(sags, moves.sag(own, span[k], x), Real(0.0));
         for (long long o = 0; o < in.n_standing; ++o)
           take(segment.radius < 0.0 ? Real(Tol::far) : from_string(curve, in.standing[o], counts));
       }
@@ -207,7 +250,20 @@ class Clearance {
   }
 
   // The distance from which on a lower bound is enough.
-  FAN_FN Real most() const { return select(least < Real(enough_), least, Real(enough_)); }
+  FAN_FN Real most() const {
+    return minimum(maximum(least, lower + spread_), Real(enough_) + spread_);
+  }
+
+  // The longest path of a placed solid's points.
+  FAN_FN Real path(const ClearanceArrays& in, const Solid& solid, const Placed<Real>& at) const {
+    const double* half = solid.half;
+    if (solid.kind == SEGMENT && !(half[0] > 0.0))
+      return maximum(moves.path(in, poses_, solid.link, at.a), moves.path(in, poses_, solid.link, at.b));
+    Real centre[3];
+    for (int c = 0; c < 3; ++c) centre[c] = 0.5 * (at.a[c] + at.b[c]);
+    const double beyond = std::sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]);
+    return moves.path(in, poses_, solid.link, centre, beyond);
+  }
 
   // `between`; for meshes the exact distance in lanes that count, if `between` is below `limit`.
   template <class Other>
@@ -260,7 +316,7 @@ class Clearance {
       into(y.R, y.a, x.a, a);
       into(y.R, y.a, x.b, b);
       const Real bound = at_least(a, b, y.half) - Real(swollen);
-      if (!any(!(bound > Real(enough_)))) return bound;
+      if (!any(!(bound > Real(enough_) + spread_))) return bound;
       return parted(segment_to_box(a, b, y.half)) - Real(swollen);
     }
     if (y.kind == SEGMENT) {
@@ -332,6 +388,7 @@ class Clearance {
   }
 
   double enough_ = Tol::far;
+  Real spread_ = Real(0.0);  // path of both solids of the present pair
   double (*exact_)(const Solid*, const Solid*) = nullptr;
   Real poses_[room(12 * Model::n_links)], points_[room(3 * Model::n_points)];
 };

@@ -67,6 +67,7 @@ enum Status : int {
   TOO_MANY_CONTACTS = 20,  // more points touched at once than a step has room for
   NO_UNIQUE_MOTION = 21,  // friction jams what slides (Painlevé): no finite force, or several
   UNBALANCED = 22,  // the end was reached, but the ledger of the fixed steps does not balance
+  OUT_OF_TIME = 23,  // the time limit on computing ended the run
 };
 
 // What happened to a row or a drive.
@@ -574,6 +575,15 @@ struct ReachArrays {
   unsigned char* stable;  // (n,) whether V has a minimum there
 };
 
+// A link's joint, and where its coordinates are.
+struct JointPlace {
+  int parent;  // link, or -1 for the world
+  int role;  // 0: it does not move; 1: in q_D; 2: in q_K
+  int q;  // first of its coordinates
+  int slides;  // coordinates along axes, which come first
+  int turns;  // coordinates that turn it: 1 for an angle, 4 for a quaternion
+};
+
 // Solids and pairs of them whose clearance is measured.
 struct ClearanceArrays {
   long long n_moving;
@@ -585,6 +595,8 @@ struct ClearanceArrays {
   // (n_moving, n_standing) those that are not measured against one another
   const unsigned char* left_out;
   const double* string_radius;  // (n_strings,) against standing solids; negative: not measured
+  const JointPlace* joints;  // (n_links,)
+  const int* carriers;  // (n_points,) links of the strings' points; -1 for the world
   // distance of two solids one of which is a mesh, without radii; null without mesh
   double (*exact)(const Solid*, const Solid*);
 };

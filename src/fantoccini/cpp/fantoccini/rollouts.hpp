@@ -1,8 +1,11 @@
 // A planner's rollouts: segments of constant driven accelerations, given or by a feedback law, checked
 // at equal intervals ("looks") until the rollout is complete, reaches the goal, collides or leaves its
-// bounds. One rollout a lane; a free lane takes the next one. No rollout depends on its neighbours.
+// bounds. Between looks nothing is passed either: everything moves evenly from step to step, and where
+// it moves far enough to come nearer than the margin, steps are halved until it is clear or is not.
+// One rollout a lane; a free lane takes the next one. No rollout depends on its neighbours.
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "clearance.hpp"
@@ -36,6 +39,8 @@ struct RolloutTolerances {
   // touches: half of what a sound run may have.
   static constexpr double jam = 0.01;
   static constexpr double no_distance = 1e300;  // of a goal that only Python can measure
+  static constexpr double least_move = 1e-5;  // m: paths between looks this short are not halved
+  static constexpr int max_halvings = 30;     // of a step
 };
 
 template <class Model, class Real>
@@ -104,6 +109,9 @@ class Rollouts {
     int look = 0;
     bool running = true;
     while (running && look < in.looks) {
+      way_.clear();
+      remember_place();
+      clearance_.moves.clear();
       for (int s = 1; s <= in.steps; ++s) {
         if (reached(progress) < 0) return;
         Mask was[room(M)];
@@ -112,6 +120,9 @@ class Rollouts {
         led_.advance(dt);
         count_catches(was);
         if (in.kept_off) watch_touches(in);
+        remember_place();
+        const Real *before = place(s - 1), *now = place(s);
+        clearance_.moves.add(*in.solids, before, before + NQ, now, now + NQ);
       }
       ++look;
       running = check(in, progress, look);
@@ -197,26 +208,40 @@ class Rollouts {
     for (int i = 0; i < QK; ++i) clearance_.q_K[i] = inputs.q_K[i];
     Real counts = Real(0.0);
     for (int l = 0; l < width; ++l) lane_of(counts, l) = active_[l];
-    clearance_.measure(*in.solids, placed_.data(), counts > Real(0.5), in.margin);
+    for (int s = 0; s <= in.steps; ++s) clearance_.include_excess(place(s), place(s) + NQ);
+    clearance_.measure(*in.solids, placed_.data(), counts > Real(0.5), in.margin, true);
+    const Real least = clearance_.least;
+    Real pose_of_goal[12] = {};
+    if (in.goal.kind == POINT)
+      for (int k = 0; k < 12; ++k) pose_of_goal[k] = clearance_.pose(in.goal.link)[k];
+    bool doubtful = false;
+    for (int l = 0; l < width; ++l) {
+      passed_[l] = false;
+      const bool clear = lane_of(least, l) >= in.margin;
+      lane_of(counts, l) = active_[l] && clear && lane_of(clearance_.lower, l) < in.margin;
+      doubtful = doubtful || lane_of(counts, l) > 0.5;
+    }
+    for (int s = 0; s < in.steps && doubtful; ++s)
+      look_between(in, place(s), place(s + 1), counts, 0);
     bool running = false;
     for (int l = 0; l < width; ++l) {
       if (!active_[l]) continue;
-      double q_D[room(NQ)], v_D[room(N)], v_K[room(NK)], pose[12] = {};
+      double q_D[room(NQ)], v_D[room(N)], v_K[room(NK)], pose[12];
       get(state.q_D, NQ, l, q_D);
       get(state.v_D, N, l, v_D);
       get(inputs.v_K, NK, l, v_K);
-      const double clear = lane_of(clearance_.least, l);
+      const double clear = lane_of(least, l);
       const bool slack = slackened_[l] && !in.may_slacken;
       const bool weak = led_.motors.verdict(l) != DONE;
       const bool touches_wrongly = strayed_[l] || jammed(l);
       if (lane_of(led_.status, l) > RUNNING + 0.5 || slack || weak || touches_wrongly ||
-          !(clear >= in.margin) || !within_bounds(in, l)) {
+          !(clear >= in.margin) || passed_[l] || !within_bounds(in, l)) {
         release(l);
         continue;
       }
       double distance = RolloutTolerances::no_distance;
       if (in.goal.kind != UNKNOWN) {
-        if (in.goal.kind == POINT) get(clearance_.pose(in.goal.link), 12, l, pose);
+        get(pose_of_goal, 12, l, pose);
         distance = goal_distance<Model>(in.goal, q_D, v_D, v_K, pose);
         if (in.goal.n_touches && !touching(in.goal, l)) distance += in.goal.open;
       }
@@ -231,6 +256,64 @@ class Rollouts {
     }
     return running;
   }
+
+  // Marks the lanes among those asked for (1.0) that may come nearer than the margin on the even way
+  // between two configurations.
+  void look_between(
+      const RolloutArrays& in, const Real* from, const Real* to, const Real& asked, int halvings) {
+    Real middle[room(NQ + QK)];
+    mean<typename Model::Dynamic>(from, to, middle);
+    mean<typename Model::Driven>(from + NQ, to + NQ, middle + NQ);
+    for (int i = 0; i < NQ; ++i) clearance_.q_D[i] = middle[i];
+    for (int i = 0; i < QK; ++i) clearance_.q_K[i] = middle[NQ + i];
+    clearance_.moves.clear();
+    clearance_.moves.add(*in.solids, from, from + NQ, to, to + NQ, 0.5);
+    clearance_.include_excess(from, from + NQ);
+    clearance_.include_excess(to, to + NQ);
+    clearance_.measure(*in.solids, placed_.data(), asked > Real(0.5), in.margin, true);
+    Real unsure = Real(0.0);
+    bool some = false;
+    for (int l = 0; l < width; ++l) {
+      if (lane_of(asked, l) < 0.5 || passed_[l]) continue;
+      const double least = lane_of(clearance_.least, l), lower = lane_of(clearance_.lower, l);
+      if (lower >= in.margin) continue;
+      using Tol = RolloutTolerances;
+      // A margin may be broken by as little as the last moves, but nothing is touched.
+      const bool last = !(least - lower > Tol::least_move) || halvings == Tol::max_halvings;
+      passed_[l] = !(least >= in.margin) || (last && !(lower >= 0.0));
+      if (last || passed_[l]) continue;
+      lane_of(unsure, l) = 1.0;
+      some = true;
+    }
+    if (!some) return;
+    look_between(in, from, middle, unsure, halvings + 1);
+    look_between(in, middle, to, unsure, halvings + 1);
+  }
+
+  // Half way between two configurations.
+  template <class Space>
+  static void mean(const Real* a, const Real* b, Real* out) {
+    for (int i = 0; i < Space::n_scalars; ++i) {
+      const int k = Space::scalar_q[i];
+      out[k] = 0.5 * (a[k] + b[k]);
+    }
+    for (int i = 0; i < Space::n_quaternions; ++i) {
+      const Real *p = a + Space::quaternion_q[i], *q = b + Space::quaternion_q[i];
+      const Real along = p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3];
+      const Real sign = select(along < Real(0.0), Real(-1.0), Real(1.0));
+      Real* to = out + Space::quaternion_q[i];
+      for (int k = 0; k < 4; ++k) to[k] = p[k] + sign * q[k];
+      normalise(to);
+    }
+  }
+
+  // Keeps the present configuration as one on the way from look to look.
+  void remember_place() {
+    for (int i = 0; i < NQ; ++i) way_.push_back(led_.state().q_D[i]);
+    for (int i = 0; i < QK; ++i) way_.push_back(led_.inputs().q_K[i]);
+  }
+
+  const Real* place(int step) const { return way_.data() + std::size_t(step) * (NQ + QK); }
 
   bool within_bounds(const RolloutArrays& in, int l) {
     const auto& at = led_.inputs();
@@ -281,8 +364,10 @@ class Rollouts {
   TimeSteppingTrajectory<Model, Real> led_;
   Clearance<Model, Real> clearance_;
   std::vector<Placed<Real>> placed_;
+  std::vector<Real> way_;  // configurations since the last look: q_D and q_K after every step
   Real coef_[room(NK * n_powers)], base_[room(QK)];
-  bool still_[room(NK)], active_[width], slackened_[width], strayed_[width];
+  bool still_[room(NK)], active_[width], slackened_[width], strayed_[width],
+      passed_[width];
   long long rollout_[width];
   int segment_[width], caught_[width];
 };

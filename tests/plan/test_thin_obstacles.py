@@ -1,0 +1,73 @@
+"""Plans and their verification pass through nothing, however thin it is."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.planning import Clearance, Problem, solve
+
+RADIUS = 0.005
+
+
+@cache
+def bob() -> fan.Marionette:
+    """A bob under a trolley, both on rails along x."""
+    return fan.loads(f"""
+puppet: bob
+bodies:
+- name: bob
+  joint: {{type: translation, axes: [x, z]}}
+  shapes: [{{type: sphere, radius: {RADIUS}, mass: 0.1}}]
+strings:
+- {{name: s, length: 0.5, path: [{{body: bob}}, {{driven: [x], at: [0, 0, 0.5]}}]}}
+""")
+
+
+def wall(thickness: float, at: float = 0.5) -> dict:
+    """A wall without a way round."""
+    return {"name": "wall", "type": "box", "size": [thickness, 10, 10], "at": [at, 0, 0]}
+
+
+def problem(thickness: float, *, margin: float = 0.0, strings: bool = False) -> Problem:
+    return Problem(
+        bob(), bob().rest(), {"bob.x": 1.0}, [wall(thickness)], margin=margin, strings=strings,
+        speed=3.0, acceleration=30.0, tolerance=0.3, threads=2,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("strings", [False, True])
+@pytest.mark.parametrize(("thickness", "margin"), [(1e-3, 0.0), (1e-3, 5e-3), (1e-5, 0.0)])
+def test_no_plan_passes_through_a_thin_wall(thickness, margin, strings):
+    walled = problem(thickness, margin=margin, strings=strings)
+    for seed in range(3):
+        plan = solve(walled, seed=seed, iterations=2000, time_limit=60.0)
+        assert not plan
+        assert plan.refused == 0, "rollouts stop at the wall already"
+        assert plan.states.q_D[-1, 0] < 0.5
+
+
+@pytest.mark.parametrize("method", ["event", "timestepping"])
+@pytest.mark.parametrize("thickness", [0.02, 1e-3, 1e-6])
+def test_verification_sees_what_a_plan_passes_through(thickness, method):
+    free = Problem(
+        bob(), bob().rest(), {"bob.x": 1.0}, speed=3.0, acceleration=30.0, tolerance=0.3, threads=2
+    )
+    plan = solve(free, seed=0, time_limit=60.0)
+    assert plan
+    run = plan.verify(method=method).run
+    for at in np.linspace(0.2, 0.6, 9):
+        clearance = Clearance(bob(), [wall(thickness, at)], strings=False)
+        assert clearance.least(run).distance < 0.0
+        assert clearance.nearest(run).distance < 0.0
+
+
+def test_a_plan_chosen_by_a_time_limit_says_that_a_second_run_may_differ():
+    free = Problem(bob(), bob().rest(), {"bob.x": 1.0}, speed=1.0, tolerance=0.3, threads=2)
+    plan = solve(free, seed=0, time_limit=60.0)
+    assert plan and "second run" not in plan.message
+    better = plan.grow(0.2)
+    assert better and "a second run may find another plan" in better.message

@@ -1,0 +1,89 @@
+"""Event-driven runs that crawl: bounded in computing time, and told what makes them slow."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.errors import Status
+from fantoccini.motion import ContactPoints, EventKind, EventRecord
+from fantoccini.simulation import SlowRunWarning, pace
+
+ARM = fan.puppets.arm2d()
+SWINGING = ARM.project(ARM.rest().replace(v_D=[3.0, -3.0]))
+
+SPINNING = """
+puppet: spinning
+floor: 0
+contact: {friction: 0.5, restitution: 0.3}
+bodies:
+- {name: a, joint: {type: free}, shapes: [{type: box, size: [0.1, 0.06, 0.04], density: 500}]}
+- {name: b, joint: {type: free}, shapes: [{type: box, size: [0.1, 0.06, 0.04], density: 500}]}
+- {name: c, joint: {type: free}, shapes: [{type: box, size: [0.1, 0.06, 0.04], density: 500}]}
+"""
+
+
+def test_a_time_limit_ends_a_run_with_what_it_has():
+    began = time.perf_counter()
+    run = fan.simulate(ARM, SWINGING, t_end=1e5, save_at=[1e5], time_limit=0.5, throw=False)
+    assert run.status is Status.OUT_OF_TIME
+    assert time.perf_counter() - began < 5.0
+    assert 0.0 < run.t[-1] < 1e5
+    whole_run = fan.simulate(ARM, SWINGING, t_end=1.0, time_limit=1e3)
+    assert whole_run.status is Status.DONE
+    with pytest.raises(fan.SimulationError, match="time limit on computing ended the run: at t ="):
+        fan.simulate(ARM, SWINGING, t_end=1e5, save_at=[1e5], time_limit=0.1)
+
+
+@pytest.mark.parametrize("limit", [0.0, -1.0, np.nan])
+def test_a_time_limit_is_a_positive_number(limit):
+    with pytest.raises(ValueError, match="time_limit"):
+        fan.simulate(ARM, SWINGING, t_end=1.0, time_limit=limit)
+
+
+def test_a_run_that_would_take_minutes_says_so_early_and_names_what_to_do(monkeypatch):
+    early = dataclasses.replace(pace._LIMITS, first_look=0.2)
+    monkeypatch.setattr(pace, "_LIMITS", early)
+    with pytest.warns(SlowRunWarning) as warned:
+        fan.simulate(ARM, SWINGING, t_end=1e6, time_limit=1.0, throw=False)
+    (one,) = warned
+    text = str(one.message)
+    assert "of computing the run is at t =" in text and "samples take" in text
+    assert "method='timestepping'" in text and "time_limit" in text
+    with pytest.warns(SlowRunWarning, match="its steps are short"):
+        fan.simulate(ARM, SWINGING, t_end=1e6, save_at=[1e6], time_limit=1.0, throw=False)
+
+
+def test_what_chatters_is_named_by_its_events_and_its_touches():
+    t = np.linspace(0.0, 0.1, 1000)
+    names = (("a", "floor"), ("b", "a"))
+    sample = np.arange(990, 1000)
+    zeros = np.zeros((10, 3))
+    contact = ContactPoints(
+        sample, np.ones(10, int), np.zeros(10), zeros, zeros, zeros, zeros, names
+    )
+    events = [EventRecord(x, EventKind.CATCH, "left", 0.0, 0.0) for x in t[-20:]]
+    events.append(EventRecord(0.0, EventKind.CATCH, "right", 0.0, 0.0))
+    text = pace.chatter(t, contact, events)
+    assert text == (
+        "its last 500 samples take 0.05 s of motion, with events of left (20), while b|a touches"
+    )
+    assert pace.chatter(t[:1], None, []) == "its steps are short"
+
+
+@pytest.mark.slow
+def test_a_heap_of_spinning_bodies_names_what_touches_while_it_crawls(monkeypatch):
+    early = dataclasses.replace(pace._LIMITS, first_look=0.5)
+    monkeypatch.setattr(pace, "_LIMITS", early)
+    heap = fan.loads(SPINNING)
+    x0 = heap.state({
+        "a.z": 0.05, "b.x": 0.02, "b.z": 0.12, "c.x": -0.02, "c.z": 0.19,
+        "v:a.wz": 60.0, "v:b.wz": -60.0, "v:c.wx": 60.0,
+    })  # fmt: skip
+    with pytest.warns(SlowRunWarning, match=r"touch|events of"):
+        run = fan.simulate(heap, x0, t_end=1e4, time_limit=8.0, throw=False)
+    assert run.status in (Status.OUT_OF_TIME, Status.TOO_MANY_EVENTS)
