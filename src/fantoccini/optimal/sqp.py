@@ -380,6 +380,12 @@ class Search:
         return self._solver.solve(program, min(size, self.objective.unit))
 
 
+def merit(objective: Objective, at: Iterate, force: Array | float) -> float:
+    """J of an iterate, with what its gap and passed rows cost by multipliers of the gap."""
+    passed = objective.price * float(np.sum(objective.rows.violation(at.nodes, at.ends)))
+    return at.cost + passed + _of_gap(objective.gap(at.nodes), objective.end_weight, force)
+
+
 def _of_gap(gap: Array, weight: float, force: Array | float) -> float:
     """What the gap costs: weight/2 |gap|^2 + force . gap."""
     return float(np.sum(0.5 * weight * np.square(gap) + force * gap))
