@@ -22,7 +22,7 @@ COARSE = 0.02
 
 _SAME_COST = 1e-6
 """Relative difference up to which costs count as equal."""
-_PUSH = 1e-2
+_PUSH = 1e-3
 """Change of the accelerations by which a solved motion is tried, relative to the largest."""
 _PUSHES = 3
 """Solved motions, at most, beside which the search goes on."""

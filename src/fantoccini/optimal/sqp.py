@@ -283,7 +283,12 @@ class Search:
         # The first part is the gradient of the Lagrangian with the step's multipliers, damping
         # included. A step that ends short of a bound, as the interior point method does, may
         # save nothing although the bound is not reached: so what it left counts with the second.
-        bends = float(np.max(np.abs(curved))) / size
+        # The weight of the end only moves its multipliers, with which the gradient is taken.
+        bent = curved.copy()
+        if objective.task.goal is not None:
+            at_end = solution.u.shape[1] + np.arange(len(objective.kept[1]))
+            bent[-1, at_end] -= objective.end_weight * step[-1, at_end]
+        bends = float(np.max(np.abs(bent))) / size
         saves = -min(falls, 0.0) / max(abs(at.cost), _LEAST)
         left = solution.gap / max(abs(at.cost), _LEAST)
         most = SETTINGS.gap_share * max(saves, self._limits.tolerance)
