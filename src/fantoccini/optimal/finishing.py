@@ -72,10 +72,15 @@ def _coarsely(
     runs: EventRuns, at: Iterate, objective: Objective, limits: Limits,
     note: Callable[[Iterate], None],
 ) -> Iterate:  # fmt: skip
-    """The search by derivatives of time steps, for half of the iterations that are left."""
+    """The search by derivatives of time steps, for half of the iterations that are left.
+
+    Where they do not predict what steps gain, it ends earlier.
+    """
     some = (limits.iterations - at.iterations + 1) // 2
     tolerance = max(limits.cost_tolerance, COARSE)
-    limits = replace(limits, cost_tolerance=tolerance, iterations=some)
+    limits = replace(
+        limits, cost_tolerance=tolerance, iterations=some, damping=SETTINGS.calm
+    )
     return Search(at, runs, objective, limits).run(note)
 
 

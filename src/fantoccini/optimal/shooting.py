@@ -51,8 +51,14 @@ class EventRuns:
 
     def linearise(self, nodes: Nodes, ends: Ends) -> LinearEnds:
         """See :class:`fantoccini.optimal.sqp.Shooting`."""
-        found = self.steps.linearise(nodes)
+        found = self.derivatives(nodes)
         return replace(found, e=ends.e, tension=ends.tension)
+
+    def derivatives(self, nodes: Nodes) -> LinearEnds:
+        """Of the intervals by time steps, whose modes of contact may differ from step to step."""
+        if self.steps.marionette.model.contacts is not None:
+            return self.steps.linearise(nodes)
+        return self.steps.extrapolated(nodes)
 
     def moved(self, nodes: Nodes, z: Array, u: Array, c: Array) -> tuple[Nodes, Ends] | None:
         """See :class:`fantoccini.optimal.sqp.Shooting`."""

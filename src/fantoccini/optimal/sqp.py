@@ -194,12 +194,14 @@ class Limits:
         cost_tolerance: share of the cost; it ends after some steps that each save less.
         iterations: at most.
         until: time of ``time.perf_counter`` [s].
+        damping: of the Hessian, above which it ends.
     """
 
     tolerance: float
     cost_tolerance: float
     iterations: int
     until: float = np.inf
+    damping: float = SETTINGS.most_damping
 
 
 class Search:
@@ -232,11 +234,11 @@ class Search:
             at.iterations += 1
             if made is None:
                 at.damping *= SETTINGS.damping_factor**2
-                if at.damping > SETTINGS.most_damping:
-                    at.stalled = True
-                    break
             else:
                 self.best = made
+            if self.best.damping > self._limits.damping:
+                self.best.stalled = True
+                break
             if step is not None and step.passes > self._limits.tolerance:
                 self._raise_price()
             if progress is not None:
