@@ -47,10 +47,11 @@ def optimum(problem: Problem, interval: float, step: float, on: str = "string") 
     x0, end = puppet.rest(), puppet.rest({trolley: problem.way})
     if on == "string":
         bounds = bounds.staying_taut(puppet, x0)
-    return fan.optimise(fan.Task(
+    task = fan.Task(
         puppet, x0, problem.duration, [], fan.Smooth(problem.weight, 0.0), bounds, end=end,
         interval=interval, dt=step,
-    ))  # fmt: skip
+    )  # fmt: skip
+    return fan.optimise(task, time_limit=600.0)  # of a machine that others use as well
 
 
 def intervals(duration: tuple[float, float], interval: float) -> int:

@@ -238,7 +238,7 @@ class OptimiseRequest(PictureOptions):
     iterations: Annotated[int, typer.Option(min=1, help="Number of iterations, at most.")] = 100
     time_limit: Annotated[
         float, typer.Option(metavar="S", callback=positive, help="Time limit.")
-    ] = 60.0
+    ] = 180.0
     threads: Annotated[
         int | None, typer.Option(min=1, help="Number of threads; one per processor by default.")
     ] = None

@@ -53,7 +53,7 @@ def optimise(
     tolerance: float = 1e-6,
     cost_tolerance: float = 0.0,
     iterations: int = 100,
-    time_limit: float = 60.0,
+    time_limit: float = 180.0,
     threads: int | None = None,
     seed: int = 0,
     exact: bool = False,

@@ -103,17 +103,17 @@ class TimeSteps:
         return n, interval / n
 
     def extrapolated(self, nodes: Nodes) -> LinearEnds:
-        """The same as :meth:`linearise`, with derivatives that are off by the square of the steps.
+        """The same as :meth:`linearise`, with ends' derivatives off by the square of the steps.
 
         Those of m and of M steps are off by c / m and c / M, so that (M D_M - m D_m) / (M - m) is
-        not (Richardson).
+        not (Richardson). Those of tensions, which a step pulls back within its length, stay.
         """
-        finer = replace(self, dt=0.5 * self.dt)
+        finer = replace(self, dt=0.5 * self.dt, pulls=False)
         m, M = self.steps(nodes.interval)[0], finer.steps(nodes.interval)[0]
         rough, fine = self.linearise(nodes), finer.linearise(nodes)
-        names = ("A", "B", "pull", "acc", "by_c", "pull_c", "acc_c")
         better = {
-            name: (M * getattr(fine, name) - m * getattr(rough, name)) / (M - m) for name in names
+            name: (M * getattr(fine, name) - m * getattr(rough, name)) / (M - m)
+            for name in ("A", "B", "by_c")
         }
         return replace(rough, **better)
 
