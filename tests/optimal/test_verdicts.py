@@ -108,6 +108,16 @@ def test_a_search_without_progress_names_what_is_left(crane, monkeypatch):
     assert "the acceleration of line.x at " in found.reason and "within -1 to 1" in found.reason
 
 
+def test_a_stationary_motion_that_is_no_minimum_is_not_the_answer(crane):
+    """At rest the bob's height does not change, to first order, whatever the trolley does."""
+    bounds = fan.Bounds(acceleration=3.0, held=("line.length",)).staying_taut(crane, crane.rest())
+    high = fan.Track.coordinate("bob.z", -0.95, weight=100.0)
+    rocked = replace(task(crane, bounds, end=None, duration=1.5), tracks=[high])
+    found = fan.optimise(rocked, time_limit=600.0)
+    assert found.curve[0][1] > 0.18
+    assert found.cost < 0.5 * found.curve[0][1], found.summary()
+
+
 def test_an_end_that_no_input_reaches_is_explained():
     """The load hangs from one point, about which nothing turns it."""
     crane = fan.puppets.crane()
