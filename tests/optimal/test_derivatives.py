@@ -9,6 +9,7 @@ import fantoccini as fan
 from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.costs import Track
 from fantoccini.optimal.dynamics import TimeSteps
+from fantoccini.optimal.hybrid import ExactRuns
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.residuals import Looks, residual_of
 from fantoccini.optimal.shooting import EventRuns
@@ -57,6 +58,26 @@ def test_residuals_by_changes_of_states(crane: fan.Marionette, nodes: Nodes, tra
             residual.value(Looks(crane, nodes.moved(sign * z, none))) for sign in (1.0, -1.0)
         )
         assert found[:, :, j] == pytest.approx((up - down) / (2.0 * STEP), abs=1e-7)
+
+
+def test_a_search_keeps_its_number_of_steps_where_a_free_duration_gets_shorter(crane):
+    """Else the dynamics would jump where the duration crosses a multiple of the step."""
+    steps = TimeSteps(crane, 0.012, longest=0.05)
+    for interval in np.linspace(0.005, 0.05, 50):
+        assert steps.steps(interval) == (5, pytest.approx(interval / 5))
+
+
+def test_extrapolated_derivatives_are_off_by_the_square_of_the_step(crane, nodes: Nodes):
+    runs = EventRuns(TimeSteps(crane, 0.05), Chosen(crane, crane.rest(), {}))
+    made = runs.run(nodes)
+    assert made is not None
+    exact = ExactRuns(runs.steps, runs.chosen).linearise(made[0], runs.ends(*made))
+    off = []
+    for dt in (0.025, 0.0125):
+        found = TimeSteps(crane, dt).extrapolated(made[0])
+        off.append([np.max(np.abs(getattr(found, n) - getattr(exact, n))) for n in ("B", "by_c")])
+    assert np.all(np.array(off[1]) < 0.35 * np.array(off[0]))
+    assert np.max(off[1]) < 1e-2
 
 
 @pytest.mark.parametrize("i", [0, 4])

@@ -1,5 +1,7 @@
 """Rest: equilibria that are minima, with strings that pull."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.optimize import nnls
@@ -248,3 +250,15 @@ strings:
     for search in (bob.rest, lambda: bob.project(bob.state())):
         with pytest.raises(fan.StateError, match=r"left is too short by 100 mm.*Tried"):
             search()
+
+
+@pytest.mark.parametrize("eye", ["[0, 0, 0.35]", "[0.02, 0.03, 0.35]"])
+def test_a_load_that_swings_to_rest_does_not_turn_about_its_string(eye: str):
+    """Nothing determines that turn, and no input could undo it: it stays as it was asked for."""
+    file = Path(fan.__file__).parent / "puppets" / "crane.yaml"
+    crane = fan.loads(file.read_text().replace("at: [0, 0, 0.35]}", f"at: {eye}}}"))
+    first = crane.rest()
+    for values in ({"trolley": 1.0}, {"trolley": -0.5, "load.x": 0.2, "load.y": 0.1}):
+        moved = crane.difference(first.q_D, crane.rest(values).q_D)
+        moved[0] -= values["trolley"]
+        assert np.max(np.abs(moved)) < 1e-11

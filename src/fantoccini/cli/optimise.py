@@ -49,7 +49,7 @@ def optimise_file(request: OptimiseRequest) -> None:
     if request.show:
         show_run(task.marionette, found.run, request.quiet)
     if not found:
-        say(f"fantoccini: {found.status.message}")
+        say(f"fantoccini: {found.verdict}")
         raise typer.Exit(FAILED)
     if found.status is OptimalStatus.STOPPED:
         raise typer.Exit(INTERRUPTED)
@@ -123,4 +123,6 @@ def _report(found: Optimum) -> None:
         ("name", "min [N]>", "max [N]>"),
         [(name, float(T.min()), float(T.max())) for name, T in found.run.tension.items()],
     )
-    write(found.status.message)
+    write(found.verdict)
+    for text in found.reservations:
+        write(text)

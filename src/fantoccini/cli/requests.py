@@ -242,11 +242,11 @@ class OptimiseRequest(PictureOptions):
     cost_tolerance: Annotated[
         float,
         typer.Option(min=0.0, help="Share of the cost; it ends after four steps that save less."),
-    ] = 0.02
-    iterations: Annotated[int, typer.Option(min=1, help="Number of iterations, at most.")] = 50
+    ] = 0.0
+    iterations: Annotated[int, typer.Option(min=1, help="Number of iterations, at most.")] = 100
     time_limit: Annotated[
         float, typer.Option(metavar="S", callback=positive, help="Time limit.")
-    ] = 60.0
+    ] = 180.0
     threads: Annotated[
         int | None, typer.Option(min=1, help="Number of threads; one per processor by default.")
     ] = None

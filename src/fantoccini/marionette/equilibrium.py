@@ -46,6 +46,7 @@ def rest(model: Model, x: State) -> State:
     would overlap what it touches, one with contact is let go until it is still (:mod:`.settling`).
     Otherwise, and first for puppets on chains, V is descended (:mod:`.descent`). Relaxation and
     descent are accepted where forces balance, no row is violated and V is not above the start's.
+    Along what nothing determines, as a load's turn about its string, they are as ``x`` has it.
 
     Raises:
         StateError: there is no equilibrium below, or it was not found, or a winch would slip in it,
@@ -66,27 +67,29 @@ def rest(model: Model, x: State) -> State:
     if not len(start.q_D):
         return with_active_set(model, start)
     touches = [] if model.contacts is None else [_settled]
-    searches: list[Callable[[Model, State], State]] = (
+    searches: list[Callable[[Model, State, State], State]] = (
         [_descended, *touches] if model.tree.chains else [_relaxed, *touches, _descended]
     )
     failed = []
     for search in searches:
         try:
-            return with_active_set(model, search(model, start))
+            return with_active_set(model, search(model, start, still))
         except StateError as error:
             failed.append(str(error))
     raise StateError("no equilibrium was found: " + "; ".join(failed))
 
 
-def _relaxed(model: Model, start: State) -> State:
-    return _hung(model, start, relaxation.relaxed(model, start))
+def _relaxed(model: Model, start: State, asked: State) -> State:
+    found = relaxation.relaxed(model, start)
+    return _hung(model, start, relaxation.as_asked(model, asked, found))
 
 
-def _descended(model: Model, start: State) -> State:
-    return _hung(model, start, descent.descended(model, start))
+def _descended(model: Model, start: State, asked: State) -> State:
+    found = descent.descended(model, start)
+    return _hung(model, start, relaxation.as_asked(model, asked, found))
 
 
-def _settled(model: Model, start: State) -> State:
+def _settled(model: Model, start: State, asked: State) -> State:
     try:
         return poised(model, settled(model, start))
     except StateError:

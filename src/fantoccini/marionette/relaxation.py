@@ -20,7 +20,7 @@ from fantoccini.marionette.dynamics import forward_dynamics
 from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.model import Model
 from fantoccini.marionette.projection import difference_quotient, onto_rows, retract
-from fantoccini.motion import Input, State, rotation
+from fantoccini.motion import Input, State, rotation, tangent
 from fantoccini.puppet import StepperMotor
 from fantoccini.runtime import Run
 from fantoccini.tree import DriveRow
@@ -61,6 +61,12 @@ class Search:
     potential_fall: float = 1e-12  # Fall of V that is not rounding, over the puppet's weight [m]
     unstable: float = 1e-6
     """Growth rate squared of an instability, relative to the fastest oscillation's."""
+    turns: int = 12  # Rounds of :func:`as_asked`
+    min_turn: float = 1e-13  # Turns that are rounding
+    neutral: float = 1e-6
+    """Stiffness of a move that counts as neutral, relative to the stiffest: the precision of finite
+    differences. Newton's method and the energy then tell whether it is."""
+    move_weight: float = 1e-6  # Of moves in metres beside turns
 
 
 SEARCH = Search()
@@ -295,6 +301,56 @@ def newton(model: Model, x: State) -> Equilibrium | None:
     if balanced and _changed(model, at, rows, tension, scale) is None:
         return Equilibrium(x, rows, tension)
     return None
+
+
+def as_asked(model: Model, asked: State, found: Equilibrium) -> Equilibrium:
+    """The equilibrium among those of one energy that is turned least from what was asked for.
+
+    Nothing determines the turn of a load about the only string that it hangs from: how the puppet
+    swung on its way would, and no input could undo it. Where such a direction turns nothing, it is
+    the one moved least.
+    """
+    table, n = model.coordinates, len(found.x.v_D)
+    places = table.scalars_D, table.quaternions_D
+    weight = _turn_weights(model)
+    for _ in range(SEARCH.turns):
+        neutral = _neutral(model, found)
+        to_asked = tangent.between(*places, found.x.q_D[None], asked.q_D[None], n)[0]
+        shares = np.linalg.lstsq(weight[:, None] * neutral, weight * to_asked)[0]
+        move = neutral @ shares
+        largest = float(np.max(np.abs(move), initial=0.0))
+        if largest < SEARCH.min_turn:
+            break
+        move *= min(1.0, SEARCH.newton_move / largest)
+        other = newton(model, found.x.replace(q_D=retract(model, found.x.q_D, move)))
+        if other is None or not np.array_equal(other.rows, found.rows):
+            break
+        risen = energies(model, other.x)[1] - energies(model, found.x)[1]
+        if abs(risen) > SEARCH.potential_fall * sizes(model)[1]:
+            break
+        found = other
+    return found
+
+
+def _turn_weights(model: Model) -> Array:
+    """(n_vD,) of what turns, and little of what moves along."""
+    table = model.coordinates
+    weight = np.ones(table.n_vD)
+    units = {row.name: row.unit for row in table.rows}
+    for q, v in table.scalars_D:
+        if units[table.q_D[q]] != "rad":
+            weight[v] = SEARCH.move_weight
+    return weight
+
+
+def _neutral(model: Model, found: Equilibrium) -> Array:
+    """(n_vD, r) an orthonormal basis of the moves along which forces and gaps stay as they are."""
+    W = Evaluation.of(model, found.x).W[:, found.rows]
+    K, A = derivatives(model, found)
+    K = K - W @ (np.linalg.pinv(W) @ K) if len(found.rows) else K
+    parts = [part / max(float(np.max(np.abs(part), initial=0.0)), 1e-300) for part in (K, A)]
+    _, size, modes = np.linalg.svd(np.concatenate(parts))
+    return np.asarray(modes[size < SEARCH.neutral * size[0]].T)
 
 
 def _changed(

@@ -15,12 +15,22 @@ from fantoccini.arrays import check_positive
 from fantoccini.errors import SimulationError, StateError, Status, UnknownNameError
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State
+from fantoccini.optimal.attribution import (
+    NONE,
+    Residual,
+    clearance_residual,
+    end_residual,
+    largest_residual,
+    passed_bound,
+    touch_residual,
+    without_input,
+)
 from fantoccini.optimal.bounds import Bounds
 from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.clip import Clip
 from fantoccini.optimal.costs import Smooth, Track
 from fantoccini.optimal.dynamics import TimeSteps
-from fantoccini.optimal.finishing import COARSE, confirmed, finer, is_worse, iterate
+from fantoccini.optimal.finishing import confirmed, iterate, to_minimum
 from fantoccini.optimal.hybrid import ExactRuns, HybridRuns
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
@@ -41,9 +51,9 @@ def optimise(
     guess: Input | Optimum | None = None,
     *,
     tolerance: float = 1e-6,
-    cost_tolerance: float = 0.02,
-    iterations: int = 50,
-    time_limit: float = 60.0,
+    cost_tolerance: float = 0.0,
+    iterations: int = 100,
+    time_limit: float = 180.0,
     threads: int | None = None,
     seed: int = 0,
     exact: bool = False,
@@ -55,9 +65,9 @@ def optimise(
     it is; derivatives are those of time steps along it, through the taut strings, and steps are
     found by Riccati's recursion, within an interior point method where bounds are in force.
     Strings that the bounds ask to be taut stay taut; the others may go slack, and the derivatives
-    then hold for the order of events at hand only. Where a tension or a force ends at a bound, the
-    search goes on with exact derivatives, if there are any. Ctrl-C ends it with the best motion
-    so far.
+    then hold for the order of events at hand only. Once those steps save little, the search goes
+    on with the derivatives of the run itself, which puppets with contact or driven rotations do not
+    have. Ctrl-C ends it with the best motion so far; before there is one it is raised.
 
     A task that explores is searched through modes: see :mod:`fantoccini.optimal.through_modes`.
 
@@ -70,18 +80,20 @@ def optimise(
         guess: motion of the inputs to begin with, or what was found before; that of the task when
             not given, and where it has none they hold still.
         tolerance: of the KKT residual.
-        cost_tolerance: share of the cost; it ends after four steps that each save less.
+        cost_tolerance: share of the cost; it ends after four steps that each save less, or, with 0,
+            at the tolerance alone.
         iterations: at most; of every motion that explorations lead to.
         time_limit: at most [s].
         threads: for derivatives and batches; as many as there are processors when not given.
         seed: of the random numbers of explorations.
-        exact: take the derivatives of the event-driven run itself, through its catches, instead of
-            those of time steps: slower, but ``kkt`` is then that of the run.
+        exact: take the derivatives of the event-driven run itself, through its catches, from the
+            first iteration on.
         progress: called after every iteration.
 
     Raises:
-        StateError, UnknownNameError: the task is not well defined.
-        SimulationError: the first motion cannot be simulated.
+        StateError, UnknownNameError: the task is not well defined, or its first motion cannot be
+            simulated.
+        KeyboardInterrupt: Ctrl-C before there is a first motion.
     """
     check_positive(tolerance=tolerance, time_limit=time_limit)
     began, marionette = time.perf_counter(), task.marionette
@@ -92,11 +104,11 @@ def optimise(
     chosen = Chosen(marionette, task.x0, task.parameters)
     pulls = bool(task.bounds.tension or task.bounds.force)
     pulls = pulls or any(one.kind == "tension" for one in task.tracks)
-    ends_exactly = pulls or bool(marionette.coordinates.commands)
     has_contact = marionette.model.contacts is not None
     if exact and has_contact:
         raise StateError("optimise: exact derivatives want a puppet without contact")
-    steps = TimeSteps(marionette, task.dt, threads, chosen, pulls)
+    longest = task.durations[1] / task.n_intervals
+    steps = TimeSteps(marionette, task.dt, threads, chosen, pulls, longest)
     runs: EventRuns = ExactRuns(steps, chosen) if exact else EventRuns(steps, chosen)
     if has_contact:
         runs = StepRuns(steps, chosen)
@@ -109,60 +121,63 @@ def optimise(
         raise StateError(
             "the first motion cannot be simulated; give a guess whose run arrives at its end"
         )
-    curve = [(time.perf_counter() - began, at.cost)]
+    curve, best = [(time.perf_counter() - began, at.cost)], at
 
     def note(now: Iterate) -> None:
+        nonlocal best
+        best = now
         curve.append((time.perf_counter() - began, now.cost))
         if progress is not None:
             progress(now)
 
     until = began + time_limit
     limits = Limits(tolerance, cost_tolerance, iterations, until)
-    # Where tensions or forces end at their bounds, and where drives follow commands, exact
-    # derivatives have the last word.
-    has_coarse = ends_exactly and type(runs) is EventRuns and not rotates
-    first_limits = limits
-    if has_coarse:
-        first_limits = replace(
-            limits, cost_tolerance=max(cost_tolerance, COARSE), iterations=(iterations + 1) // 2
-        )
-    search: Search | ThroughModes = Search(at, runs, objective, first_limits)
+    search: Search | ThroughModes = Search(at, runs, objective, limits)
     if task.explore and isinstance(runs, HybridRuns):
         search = ThroughModes(at, runs, objective, limits, seed)
     status = None
     try:
-        at = search.run(note)
         if has_contact:
-            runs, at = confirmed(runs, at, objective, limits, note)
-        elif has_coarse:
-            left = replace(limits, iterations=iterations - at.iterations)
-            coarsely = runs, at
-            runs, search = finer(runs, at, objective, left)
             at = search.run(note)
-            if is_worse(at, coarsely[1], objective):
-                runs, at = coarsely
+            runs, at = confirmed(runs, at, objective, limits, note)
+        elif task.explore:
+            at = search.run(note)
+        else:
+            runs, at = to_minimum(runs, at, objective, limits, note)
     except KeyboardInterrupt:
-        at, status = search.best, OptimalStatus.STOPPED
-    objective = search.objective
+        at, status = search.best if has_contact else best, OptimalStatus.STOPPED
+    objective, run = search.objective, at.nodes.run
+    if run is None:  # it was one of a batch
+        made = runs.run(at.nodes)
+        if made is None:
+            text = "the motion found cannot be simulated again"
+            raise SimulationError(Status.NOT_SETTLED, text)
+        run = made[1]
     if exact and isinstance(runs, ExactRuns) and runs.reasons:
         text = f"the last derivatives were those of time steps: {runs.reasons[-1]}"
         warnings.warn(text, stacklevel=2)
-    made = runs.run(at.nodes)
-    if made is None:
-        raise SimulationError(Status.NOT_SETTLED, "the motion found cannot be simulated again")
-    violation = max(objective.violation(at.nodes, at.ends), _too_near(objective, runs, at.nodes))
-    end_gap = float(np.max(np.abs(objective.end_gap(at.nodes)), initial=0.0))
-    touched = objective.touches.along(made[1], at.nodes.parameters)
+    touched = objective.touches.along(run, at.nodes.parameters)
+    bound = max(
+        passed_bound(objective, at.nodes, at.ends), _too_near(objective, runs, at.nodes),
+        key=lambda one: one.size,
+    )  # fmt: skip
+    end = end_residual(objective, at.nodes)
+    worst = max(bound, end, touch_residual(touched), key=lambda one: one.size)
+    reason = ""
     if has_contact and isinstance(runs, StepRuns):
         status = OptimalStatus.UNCONFIRMED
-    elif not max(violation, end_gap, *(one.distance for one in touched)) <= HOLDS:
-        status = OptimalStatus.VIOLATED
+    elif not worst.size <= HOLDS:
+        status, reason = OptimalStatus.VIOLATED, worst.text
     elif status is None:
         status = _status(at, tolerance, until)
+        if status is not OptimalStatus.SOLVED:
+            reason = largest_residual(objective, at, tolerance)
+    if end.size > tolerance and end.text in reason:
+        reason += without_input(at.nodes, steps.linearise(at.nodes), objective.end_gap(at.nodes))
     return Optimum(
-        task, status, made[1], at.nodes.inputs(), at.cost, at.kkt, at.stationarity, violation,
-        end_gap, touched, at.iterations, time.perf_counter() - began, tuple(curve), at, objective,
-        runs,
+        task, status, run, at.nodes.inputs(), at.cost, at.kkt, at.stationarity, bound.size,
+        end.size, touched, at.iterations, time.perf_counter() - began, tuple(curve), reason, at,
+        objective, runs,
     )  # fmt: skip
 
 
@@ -261,15 +276,15 @@ def refuse_winches(marionette: Marionette, what: str) -> None:
         )
 
 
-def _too_near(objective: Objective, runs: EventRuns, nodes: Nodes) -> float:
-    """How far the run comes below the least clearance anywhere, also between the nodes [m]."""
+def _too_near(objective: Objective, runs: EventRuns, nodes: Nodes) -> Residual:
+    """The body or string that comes farthest below the least clearance, also between the nodes."""
     clear = objective.rows.clear
     if clear is None:
-        return 0.0
+        return NONE
     made = runs.run(nodes.finer(_LOOKS))
     if made is None:
-        return math.inf
-    return max(0.0, clear.margin - clear.whole.least(made[1]).distance)
+        return Residual(math.inf, "the run cannot be repeated to measure its clearances")
+    return clearance_residual(clear, made[1])
 
 
 def _check(task: Task) -> None:
@@ -287,7 +302,11 @@ def _check(task: Task) -> None:
         np.isfinite(jerk := task.bounds.magnitudes(marionette, "jerk")) & (jerk > 0.0)
     ):
         raise StateError("optimise: a bound of jerk needs a duration that is given")
-    task.bounds.check_start(marionette, task.x0)
+    if not task.parameters:
+        task.bounds.check_moves(marionette)
+    task.bounds.check_state(marionette, task.x0, "at the start")
+    if task.goal is not None:
+        task.bounds.check_end(marionette, task.x0, task.goal)
 
 
 def _first(task: Task, chosen: Chosen, guess: Input | Optimum | None) -> Nodes:

@@ -10,9 +10,9 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError, UnknownNameError
-from fantoccini.marionette import Marionette, motion_at
+from fantoccini.marionette import Evaluation, Marionette, motion_at
 from fantoccini.motion import State
-from fantoccini.optimal.nodes import Nodes
+from fantoccini.optimal.nodes import Nodes, number_names
 from fantoccini.puppet import DirectCurrent
 from fantoccini.tree import DriveRow
 
@@ -25,6 +25,8 @@ _PULLS = 1e-4
 
 _START = 1e-9
 """How far a start may be beyond bounds: rounding [m, rad or their rates]."""
+_HELD = 1e-3
+"""Violation of a string or limit [m, rad] above which no motion ends in a state."""
 
 Interval: TypeAlias = tuple[float, float]
 
@@ -119,21 +121,53 @@ class Bounds:
         low[2 * n + k :], high[2 * n + k :] = -speed, speed
         return low, high
 
-    def check_start(self, marionette: Marionette, x0: State) -> None:
-        """Raises StateError where a state is beyond the bounds of coordinates and speeds."""
+    def check_moves(self, marionette: Marionette) -> None:
+        """Raises StateError where all driven coordinates are held."""
+        if not np.any(self.magnitudes(marionette, "acceleration") > 0.0):
+            raise StateError(
+                "all driven coordinates are held, so that nothing can be chosen; needed: one that "
+                "moves, or parameters"
+            )
+
+    def check_state(self, marionette: Marionette, x: State, when: str) -> None:
+        """Raises StateError where a state is beyond the bounds of coordinates and speeds.
+
+        Args:
+            marionette: the puppet.
+            x: the state.
+            when: it is asked for, for the message.
+        """
         t = marionette.coordinates
         for name in self.held:
-            if abs(x0.v_K[_place("driven velocity", name, t.v_K)]) > _START:
-                raise StateError(f"{name} is held, and moves at the start")
-        still = Nodes.still(marionette, x0, 1.0, 1)
+            if abs(x.v_K[_place("driven velocity", name, t.v_K)]) > _START:
+                raise StateError(f"{name} is held, and moves {when}")
         low, high = self.intervals(marionette)
-        names = [*t.v_D, *[f"the speed of {v}" for v in t.v_D], *t.v_K]
-        names += [f"the speed of {v}" for v in t.v_K]
-        for name, value, a, b in zip(names, still.numbers[0], low, high, strict=True):
+        numbers = Nodes.still(marionette, x, 1.0, 1).numbers[0]
+        for name, value, a, b in zip(number_names(t), numbers, low, high, strict=True):
             if not a - _START <= value <= b + _START:
+                raise StateError(f"{name} is {value:.6g} {when}, beyond its bounds {a:g} to {b:g}")
+
+    def check_end(self, marionette: Marionette, x0: State, end: State) -> None:
+        """Raises StateError where no motion from a start within bounds ends in a state."""
+        self.check_state(marionette, end, "at the end")
+        gap = Nodes.still(marionette, x0, 1.0, 1).gap_at_end(end)
+        names = number_names(marionette.coordinates)
+        first = 2 * marionette.coordinates.n_vD
+        for name in self.held:
+            at = first + marionette.coordinates.v_K.index(name)
+            if abs(gap[at]) > _START:
                 raise StateError(
-                    f"{name} is {value:.6g} at the start, beyond its bounds {a:g} to {b:g}"
+                    f"{names[at]} is held, and is to be {gap[at]:.6g} farther at the end; let it "
+                    "move, or ask for an end where it is"
                 )
+        h, model = Evaluation.of(marionette.model, end).h, marionette.model
+        passed = np.where(model.two_sided, np.abs(h), h)
+        if np.max(passed, initial=0.0) > _HELD:
+            row = int(np.argmax(passed))
+            raise StateError(
+                f"the state at the end violates {model.tree.row_names[row]} by {h[row]:.3g}; "
+                "marionette.project(end) gives the nearest state that does not"
+            )
 
     def tensions(self, marionette: Marionette) -> tuple[list[int], Array, Array]:
         """Rows of strings with bounds, the lowest and the highest tensions."""

@@ -10,7 +10,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.clearance import Clearance
 from fantoccini.marionette import Marionette
-from fantoccini.motion import tangent
+from fantoccini.motion import Trajectory, tangent
 from fantoccini.optimal.nodes import Nodes
 
 _NEAR = 0.1
@@ -70,3 +70,7 @@ class ClearRows:
             by_K = part.at(a, moved) - value[near, j]
             out[near, j, :n], out[near, j, 2 * n : 2 * n + k] = by_D.T / _STEP, by_K.T / _STEP
         return out
+
+    def along(self, run: Trajectory) -> Array:
+        """(T, m) at the samples of a run [m]."""
+        return np.stack([part.of(run) for part in self._parts], axis=1)

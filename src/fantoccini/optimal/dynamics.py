@@ -85,6 +85,8 @@ class TimeSteps:
         threads: that share the work; as many as there are processors when None.
         chosen: the parameters that motions choose.
         pulls: whether the tensions' derivatives are wanted; else they are left 0.
+        longest: interval of a search at most [s]. All intervals have as many steps as this one, so
+            that the dynamics stay smooth where a free duration shortens them.
     """
 
     marionette: Marionette
@@ -92,11 +94,28 @@ class TimeSteps:
     threads: int | None = None
     chosen: Chosen | None = None
     pulls: bool = True
+    longest: float | None = None
 
     def steps(self, interval: float) -> tuple[int, float]:
-        """How many steps an interval has, and their length [s]."""
-        n = max(1, round(interval / self.dt + 0.499999))
+        """Number of steps of an interval, and their length [s]."""
+        longest = interval if self.longest is None else self.longest
+        n = max(1, round(longest / self.dt + 0.499999))
         return n, interval / n
+
+    def extrapolated(self, nodes: Nodes) -> LinearEnds:
+        """The same as :meth:`linearise`, with ends' derivatives off by the square of the steps.
+
+        Those of m and of M steps are off by c / m and c / M, so that (M D_M - m D_m) / (M - m) is
+        not (Richardson). Those of tensions, which a step pulls back within its length, stay.
+        """
+        finer = replace(self, dt=0.5 * self.dt, pulls=False)
+        m, M = self.steps(nodes.interval)[0], finer.steps(nodes.interval)[0]
+        rough, fine = self.linearise(nodes), finer.linearise(nodes)
+        better = {
+            name: (M * getattr(fine, name) - m * getattr(rough, name)) / (M - m)
+            for name in ("A", "B", "by_c")
+        }
+        return replace(rough, **better)
 
     def linearise(self, nodes: Nodes) -> LinearEnds:
         """Where the intervals lead, with derivatives."""

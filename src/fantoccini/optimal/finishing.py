@@ -1,4 +1,4 @@
-"""The search that follows a first one: with exact derivatives, or over event-driven runs."""
+"""Searches in turn: by time steps, by exact derivatives, over event-driven runs."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from fantoccini.optimal.attribution import passed_bound
+from fantoccini.optimal.drawn_inputs import Driven
 from fantoccini.optimal.hybrid import ExactRuns
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
 from fantoccini.optimal.shooting import EventRuns
-from fantoccini.optimal.sqp import SETTINGS, Iterate, Limits, Search
+from fantoccini.optimal.sqp import SETTINGS, Iterate, Limits, Search, merit
 from fantoccini.optimal.through_modes import HOLDS
 
 COARSE = 0.02
@@ -20,6 +22,13 @@ COARSE = 0.02
 
 _SAME_COST = 1e-6
 """Relative difference up to which costs count as equal."""
+_PUSH = 1e-3
+"""Change of the accelerations by which a solved motion is tried, relative to the largest."""
+_PUSHES = 3
+"""Solved motions, at most, beside which the search goes on."""
+_PUSH_ITERATIONS = 8
+_LOWER = 1e-4
+"""Relative decrease of the cost from which a motion beside a solved one is lower."""
 _CONFIRM = 60.0
 """Time that an event-driven run of the answer has at least [s]."""
 _RUNS_LEFT = 20.0
@@ -35,35 +44,96 @@ def iterate(runs: EventRuns, nodes: Nodes, objective: Objective) -> Iterate | No
     return Iterate(made[0], ends, objective.cost(made[0], ends))
 
 
-def finer(
-    runs: EventRuns, at: Iterate, objective: Objective, limits: Limits
-) -> tuple[EventRuns, Search]:
-    """The search that goes on from a motion of a first one with derivatives of time steps.
+def to_minimum(
+    runs: EventRuns, at: Iterate, objective: Objective, limits: Limits,
+    note: Callable[[Iterate], None],
+) -> tuple[EventRuns, Iterate]:  # fmt: skip
+    """The search for a local minimum: by time steps, by exact derivatives, and from beside it.
 
-    Where a tension or a force is at its bound, and where drives follow commands, it takes exact
-    ones, if there are any: those of time steps are not those of tensions just after nodes, nor of
-    stiff drives.
+    Driven rotations have no exact derivatives.
     """
-    if limits.iterations > 0 and time.perf_counter() < limits.until:
-        exactly = ExactRuns(runs.steps, runs.chosen)
-        has_drives = bool(runs.steps.marionette.coordinates.commands)
-        wanted = has_drives or objective.rows.pulls_bind(at.nodes, at.ends)
-        if wanted and exactly.has(at.nodes, at.ends):
-            again = Iterate(at.nodes, at.ends, at.cost, iterations=at.iterations, force=at.force)
-            return exactly, Search(again, exactly, objective, limits)
-    is_over = at.kkt <= limits.tolerance or at.stalled
-    if is_over or (at.settled and limits.cost_tolerance >= COARSE):
-        limits = replace(limits, iterations=0)
-    else:
-        at.settled = False
-    return runs, Search(at, runs, objective, limits)
+    rotates = bool(objective.task.marionette.coordinates.rotations)
+    is_fine = rotates or isinstance(runs, ExactRuns)
+    finer = runs if is_fine else ExactRuns(runs.steps, runs.chosen)
+    for _ in range(1 + _PUSHES):
+        if not is_fine:
+            at = _coarsely(runs, at, objective, limits, note)
+        at = _finely(finer, at, objective, limits, note)
+        if at.kkt > limits.tolerance:
+            break
+        beside = lower_beside(runs, at, objective, limits.until)
+        if beside is None:
+            break
+        at = replace(beside, iterations=at.iterations, stationarity=np.inf)
+    return finer, at
+
+
+def _coarsely(
+    runs: EventRuns, at: Iterate, objective: Objective, limits: Limits,
+    note: Callable[[Iterate], None],
+) -> Iterate:  # fmt: skip
+    """The search by derivatives of time steps, for half of the iterations that are left.
+
+    Where they do not predict what steps gain, it ends earlier.
+    """
+    some = (limits.iterations - at.iterations + 1) // 2
+    tolerance = max(limits.cost_tolerance, COARSE)
+    limits = replace(
+        limits, cost_tolerance=tolerance, iterations=some, damping=SETTINGS.calm
+    )
+    return Search(at, runs, objective, limits).run(note)
+
+
+def _finely(
+    runs: EventRuns, coarse: Iterate, objective: Objective, limits: Limits,
+    note: Callable[[Iterate], None],
+) -> Iterate:  # fmt: skip
+    """The search that goes on with the derivatives of the run itself.
+
+    Those of time steps are off by the order of the steps: what is optimal by them is not.
+    """
+    start = Iterate(
+        coarse.nodes, coarse.ends, coarse.cost, iterations=coarse.iterations, force=coarse.force
+    )
+    left = replace(limits, iterations=limits.iterations - coarse.iterations)
+    at = Search(start, runs, objective, left).run(note)
+    if at.kkt > limits.tolerance and is_worse(at, coarse, objective):
+        # Its residual by time steps says nothing of the run.
+        stationarity = max(coarse.stationarity, at.stationarity)
+        at = replace(
+            coarse, stationarity=stationarity, solution=at.solution, iterations=at.iterations,
+            stalled=at.stalled, settled=at.settled,
+        )  # fmt: skip
+    return at
+
+
+def lower_beside(
+    runs: EventRuns, at: Iterate, objective: Objective, until: float
+) -> Iterate | None:
+    """A motion of lower cost to which a search from beside a solved one leads; None without one.
+
+    The conditions of optimality hold at saddles as well, as where all hangs still and first-order
+    changes do nothing. Costs count what is left at the end by its multipliers.
+    """
+    nodes, driven = at.nodes, Driven.of(objective.task)
+    noise = np.random.default_rng(0).uniform(-_PUSH, _PUSH, nodes.acc_K.shape)
+    noise[:, driven.most == 0.0] = 0.0
+    pushed = driven.within((nodes.acc_K + driven.scale * noise)[None], nodes.interval)[0]
+    cheap = EventRuns(runs.steps, runs.chosen, until)
+    start = iterate(cheap, replace(nodes, acc_K=pushed, run=None), objective)
+    if start is None:
+        return None
+    start.force = at.force
+    found = Search(start, cheap, objective, Limits(0.0, 0.0, _PUSH_ITERATIONS, until)).run()
+    saved = merit(objective, at, at.force) - merit(objective, found, at.force)
+    return found if saved > _LOWER * abs(at.cost) else None
 
 
 def is_worse(at: Iterate, before: Iterate, objective: Objective) -> bool:
     """Whether a motion misses more than one before it, or costs more where both hold."""
     missed, allowed = (
         float(np.max(np.abs(objective.gap(one.nodes)), initial=0.0))
-        + objective.violation(one.nodes, one.ends)
+        + passed_bound(objective, one.nodes, one.ends).size
         for one in (at, before)
     )
     if max(missed, allowed) <= HOLDS:

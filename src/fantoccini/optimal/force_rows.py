@@ -29,6 +29,7 @@ class ForceRows:
     """The forces of a task that have bounds.
 
     Attributes:
+        names: of the driven velocities.
         low, high: (m,) their bounds [N or N m].
 
     Args:
@@ -39,6 +40,7 @@ class ForceRows:
 
     def __init__(self, task: Task, chosen: Chosen, c: Indices):
         self._columns, self.low, self.high = task.bounds.forces(task.marionette)
+        self.names = tuple(task.bounds.force)
         self._chosen, self._c = chosen, c
 
     def __len__(self) -> int:

@@ -14,13 +14,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import SimulationError, StateError
+from fantoccini.errors import SimulationError, StateError, Status
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Trajectory
 from fantoccini.optimal.dynamics import Ends, LinearEnds
 from fantoccini.optimal.nodes import Nodes
-from fantoccini.optimal.shooting import EventRuns
-from fantoccini.simulation import simulate
+from fantoccini.optimal.shooting import EventRuns, uninterrupted
 from fantoccini.simulation.intervals import interval_derivatives
 
 _SAME_TIME = 1e-12
@@ -38,7 +37,9 @@ class HybridRuns(EventRuns):
         """
         marionette, inputs = self.chosen.marionette(nodes.parameters), nodes.inputs()
         x0 = self.chosen.start(nodes.parameters)
-        run = simulate(marionette, x0, inputs, nodes.t[-1], effort=False)  # with samples at breaks
+        run = uninterrupted(marionette, x0, inputs, nodes.t[-1])  # with samples at breaks
+        if run.status is not Status.DONE:
+            raise SimulationError(run.status, f"at t = {run.t[-1]:.6g} s")
         found = interval_derivatives(marionette, run, inputs)
         before = np.searchsorted(run.t, nodes.t[1:] - _SAME_TIME)  # breaks and events have two
         later = (run.v_D[before], run.acc_D[before], run.v_K[before], nodes.acc_K)

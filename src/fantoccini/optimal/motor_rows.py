@@ -30,6 +30,7 @@ class MotorRows:
     """The voltages and currents of a task that have bounds.
 
     Attributes:
+        names: (m / 2,) of those where intervals begin, or end.
         most: (m,) their largest magnitudes; those where intervals begin, then where they end
             [V or A].
 
@@ -44,6 +45,13 @@ class MotorRows:
         currents, amperes = task.bounds.motors(task.marionette, "current")
         self._drives, self._n_voltages = [*voltages, *currents], len(voltages)
         self.most = np.tile(np.concatenate([volts, amperes]), 2)
+        inputs = task.marionette.coordinates.v_K
+        self.names = [
+            f"the {kind} of {inputs[drive.command[1]]}"
+            for kind, drives in (("voltage", voltages), ("current", currents))
+            for drive in drives
+            if drive.command is not None
+        ]
         self._chosen, self._c = chosen, c
 
     def __len__(self) -> int:

@@ -160,3 +160,9 @@ class Nodes:
         acc_K = np.repeat(self.acc_K, parts, axis=0)
         interval = self.interval / parts
         return replace(self, interval=interval, acc_K=acc_K, run=None, **states)
+
+
+def number_names(table: CoordinateTable) -> list[str]:
+    """(n_z,) what the numbers of z = (dq_D, dv_D, dq_K, dv_K) belong to."""
+    D, K = list(table.v_D), list(table.v_K)
+    return [*D, *(f"the speed of {v}" for v in D), *K, *(f"the speed of {v}" for v in K)]

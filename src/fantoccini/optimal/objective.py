@@ -108,16 +108,6 @@ class Objective:
         total = sum(self._parts(nodes, ends))
         return total + self.task.time_weight * nodes.interval * len(nodes) * self.task.is_free
 
-    def violation(self, nodes: Nodes, ends: Ends) -> float:
-        """How far a motion is beyond any of its bounds, rows and inputs."""
-        numbers = nodes.numbers[1:]
-        parts = (
-            self.rows.violation(nodes, ends), np.abs(nodes.acc_K) - self._acc,
-            self._low - numbers, numbers - self._high,
-            np.abs(nodes.acc_K[-1]) - self._jerk * nodes.interval,
-        )  # fmt: skip
-        return float(max(np.max(part, initial=0.0) for part in parts))
-
     @property
     def kept(self) -> tuple[Indices, Indices]:
         """Places of the accelerations, and of the numbers of z, that programs have."""

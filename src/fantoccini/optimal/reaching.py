@@ -92,7 +92,7 @@ def reach(
     bounds = replace(bounds, speed=np.inf, acceleration=np.inf, jerk=np.inf)
     if not slack:
         bounds = bounds.staying_taut(marionette, still)
-    bounds.check_start(marionette, still)
+    bounds.check_state(marionette, still, "at the start")
     places, arrays = _targets(marionette, targets)
     arrays["weights"] = _weights(targets, weights or {})
     chosen = _chosen(marionette, still, bounds, parameters or {})

@@ -14,6 +14,7 @@ from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, Trajectory
 from fantoccini.optimal.costs import Track
 from fantoccini.optimal.gains import riccati_gains
+from fantoccini.optimal.hybrid import ExactRuns, HybridRuns
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
 from fantoccini.optimal.residuals import Looks, path_of, residual_of
@@ -62,6 +63,7 @@ class Optimum:
         iterations: made.
         seconds: they took [s].
         curve: (seconds, cost) after every iteration.
+        reason: the bound, coordinate and time of the largest residual, where it is not solved.
     """
 
     task: Task
@@ -77,6 +79,7 @@ class Optimum:
     iterations: int
     seconds: float
     curve: tuple[tuple[float, float], ...]
+    reason: str
     _iterate: Iterate
     _objective: Objective
     _runs: EventRuns
@@ -189,9 +192,38 @@ class Optimum:
 
         return view.optimum_picture(self, path, **options)
 
+    @property
+    def verdict(self) -> str:
+        """How the search ended, with the largest residual where it is not solved."""
+        return self.status.message + (f": {self.reason}" if self.reason else "")
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether ``kkt`` is by the derivatives of the run itself, not by those of time steps."""
+        if isinstance(self._runs, ExactRuns):
+            return not self._runs.reasons
+        return isinstance(self._runs, HybridRuns)
+
+    @property
+    def reservations(self) -> list[str]:
+        """What the status does not say of the motion, in words."""
+        nodes = self.nodes
+        grid = f"{len(nodes)} intervals of {nodes.interval:.4g} s"
+        found = [
+            f"bounds are kept at the nodes, accelerations are constant over {grid}: shorter "
+            "intervals may save more, and other local minima may be lower"
+        ]
+        if not self.is_exact:
+            why = f" ({self._runs.reasons[-1]})" if isinstance(self._runs, ExactRuns) else ""
+            found.append(
+                f"the residual is by derivatives of time steps of {self.task.dt:g} s at most, off "
+                f"those of the run by their order{why}"
+            )
+        return found
+
     def summary(self) -> str:
         """What was found, in lines."""
-        lines = [f"{self.status.name}: {self.status.message}"]
+        lines = [f"{self.status.name}: {self.verdict}"]
         lines.append(f"cost {self.cost:.6g}, KKT residual {self.kkt:.2g}, {self.iterations} "
                      f"iterations in {self.seconds:.2f} s")  # fmt: skip
         for name, value in self.parameters.items():
@@ -203,6 +235,7 @@ class Optimum:
             lines.append(f"ends within {self.end_gap:.2g} of the state asked for")
         if self.violation:
             lines.append(f"bounds passed by {self.violation:.3g}")
+        lines += self.reservations
         return "\n".join(lines)
 
     def save(self, path: str | Path) -> None:

@@ -13,7 +13,7 @@ from fantoccini.optimal.clear_rows import ClearRows
 from fantoccini.optimal.dynamics import Ends, LinearEnds
 from fantoccini.optimal.force_rows import ForceRows
 from fantoccini.optimal.motor_rows import MotorRows
-from fantoccini.optimal.nodes import Nodes
+from fantoccini.optimal.nodes import Nodes, number_names
 from fantoccini.optimal.task import Task
 
 _AT_BOUND = 1e-3
@@ -38,6 +38,7 @@ class Rows:
 
     def __init__(self, task: Task, chosen: Chosen, c: Indices):
         marionette = task.marionette
+        self._table, self._row_names = marionette.coordinates, marionette.tree.row_names
         n = marionette.coordinates.n_vD
         self._taut, self._least, self._most = task.bounds.tensions(marionette)
         self._jerk = task.bounds.magnitudes(marionette, "jerk")
@@ -52,6 +53,20 @@ class Rows:
         self.clear = None
         if clearance is not None:
             self.clear = ClearRows(marionette, clearance, task.bounds.own_body)
+
+    @property
+    def names(self) -> list[tuple[str, int]]:
+        """(m,) what they bound, and whether it is at the node that begins (0) or ends (1)."""
+        inputs, rows = self._table.v_K, self._row_names
+        motors = [(name, later) for later in (0, 1) for name in self._motors.names]
+        return [
+            *((f"the tension of {rows[i]}", 0) for i in self._taut),
+            *((f"the change of the acceleration of {inputs[j]}", 0) for j in self._jerks),
+            *((number_names(self._table)[z], 1) for z in self.places),
+            *((f"the force on {name}", 0) for name in self._forces.names),
+            *motors,
+            *((f"the clearance of {name}", 1) for name in (self.clear.names if self.clear else ())),
+        ]
 
     def values(self, nodes: Nodes, ends: Ends) -> tuple[Array, Array, Array]:
         """(N, m) their values, and (m,) their bounds."""

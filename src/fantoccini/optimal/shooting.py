@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import ARRIVED, SimulationError, StateError
-from fantoccini.marionette import TimeStepping
-from fantoccini.motion import Trajectory
+from fantoccini.errors import ARRIVED, SimulationError, StateError, Status
+from fantoccini.marionette import Marionette, TimeStepping
+from fantoccini.motion import Input, State, Trajectory
 from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.dynamics import Ends, LinearEnds, TimeSteps
 from fantoccini.optimal.nodes import Nodes
@@ -18,6 +19,20 @@ from fantoccini.simulation import simulate
 
 _ROUNDING = 1e-9
 """Of times [s]."""
+
+
+def uninterrupted(
+    marionette: Marionette, x0: State, inputs: Input, end: float, **options: Any
+) -> Trajectory:
+    """The run of some inputs, whatever its status.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C stopped it: it must not count as a motion that cannot be made.
+    """
+    run = simulate(marionette, x0, inputs, end, effort=False, throw=False, **options)
+    if run.status is Status.STOPPED:
+        raise KeyboardInterrupt
+    return run
 
 
 @dataclass(frozen=True)
@@ -36,8 +51,14 @@ class EventRuns:
 
     def linearise(self, nodes: Nodes, ends: Ends) -> LinearEnds:
         """See :class:`fantoccini.optimal.sqp.Shooting`."""
-        found = self.steps.linearise(nodes)
+        found = self.derivatives(nodes)
         return replace(found, e=ends.e, tension=ends.tension)
+
+    def derivatives(self, nodes: Nodes) -> LinearEnds:
+        """Of the intervals by time steps, whose modes of contact may differ from step to step."""
+        if self.steps.marionette.model.contacts is not None:
+            return self.steps.linearise(nodes)
+        return self.steps.extrapolated(nodes)
 
     def moved(self, nodes: Nodes, z: Array, u: Array, c: Array) -> tuple[Nodes, Ends] | None:
         """See :class:`fantoccini.optimal.sqp.Shooting`."""
@@ -50,10 +71,9 @@ class EventRuns:
         try:
             marionette = self.chosen.marionette(nodes.parameters)
             x0 = self.chosen.start(nodes.parameters)
-            run = simulate(
-                marionette, x0, nodes.inputs(), t[-1], save_at=t, effort=False, throw=False,
-                progress=self._in_time,
-            )  # fmt: skip
+            run = uninterrupted(
+                marionette, x0, nodes.inputs(), t[-1], save_at=t, progress=self._in_time
+            )
         except (SimulationError, StateError, TimeoutError):
             return None
         if run.status not in ARRIVED or run.t[-1] < t[-1] - _ROUNDING:
@@ -87,9 +107,9 @@ class StepRuns(EventRuns):
         m, dt = self.steps.steps(nodes.interval)
         method = TimeStepping(dt=dt, extrapolate=False)
         try:
-            run = simulate(
+            run = uninterrupted(
                 self.chosen.marionette(nodes.parameters), self.chosen.start(nodes.parameters),
-                nodes.inputs(), nodes.t[-1], method=method, effort=False, throw=False,
+                nodes.inputs(), nodes.t[-1], method=method,
             )  # fmt: skip
         except (SimulationError, StateError):
             return None

@@ -194,12 +194,14 @@ class Limits:
         cost_tolerance: share of the cost; it ends after some steps that each save less.
         iterations: at most.
         until: time of ``time.perf_counter`` [s].
+        damping: of the Hessian, above which it ends.
     """
 
     tolerance: float
     cost_tolerance: float
     iterations: int
     until: float = np.inf
+    damping: float = SETTINGS.most_damping
 
 
 class Search:
@@ -232,11 +234,11 @@ class Search:
             at.iterations += 1
             if made is None:
                 at.damping *= SETTINGS.damping_factor**2
-                if at.damping > SETTINGS.most_damping:
-                    at.stalled = True
-                    break
             else:
                 self.best = made
+            if self.best.damping > self._limits.damping:
+                self.best.stalled = True
+                break
             if step is not None and step.passes > self._limits.tolerance:
                 self._raise_price()
             if progress is not None:
@@ -283,7 +285,12 @@ class Search:
         # The first part is the gradient of the Lagrangian with the step's multipliers, damping
         # included. A step that ends short of a bound, as the interior point method does, may
         # save nothing although the bound is not reached: so what it left counts with the second.
-        bends = float(np.max(np.abs(curved))) / size
+        # The weight of the end only moves its multipliers, with which the gradient is taken.
+        bent = curved.copy()
+        if objective.task.goal is not None:
+            at_end = solution.u.shape[1] + np.arange(len(objective.kept[1]))
+            bent[-1, at_end] -= objective.end_weight * step[-1, at_end]
+        bends = float(np.max(np.abs(bent))) / size
         saves = -min(falls, 0.0) / max(abs(at.cost), _LEAST)
         left = solution.gap / max(abs(at.cost), _LEAST)
         most = SETTINGS.gap_share * max(saves, self._limits.tolerance)
@@ -378,6 +385,12 @@ class Search:
         program = replace(step.program, row_low=low, row_high=high)
         size = max(float(np.max(np.abs(program.g))), _LEAST)
         return self._solver.solve(program, min(size, self.objective.unit))
+
+
+def merit(objective: Objective, at: Iterate, force: Array | float) -> float:
+    """J of an iterate, with what its gap and passed rows cost by multipliers of the gap."""
+    passed = objective.price * float(np.sum(objective.rows.violation(at.nodes, at.ends)))
+    return at.cost + passed + _of_gap(objective.gap(at.nodes), objective.end_weight, force)
 
 
 def _of_gap(gap: Array, weight: float, force: Array | float) -> float:

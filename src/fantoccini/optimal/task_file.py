@@ -90,7 +90,7 @@ def load_task(
         _check_name(track, marionette, ("tracks", i), check)
     check.refuse()
     x0 = check.need(("start",), lambda: marionette.rest(file.start))
-    check(("bounds",), lambda: bounds.check_start(marionette, x0))
+    check(("bounds",), lambda: bounds.check_state(marionette, x0, "at the start"))
     for name, span in file.parameters.items():
         check(("parameters", name), lambda one={name: span}: Chosen(marionette, x0, one))
     reader = _Reader(marionette, x0, file.duration, located, check)
@@ -101,8 +101,15 @@ def load_task(
     if file.end is not None:
         goal = {**file.start, **file.end}
         end = check.need(("end",), lambda: marionette.rest(goal))
+        check(("end",), lambda: bounds.check_end(marionette, x0, end))
     for key, way in (file.periodic or {}).items():
         check(("periodic", key), lambda key=key, way=way: moved(marionette, x0, {key: way}))
+    check.refuse()
+    if ways := file.periodic:
+        again = moved(marionette, x0, ways)
+        check(("periodic",), lambda: bounds.check_end(marionette, x0, again))
+    if not file.parameters:
+        check(("bounds", "held"), lambda: bounds.check_moves(marionette))
     guess = None
     if file.guess is not None:
         guess = check(("guess",), lambda: _guess(file, located, marionette))

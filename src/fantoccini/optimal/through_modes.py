@@ -10,6 +10,7 @@ import numpy as np
 
 from fantoccini.errors import StateError
 from fantoccini.marionette import refuse_contact
+from fantoccini.optimal.attribution import passed_bound
 from fantoccini.optimal.exploring import Exploration
 from fantoccini.optimal.hybrid import HybridRuns
 from fantoccini.optimal.objective import Objective
@@ -115,6 +116,6 @@ class ThroughModes:
     def _rank(self, at: Iterate) -> tuple[bool, float]:
         """Whether a motion does not hold, and its cost, or what it is away from holding."""
         gap = float(np.max(np.abs(self.objective.end_gap(at.nodes)), initial=0.0))
-        away = max(self.objective.violation(at.nodes, at.ends), gap)
+        away = max(passed_bound(self.objective, at.nodes, at.ends).size, gap)
         return (True, away) if away > HOLDS else (False, at.cost)
 

@@ -1,0 +1,133 @@
+"""Residuals of a motion in words: the bound, the coordinate and the time of the largest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.arrays import Array
+from fantoccini.motion import Trajectory
+from fantoccini.optimal.clear_rows import ClearRows
+from fantoccini.optimal.dynamics import Ends, LinearEnds
+from fantoccini.optimal.nodes import Nodes, number_names
+from fantoccini.optimal.objective import Objective
+from fantoccini.optimal.sqp import Iterate
+from fantoccini.optimal.touch import Touched
+
+_UNMOVED = 1e-9
+"""Largest effect of an input on a coordinate at the end that counts as none, relative to its
+largest effect on any."""
+
+
+@dataclass(frozen=True)
+class Residual:
+    """A residual of a motion.
+
+    Attributes:
+        size: how large it is [SI].
+        text: the bound, the coordinate and the time.
+    """
+
+    size: float
+    text: str
+
+
+NONE = Residual(0.0, "")
+
+
+def passed_bound(objective: Objective, nodes: Nodes, ends: Ends) -> Residual:
+    """The bound that a motion passes most at its nodes; :data:`NONE` where it keeps all."""
+    return max(_bounds(objective, nodes, ends), key=lambda one: one.size, default=NONE)
+
+
+def end_residual(objective: Objective, nodes: Nodes) -> Residual:
+    """The coordinate or velocity that ends farthest from the state asked for."""
+    gap = np.abs(objective.end_gap(nodes))
+    if not np.max(gap, initial=0.0) > 0.0:
+        return NONE
+    at = int(np.argmax(gap))
+    name = number_names(nodes.table)[at]
+    text = f"{name} ends {gap[at]:.3g} from the state asked for, at {nodes.t[-1]:.6g} s"
+    return Residual(float(gap[at]), text)
+
+
+def clearance_residual(clear: ClearRows, run: Trajectory) -> Residual:
+    """The body or string that comes farthest below the least clearance in a run."""
+    if not len(clear):
+        return NONE
+    least = clear.whole.least(run)
+    name = f"the clearance of {clear.whole.pair_at(least.q_D, least.q_K).what}"
+    size = clear.margin - least.distance
+    return _residual(size, name, least.t, least.distance, clear.margin, np.inf)
+
+
+def touch_residual(touched: tuple[Touched, ...]) -> Residual:
+    """The touch that is missed most."""
+    found = (Residual(one.distance, f"{one}, not there") for one in touched)
+    return max(found, key=lambda one: one.size, default=NONE)
+
+
+def without_input(nodes: Nodes, linear: LinearEnds, gap: Array) -> str:
+    """A note where no input moves the coordinate that ends farthest off, to first order."""
+    at = int(np.argmax(np.abs(gap)))
+    rows, effect = np.eye(nodes.n_z), np.zeros(nodes.n_z)
+    for A, B in zip(linear.A[::-1], linear.B[::-1], strict=True):
+        effect = np.maximum(effect, np.max(np.abs(rows @ B), axis=1, initial=0.0))
+        rows = rows @ A
+    if effect[at] > _UNMOVED * np.max(effect):
+        return ""
+    return "; no input moves it"
+
+
+def largest_residual(objective: Objective, at: Iterate, tolerance: float) -> str:
+    """The residual that keeps an iterate from being optimal: of the end, a bound, or a step."""
+    bound, end = passed_bound(objective, at.nodes, at.ends), end_residual(objective, at.nodes)
+    worst = max(bound, end, key=lambda one: one.size)
+    if worst.size > max(tolerance, at.stationarity) or not np.isfinite(at.stationarity):
+        return worst.text
+    if at.solution is None:
+        return "no step was found"
+    nodes, (_, u, _) = at.nodes, objective.widened(at.solution)
+    i, j = np.unravel_index(int(np.argmax(np.abs(u))), u.shape)
+    low, high = objective.limits(nodes.interval).acceleration[j] * np.array([-1.0, 1.0])
+    return (
+        f"the next step would change the acceleration of {nodes.table.v_K[j]} at {nodes.t[i]:.6g} "
+        f"s, which is {nodes.acc_K[i, j]:.6g} within {low:g} to {high:g}, by {u[i, j]:.3g}"
+    )
+
+
+def _bounds(objective: Objective, nodes: Nodes, ends: Ends) -> Iterator[Residual]:
+    """For every kind of bound the one that is passed most."""
+    limits, names = objective.limits(nodes.interval), nodes.table.v_K
+    value, low, high = objective.rows.values(nodes, ends)
+    passed = np.maximum(low - value, value - high)
+    if passed.size:
+        i, j = np.unravel_index(int(np.argmax(passed)), passed.shape)
+        name, later = objective.rows.names[j]
+        t = nodes.t[i + later]
+        yield _residual(float(passed[i, j]), name, t, value[i, j], low[j], high[j])
+    most = np.broadcast_to(limits.acceleration, nodes.acc_K.shape).copy()
+    most[-1] = np.minimum(most[-1], limits.jump)  # after the end there is no acceleration
+    place = nodes.numbers[1:, nodes.splits[1] : nodes.splits[2]]
+    for what, values, least, largest, t in (
+        ("the acceleration of ", nodes.acc_K, -most, most, nodes.t[:-1]),
+        ("the speed of ", nodes.v_K[1:], -limits.speed, limits.speed, nodes.t[1:]),
+        ("", place, limits.low, limits.high, nodes.t[1:]),
+    ):
+        least, largest = (np.broadcast_to(a, values.shape) for a in (least, largest))
+        passed = np.maximum(least - values, values - largest)
+        if passed.size:
+            i, j = np.unravel_index(int(np.argmax(passed)), passed.shape)
+            yield _residual(
+                float(passed[i, j]), what + names[j], t[i], values[i, j], least[i, j], largest[i, j]
+            )
+
+
+def _residual(size: float, name: str, t: float, value: float, low: float, high: float) -> Residual:
+    if size <= 0.0:
+        return NONE
+    return Residual(
+        size, f"{name} is {value:.6g} at {t:.6g} s, beyond its bounds {low:g} to {high:g}"
+    )

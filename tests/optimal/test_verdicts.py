@@ -1,0 +1,182 @@
+"""What an optimisation refuses at once, and what it says of an answer that does not hold."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.optimal import shooting
+from fantoccini.optimal.sqp import Search
+
+SMALL_CRANE = """
+puppet: small_crane
+bodies:
+- {name: bob, joint: {type: translation, axes: [x, z]},
+   shapes: [{type: sphere, radius: 0.04, mass: 0.5}]}
+strings:
+- {name: line, path: [{body: bob, at: [0, 0, 0]}, {driven: [x], at: [0, 0, 0]}], length: driven}
+pose: {bob.z: -1.0, line.length: 1.0}
+"""
+
+
+@pytest.fixture(scope="module")
+def crane() -> fan.Marionette:
+    return fan.loads(SMALL_CRANE)
+
+
+def task(crane: fan.Marionette, bounds: fan.Bounds, **options) -> fan.Task:
+    given = {"duration": 1.0, "end": crane.rest({"line.x": 0.2}), "interval": 0.1} | options
+    return fan.Task(crane, crane.rest(), tracks=[], bounds=bounds, **given)
+
+
+@pytest.mark.parametrize(
+    ("bounds", "words"),
+    [
+        (fan.Bounds(position={"line.x": (-0.1, 0.15)}),
+         r"line\.x is 0\.2 at the end, beyond its bounds -0\.1 to 0\.15"),
+        (fan.Bounds(joint={"bob.x": (-1.0, 0.1)}), r"bob\.x is 0\.2 at the end"),
+        (fan.Bounds(held=("line.x",)), r"line\.x is held, and is to be 0\.2 farther at the end"),
+    ],
+)  # fmt: skip
+def test_an_end_outside_its_bounds_is_refused_at_once(crane, bounds, words):
+    with pytest.raises(fan.StateError, match=words):
+        fan.optimise(task(crane, bounds))
+
+
+def test_an_end_faster_than_its_bound_is_refused_at_once(crane):
+    end = crane.rest({"line.x": 0.2})
+    end = end.replace(v_K=np.array([0.6, 0.0]), v_D=np.array([0.6, 0.0]))
+    with pytest.raises(fan.StateError, match=r"the speed of line\.x is 0\.6 at the end"):
+        fan.optimise(task(crane, fan.Bounds(speed=0.5), end=end))
+
+
+def test_an_end_that_strings_do_not_allow_is_refused_at_once(crane):
+    end = crane.rest({"line.x": 0.2})
+    end = end.replace(q_D=end.q_D + np.array([0.0, -0.1]))
+    with pytest.raises(fan.StateError, match=r"the state at the end violates line by 0\.1"):
+        fan.optimise(task(crane, fan.Bounds(), end=end))
+
+
+def test_a_periodic_end_outside_its_bounds_is_refused_at_once(crane):
+    bounds = fan.Bounds(position={"line.x": (-0.1, 0.15)})
+    ways = {"line.x": 0.2, "bob.x": 0.2}
+    with pytest.raises(fan.StateError, match=r"line\.x is 0\.2 at the end"):
+        fan.optimise(task(crane, bounds, end=None, periodic=ways))
+
+
+def test_a_task_that_holds_everything_is_refused_at_once(crane):
+    held = fan.Bounds(held=("line.x", "line.length"))
+    with pytest.raises(fan.StateError, match="all driven coordinates are held"):
+        fan.optimise(task(crane, held, end=None))
+
+
+def test_files_name_the_line_of_an_end_outside_bounds_and_of_what_holds_everything(tmp_path):
+    text = "task: t\npuppet: crane\nstart: {trolley: 0}\nend: {trolley: 2}\nduration: 3\n"
+    (tmp_path / "t.yaml").write_text(text + "bounds: {position: {trolley: [-1, 1]}}\n")
+    with pytest.raises(fan.FileError, match=r"t\.yaml:4: end: trolley is 2 at the end, beyond"):
+        fan.load_task(tmp_path / "t.yaml")
+    held = text.replace("end: {trolley: 2}\n", "") + "bounds: {held: [trolley, hoist.length]}\n"
+    (tmp_path / "t.yaml").write_text(held)
+    with pytest.raises(fan.FileError, match=r"t\.yaml:5: bounds\.held: all driven"):
+        fan.load_task(tmp_path / "t.yaml")
+
+
+def test_a_violated_bound_is_named_with_its_coordinate_and_time(crane):
+    bounds = fan.Bounds(acceleration=0.01, held=("line.length",))
+    found = fan.optimise(task(crane, bounds), iterations=6)
+    assert found.status is fan.OptimalStatus.VIOLATED
+    assert "x ends 0." in found.reason and "at 1 s" in found.reason, found.reason
+    assert found.reason in found.summary()
+    # A tension that no motion reaches, from the first node on.
+    strong = fan.Bounds(tension={"line": (9.0, np.inf)}, acceleration=0.5)
+    found = fan.optimise(task(crane, strong, end=None), iterations=6)
+    assert found.status is fan.OptimalStatus.VIOLATED
+    assert "the tension of line is" in found.reason and "beyond its bounds 9 to inf" in found.reason
+
+
+def test_a_search_without_progress_names_what_is_left(crane, monkeypatch):
+    monkeypatch.setattr(Search, "_along", lambda self, step: None)
+    bounds = fan.Bounds(acceleration=1.0, held=("line.length",))
+    track = fan.Track.coordinate("bob.x", 0.2)
+    found = fan.optimise(replace(task(crane, bounds, end=None), tracks=[track]))
+    assert found.status is fan.OptimalStatus.STALLED
+    assert "the acceleration of line.x at " in found.reason and "within -1 to 1" in found.reason
+
+
+def test_a_stationary_motion_that_is_no_minimum_is_not_the_answer(crane):
+    """At rest the bob's height does not change, to first order, whatever the trolley does."""
+    bounds = fan.Bounds(acceleration=3.0, held=("line.length",)).staying_taut(crane, crane.rest())
+    high = fan.Track.coordinate("bob.z", -0.95, weight=100.0)
+    rocked = replace(task(crane, bounds, end=None, duration=1.5), tracks=[high])
+    found = fan.optimise(rocked, time_limit=600.0)
+    assert found.curve[0][1] > 0.18
+    assert found.cost < 0.5 * found.curve[0][1], found.summary()
+
+
+def test_an_end_that_no_input_reaches_is_explained():
+    """The load hangs from one point, about which nothing turns it."""
+    crane = fan.puppets.crane()
+    x0, end = crane.rest(), crane.rest({"trolley": 0.3})
+    turn = np.zeros(len(end.v_D))
+    turn[5] = 2e-4
+    end = end.replace(q_D=crane.integrate(end.q_D, turn))
+    bounds = fan.Bounds(acceleration=1.0, held=("hoist.length",))
+    found = fan.optimise(
+        fan.Task(crane, x0, 3.0, [], fan.Smooth(1e-3, 0.0), bounds, end=end, interval=0.1),
+        iterations=30,
+    )
+    assert found.status is not fan.OptimalStatus.SOLVED
+    assert "ends 0.0002 from" in found.reason and "no input moves it" in found.reason, found.reason
+
+
+def test_ctrl_c_in_the_first_motion_is_no_mistake_of_the_task(crane, monkeypatch):
+    simulate = shooting.simulate
+
+    def stopped(*args, **options):
+        return replace(simulate(*args, **options), status=fan.Status.STOPPED)
+
+    monkeypatch.setattr(shooting, "simulate", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        fan.optimise(task(crane, fan.Bounds()))
+
+
+def test_ctrl_c_in_a_later_motion_keeps_the_best(crane, monkeypatch):
+    simulate, count = shooting.simulate, iter(range(100))
+
+    def stopped(*args, **options):
+        run = simulate(*args, **options)
+        return replace(run, status=fan.Status.STOPPED) if next(count) >= 4 else run
+
+    monkeypatch.setattr(shooting, "simulate", stopped)
+    found = fan.optimise(replace(task(crane, fan.Bounds(), end=None), tracks=[
+        fan.Track.coordinate("bob.x", lambda t: 0.1 * t**2)
+    ]))  # fmt: skip
+    assert found.status is fan.OptimalStatus.STOPPED
+    assert found.cost < found.curve[0][1]
+
+
+@pytest.mark.slow
+def test_ctrl_c_at_any_time_is_either_raised_or_kept(crane):
+    goal = task(crane, fan.Bounds(acceleration=1.0), interval=0.02)
+    for delay in np.linspace(0.0005, 0.08, 60):
+        found = interrupted_after(delay, goal)
+        assert found is None or found
+
+
+def interrupted_after(delay: float, goal: fan.Task) -> fan.Optimum | None:
+    """The optimum where Ctrl-C comes after some time [s]; None where it was raised."""
+    timer = threading.Timer(delay, signal.raise_signal, (signal.SIGINT,))
+    try:
+        timer.start()
+        try:
+            return fan.optimise(goal)
+        finally:
+            timer.cancel()
+            timer.join()
+    except KeyboardInterrupt:
+        return None
