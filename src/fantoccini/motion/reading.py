@@ -155,9 +155,11 @@ def number(value: Any, angle: bool = False) -> float:
             return number(_ANGLE.validate_python(value))
         except ValidationError as error:
             raise ValueError(error.errors()[0]["msg"]) from None
-    if isinstance(value, bool | np.bool_) or not isinstance(value, int | float | np.number):
+    real = int | float | np.integer | np.floating
+    if isinstance(value, bool | np.bool_) or not isinstance(value, real):
         raise ValueError(f"found {shown(value)}; needed: a number")
-    if not abs(float(value)) <= LIMITS.max_number:
+    # A whole number may be too large for a float.
+    if not abs(value) <= LIMITS.max_number:
         raise ValueError(f"found {shown(value)}; needed: {_NUMBER}")
     return float(value)
 
