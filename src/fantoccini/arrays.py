@@ -46,23 +46,43 @@ Quaternion = NDArray[np.float64]
 """(..., 4) unit quaternion, in the order w, x, y, z."""
 
 
+_LARGEST = float(np.finfo(float).max)
+"""Whole numbers above it are less than infinity as well."""
+
+
 def check_positive(**values: object) -> None:
     """Raises ValueError unless all are finite numbers greater than 0."""
     for name, value in values.items():
-        if not (_is_number(value) and 0.0 < value < np.inf):
+        if not (_is_number(value) and 0.0 < value <= _LARGEST):
             raise ValueError(f"{name} is {value!r}; it must be a finite number greater than 0")
 
 
 def check_not_negative(**values: object) -> None:
     """Raises ValueError unless all are finite numbers of at least 0."""
     for name, value in values.items():
-        if not (_is_number(value) and 0.0 <= value < np.inf):
+        if not (_is_number(value) and 0.0 <= value <= _LARGEST):
             raise ValueError(f"{name} is {value!r}; it must be a finite number of at least 0")
 
 
 def _is_number(value: object) -> TypeGuard[float]:
     number = isinstance(value, (int, float, np.integer, np.floating))
     return number and not isinstance(value, bool)
+
+
+def reals(values: ArrayLike) -> NDArray[np.float64]:
+    """Numbers as an array; whole ones that no float can be are infinite, for checks to refuse."""
+    try:
+        return np.asarray(values, dtype=float)
+    except OverflowError:
+        given = np.asarray(values, dtype=object)
+        return np.array([_real(x) for x in given.ravel()]).reshape(given.shape)
+
+
+def _real(value: Any) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        return np.inf if value > 0 else -np.inf
 
 
 def frozen(values: ArrayLike, dtype: DTypeLike = np.float64) -> NDArray[Any]:

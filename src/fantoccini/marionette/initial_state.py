@@ -7,7 +7,7 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 import numpy as np
 
 from fantoccini import tree
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, reals
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette.model import Model
 from fantoccini.motion import State, reading
@@ -95,7 +95,7 @@ def _numbers(table: CoordinateTable, name: str, value: Value) -> Array:
         if isinstance(value, Sequence) and any(isinstance(x, str) for x in value):
             turns = name.endswith(".rotation") and len(value) == 3
             return np.array([reading.number(x, turns) for x in value])
-        return np.asarray(value, dtype=float)
+        return reals(value)
     except (TypeError, ValueError):
         raise StateError(
             f"{name}: found {value!r}; it takes a number of metres or radians, an angle such as "

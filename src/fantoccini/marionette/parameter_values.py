@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, reals
 from fantoccini.contract import WINCH_AT
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette.model import Model
@@ -26,7 +26,7 @@ def parameter_rows(model: Model, values: Mapping[str, Array | float] | None) -> 
         PuppetError: a value out of range.
         ValueError: arrays that are not of one length, or not of numbers.
     """
-    given = {name: np.array(x, dtype=float) for name, x in (values or {}).items()}
+    given = {name: np.array(reals(x)) for name, x in (values or {}).items()}
     index, sizes = model.parameter_index, {}
     wound = _parameters_of_winches(model)
     for name, x in given.items():

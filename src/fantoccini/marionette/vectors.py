@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, reals
 from fantoccini.errors import StateError
 
 
@@ -20,7 +20,7 @@ def vector(name: str, values: Array | None, n: int) -> Array:
 def vectors(name: str, values: Array, n: int) -> Array:
     """(..., n) finite numbers; anything else is a StateError."""
     try:
-        made = np.asarray(values, dtype=float)
+        made = reals(values)
     except (TypeError, ValueError):
         raise StateError(f"{name}: found {values!r}; it takes {n} numbers") from None
     if not made.ndim or made.shape[-1] != n:

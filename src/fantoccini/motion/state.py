@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fantoccini.arrays import Array, ConfigD, ConfigK, MaskRows, VecD, VecK, frozen
+from fantoccini.arrays import Array, ConfigD, ConfigK, MaskRows, VecD, VecK, frozen, reals
 from fantoccini.errors import StateError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -154,7 +154,7 @@ class State:
 
 
 def _finite_time(t: float) -> float:
-    t = float(t)
+    t = float(reals(t))
     if not math.isfinite(t):
         raise StateError(f"t is {t}; a state holds finite numbers")
     return t

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, reals
 from fantoccini.contract import BOOKS, PARTS
 from fantoccini.errors import ARRIVED, Status
 from fantoccini.marionette import (
@@ -134,7 +134,7 @@ def simulate_batch(
             f"{len(states)} states and {len(given)} inputs{several} do not go together; give equal "
             "numbers of both, or a single one"
         )
-    t_end = given.end if t_end is None else float(t_end)
+    t_end = given.end if t_end is None else float(reals(t_end))
     check_end(t_end, t)
     bound = bind_inputs(model, given, states.q_K, states.v_K, t, t_end)
     check_starts(model, states, name, p)

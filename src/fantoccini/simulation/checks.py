@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, reals
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, Inputs, State
 
@@ -53,7 +53,7 @@ def save_times(
         return None
     if method != "event":
         raise ValueError(f"save_at goes with method='event'; {method} takes save_every")
-    times = np.asarray(save_at, dtype=float)
+    times = reals(save_at)
     if times.ndim != 1 or not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
         raise ValueError("save_at must be a list of finite times that increase")
     if len(times) and (times[0] < t or times[-1] > t_end):

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from fantoccini import contract
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, reals
 from fantoccini.errors import ARRIVED, SimulationError, Status
 from fantoccini.marionette import (
     CONTRADICTION_STATUSES,
@@ -131,7 +131,7 @@ def simulate(
     )
     model.check_state(x0)
     inputs = Input.hold(marionette).shifted(x0.t) if inputs is None else inputs
-    t_end = inputs.end if t_end is None else float(t_end)
+    t_end = inputs.end if t_end is None else float(reals(t_end))
     check_end(t_end, x0.t)
     bound = bind_input(model, inputs, x0.q_K, x0.v_K, x0.t, t_end)
     check_start(model, x0, name)
