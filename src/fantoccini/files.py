@@ -27,12 +27,8 @@ def decoded(content: bytes) -> str:
 
     The mark is left out. Different names stay different, whatever their encoding is.
     """
-    for mark, encoding in _MARKS.items():
-        if content.startswith(mark):
-            content = content.removeprefix(mark)
-            break
-    else:
-        encoding = "utf-8"
+    mark = next((mark for mark in _MARKS if content.startswith(mark)), b"")
+    content, encoding = content.removeprefix(mark), _MARKS.get(mark, "utf-8")
     try:
         return content.decode(encoding)
     except UnicodeDecodeError:

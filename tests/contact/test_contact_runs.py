@@ -13,8 +13,7 @@ from tests.perform.before import arrays_before
 
 import fantoccini as fan
 from contact.bodies import G, on_slope, stepped, thrown
-from fantoccini import puppets
-from fantoccini import scene as scene_file
+from fantoccini import puppets, scene as scene_file
 from fantoccini.errors import Status
 from fantoccini.marionette import refuse_contact
 

@@ -447,15 +447,18 @@ HINGED = "<worldbody><body><joint name='j'/><geom size='1'/></body></worldbody>"
 BOMBS = {
     "a height field": "<asset><hfield name='a' nrow='20000' ncol='20000' size='1 1 1 1'/></asset>",
     "several": "<asset>" + "".join(
-        f"<hfield name='{k}' nrow='4000' ncol='4000' size='1 1 1 1'/>" for k in range(5)) + "</asset>",
+        f"<hfield name='{k}' nrow='4000' ncol='4000' size='1 1 1 1'/>" for k in range(5))
+        + "</asset>",
     "a texture": "<asset><texture name='a' type='2d' builtin='flat' width='20000' height='20000'/>"
                  "</asset>",
-    "a cube": "<asset><texture name='a' type='cube' builtin='flat' width='9000' height='9000'/></asset>",
+    "a cube": "<asset><texture name='a' type='cube' builtin='flat' width='9000' height='9000'/>"
+              "</asset>",
     "a sky": "<asset><texture type='skybox' builtin='flat' width='9000' height='54000'/></asset>",
-    "a texture by default": "<default><texture width='20000' height='20000' builtin='flat'/></default>"
-                            "<asset><texture type='2d' name='a'/></asset>",
-    "by a class": "<default><default class='x'><texture width='20000' height='20000' builtin='flat'/>"
-                  "</default></default><asset><texture class='x' type='2d' name='a'/></asset>",
+    "a texture by default": "<default><texture width='20000' height='20000' builtin='flat'/>"
+                            "</default><asset><texture type='2d' name='a'/></asset>",
+    "by a class": "<default><default class='x'><texture width='20000' height='20000' "
+                  "builtin='flat'/></default></default><asset>"
+                  "<texture class='x' type='2d' name='a'/></asset>",
     "user data": "<size nuserdata='100000000'/>",
     "user data of bodies": "<size nuser_body='100000000'/>",
     "user data of geoms": "<size nuser_geom='50000000'/>" + HINGED,
@@ -471,7 +474,8 @@ BOMBS = {
     "a cone": "<asset><mesh name='m' builtin='cone' params='3000000 1'/></asset>",
     "samples": HINGED + "<actuator><motor joint='j' nsample='16000000' delay='1'/></actuator>",
     "samples of a sensor": "<sensor><clock nsample='16000000' delay='1'/></sensor>",
-    "activations": HINGED + "<actuator><general joint='j' dyntype='user' actdim='100000000'/></actuator>",
+    "activations": HINGED + "<actuator><general joint='j' dyntype='user' actdim='100000000'/>"
+                            "</actuator>",
     "exponents": "<size nuserdata='1e8'/>",
 }  # fmt: skip
 
@@ -490,7 +494,8 @@ def test_images_are_measured_before_mujoco_unpacks_them(tmp_path):
         return struct.pack(">I", len(data)) + body + struct.pack(">I", zlib.crc32(body))
 
     header = struct.pack(">IIBBBBB", 30000, 30000, 8, 2, 0, 0, 0)
-    png = b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(bytes(10**6)))
+    png = b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header)
+    png += chunk(b"IDAT", zlib.compress(bytes(10**6)))
     folder = tmp_path / "pictures"
     folder.mkdir()
     (folder / "a.png").write_bytes(png + chunk(b"IEND", b""))

@@ -351,7 +351,8 @@ WITH = INERTIA.format(0.1, 0)
 LEFT_OVER = {
     "a macro in a visual": (f"<visual>{BALL}<xacro:material_black/></visual>", "<xacro:material_"),
     "a block in a visual": (f'<visual>{BALL}<xacro:insert_block name="o"/></visual>', "<xacro:ins"),
-    "with more inside": (f"<visual>{BALL}<xacro:if value='1'><origin/></xacro:if></visual>", "xacr"),
+    "with more inside": (f"<visual>{BALL}<xacro:if value='1'><origin/></xacro:if></visual>",
+                         "<xacro:if>"),
     "a macro in a collision": (f"<visual>{BALL}</visual><collision>{BALL}<xacro:c/></collision>",
                                "<xacro:c>"),
     "an empty visual": (f"<visual/><visual>{BALL}</visual>", "has an empty visual, left out"),

@@ -61,8 +61,8 @@ def test_negative_indices_of_textures_and_normals_count_likewise(tmp_path):
     counts = np.zeros(3, int)
     for _ in range(40):
         new = rng.integers(3, 6, 3)
-        given = [f"{key} {' '.join(map(repr, rng.uniform(size=3).tolist()))}"
-                 for key, n in zip(("v", "vt", "vn"), new, strict=True) for _ in range(n)]  # fmt: skip
+        keys = [key for key, n in zip(("v", "vt", "vn"), new, strict=True) for _ in range(n)]
+        given = [f"{key} {' '.join(map(repr, rng.uniform(size=3).tolist()))}" for key in keys]
         counts += new
         picked = [rng.choice(n, 3, replace=False) + 1 for n in counts]
         back += [*given, "f " + " ".join(

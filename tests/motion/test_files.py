@@ -212,7 +212,7 @@ CSV = {
     "unknown": ("t,crnak\n0,1\n", 1, "crnak", "'crank'"),
     "unsorted": ("t,crank\n0,1\n\n2,1\n1,1\n", 5, "t", "must increase"),
     "columns": ("t,crank\n0,1\n1,1,1\n", 3, "", "found 3 columns; the header has 2"),
-    "decimal commas": ("t,crank\n0,5,1,5\n", 2, "", "with a decimal point, or put ; between columns"),
+    "decimal commas": ("t,crank\n0,5,1,5\n", 2, "", "a decimal point, or put ; between columns"),
     "thousands": ("t;crank\n0;1.000,5\n", 2, "crank", "'1.000,5'"),
     "both": ("t;crank\n0;1,000.5\n", 2, "crank", "'1,000.5'"),
     "semicolons and no number": ("t;crank\n0;up\n", 2, "crank", "'up'"),
@@ -297,7 +297,8 @@ def taken(table, **changes) -> dict:
     about = {"format": RECORDING, "coordinates": [*table.q_D, *table.q_K]}
     about |= changes.pop("about", {})
     arrays = {
-        "start_q_K": np.where(np.arange(10) == 0, 0.8, table.start_K), "start_v_K": np.zeros(table.n_vK),
+        "start_q_K": np.where(np.arange(10) == 0, 0.8, table.start_K),
+        "start_v_K": np.zeros(table.n_vK),
         "acc_K": np.zeros((5, table.n_vK)), "t": np.array(0.0), "tick": np.array(0.01),
         "about": np.frombuffer(json.dumps(about).encode(), dtype=np.uint8),
     } | changes  # fmt: skip

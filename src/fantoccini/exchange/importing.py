@@ -62,7 +62,8 @@ def import_model(
         _check_density(density)
         return urdf_puppet(file, density)
     if density is not None:
-        raise StateError(f"density applies to URDF, and {file.name} is MJCF, whose geoms have masses")
+        text = f"density applies to URDF, and {file.name} is MJCF, whose geoms have masses"
+        raise StateError(text)
     return mjcf_puppet(file, keyframe)
 
 

@@ -49,7 +49,9 @@ def add_masses(draft: Draft, links: dict[str, Any], density: float | None) -> No
                 draft.note("link", link.name, text, line, body["name"])
 
 
-def _weigh(body: dict[str, Any], density: float, solids: list[tuple[float, UnitInertia, bool]]) -> str:
+def _weigh(
+    body: dict[str, Any], density: float, solids: list[tuple[float, UnitInertia, bool]]
+) -> str:
     """Adds mass, centre of mass and inertia to a body; what was done, or empty for nothing."""
     volume = sum(v for v, *_ in solids)
     if not sized(density * volume, "mass"):

@@ -245,7 +245,7 @@ class _Robot:
         if a + b >= c - small and a >= -small:
             return inertia
         if a <= small and np.any(products) and np.all(np.diag(inertia) > 0.0):
-            text = "has products of inertia with which no solid turns; here it has its moments alone"
+            text = "has products of inertia that no solid has; here it has its moments alone"
             self.draft.note("link", link, text, line, part)
             return self._possible(np.diag(np.diag(inertia)), link, part)
         if a < 0.0:

@@ -193,7 +193,8 @@ def check_starts(
 def refuse_contact(model: Model, what: str) -> None:
     """Raises StateError where a puppet has contact, which ``what`` does not know."""
     if model.puppet.touching is not None:
-        raise StateError(f"{model.name} has contact, which {what} does not know; {_leave_out(model)}")
+        text = f"{model.name} has contact, which {what} does not know; {_leave_out(model)}"
+        raise StateError(text)
 
 
 def _leave_out(model: Model) -> str:

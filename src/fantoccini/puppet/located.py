@@ -249,7 +249,8 @@ def shown(value: Any) -> str:
         return type(value).__name__
     if isinstance(value, float) and not math.isfinite(value):
         return {math.inf: "inf", -math.inf: "-inf"}.get(value, "nan")
-    if isinstance(value, int) and value.bit_length() > 1000:  # Python writes no more than 4300 digits
+    if isinstance(value, int) and value.bit_length() > 1000:
+        # Python writes no more than 4300 digits.
         return f"a whole number of some {value.bit_length() * 3 // 10} digits"
     return (
         {None: "nothing", True: "true", False: "false"}.get(value, "")

@@ -146,16 +146,17 @@ def _of_member(
         raise UnknownNameError("member of a scene", of, members)
 
     def within(member: str) -> dict[str, BodyFile]:
-        return {
-            part: one if one.body in names else one.model_copy(update={"body": f"{member}.{one.body}"})
-            for part, one in bodies.items()
-        }  # fmt: skip
+        found = {}
+        for part, one in bodies.items():
+            own = one.body if one.body in names else f"{member}.{one.body}"
+            found[part] = one.model_copy(update={"body": own})
+        return found
 
     if of:
         return within(of)
     found = [m for m in members if all(within(m)[part].body in names for part in BODIES)]
     if len(found) > 1 and within(found[0]) != within(found[1]):
-        raise StateError(f"several members are persons: {', '.join(found)}; say which one, with `of`")
+        raise StateError(f"several members are persons: {', '.join(found)}; say which with `of`")
     return within(found[0]) if found else dict(bodies)
 
 
