@@ -76,3 +76,38 @@ def test_a_worker_hands_over_its_exception():
     ):
         pool.map_async(_stops, ["hnd"]).get(timeout=60)
     assert found.value.allowed == ("hand", "foot")
+
+
+BIG = 10**400
+"""A whole number that no float can be."""
+
+
+def test_a_time_or_number_that_no_float_can_be_is_refused_by_name(tmp_path):
+    arm = fan.puppets.arm2d()
+    x0 = arm.rest({"hand.length": 0.8})
+    lift = fan.Input.waypoints(arm, {"hand.length": [(0, 0.8), (1, 0.7)]})
+    stepper = arm.stepper(x0)
+    zeros = [0.0] * arm.coordinates.n_vK
+    for wrong in (
+        lambda x: fan.simulate(arm, x0, t_end=x),
+        lambda x: fan.simulate_batch(arm, [x0], t_end=x),
+        lambda x: fan.simulate(arm, x0, t_end=0.1, save_at=[x]),
+        lambda x: fan.simulate(arm, x0, t_end=0.1, method=fan.TimeStepping(dt=x)),
+        lambda x: x0.replace(t=x),
+        lambda x: arm.rest({"hand.length": x}),
+        lambda x: arm.state({"elbow": x}),
+        stepper.advance,
+        lambda x: stepper.advance(0.1, [x, *zeros[1:]]),
+        lift.extended,
+        lift.shifted,
+        lambda x: lift.begun(-x),
+        lambda x: lift.with_forces({"elbow": [(x, 0.0)]}),
+        lambda x: fan.Input.waypoints(arm, {"hand.length": [(0, 0.8), (x, 0.7)]}),
+        lambda x: fan.Input.samples(arm, [0, x], {"hand.length": [0.8, 0.7]}),
+        lambda x: fan.Input.segments(arm, [0, x], x0.q_K, x0.v_K, [zeros]),
+        lambda x: fan.Task(arm, x0, x, []),
+        lambda x: fan.Recording(arm, x0, [zeros], x, 1),
+    ):  # fmt: skip
+        for given in (BIG, float("inf"), float("nan")):
+            with pytest.raises((ValueError, errors.InputError)):
+                wrong(given)

@@ -46,17 +46,21 @@ Quaternion = NDArray[np.float64]
 """(..., 4) unit quaternion, in the order w, x, y, z."""
 
 
+_LARGEST = float(np.finfo(float).max)
+"""Whole numbers above it are less than infinity as well."""
+
+
 def check_positive(**values: object) -> None:
     """Raises ValueError unless all are finite numbers greater than 0."""
     for name, value in values.items():
-        if not (is_number(value) and 0.0 < value < np.inf):
+        if not (is_number(value) and 0.0 < value <= _LARGEST):
             raise ValueError(f"{name} is {value!r}; it must be a finite number greater than 0")
 
 
 def check_not_negative(**values: object) -> None:
     """Raises ValueError unless all are finite numbers of at least 0."""
     for name, value in values.items():
-        if not (is_number(value) and 0.0 <= value < np.inf):
+        if not (is_number(value) and 0.0 <= value <= _LARGEST):
             raise ValueError(f"{name} is {value!r}; it must be a finite number of at least 0")
 
 
@@ -67,7 +71,7 @@ def is_number(value: object) -> TypeGuard[float]:
 
 
 def floats(values: ArrayLike) -> Array:
-    """The values as floats.
+    """The values as floats; whole numbers beyond all floats are infinite, for checks to refuse.
 
     Raises:
         TypeError: complex numbers, of which a conversion would keep the real part alone, or text.
@@ -78,7 +82,17 @@ def floats(values: ArrayLike) -> Array:
         raise TypeError("found complex numbers; it takes real ones: x.real, if that is meant")
     if given.dtype.kind in "SU":
         raise TypeError(f"found text, {given.flat[0] if given.size else ''!r}; it takes numbers")
-    return given.astype(np.float64, copy=False)
+    try:
+        return given.astype(np.float64, copy=False)
+    except OverflowError:
+        return np.array([_float(x) for x in given.ravel()]).reshape(given.shape)
+
+
+def _float(value: Any) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        return np.inf if value > 0 else -np.inf
 
 
 def frozen(values: ArrayLike, dtype: DTypeLike = np.float64) -> NDArray[Any]:

@@ -1,9 +1,11 @@
-"""Files that appear whole or not at all."""
+"""Files that appear whole or not at all, and text files in any encoding."""
 
 from __future__ import annotations
 
+import codecs
 import csv
 import os
+import re
 import secrets
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -11,6 +13,37 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+_MARKS = {
+    codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be",
+}  # fmt: skip
+"""Byte order marks, and what they are of."""
+_KANA = re.compile("[\u3041-\u30fe]")
+"""Characters that Japanese names have, and that bytes of other encodings do not make."""
+
+
+def decoded(content: bytes) -> str:
+    """Text of a file in UTF-8, UTF-16 with its byte order mark, Shift-JIS or Latin-1.
+
+    The mark is left out. Different names stay different, whatever their encoding is.
+    """
+    mark = next((mark for mark in _MARKS if content.startswith(mark)), b"")
+    content, encoding = content.removeprefix(mark), _MARKS.get(mark, "utf-8")
+    try:
+        return content.decode(encoding)
+    except UnicodeDecodeError:
+        pass
+    try:
+        text = content.decode("cp932")
+    except UnicodeDecodeError:
+        text = ""
+    return text if _KANA.search(text) else content.decode("latin-1")
+
+
+def lines_of(text: str) -> list[str]:
+    """Lines that end in LF, CR LF or CR, and in nothing else."""
+    lines = re.split(r"\r\n?|\n", text)
+    return lines if lines[-1] else lines[:-1]
 
 
 @contextmanager
@@ -23,7 +56,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
         FileNotFoundError: the folder does not exist.
     """
     path = Path(path)
-    if not path.parent.is_dir():
+    if not os.path.isdir(path.parent):
         raise FileNotFoundError(f"{path} cannot be written: there is no folder {path.parent}")
     temporary = path.with_name(f".{path.name}.{os.getpid()}.{secrets.token_hex(4)}.part")
     try:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
+import pygltflib
 import pytest
 from tests.animation.glb_reader import UP, Player
 
@@ -284,3 +286,30 @@ def test_the_validator_would_find_a_fault(greeting_glb: Path, tmp_path: Path) ->
     broken = tmp_path / "broken.glb"
     broken.write_bytes(greeting_glb.read_bytes().replace(b'"VEC4"', b'"VEC9"', 1))
     assert validated(broken)["issues"]["numErrors"] > 0
+
+
+def test_every_body_is_a_joint_of_a_skin(thrown: fan.Trajectory, tmp_path: Path) -> None:
+    """Blender makes bones of these and of what is above them: shins have no string below."""
+    marionette = fan.puppets.marionette()
+    run = fan.simulate(marionette, marionette.rest(), t_end=0.05, method="timestepping")
+    every = [body.name for body in marionette.puppet.expanded().bodies]
+    for motion, bodies, names in (
+        (run, None, every), (run, ["torso", "shin_left"], ["torso", "shin_left"]),
+        (thrown, None, ["bob"]),
+    ):  # fmt: skip
+        made = fan.export(motion, tmp_path / "a.glb", bodies=bodies)
+        gltf = pygltflib.GLTF2().load(str(made))
+        joints = {gltf.nodes[k].name for skin in gltf.skins for k in skin.joints}
+        assert joints.issuperset(names)
+        assert all(len(set(skin.joints)) == len(skin.joints) for skin in gltf.skins)
+
+
+def test_strings_and_materials_have_names(greeting: fan.Trajectory, greeting_glb: Path) -> None:
+    gltf = pygltflib.GLTF2().load(str(greeting_glb))
+    for name in greeting.tension.names:
+        (node,) = [n for n in gltf.nodes if n.name == name and n.mesh is not None]
+        assert gltf.meshes[node.mesh].name == name
+    names = [material.name for material in gltf.materials]
+    assert all(re.fullmatch(r"colour_[0-9a-f]{6}", name) for name in names)
+    assert len(set(names)) == len(names) and "colour_6e6a62" in names
+    assert {skin.name for skin in gltf.skins} == {"marionette"}

@@ -106,3 +106,23 @@ def test_without_the_library_it_is_told_how_to_install_it(
         fan.export(thrown, tmp_path / "thrown.usda")
     assert list(tmp_path.iterdir()) == []
     assert util.find_spec("pxr") is not None
+
+
+def test_materials_are_called_after_their_colours(thrown: fan.Trajectory, tmp_path: Path) -> None:
+    stage = opened(fan.export(thrown, tmp_path / "thrown.usda"))
+    ball = stage.GetPrimAtPath("/string_pendulum/bob/bob_shape1")
+    string = stage.GetPrimAtPath("/string_pendulum/line")
+    found = [UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0] for prim in (ball, string)]
+    assert [m.GetPath().name for m in found] == ["colour_b03a2e", "colour_6e6a62"]
+
+
+def test_a_body_may_be_called_materials(tmp_path: Path) -> None:
+    puppet = fan.loads(
+        "puppet: p\nbodies: [{name: materials, joint: {type: free}, shapes: [{type: sphere, "
+        "radius: 0.1, mass: 1}]}]\n"
+    )
+    run = fan.simulate(puppet, puppet.state(), t_end=0.1, method="timestepping")
+    stage = opened(fan.export(run, tmp_path / "a.usda"))
+    assert stage.GetPrimAtPath("/p/materials").GetTypeName() == "Xform"
+    shape = stage.GetPrimAtPath("/p/materials/materials_shape1")
+    assert UsdShade.MaterialBindingAPI(shape).ComputeBoundMaterial()[0]

@@ -210,9 +210,10 @@ Frame Time: 0.01
         (("JOINT hand", "JOINT hips"), 10, "second joint"),
         (("End Site", "End Sites"), 14, "needed: SITE"),
         (("Frames: 2", "Frames: two"), 22, "the number of frames"),
-        (("Frames: 2", "Frames: 3"), 25, "ends after 2 frames"),
+        (("Frames: 2", "Frames: 4"), 25, "ends after 2 frames"),
+        (("Frames: 2", "Frames: -1"), 22, "a whole number of at least 0"),
         (("Frames: 2", "Frames: 9999999"), 23, "too short for 9999999 frames"),
-        (("Frames: 2", "Frames: 1"), 25, "more than 1 frames"),
+        (("Frames: 2", "Frames: 0"), 25, "more than 1 frames; its header says 0"),
         (("Time: 0.025", "Time: 0"), 23, "at least 1e-05 s"),
         (("1 2 3 0", "1 2 3"), 24, "found 9 numbers; needed: 10"),
         (("1 2 3 0", "1 2 nan 0"), 24, "not finite"),
@@ -225,6 +226,79 @@ def test_mistakes_have_lines(tmp_path, change, line, message):
     with pytest.raises(FileError, match=message) as caught:
         fan.load_bvh(path)
     assert f"clip.bvh:{line}:" in str(caught.value)
+
+
+ROWS = ARM.splitlines(keepends=True)[-2:]
+
+
+@pytest.mark.parametrize(
+    ("said", "rows", "frames"),
+    [(2, 1, 1), (2, 3, 3), (3, 2, 2), (1, 1, 1), (1, 2, 2), (0, 1, 1), (5, 4, 4)],
+)
+def test_one_frame_less_or_more_than_the_header_says_is_read_and_told(tmp_path, said, rows, frames):
+    text = "".join([*ARM.splitlines(keepends=True)[:-2], *(2 * ROWS)[:rows]])
+    clip = fan.load_bvh(written(tmp_path, text.replace("Frames: 2", f"Frames: {said}")))
+    assert len(clip.t) == frames and np.all(np.diff(clip.t) == pytest.approx(0.025))
+    np.testing.assert_allclose(clip.positions[0, 3], [1, 19, 3], atol=1e-12)
+    told = [f"{tmp_path / 'clip.bvh'}: has {frames} frames; its header says {said}"]
+    assert list(clip.notes) == (told if said != frames else [])
+    assert clip.upright("y").notes == clip.notes
+
+
+@pytest.mark.parametrize("interval", ["0.025", "0", "0.0000000", "-1"])
+def test_a_single_pose_has_no_use_for_the_time_of_a_frame(tmp_path, interval):
+    text = "".join(ARM.splitlines(keepends=True)[:-1]).replace("Frames: 2", "Frames: 1")
+    clip = fan.load_bvh(written(tmp_path, text.replace("0.025", interval)))
+    assert clip.t == pytest.approx([0.0]) and not clip.notes
+    held = clip.held(1.0)
+    assert held.t == pytest.approx([0.0, 1.0]) and held.held(2.0) is held
+    assert np.array_equal(held.positions[0], held.positions[1])
+
+
+def test_without_frames_nothing_turns(tmp_path):
+    text = "".join(ARM.splitlines(keepends=True)[:-2]).replace("Frames: 2", "Frames: 0")
+    clip = fan.load_bvh(written(tmp_path, text.replace("0 0 0", "3 2 1", 1)))
+    np.testing.assert_array_equal(clip.positions[0, 0], [3, 2, 1])
+    np.testing.assert_array_equal(clip.positions[0] - clip.positions[0, 0], clip.skeleton.rest)
+    assert "has no frames, but the pose in which nothing turns" in str(clip.notes)
+
+
+JAPANESE = ("センター", "左ひじ", "右ひじ")
+
+
+@pytest.mark.parametrize(
+    ("encoding", "names"),
+    [
+        ("utf-8", JAPANESE), ("utf-8-sig", JAPANESE), ("utf-16", JAPANESE), ("cp932", JAPANESE),
+        ("utf-8-sig", ("hips", "upper arm", "hand")), ("utf-16-le", ("hips", "ä", "ö")),
+        ("latin-1", ("Hüfte", "Schlüssel", "Füße")),
+    ],
+)  # fmt: skip
+def test_names_are_read_in_their_encoding(tmp_path, encoding, names):
+    text = ARM
+    for plain, name in zip(("hips", "upper arm", "hand"), names, strict=True):
+        text = text.replace(plain, name)
+    path, mark = tmp_path / "clip.bvh", "\ufeff" if encoding == "utf-16-le" else ""
+    path.write_bytes((mark + text).encode(encoding))
+    assert fan.load_bvh(path).skeleton.names == (*names, f"{names[2]}.end")
+
+
+@pytest.mark.parametrize("encoding", ["gbk", "euc_kr", "big5"])
+def test_names_in_other_encodings_stay_apart(tmp_path, encoding):
+    text = ARM
+    for plain, name in zip(("hips", "upper arm", "hand"), ("中", "左", "右"), strict=True):
+        text = text.replace(plain, name)
+    path = tmp_path / "clip.bvh"
+    path.write_bytes(text.encode(encoding))
+    assert len(set(fan.load_bvh(path).skeleton.names)) == 4
+
+
+@pytest.mark.parametrize("end", ["\r\n", "\r", "\n\n", " \t\n"])
+def test_lines_end_as_they_like(tmp_path, end):
+    path = tmp_path / "clip.bvh"
+    path.write_bytes(ARM.replace("\n", end).encode())
+    clip, plain = fan.load_bvh(path), fan.load_bvh(written(tmp_path, ARM))
+    assert np.array_equal(clip.positions, plain.positions) and not clip.notes
 
 
 def test_damaged_files_end_in_one_error(tmp_path):

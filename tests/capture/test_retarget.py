@@ -281,10 +281,36 @@ def test_a_clip_of_somebody_who_crawls_is_remarked_on(marionette):
     assert "the trunk is 90 degrees off the vertical" in remark
 
 
+def test_a_single_pose_is_held(marionette):
+    found = fan.retarget_clip(marionette, captured(STANDS[None]))
+    assert found.t == pytest.approx([0.0, 1.0])
+    np.testing.assert_allclose(*found.reach.q_K, atol=1e-3)
+
+
+SCENE = """scene: s
+puppets:
+  - {name: anna, puppet: marionette}
+  - {name: otto, puppet: string_pendulum, at: [2, 0, 0]}
+"""
+
+
+@pytest.mark.slow
+def test_a_member_of_a_scene_follows(marionette):
+    scene = fan.loads(SCENE)
+    for of in ("", "anna"):
+        found = fan.retarget_clip(scene, captured(np.repeat(STANDS[None], 2, axis=0)), of=of)
+        assert found.figure.points["trunk"][0] == "anna.torso"
+        alone = fan.retarget_clip(marionette, captured(np.repeat(STANDS[None], 2, axis=0)))
+        for part, places in alone.hung.items():
+            np.testing.assert_allclose(found.hung[part], places, atol=2e-3)
+    with pytest.raises(fan.errors.UnknownNameError, match="no member of a scene is called 'otta'"):
+        fan.retarget_clip(scene, captured(STANDS[None]), of="otta")
+    with pytest.raises(StateError, match=r"has no body 'otto\.torso'"):
+        fan.retarget_clip(scene, captured(STANDS[None]), of="otto")
+
+
 def test_clips_that_show_no_person_are_refused(marionette):
     standing = np.repeat(STANDS[None], 3, axis=0)
-    with pytest.raises(StateError, match="one frame; needed: at least two"):
-        fan.retarget_clip(marionette, captured(STANDS[None]))
     lost = standing.copy()
     lost[2, NAMES.index("LeftHand")] = np.nan
     with pytest.raises(StateError, match="hand_left is nowhere in frame 2"):

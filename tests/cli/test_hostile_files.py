@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import itertools
 import re
+from functools import partial
 
 import numpy as np
 import pytest
 from tests.cli.command import fantoccini, mistake
+
+import fantoccini as fan
+from fantoccini.errors import FileError
 
 _ARM = """\
 puppet: p
@@ -161,3 +165,40 @@ def test_good_inputs_are_told(tmp_path) -> None:
     result = fantoccini("check", "arm2d", "--inputs", path)
     assert result.exit_code == 0
     assert f"{path}: no mistakes; drives arm2d for 1 s" in result.stdout
+
+
+LONG = ("x" * 300, "x" * 300 + ".yaml", "é" * 200, "x" * 5000, "a/" * 3000 + "b", "x\0y")
+"""Names that no file can have."""
+
+
+@pytest.mark.parametrize("name", LONG, ids=[f"{len(n)} {n[:2]!r}" for n in LONG])
+def test_a_name_that_no_file_can_have_is_one_mistake_for_every_reader(name, tmp_path) -> None:
+    arm = fan.puppets.arm2d().coordinates
+    readers = (
+        fan.load, fan.load_bvh, fan.load_task, fan.load_problem, fan.load_play, fan.load_stand,
+        fan.load_record, fan.import_model, fan.retarget.load_mapping, fan.puppet.load,
+        partial(fan.Input.load, arm), partial(fan.load_gesture, arm), fan.Trajectory.load,
+        fan.Recording.load, partial(fan.load_score, arm),
+    )  # fmt: skip
+    for read in readers:
+        with pytest.raises((FileError, ValueError)) as caught:
+            read(name)
+        assert not isinstance(caught.value, OSError), read
+
+
+@pytest.mark.parametrize("name", LONG[:3], ids=["ASCII", "an ending", "two bytes each"])
+def test_a_name_that_is_too_long_is_a_mistake_on_the_command_line(name, tmp_path) -> None:
+    for command in (
+        ("check",), ("info",), ("equations",), ("simulate",), ("plan",), ("optimise",), ("play",),
+        ("perform",), ("identify",), ("stand", "check"), ("show",), ("follow", "marionette"),
+        ("check", "-q", "arm2d", "--inputs"), ("simulate", "-q", "arm2d", "--inputs"),
+    ):  # fmt: skip
+        more = ("run.npz",) if command == ("stand", "check") else ()
+        said = mistake(*command, name, *more)
+        assert "internal error" not in said, command
+    (tmp_path / "r.urdf").write_text('<robot name="r"><link name="a"/></robot>')
+    assert mistake("import", name, tmp_path / "r.yaml")
+    assert mistake("import", tmp_path / "r.urdf", f"{name}.yaml")
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(f"scene: s\npuppets:\n  - {{name: a, puppet: {name}}}\n")
+    assert f"{scene}:3:" in mistake("check", scene)

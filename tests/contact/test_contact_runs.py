@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import copy
 import pickle
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,8 +13,9 @@ from tests.perform.before import arrays_before
 
 import fantoccini as fan
 from contact.bodies import G, on_slope, stepped, thrown
-from fantoccini import puppets
+from fantoccini import puppets, scene as scene_file
 from fantoccini.errors import Status
+from fantoccini.marionette import refuse_contact
 
 DT = 1e-3
 
@@ -126,6 +129,18 @@ def test_methods_that_know_no_contact_say_so(box):
         fan.simulate_batch(box, [x], t_end=0.1, method="variational")
     with pytest.raises(fan.StateError, match="external integrators does not know"):
         fan.simulate(box, x, t_end=0.1, method=fan.Event(integrator="DOP853"))
+
+
+def test_the_advice_to_leave_contact_out_names_a_file_that_can_be_copied(tmp_path):
+    scene = fan.load(puppets.path("promenade"))
+    with pytest.raises(fan.StateError, match="in a copy of it") as caught:
+        refuse_contact(scene.model, "follow")
+    named = re.search(r"contact: false in (\S+), or in a copy", str(caught.value))[1]
+    text = Path(named).read_text(encoding="utf-8")
+    copy_of = tmp_path / "promenade.yaml"
+    copy_of.write_text(re.sub(r"^contact: .*$", "contact: false", text, flags=re.MULTILINE))
+    made = scene_file.load(copy_of)
+    assert made.touching is None and made.members == scene.puppet.members
 
 
 def test_a_plan_keeps_clear_of_what_a_puppet_with_contact_may_touch():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+import zlib
 from pathlib import Path
 
 import mujoco
@@ -415,3 +417,103 @@ def test_a_tendon_of_kept_length_is_a_wire(tmp_path):
     assert not any(note.kind in ("equality", "tendon") for note in made.report)
     (rod,) = fan.puppet.loads(made.text).strings
     assert rod.wire and rod.length == pytest.approx(m.tendon_length0[0] + 0.05, abs=1e-12)
+
+
+MANY = """<mujoco><worldbody>
+  <body><joint name="a" armature="0.1"/><geom size="0.1"/>
+    <body><joint name="b" type="ball" armature="0.1"/><geom size="0.1"/>
+      <body><joint name="c"/><geom size="0.1"/></body></body></body></worldbody>
+<actuator>
+  <orientation joint="b" kp="1"/>
+  <dcmotor joint="a" resistance="1" motorconst="0.1"/>
+  <motor name="m" joint="c" gear="3" armature="0.01" damping="0.02"/>
+</actuator></mujoco>"""
+
+
+@pytest.mark.parametrize("left", [(), ("orientation",), ("dcmotor",), ("motor",)])
+def test_actuators_of_several_controls_are_left_out_one_by_one(left, tmp_path):
+    text = "\n".join(row for row in MANY.splitlines() if not row.strip().startswith(
+        tuple(f"<{tag}" for tag in left)))  # fmt: skip
+    made, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
+    told = [note for note in made.report if "left out: what it moves is free" in note.message]
+    assert len(told) == m.nactuator == 3 - len(left)
+    c = fan.puppet.loads(made.text).bodies[2].joint
+    # The motor's own gear, squared, whatever the actuators before it have.
+    wanted = (0.0, 0.0) if "motor" in left else (9 * 0.01, 9 * 0.02)
+    assert (float(c.armature or 0), float(c.damping or 0)) == pytest.approx(wanted)
+
+
+HINGED = "<worldbody><body><joint name='j'/><geom size='1'/></body></worldbody>"
+BOMBS = {
+    "a height field": "<asset><hfield name='a' nrow='20000' ncol='20000' size='1 1 1 1'/></asset>",
+    "several": "<asset>" + "".join(
+        f"<hfield name='{k}' nrow='4000' ncol='4000' size='1 1 1 1'/>" for k in range(5))
+        + "</asset>",
+    "a texture": "<asset><texture name='a' type='2d' builtin='flat' width='20000' height='20000'/>"
+                 "</asset>",
+    "a cube": "<asset><texture name='a' type='cube' builtin='flat' width='9000' height='9000'/>"
+              "</asset>",
+    "a sky": "<asset><texture type='skybox' builtin='flat' width='9000' height='54000'/></asset>",
+    "a texture by default": "<default><texture width='20000' height='20000' builtin='flat'/>"
+                            "</default><asset><texture type='2d' name='a'/></asset>",
+    "by a class": "<default><default class='x'><texture width='20000' height='20000' "
+                  "builtin='flat'/></default></default><asset>"
+                  "<texture class='x' type='2d' name='a'/></asset>",
+    "user data": "<size nuserdata='100000000'/>",
+    "user data of bodies": "<size nuser_body='100000000'/>",
+    "user data of geoms": "<size nuser_geom='50000000'/>" + HINGED,
+    "user data of sensors": "<size nuser_sensor='100000000'/><sensor><clock/></sensor>",
+    "keys": "<size nkey='100000000'/>" + HINGED,
+    "a sensor": "<sensor><user dim='100000000'/></sensor>",
+    "contacts": HINGED.replace("<geom", "<geom name='g'")
+                + "<sensor><contact geom1='g' num='100000000'/></sensor>",
+    "a camera": "<worldbody><camera name='c' resolution='20000 20000'/></worldbody>"
+                "<sensor><rangefinder camera='c'/></sensor>",
+    "a mesh": "<asset><mesh name='m' builtin='supersphere' params='20000 1 1'/></asset>",
+    "a plate": "<asset><mesh name='m' builtin='plate' params='20000 20000'/></asset>",
+    "a cone": "<asset><mesh name='m' builtin='cone' params='3000000 1'/></asset>",
+    "samples": HINGED + "<actuator><motor joint='j' nsample='16000000' delay='1'/></actuator>",
+    "samples of a sensor": "<sensor><clock nsample='16000000' delay='1'/></sensor>",
+    "activations": HINGED + "<actuator><general joint='j' dyntype='user' actdim='100000000'/>"
+                            "</actuator>",
+    "exponents": "<size nuserdata='1e8'/>",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", BOMBS.values(), ids=BOMBS)
+def test_a_model_of_a_few_lines_takes_no_gigabytes(text, tmp_path, monkeypatch):
+    """MuJoCo does not even see it."""
+    monkeypatch.setattr(mujoco.MjSpec, "from_file", None)
+    with pytest.raises(ExchangeError, match=r"model\.xml:1: .*MuJoCo would take [\d,]+ MB"):
+        imported(f"<mujoco>{text}</mujoco>", tmp_path)
+
+
+def test_images_are_measured_before_mujoco_unpacks_them(tmp_path):
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        body = kind + data
+        return struct.pack(">I", len(data)) + body + struct.pack(">I", zlib.crc32(body))
+
+    header = struct.pack(">IIBBBBB", 30000, 30000, 8, 2, 0, 0, 0)
+    png = b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header)
+    png += chunk(b"IDAT", zlib.compress(bytes(10**6)))
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    (folder / "a.png").write_bytes(png + chunk(b"IEND", b""))
+    for asset in ("<texture type='2d' name='a' file='a.png'/>",
+                  "<texture type='cube' name='a' fileright='a.png'/>",
+                  "<hfield name='a' file='a.png' size='1 1 1 1'/>"):  # fmt: skip
+        text = f"<mujoco><compiler assetdir='pictures'/><asset>{asset}</asset></mujoco>"
+        with pytest.raises(ExchangeError, match="MuJoCo would take"):
+            imported(text, tmp_path)
+
+
+def test_models_of_ordinary_size_are_not_refused(tmp_path):
+    text = """<mujoco><size nuserdata="1000" nuser_geom="10" nkey="20" memory="100M"/>
+      <default><texture width="512" height="512"/></default>
+      <asset><texture type="skybox" builtin="gradient" width="800" height="800"/>
+      <texture name="g" type="2d" builtin="checker" width="300" height="300"/>
+      <hfield name="h" nrow="100" ncol="100" size="1 1 1 1"/>
+      <mesh name="m" builtin="supersphere" params="20 1 1"/></asset>
+      <worldbody><camera resolution="1920 1080"/><body><joint/><geom type="mesh" mesh="m"/></body>
+      </worldbody></mujoco>"""
+    assert imported(text, tmp_path).text

@@ -330,3 +330,174 @@ def _angle(joint, q: np.ndarray) -> float:
     """A joint's coordinate; continuous ones have cosine and sine."""
     own = q[joint.idx_q : joint.idx_q + joint.nq]
     return float(own[0]) if joint.nq == 1 else float(np.arctan2(own[1], own[0]))
+
+
+BALL = '<geometry><sphere radius="0.1"/></geometry>'
+INERTIA = (
+    '<inertial><mass value="2"/><inertia ixx="{0}" iyy="{0}" izz="{0}" ixy="{1}" ixz="{1}" '
+    'iyz="{1}"/></inertial>'
+)
+
+
+def hinged(inside: str, base: str = "", head: str = "") -> str:
+    """A link on a hinge on another one."""
+    return (
+        f'<robot name="r" {head}>\n<link name="a">{base}</link>\n<link name="b">{inside}</link>\n'
+        + joint("j", "continuous", "a", "b", '<axis xyz="0 1 0"/>') + "</robot>"
+    )  # fmt: skip
+
+
+WITH = INERTIA.format(0.1, 0)
+LEFT_OVER = {
+    "a macro in a visual": (f"<visual>{BALL}<xacro:material_black/></visual>", "<xacro:material_"),
+    "a block in a visual": (f'<visual>{BALL}<xacro:insert_block name="o"/></visual>', "<xacro:ins"),
+    "with more inside": (f"<visual>{BALL}<xacro:if value='1'><origin/></xacro:if></visual>",
+                         "<xacro:if>"),
+    "a macro in a collision": (f"<visual>{BALL}</visual><collision>{BALL}<xacro:c/></collision>",
+                               "<xacro:c>"),
+    "an empty visual": (f"<visual/><visual>{BALL}</visual>", "has an empty visual, left out"),
+    "a visual of an origin": (f"<visual><origin/></visual><visual>{BALL}</visual>", "empty visual"),
+    "an empty geometry": (f"<visual><geometry/></visual><visual>{BALL}</visual>", "empty visual"),
+    "a geometry of a comment": (f"<visual><geometry><!-- a --></geometry></visual>"
+                                f"<visual>{BALL}</visual>", "empty visual"),
+    "a geometry of a macro": (f"<visual><geometry><xacro:g/></geometry></visual>"
+                              f"<visual>{BALL}</visual>", "<xacro:g>"),
+    "an empty collision": (f"<collision/><visual>{BALL}</visual>", "has an empty collision"),
+    "an empty collision beside another": (f"<collision/><collision>{BALL}</collision>",
+                                          "has an empty collision"),
+    "a capsule beside a visual": (f'<visual>{BALL}</visual><collision><geometry><capsule '
+                                  'radius="1" length="2"/></geometry></collision>', ""),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("head", ["", 'xmlns:xacro="http://www.ros.org/wiki/xacro"'])
+@pytest.mark.parametrize(("inside", "says"), LEFT_OVER.values(), ids=LEFT_OVER)
+def test_what_is_empty_or_left_over_in_a_solid_is_left_out_and_told(inside, says, head, tmp_path):
+    made = imported(hinged(WITH + inside, head=head), tmp_path)
+    (ball,) = fan.puppet.loads(made.text).bodies[1].shapes
+    assert ball.radius == 0.1
+    told = [note for note in made.report if says in str(note)]
+    assert (told and told[0].line == 3) if says else not made.report
+
+
+def test_declarations_of_xacro_are_no_parts(tmp_path):
+    declared = (
+        '<xacro:property name="x" value="1"/><xacro:arg name="y" default="2"/>'
+        '<xacro:macro name="leg"><link name="c"/></xacro:macro>'
+    )
+    made = imported(hinged(WITH).replace("<link", f"{declared}<link", 1), tmp_path)
+    assert len(fan.puppet.loads(made.text).bodies) == 2
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        hinged(WITH).replace("<link", "<xacro:leg/><link", 1),
+        hinged(WITH).replace("<link", '<xacro:include filename="a"/><link', 1),
+        hinged(f"<xacro:inertia/><visual>{BALL}</visual>"),
+        hinged(WITH).replace("<axis", "<xacro:limits/><axis"),
+        hinged(WITH.replace("<mass", "<xacro:m/><mass")),
+    ],
+)
+def test_a_macro_that_may_be_a_part_is_refused(text, tmp_path):
+    with pytest.raises(ExchangeError, match="run xacro on the file first"):
+        imported(text, tmp_path)
+
+
+def test_a_capsule_is_a_capsule(tmp_path):
+    solid = (
+        '<{0}><origin xyz="1 2 3" rpy="0 1.5707963267948966 0"/><geometry>'
+        '<capsule radius="0.1" length="0.6"/></geometry></{0}>'
+    )
+    for kind in ("visual", "collision"):
+        made = imported(hinged(WITH + f"<{kind}/>" + 2 * solid.format(kind)), tmp_path)
+        for shape in fan.puppet.loads(made.text).bodies[1].shapes:
+            assert shape.radius == 0.1
+            np.testing.assert_allclose(shape.from_, [0.7, 2, 3], atol=1e-12)
+            np.testing.assert_allclose(shape.to, [1.3, 2, 3], atol=1e-12)
+
+
+@pytest.mark.parametrize("number", [1e-9, 0.001, 0.3, 1.0, 7.7, 1e4])
+def test_six_numbers_that_are_alike_are_three_moments(number, tmp_path):
+    made = imported(hinged(INERTIA.format(number, number)), tmp_path)
+    assert fan.puppet.loads(made.text).bodies[1].inertia == (number,) * 3
+    (note,) = made.report
+    assert "here it has its moments alone" in note.message and note.line == 3
+
+
+@pytest.mark.parametrize("products", [(0.5, 0.0, 0.0), (0.2, 0.2, 0.2), (-0.1, 0.1, -0.1)])
+def test_products_that_no_solid_has_are_left_out(products, tmp_path):
+    text = INERTIA.format(0.1, 0)
+    for key, value in zip(("ixy", "ixz", "iyz"), products, strict=True):
+        text = text.replace(f'{key}="0"', f'{key}="{value}"')
+    made = imported(hinged(text), tmp_path)
+    inertia = np.array(fan.puppet.loads(made.text).bodies[1].inertia)
+    assert np.allclose(inertia, 0.1) and "products of inertia" in str(made.report)
+
+
+@pytest.mark.parametrize(
+    "name", ["file://{}", "file://localhost{}", "package://r/my%20box.stl", "my%20box.stl",
+             "my box.stl", "file://my%20box.stl"],
+)  # fmt: skip
+def test_a_uri_may_have_spaces_as_percent_20(name, tmp_path):
+    folder = tmp_path / "a folder"
+    folder.mkdir()
+    (folder / "my box.stl").write_bytes(trimesh.creation.box().export(file_type="stl"))
+    uri = name.format(str(folder / "my box.stl").replace(" ", "%20"))
+    made = imported(
+        hinged(f'{WITH}<visual><geometry><mesh filename="{uri}"/></geometry></visual>'), folder
+    )
+    assert not made.report and len(made.meshes) == 1
+
+
+def test_masses_of_links_without_inertia_are_those_of_their_solids(tmp_path):
+    """Where a joint would move no mass; or of a density that is given."""
+    solids = (
+        '<visual><origin xyz="0 0 0.3"/><geometry><box size="0.1 0.2 0.3"/></geometry></visual>'
+        f'<visual><origin xyz="0 0 -0.1"/>{BALL}</visual>'
+    )
+    volumes = 0.006, 4 / 3 * np.pi * 1e-3
+    for density in (None, 500.0):
+        (tmp_path / "r.urdf").write_text(hinged(solids, f"<visual>{BALL}</visual>"))
+        made = import_model(tmp_path / "r.urdf", density=density)
+        base, body = fan.puppet.loads(made.text).bodies
+        own = density or 1000.0
+        assert body.mass == pytest.approx(own * sum(volumes), rel=1e-12)
+        com = (0.3 * volumes[0] - 0.1 * volumes[1]) / sum(volumes)
+        np.testing.assert_allclose(body.com, [0, 0, com], atol=1e-12)
+        by_hand = own * (
+            volumes[0] * ((0.2**2 + 0.3**2) / 12 + (0.3 - com) ** 2)
+            + volumes[1] * (0.4 * 0.01 + (0.1 + com) ** 2)
+        )
+        assert body.inertia[0] == pytest.approx(by_hand, rel=1e-12)
+        told = [str(note) for note in made.report if "has no inertia" in note.message]
+        assert len(told) == 2 and f"at {own:g} kg/m^3 (--density)" in told[1]
+        assert base.mass == pytest.approx(own * volumes[1])
+
+
+def test_links_without_inertia_stay_light_where_every_joint_moves_mass(tmp_path):
+    text = hinged(WITH + f"<visual>{BALL}</visual>", f"<visual>{BALL}</visual>")
+    made = imported(text, tmp_path)
+    assert not made.report and fan.puppet.loads(made.text).bodies[0].mass is None
+
+
+def test_the_mass_of_an_open_mesh_is_that_of_its_convex_hull(tmp_path):
+    corners, faces = _tetrahedron()
+    (tmp_path / "a.stl").write_bytes(fan.exchange.solids.stl(corners, faces[1:]))
+    visual = '<visual><geometry><mesh filename="a.stl" scale="0.1 0.1 0.1"/></geometry></visual>'
+    made = imported(hinged(visual), tmp_path)
+    made.save(tmp_path / "r.yaml")
+    body = fan.puppet.load(tmp_path / "r.yaml").bodies[1]
+    assert body.mass == pytest.approx(1000 / 6 * 1e-3) and len(body.shapes) == 1
+    np.testing.assert_allclose(body.com, [0.025] * 3, rtol=1e-6)
+    assert "counts as its convex hull" in str(made.report)
+
+
+def test_a_density_is_positive_and_of_urdf(tmp_path):
+    (tmp_path / "r.urdf").write_text(hinged(f"<visual>{BALL}</visual>"))
+    for density in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(fan.StateError, match="the density is"):
+            import_model(tmp_path / "r.urdf", density=density)
+    (tmp_path / "r.xml").write_text("<mujoco><worldbody><body><geom/></body></worldbody></mujoco>")
+    with pytest.raises(fan.StateError, match="density applies to URDF"):
+        import_model(tmp_path / "r.xml", density=1000.0)

@@ -10,6 +10,7 @@ import pytest
 
 from fantoccini.errors import InputError
 from fantoccini.motion import Input, inputs_schema, rotation
+from fantoccini.motion.archive import RECORDING
 
 GOOD = """\
 # a greeting
@@ -104,6 +105,23 @@ def test_samples_from_csv_and_npz_are_those_from_python(table, tmp_path):
     assert same(Input.load(table, tmp_path / "a.csv"), made)
 
 
+SEPARATED = {
+    "semicolons": "t;hand.length;crank\n0;0.8;0\n0.5;0.75;-0.1\n1;0.7;1e-2\n",
+    "decimal commas": "t;hand.length;crank\n0;0,8;0\n0,5;,75;-0,1\n1,0;0,7;1,0E-2\n",
+    "quoted": '"t";"hand.length";"crank"\n"0";"0,8";0\n"0,5";"0,75";"-0,1"\n1;"0,7";"1e-2"\n',
+    "blanks": " t ; hand.length ; crank \n 0 ; 0,8 ; 0 \n\n 0,5 ; 0,75 ; -0,1 \n1;0,7 ; 1e-2\n",
+    "CR LF and a mark": "\ufefft;hand.length;crank\r\n0;0,8;0\r\n0,5;0,75;-0,1\r\n1;0,7;0,01\r\n",
+    "tabs": "t\thand.length\tcrank\n0\t0,8\t0\n0.5\t0.75\t-0,1\n1\t0.7\t1e-2\n",
+}
+
+
+@pytest.mark.parametrize("text", SEPARATED.values(), ids=SEPARATED)
+def test_columns_may_be_separated_by_semicolons_or_tabs_with_decimal_commas(table, tmp_path, text):
+    columns = {"hand.length": [0.8, 0.75, 0.7], "crank": [0.0, -0.1, 0.01]}
+    (tmp_path / "a.csv").write_text(text, newline="")
+    assert same(Input.load(table, tmp_path / "a.csv"), Input.samples(table, [0, 0.5, 1], columns))
+
+
 def test_schema_is_json_and_closed():
     schema = json.loads(json.dumps(inputs_schema()))
     assert schema["additionalProperties"] is False
@@ -140,6 +158,19 @@ YAML = {
     ),
     "duration": ("duration: 1\ncoordinates: {crank: [[0, 1], [2, 2]]}\n", 1, "duration", "before"),
     "negative duration": ("duration: -1\n", 1, "duration", "positive"),
+    "a time too large for a float": (
+        f"coordinates:\n  crank: [[0, 1], [1{'0' * 400}, 2]]\n", 2, "crank[1]", "up to 1e+09",
+    ),
+    "a value too large for a float": (
+        f"coordinates:\n  crank: [[0, 1], [1, -1{'0' * 400}]]\n", 2, "crank[1]", "up to 1e+09",
+    ),
+    "a number of 5000 digits": (
+        f"coordinates:\n  crank: [[0, 1], [1{'0' * 5000}, 2]]\n", 2, "", "",
+    ),
+    "a force too large for a float": (
+        f"forces:\n  elbow: [[1{'0' * 400}, 1]]\n", 2, "elbow[0]", "up to 1e+09",
+    ),
+    "a duration too large for a float": (f"duration: 1{'0' * 400}\n", 1, "duration", "finite"),
     "force": ("forces:\n  elbo: [[0, 1]]\n", 2, "forces.elbo", "'elbow'"),
     "force of text": ("forces:\n  elbow: [[0, much]]\n", 2, "elbow[0]", "'much'"),
     "evil name": ('coordinates:\n  "a\\n*/; rm": [[0, 1]]\n', 2, "coordinates", "not a driven"),
@@ -181,6 +212,10 @@ CSV = {
     "unknown": ("t,crnak\n0,1\n", 1, "crnak", "'crank'"),
     "unsorted": ("t,crank\n0,1\n\n2,1\n1,1\n", 5, "t", "must increase"),
     "columns": ("t,crank\n0,1\n1,1,1\n", 3, "", "found 3 columns; the header has 2"),
+    "decimal commas": ("t,crank\n0,5,1,5\n", 2, "", "a decimal point, or put ; between columns"),
+    "thousands": ("t;crank\n0;1.000,5\n", 2, "crank", "'1.000,5'"),
+    "both": ("t;crank\n0;1,000.5\n", 2, "crank", "'1,000.5'"),
+    "semicolons and no number": ("t;crank\n0;up\n", 2, "crank", "'up'"),
     "twice": ("t,crank,crank\n0,1,1\n", 1, "crank", "two columns"),
     "unnamed": ("t,\n0,1\n", 1, "", "no name"),
     "part of a rotation": ("t,bar.qw\n0,1\n", 1, "bar.qw", "bar.qx, bar.qy, bar.qz"),
@@ -248,6 +283,69 @@ def test_npz_with_objects_or_wrong_shapes(table, tmp_path):
     assert problems(table, path)[0].key == "crank"
     np.savez(path, t=3.0, crank=np.zeros(3))
     assert problems(table, path)
+
+
+def test_a_number_from_python_that_no_float_is(table):
+    for bad in (10**400, -(10**400), 10**5000, 1 + 2j, np.complex128(1.0), np.bool_(True)):
+        for pair in ((bad, 1.0), (1.0, bad)):
+            with pytest.raises(InputError, match="needed: a"):
+                Input.waypoints(table, {"crank": [(0.0, 0.0), pair]})
+
+
+def taken(table, **changes) -> dict:
+    """What a take's file holds for :func:`numpy.savez`; None leaves out."""
+    about = {"format": RECORDING, "coordinates": [*table.q_D, *table.q_K]}
+    about |= changes.pop("about", {})
+    arrays = {
+        "start_q_K": np.where(np.arange(10) == 0, 0.8, table.start_K),
+        "start_v_K": np.zeros(table.n_vK),
+        "acc_K": np.zeros((5, table.n_vK)), "t": np.array(0.0), "tick": np.array(0.01),
+        "about": np.frombuffer(json.dumps(about).encode(), dtype=np.uint8),
+    } | changes  # fmt: skip
+    return {name: value for name, value in arrays.items() if value is not None}
+
+
+DAMAGED = {
+    "numbers for names": {"about": {"coordinates": [1, 2, 3]}},
+    "a number for names": {"about": {"coordinates": 7}},
+    "nothing for names": {"about": {"coordinates": None}},
+    "a text for names": {"about": {"coordinates": "hand"}},
+    "names of names": {"about": {"coordinates": [["a"]] * 10}},
+    "no format": {"about": {"format": None}},
+    "a list": {"about": np.frombuffer(b"[1, 2]", dtype=np.uint8)},
+    "no JSON": {"about": np.frombuffer(b"{", dtype=np.uint8)},
+    "texts for numbers": {"acc_K": np.full((5, 10), "a")},
+    "texts for the start": {"start_q_K": np.full(10, "a")},
+    "a text for a time": {"tick": np.array("a")},
+    "complex": {"acc_K": np.zeros((5, 9), dtype=complex)},
+    "a number for the start": {"start_q_K": np.array(1.0)},
+    "a number for accelerations": {"acc_K": np.array(1.0)},
+    "three axes": {"acc_K": np.zeros((5, 9, 2))},
+    "no start": {"start_v_K": None},
+    "no time": {"t": None},
+    "several times": {"t": np.zeros(3)},
+    "no ticks": {"acc_K": np.zeros((0, 9))},
+    "nan": {"acc_K": np.full((5, 9), np.nan)},
+    "huge": {"acc_K": np.full((5, 9), 1e300)},
+    "an endless tick": {"tick": np.array(1e308)},
+    "a tick of 0": {"tick": np.array(0.0)},
+    "a tick too short for its time": {"t": np.array(1e8), "tick": np.array(1e-12)},
+    "flags": {"start_v_K": np.zeros(9, dtype=bool)},
+}
+
+
+@pytest.mark.parametrize("what", DAMAGED)
+def test_a_damaged_take_is_one_mistake(table, tmp_path, what):
+    path, changes = tmp_path / "take.npz", dict(DAMAGED[what])
+    given = changes.get("about")
+    arrays = taken(table, **{**changes, "about": given if isinstance(given, dict) else {}})
+    if isinstance(given, np.ndarray):
+        arrays["about"] = given
+    np.savez(path, **arrays)
+    (problem,) = problems(table, path)
+    assert problem.message
+    np.savez(path, **taken(table))
+    assert Input.load(table, path).end == pytest.approx(0.05)
 
 
 def test_a_damaged_npz_is_refused_or_read_but_never_a_crash(table, tmp_path):

@@ -6,6 +6,7 @@ from dataclasses import replace
 import imageio_ffmpeg
 import numpy as np
 import pytest
+from PIL import Image
 
 import fantoccini as fan
 from fantoccini import view
@@ -39,6 +40,15 @@ def test_frames_duration_and_size(tmp_path, puppet, ending):
     if ending == "mp4":
         assert about["codec"] == "h264"
         assert about["pix_fmt"].startswith("yuv420p")
+
+
+@pytest.mark.parametrize("fps", [50, 50.1, 60, 75, 100, 240])
+def test_a_gif_plays_in_browsers_as_long_as_the_motion_lasts(tmp_path, puppet, fps):
+    """Browsers show a frame of 0.01 s or less for 0.1 s."""
+    with Image.open(view.film(*puppet, tmp_path / "a.gif", fps=fps, size=(64, 48))) as film:
+        delays = [film.seek(k) or film.info["duration"] for k in range(film.n_frames)]
+    assert min(delays) >= 20
+    assert sum(delays) == pytest.approx(1000.0, abs=25)
 
 
 def test_slow_motion_is_longer(tmp_path, puppet):

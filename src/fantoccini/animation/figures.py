@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fantoccini.animation.gltf import Document, Node, placed
-from fantoccini.animation.pieces import ROUGHNESS, floor_of, linear_colour, piece_of
+from fantoccini.animation.pieces import ROUGHNESS, floor_of, hex_of, linear_colour, piece_of
 from fantoccini.animation.scene import AnimatedScene
 from fantoccini.arrays import Array
 from fantoccini.view.meshes import TriangleMesh, coloured
@@ -17,13 +17,14 @@ from fantoccini.view.theme import LIGHT
 
 
 def material(document: Document, colour: Array) -> int:
-    """The material of a colour (3,)."""
+    """The material of a colour (3,), which is called after it."""
     look = {
         "baseColorFactor": [*linear_colour(colour), 1.0],
         "metallicFactor": 0.0,
         "roughnessFactor": ROUGHNESS,
     }
-    return document.once("materials", {"pbrMetallicRoughness": look})
+    made = {"name": f"colour_{hex_of(colour)}", "pbrMetallicRoughness": look}
+    return document.once("materials", made)
 
 
 def mesh(document: Document, surfaces: Iterable[tuple[Array, TriangleMesh]]) -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from importlib import import_module
 from importlib.util import find_spec
@@ -80,8 +79,8 @@ def format_of(path: Path, fps: float | None) -> tuple[Format, float | None]:
     if ending not in FORMATS:
         found = f"ends in {path.suffix!r}" if path.suffix else "has no ending"
         raise ValueError(f"{path} {found}; an animation ends in {', '.join(ENDINGS)}")
-    if fps is not None and not (math.isfinite(fps) and 0.0 < fps <= MAX_FPS):
-        raise ValueError(f"fps is {fps:g}; it must be positive and at most {MAX_FPS:g}")
+    if fps is not None and not 0.0 < fps <= MAX_FPS:
+        raise ValueError(f"fps is {fps!s:.12}; it must be positive and at most {MAX_FPS:g}")
     form = FORMATS[ending]
     if form.library is not None and find_spec(form.library.module) is None:
         raise MissingLibraryError(f"a file that ends in {ending}", *form.library[1:])

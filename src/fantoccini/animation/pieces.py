@@ -92,6 +92,11 @@ def linear_colour(colour: Array) -> list[float]:
     return [round(float(c), 4) for c in linear]
 
 
+def hex_of(colour: Array) -> str:
+    """An sRGB colour (3,) as its file has it, in six hexadecimal digits: ``6e6a62``."""
+    return bytes(np.rint(255.0 * np.clip(colour, 0.0, 1.0)).astype(int).tolist()).hex()
+
+
 def _turn(axes: Array) -> Quaternion:
     return np.roll(Rotation.from_matrix(axes).as_quat(), 1)
 

@@ -60,7 +60,7 @@ class Strands:
         rings = 2 if spans.sag is None else RINGS
         shapes, weights = _shapes(spans, _SAG * self.scene.geometry.size, rings)
         primitive = self._tube(line, len(spans.directions), rings)
-        made: dict[str, Any] = {"primitives": [primitive]}
+        made: dict[str, Any] = {"name": line.name, "primitives": [primitive]}
         if len(shapes):
             primitive["targets"] = [
                 {"POSITION": self.document.numbers("vectors", shape.astype(np.float32), True)}
@@ -70,7 +70,7 @@ class Strands:
         node = {
             "name": line.name,
             "mesh": self.document.add("meshes", made),
-            "skin": self.document.add("skins", {"joints": joints}),
+            "skin": self._skin(joints),
         }
         index = self.document.add("nodes", node)
         if len(shapes):
@@ -80,6 +80,15 @@ class Strands:
                 index, "weights", spans.t[kept], weights[kept].reshape(-1, 1), "LINEAR"
             )
         return index
+
+    def _skin(self, joints: list[int]) -> int:
+        """A skin of a line's joints. The first one has all bodies besides, as bones.
+
+        Blender makes bones of the joints of skins and of what is above them alone.
+        """
+        if "skins" not in self.document.content:
+            joints = [*joints, *self.nodes.values()]
+        return self.document.add("skins", {"name": self.scene.tree.name, "joints": joints})
 
     def _joints(self, line: Line, spans: Spans) -> list[int]:
         """Two nodes for each span, at its ends, turned along it."""

@@ -12,6 +12,7 @@ from fantoccini.animation.pieces import (  # fmt: skip
     ROUGHNESS,
     Piece,
     floor_of,
+    hex_of,
     linear_colour,
     named_solids,
     piece_of,
@@ -49,6 +50,7 @@ class _Writer:
         self.scene, self.stage, self.codes = scene, stage, codes
         self.run = scene.run.resample(scene.frames(scene.fps or 0.0))
         self._materials: dict[tuple[float, ...], Any] = {}
+        self._scope: Any = None
         self._names: set[str] = set()
 
     def write(self) -> None:
@@ -157,14 +159,14 @@ class _Writer:
         UsdShade.MaterialBindingAPI.Apply(what.GetPrim()).Bind(self._material(colour))
 
     def _material(self, colour: Array) -> Any:
-        """A material, kept once for each colour."""
+        """A material, kept once for each colour and called after it."""
         linear = linear_colour(colour)
         if tuple(linear) not in self._materials:
             root = self.stage.GetDefaultPrim().GetPath()
-            place = f"{root}/materials/m{len(self._materials) + 1}"
-            if not self._materials:
-                UsdGeom.Scope.Define(self.stage, f"{root}/materials")
-            material = UsdShade.Material.Define(self.stage, place)
+            if self._scope is None:
+                self._scope = self._prim(UsdGeom.Scope, root, "materials").GetPath()
+            material = self._prim(UsdShade.Material, self._scope, f"colour_{hex_of(colour)}")
+            place = material.GetPath()
             shader = UsdShade.Shader.Define(self.stage, f"{place}/surface")
             shader.CreateIdAttr("UsdPreviewSurface")
             shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*linear))

@@ -18,6 +18,7 @@ import numpy as np
 from fantoccini.arrays import Array
 from fantoccini.capture.skeleton import Capture, Skeleton
 from fantoccini.errors import FileError, Mistake
+from fantoccini.files import decoded, lines_of
 from fantoccini.puppet.located import shown
 
 _CLIPS = Path(__file__).parent / "clips"
@@ -27,6 +28,7 @@ _CHANNELS = {f"{axis}{kind}": (kind, k) for axis, k in _AXES.items()
 _MAX_BYTES = 256_000_000
 _MAX_JOINTS = 1000
 _MAX_DEPTH = 200
+_MAX_FRAMES = 10_000_000
 _FASTEST = 1e-5
 """Least time of a frame [s]."""
 
@@ -45,7 +47,9 @@ def load_bvh(path: str | os.PathLike[str]) -> Capture:
     """Reads a BVH file, as it is: see :meth:`Capture.upright` for metres and z up.
 
     Position channels may belong to any joint, whose offset they replace; channels may have any
-    order. Angles are in degrees, as the format says.
+    order. Angles are in degrees, as the format says. A file may have one frame less or more than
+    its header counts, which :attr:`Capture.notes` tells; the time of a single frame is of no use,
+    and may be 0.
 
     Args:
         path: of the file, or the name of a bundled clip (``jumps``).
@@ -54,19 +58,25 @@ def load_bvh(path: str | os.PathLike[str]) -> Capture:
         FileError: with the line of the first mistake.
     """
     path = Path(path)
-    if os.fspath(path) in clip_names() and not path.exists():
-        path = bundled_clip(str(path))
     try:
+        if os.fspath(path) in clip_names() and not path.exists():
+            path = bundled_clip(str(path))
         if path.stat().st_size > _MAX_BYTES:
             _fail(path, None, f"has more than {_MAX_BYTES / 1e6:.0f} MB")
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        _fail(path, None, f"cannot be read: {error.strerror or error}")
+        text = decoded(path.read_bytes())
+    except (OSError, ValueError) as error:
+        _fail(path, None, f"cannot be read: {getattr(error, 'strerror', None) or error}")
     words = _Words(path, text)
     joints, n_channels = _hierarchy(words)
     frames, interval = _motion_header(words)
+    header = words.line
     values = words.numbers(frames, n_channels)
-    return _placed(path, joints, values, interval)
+    if not len(values):
+        values = _rest(joints, n_channels)
+    if len(values) > 1 and not interval >= _FASTEST:
+        text = f"found a frame time of {interval:g} s; needed: at least {_FASTEST:g} s"
+        _fail(path, header, text)
+    return _placed(path, joints, values, interval, tuple(words.notes))
 
 
 def clip_names() -> tuple[str, ...]:
@@ -80,11 +90,15 @@ def bundled_clip(name: str) -> Path:
 
 
 class _Words:
-    """The words of a file, with their lines."""
+    """The words of a file, with their lines.
+
+    Attributes:
+        notes: how the frames differ from what the header says.
+    """
 
     def __init__(self, path: Path, text: str):
-        self.path, self._lines, self._size = path, text.splitlines(), len(text)
-        self.line, self._row = 0, list[str]()
+        self.path, self._lines, self._size = path, lines_of(text), len(text)
+        self.line, self._row, self.notes = 0, list[str](), list[str]()
         self._rows = self._walk()
 
     def _walk(self) -> Iterator[list[str]]:
@@ -134,11 +148,12 @@ class _Words:
             self.fail(f"found {shown(' '.join(self._row))}; needed: a new line with numbers")
         if rows * columns > self._size:
             self.fail(f"the file is too short for {rows} frames of {columns} numbers")
-        values = np.empty((rows, columns))
-        for i in range(rows):
+        values = np.empty((rows + 1, columns))
+        for i in range(rows + 1):
             row = next(self._rows, [])
             if not row:
-                self.fail(f"the file ends after {i} frames; needed: {rows}, as its header says")
+                rows = self._counted(i, rows)
+                break
             if len(row) != columns:
                 self.fail(f"found {len(row)} numbers; needed: {columns}, one for each channel")
             try:
@@ -147,9 +162,21 @@ class _Words:
                 self.fail(f"found {shown(' '.join(row))}; needed: {columns} numbers")
             if not np.all(np.isfinite(values[i])):
                 self.fail("found a number that is not finite")
-        if next(self._rows, []):
-            self.fail(f"more than {rows} frames, which is what its header says")
-        return values
+        else:
+            if next(self._rows, []):
+                self.fail(f"more than {rows + 1} frames; its header says {rows}")
+            rows = self._counted(rows + 1, rows)
+        return values[:rows]
+
+    def _counted(self, found: int, said: int) -> int:
+        """The frames that were found, which may be one less or more than its header says."""
+        if found < said - 1 or (not found and said):
+            self.fail(f"the file ends after {found} frames; needed: {said}, as its header says")
+        if found != said:
+            self.notes.append(f"{self.path}: has {found} frames; its header says {said}")
+        if not found:
+            self.notes.append(f"{self.path}: has no frames, but the pose in which nothing turns")
+        return found
 
     def fail(self, text: str) -> NoReturn:
         """Raises FileError at the present line."""
@@ -229,17 +256,27 @@ def _channels(words: _Words, joint: _Joint, columns: int) -> int:
 def _motion_header(words: _Words) -> tuple[int, float]:
     words.expect("Frames:")
     frames = words.number("the number of frames")
-    if frames != int(frames) or not 1 <= frames <= 10_000_000:
-        words.fail(f"found {frames:g} frames; needed: a whole number of at least 1")
+    if frames != int(frames) or not 0 <= frames <= _MAX_FRAMES:
+        words.fail(f"found {frames:g} frames; needed: a whole number of at least 0")
     words.expect("Frame")
     words.expect("Time:")
     interval = words.number("the time of a frame [s]")
-    if not interval >= _FASTEST:
-        words.fail(f"found a frame time of {interval:g} s; needed: at least {_FASTEST:g} s")
     return int(frames), interval
 
 
-def _placed(path: Path, joints: list[_Joint], values: Array, interval: float) -> Capture:
+def _rest(joints: list[_Joint], n_channels: int) -> Array:
+    """(1, n_channels) of the pose in which nothing turns."""
+    values = np.zeros((1, n_channels))
+    for joint in joints:
+        for kind, axis, column in joint.channels:
+            if kind == "position":
+                values[0, column] = joint.offset[axis]
+    return values
+
+
+def _placed(
+    path: Path, joints: list[_Joint], values: Array, interval: float, notes: tuple[str, ...]
+) -> Capture:
     frames, n = len(values), len(joints)
     positions, rotations = np.zeros((frames, n, 3)), np.empty((frames, n, 3, 3))
     for i, joint in enumerate(joints):
@@ -261,7 +298,7 @@ def _placed(path: Path, joints: list[_Joint], values: Array, interval: float) ->
         np.array([joint.offset for joint in joints], dtype=float),
     )  # fmt: skip
     times = interval * np.arange(frames, dtype=float)
-    return Capture(skeleton, times, positions, rotations, path.stem)
+    return Capture(skeleton, times, positions, rotations, path.stem, notes)
 
 
 def _about(axis: int, angle: Array) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -96,6 +96,7 @@ class Capture:
             with z up after :meth:`upright`.
         rotations: (T, n, 3, 3) orientations of the joints' frames.
         name: of the clip.
+        notes: how the file departs from what it says of itself.
     """
 
     skeleton: Skeleton
@@ -103,6 +104,7 @@ class Capture:
     positions: Array
     rotations: Array
     name: str = ""
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for field in ("t", "positions", "rotations"):
@@ -182,9 +184,17 @@ class Capture:
         steps = np.max(np.linalg.norm(np.diff(self.positions, axis=0), axis=2), axis=1)
         if len(steps) < 3 or not steps[0] > _JUMP * np.max(steps[1 : 1 + _NEXT]):
             return self
-        return Capture(
-            self.skeleton, self.t[1:], self.positions[1:], self.rotations[1:], self.name
+        return replace(
+            self, t=self.t[1:], positions=self.positions[1:], rotations=self.rotations[1:]
         )
+
+    def held(self, seconds: float) -> Capture:
+        """A single pose as two frames, ``seconds`` apart; a motion as it is."""
+        if len(self.t) > 1:
+            return self
+        twice = {name: np.repeat(getattr(self, name), 2, axis=0)
+                 for name in ("positions", "rotations")}  # fmt: skip
+        return replace(self, t=self.t[0] + np.array([0.0, seconds]), **twice)
 
     def upright(self, up: str | None = None) -> Capture:
         """In metres, with z up: of y up, x stays and z comes towards the viewer, to -y.
@@ -202,7 +212,7 @@ class Capture:
         skeleton = Skeleton(
             self.skeleton.names, self.skeleton.parents, size * self.skeleton.offsets @ turn.T
         )
-        return Capture(
-            skeleton, self.t, size * self.positions @ turn.T, turn @ self.rotations @ turn.T,
-            self.name,
+        return replace(
+            self, skeleton=skeleton, positions=size * self.positions @ turn.T,
+            rotations=turn @ self.rotations @ turn.T,
         )  # fmt: skip

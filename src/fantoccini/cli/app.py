@@ -201,6 +201,14 @@ def import_(
         str | None,
         typer.Option(metavar="NAME", help="Keyframe of MJCF to start in; else its zero pose."),
     ] = None,
+    density: Annotated[
+        float | None,
+        typer.Option(
+            metavar="KG/M3",
+            help="Of the solids of links without inertia in URDF; where a joint would move no mass "
+            "1000, elsewhere such links have none.",
+        ),
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Write over files that exist.")] = False,
     quiet: Quiet = False,
 ) -> None:
@@ -211,7 +219,7 @@ def import_(
     """
     from fantoccini.cli.bring_in import import_file
 
-    import_file(model, puppet, keyframe, force, quiet)
+    import_file(model, puppet, keyframe, density, force, quiet)
 
 
 @app.command("simulate")

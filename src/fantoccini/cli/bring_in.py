@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from fantoccini.cli.files import check_output, fail, writing
@@ -11,20 +12,23 @@ from fantoccini.exchange import import_model
 _OPTION = "PUPPET"
 
 
-def import_file(model: Path, out: Path, keyframe: str | None, force: bool, quiet: bool) -> None:
+def import_file(
+    model: Path, out: Path, keyframe: str | None, density: float | None, force: bool, quiet: bool
+) -> None:
     """Writes the puppet file and its meshes, and prints the report.
 
     Args:
         model: MJCF or URDF file.
         out: puppet file.
         keyframe: of the model, that the puppet starts in.
+        density: of the solids of links without inertia [kg/m^3].
         force: write over files that exist.
         quiet: print no report.
     """
     check_output(out, (".yaml", ".yml"), _OPTION)
-    if out.exists() and not force:
+    if os.path.exists(out) and not force:
         fail(f"{out} exists already; use --force to replace it", _OPTION)
-    made = import_model(model, keyframe)
+    made = import_model(model, keyframe, density)
     with writing(out):
         made.save(out, force)
     if quiet:

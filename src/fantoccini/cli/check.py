@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -34,10 +35,10 @@ def check_files(files: list[str], inputs: list[Path], quiet: bool) -> None:
     """
     clean = True
     for file in files:
-        if is_play(file) or (file in play_names() and not Path(file).exists()):
+        if is_play(file) or (file in play_names() and not os.path.exists(file)):
             clean &= _play(file, inputs, quiet)
             continue
-        if is_stand(file) or (file in stand_names() and not Path(file).exists()):
+        if is_stand(file) or (file in stand_names() and not os.path.exists(file)):
             clean &= _stand(file, inputs, quiet)
             continue
         made = _puppet(file)

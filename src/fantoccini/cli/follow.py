@@ -34,10 +34,13 @@ def follow_file(request: FollowRequest) -> None:
     with Steps(request.quiet) as steps:
         steps.step(f"reading {request.clip}")
         clip = load_bvh(request.clip)
+        for note in clip.notes:
+            say(note)
         puppet = marionette(request.file, steps.step)
         placed = place_clip(
-            puppet, clip, request.mapping, travel=request.travel, up=request.up and request.up.value
-        )
+            puppet, clip, request.mapping, travel=request.travel,
+            up=request.up and request.up.value, of=request.of,
+        )  # fmt: skip
         followed = follow_clip(
             puppet, placed, speed=request.speed or SPEED,
             acceleration=request.acceleration or ACCELERATION,

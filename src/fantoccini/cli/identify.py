@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +45,7 @@ def identify_record(
         if value is not None and suggest is None:
             fail("applies to --suggest PATH", option)
     for option, path in (("--out", out), ("--report", report), ("--suggest", suggest)):
-        if path is not None and path.exists():
+        if path is not None and os.path.exists(path):
             if any(path.samefile(one) for one in record_files(file)):
                 fail(f"{path} is a file of the record; write to another one", option)
             if option == "--out" and not force:

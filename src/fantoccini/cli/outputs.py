@@ -17,7 +17,7 @@ from fantoccini.cli.files import (  # fmt: skip
     writing,
 )
 from fantoccini.cli.look import Look
-from fantoccini.cli.terminal import Steps
+from fantoccini.cli.terminal import Steps, say
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Trajectory
 
@@ -125,7 +125,10 @@ def _write(
         view.strip(marionette, run, path, times=poses, guides=guides, **options)
     else:
         from fantoccini import view
+        from fantoccini.view.films import MAX_GIF_FPS
 
+        if ending == ".gif" and (look.fps or 0.0) > MAX_GIF_FPS:
+            say(f"{path}: has {MAX_GIF_FPS:g} frames a second, the most that browsers play")
         done = steps.bar(f"rendering {path}", 1.0)
         view.film(
             marionette, run, path, progress=lambda frame, frames: done(frame / frames),

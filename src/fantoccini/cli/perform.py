@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING
 
 from fantoccini.cli.files import check_folder, fail
@@ -25,7 +26,7 @@ def perform_play(request: PerformRequest) -> None:
     from fantoccini.plays import is_play, load_play
     from fantoccini.web.page import open_show
 
-    if request.file.is_file() and not is_play(request.file):
+    if os.path.isfile(request.file) and not is_play(request.file):
         message = "is no play; needed: YAML with the key `play`"
         raise FileError([Mistake(str(request.file), None, "", message)])
     with Steps(request.quiet) as steps:

@@ -282,6 +282,10 @@ class FollowRequest(PictureOptions):
         UpAxis | None,
         typer.Option(help="The file's axis that is up; found from the trunk otherwise."),
     ] = None
+    of: Annotated[
+        str,
+        typer.Option(metavar="NAME", help="Member of a scene that follows; else its only person."),
+    ] = ""
     speed: Annotated[
         float | None,
         typer.Option(metavar="V", callback=positive, help="Largest speed of the hands [m/s] [2]."),

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -20,7 +21,7 @@ from fantoccini.meshes import MeshFile
 from fantoccini.puppet import Puppet, dump
 from fantoccini.puppet.located import Located
 from fantoccini.puppet.quantities import QUANTITIES
-from fantoccini.puppet.shapes import AnyShape
+from fantoccini.puppet.shapes import AnyShape, Shape
 
 RESERVED = ("world", "floor")
 """Names that a puppet's parts cannot have."""
@@ -152,23 +153,41 @@ class Draft:
             comment + text, tuple(self.notes), self.meshes, tuple(self.joints), sources
         )
 
-    def _leave_out_shapes(self) -> None:
-        """Takes out, with a note, the shapes that a puppet file cannot have, and unused meshes."""
+    @contextmanager
+    def shapes(self) -> Iterator[Callable[[dict[str, Any]], Shape | None]]:
+        """A function that makes shapes of their plain data; None of what no puppet file has."""
+        with self._located() as located:
+
+            def read(shape: dict[str, Any]) -> Shape | None:
+                try:
+                    return _validated(shape, located)
+                except ValidationError:
+                    return None
+
+            yield read
+
+    @contextmanager
+    def _located(self) -> Iterator[Located]:
+        """A folder with the meshes, while shapes are read."""
         with TemporaryDirectory() as folder:
             for path, content in self.meshes.items():
                 place = Path(folder) / path
                 place.parent.mkdir(exist_ok=True)
                 place.write_bytes(content)
-            located = Located(None, self.file.name, Path(folder))
+            yield Located(None, self.file.name, Path(folder))
+
+    def _leave_out_shapes(self) -> None:
+        """Takes out, with a note, the shapes that a puppet file cannot have, and unused meshes."""
+        with self._located() as located:
 
             def fits(shape: dict[str, Any], part: str, body: str) -> bool:
-                given = {k: v for k, v in shape.items() if k != "name"}
                 try:
-                    _SHAPES.validate_python(given, context=located)
+                    _validated(shape, located)
                 except ValidationError as error:
                     kind, name, line = self._given[part]
                     text = f"has a {shape['type']}, left out: {error.errors()[0]['msg']}"
-                    self.note(kind, name, text.replace(folder, "the model"), line, body)
+                    text = text.replace(str(located.folder), "the model")
+                    self.note(kind, name, text, line, body)
                     return False
                 return True
 
@@ -207,6 +226,13 @@ class Draft:
         kind, name, _ = self._given[data[found[1]][int(found[2])]["name"]]
         key = f"{kind} {name}" + (f": {found[3]}" if found[3] else "")
         return Mistake(*place, key, mistake.message)
+
+
+def _validated(shape: dict[str, Any], located: Located) -> Shape:
+    """A shape of its plain data, or of an obstacle's."""
+    given = {key: value for key, value in shape.items() if key != "name"}
+    found: Shape = _SHAPES.validate_python(given, context=located)
+    return found
 
 
 def number(x: float) -> float:

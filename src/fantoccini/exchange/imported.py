@@ -86,7 +86,7 @@ class Imported:
             text = text.replace(f'file: "{name}"', f'file: "{own}"')
             files[place.parent / own] = content
         files[place] = text.encode()
-        if not place.parent.is_dir():
+        if not os.path.isdir(place.parent):
             raise FileNotFoundError(f"{place} cannot be written: there is no folder {place.parent}")
         found = [Mistake(str(f), None, "", why) for f in files if (why := self._kept(f, force))]
         there = place.parent / folder

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.errors import ExchangeError, UnknownNameError
+from fantoccini.errors import ExchangeError, StateError, UnknownNameError
 from fantoccini.exchange.draft import Draft, numbers
 from fantoccini.exchange.imported import Imported
 from fantoccini.exchange.mjcf_bodies import Bodies, Compiled
@@ -27,12 +27,15 @@ from fantoccini.exchange.mjcf_rest import add_notes, add_shapes
 from fantoccini.exchange.mjcf_strings import add_constraints, add_tendons
 from fantoccini.exchange.model_file import ROOTS, ModelFile, line_in, read_model
 from fantoccini.exchange.mujoco_puppet import library
+from fantoccini.puppet.quantities import QUANTITIES
 
 _UNNAMED = "MuJoCo Model"
 """MuJoCo's name for models without one."""
 
 
-def import_model(path: str | os.PathLike[str], keyframe: str | None = None) -> Imported:
+def import_model(
+    path: str | os.PathLike[str], keyframe: str | None = None, density: float | None = None
+) -> Imported:
     """A model in MJCF or URDF as a puppet file.
 
     Joints keep their coordinates, so that accelerations are those of the model's own program
@@ -41,9 +44,12 @@ def import_model(path: str | os.PathLike[str], keyframe: str | None = None) -> I
     Args:
         path: of the model.
         keyframe: of an MJCF file, that the puppet starts in; by default its zero pose.
+        density: of the solids of links without inertia in URDF [kg/m^3]; by default that of water
+            if a joint would move no mass, and else such links have none. The report says so.
 
     Raises:
         ExchangeError: the file is no model, or has what no puppet can have.
+        StateError: the density is not positive, or the file is MJCF, where geoms have masses.
         MissingLibraryError: MJCF needs MuJoCo, URDF yourdfpy.
         UnknownNameError: there is no such keyframe.
     """
@@ -53,8 +59,22 @@ def import_model(path: str | os.PathLike[str], keyframe: str | None = None) -> I
 
         if keyframe is not None:
             raise UnknownNameError("keyframe", keyframe, ())
-        return urdf_puppet(file)
+        _check_density(density)
+        return urdf_puppet(file, density)
+    if density is not None:
+        text = f"density applies to URDF, and {file.name} is MJCF, whose geoms have masses"
+        raise StateError(text)
     return mjcf_puppet(file, keyframe)
+
+
+def _check_density(density: float | None) -> None:
+    """Raises StateError unless a density is one that a puppet file may have, or None."""
+    allowed = QUANTITIES["density"]
+    if density is not None and not allowed.min_size <= density <= allowed.max_size:
+        raise StateError(
+            f"the density is {density:g}; allowed: {allowed.min_size:g} to {allowed.max_size:g} "
+            f"{allowed.unit}"
+        )
 
 
 def mjcf_puppet(file: ModelFile, keyframe: str | None) -> Imported:

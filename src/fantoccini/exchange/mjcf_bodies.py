@@ -117,13 +117,15 @@ class Bodies:
         m, kinds = self.m, library().mjtTrn
         elements = self.compiled.elements("actuators")
         single = int(library().mjtJoint.mjJNT_SLIDE), int(library().mjtJoint.mjJNT_HINGE)
-        for a in range(m.nu):
+        # An actuator may have several controls and, at several coordinates, several gears.
+        gears = m.actuator_outadr if hasattr(m, "actuator_outadr") else np.arange(m.nu)
+        for a in range(len(m.actuator_trntype)):
             armature, damping = (field(m, f"actuator_{x}", a) for x in ("armature", "damping"))
             kind = kinds(int(m.actuator_trntype[a]))
             by_joint = kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT)
             joint = int(m.actuator_trnid[a, 0])
             if by_joint and m.jnt_type[joint] in single:
-                v, gear = m.jnt_dofadr[joint], float(m.actuator_gear[a, 0])
+                v, gear = m.jnt_dofadr[joint], float(m.actuator_gear[gears[a], 0])
                 self.armature[v] += gear**2 * armature
                 self.damping[v] += gear**2 * damping
             elif armature or damping:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from fantoccini.errors import ExchangeError
 from fantoccini.exchange.mjcf_includes import asset_folders, found_beside, with_includes
+from fantoccini.exchange.mjcf_memory import refuse_large
 from fantoccini.exchange.model_file import Element, ModelFile, read_model
 
 _MOST_COPIES = 10_000
@@ -62,10 +63,13 @@ def attached_models(file: ModelFile) -> tuple[ModelFile, ...]:
     """The models that a file attaches, and those that they attach, which come first.
 
     Raises:
-        ExchangeError: elements are copied too often, or a model holds itself.
+        ExchangeError: elements are copied too often, a model holds itself, or MuJoCo would take
+            too much memory for them.
     """
     sizes = _Sizes()
     sizes.of(file)
+    counts = (sizes.known[os.path.realpath(one.name)].elements for one in sizes.files)
+    refuse_large(zip(sizes.files, counts, strict=True))
     return tuple(sizes.files[:-1])
 
 

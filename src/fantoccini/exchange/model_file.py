@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -19,6 +20,11 @@ MAX_DEPTH = 200
 
 ROOTS = {"mujoco": "MJCF", "robot": "URDF"}
 """First element of a file -> its format."""
+
+XACRO = "xacro:"
+"""Begins the tags of xacro."""
+_DECLARED = (f"{XACRO}arg", f"{XACRO}macro", f"{XACRO}property")
+_LOOKS = ("visual", "collision", "material")
 
 _MODEL = ("link", "joint", "material")
 """Elements directly inside a robot that are part of it."""
@@ -109,10 +115,27 @@ def read_model(path: str | os.PathLike[str]) -> ModelFile:
     if first.tag not in ROOTS:
         needed = "needed: <mujoco> (MJCF) or <robot> (URDF)"
         raise fail(f"begins with <{first.tag[:60]}>; {needed}", first.line)
-    for element in elements:
-        if element.tag.startswith("xacro:"):
-            raise fail("found a macro of xacro; run xacro on the file first", element.line)
+    for element in _macros(elements):
+        raise fail("found a macro of xacro; run xacro on the file first", element.line)
     return ModelFile(name, Path(name), first.tag, text, tuple(elements))
+
+
+def _macros(elements: list[Element]) -> Iterator[Element]:
+    """What is left of xacro and may stand for a part of a robot, or of another model.
+
+    Declarations stand for none, and what is inside of a solid or an extension for no part.
+    """
+    above: list[Element] = []
+    for element in elements:
+        del above[element.depth :]
+        inside = ROOTS.get(above[0].tag) == "URDF" if above else False
+        harmless = inside and (
+            element.tag in _DECLARED
+            or any(a.tag in _LOOKS or a.tag.startswith(XACRO) or not a.known for a in above)
+        )
+        if element.tag.startswith(XACRO) and not harmless:
+            yield element
+        above.append(element)
 
 
 def read_elements(name: str) -> tuple[bytes, list[Element]]:

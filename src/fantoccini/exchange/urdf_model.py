@@ -24,8 +24,10 @@ from fantoccini.exchange.draft import (
     sized,
 )
 from fantoccini.exchange.imported import Imported
-from fantoccini.exchange.model_file import Element, ModelFile
+from fantoccini.exchange.model_file import XACRO, Element, ModelFile
+from fantoccini.exchange.urdf_masses import add_masses
 from fantoccini.exchange.urdf_shapes import add_shapes
+from fantoccini.exchange.urdf_text import SOLIDS, plain_urdf
 
 _WORDS = {
     "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic",
@@ -37,6 +39,7 @@ _SIZES = {
     ("origin", "xyz"): (3,), ("origin", "rpy"): (3,), ("axis", "xyz"): (3,), ("box", "size"): (3,),
     ("mesh", "scale"): (1, 3), ("color", "rgba"): (4,), ("mass", "value"): (1,),
     ("cylinder", "radius"): (1,), ("cylinder", "length"): (1,), ("sphere", "radius"): (1,),
+    ("capsule", "radius"): (1,), ("capsule", "length"): (1,),
     ("limit", "lower"): (1,), ("limit", "upper"): (1,), ("limit", "effort"): (1,),
     ("limit", "velocity"): (1,), ("dynamics", "damping"): (1,), ("dynamics", "friction"): (1,),
     ("mimic", "multiplier"): (1,), ("mimic", "offset"): (1,),
@@ -47,14 +50,12 @@ _SIZES = {
 _NEEDED = {
     "robot": ("name",), "link": ("name",), "joint": ("name", "type"), "parent": ("link",),
     "child": ("link",), "mesh": ("filename",), "box": ("size",), "sphere": ("radius",),
-    "cylinder": ("radius", "length"),
+    "cylinder": ("radius", "length"), "capsule": ("radius", "length"),
 }  # fmt: skip
 """Attributes that an element cannot do without; only of links and joints at the top."""
 
 _ROUNDING = 1e-9
 """Part of a moment of inertia that a puppet file takes for rounding."""
-
-_SOLIDS = {"box", "cylinder", "sphere", "mesh"}
 
 _LEFT_OUT = {
     "transmission": "left out: joints move freely",
@@ -65,17 +66,27 @@ _LEFT_OUT = {
 """Elements without counterpart."""
 
 
-def urdf_puppet(file: ModelFile) -> Imported:
+def urdf_puppet(file: ModelFile, density: float | None = None) -> Imported:
     """A URDF file as a puppet file.
+
+    Args:
+        file: the model's.
+        density: see :func:`add_masses` [kg/m^3].
 
     Raises:
         ExchangeError: it is no URDF, or has what no puppet can have.
         MissingLibraryError: yourdfpy is not installed.
     """
     _check(file)
-    robot = _read(file)
+    plain = plain_urdf(file)
+    robot = _read(file, plain.text)
     draft = Draft(file, robot.name)
-    _Robot(draft, robot).add()
+    for name, message, line in plain.left_out:
+        draft.note("link", name, message, line)
+    made = _Robot(draft, robot, plain.capsules)
+    made.add()
+    links = {made.names[link.name]: link for link in robot.links}
+    add_masses(draft, links, density)
     for element in file.elements:
         if element.depth == 1 and element.tag in _LEFT_OUT:
             name = element.attributes.get("name", element.attributes.get("reference", ""))
@@ -93,10 +104,12 @@ class _Robot:
     Args:
         draft: of the puppet.
         robot: yourdfpy's.
+        capsules: see :class:`UrdfText`.
     """
 
-    def __init__(self, draft: Draft, robot: Any):
+    def __init__(self, draft: Draft, robot: Any, capsules: set[tuple[str, str, int]]):
         self.draft, self.robot, self.file = draft, robot, draft.file
+        self.capsules = capsules
         self.names: dict[str, str] = {}
         inside = (v.material for link in robot.links for v in link.visuals)
         self.materials: dict[str, Any] = {}
@@ -217,19 +230,31 @@ class _Robot:
                     made["com"] = com
             if inertial.mass or np.any(own):
                 made["inertia"] = six(R @ self._possible(own, link.name, made["name"]) @ R.T)
-        add_shapes(self.draft, link, made, self.materials)
+        add_shapes(self.draft, link, made, self.materials, self.capsules)
         self.draft.bodies.append(made)
 
     def _possible(self, inertia: Array, link: str, part: str) -> Array:
-        """An inertia (3, 3) with its largest moment cut to the sum of the others, if above it."""
+        """An inertia (3, 3) that a solid can have, which is noted where it is another one.
+
+        Where products make it singular or negative, only the moments are kept, as of numbers that
+        are all alike. Then the largest moment is cut to the sum of the others, if above it.
+        """
+        line = self.file.line_of("link", link)
         (a, b, c), axes = np.linalg.eigh(inertia)
-        if a + b >= c * (1.0 - _ROUNDING) or a < 0.0:
+        small, products = _ROUNDING * max(abs(c), abs(a)), inertia - np.diag(np.diag(inertia))
+        if a + b >= c - small and a >= -small:
+            return inertia
+        if a <= small and np.any(products) and np.all(np.diag(inertia) > 0.0):
+            text = "has products of inertia that no solid has; here it has its moments alone"
+            self.draft.note("link", link, text, line, part)
+            return self._possible(np.diag(np.diag(inertia)), link, part)
+        if a < 0.0:
             return inertia
         text = (
             f"has the principal moments {a:g}, {b:g} and {c:g} kg m^2; here the largest is the sum "
             f"of the others, {a + b:g}: no solid has more"
         )
-        self.draft.note("link", link, text, self.file.line_of("link", link), part)
+        self.draft.note("link", link, text, line, part)
         found: Array = axes @ np.diag([a, b, a + b]) @ axes.T
         return found
 
@@ -240,18 +265,18 @@ def _damped(joint: Any) -> dict[str, Any]:
     return {"damping": found} if (found := sized(damping, "damping")) else {}
 
 
-def _read(file: ModelFile) -> Any:
-    """yourdfpy's robot."""
+def _read(file: ModelFile, text: bytes) -> Any:
+    """yourdfpy's robot of a text."""
     yourdfpy, log = _library(), logging.getLogger("yourdfpy.urdf")
     level = log.level
     log.setLevel(logging.CRITICAL)
     try:
         return yourdfpy.URDF.load(
-            io.BytesIO(file.text), build_scene_graph=False, load_meshes=False
+            io.BytesIO(text), build_scene_graph=False, load_meshes=False
         ).robot
     except Exception as reason:  # yourdfpy raises whatever its parsing meets
-        text = f"yourdfpy cannot read it: {type(reason).__name__}: {reason}"
-        raise file.mistake(text[:500]) from None
+        said = f"yourdfpy cannot read it: {type(reason).__name__}: {reason}"
+        raise file.mistake(said[:500]) from None
     finally:
         log.setLevel(level)
 
@@ -285,9 +310,10 @@ def _check(file: ModelFile) -> None:
             for end in ("parent", "child") if tag == "joint" else ():
                 if end not in element.inside:
                     say(element, f"<{end}> is missing")
-        if tag == "geometry" and element.known and len(element.inside & _SOLIDS) != 1:
-            inside = ", ".join(sorted(element.inside)) or "nothing"
-            say(element, f"found {inside[:60]}; needed: box, cylinder, sphere or mesh")
+        inside = {name for name in element.inside if not name.startswith(XACRO)}
+        if tag == "geometry" and element.known and inside and len(inside & SOLIDS) != 1:
+            found_here = ", ".join(sorted(inside))
+            say(element, f"found {found_here[:60]}; needed: one of {', '.join(sorted(SOLIDS))}")
         for key, text in given.items():
             sizes = _SIZES.get((tag, key))
             plain = text.replace(",", " ") if tag in ("box", "mesh") else text

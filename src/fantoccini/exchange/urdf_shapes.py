@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -17,7 +18,10 @@ from fantoccini.exchange.draft import Draft, numbers, quaternion
 _PLAIN = "each triangle has one opaque colour here"
 
 
-def add_shapes(draft: Draft, link: Any, made: dict[str, Any], materials: dict[str, Any]) -> None:
+def add_shapes(
+    draft: Draft, link: Any, made: dict[str, Any], materials: dict[str, Any],
+    capsules: Container[tuple[str, str, int]],
+) -> None:  # fmt: skip
     """Adds a link's visuals to its body, or its collisions where it has none.
 
     A colour of URDF hides those of a mesh's file.
@@ -27,15 +31,18 @@ def add_shapes(draft: Draft, link: Any, made: dict[str, Any], materials: dict[st
         link: yourdfpy's.
         made: the body.
         materials: name of a material -> yourdfpy's, with a colour or texture.
+        capsules: see :class:`UrdfText`.
     """
     line, part = draft.file.line_of("link", link.name), made["name"]
 
     def note(text: str) -> None:
         draft.note("link", link.name, text, line, part)
 
-    for solid in link.visuals or link.collisions:
+    kind = "visual" if link.visuals else "collision"
+    for k, solid in enumerate(link.visuals or link.collisions):
         origin = np.eye(4) if solid.origin is None else solid.origin
-        found = _shape(draft, solid.geometry, origin, note)
+        round_ends = (link.name, kind, k) in capsules
+        found = _shape(draft, solid.geometry, origin, round_ends, note)
         if found is None:
             continue
         shape, own = found
@@ -62,7 +69,7 @@ def add_shapes(draft: Draft, link: Any, made: dict[str, Any], materials: dict[st
 
 
 def _shape(
-    draft: Draft, geometry: Any, origin: Any, note: Callable[[str], None]
+    draft: Draft, geometry: Any, origin: Any, round_ends: bool, note: Callable[[str], None]
 ) -> tuple[dict[str, Any], meshes.MeshFile | None] | None:
     """A solid as a shape, and the mesh file if it is of one; None where it is left out."""
     at, turn = origin[:3, 3], quaternion(Rotation.from_matrix(origin[:3, :3]))
@@ -71,7 +78,9 @@ def _shape(
         return solids.box(box.size, at, turn), None
     if ball is not None and solids.fits(ball.radius):
         return solids.sphere(ball.radius, at), None
-    if rod is not None and solids.fits(rod.radius, rod.length):
+    if rod is not None and round_ends and solids.fits(rod.radius):
+        return solids.capsule(rod.radius, 0.5 * rod.length, at, origin[:3, 2]), None
+    if rod is not None and not round_ends and solids.fits(rod.radius, rod.length):
         return solids.cylinder(draft, rod.radius, rod.length, at, turn), None
     if mesh is None:
         note("has a solid of a size that is left out")
@@ -98,13 +107,18 @@ def _shape(
 def _find(name: str, folder: Path) -> Path | None:
     """The file of a mesh, whose name may begin with ``package://PACKAGE/``; None if not there.
 
-    A package is a folder of its name above the model's, or beside one of those.
+    A package is a folder of its name above the model's, or beside one of those. A name that is
+    not there as it stands may have characters written as ``%20``.
     """
+    return _find_plain(name, folder) or _find_plain(unquote(name), folder)
+
+
+def _find_plain(name: str, folder: Path) -> Path | None:
     scheme, mark, rest = name.partition("://")
     if not mark:
         places = [folder / name]
     elif scheme == "file":
-        places = [Path(rest)]
+        places = [Path(rest.removeprefix("localhost")), folder / rest]
     else:
         package, _, inside = rest.partition("/")
         above = (folder, *folder.parents)

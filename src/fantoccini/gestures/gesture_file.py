@@ -131,7 +131,7 @@ def load_gesture(
     name = os.fspath(path)
     given = Parameters(steps, step, turn, to)
     prefix = member_prefix(reading.table_of(puppet), of)
-    if not Path(name).is_file():
+    if not os.path.isfile(name):
         if name not in gesture_names():
             text = "found no file; a gesture file is needed, or the name of a bundled gesture"
             raise FileError([Mistake(name, None, "", text + nearest(name, gesture_names()))])

@@ -8,6 +8,7 @@ A place is the name of a body, joint, string, spring or of a drive's coordinate,
 from __future__ import annotations
 
 import copy
+import os
 import re
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -248,7 +249,7 @@ def missing_files(data: Any, folder: FilePath) -> tuple[str, ...]:
     while stack:
         here = stack.pop()
         if isinstance(here, dict):
-            if (name := word(here, "file")) is not None and not (folder / name).is_file():
+            if (name := word(here, "file")) is not None and not os.path.isfile(folder / name):
                 found.append(name)
             stack += here.values()
         elif isinstance(here, list):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -20,6 +18,7 @@ from fantoccini.identification.record import Record, Unknown, check_span, driven
 from fantoccini.identification.schema import ColumnFile, DelayFile, RecordFile
 from fantoccini.marionette import Marionette, link_index
 from fantoccini.motion import Input
+from fantoccini.motion.files import csv_reader, wrong_count
 from fantoccini.puppet.located import Located, read_file, shown, validate
 from fantoccini.puppet.refusals import Refusals
 
@@ -143,7 +142,7 @@ def _samples(name: str, located: Located) -> tuple[Array, dict[str, Array]]:
         text = path.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError:
         raise StateError(f"{name} is not UTF-8") from None
-    reader = csv.reader(io.StringIO(text, newline=""))
+    reader = csv_reader(text)
     header: list[str] = []
     clock, last = 0, -np.inf
     rows: list[list[float]] = []
@@ -163,7 +162,7 @@ def _samples(name: str, located: Located) -> tuple[Array, dict[str, Array]]:
             clock = header.index(time)
             continue
         if len(cells) != len(header):
-            text = f"found {len(cells)} columns; the header has {len(header)}"
+            text = wrong_count(len(cells), len(header))
             mistakes.append(Mistake(name, reader.line_num, "", text))
             continue
         row = [_cell(cell) for cell in cells]

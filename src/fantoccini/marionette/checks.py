@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 
 import numpy as np
@@ -207,10 +208,16 @@ def check_starts(
 def refuse_contact(model: Model, what: str) -> None:
     """Raises StateError where a puppet has contact, which ``what`` does not know."""
     if model.puppet.touching is not None:
-        raise StateError(
-            f"{model.name} has contact, which {what} does not know; write contact: false in its "
-            "file"
-        )
+        text = f"{model.name} has contact, which {what} does not know; {_leave_out(model)}"
+        raise StateError(text)
+
+
+def _leave_out(model: Model) -> str:
+    """Advice for a puppet whose contact is in the way: a bundled file can be copied."""
+    file, _ = model.puppet.locate("")
+    if not os.path.isfile(file):
+        return "leave its contact out (contact: false)"
+    return f"write contact: false in {file}, or in a copy of it"
 
 
 def _check_contact(model: Model, states: States, method: str) -> None:
@@ -220,7 +227,7 @@ def _check_contact(model: Model, states: States, method: str) -> None:
     if method == "variational":
         raise StateError(
             f"{model.name} has contact, which method={method!r} does not know; take "
-            "method='event' or 'timestepping', or write contact: false in its file"
+            f"method='event' or 'timestepping', or {_leave_out(model)}"
         )
     check_apart(model, states, TOLERANCES.touching if method == "event" else TOLERANCES.stepped_gap)
 

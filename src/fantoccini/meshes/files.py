@@ -19,8 +19,9 @@ from fantoccini.meshes.collada import read_collada
 from fantoccini.meshes.colours import few
 from fantoccini.meshes.gltf import read_gltf
 from fantoccini.meshes.limits import LIMITS
+from fantoccini.meshes.obj import read_obj
 from fantoccini.meshes.part import Part
-from fantoccini.meshes.plain import read_plain
+from fantoccini.meshes.plain import read_ply, read_stl
 from fantoccini.meshes.solid import facing_out, is_closed
 
 FORMATS = (".stl", ".obj", ".ply", ".glb", ".gltf", ".dae")
@@ -127,7 +128,9 @@ def _parts(content: bytes, beside: Beside, path: Path) -> list[Part]:
             return read_gltf(content, beside)
         if path.suffix.lower() == ".dae":
             return read_collada(content, beside, path.name)
-        return read_plain(content, beside, path.suffix[1:].lower())
+        if path.suffix.lower() == ".obj":
+            return read_obj(content, beside)
+        return read_stl(content) if path.suffix.lower() == ".stl" else read_ply(content)
     except MissingLibraryError:
         raise
     except (json.JSONDecodeError, UnicodeDecodeError):
@@ -147,6 +150,9 @@ def _joined(parts: list[Part]) -> tuple[Any, Array | None]:
     parts = [part for part in parts if len(part.faces)]
     if not parts or not all(np.isfinite(part.vertices[part.faces]).all() for part in parts):
         raise ValueError(_NONE)
+    far = max(float(np.abs(part.vertices[part.faces]).max()) for part in parts)
+    if far > LIMITS.max_coordinate:
+        raise ValueError(f"it has a corner at {far:g}; allowed: up to {LIMITS.max_coordinate:g}")
     starts = np.cumsum([0, *(len(part.vertices) for part in parts)])[:-1]
     faces = np.concatenate([p.faces + at for p, at in zip(parts, starts, strict=True)])
     mesh = trimesh.Trimesh(np.concatenate([p.vertices for p in parts]), faces, process=False)

@@ -1,101 +1,80 @@
-"""STL, PLY and OBJ by trimesh, as their files have them: neither unit nor upward axis is known."""
+"""STL and PLY, as their files have them: neither unit nor upward axis is known."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+import re
+import struct
 from typing import Any
 
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.meshes.beside import Beside
-from fantoccini.meshes.colours import Texture, image_beside, srgb
+from fantoccini.files import decoded
 from fantoccini.meshes.part import Count, Part, lost
 
+_HEADER = 84
+"""Bytes of a binary STL before its triangles; the last four are their number."""
+_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_CORNER = r"\s+vertex\s+(\S+)\s+(\S+)\s+(\S+)"
+_FACET = re.compile(rf"\bloop{3 * _CORNER}\s+endloop\b", re.IGNORECASE)
+_LOOP = re.compile(r"\bouter\s+loop\b", re.IGNORECASE)
 
-class _Materials:
-    """Gives trimesh the material file of an OBJ, but no images: it would open them unmeasured.
 
-    Attributes:
-        images: names of images by the names of materials.
-        transparent: names of materials.
+def read_stl(content: bytes) -> list[Part]:
+    """The one part of an STL, binary or text.
+
+    It is binary where it is long enough for the triangles that it counts: of text these four bytes
+    say 100 million and more. What is behind them is left out.
+
+    Raises:
+        ValueError: the file is no mesh.
     """
-
-    def __init__(self, beside: Beside):
-        self.beside = beside
-        self.images: dict[str, str] = {}
-        self.transparent: set[str] = set()
-
-    def get(self, name: str) -> bytes:
-        """The content of a file; FileNotFoundError where it is missing or not allowed."""
-        try:
-            if not name.lower().endswith(".mtl"):
-                raise ValueError("an image")
-            content = self.beside.read(name.removeprefix("./"))
-        except ValueError:
-            raise FileNotFoundError(name) from None
-        text = content.decode("utf-8", "replace")
-        self.images |= _images_of(text)
-        self.transparent |= _transparent_of(text)
-        return content
-
-    __getitem__ = get
-
-
-def _images_of(text: str) -> dict[str, str]:
-    """Names of images in a material file, without the options before them."""
-    return {
-        material: rest.split()[-1] if rest.startswith("-") else rest
-        for material, key, rest in _lines_of(text)
-        if key == "map_kd" and rest
-    }
-
-
-def _transparent_of(text: str) -> set[str]:
-    """Names of the materials in a material file that let light through."""
-    opaque = {"d": 1.0, "tr": 0.0}
-    return {
-        material
-        for material, key, rest in _lines_of(text)
-        if key == "map_d" or (key in opaque and _last(rest, opaque[key]) != opaque[key])
-    }
-
-
-def _lines_of(text: str) -> Iterator[tuple[str, str, str]]:
-    """Material, key and the rest of each line."""
-    material = ""
-    for line in text.splitlines():
-        key, _, rest = line.strip().partition(" ")
-        if key.lower() == "newmtl":
-            material = " ".join(rest.split())
-        yield material, key.lower(), rest.strip()
-
-
-def _last(text: str, default: float) -> float:
+    head = content[:_HEADER]
+    (count,) = struct.unpack("<I", head[80:]) if len(head) == _HEADER else (0,)
+    if _HEADER + count * _TRIANGLE.itemsize <= len(content) and count:
+        Count().add(count)
+        corners = np.frombuffer(content, _TRIANGLE, count, _HEADER)["corners"]
+        return [_of_corners(corners.reshape(-1, 3))]
+    text = decoded(content)
+    loops = len(_LOOP.findall(text))
+    if not loops and b"\0" in content:
+        have = max(len(content) - _HEADER, 0) // _TRIANGLE.itemsize
+        raise ValueError(f"its header counts {count} triangles; the file has room for {have}")
+    Count().add(loops)
+    facets = _FACET.findall(text)
+    if len(facets) < loops:
+        raise ValueError(_first_broken(text))
     try:
-        return float(text.split()[-1])
-    except (ValueError, IndexError):
-        return default
+        return [_of_corners(np.array(facets, dtype=float).reshape(-1, 3))]
+    except ValueError as reason:
+        raise ValueError(f"it has a vertex that is no three numbers: {str(reason)[:90]}") from None
 
 
-def read_plain(content: bytes, beside: Beside, kind: str) -> list[Part]:
-    """The parts of a file.
+def _first_broken(text: str) -> str:
+    """What is wrong with the first facet that is not of three vertices."""
+    for begin in _LOOP.finditer(text):
+        if not _FACET.match(text, begin.end() - len("loop")):
+            line = len(re.findall(r"\r\n?|\n", text[: begin.start()])) + 1
+            return f"line {line}: found a facet that is not three vertices of three numbers"
+    return "it has facets within facets"
 
-    Args:
-        content: of the file.
-        beside: reads materials and images of an OBJ; those that are not there are left out.
-        kind: stl, ply or obj.
+
+def _of_corners(corners: Array) -> Part:
+    """Triangles of corners (3 m, 3)."""
+    return Part(np.array(corners, dtype=float), np.arange(len(corners)).reshape(-1, 3), None)
+
+
+def read_ply(content: bytes) -> list[Part]:
+    """The parts of a PLY, by trimesh.
 
     Raises:
         ValueError: the file is no mesh.
     """
     import trimesh
 
-    materials = _Materials(beside)
-    options = {"resolver": materials} if kind == "obj" else {}
     try:
-        found = trimesh.load(io.BytesIO(content), file_type=kind, **options)
+        found = trimesh.load(io.BytesIO(content), file_type="ply")
     except Exception as reason:  # trimesh's readers raise whatever their parsing meets
         raise ValueError(f"{type(reason).__name__} in its reader") from reason
     meshes = found.dump() if isinstance(found, trimesh.Scene) else [found]
@@ -104,33 +83,14 @@ def read_plain(content: bytes, beside: Beside, kind: str) -> list[Part]:
         if isinstance(mesh, trimesh.Trimesh):
             count.add(len(mesh.faces))
             vertices, faces = np.array(mesh.vertices, dtype=float), np.array(mesh.faces)
-            parts.append(Part(vertices, faces, _colours(mesh, materials), _lost(mesh, materials)))
+            parts.append(Part(vertices, faces, *_look(mesh)))
     return parts
 
 
-def _lost(mesh: Any, materials: _Materials) -> frozenset[str]:
+def _look(mesh: Any) -> tuple[Array | None, frozenset[str]]:
+    """sRGB of faces from their own colours or those of corners, and what these have besides."""
     look = mesh.visual
-    if look.kind in ("face", "vertex"):
-        return lost(False, bool(np.any(np.asarray(look.face_colors)[:, 3] < 255)))
-    if look.kind != "texture":
-        return frozenset()
-    name = str(look.material.name)
-    return lost(name in materials.images, name in materials.transparent)
-
-
-def _colours(mesh: Any, materials: _Materials) -> Array | None:
-    """sRGB: colours of faces or corners, or a material's image, or its diffuse colour."""
-    look = mesh.visual
-    if look.kind in ("face", "vertex"):
-        return np.array(look.face_colors, dtype=float)[:, :3] / 255.0
-    if look.kind != "texture":
-        return None
-    name = materials.images.get(str(look.material.name))
-    pixels = None if name is None or look.uv is None else image_beside(name, materials.beside)
-    if pixels is not None:
-        uv = np.array(look.uv, dtype=float)[mesh.faces] * [1.0, -1.0] + [0.0, 1.0]
-        return srgb(Texture(pixels).over(uv))
-    diffuse = np.array(look.material.kwargs.get("kd", []), dtype=float)
-    if diffuse.shape != (3,):
-        return None
-    return np.tile(np.clip(diffuse, 0.0, 1.0), (len(mesh.faces), 1))
+    if look.kind not in ("face", "vertex"):
+        return None, frozenset()
+    colours = np.array(look.face_colors, dtype=float)
+    return colours[:, :3] / 255.0, lost(False, bool(np.any(colours[:, 3] < 255)))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
-import json
+import re
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from fantoccini.arrays import Array, ConfigK, Times, VecK
-from fantoccini.errors import InputError, Mistake
+from fantoccini.errors import InputError, Mistake, StateError
 from fantoccini.motion import npz, pieces, reading
 from fantoccini.motion.archive import RECORDING, RECORDINGS
 from fantoccini.motion.channel import Channel, Points
@@ -26,6 +26,9 @@ from fantoccini.tree import CoordinateTable
 
 MAX_BYTES = npz.MAX_BYTES
 """Largest size of a file of samples, and of its arrays [bytes]."""
+
+_DECIMAL = re.compile(r"\s*[-+]?\d*,\d*([eE][-+]?\d+)?\s*")
+"""Number with a decimal comma."""
 
 _PAIR = {"type": "array", "prefixItems": [{"type": "number"}], "minItems": 2, "maxItems": 2}
 _ROTATION = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 4}
@@ -177,7 +180,7 @@ def csv_columns(path: Path) -> tuple[dict[str, Array], Located]:
     header: list[str] = []
     lines: list[int] = []
     numbers, findings = array("d"), Findings()
-    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    reader = csv_reader(text)
     try:
         for cells in reader:
             if not any(cell.strip() for cell in cells):
@@ -187,8 +190,8 @@ def csv_columns(path: Path) -> tuple[dict[str, Array], Located]:
                 continue
             numbers.extend(_numbers(header, cells, len(lines), findings))
             lines.append(reader.line_num)
-    except csv.Error as error:
-        raise _file_error(path, f"is not CSV: {error}", reader.line_num) from None
+    except StateError as error:
+        raise _file_error(path, str(error), reader.line_num) from None
     if not header:
         raise _file_error(path, "the file is empty", 1)
     located = _Lines(data=lines, file=str(path), folder=path.parent)
@@ -201,9 +204,58 @@ def csv_columns(path: Path) -> tuple[dict[str, Array], Located]:
     return dict(zip(header, values.T, strict=True)), located
 
 
+def csv_reader(text: str) -> CsvRows:
+    """The rows of a CSV text, between whose columns stand commas, semicolons or tabs."""
+    first = next((line for line in text.splitlines() if line.strip()), "")
+    # A header of one column has none of them.
+    return CsvRows(text, max(",;\t", key=first.count))
+
+
+class CsvRows:
+    """Rows of a CSV text, as cells without decimal commas.
+
+    Between columns that a semicolon or tab separates, a comma in a number is decimal.
+
+    Attributes:
+        delimiter: between columns.
+
+    Raises:
+        StateError: a row is not CSV.
+    """
+
+    def __init__(self, text: str, delimiter: str):
+        self.delimiter = delimiter
+        self._rows = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, strict=True)
+
+    @property
+    def line_num(self) -> int:
+        """Line of the row that was read last."""
+        return self._rows.line_num
+
+    def __iter__(self) -> Iterator[list[str]]:
+        try:
+            for cells in self._rows:
+                yield cells if self.delimiter == "," else [_pointed(cell) for cell in cells]
+        except csv.Error as error:
+            raise StateError(f"is not CSV: {error}") from None
+
+
+def _pointed(cell: str) -> str:
+    """A cell with the comma of its number as a point."""
+    return cell.replace(",", ".") if _DECIMAL.fullmatch(cell) else cell
+
+
+def wrong_count(found: int, needed: int) -> str:
+    """Error message for a row that has not as many columns as the header."""
+    text = f"found {found} columns; the header has {needed}"
+    if found > needed:
+        text += ": write numbers with a decimal point, or put ; between columns"
+    return text
+
+
 def _numbers(header: list[str], cells: list[str], sample: int, findings: Findings) -> list[float]:
     if len(cells) != len(header):
-        findings.add(("", sample), f"found {len(cells)} columns; the header has {len(header)}")
+        findings.add(("", sample), wrong_count(len(cells), len(header)))
         return []
     try:
         return [float(cell) for cell in cells]
@@ -226,25 +278,27 @@ def _npz(table: CoordinateTable, path: Path) -> Waypoints | Segments:
 def _recording(table: CoordinateTable, arrays: dict[str, Array], path: Path) -> Segments:
     """The motion of the hands in a recorded performance."""
     try:
-        about = json.loads(arrays["about"].tobytes())
+        about = npz.about_of(arrays)
         form = str(about["format"])
-    except (ValueError, LookupError, TypeError) as error:
+    except npz.UNREADABLE as error:
         raise _file_error(path, f"its `about` cannot be read: {error}") from None
     if form not in RECORDINGS:
         message = f"has the format {form!r}; needed: samples, or a recording ({RECORDING})"
         raise _file_error(path, message)
     try:
-        q_K, v_K, acc_K = (arrays[name] for name in ("start_q_K", "start_v_K", "acc_K"))
-        names = tuple(about["coordinates"])[-len(q_K) :] if len(q_K) else ()
-        start, tick = float(arrays["t"]), float(arrays["tick"])
-    except (LookupError, TypeError, ValueError) as error:
+        q_K, v_K = (npz.finite(arrays, f"start_{name}", (None,)) for name in ("q_K", "v_K"))
+        acc_K = npz.finite(arrays, "acc_K", (None, len(v_K)))
+        named = npz.texts(about["coordinates"], "coordinates")
+        start, tick = (float(npz.finite(arrays, name, ())) for name in ("t", "tick"))
+    except npz.UNREADABLE as error:
         raise _file_error(path, f"is a damaged recording: {error}") from None
+    names = named[-len(q_K) :] if len(q_K) else ()
     if names != table.q_K:
         raise _file_error(path, f"was recorded with another puppet: {_differ(names, table.q_K)}")
-    shapes = q_K.shape, v_K.shape, acc_K.shape
-    needed = (table.n_qK,), (table.n_vK,), (len(acc_K), table.n_vK)
-    sound = all(np.isfinite(x).all() for x in (q_K, v_K, acc_K, start, tick)) and tick > 0.0
-    if shapes != needed or not len(acc_K) or not sound:
+    end = start + tick * len(acc_K)
+    largest = max(abs(start), abs(end), *(np.abs(x).max(initial=0.0) for x in (q_K, v_K, acc_K)))
+    sound = len(v_K) == table.n_vK and len(acc_K) and tick > 0.0 and start < end
+    if not sound or not largest <= reading.LIMITS.max_number:
         raise _file_error(path, "is a damaged recording: its shapes or numbers are wrong")
     times: Times = start + tick * np.arange(len(acc_K) + 1, dtype=float)
     return Segments(times, q_K, v_K, acc_K)

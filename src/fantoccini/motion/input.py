@@ -74,8 +74,8 @@ class Input:
         for field, known in (("coef", self.coef[:, self.named]), ("force", self.force)):
             if known is not None and not np.all(np.isfinite(known)):
                 _fail(field, "has a number that is not finite")
-        if n < 1 or not np.all(np.diff(self.breaks) > 0):
-            _fail("breaks", "must be two or more times that increase")
+        if n < 1 or not (np.all(np.diff(self.breaks) > 0) and np.isfinite(self.breaks).all()):
+            _fail("breaks", "must be two or more finite times that increase")
 
     def __repr__(self) -> str:
         places = pieces.channel_names(self.coordinates)
@@ -264,7 +264,7 @@ class Input:
 
     def shifted(self, dt: float) -> Input:
         """The same, ``dt`` seconds later."""
-        return dataclasses.replace(self, breaks=self.breaks + dt)
+        return dataclasses.replace(self, breaks=self.breaks + float(floats(dt)))
 
     def called(self, name: str) -> Input:
         """The same under a name."""
@@ -272,12 +272,14 @@ class Input:
 
     def begun(self, start: float) -> Input:
         """The same with everything held from ``start`` [s] until it begins."""
+        start = float(floats(start))
         if start >= self.start - SAME_TIME:
             return self
         return self._on(np.concatenate([[start], self.breaks]))
 
     def extended(self, end: float) -> Input:
         """The same with everything held until ``end`` [s]."""
+        end = float(floats(end))
         return self if end <= self.end + SAME_TIME else self._on(np.append(self.breaks, end))
 
     def then(self, *others: Input) -> Input:
@@ -351,7 +353,7 @@ class Input:
         Returns:
             q_K (..., n_qK), v_K (..., n_vK), acc_K (..., n_vK).
         """
-        t = np.asarray(t, dtype=float)
+        t = floats(t)
         i, s, held = pieces.located(self.breaks, t.ravel())
         q, v, acc = pieces.evaluate(self.coordinates, self.coef[i], self.base[i], s)
         v[held], acc[held] = 0.0, 0.0

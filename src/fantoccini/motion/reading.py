@@ -157,7 +157,8 @@ def number(value: Any, angle: bool = False) -> float:
             raise ValueError(error.errors()[0]["msg"]) from None
     if not is_number(value):
         raise ValueError(f"found {shown(value)}; needed: a number")
-    if not abs(float(value)) <= LIMITS.max_number:
+    # A whole number may be too large for a float.
+    if not abs(value) <= LIMITS.max_number:
         raise ValueError(f"found {shown(value)}; needed: {_NUMBER}")
     return float(value)
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from fantoccini.arrays import Array, Times, frozen
+from fantoccini.arrays import Array, Times, floats, frozen
 from fantoccini.errors import StateError, Status, UnknownNameError
 from fantoccini.files import write_table
 from fantoccini.motion import archive, interpolate
@@ -198,7 +198,7 @@ class Trajectory:
             times: (m,) [s], not decreasing, inside the run.
             side: the side of an impact at whose time the sample is taken.
         """
-        times = self._inside(np.asarray(times, dtype=float))
+        times = self._inside(floats(times))
         if times.ndim != 1 or not len(times) or np.any(np.diff(times) < 0):
             raise ValueError("times must be a list of one time or more that do not decrease")
         left, right, s = interpolate.bracket(self.t, times, side)

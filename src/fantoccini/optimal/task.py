@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fantoccini.arrays import check_positive
+from fantoccini.arrays import check_positive, floats
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette import Marionette, link_index
 from fantoccini.motion import Input, State
@@ -110,7 +110,7 @@ class Task:
     @property
     def durations(self) -> tuple[float, float]:
         """The shortest and the longest duration [s]."""
-        low, high = np.broadcast_to(np.asarray(self.duration, dtype=float), (2,))
+        low, high = np.broadcast_to(floats(self.duration), (2,))
         return float(low), float(high)
 
     @property

@@ -66,9 +66,9 @@ def load_task(
         FileError: with every mistake found and its location.
     """
     name = os.fspath(path)
-    if name in task_names() and not Path(name).exists():
+    if name in task_names() and not os.path.exists(name):
         path = _FOLDER / f"{name}.yaml"
-    elif not Path(name).exists():
+    elif not os.path.exists(name):
         text = "found nothing here; a task file is needed, or the name of a bundled task"
         raise FileError([Mistake(name, None, "", text + nearest(name, task_names()))])
     located = read_file(path)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.arrays import Array, Times, check_positive, frozen
+from fantoccini.arrays import Array, Times, check_positive, floats, frozen
 from fantoccini.errors import Status
 from fantoccini.marionette import Marionette, MethodName, Stepper
 from fantoccini.motion import Input, State, Trajectory
@@ -65,7 +65,7 @@ class Recording:
             raise ValueError(f"acc_K has the shape {self.acc_K.shape}; it must be (n, {shape[1]})")
         if not np.isfinite(self.acc_K).all():
             raise ValueError("acc_K holds a number that is not finite")
-        if not (np.isfinite(self.tick) and self.tick > 0 and self.steps >= 1):
+        if not (0.0 < floats(self.tick) < np.inf and self.steps >= 1):
             raise ValueError(f"found {self.steps} steps in ticks of {self.tick} s")
 
     def __repr__(self) -> str:

@@ -171,7 +171,7 @@ def load_problem(
         FileError: with every mistake found and its location.
     """
     name = os.fspath(path)
-    if name in problem_names() and not Path(name).exists():
+    if name in problem_names() and not os.path.exists(name):
         path = _FOLDER / f"{name}.yaml"
     located = read_file(path)
     if isinstance(located.data, dict) and "bodies" in located.data:

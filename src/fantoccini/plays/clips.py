@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -104,7 +105,7 @@ def read_clip(player: Player, path: Path) -> Clip:
         StateError: the player has not the bodies of a person.
     """
     own = path.with_suffix(".yaml")
-    mapping = load_mapping(own) if own.is_file() and has_key(own, "mapping") else None
+    mapping = load_mapping(own) if os.path.isfile(own) and has_key(own, "mapping") else None
     try:
         placed = place_on_spot(player.alone, path, mapping, player.hangs)
     except FileError as error:

@@ -61,7 +61,7 @@ def read_script(path: str | os.PathLike[str]) -> Script:
         FileError: with every mistake found and its location.
     """
     name = os.fspath(path)
-    if not Path(name).exists():
+    if not os.path.exists(name):
         if name not in play_names():
             text = "found nothing here, and no bundled play of this name"
             raise FileError([Mistake(name, None, "", text + nearest(name, play_names()))])

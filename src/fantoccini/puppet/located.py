@@ -60,7 +60,7 @@ class Located:
         if not plain or not path.parts or path.is_absolute() or ".." in path.parts:
             return None
         file = (self.folder / path).resolve()
-        inside = file.is_relative_to(self.folder.resolve()) and file.is_file()
+        inside = file.is_relative_to(self.folder.resolve()) and os.path.isfile(file)
         return file if inside else None
 
     def problem(self, path: Path, message: str) -> Mistake:
@@ -249,6 +249,9 @@ def shown(value: Any) -> str:
         return type(value).__name__
     if isinstance(value, float) and not math.isfinite(value):
         return {math.inf: "inf", -math.inf: "-inf"}.get(value, "nan")
+    if isinstance(value, int) and value.bit_length() > 1000:
+        # Python writes no more than 4300 digits.
+        return f"a whole number of some {value.bit_length() * 3 // 10} digits"
     return (
         {None: "nothing", True: "true", False: "false"}.get(value, "")
         if (value is None or isinstance(value, bool))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 
 from fantoccini import puppets
@@ -24,7 +25,7 @@ def puppet_of(
         FileError: there is none.
     """
     known = (*puppets.names(), *puppets.scenes())
-    if name in known and not (located.folder / name).exists():
+    if name in known and not os.path.exists(located.folder / name):
         return load(puppets.path(name), progress)
     file = located.beside(name)
     if file is not None:

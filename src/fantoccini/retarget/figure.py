@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from fantoccini.arrays import Array
-from fantoccini.errors import StateError
+from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.marionette import Marionette, link_index
 from fantoccini.motion import State
 from fantoccini.retarget.mapping import BODIES, SIDES, BodyFile
@@ -75,21 +75,24 @@ class Figure:
 
 
 def figure_of(
-    marionette: Marionette, start: State, bodies: Mapping[str, BodyFile] | None = None
-) -> Figure:
-    """The figure of a puppet.
+    marionette: Marionette, start: State, bodies: Mapping[str, BodyFile] | None = None,
+    of: str = "",
+) -> Figure:  # fmt: skip
+    """The figure of a puppet, or of the member of a scene that is a person.
 
     Args:
         marionette: the puppet.
         start: where it hangs.
         bodies: part -> body, where they are not called as those of the bundled marionette.
+        of: name of the member of a scene that has them; the only one that has if not given.
 
     Raises:
         StateError: a body that the puppet does not have, limbs that are not joined as a person's,
-            or no end of a limb.
+            no end of a limb, or several members that are persons.
+        UnknownNameError: the scene has no such member.
     """
-    given = {**_USUAL, **(bodies or {})}
     names = [link.name for link in marionette.tree.links if link.role is Role.DYNAMIC]
+    given = _of_member(marionette, {**_USUAL, **(bodies or {})}, names, of)
     if missing := [part for part in BODIES if given[part].body not in names]:
         raise StateError(
             f"{marionette.name} has no body {given[missing[0]].body!r}, the {missing[0]} of a "
@@ -132,6 +135,29 @@ def figure_of(
     forward = pose[links["trunk"]][:, :3] @ axes[:, 0]
     named = {part: given[part].body for part in BODIES}
     return Figure(marionette, named, points, axes, forward, places)
+
+
+def _of_member(
+    marionette: Marionette, bodies: Mapping[str, BodyFile], names: Sequence[str], of: str
+) -> dict[str, BodyFile]:
+    """The bodies with the name of a scene's member before those that have none."""
+    members = marionette.puppet.members
+    if of and of not in members:
+        raise UnknownNameError("member of a scene", of, members)
+
+    def within(member: str) -> dict[str, BodyFile]:
+        found = {}
+        for part, one in bodies.items():
+            own = one.body if one.body in names else f"{member}.{one.body}"
+            found[part] = one.model_copy(update={"body": own})
+        return found
+
+    if of:
+        return within(of)
+    found = [m for m in members if all(within(m)[part].body in names for part in BODIES)]
+    if len(found) > 1 and within(found[0]) != within(found[1]):
+        raise StateError(f"several members are persons: {', '.join(found)}; say which with `of`")
+    return within(found[0]) if found else dict(bodies)
 
 
 def axes_of(

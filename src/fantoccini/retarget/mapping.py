@@ -101,7 +101,7 @@ def load_mapping(path: str | os.PathLike[str]) -> MappingFile:
         FileError: with every mistake found and its location.
     """
     name = os.fspath(path)
-    if not Path(name).is_file():
+    if not os.path.isfile(name):
         if name not in mapping_names():
             text = "found no file; a mapping file is needed, or the name of a bundled mapping"
             raise FileError([Mistake(name, None, "", text + nearest(name, mapping_names()))])

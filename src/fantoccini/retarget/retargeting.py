@@ -33,6 +33,8 @@ WEIGHTS = {
 """w_i of the parts that are followed."""
 _ABOVE = 0.03
 """w_K, of strings that run straight up."""
+_HELD = 1.0
+"""Time for which a single pose is held [s]."""
 _NEAR = 3e-4
 """Distance from the nearest pose at which a search ends [m]."""
 _ITERATIONS = 10
@@ -139,6 +141,7 @@ def place_clip(
     travel: float = 1.0,
     up: str | None = None,
     turning: float = 1.0,
+    of: str = "",
 ) -> Placed:
     """Where the parts of a puppet are to be in captured motion; arguments as :func:`retarget_clip`.
 
@@ -149,10 +152,7 @@ def place_clip(
     refuse_contact(marionette.model, "follow")
     check_not_negative(travel=travel, turning=turning)
     name = clip.name or "clip"
-    if len(clip.t) > 1:
-        clip = clip.without_calibration()
-    if len(clip.t) < 2:
-        raise StateError(f"{name} has one frame; needed: at least two")
+    clip = clip.held(_HELD).without_calibration()
     if mapping is None:
         mapping = find_mapping(clip.skeleton, name)
     elif not isinstance(mapping, MappingFile):
@@ -160,7 +160,7 @@ def place_clip(
     joints = joints_of(mapping, clip.skeleton, name)
     clip = clip.upright(_up(clip, joints) if up is None else up)
     start = marionette.rest() if start is None else start
-    figure = figure_of(marionette, start, mapping.puppet)
+    figure = figure_of(marionette, start, mapping.puppet, of)
     return Placed(figure, start, clip, place(figure, clip, joints, travel, turning))
 
 
@@ -172,6 +172,7 @@ def retarget_clip(
     travel: float = 1.0,
     up: str | None = None,
     turning: float = 1.0,
+    of: str = "",
 ) -> Retargeted:
     """The hanging poses of a puppet that are nearest to captured motion, one a frame.
 
@@ -186,13 +187,14 @@ def retarget_clip(
             it shows none, the axis along which trunks point most.
         turning: share of the trunk's turning about the vertical that is kept; with 0 the puppet
             looks one way throughout.
+        of: name of the member of a scene that follows; the only person in it when not given.
 
     Raises:
         FileError: files with mistakes, or joints that are not found.
         StateError: the puppet has not the bodies of a person, or has contact.
     """
     if not isinstance(clip, Placed):
-        clip = place_clip(marionette, clip, mapping, start, travel, up, turning)
+        clip = place_clip(marionette, clip, mapping, start, travel, up, turning, of)
     figure, start, placing = clip.figure, clip.start, clip.places
     targets: dict[What, Any] = {
         figure.points[part]: placing.parts[part] for part in WEIGHTS

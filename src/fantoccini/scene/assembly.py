@@ -119,7 +119,7 @@ def _puppet(member: Member, at: tuple[str | int, ...], located: Located) -> Pupp
     puppet = member.puppet
     if isinstance(puppet, str):
         path = bundled(puppet) or located.folder / puppet
-        if not path.is_file():
+        if not os.path.isfile(path):
             text = f"found {puppet!r}; there is no such file, and no bundled puppet of this name"
             raise located.error([((*at, "puppet"), text)], PuppetError)
         written = read_file(

@@ -188,7 +188,7 @@ def load_stand(path: str | os.PathLike[str]) -> Stand:
         FileError: with every mistake found and its location.
     """
     name = os.fspath(path)
-    if not Path(name).exists():
+    if not os.path.exists(name):
         if name not in stand_names():
             text = "found nothing here, and no bundled stand of this name"
             raise FileError([Mistake(name, None, "", text + nearest(name, stand_names()))])

@@ -47,6 +47,10 @@ CODECS = {
 _CAPTIONS = 0.4
 """Largest share of the picture's height that captions take."""
 
+MAX_GIF_FPS = 50.0
+"""Most frames per second of a GIF: it counts hundredths of a second, and browsers show a frame of
+one hundredth for ten."""
+
 
 class FilmError(FantocciniError):
     """The film could not be written; the message ends with the encoder's last lines."""
@@ -79,7 +83,7 @@ def film(
         marionette: the puppet.
         run: its motion.
         path: ends in ``.mp4`` (H.264, yuv420p) or ``.gif``.
-        fps: frames per second.
+        fps: frames per second; of a ``.gif`` at most 50, which is what browsers play.
         size: width and height [px], rounded up to even numbers.
         view: preset, or (azimuth, elevation) in degrees.
         focus: ``all`` frames bodies and strings, ``bodies`` lets strings leave the picture.
@@ -110,16 +114,18 @@ def film(
         raise ValueError(f"a film ends in {' or '.join(CODECS)}, not in {path.suffix!r}")
     if not (0.0 < fps <= 240.0 and speed > 0.0 and min(size) >= 16 and max(size) <= 8192):
         raise ValueError("a film needs 0 < fps <= 240, speed > 0 and sides of 16 to 8192 pixels")
-    if not path.parent.is_dir():
+    if not os.path.isdir(path.parent):
         raise FilmError(f"there is no folder {path.parent}")
     width, height = (int(n) + int(n) % 2 for n in size)
     if checked_renderer(renderer) == "pyvista" and (forces or guides):
         raise ValueError("pyvista draws no forces and no guides; take renderer='matplotlib'")
 
+    ending = path.suffix.lower()
+    if ending == ".gif":
+        fps = min(fps, MAX_GIF_FPS)
     start, stop = float(run.t[0]), float(run.t[-1])
     n = max(1, round((stop - start) / speed * fps))
     times = np.minimum(start + np.arange(n) * (speed / fps), stop)
-    ending = path.suffix.lower()
     sound = soundtrack(sounds if ending == ".mp4" else (), start, n / fps, speed)
     geometry = geometry_of(marionette, run.resample(times), forces).with_guides(guides)
     look = Look.of(view, focus, theme, (width, height))

@@ -62,7 +62,7 @@ def checked_page(path: str | os.PathLike[str]) -> Path:
     path = Path(path)
     if path.suffix.lower() != ".html":
         raise ValueError(f"a report ends in .html, not in {path.suffix!r}")
-    if not path.parent.is_dir():
+    if not os.path.isdir(path.parent):
         raise PictureError(f"there is no folder {path.parent}")
     return path
 

@@ -194,7 +194,7 @@ def _of_file(
         except ValueError as error:
             raise FileError([Mistake(str(path), None, "", str(error))]) from None
     _check_no_problem(path, problem)
-    if not path.exists() and name in (*puppets.names(), *puppets.scenes()):
+    if not os.path.exists(path) and name in (*puppets.names(), *puppets.scenes()):
         path = puppets.path(name)
     return Subject(load(path, progress), file=path)
 
@@ -301,7 +301,7 @@ def open_page(
 
 def _check_folder(record_to: Path) -> None:
     """Raises FileError where there is no folder for recordings."""
-    if not record_to.is_dir():
+    if not os.path.isdir(record_to):
         message = "there is no such folder for recordings"
         raise FileError([Mistake(str(record_to), None, "", message)])
 

@@ -1,0 +1,139 @@
+"""Models of a few lines for which MuJoCo would take gigabytes are refused before it reads them.
+
+Sizes of memory are those that MuJoCo 4.0 was seen to take while it compiles, or a little more.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import struct
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+
+from fantoccini.exchange.mjcf_includes import asset_folders, found_beside
+from fantoccini.exchange.model_file import Element, ModelFile
+
+_MOST_BYTES = 500_000_000
+"""Memory for what a model only counts [bytes]."""
+_PIXEL, _HEIGHT = 6, 16
+"""Of a texture and of a height field, each [bytes]."""
+_NUMBER = 24
+"""Of a number of user data, an activation or a sensor [bytes]."""
+_KEY = 300
+"""Of an element of a model in a keyframe [bytes]."""
+_CORNER = 300
+"""Of a corner of a mesh that MuJoCo makes, which has up to the square of a parameter [bytes]."""
+_SAMPLE = 200
+"""Of a sample that an actuator or sensor keeps [bytes]."""
+_CELL = 2000
+"""Of a cell of a flexcomp [bytes]."""
+_LARGEST = 10**12
+"""Numbers are read up to here, so that products stay numbers."""
+
+_PNG = b"\x89PNG\r\n\x1a\n"
+"""Begins a PNG; its width and height follow after 8 bytes."""
+_FILES = ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
+
+
+def refuse_large(files: Iterable[tuple[ModelFile, int]]) -> None:
+    """Raises ExchangeError where MuJoCo would take too much memory.
+
+    Args:
+        files: of a model and those that it attaches, with how many elements each has.
+    """
+    total = 0.0
+    for file, elements in files:
+        defaults = dict[str, dict[str, str]]()
+        for element, inside in _with_defaults(file):
+            if inside:
+                _widen(defaults.setdefault(element.tag, {}), element)
+                continue
+            given = {**defaults.get(element.tag, {}), **element.attributes}
+            need = _bytes(file, element.tag, given, elements)
+            total += need
+            if total > _MOST_BYTES:
+                text = (
+                    f"MuJoCo would take {need / 1e6:,.0f} MB for it, {total / 1e6:,.0f} MB up to "
+                    f"here; allowed: {_MOST_BYTES / 1e6:,.0f} MB. Make it smaller"
+                )
+                raise file.mistake(text, element.line, element.tag)
+
+
+def _with_defaults(file: ModelFile) -> Iterator[tuple[Element, bool]]:
+    """Elements, those of defaults first, and whether each is one of these."""
+    above, found = list[str](), list[tuple[Element, bool]]()
+    for element in file.elements:
+        del above[element.depth :]
+        found.append((element, "default" in above))
+        above.append(element.tag)
+    yield from sorted(found, key=lambda one: not one[1])
+
+
+def _widen(known: dict[str, str], element: Element) -> None:
+    """Keeps the larger numbers of all classes of defaults."""
+    for key, text in element.attributes.items():
+        if key not in known or max(_numbers(text)) > max(_numbers(known[key])):
+            known[key] = text
+
+
+def _bytes(file: ModelFile, tag: str, given: dict[str, str], elements: int) -> float:
+    """Memory for an element of these attributes."""
+
+    def of(key: str) -> list[float]:
+        return _numbers(given.get(key, ""))
+
+    need = _SAMPLE * of("nsample")[0] + _NUMBER * of("actdim")[0]
+    match tag:
+        case "size":
+            user = sum(_numbers(x)[0] for key, x in given.items() if key.startswith("nuser_"))
+            need += _NUMBER * (of("nuserdata")[0] + user * elements)
+            need += _KEY * of("nkey")[0] * elements
+        case "key":
+            need += _KEY * elements
+        case "texture":
+            width, height = of("width")[0], of("height")[0]
+            faces = 0.0 if given.get("type") == "2d" else 6.0 * max(width, height / 6.0) ** 2
+            need += _PIXEL * (max(width * height, faces) + _pixels(file, given))
+        case "hfield":
+            need += _HEIGHT * (of("nrow")[0] * of("ncol")[0] + _pixels(file, given))
+        case "mesh" if "builtin" in given:
+            need += _CORNER * max(of("params")) ** 2
+        case "flexcomp":
+            need += _CELL * math.prod(max(n, 1.0) for n in of("cellcount"))
+        case "camera":
+            seen = {"rangefinder"} & {element.tag for element in file.elements}
+            need += _NUMBER * math.prod(of("resolution")) if seen else 0.0
+        case "user" | "contact":
+            need += _NUMBER * (of("dim")[0] + 10.0 * of("num")[0])
+    return need
+
+
+def _pixels(file: ModelFile, given: dict[str, str]) -> float:
+    """Pixels of the images that an element names, as their headers say."""
+    folders = asset_folders(file)
+    first = os.path.dirname(os.fspath(file.path))
+    folders += [
+        os.path.join(first, element.attributes["texturedir"])
+        for element in file.elements if "texturedir" in element.attributes
+    ]  # fmt: skip
+    count = 0.0
+    for name in (given[key] for key in _FILES if given.get(key)):
+        place = found_beside(name, *folders) or found_beside(os.path.basename(name), *folders)
+        with suppress(OSError), open(place or "", "rb") as image:
+            head = image.read(len(_PNG) + 16)
+            if head.startswith(_PNG) and len(head) == len(_PNG) + 16:
+                count += math.prod(struct.unpack(">II", head[-8:]))
+    return count
+
+
+def _numbers(text: str) -> list[float]:
+    """The numbers of an attribute, of the size that they have; 0 for what is none."""
+    found = []
+    for word in text.split():
+        try:
+            number = abs(float(word))
+        except ValueError:
+            number = 0.0
+        found.append(min(number, _LARGEST) if number == number else 0.0)
+    return found or [0.0]
