@@ -39,7 +39,8 @@ struct ContactPush {
   int pair, feature, steps;  // for how many steps, counted beyond steps_of_impact by one
   int wait;                  // steps for which patches are not tried (contact_patches.hpp)
   bool rested;               // at the start of the step: the forces of one step closed it
-  double gap, at[3], normal[3], impulse[3], velocity[3];
+  // Velocity in the middle of the step; that at its end is `drift` more.
+  double gap, at[3], normal[3], impulse[3], velocity[3], drift[3];
 };
 
 // Of what pushes, leaves what was at rest, as if it had pushed for long; returns how many these are.

@@ -27,6 +27,8 @@ class GroundFeet {
     Mask would_pull, dropped;
     Real at[3], gap;
     Real asked;                // m/s: the speed at which it is to part beyond stopping
+    Real drift[2];             // m/s: the same along the tangents (ContactAims::find_drift)
+    Real end[2];               // m/s: along the tangents at the end of the last step
     Mask rested;               // as in ContactPush; this and the next ones of the last step that ended
     Real steps, impulse[3];
     Mask rests;                // the same of this step
@@ -90,6 +92,10 @@ class GroundFeet {
       lane_of(to.steps, l) = push[i].steps;
       lane_of(to.gap, l) = push[i].gap;
       lane_of(to.asked, l) = dot3(push[i].velocity, push[i].normal);
+      for (int d = 0; d < 2; ++d) {
+        const double* e = frame + 3 + 3 * d;
+        lane_of(to.end[d], l) = dot3(push[i].velocity, e) + dot3(push[i].drift, e);
+      }
       for (int c = 0; c < 3; ++c) {
         lane_of(to.at[c], l) = push[i].at[c];
         lane_of(to.impulse[c], l) = push[i].impulse[c];
@@ -118,6 +124,7 @@ class GroundFeet {
         out.normal[c] = frame[c];
         out.impulse[c] = lane_of(p.impulse[c], l);
         out.velocity[c] = lane_of(p.asked, l) * frame[c];
+        out.drift[c] = lane_of(p.end[0], l) * frame[3 + c] + lane_of(p.end[1], l) * frame[6 + c];
       }
     });
     return n_push;
@@ -175,6 +182,7 @@ class GroundFeet {
         p.steps += select(p.steps <= Real(ContactStepTolerances::steps_of_impact), Real(1.0), Real(0.0));
         p.steps = select(closes(p), Real(1.0), p.steps);
         for (int c = 0; c < 3; ++c) p.impulse[c] = p.found[c];
+        for (int d = 0; d < 2; ++d) p.end[d] = p.drift[d];
         some = some || p.pushes;
       }
       if (any(some)) known_[n_known++] = known_[j];
