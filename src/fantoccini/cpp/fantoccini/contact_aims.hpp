@@ -22,7 +22,7 @@ class ContactAims : public ContactPatches<Model, Real> {
 
  protected:
   using Problem::points_, Problem::in_, Problem::near_, Problem::chosen_, Problem::wait_;
-  using Problem::x_, Problem::hdot_, Problem::before_, Problem::asked_, Problem::drift_, Problem::dt_;
+  using Problem::x_, Problem::hdot_, Problem::before_, Problem::asked_, Problem::drift_, Problem::turn_, Problem::turned_, Problem::dt_;
   using Problem::is_before_known_, Problem::is_carried_, Problem::rebound_, Problem::parting_;
   using Problem::bounces_;
 
@@ -69,10 +69,10 @@ class ContactAims : public ContactPatches<Model, Real> {
     chosen_[l] += near_[l][i];
   }
 
-  // What tangents are asked for beyond stopping: u_t is to vanish in the middle of the step, where it
-  // has changed by half of what the last step changed it by, with velocities the same,
+  // What tangents are asked for beyond stopping: hdot is to vanish in the middle of the step, by the
+  // turn that solids have made since the last one, which is extrapolated,
   //
-  //   J v+ + dt/2 dJ/dt v = 0,   dt dJ/dt v = (J - J-) v
+  //   J v+ + dt/2 dJ/dt v = 0,   dt dJ/dt v = turn + (turn - turn-)/2,   turn = (J - J-) v
   //
   // At its start alone, what rolls gains or loses energy at the order of the step; for normals the gap
   // does the same. `dv_K` is what driven velocities have changed by since the last step.
@@ -80,13 +80,16 @@ class ContactAims : public ContactPatches<Model, Real> {
     const double share = 0.5 * dt_ / whole;
     for (int i = 0; i < points_.n[0]; ++i) {
       const auto& p = points_.point[0][i];
-      for (int d = 0; d < 3; ++d) drift_[3 * i + d] = Real(0.0);
-      if (!lane_of(goes_on, 0) || p.before < 0) continue;
+      turned_[i] = lane_of(goes_on, 0) && p.before >= 0;
+      for (int d = 0; d < 3; ++d) drift_[3 * i + d] = turn_[3 * i + d] = Real(0.0);
+      if (!turned_[i]) continue;
       const Push& own = push[0][p.before];
       const Triple<Real> driven = points_.driven(i, dv_K);
       for (int d = 1; d < 3; ++d) {
         const double *e = p.frame + 3 * d, end = dot3(e, own.velocity) + dot3(e, own.drift);
-        drift_[3 * i + d] = share * (hdot_[3 * i + d] - driven[d] + end);
+        const double turn = hdot_[3 * i + d] - driven[d] + end;
+        turn_[3 * i + d] = turn;
+        drift_[3 * i + d] = drift_of(turn, own.turned ? dot3(e, own.turn) : turn, share);
       }
     }
   }

@@ -39,8 +39,10 @@ struct ContactPush {
   int pair, feature, steps;  // for how many steps, counted beyond steps_of_impact by one
   int wait;                  // steps for which patches are not tried (contact_patches.hpp)
   bool rested;               // at the start of the step: the forces of one step closed it
-  // Velocity in the middle of the step; that at its end is `drift` more.
+  // Velocity in the middle of the step; that at its start after it is `drift` more.
   double gap, at[3], normal[3], impulse[3], velocity[3], drift[3];
+  bool turned;     // whether what the step before changed of it is known,
+  double turn[3];  // that is, (J - J-) v across the normal, negated
 };
 
 // Of what pushes, leaves what was at rest, as if it had pushed for long; returns how many these are.
@@ -52,6 +54,13 @@ FAN_FN int keep_resting(ContactPush* push, int n) {
     push[kept++].steps = ContactStepTolerances::steps_of_impact + 1;
   }
   return kept;
+}
+
+// What a point's tangents are asked for beyond stopping, by what the last two steps changed of their
+// hdot; `share` is the step's length in half whole ones. See ContactAims::find_drift().
+template <class Real>
+FAN_FN Real drift_of(const Real& turn, const Real& before, double share) {
+  return share * (turn + 0.5 * (turn - before));
 }
 
 // In the place of ContactStep for puppets that touch nothing.

@@ -144,7 +144,8 @@ class ContactStep : public ContactAims<Model, Real> {
           lane_of(b_[3 * i + d], l) = lane_of(before_[3 * i + d], l) =
               lane_of(start[d], l) + lane_of(by_forces[d], l);
         }
-        for (int d = 0; d < 3; ++d) drift_[3 * i + d] = Real(0.0);
+        turned_[i] = false;
+        for (int d = 0; d < 3; ++d) drift_[3 * i + d] = turn_[3 * i + d] = Real(0.0);
         steps_[l][i] = wait_[l][i] = 0;
         near_[l][i] = true;
         is_carried_[l][i] = false;
@@ -301,7 +302,7 @@ class ContactStep : public ContactAims<Model, Real> {
   using Problem::points_, Problem::columns_, Problem::in_, Problem::near_, Problem::chosen_;
   using Problem::pulls_, Problem::held_, Problem::held_residual_, Problem::is_carried_, Problem::wait_;
   using Problem::x_, Problem::s_, Problem::b_, Problem::before_, Problem::rebound_;
-  using Aims::steps_, Aims::earlier, Problem::hdot_, Problem::asked_, Problem::drift_, Problem::is_before_known_, Problem::dt_;
+  using Aims::steps_, Aims::earlier, Problem::hdot_, Problem::asked_, Problem::drift_, Problem::turn_, Problem::turned_, Problem::is_before_known_, Problem::dt_;
   using Problem::parting_, Problem::bounces_, Problem::scale_;
 
   // Whether point i has an impulse of its own in some lane.
@@ -321,6 +322,7 @@ class ContactStep : public ContactAims<Model, Real> {
     out.steps = closes(l, i) ? 1 : steps_[l][i] + (steps_[l][i] <= Tolerance::steps_of_impact);
     out.wait = wait_[l][i];
     out.rested = rested(l, i);
+    out.turned = turned_[i];
     out.gap = from.gap;
     const double u[3] = {after(l, 3 * i), after(l, 3 * i + 1), after(l, 3 * i + 2)};
     for (int c = 0; c < 3; ++c) {
@@ -328,8 +330,15 @@ class ContactStep : public ContactAims<Model, Real> {
       out.normal[c] = from.frame[c];
       out.impulse[c] = x[0] * from.frame[c] + x[1] * from.frame[3 + c] + x[2] * from.frame[6 + c];
       out.velocity[c] = -u[0] * from.frame[c] - u[1] * from.frame[3 + c] - u[2] * from.frame[6 + c];
-      out.drift[c] = lane_of(drift_[3 * i + 1], l) * from.frame[3 + c] + lane_of(drift_[3 * i + 2], l) * from.frame[6 + c];
+      out.drift[c] = across(drift_, l, i, c);
+      out.turn[c] = across(turn_, l, i, c);
     }
+  }
+
+  // An entry of the vector that has these parts along the tangents of point i.
+  FAN_FN double across(const Real* parts, int l, int i, int c) const {
+    const double* frame = points_.point[l][i].frame;
+    return lane_of(parts[3 * i + 1], l) * frame[3 + c] + lane_of(parts[3 * i + 2], l) * frame[6 + c];
   }
 
   // hdot of row i after the step; of tangents, in its middle.

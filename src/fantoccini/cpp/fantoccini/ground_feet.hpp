@@ -29,6 +29,8 @@ class GroundFeet {
     Real asked;                // m/s: the speed at which it is to part beyond stopping
     Real drift[2];             // m/s: the same along the tangents (ContactAims::find_drift)
     Real end[2];               // m/s: along the tangents at the end of the last step
+    Mask turned, turns;        // as in ContactPush: of the last step that ended, and of this one
+    Real turn_before[2], turn[2];
     Mask rested;               // as in ContactPush; this and the next ones of the last step that ended
     Real steps, impulse[3];
     Mask rests;                // the same of this step
@@ -69,7 +71,7 @@ class GroundFeet {
       to.link = x.link;
       to.friction = in.friction[k];
       to.restitution = in.restitution[k];
-      for (Point& p : to.point) p.here = p.joins = p.pushes = p.would_pull = p.dropped = p.rested = none;
+      for (Point& p : to.point) p.here = p.joins = p.pushes = p.would_pull = p.dropped = p.rested = p.turned = p.turns = none;
     }
   }
 
@@ -89,12 +91,14 @@ class GroundFeet {
       Point& to = foot[own].point[push[i].feature];
       to.pushes.set(l, true);
       to.rested.set(l, push[i].rested);
+      to.turned.set(l, push[i].turned);
       lane_of(to.steps, l) = push[i].steps;
       lane_of(to.gap, l) = push[i].gap;
       lane_of(to.asked, l) = dot3(push[i].velocity, push[i].normal);
       for (int d = 0; d < 2; ++d) {
         const double* e = frame + 3 + 3 * d;
         lane_of(to.end[d], l) = dot3(push[i].velocity, e) + dot3(push[i].drift, e);
+        lane_of(to.turn_before[d], l) = dot3(push[i].turn, e);
       }
       for (int c = 0; c < 3; ++c) {
         lane_of(to.at[c], l) = push[i].at[c];
@@ -118,6 +122,7 @@ class GroundFeet {
       out.steps = int(lane_of(p.steps, l));
       out.wait = 0;
       out.rested = lane_of(p.rested, l);
+      out.turned = lane_of(p.turned, l);
       out.gap = lane_of(p.gap, l);
       for (int c = 0; c < 3; ++c) {
         out.at[c] = lane_of(p.at[c], l);
@@ -125,6 +130,7 @@ class GroundFeet {
         out.impulse[c] = lane_of(p.impulse[c], l);
         out.velocity[c] = lane_of(p.asked, l) * frame[c];
         out.drift[c] = lane_of(p.end[0], l) * frame[3 + c] + lane_of(p.end[1], l) * frame[6 + c];
+        out.turn[c] = lane_of(p.turn_before[0], l) * frame[3 + c] + lane_of(p.turn_before[1], l) * frame[6 + c];
       }
     });
     return n_push;
@@ -182,7 +188,11 @@ class GroundFeet {
         p.steps += select(p.steps <= Real(ContactStepTolerances::steps_of_impact), Real(1.0), Real(0.0));
         p.steps = select(closes(p), Real(1.0), p.steps);
         for (int c = 0; c < 3; ++c) p.impulse[c] = p.found[c];
-        for (int d = 0; d < 2; ++d) p.end[d] = p.drift[d];
+        p.turned = p.turns;
+        for (int d = 0; d < 2; ++d) {
+          p.end[d] = p.drift[d];
+          p.turn_before[d] = p.turn[d];
+        }
         some = some || p.pushes;
       }
       if (any(some)) known_[n_known++] = known_[j];

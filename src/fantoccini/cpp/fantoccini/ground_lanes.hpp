@@ -53,9 +53,12 @@ class GroundLanes : public GroundSystem<Model, Real> {
         p.joins = p.here && p.pushes;
         takes_part = takes_part || p.joins;
         depth = select(p.here && lanes, maximum(Real(-p.gap), depth), depth);
+        p.turns = p.joins && goes_on;
         for (int d = 0; d < 2; ++d) {
-          const Real hdot_t = rate(twist, p.at, feet.frame + 3 + 3 * d);
-          p.drift[d] = select(p.joins && goes_on, Real((0.5 * dt / whole) * (hdot_t + p.end[d])), Real(0.0));
+          const Real turn = rate(twist, p.at, feet.frame + 3 + 3 * d) + p.end[d];
+          const Real before = select(p.turned, p.turn_before[d], turn);
+          p.turn[d] = select(p.turns, turn, Real(0.0));
+          p.drift[d] = select(p.turns, drift_of<Real>(turn, before, 0.5 * dt / whole), Real(0.0));
         }
         const Real h = -p.gap, hdot = rate(twist, p.at, feet.frame);
         const Real back = h / select(h > Real(0.0), Real(whole > dt ? whole : dt), Real(dt));
