@@ -69,13 +69,15 @@ class ContactAims : public ContactPatches<Model, Real> {
     chosen_[l] += near_[l][i];
   }
 
-  // What tangents are asked for beyond stopping: hdot is to vanish in the middle of the step, by the
-  // turn that solids have made since the last one, which is extrapolated,
+  // What points that pushed are asked for beyond stopping: hdot is to vanish in the middle of the step,
+  // by the turn that solids have made since the last one, which is extrapolated,
   //
   //   J v+ + dt/2 dJ/dt v = 0,   dt dJ/dt v = turn + (turn - turn-)/2,   turn = (J - J-) v
   //
-  // At its start alone, what rolls gains or loses energy at the order of the step; for normals the gap
-  // does the same. `dv_K` is what driven velocities have changed by since the last step.
+  // At its start, what rolls would gain or lose energy at the order of the step. For normals the gap
+  // asks for dt/2 dJ/dt v of the step before, which loses energy at its square: half of it is asked
+  // for ahead, and the gap asks for the other half. `dv_K` is what driven velocities have changed by
+  // since the last step.
   FAN_FN void find_drift(const Mask& goes_on, const Real* dv_K, double whole) {
     const double share = 0.5 * dt_ / whole;
     for (int i = 0; i < points_.n[0]; ++i) {
@@ -85,11 +87,13 @@ class ContactAims : public ContactPatches<Model, Real> {
       if (!turned_[i]) continue;
       const Push& own = push[0][p.before];
       const Triple<Real> driven = points_.driven(i, dv_K);
-      for (int d = 1; d < 3; ++d) {
+      for (int d = 0; d < 3; ++d) {
         const double *e = p.frame + 3 * d, end = dot3(e, own.velocity) + dot3(e, own.drift);
         const double turn = hdot_[3 * i + d] - driven[d] + end;
         turn_[3 * i + d] = turn;
-        drift_[3 * i + d] = drift_of(turn, own.turned ? dot3(e, own.turn) : turn, share);
+        const double drift = drift_of(turn, own.turned ? dot3(e, own.turn) : turn, share);
+        if (d == 0) asked_[i] += 0.5 * drift;
+        else drift_[3 * i + d] = drift;
       }
     }
   }

@@ -189,9 +189,9 @@ class ContactProblem {
   // hdot after the step without impulses; at its start; b - before of the normals. is_before_known_ is
   // false while nothing has asked for `before`, nor for b.
   Real before_[room(3 * C)], hdot_[room(3 * C)], asked_[room(C)];
-  bool turned_[room(C)] = {};  // of one trajectory: as in ContactPush,
-  Real turn_[room(3 * C)];     // along the tangents
-  Real drift_[room(3 * C)];  // b - before of the tangents; see ContactAims::find_drift()
+  bool turned_[room(C)] = {};  // of one trajectory, as in ContactPush
+  Real turn_[room(3 * C)];     // likewise, along normal and tangents
+  Real drift_[room(3 * C)];    // b - before of the tangents; see ContactAims::find_drift()
   bool is_before_known_ = true;
   double dt_ = 0.0;  // s: of the step
   ContactColumns<Model, Real> columns_;

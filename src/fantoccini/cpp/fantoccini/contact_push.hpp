@@ -41,8 +41,8 @@ struct ContactPush {
   bool rested;               // at the start of the step: the forces of one step closed it
   // Velocity in the middle of the step; that at its start after it is `drift` more.
   double gap, at[3], normal[3], impulse[3], velocity[3], drift[3];
-  bool turned;     // whether what the step before changed of it is known,
-  double turn[3];  // that is, (J - J-) v across the normal, negated
+  bool turned;     // whether the step before is known to have turned it, and by what:
+  double turn[3];  // m/s: -(J - J-) v
 };
 
 // Of what pushes, leaves what was at rest, as if it had pushed for long; returns how many these are.
@@ -56,8 +56,8 @@ FAN_FN int keep_resting(ContactPush* push, int n) {
   return kept;
 }
 
-// What a point's tangents are asked for beyond stopping, by what the last two steps changed of their
-// hdot; `share` is the step's length in half whole ones. See ContactAims::find_drift().
+// What a tangent of a point is asked for beyond stopping, by the turns of the last two steps; `share`
+// is half of the step's length, in whole ones. See ContactAims::find_drift().
 template <class Real>
 FAN_FN Real drift_of(const Real& turn, const Real& before, double share) {
   return share * (turn + 0.5 * (turn - before));

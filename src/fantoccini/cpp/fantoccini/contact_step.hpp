@@ -108,8 +108,8 @@ class ContactStep : public ContactAims<Model, Real> {
       }
     }
     for (int l = 0; l < width; ++l) this->recall(l);
-    this->find_drift(goes_on, dv_K, whole);
     for (int i = 0; i < points_.n[0]; ++i) this->ask(0, i, whole, recovery_speed);
+    this->find_drift(goes_on, dv_K, whole);
     is_before_known_ = !this->all_pushed();
     if (is_before_known_) this->know_before(eval);
     for (int i = 0; i < points_.n[0]; ++i) this->aim(0, i);
@@ -330,15 +330,17 @@ class ContactStep : public ContactAims<Model, Real> {
       out.normal[c] = from.frame[c];
       out.impulse[c] = x[0] * from.frame[c] + x[1] * from.frame[3 + c] + x[2] * from.frame[6 + c];
       out.velocity[c] = -u[0] * from.frame[c] - u[1] * from.frame[3 + c] - u[2] * from.frame[6 + c];
-      out.drift[c] = across(drift_, l, i, c);
-      out.turn[c] = across(turn_, l, i, c);
+      out.drift[c] = in_world(drift_, l, i, c);
+      out.turn[c] = in_world(turn_, l, i, c);
     }
   }
 
-  // An entry of the vector that has these parts along the tangents of point i.
-  FAN_FN double across(const Real* parts, int l, int i, int c) const {
+  // Entry c of the vector that has these parts along normal and tangents of point i.
+  FAN_FN double in_world(const Real* parts, int l, int i, int c) const {
     const double* frame = points_.point[l][i].frame;
-    return lane_of(parts[3 * i + 1], l) * frame[3 + c] + lane_of(parts[3 * i + 2], l) * frame[6 + c];
+    double sum = 0.0;
+    for (int d = 0; d < 3; ++d) sum += lane_of(parts[3 * i + d], l) * frame[3 * d + c];
+    return sum;
   }
 
   // hdot of row i after the step; of tangents, in its middle.

@@ -54,15 +54,18 @@ class GroundLanes : public GroundSystem<Model, Real> {
         takes_part = takes_part || p.joins;
         depth = select(p.here && lanes, maximum(Real(-p.gap), depth), depth);
         p.turns = p.joins && goes_on;
-        for (int d = 0; d < 2; ++d) {
-          const Real turn = rate(twist, p.at, feet.frame + 3 + 3 * d) + p.end[d];
+        Real drift[3];
+        for (int d = 0; d < 3; ++d) {
+          const Real turn = rate(twist, p.at, feet.frame + 3 * d) + p.end[d];
           const Real before = select(p.turned, p.turn_before[d], turn);
           p.turn[d] = select(p.turns, turn, Real(0.0));
-          p.drift[d] = select(p.turns, drift_of<Real>(turn, before, 0.5 * dt / whole), Real(0.0));
+          drift[d] = select(p.turns, drift_of<Real>(turn, before, 0.5 * dt / whole), Real(0.0));
         }
+        for (int d = 0; d < 2; ++d) p.drift[d] = drift[d + 1];
         const Real h = -p.gap, hdot = rate(twist, p.at, feet.frame);
         const Real back = h / select(h > Real(0.0), Real(whole > dt ? whole : dt), Real(dt));
-        p.asked = minimum(back, Real(recovery_speed));
+        p.parting = minimum(back, Real(recovery_speed));
+        p.asked = p.parting + 0.5 * drift[0];
         const Mask may_bounce = hdot > Real(own.restitution > 0.0 ? 0.0 : unbounded);
         lanes = lanes && (!p.here || p.joins || !may_bounce);
       }
