@@ -52,6 +52,7 @@ struct TimeStep {
   double whole = 0.0;        // s: the run's step; the last one may be shorter
   bool forced = true;        // otherwise u_D is 0
   bool extrapolates = true;  // otherwise v_ahead is v: a step depends on its state alone
+  bool turns_ahead = true;   // otherwise points of contact are to stop at the start of a step
   // Whether the next step may extrapolate the last one, and whether the last might the one before.
   Mask steady = Real(0.0) > Real(1.0), steadier = steady;
   Mask goes_on = steady;  // whether the next step goes on at the velocity with which the last ended
@@ -212,7 +213,8 @@ struct TimeStep {
     const Mask braked = limit_speed<Model>(most, dt, v_next, speed_bound);
     steady = steady && !braked;
     goes_on = !braked;
-    if (!extrapolates) steady = goes_on = Real(0.0) > Real(1.0);
+    if (!extrapolates) steady = Real(0.0) > Real(1.0);
+    if (!extrapolates || !turns_ahead) goes_on = Real(0.0) > Real(1.0);
   }
 
   // The rate at which winches wind back their slip; changes the strings' h and hdot to those of
