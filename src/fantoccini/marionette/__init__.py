@@ -39,6 +39,13 @@ from fantoccini.marionette.modes import Mode, Modes
 from fantoccini.marionette.parameter_values import parameter_rows
 from fantoccini.marionette.plausible import InputWarning, input_warnings, warnings
 from fantoccini.marionette.portable import PortablePuppet
+from fantoccini.marionette.prescribed import (
+    Overlap,
+    deepest,
+    looks,
+    overlap_events,
+    prescribed_overlaps,
+)
 from fantoccini.marionette.redundant import (
     CONTRADICTION_STATUSES,
     Contradiction,
@@ -71,6 +78,7 @@ __all__ = [
     "Mode",
     "Model",
     "Modes",
+    "Overlap",
     "Partials",
     "PortablePuppet",
     "Rollout",
@@ -98,6 +106,7 @@ __all__ = [
     "coriolis_full",
     "count_samples",
     "critical_step_of_tensions",
+    "deepest",
     "energies",
     "first_excess_tension",
     "input_warnings",
@@ -105,9 +114,12 @@ __all__ = [
     "link_index",
     "load",
     "loads",
+    "looks",
     "may_be_redundant",
     "motion_at",
+    "overlap_events",
     "parameter_rows",
+    "prescribed_overlaps",
     "refuse_contact",
     "warnings",
 ]

@@ -148,12 +148,22 @@ class Model:
         return self.compiled.library
 
     @cached_property
-    def contacts(self) -> Contacts | None:
-        """The solids that may touch; None where the puppet's file says nothing of contact."""
+    def _touching(self) -> tuple[Contacts, Contacts] | None:
         if self.puppet.touching is None:
             return None
         found = self.puppet.expanded(), self.tree, self.library, self.compiled.solids
         return contacts_of(*found)
+
+    @property
+    def contacts(self) -> Contacts | None:
+        """The solids that may touch; None where the puppet's file says nothing of contact."""
+        return None if self._touching is None else self._touching[0]
+
+    @property
+    def prescribed(self) -> Contacts | None:
+        """Pairs of solids that may touch, and only the inputs move; None where there are none."""
+        found = None if self._touching is None else self._touching[1]
+        return found if found is not None and len(found.pairs) else None
 
     def overlaps(self, q_D: Array, q_K: Array, depth: float = 0.0) -> dict[str, float]:
         """The parts that overlap by more than a depth [m], and by how much [m]."""

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from fantoccini.arrays import Array, check_positive
+from fantoccini.contract import EVENT_AT
 from fantoccini.errors import ARRIVED, SimulationError, Status, UnknownNameError
 from fantoccini.marionette.checks import (
     bind_input,
@@ -18,6 +19,7 @@ from fantoccini.marionette.checks import (
 )
 from fantoccini.marionette.methods import Method, MethodName, as_method
 from fantoccini.marionette.model import Model
+from fantoccini.marionette.prescribed import looks, overlap_events, prescribed_overlaps
 from fantoccini.marionette.redundant import CONTRADICTION_STATUSES, Contradiction, contradiction
 from fantoccini.marionette.vectors import vector
 from fantoccini.motion import Input, State
@@ -57,6 +59,7 @@ class Stepper:
         self.model = model
         self.method = method
         self.state, self._end = x0.replace(coordinates=model.coordinates), x0.t
+        self._measured, self._overlap = x0.t, 0.0
         self._options, self._run, self._held = options, *self._begun(options)
         piece = self._run.present()
         self.samples, self.events, self.contacts = piece.samples[-1:], *piece[1:]
@@ -110,8 +113,11 @@ class Stepper:
 
     @property
     def violation(self) -> float:
-        """Largest h of all rows since the start, of fixed steps [m, rad or 1]."""
-        return float(self._run.progress.violation)
+        """Largest h of all rows since the start, of fixed steps [m, rad or 1].
+
+        Of both methods, and at least, the largest overlap of solids that only the inputs move.
+        """
+        return max(float(self._run.progress.violation), self._overlap)
 
     def __repr__(self) -> str:
         return (
@@ -171,6 +177,7 @@ class Stepper:
             raise
         finally:
             self._take(written)
+        self._measure(chosen)
         self._diagnose()
         if not self.arrived and throw:
             where = f"at t = {self.state.t:.6g} s"
@@ -225,6 +232,24 @@ class Stepper:
         layout, last = self.model.sample_layout, self.samples[-1]
         self.state = layout.state(last)
         self.tension = last[layout.places["tension"]]
+
+    def _measure(self, chosen: Input | HeldInput) -> None:
+        """Adds the touches and lifts of solids that only the inputs move against one another."""
+        model = self.model
+        if model.prescribed is None or not self.state.t > self._measured:
+            return
+
+        def motion(t: Array) -> Array:
+            return chosen.evaluate(t)[0] if isinstance(chosen, Input) else chosen.evaluate(t)
+
+        breaks = chosen.breaks if isinstance(chosen, Input) else np.zeros(0)
+        found = prescribed_overlaps(model, motion, looks(breaks, self._measured, self.state.t))
+        told = overlap_events(model, found, self._measured)
+        self._measured = self.state.t
+        self._overlap = max([self._overlap, *(overlap.depth for overlap in found)])
+        if len(told):
+            both = np.concatenate([self.events, told])
+            self.events = both[np.argsort(both[:, EVENT_AT["t"]], kind="stable")]
 
     def _diagnose(self) -> None:
         """Sets status and contradiction where redundant strings stopped the run."""

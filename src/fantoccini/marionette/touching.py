@@ -52,10 +52,12 @@ def solids_of_shapes(puppet: Puppet, tree: Tree) -> tuple[int, ...]:
 
 def contacts_of(
     puppet: Puppet, tree: Tree, library: Library, counts: Sequence[int]
-) -> Contacts | None:
-    """The pairs of solids that may touch; None where the puppet's file says nothing of contact.
+) -> tuple[Contacts, Contacts] | None:
+    """The pairs of solids that may touch, and those that only the inputs move against one another.
 
-    Bodies of one joint do not touch; nor do those of one tree that overlap at the file's pose.
+    None where the puppet's file says nothing of contact. Bodies of one joint do not touch; nor do
+    those of one tree that overlap at the file's pose. No force acts in a pair of the second kind:
+    the inputs are followed, and how deep the two overlap can only be measured.
 
     Args:
         puppet: with rules of contact.
@@ -97,7 +99,12 @@ def contacts_of(
         for k, gap in zip(which, gaps, strict=True)
         if gap < -OVERLAP and _kin(tree, *(parts[i].link for i in meet[k][:2]))
     }
-    return table.some(np.array([k not in apart for k in which], dtype=bool))
+    kept = np.array([k not in apart for k in which], dtype=bool)
+    dynamic = np.array(
+        [_moves(tree, *(parts[i].link for i in meet[k][:2]), Role.DYNAMIC) for k in which],
+        dtype=bool,
+    )
+    return table.some(kept & dynamic), table.some(kept & ~dynamic)
 
 
 def _parts(puppet: Puppet, tree: Tree) -> tuple[list[_Part], list[_Part]]:
@@ -156,18 +163,18 @@ def _pairs(
     for a, first in enumerate(own):
         for b, second in enumerate([*own[:a], *standing]):
             place = b if b < a else len(own) + b - a
-            if _moves(tree, first.link, second.link) and not _joined(tree, first, second):
+            links = first.link, second.link
+            moves = _moves(tree, *links, Role.DYNAMIC) or _moves(tree, *links, Role.DRIVEN)
+            if moves and not _joined(tree, first, second):
                 group = _group(puppet, first, second)
                 found = _rule(puppet, rules, first.name, second.name, group)
                 if found is not None:
                     yield a, place, *found
 
 
-def _moves(tree: Tree, a: int, b: int) -> bool:
-    """Whether a dynamic coordinate moves one link against the other."""
-    ways = [
-        {i for i in tree.ancestors(link) if tree.links[i].role is Role.DYNAMIC} for link in (a, b)
-    ]
+def _moves(tree: Tree, a: int, b: int, role: Role) -> bool:
+    """Whether a coordinate of a role moves one link against the other."""
+    ways = [{i for i in tree.ancestors(link) if tree.links[i].role is role} for link in (a, b)]
     return ways[0] != ways[1]
 
 

@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from fantoccini.arrays import Array, ConfigK, VecD, VecK
+from fantoccini.arrays import Array, ConfigK, Times, VecD, VecK
 from fantoccini.contract import STRUCTURES, Structure
-from fantoccini.motion import Input
+from fantoccini.motion import Input, pieces
 from fantoccini.motion.polynomial import N_COEF
 from fantoccini.runtime.functions import pointer, whole
 from fantoccini.tree import CoordinateTable
@@ -87,7 +87,7 @@ class HeldInput:
     """
 
     def __init__(self, table: CoordinateTable):
-        self._places = table.places_K
+        self._table, self._places = table, table.places_K
         self._breaks, self._base = np.zeros(2), np.zeros((1, table.n_qK))
         self._coef = np.zeros((1, table.n_vK, N_COEF))
         self._force = np.zeros((1, table.n_vD, N_COEF))
@@ -117,6 +117,11 @@ class HeldInput:
         if u_D is not None:
             self._force[0, :, 0] = u_D
         self.structure.force = None if u_D is None else self._u_D
+
+    def evaluate(self, t: Times) -> ConfigK:
+        """(n, n_qK) at times (n,) of the piece [s]."""
+        i = np.zeros(len(t), dtype=int)
+        return pieces.evaluate(self._table, self._coef[i], self._base[i], t - self._breaks[0])[0]
 
 
 def input_arrays(inputs: Input | HeldInput) -> tuple[ctypes.Structure, list[Array]]:

@@ -28,9 +28,12 @@ from fantoccini.marionette import (
     checked_end,
     contradiction,
     count_samples,
+    deepest,
     first_excess_tension,
+    looks,
     may_be_redundant,
     parameter_rows,
+    prescribed_overlaps,
 )
 from fantoccini.motion import SAVED, Columns, Input, Inputs, State, Trajectories
 from fantoccini.motion.trajectories import RESIDUAL
@@ -167,6 +170,7 @@ def simulate_batch(
         _find_contradictions(model, batch, bound, name)
     if name != "event":
         _judge(marionette, batch, bound, name)
+    _judge_prescribed(model, batch, bound)
     return _trajectories(marionette, batch, name, saved)
 
 
@@ -226,6 +230,25 @@ def _judge(marionette: Marionette, batch: Batch, inputs: Inputs, method: str) ->
             continue
         if found is not Status.DONE:
             batch.status[i], batch.blame[i] = found, 0.0
+
+
+def _judge_prescribed(model: Model, batch: Batch, inputs: Inputs) -> None:
+    """Names the runs that reached their end while their inputs moved solids through one another."""
+    if model.prescribed is None:
+        return
+    done = np.isin(batch.status, ARRIVED) & (batch.reached >= batch.t_end)
+    known: dict[tuple[int, int], float] = {}
+    for i in map(int, np.flatnonzero(done)):
+        own, parameters = (i if n > 1 else 0 for n in (len(inputs), len(batch.p)))
+        if (own, parameters) not in known:
+            given = inputs[own]
+            found = prescribed_overlaps(
+                model.with_p(batch.p[parameters]), lambda t, given=given: given.evaluate(t)[0],
+                looks(given.breaks, batch.t, batch.t_end),
+            )  # fmt: skip
+            known[own, parameters] = deepest(found)
+        if known[own, parameters]:
+            batch.status[i], batch.blame[i] = Status.OVERSTEPPED, 0.0
 
 
 def _swings(marionette: Marionette, batch: Batch, inputs: Inputs, i: int) -> bool:

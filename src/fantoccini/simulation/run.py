@@ -26,6 +26,9 @@ from fantoccini.marionette import (
     checked_end,
     contradiction,
     first_excess_tension,
+    looks,
+    overlap_events,
+    prescribed_overlaps,
     refuse_contact,
 )
 from fantoccini.motion import (
@@ -44,7 +47,7 @@ from fantoccini.simulation.checks import check_marionette, check_one_run, save_t
 from fantoccini.simulation.contact_effort import contact_effort
 from fantoccini.simulation.determinacy import undetermined
 from fantoccini.simulation.pace import Pace, chatter
-from fantoccini.simulation.soundness import judged
+from fantoccini.simulation.soundness import judged, prescribed_verdict
 from fantoccini.simulation.weak_motors import weak_motors
 
 _KINDS = {
@@ -181,6 +184,19 @@ def simulate(
         verdict, unsound = judged(marionette, made, options.dt, run.progress.violation)
         if verdict is not Status.DONE:
             status = verdict
+            made = dataclasses.replace(made, status=status, blamed=())
+    overlaps = prescribed_overlaps(
+        model, lambda t: bound.evaluate(t)[0], looks(bound.breaks, x0.t, float(made.t[-1]))
+    )
+    if overlaps:
+        told = written.events, overlap_events(model, overlaps, x0.t)
+        kept = np.concatenate(told)
+        kept = kept[kept[:, contract.EVENT_AT["t"]] <= made.t[-1]]
+        events_of = tuple(_event(model, event) for event in _in_order(kept))
+        made = dataclasses.replace(made, events=events_of)
+        verdict, through = prescribed_verdict(overlaps)
+        if verdict is not Status.DONE and status in (*ARRIVED, verdict):
+            status, unsound = verdict, "; ".join(text for text in (unsound, through) if text)
             made = dataclasses.replace(made, status=status, blamed=())
     if status is not Status.DONE and throw:
         raise SimulationError(status, unsound or _where(marionette, made, contradicted), made)
@@ -357,6 +373,8 @@ def _event(model: Model, event: Array) -> EventRecord:
     if index >= len(tree.strings):
         kind = _LIMIT_KINDS.get(kind, kind)
     name = tree.blamable[index] if 0 <= index < len(tree.blamable) else ""
-    if index >= len(tree.blamable) and model.contacts is not None:
-        name = pair_name(model.contacts.names[index - len(tree.blamable)])
+    if index >= len(tree.blamable):
+        tables = (model.contacts, model.prescribed)
+        pairs = [names for table in tables if table is not None for names in table.names]
+        name = pair_name(pairs[index - len(tree.blamable)])
     return EventRecord(at["t"], kind, name, at["impulse"], at["speed"])

@@ -13,7 +13,13 @@ import numpy as np
 
 from fantoccini.arrays import Array, Mask
 from fantoccini.errors import StateError, Status
-from fantoccini.marionette import Marionette, check_step, critical_step_of_tensions
+from fantoccini.marionette import (
+    Marionette,
+    Overlap,
+    check_step,
+    critical_step_of_tensions,
+    deepest,
+)
 from fantoccini.motion import Columns, Trajectory, pair_name
 
 
@@ -179,6 +185,23 @@ def judged(marionette: Marionette, made: Trajectory, dt: float, worst: float) ->
         )
         return status, text
     return status, ""
+
+
+def prescribed_verdict(overlaps: tuple[Overlap, ...]) -> tuple[Status, str]:
+    """Status of a run whose inputs move solids through one another, and the reason in words."""
+    if not deepest(overlaps):
+        return Status.DONE, ""
+    worst: dict[tuple[str, str], Overlap] = {}
+    for overlap in overlaps:
+        if overlap.names not in worst or overlap.depth > worst[overlap.names].depth:
+            worst[overlap.names] = overlap
+    named = sorted(worst.values(), key=lambda overlap: -overlap.depth)[: BOUNDS.max_named]
+    listed = "; ".join(str(overlap) for overlap in named if deepest((overlap,)))
+    return Status.OVERSTEPPED, (
+        f"{listed}. Both follow the inputs, so that no force parts them: move the driven "
+        "coordinates otherwise, or let the two pass through one another by contact.pairs with "
+        "meet: false"
+    )
 
 
 def _overstepped(made: Trajectory, worst: float, left: dict[str, float]) -> str:

@@ -1,0 +1,201 @@
+"""Overlaps of solids that only the inputs move against one another.
+
+No force acts between such solids, as both follow the inputs: how deep they overlap can only be
+measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.arrays import Array, Times
+from fantoccini.contract import EVENT, EventCode, SolidKind
+from fantoccini.marionette.model import Model
+from fantoccini.motion import pair_name
+from fantoccini.runtime import Contacts
+
+Motion = Callable[[Times], Array]
+"""Times (n,) [s] -> q_K (n, n_qK)."""
+
+
+@dataclass(frozen=True)
+class PrescribedTolerances:
+    """Tolerances of overlaps that the inputs prescribe."""
+
+    touching: float = 1e-6  # Overlap from which solids count as touching [m]
+    overlap: float = 1e-3
+    """Overlap that is no longer sound [m]: as of solids at the start of a run."""
+    travel: float = 1e-3
+    """Travel of two solids against one another between looks at a gap that they may close [m]."""
+    looks_per_piece: int = 8  # Looks at each piece of the inputs, at least
+    max_looks: int = 200_000  # At a motion
+    rounds: int = 50  # Bisections of the time of a touch
+
+
+TOLERANCES = PrescribedTolerances()
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """Two parts that overlap for a time because the inputs move them so.
+
+    Attributes:
+        names: of the two parts.
+        begin: time of the touch, or of the start [s].
+        end: time at which they part; inf where they still overlap at the end [s].
+        depth: largest overlap [m].
+        speed: at which they close at ``begin`` [m/s].
+    """
+
+    names: tuple[str, str]
+    begin: float
+    end: float
+    depth: float
+    speed: float
+
+    def __str__(self) -> str:
+        return f"{pair_name(self.names)} overlap by {self.depth:.3g} m from t = {self.begin:.6g} s on"
+
+
+def looks(breaks: Times, t: float, t_end: float) -> Times:
+    """Times at which a motion with these breaks is looked at first, from t to t_end [s]."""
+    inner = breaks[(breaks > t) & (breaks < t_end)]
+    ends = np.concatenate([[t], inner, [t_end]])
+    share = np.linspace(0.0, 1.0, TOLERANCES.looks_per_piece, endpoint=False)
+    return np.append((ends[:-1, None] + np.diff(ends)[:, None] * share).ravel(), t_end)
+
+
+def prescribed_overlaps(model: Model, motion: Motion, t: Times) -> tuple[Overlap, ...]:
+    """Overlaps of the pairs that only the inputs move, in order of their beginning.
+
+    A gap is measured wherever the two solids may have closed it since the last look: neither can
+    have moved farther than they travel.
+
+    Args:
+        model: the puppet.
+        motion: of the driven coordinates.
+        t: (n,) increasing times to look at first, the ends among them [s].
+    """
+    contacts = model.prescribed
+    if contacts is None:
+        return ()
+    measured = _Gaps(model, contacts, motion)
+    t, gap = measured.over(np.unique(t))
+    found: list[Overlap] = []
+    for k, names in enumerate(measured.names):
+        inside = gap[:, k] < -TOLERANCES.touching
+        edges = np.flatnonzero(np.diff(inside))
+        begins = [-1] * bool(inside[0]) + [int(i) for i in edges if not inside[i]]
+        ends = [int(i) for i in edges if inside[i]]
+        for n, i in enumerate(begins):
+            begin, speed = (t[0], 0.0) if i < 0 else measured.crossing(k, t[i], t[i + 1])
+            last = ends[n] if n < len(ends) else len(t) - 1
+            end = measured.crossing(k, t[last], t[last + 1])[0] if n < len(ends) else np.inf
+            depth = -float(np.min(gap[i + 1 : last + 1, k]))
+            found.append(Overlap(names, float(begin), float(end), depth, speed))
+    return tuple(sorted(found, key=lambda overlap: overlap.begin))
+
+
+def deepest(overlaps: tuple[Overlap, ...]) -> float:
+    """The largest depth that is no longer sound [m]; 0 where there is none."""
+    return max((o.depth for o in overlaps if o.depth > TOLERANCES.overlap), default=0.0)
+
+
+def overlap_events(model: Model, overlaps: tuple[Overlap, ...], t: float) -> Array:
+    """(n, 5) touches after a time [s] and lifts, laid out as the events of a run."""
+    first = len(model.tree.blamable) + len(model.contacts.names if model.contacts else ())
+    assert model.prescribed is not None or not overlaps
+    rows = []
+    for overlap in overlaps:
+        row = first + model.prescribed.names.index(overlap.names) if model.prescribed else 0
+        if overlap.begin > t:
+            rows.append((overlap.begin, EventCode.TOUCH, row, 0.0, overlap.speed))
+        if np.isfinite(overlap.end):
+            rows.append((overlap.end, EventCode.LIFT, row, 0.0, 0.0))
+    return np.array(rows, dtype=float).reshape(-1, len(EVENT))
+
+
+class _Gaps:
+    """Gaps of the pairs over a motion, the parts of one body taken together."""
+
+    def __init__(self, model: Model, contacts: Contacts, motion: Motion):
+        self._model, self._contacts, self._motion = model, contacts, motion
+        self.names = tuple(dict.fromkeys(contacts.names))
+        self._meeting = [self.names.index(names) for names in contacts.names]
+        self._links = contacts.solids["link"][contacts.pairs]
+        n_links = len(model.tree.links)
+        self._reach = np.zeros(n_links + 1)  # The last is of what stands, which travels nowhere
+        for solid in contacts.solids:
+            if solid["link"] >= 0:
+                own = _reach(solid, contacts)
+                self._reach[solid["link"]] = max(self._reach[solid["link"]], own)
+
+    def over(self, t: Times) -> tuple[Times, Array]:
+        """Times (n,) and gaps (n, pairs by name); those that cannot be closed count as infinite."""
+        q_K = self._motion(t)
+        while True:
+            way = self._travel(q_K)
+            margin = float(np.max(way, initial=0.0)) + TOLERANCES.overlap
+            gap = self._gap(q_K, margin)
+            here, there = gap[:-1], gap[1:]
+            deep = np.maximum(here, there) < -TOLERANCES.overlap
+            doubtful = (way > TOLERANCES.travel) & (here + there < way) & ~deep
+            which = np.flatnonzero(np.any(doubtful, axis=1))
+            middle = 0.5 * (t[which] + t[which + 1])
+            between = (middle > t[which]) & (middle < t[which + 1])
+            which, middle = which[between], middle[between]
+            if not len(which) or len(t) > TOLERANCES.max_looks:
+                return t, gap
+            q_K = np.insert(q_K, which + 1, self._motion(middle), axis=0)
+            t = np.insert(t, which + 1, middle)
+
+    def crossing(self, k: int, t: float, t_end: float) -> tuple[float, float]:
+        """When a gap passes that of a touch [s], and how fast it closes there [m/s]."""
+        ends = np.array([t, t_end])
+        margin = float(np.max(self._travel(self._motion(ends)))) + 1.0
+        is_inside = [bool(g < -TOLERANCES.touching) for g in self._gap(self._motion(ends), margin)[:, k]]
+        for _ in range(TOLERANCES.rounds):
+            middle = 0.5 * (ends[0] + ends[1])
+            if not ends[0] < middle < ends[1]:
+                break
+            inside = self._gap(self._motion(np.array([middle])), margin)[0, k] < -TOLERANCES.touching
+            ends[0 if bool(inside) == is_inside[0] else 1] = middle
+        at = 0.5 * (ends[0] + ends[1])
+        step = 1e-6 * max(t_end - t, 1e-9)
+        around = self._gap(self._motion(np.array([at - step, at + step])), margin)[:, k]
+        speed = float((around[0] - around[1]) / (2.0 * step))
+        return float(at), speed if np.isfinite(speed) else 0.0
+
+    def _gap(self, q_K: Array, margin: float) -> Array:
+        """(n, pairs by name)."""
+        model, n = self._model, len(q_K)
+        q_D = np.tile(model.coordinates.start_D, (n, 1))
+        found = model.library.gaps(self._contacts, q_D, q_K, model.p, margin)
+        out = np.full((n, len(self.names)), np.inf)
+        for k, meeting in enumerate(self._meeting):
+            out[:, meeting] = np.minimum(out[:, meeting], found[:, k])
+        return out
+
+    def _travel(self, q_K: Array) -> Array:
+        """(n - 1, pairs by name) how far two solids may have moved against one another [m]."""
+        model = self._model
+        q_D = np.broadcast_to(model.coordinates.start_D, (len(q_K), model.coordinates.n_qD))
+        poses = model.library.evaluate("poses", q_D=q_D, q_K=q_K, p=model.p).poses
+        moved = np.diff(poses, axis=0)
+        turned = np.linalg.norm(moved[:, :9], axis=1) * self._reach[:-1]
+        way = np.zeros((len(q_K) - 1, len(self._reach)))
+        way[:, :-1] = np.linalg.norm(moved[:, 9:], axis=1) + turned
+        out = np.zeros((len(way), len(self.names)))
+        for meeting, links in zip(self._meeting, self._links, strict=True):
+            out[:, meeting] = np.maximum(out[:, meeting], way[:, links].sum(axis=1))
+        return out
+
+
+def _reach(solid: np.void, contacts: Contacts) -> float:
+    """Largest distance of a solid from its link's origin [m]."""
+    ends = max(float(np.linalg.norm(solid["a"])), float(np.linalg.norm(solid["b"])))
+    outer = contacts.hulls[solid["mesh"]].outer if solid["kind"] == SolidKind.HULL else 0.0
+    return ends + float(solid["radius"]) + float(np.linalg.norm(solid["half"])) + outer
