@@ -36,6 +36,7 @@ from fantoccini.marionette.model import Model
 from fantoccini.marionette.modes import Mode, Modes
 from fantoccini.marionette.parameter_values import parameter_rows
 from fantoccini.marionette.plausible import InputWarning, input_warnings, warnings
+from fantoccini.marionette.parting import parted, parted_starts
 from fantoccini.marionette.portable import PortablePuppet
 from fantoccini.marionette.redundant import (
     CONTRADICTION_STATUSES,
@@ -104,6 +105,8 @@ __all__ = [
     "loads",
     "may_be_redundant",
     "parameter_rows",
+    "parted",
+    "parted_starts",
     "refuse_contact",
     "warnings",
 ]

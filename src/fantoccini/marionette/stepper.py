@@ -12,6 +12,7 @@ from fantoccini.errors import ARRIVED, SimulationError, Status, UnknownNameError
 from fantoccini.marionette.checks import bind_input, check_samples, check_start, check_step
 from fantoccini.marionette.methods import Method, MethodName, as_method
 from fantoccini.marionette.model import Model
+from fantoccini.marionette.parting import parted
 from fantoccini.marionette.redundant import CONTRADICTION_STATUSES, Contradiction, contradiction
 from fantoccini.marionette.vectors import vector
 from fantoccini.motion import Input, State
@@ -61,6 +62,8 @@ class Stepper:
     def of(cls, model: Model, x0: State, method: Method | MethodName) -> Stepper:
         """A stepper whose start and step are checked; see :meth:`Marionette.stepper`."""
         chosen = as_method(method)
+        if chosen.name == "event":
+            x0 = parted(model, x0)
         check_start(model, x0, chosen.name)
         options = model.run_options(**chosen.options)
         check_step(model, chosen.name, x0.q_D, x0.q_K, options.dt)

@@ -30,6 +30,7 @@ from fantoccini.marionette import (
     first_excess_tension,
     may_be_redundant,
     parameter_rows,
+    parted_starts,
 )
 from fantoccini.motion import SAVED, Columns, Input, Inputs, State, Trajectories
 from fantoccini.motion.trajectories import RESIDUAL
@@ -137,6 +138,7 @@ def simulate_batch(
     t_end = given.end if t_end is None else float(t_end)
     check_end(t_end, t)
     bound = bind_inputs(model, given, states.q_K, states.v_K, t, t_end)
+    states = parted_starts(model, states, p)
     check_starts(model, states, name, p)
     check_steps(model, name, states, p, options.dt)
     if threads is not None:

@@ -26,6 +26,7 @@ from fantoccini.marionette import (
     check_step,
     contradiction,
     first_excess_tension,
+    parted,
     refuse_contact,
 )
 from fantoccini.motion import (
@@ -134,6 +135,7 @@ def simulate(
     t_end = inputs.end if t_end is None else float(t_end)
     check_end(t_end, x0.t)
     bound = bind_input(model, inputs, x0.q_K, x0.v_K, x0.t, t_end)
+    x0 = parted(model, x0)
     check_start(model, x0, name)
     check_step(model, name, x0.q_D, x0.q_K, options.dt)
     save_at = save_times(save_at, save_every, name, x0.t, t_end)
