@@ -7,18 +7,9 @@ import pytest
 
 import fantoccini as fan
 from contact.bodies import stepped, thrown
+from contact.files import BOUNCER
 from fantoccini.errors import Status
 
-BOUNCER = """
-puppet: bouncer
-gravity: [0, 0, 0]
-floor: 0
-contact: {friction: 0.3, restitution: 0.8}
-obstacles: [{name: wall, type: box, size: [0.1, 4, 4], at: [10, 0, 5]}]
-bodies:
-- {name: ball, joint: {type: free}, shapes: [{type: sphere, radius: 0.05, mass: 0.1}]}
-- {name: other, joint: {type: free}, shapes: [{type: sphere, radius: 0.07, mass: 0.3}]}
-"""
 FAR = {"other.x": -50.0, "other.z": 5.0}
 
 
@@ -42,10 +33,10 @@ def test_a_ball_turns_where_it_touches_the_floor(bouncer, speed, dt):
 
 
 def test_a_bullet_turns_at_the_wall(bouncer):
-    """At 500 m/s: 1 m in a step of 2 ms."""
-    x0 = thrown(bouncer, {**FAR, "ball.z": 5.0}, {"ball.x": 500.0})
+    """At 400 m/s: 0.8 m in a step of 2 ms. Faster ones meet the largest force of the options."""
+    x0 = thrown(bouncer, {**FAR, "ball.z": 5.0}, {"ball.x": 400.0})
     run = stepped(bouncer, x0, 0.03, 2e-3)
-    way = 500.0 * run.t - 9.9
+    way = 400.0 * run.t - 9.9
     assert np.allclose(run["ball.x"], np.where(way < 0, 9.9 + way, 9.9 - 0.8 * way), atol=1e-9)
     assert run.contact.gap.max() < 1e-9
 
@@ -75,7 +66,7 @@ def test_lanes_turn_where_they_touch(bouncer):
     runs = fan.simulate_batch(bouncer, starts, t_end=0.006, method=fan.TimeStepping(dt=2e-3))
     for k, h in enumerate(highs):
         way = 15.0 * runs.t - h
-        z = runs["ball.z"][k] - 0.05
+        z = runs.q_D[k, :, bouncer.coordinates.q_D.index("ball.z")] - 0.05
         assert np.allclose(z, np.where(way < 0, -way, 0.8 * way), atol=1e-12)
 
 
@@ -116,27 +107,3 @@ bodies:
         assert run.status is Status.DONE
         assert run["ball.z"][1] == pytest.approx(0.05, abs=1e-12)
         assert run.contact.at(1).gap == pytest.approx([0.0], abs=1e-12)
-
-
-def test_forces_across_a_gap_are_judged_as_overlaps_are():
-    """Two feet of a stiff body at 60 m/s: the later one springs back with the first, far above."""
-    stilts = fan.loads("""
-puppet: stilts
-gravity: [0, 0, 0]
-floor: 0
-contact: {friction: 0, restitution: 0.8}
-bodies:
-- name: body
-  joint: {type: free}
-  shapes:
-  - {type: sphere, radius: 0.05, at: [0.2, 0, 0], mass: 1}
-  - {type: sphere, radius: 0.05, at: [-0.2, 0, 0.06], mass: 1}
-""")
-    x0 = thrown(stilts, {"body.z": 0.06}, {"body.z": -60.0})
-    run = fan.simulate(
-        stilts, x0, t_end=0.01, method=fan.TimeStepping(dt=2e-3), throw=False
-    )
-    early = run.contact.gap.max(initial=0.0)
-    assert (run.status is Status.DONE) == (early <= 0.02)
-    if early > 0.02:
-        assert "before they touch" in str(run.message)

@@ -121,7 +121,10 @@ def step_contacts(
         for k in range(len(own)):
             feature = pair.nearest(own.point[k], TOLERANCES.same_place)
             if feature is None:
-                raise StateError(f"{name} touch in this step where they did not at its start")
+                raise StateError(
+                    f"{name} touch in this step where they did not at its start: they are struck "
+                    "after other points of their bodies, and such a step has no derivative"
+                )
             taken.add(feature)
             made, edge = _held(model, name, pair, feature, own.some(np.array([k])), still)
             speed = float(pair.velocity(before, made.touch.point) @ made.touch.normal)
