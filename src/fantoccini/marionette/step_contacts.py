@@ -198,7 +198,7 @@ def _share(model: Model, pushing: _Pushing, dt: float, still: float) -> float | 
     rounding = still + _gap_rounding(dt)
     if not (-e * u_n > rounding and abs(back) <= rounding):
         return None
-    return min(max(gap, 0.0) / (-u_n * dt), 1.0)
+    return min(gap / (-u_n * dt), 1.0)
 
 
 def _gap_rounding(dt: float) -> float:
@@ -278,7 +278,7 @@ def _aimed(
     parting, there, rest = _parting(made.touch.gap, speed, share, dt)
     rounding = still + _gap_rounding(rest)
     springs_back = e > 0.0 and abs(after + e * speed) <= rounding
-    if springs_back and share > 0.0 and -e * speed > rounding:
+    if springs_back and share != 0.0 and -e * speed > rounding:
         return replace(made, bounces=e), ""
     # How much later the touch is matters to what is open then.
     closes = share == 0.0 or abs(there) <= TOLERANCES.same_place * 1e-3

@@ -181,7 +181,7 @@ class _Touching:
     ) -> tuple[Array, Array]:
         """The velocity (n_vD,) that moves the configuration, and its changes, as those of v+."""
         delays = self.contacts.delays
-        if self.before is None or delays is None or not np.any(delays.share):
+        if self.before is None or delays is None or not np.any(delays.first >= 0):
             return v_next, dv
         n, points = len(v), self.contacts.points
         dw = (1.0 - delays.share)[:, None] * dv
@@ -205,7 +205,7 @@ class _Touching:
         found = row_derivatives_at(model, start)
         hdot = found["A_D"] @ v + found["A_K"] @ start.v_K
         caught = (h < 0.0) & (hdot > CATCHING_SPEED) & (h + self.dt * hdot > 0.0)
-        if np.any(caught[held] & np.any(found["A_D"][held][:, delays.share > 0.0], axis=1)):
+        if np.any(caught[held] & np.any(found["A_D"][held][:, delays.share != 0.0], axis=1)):
             raise StateError(
                 "a string or limit is caught in this step while what it holds springs back; such "
                 "a step has no derivative"

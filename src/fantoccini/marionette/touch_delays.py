@@ -42,7 +42,8 @@ class TouchDelays:
     def of_links(self, moves: Array, links: tuple[int, int]) -> float:
         """The share of what moves one of two links."""
         moved = _moved(moves, links)[: len(self.share)]
-        return float(np.max(self.share[moved > 0.0], initial=0.0))
+        found = self.share[(moved > 0.0) & (self.share != 0.0)]
+        return float(found[0]) if len(found) else 0.0
 
     def mean_velocity(self, v: Array, v_next: Array) -> Array:
         """(n_vD,) w."""
@@ -93,8 +94,6 @@ def touch_delays(
             continue
         i = min(times, key=times.__getitem__)
         later += [j for j in times if times[j] - times[i] >= TIED]
-        if times[i] <= 0.0:
-            continue
         share[group == g], first[group == g] = times[i], i
         tied += [j for j in times if j != i and times[j] - times[i] < TIED]
     return TouchDelays(share, first, tuple(tied), tuple(later))

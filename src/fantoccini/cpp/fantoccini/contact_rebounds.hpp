@@ -3,6 +3,7 @@
 //
 //   q+ = q moved by t v + (dt - t) v+,   t = gap / (speed at which it closes at the start)
 //
+// Of what overlaps a little t < 0: it should have turned before, and is where it would be then.
 // A group that is struck several times makes the step in parts, each until the next touch
 // (timestepping.hpp). What else the law asks of the group holds after that way, too:
 //
@@ -61,7 +62,7 @@ class ContactRebounds : public ContactAims<Model, Real> {
     double t = 0.0;
     for (int side = 0; side < 2 && is_some_; ++side) {
       const int tree = groups_.tree_of(links[side]);
-      if (tree >= 0 && struck_at_[tree] > t) t = struck_at_[tree];
+      if (tree >= 0 && struck_at_[tree] != 0.0) t = struck_at_[tree];
     }
     return t;
   }
@@ -76,7 +77,7 @@ class ContactRebounds : public ContactAims<Model, Real> {
   FAN_FN double parting_of_row(int r, double h, double hdot, double otherwise) const {
     const double t = touch_time_of_row(r);
     const bool is_caught = h < 0.0 && hdot > TimeSteppingTolerances::catching_speed && h + dt_ * hdot > 0.0;
-    if (!(t > 0.0 && is_caught)) return otherwise;
+    if (t == 0.0 || !is_caught) return otherwise;
     const double back = (h + t * hdot) / rest_of_step(t);
     return back < recovery_speed_ ? back : recovery_speed_;
   }
@@ -108,7 +109,7 @@ class ContactRebounds : public ContactAims<Model, Real> {
     for (int i = 0; i < points_.n[0]; ++i) group_[i] = near_[0][i] ? groups_.named(tree_[i]) : -1;
     for (int i = 0; i < points_.n[0]; ++i) {
       const double t = touch_time(points_.links(i));
-      if (!(t > 0.0)) continue;
+      if (t == 0.0) continue;
       const double h = t * lane_of(hdot_[3 * i], 0) - points_.point[0][i].gap;
       const double back = h / (h > 0.0 ? (whole_ > dt_ ? whole_ : dt_) : rest_of_step(t));
       const double parting = back < recovery_speed_ ? back : recovery_speed_;
@@ -156,8 +157,7 @@ class ContactRebounds : public ContactAims<Model, Real> {
 
   // When a point that springs back touches, by its speed at the start [s].
   FAN_FN double own_touch_time(int i) const {
-    const double gap = points_.point[0][i].gap;
-    return gap > 0.0 ? gap / lane_of(hdot_[3 * i], 0) : 0.0;
+    return points_.point[0][i].gap / lane_of(hdot_[3 * i], 0);
   }
 
   FAN_FN bool is_struck(int i) const { return near_[0][i] && rebound_[0][i] > 0.0; }

@@ -179,7 +179,7 @@ class StepModes {
     const double parting = fmin(-there / rest, recovery_speed_);
     const double rounding = still_ + Tolerance::gap / rest;
     out.closes = out.bounces = 0.0;
-    if (-e * speed > rounding && t > 0.0 && fabs(u_n + e * speed) <= rounding) {
+    if (-e * speed > rounding && t != 0.0 && fabs(u_n + e * speed) <= rounding) {
       out.bounces = e;
       return 0;
     }
@@ -191,7 +191,7 @@ class StepModes {
       const double gain = dt_ * along(out.links, out.at, out.normal, kick_);
       if (e > 0.0 && fabs(-e * speed - fmax(fmin(-out.gap / dt_, recovery_speed_), -gain)) <= rounding) return MAY_REBOUND;
       // How much later t is matters to what is open at the touch.
-      return t > 0.0 && fabs(there) > Tolerance::gap ? LEAVES_LAW : 0;
+      return t != 0.0 && fabs(there) > Tolerance::gap ? LEAVES_LAW : 0;
     }
     if (!(e > 0.0 && fabs(u_n + e * speed) <= rounding)) return LEAVES_LAW;
     out.bounces = e;

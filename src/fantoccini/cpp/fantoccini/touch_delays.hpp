@@ -11,7 +11,7 @@ namespace fan {
 // speed at which it parts at the start; above 1 for a point that does not.
 inline double touch_share(const StepContact& point, double u_n, double dt) {
   if (!(point.bounces > 0.0) || point.closes != 0.0) return 2.0;
-  return point.gap > 0.0 ? fmin(point.gap / (-u_n * dt), 1.0) : 0.0;
+  return fmin(point.gap / (-u_n * dt), 1.0);
 }
 
 template <class Model>
@@ -35,7 +35,7 @@ class TouchDelays {
     groups_.begin();
     for (int i = 0; i < n; ++i) tree_[i] = groups_.joined(points[i].links[0], points[i].links[1]);
     for (int i = 0; i < n; ++i) {
-      if (!(touch[i] > 0.0 && touch[i] <= 1.0)) continue;
+      if (!(touch[i] <= 1.0)) continue;
       const int group = groups_.named(tree_[i]);
       bool first = true;
       for (int j = 0; j < n; ++j)
@@ -53,7 +53,7 @@ class TouchDelays {
 
   // Whether point i is not the first of its group, but no later than it.
   bool is_tied(const double* touch, int i) const {
-    if (!(touch[i] > 0.0 && touch[i] <= 1.0)) return false;
+    if (!(touch[i] <= 1.0)) return false;
     for (int k = 0; k < N; ++k)
       if (by[k] >= 0 && by[k] != i &&
           groups_.named(tree_[by[k]]) == groups_.named(tree_[i]) && touch[i] - share[k] < same)
