@@ -288,13 +288,13 @@ def test_edges_are_named(ball, box, balls):
     assert box.linearise_step(box.state({"body.z": 0.05})).sharp
 
 
-def test_what_lands_while_forces_brake_it_stops_where_it_is():
-    """Above the floor, and without restitution: u_n+ = 0 whatever the gap is."""
+def test_what_lands_while_forces_brake_it_closes_its_gap_like_any_landing():
+    """Without restitution: u_n+ = -gap/dt."""
     ball = fan.loads(BALL + "gravity: [0, 0, 9.81]\n")
     x = thrown(ball, {"body.z": 0.0705}, {"body.x": 0.5, "body.z": -1.0, "body.wy": 2.0})
     lin = check_step(ball, x, ["stick"])
     assert lin.contacts[0].touch.gap == pytest.approx(0.0005)
-    assert lin.contacts[0].closes == lin.contacts[0].bounces == 0.0
+    assert lin.contacts[0].closes == pytest.approx(1.0 / DT) and lin.contacts[0].bounces == 0.0
 
 
 def test_a_gap_that_closes_within_the_step(ball):

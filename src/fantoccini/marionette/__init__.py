@@ -37,6 +37,7 @@ from fantoccini.marionette.methods import (
 from fantoccini.marionette.model import Model
 from fantoccini.marionette.modes import Mode, Modes
 from fantoccini.marionette.parameter_values import parameter_rows
+from fantoccini.marionette.parting import parted, parted_starts
 from fantoccini.marionette.plausible import InputWarning, input_warnings, warnings
 from fantoccini.marionette.portable import PortablePuppet
 from fantoccini.marionette.prescribed import (
@@ -119,6 +120,8 @@ __all__ = [
     "motion_at",
     "overlap_events",
     "parameter_rows",
+    "parted",
+    "parted_starts",
     "prescribed_overlaps",
     "refuse_contact",
     "warnings",

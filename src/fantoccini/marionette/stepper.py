@@ -19,6 +19,7 @@ from fantoccini.marionette.checks import (
 )
 from fantoccini.marionette.methods import Method, MethodName, as_method
 from fantoccini.marionette.model import Model
+from fantoccini.marionette.parting import parted
 from fantoccini.marionette.prescribed import looks, overlap_events, prescribed_overlaps
 from fantoccini.marionette.redundant import CONTRADICTION_STATUSES, Contradiction, contradiction
 from fantoccini.marionette.vectors import vector
@@ -70,6 +71,8 @@ class Stepper:
     def of(cls, model: Model, x0: State, method: Method | MethodName) -> Stepper:
         """A stepper whose start and step are checked; see :meth:`Marionette.stepper`."""
         chosen = as_method(method)
+        if chosen.name == "event":
+            x0 = parted(model, x0)
         check_start(model, x0, chosen.name)
         options = model.run_options(**chosen.options)
         check_step(model, chosen.name, x0.q_D, x0.q_K, options.dt)

@@ -33,6 +33,7 @@ from fantoccini.marionette import (
     looks,
     may_be_redundant,
     parameter_rows,
+    parted_starts,
     prescribed_overlaps,
 )
 from fantoccini.motion import SAVED, Columns, Input, Inputs, State, Trajectories
@@ -140,6 +141,7 @@ def simulate_batch(
         )
     t_end = checked_end(given.end if t_end is None else t_end, t)
     bound = bind_inputs(model, given, states.q_K, states.v_K, t, t_end)
+    states = parted_starts(model, states, p)
     check_starts(model, states, name, p)
     check_steps(model, name, states, p, options.dt)
     if threads is not None:

@@ -28,6 +28,7 @@ from fantoccini.marionette import (
     first_excess_tension,
     looks,
     overlap_events,
+    parted,
     prescribed_overlaps,
     refuse_contact,
 )
@@ -143,6 +144,7 @@ def simulate(
     if time_limit is not None:
         check_positive(time_limit=time_limit)
     bound = bind_input(model, inputs, x0.q_K, x0.v_K, x0.t, t_end)
+    x0 = parted(model, x0)
     check_start(model, x0, name)
     check_step(model, name, x0.q_D, x0.q_K, options.dt)
     save_at = save_times(save_at, save_every, name, x0.t, t_end)

@@ -50,7 +50,11 @@ struct ConeEquations : ConeLaw {
     find_s();
     speed = violation(0.0);
     residual = clip(speed / larger(scale_, negligible), 0.0, unbounded);
+    known_to_ = residual > Tolerance::centred ? rounding() : 0.0;
   }
+
+  // Whether the residual is as small as it is to be, or can be.
+  FAN_FN bool is_exact() const { return residual <= larger(Tolerance::residual, known_to_); }
 
  protected:
   // An unknown of a contact that slides: x_n, or the part of x_T across the direction of sliding.
@@ -59,6 +63,18 @@ struct ConeEquations : ConeLaw {
     bool is_normal;
     double direction[3], own;
   };
+
+  // Rounding of s, relative to the largest |b_i|.
+  FAN_FN double rounding() const {
+    double most = 0.0;
+    for (int i = 0; i < n; ++i) {
+      double sum = 0.0;
+      for (int j = 0; j < n; ++j) sum += fabs(G[i * stride + j] * x[j]);
+      most = larger(most, sum);
+    }
+    const double found = Tolerance::rounding_of_sum * most / larger(scale_, negligible);
+    return found < Tolerance::largest_rounding ? found : Tolerance::largest_rounding;
+  }
 
   FAN_FN bool is_given(int c) const { return slides && slides[c]; }
 
@@ -320,6 +336,7 @@ struct ConeEquations : ConeLaw {
 
   int m_ = 0, n_mixed_ = 0;  // unknowns, and those that are mixed
   double top_ = 0.0, scale_ = 0.0;  // the largest G_ii and |b_i|
+  double known_to_ = 0.0;  // rounding of the residual, where that is not small
   double g_[N], inverse_g_[N], centre_[N], base_[N];
   bool fixed_ = false;  // whether base_ has other numbers than 0
   Mixed mixed_[N];

@@ -42,7 +42,7 @@ struct ConeIsland : ConeEquations<capacity> {
     for (int i = 0; i < n; ++i) x[i] = best_[i];
     bound(x);
     measure();
-    return residual <= Tolerance::residual;
+    return this->is_exact();
   }
 
  private:
@@ -71,7 +71,7 @@ struct ConeIsland : ConeEquations<capacity> {
         if (tries > 0 && residual > Tolerance::rough) refine();
         return true;
       }
-      if (tries > 0 && violation(share * top_) < Tolerance::centred * scale_) {
+      if (tries > 0 && violation(share * top_) < larger(Tolerance::centred, this->known_to_) * scale_) {
         for (int i = 0; i < n; ++i) centre_[i] = x[i];
         share = larger(share * Tolerance::softer, Tolerance::raise);
         tries = 0;
@@ -139,12 +139,12 @@ struct ConeIsland : ConeEquations<capacity> {
 
   // Whether x, put within its bounds, is a solution. Keeps the best x.
   FAN_FN bool is_solution() {
-    if (residual <= Tolerance::residual && bound(x)) measure();
+    if (this->is_exact() && bound(x)) measure();
     if (residual < best_residual_) {
       best_residual_ = residual;
       for (int i = 0; i < n; ++i) best_[i] = x[i];
     }
-    return residual <= Tolerance::residual;
+    return this->is_exact();
   }
 
   // x from the method of multipliers, from x: y is x within the cones; z becomes s, with mu |s_T|

@@ -102,22 +102,33 @@ class ContactProblem {
     sort(0, rows, none);
   }
 
-  // Solves lane l with the restitutions, scaled down until they add no energy.
+  // Solves lane l with the restitutions, times the largest common factor with which they add no
+  // energy.
   FAN_FN bool bounce(
       int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess,
       const Real* before, double cap, Real* found, Real* s) {
     bool solved = solve(l, rows, near, guess, cap, found, s);
-    for (int k = 1; bounces_[l] && k <= Tolerance::tries && adds(l, rows, before, found); ++k) {
-      scale_[l] *= k < Tolerance::tries ? Tolerance::less_restitution : 0.0;
-      for (int i = 0; i < points_.n[l]; ++i) {
-        if (rebound_[l][i] == 0.0) continue;
-        const double back = scale_[l] * rebound_[l][i], parting = parting_[l][i];
-        lane_of(asked_[i], l) = back > parting ? back : parting;
-        lane_of(b_[3 * i], l) = lane_of(before_[3 * i], l) + lane_of(asked_[i], l);
-      }
-      solved = solve(l, rows, near, guess, cap, found, s);
+    if (!bounces_[l] || !adds(l, rows, before, found)) return solved;
+    double low = 0.0, high = scale_[l];
+    for (int k = 0; k < Tolerance::halvings; ++k) {
+      scale_[l] = 0.5 * (low + high);
+      spring_back(l);
+      const bool is_too_much = !solve(l, rows, near, guess, cap, found, s) || adds(l, rows, before, found);
+      (is_too_much ? high : low) = scale_[l];
     }
-    return solved;
+    scale_[l] = low;
+    spring_back(l);
+    return solve(l, rows, near, guess, cap, found, s);
+  }
+
+  // Asks the points that bounce in lane l for their rebounds, times the factor.
+  FAN_FN void spring_back(int l) {
+    for (int i = 0; i < points_.n[l]; ++i) {
+      if (rebound_[l][i] == 0.0) continue;
+      const double back = scale_[l] * rebound_[l][i], parting = parting_[l][i];
+      lane_of(asked_[i], l) = back > parting ? back : parting;
+      lane_of(b_[3 * i], l) = lane_of(before_[3 * i], l) + lane_of(asked_[i], l);
+    }
   }
 
   // Whether point i takes part in the law as it is solved point by point.
@@ -206,13 +217,16 @@ class ContactProblem {
 
   // Whether the impulses of lane l add energy, apart from the work of what drives the solids:
   //   sum of x . (before - G x / 2) < 0,   G x the change of hdot
+  // by more than the residual of the law leaves open.
   FAN_FN bool adds(
       int l, const RowSystem<Model, Real>& rows, const Real* before, const Real* found) const {
     constexpr int stride = Complementarity<Real, M>::N;
-    double lost = 0.0, exchanged = 0.0;
-    const auto add = [&](double x, double own) {
+    double lost = 0.0, exchanged = 0.0, impulse = 0.0, fastest = 0.0;
+    const auto add = [&](double x, double own, double asked) {
       lost += x * own;
       exchanged += fabs(x * own);
+      impulse += fabs(x);
+      fastest = fabs(asked) > fastest ? fabs(asked) : fastest;
     };
     for (int a = 0; a < rows.n; ++a) {
       if (lane_of(found[a], l) == 0.0) continue;
@@ -221,16 +235,18 @@ class ContactProblem {
         change += lane_of(rows.problem.G[a * stride + b], l) * lane_of(found[b], l);
       for (int d = 0; d < 3 * points_.n[l]; ++d)
         if (takes_part(l, d / 3)) change += 2.0 * lane_of(columns_.across[d / 3][a][d % 3], l) * lane_of(x_[d], l);
-      add(lane_of(found[a], l), lane_of(before[a], l) - 0.5 * change);
+      add(lane_of(found[a], l), lane_of(before[a], l) - 0.5 * change, lane_of(rows.problem.b[a], l));
     }
     for (int d = 0; d < 3 * points_.n[l]; ++d) {
       if (!takes_part(l, d / 3)) continue;
       double change = 0.0;
       for (int e = 0; e < 3 * points_.n[l]; ++e)
         if (takes_part(l, e / 3)) change += lane_of(columns_.G(d, e), l) * lane_of(x_[e], l);
-      add(lane_of(x_[d], l), lane_of(before_[d], l) - 0.5 * change);
+      add(lane_of(x_[d], l), lane_of(before_[d], l) - 0.5 * change, lane_of(b_[d], l));
     }
-    return lost < -Tolerance::rounding * exchanged;
+    const double rounding = Tolerance::rounding * exchanged;
+    const double left_open = lane_of(residual, l) * impulse * fastest;
+    return lost < -(left_open > rounding ? left_open : rounding);
   }
 
   // Solves lane l, until no row is left that the impulses would close.

@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x5b1efede299544dd;
+constexpr long long contract_digest = 0x7df9a31bd03cd3eb;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -134,7 +134,9 @@ enum StepEdge : int {
   MAY_REBOUND = 4,  // a point springs back if it is any faster
   NOT_SMOOTH = 8,  // the place of a point has no derivative
   ASKEW = 16,  // a point touches without force, and slides askew of those that push
-  LEAVES_LAW = 32,  // bodies are wedged in, or restitution is scaled down to add no energy
+  // bodies are wedged in, restitution is scaled down to add no energy, or what springs back is
+  // struck or caught again
+  LEAVES_LAW = 32,
   JAMS = 64,  // friction jams: no forces keep the modes
   OPEN_SHARES = 128,  // solids slide on more points than the law can share force among
   CROWDED = 256,  // more points push than there is room for

@@ -1,0 +1,123 @@
+"""Small overlaps of solids at the start of a run, taken apart by the smallest move.
+
+    min |dq|_M   with   gap + d(gap)/dq dq >= 0,   h + A_D dq <= 0
+
+round by round, over all points near enough to touch and all strings and limits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import nnls
+
+from fantoccini.arrays import Array
+from fantoccini.marionette.active_set import TOLERANCES
+from fantoccini.marionette.contact_geometry import PairGeometry
+from fantoccini.marionette.evaluation import Evaluation
+from fantoccini.marionette.model import Model
+from fantoccini.marionette.projection import retract
+from fantoccini.marionette.screws import Screws
+from fantoccini.motion import State, States
+
+APART = 1e-12
+"""Overlap that is none [m]."""
+INFEASIBLE = 1e-10
+"""Residual of the least squares below which no move parts everything."""
+ROUNDS = 20
+"""Most rounds; overlaps of flat faces take one."""
+
+
+def parted(model: Model, x: State) -> State:
+    """The state, with solids apart that overlapped by at most what a fixed step may leave.
+
+    Velocities stay as they are. Where overlaps are deeper, or what is driven leaves no room, the
+    state is returned as it is.
+    """
+    if model.contacts is None or not model.coordinates.n_vD:
+        return x
+    most = _deepest(model, x)
+    if not TOLERANCES.touching < most <= TOLERANCES.stepped_gap:
+        return x
+    moved = x
+    for _ in range(ROUNDS):
+        at, rows = Evaluation.of(model, moved), list(_rows(model, moved))
+        W = at.forth(np.stack([row for row, _ in rows])).T
+        depth, wires = np.array([depth for _, depth in rows]), model.two_sided
+        move = _shortest(
+            np.concatenate([W, at.W, -at.W[:, wires]], axis=1),
+            np.concatenate([depth, at.h, -at.h[wires]]),
+        )
+        if move is None:
+            return x
+        moved = moved.replace(q_D=retract(model, moved.q_D, at.back(move)))
+        if _deepest(model, moved) <= APART:
+            return moved
+    return x
+
+
+def parted_starts(model: Model, states: States, p: Array) -> States:
+    """:func:`parted` of many states, or of one, at parameters (1 or n, n_p)."""
+    if model.contacts is None or not model.coordinates.n_vD:
+        return states
+    gaps = np.concatenate([
+        model.library.gaps(model.contacts, states.q_D[some], states.q_K[some], p[k])
+        for k, some in enumerate(_lanes(len(states), len(p)))
+    ])  # fmt: skip
+    touching = np.flatnonzero(np.min(gaps, axis=1) < -TOLERANCES.touching)
+    if not len(touching):
+        return states
+    if len(states) == 1 and len(p) > 1:
+        states = states.repeated(len(p))
+    q_D = states.q_D.copy()
+    for i in touching:
+        x = State(
+            float(states.t), states.q_D[i], states.v_D[i], states.q_K[i], states.v_K[i],
+            states.taut[i], states.slip[i], model.coordinates,
+        )  # fmt: skip
+        q_D[i] = parted(model.with_p(p[i if len(p) > 1 else 0]), x).q_D
+    return replace(states, q_D=q_D)
+
+
+def _lanes(n_states: int, n_p: int) -> Iterator[slice]:
+    """The states at each of some parameters."""
+    for k in range(n_p):
+        yield slice(None) if n_p == 1 else slice(0, 1) if n_states == 1 else slice(k, k + 1)
+
+
+def _shortest(W: Array, b: Array) -> Array | None:
+    """z (n,) of least norm with W^T z + b <= 0, or None where there is none.
+
+    Least distance programming as non-negative least squares (Lawson and Hanson, *Solving Least
+    Squares Problems*, 1974, chapter 23).
+    """
+    size = float(np.max(np.abs(b)))
+    one = np.zeros(len(W) + 1)
+    one[-1] = 1.0
+    E = np.concatenate([-W, b[None] / size])
+    left = E @ nnls(E, one)[0] - one
+    if not abs(left[-1]) > INFEASIBLE:
+        return None
+    return np.asarray(-left[:-1] / left[-1] * size)
+
+
+def _deepest(model: Model, x: State) -> float:
+    """Depth of the deepest overlap [m]."""
+    assert model.contacts is not None
+    return -float(np.min(model.library.gaps(model.contacts, x.q_D, x.q_K, model.p)))
+
+
+def _rows(model: Model, x: State) -> Iterator[tuple[Array, float]]:
+    """(n_vD,) rate at which each near point closes by v_D, and how deep it is [m]."""
+    assert model.contacts is not None
+    screws = Screws(model, x)
+    gaps = model.library.gaps(model.contacts, x.q_D, x.q_K, model.p)
+    for k in np.flatnonzero(np.isfinite(gaps)):
+        pair = PairGeometry(model, screws.poses, int(k))
+        twist = screws.subspace(pair.links[0]) - screws.subspace(pair.links[1])
+        for values in pair.points.values():
+            gap, point, normal = float(values[0]), values[1:4], values[4:7]
+            by = twist[:3].T + np.cross(twist[3:].T, point)
+            yield -by @ normal, -gap
