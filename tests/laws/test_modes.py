@@ -113,6 +113,26 @@ def test_a_double_pendulum():
         assert not mode.excitable  # nothing is driven
 
 
+def test_a_stiff_light_chain_swings_as_a_string():
+    """omega^2 = g/L; rounding of its springs accelerates light pieces by 1e-6 m/s^2 and more."""
+    chained = fan.loads("""
+puppet: chained
+bodies:
+  - {name: bob, joint: {type: translation, axes: [x, y, z]}, mass: 0.2}
+strings:
+  - name: rope
+    path: [{body: bob}, {world: [0, 0, 2]}]
+    length: 1.0
+    chain: {pieces: 6, mass: 1.0e-4, stiffness: 1.0e5}
+pose: {bob.z: 1.0}
+""")
+    x = chained.rest()
+    modes = chained.modes(x)
+    assert frequencies(modes)[:2] == pytest.approx([np.sqrt(G), np.sqrt(G)], rel=1e-3)
+    with pytest.raises(fan.StateError, match="does not rest there"):
+        chained.modes(x.replace(q_D=x.q_D + 1e-4))
+
+
 def test_a_rod_on_two_strings():
     """omega^2 = g/L of both swings, g d^2 / (4 L k^2) of the bifilar twist; it rolls freely."""
     rod = fan.loads(ROD)
