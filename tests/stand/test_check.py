@@ -231,7 +231,7 @@ def test_torques_that_the_motion_does_not_determine_are_not_judged(hoist, lifted
     found = check_stand(stand("0.055", **sure), unsure, hoist)
     assert not found.broken and not found.ok and not found.lost and not remedies(found)
     assert found.undetermined["winch"] == pytest.approx(first - 0.01, abs=4e-3)
-    assert "is not determined" in found.summary() and repr(found).startswith("<StandCheck: one_winch p")
+    assert "is not determined" in found.summary() and "one_winch perhaps can" in repr(found)
     assert found.margin_text("winch", "torque").endswith("?")
     slow = check_stand(stand("0.055", **sure, **{"travel: [0.2": "travel: [0.5"}), unsure, hoist)
     assert {limit.quantity for limit in slow.broken} == {"travel"}
