@@ -198,7 +198,7 @@ def _share(model: Model, pushing: _Pushing, dt: float, still: float) -> float | 
     rounding = still + _gap_rounding(dt)
     if not (-e * u_n > rounding and abs(back) <= rounding):
         return None
-    return min(gap / (-u_n * dt), 1.0)
+    return min(max(gap, 0.0) / (-u_n * dt), 1.0)
 
 
 def _gap_rounding(dt: float) -> float:

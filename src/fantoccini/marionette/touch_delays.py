@@ -63,7 +63,7 @@ class TouchDelays:
         rows = ContactRows(before, points, 0.0)
         u_n, gap_by = rows.normal_speed(), -rows.gap_by()
         out = np.zeros((len(change), gap_by.shape[1]))
-        for k in np.flatnonzero((self.first >= 0) & (self.share < 1.0)):
+        for k in np.flatnonzero((self.share > 0.0) & (self.share < 1.0)):
             i, s = self.first[k], self.share[k]
             by = -(gap_by[i] / dt + s * rows.normal_speed_by()[i]) / u_n[i]
             out[k] = change[k] * by

@@ -103,7 +103,7 @@ class ContactPartials {
     const double u_n = dot3(point.normal, u_), share = -point.gap / (u_n * dt_);
     for (int c = 0; c < n_columns; ++c) {
       const double change = along(point.normal, u_by_, c) + across(n_by_, u_, c);
-      by[c] = share < 1.0 ? -(gap_by_[c] / dt_ + share * change) / u_n : 0.0;
+      by[c] = share > 0.0 && share < 1.0 ? -(gap_by_[c] / dt_ + share * change) / u_n : 0.0;
     }
   }
 

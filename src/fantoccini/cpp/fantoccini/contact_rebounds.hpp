@@ -3,7 +3,7 @@
 //
 //   q+ = q moved by t v + (dt - t) v+,   t = gap / (speed at which it closes at the start)
 //
-// Of what overlaps a little t < 0: it should have turned before, and is where it would be then.
+// t is 0 for what touches already.
 // A group that is struck several times makes the step in parts, each until the next touch
 // (timestepping.hpp). What else the law asks of the group holds after that way, too:
 //
@@ -157,7 +157,8 @@ class ContactRebounds : public ContactAims<Model, Real> {
 
   // When a point that springs back touches, by its speed at the start [s].
   FAN_FN double own_touch_time(int i) const {
-    return points_.point[0][i].gap / lane_of(hdot_[3 * i], 0);
+    const double gap = points_.point[0][i].gap;
+    return gap > 0.0 ? gap / lane_of(hdot_[3 * i], 0) : 0.0;
   }
 
   FAN_FN bool is_struck(int i) const { return near_[0][i] && rebound_[0][i] > 0.0; }

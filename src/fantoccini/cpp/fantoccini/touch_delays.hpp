@@ -11,7 +11,7 @@ namespace fan {
 // speed at which it parts at the start; above 1 for a point that does not.
 inline double touch_share(const StepContact& point, double u_n, double dt) {
   if (!(point.bounces > 0.0) || point.closes != 0.0) return 2.0;
-  return fmin(point.gap / (-u_n * dt), 1.0);
+  return fmin(fmax(point.gap, 0.0) / (-u_n * dt), 1.0);
 }
 
 template <class Model>
