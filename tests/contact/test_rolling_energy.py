@@ -78,7 +78,6 @@ def test_rolling_in_lanes_keeps_the_energy_as_alone(egg):
         assert np.allclose(lanes.v_D[i], alone.v_D, rtol=0, atol=1e-7)
 
 
-@pytest.mark.slow
 def test_rolling_follows_the_event_driven_run(egg):
     """Fixed steps converge to the motion that an adaptive integrator of high order finds."""
     x = starts(egg, 2, 20.0)[1]
@@ -87,4 +86,4 @@ def test_rolling_follows_the_event_driven_run(egg):
     for dt in (2e-3, 1e-3):
         run = fan.simulate(egg, x, t_end=0.5, method=fan.TimeStepping(dt=dt))
         off.append(np.max(np.abs(run.q_D[-1] - exact.q_D[-1])))
-    assert off[1] < 0.6 * off[0] < 0.6 * 2e-3
+    assert off[0] < 5e-3 and off[1] < 0.6 * off[0]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array, Times
+from fantoccini.arrays import Array, MaskRows, Times
 from fantoccini.contract import EVENT, EventCode, SolidKind
 from fantoccini.marionette.model import Model
 from fantoccini.motion import pair_name
@@ -57,7 +57,8 @@ class Overlap:
     speed: float
 
     def __str__(self) -> str:
-        return f"{pair_name(self.names)} overlap by {self.depth:.3g} m from t = {self.begin:.6g} s on"
+        when = f"from t = {self.begin:.6g} s on"
+        return f"{pair_name(self.names)} overlap by {self.depth:.3g} m {when}"
 
 
 def looks(breaks: Times, t: float, t_end: float) -> Times:
@@ -106,11 +107,12 @@ def deepest(overlaps: tuple[Overlap, ...]) -> float:
 
 def overlap_events(model: Model, overlaps: tuple[Overlap, ...], t: float) -> Array:
     """(n, 5) touches after a time [s] and lifts, laid out as the events of a run."""
-    first = len(model.tree.blamable) + len(model.contacts.names if model.contacts else ())
-    assert model.prescribed is not None or not overlaps
+    if model.prescribed is None or model.contacts is None:
+        return np.zeros((0, len(EVENT)))
+    first = len(model.tree.blamable) + len(model.contacts.names)
     rows = []
     for overlap in overlaps:
-        row = first + model.prescribed.names.index(overlap.names) if model.prescribed else 0
+        row = first + model.prescribed.names.index(overlap.names)
         if overlap.begin > t:
             rows.append((overlap.begin, EventCode.TOUCH, row, 0.0, overlap.speed))
         if np.isfinite(overlap.end):
@@ -156,13 +158,17 @@ class _Gaps:
         """When a gap passes that of a touch [s], and how fast it closes there [m/s]."""
         ends = np.array([t, t_end])
         margin = float(np.max(self._travel(self._motion(ends)))) + 1.0
-        is_inside = [bool(g < -TOLERANCES.touching) for g in self._gap(self._motion(ends), margin)[:, k]]
+
+        def inside(times: Times) -> MaskRows:
+            """(n,) bool, whether the pair overlaps."""
+            return self._gap(self._motion(times), margin)[:, k] < -TOLERANCES.touching
+
+        first = inside(ends[:1])[0]
         for _ in range(TOLERANCES.rounds):
             middle = 0.5 * (ends[0] + ends[1])
             if not ends[0] < middle < ends[1]:
                 break
-            inside = self._gap(self._motion(np.array([middle])), margin)[0, k] < -TOLERANCES.touching
-            ends[0 if bool(inside) == is_inside[0] else 1] = middle
+            ends[0 if inside(np.array([middle]))[0] == first else 1] = middle
         at = 0.5 * (ends[0] + ends[1])
         step = 1e-6 * max(t_end - t, 1e-9)
         around = self._gap(self._motion(np.array([at - step, at + step])), margin)[:, k]
