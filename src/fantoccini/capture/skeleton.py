@@ -192,9 +192,9 @@ class Capture:
         """A single pose as two frames, ``seconds`` apart; a motion as it is."""
         if len(self.t) > 1:
             return self
-        twice = {name: np.repeat(getattr(self, name), 2, axis=0)
-                 for name in ("positions", "rotations")}  # fmt: skip
-        return replace(self, t=self.t[0] + np.array([0.0, seconds]), **twice)
+        t = self.t[0] + np.array([0.0, seconds])
+        positions, rotations = (np.repeat(x, 2, axis=0) for x in (self.positions, self.rotations))
+        return replace(self, t=t, positions=positions, rotations=rotations)
 
     def upright(self, up: str | None = None) -> Capture:
         """In metres, with z up: of y up, x stays and z comes towards the viewer, to -y.
