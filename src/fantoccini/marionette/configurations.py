@@ -21,6 +21,12 @@ def integrate(model: Model, q: Array, dq: Array, driven: bool = False) -> Array:
     return tangent.moved(scalars, quaternions, vectors("q", q, n_q), vectors("dq", dq, n_v))
 
 
+def retract(model: Model, q_D: Array, move: Array) -> Array:
+    """q_D (..., n_qD) moved by tangent vectors (..., n_vD), without checks of what is given."""
+    table = model.coordinates
+    return tangent.moved(table.scalars_D, table.quaternions_D, q_D, move)
+
+
 def _layout(model: Model, driven: bool) -> tuple[tangent.Places, tangent.Places, int, int]:
     t = model.coordinates
     if driven:

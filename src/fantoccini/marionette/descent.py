@@ -19,9 +19,10 @@ from fantoccini.arrays import Array, Indices
 from fantoccini.errors import StateError
 from fantoccini.marionette.active_set import TOLERANCES
 from fantoccini.marionette.analysis import effort, energies
+from fantoccini.marionette.configurations import retract
 from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.model import Model
-from fantoccini.marionette.projection import onto_rows, positioned, retract
+from fantoccini.marionette.projection import onto_rows, positioned
 from fantoccini.marionette.relaxation import (
     Equilibrium,
     derivatives,

@@ -21,7 +21,7 @@ import numpy as np
 from fantoccini.arrays import Array, Indices, MaskRows
 from fantoccini.errors import StateError
 from fantoccini.marionette.active_set import TOLERANCES, ActiveSet, taut_mask
-from fantoccini.marionette.configurations import integrate
+from fantoccini.marionette.configurations import integrate, retract
 from fantoccini.marionette.contact_state import with_active_set
 from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.model import Model
@@ -60,12 +60,6 @@ class Search:
 
 
 SEARCH = Search()
-
-
-def retract(model: Model, q_D: Array, move: Array) -> Array:
-    """q_D (..., n_qD) moved by tangent vectors (..., n_vD), without checks of what is given."""
-    table = model.coordinates
-    return tangent.moved(table.scalars_D, table.quaternions_D, q_D, move)
 
 
 def difference_quotient(

@@ -16,10 +16,11 @@ from fantoccini.arrays import Array, Indices
 from fantoccini.errors import StateError, Status
 from fantoccini.marionette.active_set import TOLERANCES
 from fantoccini.marionette.analysis import energies
+from fantoccini.marionette.configurations import retract
 from fantoccini.marionette.dynamics import forward_dynamics
 from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.model import Model
-from fantoccini.marionette.projection import difference_quotient, onto_rows, retract
+from fantoccini.marionette.projection import difference_quotient, onto_rows
 from fantoccini.motion import Input, State, rotation, tangent
 from fantoccini.puppet import StepperMotor
 from fantoccini.runtime import Run

@@ -19,6 +19,7 @@ import numpy as np
 from fantoccini.arrays import Array, Indices
 from fantoccini.errors import StateError
 from fantoccini.marionette.analysis import interpreted
+from fantoccini.marionette.configurations import retract
 from fantoccini.marionette.contact_rows import ContactRows
 from fantoccini.marionette.contact_state import Resting, motion_at
 from fantoccini.marionette.evaluation import Evaluation
@@ -26,7 +27,6 @@ from fantoccini.marionette.kkt import DEPENDENT_ROWS
 from fantoccini.marionette.linearisation import derivatives_at
 from fantoccini.marionette.mode_system import ModeSystem
 from fantoccini.marionette.model import Model
-from fantoccini.marionette.projection import retract
 from fantoccini.marionette.screws import Screws
 from fantoccini.motion import State
 

@@ -10,7 +10,7 @@ from scipy.optimize import nnls
 
 from fantoccini.arrays import Array, ConfigD, ConfigK, MaskRows
 from fantoccini.marionette import Marionette
-from fantoccini.marionette.projection import retract
+from fantoccini.marionette.configurations import retract
 from fantoccini.motion import State
 from fantoccini.planning.goals import Goal
 from fantoccini.planning.state_arrays import StateArrays
