@@ -32,6 +32,8 @@ from fantoccini.plays.starts import Places
 from fantoccini.plays.stops import ERRORS
 from fantoccini.plays.walks import Walks
 
+_REFUSED: tuple[type[Exception], ...] = (CannotBe, UnknownNameError, *ERRORS)
+"""Errors that refuse a cue as it is placed."""
 IN_TIME = 1.0 / 60.0
 """So near to its time a cue is in time [s]."""
 _SAME_HEADING = 1e-3
@@ -148,7 +150,7 @@ class Placing:
                     return
                 for name in cue.who:
                     self._place_one(cue, self.actors[name], t)
-            except (CannotBe, UnknownNameError, *ERRORS) as error:
+            except _REFUSED as error:
                 why = str(error)
                 self.actors.update(before)
                 self._handling.back(things)
