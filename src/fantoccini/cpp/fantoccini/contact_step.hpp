@@ -77,7 +77,7 @@ class ContactStep : public ContactRebounds<Model, Real> {
   FAN_FN void find(
       const ContactArrays& in, const Evaluation<Model, Real>& eval, const Real* q_D,
       const Real* v_D, const Real* q_K, const Real* v_K, const Real* p, double dt, double whole,
-      double recovery_speed, const Mask& idle, const Mask& goes_on, const Real* dv_K) {
+      double recovery_speed, const Mask& idle, const Mask& goes_on, const Real* v_K_before) {
     in_ = &in;
     dt_ = dt;
     points_.find(in, q_D, v_D, q_K, v_K, p, dt, idle, [&](int l) { this->recognise(l); });
@@ -111,6 +111,8 @@ class ContactStep : public ContactRebounds<Model, Real> {
     }
     for (int l = 0; l < width; ++l) this->recall(l);
     for (int i = 0; i < points_.n[0]; ++i) this->ask(0, i, whole, recovery_speed);
+    Real dv_K[room(Model::n_vK)];
+    for (int k = 0; k < Model::n_vK; ++k) dv_K[k] = v_K[k] - v_K_before[k];
     this->find_drift(goes_on, dv_K, whole);
     is_before_known_ = !this->all_pushed();
     if (is_before_known_) this->know_before(eval);

@@ -56,7 +56,7 @@ struct TimeStep {
   bool turns_ahead = true;   // otherwise points of contact are to stop at the start of a step
   // Whether the next step may extrapolate the last one, and whether the last might the one before.
   Mask steady = Real(0.0) > Real(1.0), steadier = steady;
-  Mask goes_on = steady;  // whether the next step goes on at the velocity with which the last ended
+  Mask goes_on = steady;  // whether it goes on at the velocity with which the last ended
   Real tension[room(M)];  // Lambda / dt
   Mask taut[room(M)];    // rows that pulled in the last step; to be set by set_row()
   Mask pulled[room(M)];  // the same, but for rows that the first step of a run catches
@@ -119,10 +119,7 @@ struct TimeStep {
         if constexpr (some_singly)
           contacts.find(in, q_D, v_D, q_K, v_K, p, dt, whole, recovery_speed, idle, goes_on);
         else {
-          Real dv_K[room(NK)];
-          each<NK>([&](int j) FAN_INLINE { dv_K[j] = v_K[j] - v_K_[j]; });
-          contacts.find(
-              in, eval, q_D, v_D, q_K, v_K, p, dt, whole, recovery_speed, idle, goes_on, dv_K);
+          contacts.find(in, eval, q_D, v_D, q_K, v_K, p, dt, whole, recovery_speed, idle, goes_on, v_K_);
           const double first = contacts.first_of_several(ContactStepTolerances::least_part * whole_step);
           if (whole_step > 0.0 && first > 0.0) return first;
         }
@@ -157,8 +154,7 @@ struct TimeStep {
   template <class Memory>
   FAN_FN void remember(Memory& memory) {
     memory.keep(
-        accs_[acc_at_], accs_[1 - acc_at_], steady, steadier, goes_on, v_K_, stirred, tension, taut,
-        pulled, held);
+        accs_[acc_at_], accs_[1 - acc_at_], steady, steadier, goes_on, v_K_, stirred, tension, taut, pulled, held);
     if constexpr (touches) contacts.remember(memory);
   }
 
@@ -170,18 +166,13 @@ struct TimeStep {
   }
 
   // The next step extrapolates nothing in these lanes.
-  FAN_FN void forget(const Mask& where) {
-    steady = steady && !where;
-    goes_on = goes_on && !where;
-  }
+  FAN_FN void forget(const Mask& where) { steady = steady && !where, goes_on = goes_on && !where; }
 
   // (v+ - v) / dt of the last step.
   FAN_FN const Real* acc() const { return accs_[acc_at_]; }
 
   // The same before the first one.
-  FAN_FN void clear_acc() {
-    for (int k = 0; k < N; ++k) accs_[0][k] = accs_[1][k] = Real(0.0);
-  }
+  FAN_FN void clear_acc() { each<N>([&](int k) FAN_INLINE { accs_[0][k] = accs_[1][k] = Real(0.0); }); }
 
  private:
   template <class, class>
@@ -238,9 +229,8 @@ struct TimeStep {
     const Real most = select(stirred, Real(1.0), Real(Tolerance::unstirred_factor));
     const Mask braked = limit_speed<Model>(most, dt, v_next, speed_bound);
     steady = steady && !braked;
-    goes_on = !braked;
+    goes_on = turns_ahead && extrapolates ? !braked : Real(0.0) > Real(1.0);
     if (!extrapolates) steady = Real(0.0) > Real(1.0);
-    if (!extrapolates || !turns_ahead) goes_on = Real(0.0) > Real(1.0);
     return 0.0;
   }
 
