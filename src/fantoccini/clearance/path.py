@@ -7,7 +7,6 @@ from sample to sample.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -19,7 +18,6 @@ from fantoccini.motion import Trajectory, polynomial, rotation
 from fantoccini.motion.interpolate import Places
 from fantoccini.runtime import Moves
 from fantoccini.tree import Role
-
 
 MIN_SLACK = 1.0 + 1e-6
 """Length over span above which a string sags, as in compiled code."""

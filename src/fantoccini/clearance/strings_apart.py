@@ -265,7 +265,7 @@ class StringMotion:
     def _approaches(self, pair: Indices, k: Indices, s: Array, rank: Array) -> Approaches:
         """Approaches of pairs (m,), s (m,) after samples (m,), by kinds and in the order of ranks."""
         pairs, t = self.pairs.every, self.t[k] + s
-        if len(self.path.h):
+        if len(self.path.h) and len(k):
             piece = np.minimum(k, len(self.path.h) - 1)
             s = np.where(k > piece, self.path.h[piece], s)
             cores, k = self.placed(*self.path.at(piece, s)), np.arange(len(k))

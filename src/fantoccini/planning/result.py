@@ -24,7 +24,6 @@ from fantoccini.planning.search import Search
 from fantoccini.planning.touches import Meeting
 from fantoccini.runtime import POINT
 
-
 _BY_CLOCK = "a time limit ended the search, so that a second run may find another plan"
 
 
