@@ -21,13 +21,15 @@ def test_a_ball_that_is_thrown_through_another_and_through_a_block_is_seen(tmp_p
     x, y, z = (names.index(f"one.ball.{axis}") for axis in "xyz")
     still = np.repeat(run.q_D[:1], len(run), axis=0)
     k = EVERY * (len(run) // (2 * EVERY))
-    for far, through in (((0.6, 0.6), "two.ball"), ((-0.6, -0.6), "block")):
+    link = next(i for i, a in enumerate(play.marionette.tree.links) if a.name == "one.ball")
+    at = play.marionette.poses(run.q_D[0], run.q_K[0])[link, :, 3]
+    middle = still[0, [x, y, z]] - at  # of the stage, in the ball's coordinates
+    for through, place in (("two.ball", (0.0, 0.3, at[2])), ("block", (-0.4, 0.0, 0.1))):
         q_D = still.copy()
-        if through == "two.ball":
-            q_D[: k + 1, y], q_D[k + 1 :, y] = -far[0], 2.0 * far[1]
-        else:
-            q_D[: k + 1, x], q_D[k + 1 :, x] = 0.0, 2.0 * far[0]
-            q_D[:, [y, z]] = 0.0, 0.1
+        q_D[:, [x, y, z]] = middle + place
+        axis = y if through == "two.ball" else x
+        q_D[: k + 1, axis] -= 0.6
+        q_D[k + 1 :, axis] += 0.6
         q_K = np.repeat(run.q_K[:1], len(run), axis=0)
         passing = dataclasses.replace(run, q_D=q_D, q_K=q_K)
         found = [one for one in touches(play.cast, passing) if one.distance < 0.0]

@@ -154,7 +154,7 @@ class StringMotion:
     def nearest(self, within: float = 0.05) -> Approaches:
         """The least distance of every pair that comes nearer than ``within``, the least first.
 
-        Distances are right to 0.1 mm and 2 %. Of what overlaps at a sample it is not asked how deep.
+        Distances are right to 0.1 mm and 2 %. How deep samples overlap is not looked into.
 
         Raises:
             ValueError: ``within`` is not a finite number greater than 0.
@@ -251,8 +251,8 @@ class StringMotion:
             moved = none[pair]
             for core in (i, j):
                 there = cores.travelled[core, at]
-                before, after = there - cores.travelled[core, at - 1], cores.travelled[core, at + 1]
-                moved = moved + np.maximum(before, after - there)
+                before = there - cores.travelled[core, at - 1]
+                moved = moved + np.maximum(before, cores.travelled[core, at + 1] - there)
             apart = np.maximum(distance - pairs.swollen[pair], 0.0)
             long = (moved > np.maximum(_SHORT, _SHARE * apart)) & (
                 end - start > _LEAST_PART * self.path.h[k]
@@ -263,7 +263,7 @@ class StringMotion:
             start, end = np.concatenate([start, middle]), np.concatenate([middle, end])
 
     def _approaches(self, pair: Indices, k: Indices, s: Array, rank: Array) -> Approaches:
-        """Approaches of pairs (m,), s (m,) after samples (m,), by kinds and in the order of ranks."""
+        """Approaches of pairs (m,), s (m,) after samples k (m,), by kinds, in order of ranks."""
         pairs, t = self.pairs.every, self.t[k] + s
         if len(self.path.h) and len(k):
             piece = np.minimum(k, len(self.path.h) - 1)
