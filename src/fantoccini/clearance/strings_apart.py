@@ -237,7 +237,8 @@ class StringMotion:
         )  # fmt: skip
         within = k + 1 < len(self.t)
         pair, k = pair[within], k[within]
-        start, end = np.zeros(len(k)), self.path.h[k]
+        start: Array = np.zeros(len(k))
+        end: Array = self.path.h[k]
         while len(pair):
             middle = 0.5 * (start + end)
             step, own = np.unique(np.array([k, start, end]), axis=1, return_inverse=True)
@@ -258,8 +259,8 @@ class StringMotion:
                 end - start > _LEAST_PART * self.path.h[k]
             )
             open_ = np.flatnonzero(long & (distance - moved < limit(pair, k, start)))
-            pair, k, start, middle, end = (x[open_] for x in (pair, k, start, middle, end))
-            pair, k = np.tile(pair, 2), np.tile(k, 2)
+            pair, k = np.tile(pair[open_], 2), np.tile(k[open_], 2)
+            start, middle, end = (x[open_] for x in (start, middle, end))
             start, end = np.concatenate([start, middle]), np.concatenate([middle, end])
 
     def _approaches(self, pair: Indices, k: Indices, s: Array, rank: Array) -> Approaches:
@@ -284,7 +285,7 @@ class StringMotion:
 
 
 Limit = Callable[[Indices, Indices, Array], Array]
-"""Distances without radii up to which pairs (m,) count from samples (m,) and times after them on."""
+"""Distances without radii up to which pairs (m,) count, by samples (m,) and times after them."""
 
 Take = Callable[[Indices, Indices, Array, Array], None]
 """Told of pairs (m,), samples, times after them and distances without radii there."""
