@@ -29,7 +29,9 @@ bodies:
   joint: {name: slide, type: prismatic, axis: [0, 0, 1], at: [0, 0, -0.2]}
   shapes: [{type: sphere, radius: 0.01, mass: 0.1}]
 strings:
-- {name: s, length: driven, path: [{body: tip}, {body: upper, at: [0.05, 0, 0]}, {driven: [x, y, z], at: [0, 0, 2]}]}
+- name: s
+  length: driven
+  path: [{body: tip}, {body: upper, at: [0.05, 0, 0]}, {driven: [x, y, z], at: [0, 0, 2]}]
 pose: {s.length: 2.2}
 """
 

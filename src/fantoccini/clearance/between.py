@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fantoccini.arrays import Array, Indices
+from fantoccini.arrays import Array, Indices, Mask
 from fantoccini.clearance.path import Path
 from fantoccini.runtime import Moves
 
@@ -45,6 +45,11 @@ class Places(NamedTuple):
     t: Array
     q_D: Array
     q_K: Array
+
+    def some(self, which: Indices | Mask) -> Places:
+        """Those that a mask or indices choose."""
+        piece, s, t, q_D, q_K = self
+        return Places(piece[which], s[which], t[which], q_D[which], q_K[which])
 
 
 def advance(path: Path, measure: Measure, look: Look) -> None:
@@ -80,7 +85,8 @@ def _between(
         around = look(at, *measure(at.q_D, at.q_K, moves))
         around = around[(start[around] < middle[around]) & (middle[around] < end[around])]
         if len(around):
-            piece, start, middle, end = (x[around] for x in (piece, start, middle, end))
+            piece = piece[around]
+            start, middle, end = (x[around] for x in (start, middle, end))
             waiting.append((
                 np.concatenate([piece, piece]),
                 np.concatenate([start, middle]),

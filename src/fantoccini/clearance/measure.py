@@ -220,7 +220,7 @@ class Clearance:
 
         def look(at: Places, distance: Array, lower: Array) -> Indices:
             kept = (distance < within) | (at.s == 0.0)
-            found.append((Places(*(x[kept] for x in at)), distance[kept]))
+            found.append((at.some(kept), distance[kept]))
             far = distance >= within
             return np.flatnonzero(far & (lower < np.minimum(within, distance - _EDGE)))
 
@@ -228,7 +228,7 @@ class Clearance:
         at = Places(*map(np.concatenate, zip(*(places for places, _ in found), strict=True)))
         order = np.argsort(at.t, kind="stable")
         distance = np.concatenate([distance for _, distance in found])
-        return Places(*(x[order] for x in at)), distance[order]
+        return at.some(order), distance[order]
 
     def nearest(self, motion: State | Trajectory | Sequence[State]) -> Nearest | None:
         """The nearest pair in the worst configuration, of runs also between samples.

@@ -89,7 +89,10 @@ class Path:
     def part(self, begin: int, end: int) -> Path:
         """The path from one sample to before another."""
         own = slice(begin, end)
-        rates = None if self._rates is None else tuple(x[own] for x in self._rates)
+        rates = None
+        if self._rates is not None:
+            v_D, acc_D, v_K, acc_K = self._rates
+            rates = v_D[own], acc_D[own], v_K[own], acc_K[own]
         return Path(self.marionette, self.t[own], self.q_D[own], self.q_K[own], rates)
 
     def at(self, piece: Indices, s: Array) -> tuple[Array, Array]:
@@ -170,8 +173,8 @@ def _polynomials(h: Array, own: _Samples) -> Array:
         if own.v is None or own.acc is None:
             coef[:, v, 0], coef[:, v, 1] = q[:-1], np.diff(q) / by[:, 0]
         else:
-            ends = (q, own.v[:, v], own.acc[:, v])
-            start, end = (tuple(x[k] for x in ends) for k in (slice(-1), slice(1, None)))
+            rate, second = own.v[:, v], own.acc[:, v]
+            start, end = (q[:-1], rate[:-1], second[:-1]), (q[1:], rate[1:], second[1:])
             coef[:, v] = polynomial.hermite(by[:, 0], start, end)
         coef[~moving, v, 1:] = 0.0
     for place, v in own.quaternions:

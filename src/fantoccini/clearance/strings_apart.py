@@ -154,7 +154,7 @@ class StringMotion:
     def nearest(self, within: float = 0.05) -> Approaches:
         """The least distance of every pair that comes nearer than ``within``, the least first.
 
-        Distances are right to 0.1 mm and 2 %. Of what overlaps at a sample it is not asked how deep.
+        Distances are right to 0.1 mm and 2 %. How deep samples overlap is not looked into.
 
         Raises:
             ValueError: ``within`` is not a finite number greater than 0.
@@ -237,7 +237,8 @@ class StringMotion:
         )  # fmt: skip
         within = k + 1 < len(self.t)
         pair, k = pair[within], k[within]
-        start, end = np.zeros(len(k)), self.path.h[k]
+        start: Array = np.zeros(len(k))
+        end: Array = self.path.h[k]
         while len(pair):
             middle = 0.5 * (start + end)
             step, own = np.unique(np.array([k, start, end]), axis=1, return_inverse=True)
@@ -251,21 +252,21 @@ class StringMotion:
             moved = none[pair]
             for core in (i, j):
                 there = cores.travelled[core, at]
-                before, after = there - cores.travelled[core, at - 1], cores.travelled[core, at + 1]
-                moved = moved + np.maximum(before, after - there)
+                before = there - cores.travelled[core, at - 1]
+                moved = moved + np.maximum(before, cores.travelled[core, at + 1] - there)
             apart = np.maximum(distance - pairs.swollen[pair], 0.0)
             long = (moved > np.maximum(_SHORT, _SHARE * apart)) & (
                 end - start > _LEAST_PART * self.path.h[k]
             )
             open_ = np.flatnonzero(long & (distance - moved < limit(pair, k, start)))
-            pair, k, start, middle, end = (x[open_] for x in (pair, k, start, middle, end))
-            pair, k = np.tile(pair, 2), np.tile(k, 2)
+            pair, k = np.tile(pair[open_], 2), np.tile(k[open_], 2)
+            start, middle, end = (x[open_] for x in (start, middle, end))
             start, end = np.concatenate([start, middle]), np.concatenate([middle, end])
 
     def _approaches(self, pair: Indices, k: Indices, s: Array, rank: Array) -> Approaches:
-        """Approaches of pairs (m,), s (m,) after samples (m,), by kinds and in the order of ranks."""
+        """Approaches of pairs (m,), s (m,) after samples k (m,), by kinds, in order of ranks."""
         pairs, t = self.pairs.every, self.t[k] + s
-        if len(self.path.h):
+        if len(self.path.h) and len(k):
             piece = np.minimum(k, len(self.path.h) - 1)
             s = np.where(k > piece, self.path.h[piece], s)
             cores, k = self.placed(*self.path.at(piece, s)), np.arange(len(k))
@@ -284,7 +285,7 @@ class StringMotion:
 
 
 Limit = Callable[[Indices, Indices, Array], Array]
-"""Distances without radii up to which pairs (m,) count from samples (m,) and times after them on."""
+"""Distances without radii up to which pairs (m,) count, by samples (m,) and times after them."""
 
 Take = Callable[[Indices, Indices, Array, Array], None]
 """Told of pairs (m,), samples, times after them and distances without radii there."""

@@ -201,7 +201,9 @@ class ClearanceLibrary(Loaded):
         kept: list[Any] = []
         n = len(q_D)
         q_D, q_K, p = (np.ascontiguousarray(a, dtype=float) for a in (q_D, q_K, p))
-        about = [] if moves is None else [np.ascontiguousarray(a, dtype=float) for a in moves]
+        about: list[Array | None] = [None] * len(Moves._fields)
+        if moves is not None:
+            about = [np.ascontiguousarray(a, dtype=float) for a in moves]
         clearance, lower, pair = np.empty(n), np.empty(n), np.empty(n, dtype=np.int64)
         failed: list[int] = []
         exact = Exact(solids)
@@ -212,7 +214,7 @@ class ClearanceLibrary(Loaded):
             failed.append(
                 self.dll.fan_clearance(
                     ctypes.c_longlong(last - first), pointer(q_D[part]), pointer(q_K[part]),
-                    pointer(p), *[pointer(a[part]) for a in about] or [None] * 4,
+                    pointer(p), *(None if a is None else pointer(a[part]) for a in about),
                     ctypes.byref(arrays), pointer(clearance[part]), pointer(lower[part]),
                     pointer(pair[part]),
                 )

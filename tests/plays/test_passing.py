@@ -1,0 +1,42 @@
+"""Who passes through another or through an obstacle between two measured samples is seen."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from fantoccini.plays import clearances
+from fantoccini.plays.touching import EVERY, touches
+from plays.tiny import write_play
+
+
+@pytest.mark.slow
+def test_a_ball_that_is_thrown_through_another_and_through_a_block_is_seen(tmp_path):
+    play = fan.load_play(write_play(tmp_path))
+    run = fan.verify_play(play).run
+    names = run.coordinates.q_D
+    x, y, z = (names.index(f"one.ball.{axis}") for axis in "xyz")
+    still = np.repeat(run.q_D[:1], len(run), axis=0)
+    k = EVERY * (len(run) // (2 * EVERY))
+    link = next(i for i, a in enumerate(play.marionette.tree.links) if a.name == "one.ball")
+    at = play.marionette.poses(run.q_D[0], run.q_K[0])[link, :, 3]
+    middle = still[0, [x, y, z]] - at  # of the stage, in the ball's coordinates
+    for through, place in (("two.ball", (0.0, 0.3, at[2])), ("block", (-0.4, 0.0, 0.1))):
+        q_D = still.copy()
+        q_D[:, [x, y, z]] = middle + place
+        axis = y if through == "two.ball" else x
+        q_D[: k + 1, axis] -= 0.6
+        q_D[k + 1 :, axis] += 0.6
+        q_K = np.repeat(run.q_K[:1], len(run), axis=0)
+        passing = dataclasses.replace(run, q_D=q_D, q_K=q_K)
+        found = [one for one in touches(play.cast, passing) if one.distance < 0.0]
+        assert {"one.ball", through} in [{one.what, one.other} for one in found]
+        times = [one.t for one in found if {one.what, one.other} == {"one.ball", through}]
+        assert run.t[k] < min(times) < run.t[k + EVERY]
+        assert any(
+            {one.what, one.other} == {"one.ball", through} and one.distance < 0.0
+            for one in clearances(play.cast, passing)
+        )
