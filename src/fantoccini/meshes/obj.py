@@ -21,6 +21,7 @@ from fantoccini.meshes.part import Count, Part, lost
 
 _NUMBERS = {"v": 3, "vt": 1}
 """Keyword -> the least numbers behind it."""
+_NO_TINT = (np.nan, np.nan, np.nan)
 _COMMENT = re.compile(r"(?:^|\s)#")
 """Begins a comment; within a word the mark is part of a name."""
 
@@ -84,12 +85,15 @@ class _Reader:
 
     def read(self, text: str) -> None:
         """Reads a text."""
-        for self.line, words, rest in _statements(text):
-            match words[0].lower():
+        for self.line, words, line in _statements(text):
+            key = words[0]
+            if key == "f" and "-" not in line and "/0" not in line and self._plain_face(words):
+                continue
+            match key.lower():
                 case "v":
                     x = self._numbers(words)
                     self.places.extend(x[:3])
-                    self.tints.extend(x[3:6] if len(x) >= 6 else (np.nan,) * 3)
+                    self.tints.extend(x[3:6] if len(x) >= 6 else _NO_TINT)
                 case "vt":
                     self.textures.extend((*self._numbers(words), 0.0)[:2])
                 case "f" | "fo":
@@ -97,7 +101,7 @@ class _Reader:
                 case "usemtl":
                     self._material = " ".join(words[1:])
                 case "mtllib":
-                    self._library(rest)
+                    self._library(_rest(line, words))
         most, self.line = self._last
         if 3 * most > len(self.places):
             self._fail(f"names vertex {most}; the file has {len(self.places) // 3}")
@@ -143,6 +147,30 @@ class _Reader:
             needed = f"{least} number{'s' if least > 1 else ''} with decimal points"
             self._fail(f"found {' '.join(words)[:60]!r}; needed: {needed}")
         return found
+
+    def _plain_face(self, words: list[str]) -> bool:
+        """Adds a triangle of positive indices, which most faces are; whether it was one."""
+        try:
+            a, b, c = (corner.split("/", 2) for corner in words[1:])
+            i, j, k = int(a[0]), int(b[0]), int(c[0])
+            if "" in (a[1:2] + b[1:2] + c[1:2]) or len(a) == 1 or len(b) == 1 or len(c) == 1:
+                u = v = w = 0
+            else:
+                u, v, w = int(a[1]), int(b[1]), int(c[1])
+        except ValueError:
+            return False
+        most = max(i, j, k)
+        if min(i, j, k) < 1 or max(most, u, v, w) > LIMITS.max_bytes:
+            return False
+        if most > self._last[0]:
+            self._last = most, self.line
+        faces = self.faces.get(self._material)
+        if faces is None:
+            faces = self.faces[self._material] = _Faces()
+        self._count.add(1)
+        faces.places.extend((i - 1, j - 1, k - 1))
+        faces.textures.extend((u - 1, v - 1, w - 1))
+        return True
 
     def _face(self, corners: list[str]) -> None:
         """Adds a face, whose indices count from 1, or with a minus back from this line."""
@@ -202,7 +230,8 @@ def _materials(text: str) -> dict[str, _Material]:
     """Materials of a file by name."""
     found: dict[str, _Material] = {}
     made = _Material()
-    for _, words, rest in _statements(text):
+    for _, words, line in _statements(text):
+        rest = _rest(line, words)
         match words[0].lower():
             case "newmtl":
                 made = found[" ".join(words[1:])] = _Material()
@@ -221,7 +250,7 @@ def _materials(text: str) -> dict[str, _Material]:
 
 
 def _statements(text: str) -> Iterator[tuple[int, list[str], str]]:
-    """Line, words, and all behind the first one, of each line that has some.
+    """Number, words and text of each line that has words, without comments.
 
     A backslash at its end continues a line.
     """
@@ -235,7 +264,12 @@ def _statements(text: str) -> Iterator[tuple[int, list[str], str]]:
             line = _COMMENT.split(line, maxsplit=1)[0]
         words = line.split()
         if words:
-            yield number, words, line.strip()[len(words[0]) :].strip()
+            yield number, words, line
+
+
+def _rest(line: str, words: list[str]) -> str:
+    """All behind the first word of a line."""
+    return line.strip()[len(words[0]) :].strip()
 
 
 def _three(words: list[str]) -> tuple[float, ...]:
