@@ -168,10 +168,8 @@ struct TimeStep {
   // The next step extrapolates nothing in these lanes.
   FAN_FN void forget(const Mask& where) { steady = steady && !where, goes_on = goes_on && !where; }
 
-  // (v+ - v) / dt of the last step.
+  // (v+ - v) / dt of the last step, and the same before the first one.
   FAN_FN const Real* acc() const { return accs_[acc_at_]; }
-
-  // The same before the first one.
   FAN_FN void clear_acc() { each<N>([&](int k) FAN_INLINE { accs_[0][k] = accs_[1][k] = Real(0.0); }); }
 
  private:
