@@ -35,8 +35,8 @@ from fantoccini.marionette.methods import (
 from fantoccini.marionette.model import Model
 from fantoccini.marionette.modes import Mode, Modes
 from fantoccini.marionette.parameter_values import parameter_rows
-from fantoccini.marionette.plausible import InputWarning, input_warnings, warnings
 from fantoccini.marionette.parting import parted, parted_starts
+from fantoccini.marionette.plausible import InputWarning, input_warnings, warnings
 from fantoccini.marionette.portable import PortablePuppet
 from fantoccini.marionette.redundant import (
     CONTRADICTION_STATUSES,

@@ -108,7 +108,9 @@ def _moved(moves: Array, links: tuple[int, int]) -> Array:
 def _of_string(tree: Tree, moves: Array, i: int) -> Array:
     """(n,) 1 for the velocities that move points of a string, or wind it."""
     string = tree.strings[i]
-    out = np.max([moves[p.link] for p in string.points if p.link != WORLD] or [0.0 * moves[0]], axis=0)
+    out = np.max(
+        [moves[p.link] for p in string.points if p.link != WORLD] or [0.0 * moves[0]], axis=0
+    )
     if string.wound_length:
         out = out.copy()
         out[string.wound_length[1]] = 1.0
