@@ -73,7 +73,7 @@ class TouchDelays:
 def touch_delays(
     tree: Tree, links: Sequence[tuple[int, int]], shares: Sequence[float | None]
 ) -> TouchDelays:
-    """Of points that push, by the links of each and its share s; None where it does not spring back."""
+    """Delays by points that push, of given links and shares s; None where nothing springs back."""
     moves, n = relations(tree)[0], tree.coordinates.n_vD
     share, first = np.zeros(n), np.full(n, -1)
     if all(s is None for s in shares):
