@@ -24,7 +24,11 @@ def test_a_step_that_springs_back_has_the_derivatives_of_its_touch(bouncer, gap)
     """dz+ = -e dz + ..., across the floor from the touch on; friction turns and slides."""
     x = thrown(bouncer, {**FAR, "ball.z": 0.05 + gap}, AT_FLOOR)
     lin = check_step(bouncer, x, ["stick"])
-    check_step(bouncer, thrown(bouncer, {**FAR, "ball.z": 0.05 + gap}, AT_FLOOR | {"ball.x": 40.0}), ["slide"])
+    check_step(
+        bouncer,
+        thrown(bouncer, {**FAR, "ball.z": 0.05 + gap}, AT_FLOOR | {"ball.x": 40.0}),
+        ["slide"],
+    )
     z, v_z = 2, 12 + 2
     left = 0.002 - gap / 10.0
     assert lin.A[z, z] == pytest.approx(-0.8, rel=1e-9)

@@ -61,7 +61,8 @@ def test_lanes_turn_where_they_touch(bouncer):
     """Each at its own time within its step, as alone."""
     highs = np.linspace(0.01, 0.05, 9)
     starts = [
-        thrown(bouncer, {**FAR, "ball.z": 0.05 + h}, {"ball.z": -15.0, "ball.x": 1.0}) for h in highs
+        thrown(bouncer, {**FAR, "ball.z": 0.05 + h}, {"ball.z": -15.0, "ball.x": 1.0})
+        for h in highs
     ]
     runs = fan.simulate_batch(bouncer, starts, t_end=0.006, method=fan.TimeStepping(dt=2e-3))
     for k, h in enumerate(highs):

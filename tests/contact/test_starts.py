@@ -30,7 +30,9 @@ def test_a_gram_carries_a_hundred_kilograms(press, method):
     run = fan.simulate(press, press.state(), t_end=0.2, method=method)
     assert run.status is Status.DONE
     assert np.max(np.abs(run.q_D - run.q_D[0])) < 1e-6
-    force = run.contact.force_on("light", len(run))[-1] + run.contact.force_on("heavy", len(run))[-1]
+    force = (
+        run.contact.force_on("light", len(run))[-1] + run.contact.force_on("heavy", len(run))[-1]
+    )
     assert force[2] == pytest.approx(9.81 * 100.001, rel=1e-6)
 
 

@@ -137,8 +137,8 @@ def step_contacts(
     delays = touch_delays(model.tree, [one.point.touch.links for one in pushing], shares)
     for i in delays.later:
         raise StateError(
-            f"{pushing[i].point.name} is struck in this step after another point of its bodies; such "
-            "a step has no derivative"
+            f"{pushing[i].point.name} is struck in this step after another point of its "
+            "bodies; such a step has no derivative"
         )
     moves = relations(model.tree)[0]
     held: list[HeldPoint] = []
@@ -292,8 +292,8 @@ def _aimed(
         return replace(made, bounces=e), ""
     raise StateError(
         f"{made.name} moves after this step as the law of contact alone does not say: bodies are "
-        "wedged in, one lands while another springs back, or restitution is scaled down so that no energy is added; such a step has no "
-        "derivative"
+        "wedged in, one lands while another springs back, or restitution is scaled down so that "
+        "no energy is added; such a step has no derivative"
     )
 
 

@@ -6,7 +6,9 @@ Lambda > 0 (``cpp/fantoccini/timestepping.hpp``):
     (M + dt F) (v+ - v) + dt (c(q, v, q_K, rate) + M_DK mean - u_D) + A_D^T Lambda = 0
     A_D v+ + A_K rate + min(h/dt, recovery speed) = 0,      q+ = q moved by dt w
 
-with w = v+, but where contacts spring back (``touch_delays``), and contacts in their modes beside the rows (``contact_rows``), are differentiated with M, A and c
+with w = v+, but where contacts spring back (``touch_delays``), and
+contacts in their modes beside the rows (``contact_rows``),
+are differentiated with M, A and c
 at the step's start. It is the first step of a stepper: later in
 a run c takes its velocity products half a step ahead, extrapolated from earlier steps, which are no
 part of a state. That changes dv+ by dt^2/2 times the products' derivatives.

@@ -73,7 +73,7 @@ class TouchDelays:
 def touch_delays(
     tree: Tree, links: Sequence[tuple[int, int]], shares: Sequence[float | None]
 ) -> TouchDelays:
-    """Of points that push, by the links of each and its share s; None where it does not spring back."""
+    """Delays by points that push, of given links and shares s; None where nothing springs back."""
     moves, n = relations(tree)[0], tree.coordinates.n_vD
     share, first = np.zeros(n), np.full(n, -1)
     if all(s is None for s in shares):
@@ -108,7 +108,9 @@ def _moved(moves: Array, links: tuple[int, int]) -> Array:
 def _of_string(tree: Tree, moves: Array, i: int) -> Array:
     """(n,) 1 for the velocities that move points of a string, or wind it."""
     string = tree.strings[i]
-    out = np.max([moves[p.link] for p in string.points if p.link != WORLD] or [0.0 * moves[0]], axis=0)
+    out = np.max(
+        [moves[p.link] for p in string.points if p.link != WORLD] or [0.0 * moves[0]], axis=0
+    )
     if string.wound_length:
         out = out.copy()
         out[string.wound_length[1]] = 1.0

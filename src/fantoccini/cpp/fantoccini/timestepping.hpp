@@ -365,6 +365,10 @@ struct TimeStep {
       if (!(first > 0.0)) break;
       n_pushed = contacts.n[0];
       for (int i = 0; i < n_pushed; ++i) pushed[i] = contacts.push[0][i];
+      // What has sprung back in one part may do so again in the next.
+      for (int i = 0; i < n_pushed; ++i)
+        if (contacts.push[0][i].steps < ContactStepTolerances::steps_of_impact)
+          contacts.push[0][i].steps = 0;
       for (int i = 0; i < NQ; ++i) q[i] = q_next[i];
       for (int k = 0; k < N; ++k) v[k] = v_next[k];
       retract<typename Model::Driven>(q_in, v_K, part, moved);
