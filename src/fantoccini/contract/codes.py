@@ -91,8 +91,8 @@ class StepEdge(Code):
     NOT_SMOOTH = 8, "the place of a point has no derivative"
     ASKEW = 16, "a point touches without force, and slides askew of those that push"
     LEAVES_LAW = 32, (
-        "bodies are wedged in, restitution is scaled down to add no energy, or what springs back is "
-        "struck or caught again"
+        "bodies are wedged in, restitution is scaled down to add no energy, or what springs back "
+        "is struck or caught again"
     )
     JAMS = 64, "friction jams: no forces keep the modes"
     OPEN_SHARES = 128, "solids slide on more points than the law can share force among"
