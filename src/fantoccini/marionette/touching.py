@@ -99,11 +99,9 @@ def contacts_of(
         for k, gap in zip(which, gaps, strict=True)
         if gap < -OVERLAP and _kin(tree, *(parts[i].link for i in meet[k][:2]))
     }
-    kept = np.array([k not in apart for k in which], dtype=bool)
-    dynamic = np.array(
-        [_moves(tree, *(parts[i].link for i in meet[k][:2]), Role.DYNAMIC) for k in which],
-        dtype=bool,
-    )
+    kept = np.array([k not in apart for k in which], dtype=np.bool_)
+    sides = [(parts[meet[k][0]].link, parts[meet[k][1]].link) for k in which]
+    dynamic = np.array([_moves(tree, a, b, Role.DYNAMIC) for a, b in sides], dtype=np.bool_)
     return table.some(kept & dynamic), table.some(kept & ~dynamic)
 
 

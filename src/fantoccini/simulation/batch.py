@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import combinations
 from typing import Any, TypeVar
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.arrays import Array, Times
 from fantoccini.contract import BOOKS, PARTS
 from fantoccini.errors import ARRIVED, Status
 from fantoccini.marionette import (
@@ -234,6 +235,11 @@ def _judge(marionette: Marionette, batch: Batch, inputs: Inputs, method: str) ->
             batch.status[i], batch.blame[i] = found, 0.0
 
 
+def _places(inputs: Input, t: Times) -> Array:
+    """(T, n_qK) driven configurations at times."""
+    return inputs.evaluate(t)[0]
+
+
 def _judge_prescribed(model: Model, batch: Batch, inputs: Inputs) -> None:
     """Names the runs that reached their end while their inputs moved solids through one another."""
     if model.prescribed is None:
@@ -244,10 +250,9 @@ def _judge_prescribed(model: Model, batch: Batch, inputs: Inputs) -> None:
         own, parameters = (i if n > 1 else 0 for n in (len(inputs), len(batch.p)))
         if (own, parameters) not in known:
             given = inputs[own]
-            found = prescribed_overlaps(
-                model.with_p(batch.p[parameters]), lambda t, given=given: given.evaluate(t)[0],
-                looks(given.breaks, batch.t, batch.t_end),
-            )  # fmt: skip
+            times = looks(given.breaks, batch.t, batch.t_end)
+            held = model.with_p(batch.p[parameters])
+            found = prescribed_overlaps(held, partial(_places, given), times)
             known[own, parameters] = deepest(found)
         if known[own, parameters]:
             batch.status[i], batch.blame[i] = Status.OVERSTEPPED, 0.0
