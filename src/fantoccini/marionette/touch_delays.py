@@ -78,8 +78,9 @@ def touch_delays(
     share, first = np.zeros(n), np.full(n, -1)
     if all(s is None for s in shares):
         return TouchDelays(share, first)
-    strings = [_of_string(tree, moves, i)[:n] for i in range(len(tree.strings))]
-    joined = np.vstack([moves[:, :n], *strings, *(_moved(moves, one)[:n] for one in links)])
+    sets = [moves[:, :n], [_of_string(tree, moves, i)[:n] for i in range(len(tree.strings))]]
+    sets.append([_moved(moves, one)[:n] for one in links])
+    joined = np.concatenate([np.reshape(one, (-1, n)) for one in sets])
     group = connected_components((joined.T @ joined) > 0.0, directed=False)[1]
     tied: list[int] = []
     later: list[int] = []
