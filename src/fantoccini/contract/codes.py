@@ -90,10 +90,7 @@ class StepEdge(Code):
     MAY_REBOUND = 4, "a point springs back if it is any faster"
     NOT_SMOOTH = 8, "the place of a point has no derivative"
     ASKEW = 16, "a point touches without force, and slides askew of those that push"
-    LEAVES_LAW = 32, (
-        "bodies are wedged in, restitution is scaled down to add no energy, or what springs back "
-        "is struck or caught again"
-    )
+    LEAVES_LAW = 32, "bodies are wedged in, or restitution is scaled down to add no energy"
     JAMS = 64, "friction jams: no forces keep the modes"
     OPEN_SHARES = 128, "solids slide on more points than the law can share force among"
     CROWDED = 256, "more points push than there is room for"

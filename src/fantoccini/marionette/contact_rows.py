@@ -154,14 +154,6 @@ class ContactRows(HeldRows):
         """(points, m) changes of -gap."""
         return _stacked([-at.gap_by[None] for at in self._at], self._screws.n_columns)
 
-    def normal_speed(self) -> Array:
-        """(points,) u_n."""
-        return np.array([at.n @ at.u for at in self._at])
-
-    def normal_speed_by(self) -> Array:
-        """(points, m) changes of u_n, at fixed acc_D."""
-        return _stacked([at._along(at.u, at.u_by)[:1] for at in self._at], self._screws.n_columns)
-
     def velocity_by(self) -> Array:
         """(k, m) changes of -(u_n + closes gap) and of -u_T, at fixed acc_D."""
         return _stacked([at.velocity_by() for at in self._at], self._screws.n_columns)

@@ -15,10 +15,10 @@ from scipy.optimize import nnls
 
 from fantoccini.arrays import Array
 from fantoccini.marionette.active_set import TOLERANCES
+from fantoccini.marionette.configurations import retract
 from fantoccini.marionette.contact_geometry import PairGeometry
 from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.model import Model
-from fantoccini.marionette.projection import retract
 from fantoccini.marionette.screws import Screws
 from fantoccini.motion import State, States
 

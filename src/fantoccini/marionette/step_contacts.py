@@ -2,9 +2,6 @@
 
     u_n+ >= w,  w = min(-gap/dt, recovery speed) or -e u_n of a new contact that springs back
 
-In groups that are struck after a share s of the step (:mod:`.touch_delays`)
-w = -(gap/dt + s u_n)/(1 - s).
-
 A mode's derivative is that of the step where the law holds strictly: points that push do so with
 force, those that stick stay inside their cone, open ones open.
 """
@@ -21,8 +18,7 @@ from fantoccini.errors import StateError
 from fantoccini.marionette.contact_geometry import TOLERANCES as GEOMETRY, PairGeometry
 from fantoccini.marionette.contact_rows import ContactMode, HeldPoint, PointMode
 from fantoccini.marionette.model import LIMITS, Model
-from fantoccini.marionette.screws import Screws, relations
-from fantoccini.marionette.touch_delays import TouchDelays, touch_delays
+from fantoccini.marionette.screws import Screws
 from fantoccini.motion import ContactPoints, State, pair_name
 
 
@@ -41,8 +37,6 @@ class ModeTolerances:
 
 
 TOLERANCES = ModeTolerances()
-LEAST_REST = 1e-3
-"""Least part of a step that is left after a touch, where others are asked to close within it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,12 +46,10 @@ class Contacts:
     Attributes:
         points: those that push, in their modes.
         edges: what is between two modes, so that only one-sided derivatives exist there.
-        delays: which velocities of a step wait for a point that springs back.
     """
 
     points: tuple[HeldPoint, ...]
     edges: tuple[str, ...]
-    delays: TouchDelays | None = None
 
 
 def still_speed(screws: Screws) -> float:
@@ -111,9 +103,10 @@ def step_contacts(
     """
     assert model.contacts is not None
     still = max(still_speed(before), still_speed(after))
-    pushing: list[_Pushing] = []
+    held: list[HeldPoint] = []
+    edges: list[str] = []
     open_points: list[tuple[str, PairGeometry, int, float]] = []
-    reach = _reach(model, before, after, found, dt)
+    reach = float(np.max(found.gap, initial=0.0))
     for pair in geometries(model, before, x, sorted(set(found.pair.tolist())), reach):
         name = pair_name(model.contacts.names[pair.pair])
         own = found.some(found.pair == pair.pair)
@@ -121,103 +114,22 @@ def step_contacts(
         for k in range(len(own)):
             feature = pair.nearest(own.point[k], TOLERANCES.same_place)
             if feature is None:
-                raise StateError(
-                    f"{name} touch in this step where they did not at its start: they are struck "
-                    "after other points of their bodies, and such a step has no derivative"
-                )
+                raise StateError(f"{name} touch in this step where they did not at its start")
             taken.add(feature)
             made, edge = _held(model, name, pair, feature, own.some(np.array([k])), still)
             speed = float(pair.velocity(before, made.touch.point) @ made.touch.normal)
             row = made.touch.normal @ _subspace(before, pair.links, made.touch.point)
-            pushing.append(_Pushing(made, edge, speed, float(row @ kick)))
-        for feature in pair.points:
+            made, verge = _aimed(model, made, speed, float(row @ kick), dt, still)
+            held.append(made)
+            edges += [f"{name}: {one}" for one in (edge, verge) if one]
+        for feature, values in pair.points.items():
             if feature not in taken:
-                open_points.append((name, pair, feature, 0.0))
-    shares = [_share(model, one, dt, still) for one in pushing]
-    delays = touch_delays(model.tree, [one.point.touch.links for one in pushing], shares)
-    for i in delays.later:
-        raise StateError(
-            f"{pushing[i].point.name} is struck in this step after another point of its "
-            "bodies; such a step has no derivative"
-        )
-    moves = relations(model.tree)[0]
-    held: list[HeldPoint] = []
-    edges: list[str] = []
-    for i, one in enumerate(pushing):
-        share = delays.of_links(moves, one.point.touch.links)
-        made, verge = _aimed(model, one, share, dt, still)
-        tied = "touches at the same time as another point" if i in delays.tied else ""
-        held.append(made)
-        edges += [f"{made.name}: {each}" for each in (one.edge, verge, tied) if each]
-    for k, (name, pair, feature, _) in enumerate(open_points):
-        gap, point, normal = np.split(pair.points[feature][:7], [1, 4])
-        share = delays.of_links(moves, pair.links)
-        start = float(pair.velocity(before, point) @ normal)
-        parting = _parting(float(gap[0]), start, share, dt)[0]
-        opens = float(pair.velocity(after, point) @ normal) - parting
-        open_points[k] = (name, pair, feature, opens)
+                gap, point, normal = values[0], values[1:4], values[4:]
+                parting = min(-gap / dt, LIMITS.recovery_speed)
+                opens = pair.velocity(after, point) @ normal - parting
+                open_points.append((name, pair, feature, float(opens)))
     edges += closed_without_force(after, held, open_points, still)
-    return Contacts(tuple(held), tuple(dict.fromkeys(edges)), delays)
-
-
-@dataclass(frozen=True, eq=False)
-class _Pushing:
-    """A point that pushes: what edge it is on, u_n before the step, and what that adds to it."""
-
-    point: HeldPoint
-    edge: str
-    speed: float  # m/s
-    gain: float  # without impulses [m/s]
-
-
-def _reach(
-    model: Model, before: Screws, after: Screws, found: ContactPoints, dt: float
-) -> float:
-    """Largest gap at the start of a step of the points that push in it, at least [m].
-
-    Those found are gaps where the forces act.
-    """
-    assert model.contacts is not None
-    most = 0.0
-    for k, pair in enumerate(found.pair):
-        a, b = model.contacts.solids["link"][model.contacts.pairs[pair]]
-        ways = [
-            abs(float(found.normal[k] @ (twist[:3] + np.cross(twist[3:], found.point[k]))))
-            for twist in (one.twist(int(a)) - one.twist(int(b)) for one in (before, after))
-        ]
-        most = max(most, found.gap[k] + dt * max(ways))
-    return most
-
-
-def _share(model: Model, pushing: _Pushing, dt: float, still: float) -> float | None:
-    """Share of the step until a point touches that springs back; None for others."""
-    assert model.contacts is not None
-    point, u_n = pushing.point, pushing.speed
-    e, gap = float(model.contacts.restitution[point.pair]), point.touch.gap
-    back = float(point.touch.normal @ point.velocity) + e * u_n
-    rounding = still + _gap_rounding(dt)
-    if not (-e * u_n > rounding and abs(back) <= rounding):
-        return None
-    return min(max(gap, 0.0) / (-u_n * dt), 1.0)
-
-
-def _gap_rounding(dt: float) -> float:
-    """Speed by which what is asked for is uncertain, as gaps are known to rounding only [m/s]."""
-    return TOLERANCES.same_place * 1e-3 / dt
-
-
-def _parting(gap: float, speed: float, share: float, dt: float) -> tuple[float, float, float]:
-    """The speed w at which a point is to part, the gap at the touch, and the time that is left [s].
-
-    Args:
-        gap: at the start of the step [m].
-        speed: u_n at the start [m/s].
-        share: of the step until its group is struck.
-        dt: the step [s].
-    """
-    there = gap + share * dt * speed
-    rest = dt if there < 0.0 else max(1.0 - share, LEAST_REST) * dt
-    return min(-there / rest, LIMITS.recovery_speed), there, rest
+    return Contacts(tuple(held), tuple(dict.fromkeys(edges)))
 
 
 def _held(
@@ -260,40 +172,35 @@ def mode_of(
 
 
 def _aimed(
-    model: Model, pushing: _Pushing, share: float, dt: float, still: float
+    model: Model, made: HeldPoint, speed: float, gain: float, dt: float, still: float
 ) -> tuple[HeldPoint, str]:
     """The point with what its normal row asks for, and what edge that is on.
 
     Args:
         model: the puppet.
-        pushing: the point.
-        share: of the step until its group is struck.
+        made: the point.
+        speed: u_n before the step [m/s].
+        gain: what the step adds to it without impulses [m/s].
         dt: the step [s].
         still: speed that is none [m/s].
     """
     assert model.contacts is not None
-    made, speed = pushing.point, pushing.speed
     after = float(made.touch.normal @ made.velocity)
     e = float(model.contacts.restitution[made.pair])
-    parting, there, rest = _parting(made.touch.gap, speed, share, dt)
-    rounding = still + _gap_rounding(rest)
-    springs_back = e > 0.0 and abs(after + e * speed) <= rounding
-    if springs_back and share != 0.0 and -e * speed > rounding:
-        return replace(made, bounces=e), ""
-    # How much later the touch is matters to what is open then.
-    closes = share == 0.0 or abs(there) <= TOLERANCES.same_place * 1e-3
-    if closes and abs(after - parting) <= rounding:
-        if parting < LIMITS.recovery_speed:
-            made = replace(made, closes=1.0 / rest, bounces=share * dt / rest)
-        least = max(min(-made.touch.gap / dt, LIMITS.recovery_speed), -pushing.gain)
-        verge = e > 0.0 and abs(-e * speed - least) <= rounding
-        return made, "springs back if it is any faster" if verge else ""
-    if springs_back:
+    parting = min(-made.touch.gap / dt, LIMITS.recovery_speed)
+    # A gap is known to rounding only.
+    rounding = still + TOLERANCES.same_place * 1e-3 / dt
+    if abs(after - parting) <= rounding:
+        closes = 1.0 / dt if parting < LIMITS.recovery_speed else 0.0
+        verge = e > 0.0 and abs(-e * speed - max(parting, -gain)) <= rounding
+        return replace(made, closes=closes), "springs back if it is any faster" if verge else ""
+    # Without restitution, too: what lands while forces brake it stops where it is.
+    if abs(after + e * speed) <= rounding:
         return replace(made, bounces=e), ""
     raise StateError(
         f"{made.name} moves after this step as the law of contact alone does not say: bodies are "
-        "wedged in, one lands while another springs back, or restitution is scaled down so that "
-        "no energy is added; such a step has no derivative"
+        "wedged in, or restitution is scaled down so that no energy is added; such a step has no "
+        "derivative"
     )
 
 

@@ -4,11 +4,9 @@ With rate = dq_K/dt and mean = dv_K/dt over the step, damping and drag F implici
 Lambda > 0 (``cpp/fantoccini/timestepping.hpp``):
 
     (M + dt F) (v+ - v) + dt (c(q, v, q_K, rate) + M_DK mean - u_D) + A_D^T Lambda = 0
-    A_D v+ + A_K rate + min(h/dt, recovery speed) = 0,      q+ = q moved by dt w
+    A_D v+ + A_K rate + min(h/dt, recovery speed) = 0,      q+ = q moved by dt v+
 
-with w = v+, but where contacts spring back (``touch_delays``), and
-contacts in their modes beside the rows (``contact_rows``),
-are differentiated with M, A and c
+with contacts in their modes beside the rows (``contact_rows``), are differentiated with M, A and c
 at the step's start. It is the first step of a stepper: later in
 a run c takes its velocity products half a step ahead, extrapolated from earlier steps, which are no
 part of a state. That changes dv+ by dt^2/2 times the products' derivatives.
@@ -44,8 +42,6 @@ from fantoccini.tree import CoordinateTable
 
 SHORTENED = 1e-9
 """Relative difference between the step's velocity and its equations' at which it was cut short."""
-CATCHING_SPEED = 1e-3
-"""Speed beyond which a row that closes is caught, not held [m/s or rad/s]."""
 AT_CAP = 1.0 - 1e-9
 """Part of its largest tension from which a string counts as pulling with it."""
 
@@ -119,7 +115,6 @@ def linearise_step(
     start = x.replace(v_K=path.rate)
     at = Evaluation.of(model, start, path.mean, u_D, dt)
     touching = _Touching.of(model, stepper, at, start, x_next, dt)
-    touching.refuse_catches(model, at.h, held, start, x.v_D)
     acc_D = at.back(at.w0 - at.W @ tension + touching.push(at))
     if np.max(np.abs(x.v_D + dt * acc_D - x_next.v_D), initial=0.0) > SHORTENED * (
         1.0 + np.max(np.abs(x_next.v_D), initial=0.0)
@@ -137,8 +132,7 @@ def linearise_step(
     chain = path.chain(n, n_p)
     dv = dt * dacc @ chain
     dv[:, n : 2 * n] += np.eye(n)
-    w, dw = touching.mean_velocity(x.v_D, x_next.v_D, dv, chain)
-    dq = _carried(t.quaternions_D, dt * w, dt * dw, n)
+    dq = _carried(t.quaternions_D, dt * x_next.v_D, dt * dv, n)
     widths = [n, n, k, k, k, n, n_p]
     columns = Partials.of(np.concatenate([dq, dv, path.state(n, n_p)]), widths)
     return StepLinearisation(
@@ -179,41 +173,6 @@ class _Touching:
         before, after = Screws(model, start), Screws(model, start.replace(v_D=end.v_D))
         kick = dt * at.back(at.w0)
         return cls(step_contacts(model, before, after, kick, start, found, dt), before, after, dt)
-
-    def mean_velocity(
-        self, v: Array, v_next: Array, dv: Array, chain: Array
-    ) -> tuple[Array, Array]:
-        """The velocity (n_vD,) that moves the configuration, and its changes, as those of v+."""
-        delays = self.contacts.delays
-        if self.before is None or delays is None or not np.any(delays.first >= 0):
-            return v_next, dv
-        n, points = len(v), self.contacts.points
-        dw = (1.0 - delays.share)[:, None] * dv
-        dw[:, n : 2 * n] += np.diag(delays.share)
-        dw += delays.mean_velocity_by(self.before, points, v - v_next, self.dt) @ chain
-        return delays.mean_velocity(v, v_next), dw
-
-    def refuse_catches(self, model: Model, h: Array, held: Indices, start: State, v: Array) -> None:
-        """Raises StateError where a row is caught in a step in which its group springs back.
-
-        Args:
-            model: the puppet.
-            h: (n_rows,) at the start [m].
-            held: rows that the step holds.
-            start: the state, with the step's mean velocity of the inputs.
-            v: (n_vD,) velocity at the start.
-        """
-        delays = self.contacts.delays
-        if delays is None or not np.any(delays.share):
-            return
-        found = row_derivatives_at(model, start)
-        hdot = found["A_D"] @ v + found["A_K"] @ start.v_K
-        caught = (h < 0.0) & (hdot > CATCHING_SPEED) & (h + self.dt * hdot > 0.0)
-        if np.any(caught[held] & np.any(found["A_D"][held][:, delays.share != 0.0], axis=1)):
-            raise StateError(
-                "a string or limit is caught in this step while what it holds springs back; such "
-                "a step has no derivative"
-            )
 
     def push(self, at: Evaluation) -> Array:
         """(n_vD,) F^-T of the forces of all points."""

@@ -52,8 +52,7 @@ def verdict(violation: float, gain: float, unbooked: float) -> Status:
     """DONE, or what is wrong; numbers that are not finite count as too large.
 
     Args:
-        violation: largest of strings, limits and contacts, as overlap or as a gap across which
-            they push [m or rad].
+        violation: largest of strings, limits and contacts [m or rad].
         gain: as :func:`gains`.
         unbooked: as :func:`unbooked`.
     """
@@ -217,10 +216,6 @@ def _overstepped(made: Trajectory, worst: float, left: dict[str, float]) -> str:
         when = f"from t = {made.t[first]:.6g} s on"
         return f"{names} m or rad, more than {BOUNDS.violation:g} {when}"
     if not worst <= BOUNDS.violation:
-        if made.contact is not None and made.contact.gap.max(initial=0.0) > BOUNDS.violation:
-            widest = int(np.argmax(made.contact.gap))
-            name = pair_name(made.contact.names[made.contact.pair[widest]])
-            return f"{name} push each other off {made.contact.gap[widest]:.3g} m before they touch"
         if made.contact is not None and -made.contact.gap.min(initial=0.0) > 0.0:
             deepest = int(np.argmin(made.contact.gap))
             name = pair_name(made.contact.names[made.contact.pair[deepest]])

@@ -60,7 +60,7 @@ class ContactAims : public ContactPatches<Model, Real> {
     const double before = lane_of(before_[3 * i], l);
     const double rebound = in_->restitution[points_.point[l][i].pair] * hdot;
     const bool new_one = steps_[l][i] == 0 && before + parting > 0.0;
-    const bool bounces = new_one && rebound > 0.0 && rebound > parting && rebound > before - hdot;
+    const bool bounces = new_one && rebound > parting && rebound > before - hdot;
     if (bounces) rebound_[l][i] = lane_of(asked_[i], l) = rebound;
     bounces_[l] = bounces_[l] || bounces;
     // Where other points of the pair carried it before, they are tried first; see watch().

@@ -48,13 +48,6 @@ class ContactGroups {
   // The first tree of the group that a tree is in by now.
   FAN_FN int named(int tree) const { return group_[tree]; }
 
-  // The tree of a string or limit, and of a velocity.
-  FAN_FN int tree_of_row(int r) const { return row_[r]; }
-  FAN_FN int tree_of_velocity(int k) const { return tree_[k]; }
-
-  // The tree of a link; -1 of the world and of what is driven.
-  FAN_FN int tree_of(int link) const { return link < 0 ? -1 : link_[link]; }
-
   // The number of the group of a tree.
   FAN_FN int at(int tree) const { return number_[tree]; }
 
@@ -91,6 +84,8 @@ class ContactGroups {
     for (int k = 0; k < n && from != to; ++k)
       if (group[k] == from) group[k] = to;
   }
+
+  FAN_FN int tree_of(int link) const { return link < 0 ? -1 : link_[link]; }
 
   FAN_FN int use(int tree) {
     const int known = tree < 0 ? 0 : tree;

@@ -14,7 +14,6 @@
 
 #include "contract.hpp"
 #include "space.hpp"
-#include "touch_delays.hpp"
 
 FAN_LOOPS_BEGIN
 
@@ -79,32 +78,6 @@ class ContactPartials {
     turn();
     load(by);
     return find_drag(drag);
-  }
-
-  // The share of the step at whose end a point touches that springs back (touch_delays.hpp).
-  double touch_share_of(const StepContact& point) {
-    point_ = &point;
-    double twist[6] = {};
-    each_link([&](int link, double sign) {
-      each_screw(link, [&](int k) {
-        for (int c = 0; c < 6; ++c) twist[c] += sign * before_[k] * s_[6 * k + c];
-      });
-    });
-    double u[3];
-    velocity(twist, u);
-    return touch_share(point, dot3(point.normal, u), dt_);
-  }
-
-  // The changes of that share (n_columns,), of a point that touches within the step.
-  void touch_share_by(const StepContact& point, double* by) {
-    point_ = &point;
-    move();
-    differ_velocity(before_, u_, u_by_);
-    const double u_n = dot3(point.normal, u_), share = -point.gap / (u_n * dt_);
-    for (int c = 0; c < n_columns; ++c) {
-      const double change = along(point.normal, u_by_, c) + across(n_by_, u_, c);
-      by[c] = share > 0.0 && share < 1.0 ? -(gap_by_[c] / dt_ + share * change) / u_n : 0.0;
-    }
   }
 
   // The rows that a point holds, the generalised forces of the multipliers and the drag alone.

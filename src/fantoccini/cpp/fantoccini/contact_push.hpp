@@ -20,14 +20,6 @@ struct ContactStepTolerances {
   // m/s at which a point that pushes across a gap still closes it: it will be stopped in the next
   // step, as after a rebound that another impact turns round.
   static constexpr double closing_speed = 0.1;
-  // Parts into which a step is divided at most where a group is struck several times in it, and the
-  // shortest one, within which touches are one, as a share of the step.
-  static constexpr int most_parts = 8;
-  static constexpr double least_part = 1e-4;
-  // Difference between times of touch that is rounding, relative to them.
-  static constexpr double same_touch = 1e-9;
-  // Least part of a step that is left after a touch, where others are asked to close within it.
-  static constexpr double least_rest = 1e-3;
   // Residual of the law up to which a step is accepted: far below the error of the step itself.
   static constexpr double accepted_residual = 1e-5;
   // By how much less, relative, an impulse at its winch's bound may be found: rounding.
@@ -46,9 +38,8 @@ struct ContactPush {
   int pair, feature, steps;  // for how many steps, counted beyond steps_of_impact by one
   int wait;                  // steps for which patches are not tried (contact_patches.hpp)
   bool rested;               // at the start of the step: the forces of one step closed it
-  double gap, gap_then;  // at the start of the step; where the force acts (contact_rebounds.hpp)
   // Velocity in the middle of the step; that at its start after it is `drift` more.
-  double at[3], normal[3], impulse[3], velocity[3], drift[3];
+  double gap, at[3], normal[3], impulse[3], velocity[3], drift[3];
   bool turned;     // whether the step before is known to have turned it, and by what:
   double turn[3];  // m/s: -(J - J-) v
 };

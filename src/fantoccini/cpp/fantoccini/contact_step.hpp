@@ -6,11 +6,11 @@
 // with u the velocity of the first solid against the second after the step, x the impulse on the
 // first. As for strings, solids that overlap part at the recovery speed at most. A new contact with
 // restitution e leaves with u_n+ = -e u_n- at least, unless the forces of one step would take the
-// rebound back, and moves on until it touches (contact_rebounds.hpp). With friction, or unequal e, that may add energy; all are then scaled down until
+// rebound back. With friction, or unequal e, that may add energy; all are then scaled down until
 // none is added. Of one trajectory; for bundles of lanes see contact_lanes.hpp.
 #pragma once
 
-#include "contact_rebounds.hpp"
+#include "contact_aims.hpp"
 #include "contact_share.hpp"
 
 FAN_LOOPS_BEGIN
@@ -18,7 +18,7 @@ FAN_LOOPS_BEGIN
 namespace fan {
 
 template <class Model, class Real>
-class ContactStep : public ContactRebounds<Model, Real> {
+class ContactStep : public ContactAims<Model, Real> {
   using Problem = ContactProblem<Model, Real>;
   using Aims = ContactAims<Model, Real>;
 
@@ -30,7 +30,6 @@ class ContactStep : public ContactRebounds<Model, Real> {
   using Rates = typename Problem::Points::Rates;
 
   Real violation, work, impact, friction;  // depth; energies of the step
-  Real early;  // m: largest gap across which a force of the step acts
 
   // The points that the last step looked at.
   const typename Problem::Points& candidates() const { return points_; }
@@ -81,8 +80,7 @@ class ContactStep : public ContactRebounds<Model, Real> {
     in_ = &in;
     dt_ = dt;
     points_.find(in, q_D, v_D, q_K, v_K, p, dt, idle, [&](int l) { this->recognise(l); });
-    violation = work = impact = friction = residual = early = Real(0.0);
-    this->begin_rebounds(whole, recovery_speed);
+    violation = work = impact = friction = residual = Real(0.0);
     for (int l = 0; l < width; ++l) {
       chosen_[l] = 0;
       for (int i = 0; i < points_.n[l]; ++i) {
@@ -118,7 +116,6 @@ class ContactStep : public ContactRebounds<Model, Real> {
     if (is_before_known_) this->know_before(eval);
     for (int i = 0; i < points_.n[0]; ++i) this->aim(0, i);
     if (is_before_known_) this->know_aims();
-    this->ask_after_touch();
   }
 
   // Looks again where impulses have made links faster, by acc over the step from v_D, than the
@@ -139,7 +136,7 @@ class ContactStep : public ContactRebounds<Model, Real> {
     this->need_before(eval);
     Real dv[room(N)];
     this->unhindered(eval, dv);
-    Rates free(points_, dv), now_at(points_, v_D), struck(points_, v);
+    Rates free(points_, dv), now_at(points_, v_D);
     for (int l = 0; l < width; ++l)
       for (int i = known[l]; i < points_.n[l]; ++i) {
         columns_.renew(i);
@@ -157,9 +154,7 @@ class ContactStep : public ContactRebounds<Model, Real> {
         this->ask(l, i, whole, recovery_speed);
         this->aim(l, i);
         lane_of(b_[3 * i], l) += lane_of(asked_[i], l);
-        this->note_struck_again(i, lane_of(struck(i)[0], l));
       }
-    this->ask_after_touch();
     return true;
   }
 
@@ -182,10 +177,8 @@ class ContactStep : public ContactRebounds<Model, Real> {
         if (!(closing > Tolerance::passing_speed)) continue;
         near_[l][i] = more = true;
         ++chosen_[l];
-        this->note_struck_again(i, lane_of(now, l));
       }
     }
-    if (more) this->ask_after_touch();
     return more;
   }
 
@@ -258,7 +251,6 @@ class ContactStep : public ContactRebounds<Model, Real> {
     for (int l = 0; l < width; ++l)
       for (int i = 0; i < points_.n[l]; ++i)
         if (lane_of(x_[3 * i], l) > 0.0 && strikes(l, i)) lane_of(struck, l) = 1.0;
-    this->find_touch_times();
     for (int l = 0; l < width; ++l) {
       int pushes = 0;
       for (int i = 0; i < points_.n[l]; ++i)
@@ -266,8 +258,6 @@ class ContactStep : public ContactRebounds<Model, Real> {
           const double x[3] = {
               lane_of(x_[3 * i], l), lane_of(x_[3 * i + 1], l), lane_of(x_[3 * i + 2], l)};
           add_push(l, i, x, push[l], pushes);
-          const double gap = this->gap_of_push(i, after(l, 3 * i));
-          if (gap > lane_of(early, l)) lane_of(early, l) = gap;
           if (lane_of(struck, l) > 0.5) book_impact(l, i);
           else book_friction(l, i);
         }
@@ -336,7 +326,6 @@ class ContactStep : public ContactRebounds<Model, Real> {
     out.rested = rested(l, i);
     out.turned = turned_[i];
     out.gap = from.gap;
-    out.gap_then = this->gap_of_push(i, after(l, 3 * i));
     const double u[3] = {after(l, 3 * i), after(l, 3 * i + 1), after(l, 3 * i + 2)};
     for (int c = 0; c < 3; ++c) {
       out.at[c] = from.at[c];

@@ -123,7 +123,7 @@ class GroundFeet {
       out.wait = 0;
       out.rested = lane_of(p.rested, l);
       out.turned = lane_of(p.turned, l);
-      out.gap = out.gap_then = lane_of(p.gap, l);
+      out.gap = lane_of(p.gap, l);
       for (int c = 0; c < 3; ++c) {
         out.at[c] = lane_of(p.at[c], l);
         out.normal[c] = frame[c];

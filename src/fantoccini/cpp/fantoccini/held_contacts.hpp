@@ -206,7 +206,7 @@ class HeldContacts : public HeldRows<Model> {
       Push& to = out[count++];
       to.pair = at[c].pair;
       to.feature = at[c].feature;
-      to.gap = to.gap_then = gap[c];
+      to.gap = gap[c];
       double u[3] = {-hdot[3 * c], -hdot[3 * c + 1], -hdot[3 * c + 2]};
       in_world(c, written(c), to.impulse);
       in_world(c, u, to.velocity);

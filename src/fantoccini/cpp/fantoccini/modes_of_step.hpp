@@ -78,29 +78,6 @@ class ModesOfStep {
   // dt dacc, in bundles.
   Wide* found() { return found_; }
 
-  // Where something springs back within the step: the change in bundles of the velocity that moves the
-  // configuration, from that of v+ but for dv+ = dv, and that velocity `w`. Returns null where v+ does.
-  Wide* move_after_touch(const Wide* dv, const double* v_D, const double* v_next, double* w) {
-    double touch[room(C)], by[room(Partials::n_columns)];
-    for (int i = 0; i < n_; ++i) touch[i] = partials_.touch_share_of(point_[i]);
-    delays_.find(point_, n_, touch);
-    if (!delays_.some) return nullptr;
-    for (int b = 0; b < columns_->n_bundles; ++b)
-      for (int k = 0; k < N && Columns::acts(b); ++k)
-        other_[b * N + k] = (1.0 - delays_.share[k]) * dv[b * N + k];
-    for (int i = 0; i < n_; ++i) {
-      bool is_first = false;
-      for (int k = 0; k < N; ++k) is_first = is_first || delays_.by[k] == i;
-      if (!is_first) continue;
-      partials_.touch_share_by(point_[i], by);
-      for (int c = 0; c < Partials::n_columns; ++c)
-        for (int k = 0; k < N; ++k)
-          if (delays_.by[k] == i) Columns::at(other_, N, place(c), k) += by[c] * (v_D[k] - v_next[k]);
-    }
-    for (int k = 0; k < N; ++k) w[k] = v_next[k] + delays_.share[k] * (v_D[k] - v_next[k]);
-    return other_;
-  }
-
  private:
   using Tolerance = ModesOfStepTolerances;
   using Partials = ContactPartials<Model>;
@@ -185,7 +162,6 @@ class ModesOfStep {
   const double *screws_, *by_p_;
   double dt_, none_[room(K)] = {};
   Partials partials_;
-  TouchDelays<Model> delays_;
   ModeSystem<R, C, N> system_;
   double change_[3][room(Partials::n_columns)], by_[room(Partials::n_columns * N)];
   Wide rate_[room(Columns::most * R)], found_[room(Columns::most * N)];  // in bundles

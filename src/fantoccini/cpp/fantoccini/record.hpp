@@ -22,7 +22,7 @@ struct Record : RecordArrays {
       double* out = contacts + ContactLayout::width * n_contacts++;
       out[ContactLayout::sample] = double(n_samples - 1);
       out[ContactLayout::pair] = push[i].pair;
-      out[ContactLayout::gap] = push[i].gap_then;
+      out[ContactLayout::gap] = push[i].gap;
       put(out + ContactLayout::point, push[i].at, 3);
       put(out + ContactLayout::normal, push[i].normal, 3);
       put(out + ContactLayout::velocity, push[i].velocity, 3);

@@ -88,28 +88,6 @@ class RolloutContacts {
     }
   }
 
-  // Finds which velocities wait for a point that springs back; whether any do.
-  bool find_delays() {
-    double touch[room(C)];
-    for (int i = 0; i < n_; ++i) touch[i] = partials_.touch_share_of(point_[i]);
-    delays_.find(point_, n_, touch);
-    return delays_.some;
-  }
-  double share_of_delay(int k) const { return delays_.share[k]; }
-
-  // Adds the derivatives by q_D, q_K, v_D, rate and p (n_columns,) of a sum that has those `l` by the
-  // velocities' shares of the delay.
-  void pull_delays_back(const double* l, double* out) {
-    double by[n_columns];
-    for (int i = 0; i < n_; ++i) {
-      double sum = 0.0;
-      for (int k = 0; k < N; ++k) sum += delays_.by[k] == i ? l[k] : 0.0;
-      if (sum == 0.0) continue;
-      partials_.touch_share_by(point_[i], by);
-      for (int c = 0; c < n_columns; ++c) out[c] += sum * by[c];
-    }
-  }
-
   // Adds forces `idle` of all rows, in parts of the largest force, to those of the points.
   void share_otherwise(const double* idle, double part) {
     fan::share_otherwise(point_, n_, n_held_, idle, part);
@@ -134,7 +112,6 @@ class RolloutContacts {
   int n_ = 0, n_held_ = 0;      // those, and the rows before theirs
   double screws_[room(6 * E)], by_p_[room((L + E) * 6 * P)];
   ContactPartials<Model> partials_;
-  TouchDelays<Model> delays_;
   ContactPull<Model> pull_;
   ModeSystem<R, C, N> system_;
 };

@@ -73,11 +73,10 @@ class RolloutGradient {
     for (long long k = in.n - 1; k >= 0; --k) {
       double w[room(N)], z[room(N)], y[room(rows)];
       evaluate(in, k);
-      const bool is_touching = take_contacts(in, k);
-      move_back(in, k, is_touching);
+      turn_back(in.v_D + (k + 1) * N, dt);
       for (int j = 0; j < N; ++j) l_a[0][j] += dt * l_v_[j];
       Call<Model, double>::forth(eval_.L, l_a[0], w);
-      if (is_touching) {
+      if (take_contacts(in, k)) {
         in.edges[k] |= fault(in, k);
         if (in.edges[k] >= LEAVES_LAW) return;
         for (int a = 0; a < rows; ++a)
@@ -113,7 +112,6 @@ class RolloutGradient {
 
   // Those that a step may hold, and numbers that it is differentiated by.
   static constexpr int rows = M + 3 * Model::n_contacts, n_by = 2 * N + 3 * K + P;
-  static constexpr int n_columns = 2 * (N + K) + P;
 
   // d(z . r + y/dt . R) by the quantities of a step, of which v_D has parts.
   struct Products {
@@ -170,37 +168,12 @@ class RolloutGradient {
     rows_.gather(eval_, v, list, n);
   }
 
-  // l by q+ becomes that by q at fixed velocities, adds to l by v+, and, where something springs back
-  // within step k, to that by what comes before it.
-  void move_back(const GradientArrays& in, long long k, bool is_touching) {
-    const double *v = in.v_D + k * N, *v_next = v + N;
-    double l_w[room(N)] = {}, w[room(N)], l_share[room(N)];
-    for (int j = 0; j < n_columns; ++j) early_[j] = 0.0;
-    bool waits = false;
-    if constexpr (touches) waits = is_touching && contacts_.find_delays();
-    for (int j = 0; j < N; ++j) w[j] = v_next[j] + delay(waits, j) * (v[j] - v_next[j]);
-    turn_back(w, in.options.dt, l_w);
-    for (int j = 0; j < N; ++j) {
-      l_v_[j] += (1.0 - delay(waits, j)) * l_w[j];
-      early_[N + K + j] = delay(waits, j) * l_w[j];
-      l_share[j] = (v[j] - v_next[j]) * l_w[j];
-    }
-    if constexpr (touches)
-      if (waits) contacts_.pull_delays_back(l_share, early_);
-  }
-
-  // The share of the step for which a velocity waits.
-  double delay(bool waits, int j) const {
-    if constexpr (touches) return waits ? contacts_.share_of_delay(j) : 0.0;
-    else return 0.0;
-  }
-
-  // l by q+ becomes that by q at a fixed velocity that moves q, by which l_w is.
-  void turn_back(const double* v_next, double dt, double* l_w) {
+  // l by q+ becomes that by q at a fixed v+, and adds to l by v+.
+  void turn_back(const double* v_next, double dt) {
     using Space = typename Model::Dynamic;
     for (int i = 0; i < Space::n_scalars; ++i) {
       const int k = Space::scalar_v[i];
-      l_w[k] += dt * l_q_[k];
+      l_v_[k] += dt * l_q_[k];
     }
     for (int i = 0; i < Space::n_quaternions; ++i) {
       const int k = Space::quaternion_v[i];
@@ -211,7 +184,7 @@ class RolloutGradient {
       }
       step_turn(phi, J, R);
       for (int c = 0; c < 3; ++c) {
-        l_w[k + c] += dt * (J[c] * l[0] + J[3 + c] * l[1] + J[6 + c] * l[2]);
+        l_v_[k + c] += dt * (J[c] * l[0] + J[3 + c] * l[1] + J[6 + c] * l[2]);
         l_q_[k + c] = R[c] * l[0] + R[3 + c] * l[1] + R[6 + c] * l[2];
       }
     }
@@ -232,12 +205,7 @@ class RolloutGradient {
       to.g_vK[j] = -to.g_vK[j];
       to.g_aK[j] = -to.g_aK[j];
     }
-    const double* early = early_;
-    for (int j = 0; j < N; ++j) l_q_[j] += *early++;
-    for (int j = 0; j < K; ++j) to.g_qK[j] += *early++;
-    for (int j = 0; j < N; ++j) l_v_[j] += *early++;
-    for (int j = 0; j < K; ++j) to.g_vK[j] += *early++;
-    for (int j = 0; j < P; ++j) in.g_p[j] += *early++ - to.g_p[j];
+    for (int j = 0; j < P; ++j) in.g_p[j] -= to.g_p[j];
     for (int j = 0; j < N; ++j) {
       in.g_u[k * N + j] = z[j];
       l_q_[j] += in.l_q[k * N + j] - to.g_q[j];
@@ -357,8 +325,6 @@ class RolloutGradient {
   HeldFactor<M> factor_;
   std::conditional_t<touches, RolloutContacts<Model>, NoContacts> contacts_;
   double l_q_[room(N)], l_v_[room(N)], v_ahead_[room(N)];
-  // By q_D, q_K, v_D, rate and p: of what moves on until it is struck.
-  double early_[room(n_columns)];
 };
 
 }  // namespace fan

@@ -4,9 +4,7 @@
 //   (M + dt F) dacc + A_D^T dtension = -r_d
 //   A_D dacc = -(A_D v+ + A_K rate + min(h/dt, recovery speed))_d / dt
 //
-//   dv+ = dv + dt dacc,   dq+ = Exp(-dt w) dq + J_r(dt w) dt dw
-//
-// with w = v+, but where contacts spring back (touch_delays.hpp).
+//   dv+ = dv + dt dacc,   dq+ = Exp(-dt v+) dq + J_r(dt v+) dt dv+
 //
 // r is the residual of Eq. 10 with the velocity products of the start, d any of the above. Its
 // derivatives are evaluated at several nodes at once (step_bundles.hpp); columns are solved for in
@@ -70,22 +68,16 @@ class StepDerivatives {
     double* pull = in.pull ? in.pull + i * M * columns.n : nullptr;
     // Solved for where it stays near: the results of many nodes are larger than a cache.
     Wide* dv = solve_in_modes(in, i, pull);
-    Wide* dw = after_touch(dv);
     if (!dv) {
       dv = change_;
       for (int b = 0; b < columns.n_bundles; ++b)
         if (columns.acts(b)) solve(in.dt, b, pull);
     }
-    if (!dw) dw = dv;
     chain(in.dt, dv, N, N);
-    if (dw != dv) chain(in.dt, dw, N, N);
-    for (int k = 0; k < N; ++k) {
-      columns.at(dv, N, N + k, k) += 1.0;
-      if (dw != dv) columns.at(dw, N, N + k, k) += 1.0;
-    }
+    for (int k = 0; k < N; ++k) columns.at(dv, N, N + k, k) += 1.0;
     for (int k = 0; k < N; ++k)
       columns.write(motion + (N + k) * columns.n, [&](int b) FAN_INLINE { return dv[b * N + k]; });
-    move(in.dt, dw, motion);
+    move(in.dt, dv, motion);
     if (pull) write_pull(in.dt, pull);
   }
 
@@ -150,14 +142,6 @@ class StepDerivatives {
     return nullptr;
   }
 
-  // The changes of w as those of v+, `dv`, where they differ; else null.
-  Wide* after_touch(const Wide* dv) {
-    for (int k = 0; k < N; ++k) moves_with_[k] = v_next_[k];
-    if constexpr (touches)
-      if (dv) return modes_.move_after_touch(dv, v_D_, v_next_, moves_with_);
-    return nullptr;
-  }
-
   // Replaces the derivatives of r in a bundle by dt dacc.
   void solve(double dt, int b, const double* pull) {
     Wide *x = change_ + b * N, w[room(N)], y[room(M)];
@@ -201,7 +185,7 @@ class StepDerivatives {
     }
   }
 
-  // dq (N, m), by dw.
+  // dq (N, m).
   void move(double dt, const Wide* dv, double* dq) const {
     using Space = typename Model::Dynamic;
     const int m = columns.n;
@@ -213,7 +197,7 @@ class StepDerivatives {
     for (int i = 0; i < Space::n_quaternions; ++i) {
       const int k = Space::quaternion_v[i];
       double phi[3], J[9], R[9];
-      for (int c = 0; c < 3; ++c) phi[c] = dt * moves_with_[k + c];
+      for (int c = 0; c < 3; ++c) phi[c] = dt * v_next_[k + c];
       step_turn(phi, J, R);
       for (int r = 0; r < 3; ++r) {
         columns.write(dq + (k + r) * m, [&](int b) FAN_INLINE {
@@ -228,7 +212,7 @@ class StepDerivatives {
 
   const double *q_D_, *v_D_, *q_K_, *rate_, *mean_, *tension_, *p_;
   double* acc_;
-  double v_next_[room(N)], moves_with_[room(N)];  // v+ and w
+  double v_next_[room(N)];
   int place_[room(M)];
   Evaluation<Model, double> eval_;
   RowSystem<Model, double> rows_;

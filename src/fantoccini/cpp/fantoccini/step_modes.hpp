@@ -3,14 +3,11 @@
 //
 //   u_n+ >= w,  w = min(-gap/dt, recovery speed) or -e u_n of a new contact that springs back
 //
-// In groups that spring back after t (contact_rebounds.hpp) w = -(gap + t u_n)/(dt - t).
-//
 // A mode's derivative is that of the step where the law holds strictly: points that push do so with
 // force, those that stick stay inside their cone, open ones open.
 #pragma once
 
 #include "least_span.hpp"
-#include "touch_delays.hpp"
 #include "timestepping_trajectory.hpp"
 #include "touch_differences.hpp"
 
@@ -52,7 +49,6 @@ class StepModes {
     solids_ = run.opt.contacts;
     dt_ = run.opt.dt;
     recovery_speed_ = run.opt.recovery_speed;
-    contacts_ = &run.at.contacts;
     reference_force_ = reference_force;
     edges = 0;
     pair = -1;
@@ -70,9 +66,6 @@ class StepModes {
         differences_.take(*solids_, push_[k].pair, poses_, margin);
       note(hold(push_[k], out[k]), push_[k].pair);
     }
-    look_at_touches(n, out);
-    if (run.at.in_parts) note(LEAVES_LAW, n > 0 ? push_[0].pair : -1);
-    look_at_rows(run, n);
     look_at_open(run.at.contacts.candidates(), n, out);
     return n;
   }
@@ -171,55 +164,21 @@ class StepModes {
   // What the normal row of a point asks for; returns what edge that is on.
   int aim(StepContact& out, double u_n) {
     const double e = solids_->restitution[out.pair];
-    const double t = contacts_->touch_time(out.links);
+    const double parting = fmin(-out.gap / dt_, recovery_speed_);
+    const double rounding = still_ + Tolerance::gap / dt_;
     double u[3];
     before_.velocity(out.links, out.at, u);
-    const double speed = dot3(u, out.normal), there = out.gap + t * speed;
-    const double rest = there < 0.0 ? dt_ : fmax(dt_ - t, ContactStepTolerances::least_rest * dt_);
-    const double parting = fmin(-there / rest, recovery_speed_);
-    const double rounding = still_ + Tolerance::gap / rest;
+    const double speed = dot3(u, out.normal);
     out.closes = out.bounces = 0.0;
-    if (-e * speed > rounding && t != 0.0 && fabs(u_n + e * speed) <= rounding) {
-      out.bounces = e;
-      return 0;
-    }
     if (fabs(u_n - parting) <= rounding) {
-      if (parting < recovery_speed_) {
-        out.closes = 1.0 / rest;
-        out.bounces = t / rest;
-      }
+      if (parting < recovery_speed_) out.closes = 1.0 / dt_;
       const double gain = dt_ * along(out.links, out.at, out.normal, kick_);
-      if (e > 0.0 && fabs(-e * speed - fmax(fmin(-out.gap / dt_, recovery_speed_), -gain)) <= rounding) return MAY_REBOUND;
-      // How much later t is matters to what is open at the touch.
-      return t != 0.0 && fabs(there) > Tolerance::gap ? LEAVES_LAW : 0;
+      return e > 0.0 && fabs(-e * speed - fmax(parting, -gain)) <= rounding ? MAY_REBOUND : 0;
     }
-    if (!(e > 0.0 && fabs(u_n + e * speed) <= rounding)) return LEAVES_LAW;
+    // Without restitution, too: what lands while forces brake it stops where it is.
+    if (!(fabs(u_n + e * speed) <= rounding)) return LEAVES_LAW;
     out.bounces = e;
     return 0;
-  }
-
-  // Points that strike at the same time: near by, another one does so first.
-  void look_at_touches(int n, const StepContact* held) {
-    TouchDelays<Model> delays;
-    double touch[room(C)];
-    for (int k = 0; k < n; ++k) {
-      double u[3];
-      before_.velocity(held[k].links, held[k].at, u);
-      touch[k] = touch_share(held[k], dot3(u, held[k].normal), dt_);
-    }
-    delays.find(held, n, touch);
-    for (int k = 0; k < n; ++k)
-      if (delays.is_tied(touch, k)) note(NOT_SMOOTH, held[k].pair);
-  }
-
-  // Strings and limits that close in a group which is struck.
-  void look_at_rows(Trajectory& run, int n) {
-    for (int a = 0; a < run.at.rows.n; ++a) {
-      const int r = run.at.rows.row[a];
-      const double h = run.at.eval.height(r), hdot = run.at.rows.hdot[a];
-      if (run.at.tension[r] > 0.0 && contacts_->parting_of_row(r, h, hdot, unbounded) < unbounded)
-        note(LEAVES_LAW, n > 0 ? push_[0].pair : -1);
-    }
   }
 
   // Points that close without force, but where those that push close them anyway.
@@ -238,10 +197,7 @@ class StepModes {
       double u[3], row[room(N)];
       after_.velocity(links, own.at, u);
       const double* normal = own.frame;
-      double start[3];
-      before_.velocity(links, own.at, start);
-      const double t = contacts_->touch_time(links), there = own.gap + t * dot3(start, normal);
-      const double parting = fmin(-there / (there < 0.0 ? dt_ : fmax(dt_ - t, ContactStepTolerances::least_rest * dt_)), recovery_speed_);
+      const double parting = fmin(-own.gap / dt_, recovery_speed_);
       if (dot3(u, normal) - parting > still_) continue;
       if (!spanned) span(n, held);
       spanned = true;
@@ -343,7 +299,6 @@ class StepModes {
   LeastSpan<3 * C, N> span_;
   Twists before_, after_;
   const ContactArrays* solids_;
-  const ContactStep<Model, double>* contacts_;
   const double *q_D_, *v_D_, *q_K_, *rate_, *p_;
   double dt_, recovery_speed_, reference_force_, still_, kick_[room(N)];
   double poses_[12 * L], screws_[room(6 * E)];

@@ -51,7 +51,6 @@ struct TimeStep {
   const ContactArrays* solids = nullptr;  // null: nothing touches anything
   double whole = 0.0;        // s: the run's step; the last one may be shorter
   bool forced = true;        // otherwise u_D is 0
-  bool in_parts = false;     // whether the last step was made in parts; of one trajectory
   bool extrapolates = true;  // otherwise v_ahead is v: a step depends on its state alone
   bool turns_ahead = true;   // otherwise points of contact are to stop at the start of a step
   // Whether the next step may extrapolate the last one, and whether the last might the one before.
@@ -89,23 +88,6 @@ struct TimeStep {
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
       const Real* u_D, double dt, double recovery_speed, double cap, const Winches<S>& winches,
       const Real* p, Real* q_next, Real* v_next) {
-    const auto once = [&](const Real* q, const Real* v, const Real* q_in, double part, bool whole_part) {
-      return part_of_step(
-          q, v, q_in, v_K, acc_K, u_D, part, recovery_speed, cap, winches, p, whole_part ? dt : 0.0,
-          q_next, v_next);
-    };
-    const double first = once(q_D, v_D, q_K, dt, true);
-    in_parts = first > 0.0;
-    if constexpr (touches && !some_singly)
-      if (in_parts) step_in_parts(once, first, q_D, v_D, q_K, v_K, dt, q_next, v_next);
-  }
-
-  // As step(), but does nothing and returns how long a part of the step is to come first where, within
-  // `whole_step`, a group is struck several times (contact_rebounds.hpp); 0 where the step is made.
-  FAN_FN double part_of_step(
-      const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
-      const Real* u_D, double dt, double recovery_speed, double cap, const Winches<S>& winches,
-      const Real* p, double whole_step, Real* q_next, Real* v_next) {
     if constexpr (some_singly)
       if (solids) singles_.save(*this);
     evaluate(q_D, v_D, q_K, v_K, acc_K, u_D, dt, p);
@@ -118,25 +100,18 @@ struct TimeStep {
         const auto& in = *solids;
         if constexpr (some_singly)
           contacts.find(in, q_D, v_D, q_K, v_K, p, dt, whole, recovery_speed, idle, goes_on);
-        else {
-          contacts.find(in, eval, q_D, v_D, q_K, v_K, p, dt, whole, recovery_speed, idle, goes_on, v_K_);
-          const double first = contacts.first_of_several(ContactStepTolerances::least_part * whole_step);
-          if (whole_step > 0.0 && first > 0.0) return first;
-        }
+        else contacts.find(in, eval, q_D, v_D, q_K, v_K, p, dt, whole, recovery_speed, idle, goes_on, v_K_);
         const Real& depth = contacts.violation;
         violation = select(depth > violation, depth, violation);
       }
-    const double again = respond(
-        v_D, v_K, u_D, dt, recovery_speed, cap, winches, whole_step > 0.0, v_next);
-    if (again > 0.0) return again;
     each<NK>([&](int j) FAN_INLINE { v_K_[j] = v_K[j]; });
-    move(q_D, v_D, v_next, dt, q_next);
+    respond(v_D, v_K, u_D, dt, recovery_speed, cap, winches, v_next);
+    retract<typename Model::Dynamic>(q_D, v_next, dt, q_next);
     if constexpr (some_singly)
       if (any(apart()))
         singles_.step(
             *this, apart(), q_D, v_D, q_K, v_K, acc_K, u_D, dt, recovery_speed, cap, winches, p,
             q_next, v_next);
-    return 0.0;
   }
 
   // Whether gathered row a closes faster than the forces of a step dt move it.
@@ -198,11 +173,10 @@ struct TimeStep {
     eval.at(q_D, v_D, q_K, v_K, acc_K, u_D, v_ahead, Real(dt), p);
   }
 
-  // From the evaluation to the impulses, v_next and the step's entries of the ledger. As
-  // part_of_step(), if the step may be made in parts.
-  FAN_OUT_OF_LINE double respond(
+  // From the evaluation to the impulses, v_next and the step's entries of the ledger.
+  FAN_OUT_OF_LINE void respond(
       const Real* v_D, const Real* v_K, const Real* u_D, double dt, double recovery_speed,
-      double cap, const Winches<S>& winches, bool may_part, Real* v_next) {
+      double cap, const Winches<S>& winches, Real* v_next) {
     Real change[room(N)];  // v+ - v
     watch_first(v_D, dt);
     rows.gather_leading(eval);
@@ -212,8 +186,6 @@ struct TimeStep {
     pull(dt, recovery_speed, cap, winches, change);
     while (watch_more(v_D, change, dt, recovery_speed, v_next) ||
            look_again(v_D, change, v_K, dt, recovery_speed)) {
-      if constexpr (touches && !some_singly)
-        if (solids && may_part && contacts.struck_again_at() > 0.0) return contacts.struck_again_at();
       gather(v_D);
       pull(dt, recovery_speed, cap, winches, change);
     }
@@ -229,7 +201,6 @@ struct TimeStep {
     steady = steady && !braked;
     goes_on = turns_ahead && extrapolates ? !braked : Real(0.0) > Real(1.0);
     if (!extrapolates) steady = Real(0.0) > Real(1.0);
-    return 0.0;
   }
 
   // The rate at which winches wind back their slip; changes the strings' h and hdot to those of
@@ -334,74 +305,6 @@ struct TimeStep {
     return S;
   }
 
-  // Makes a step in which a group is struck several times in parts that end with its touches, by
-  // once(), the first of them after `first`.
-  template <class Once>
-  FAN_OUT_OF_LINE void step_in_parts(
-      const Once& once, double first, const Real* q_D, const Real* v_D, const Real* q_K,
-      const Real* v_K, double dt, Real* q_next, Real* v_next) {
-    constexpr int QK = Model::n_qK, C = Model::n_contacts;
-    Real q[room(NQ)], v[room(N)], q_in[room(QK)], moved[room(QK)], pull[room(M)];
-    Real sums[] = {Real(0.0), Real(0.0), Real(0.0), Real(0.0)}, worst = Real(0.0);
-    Mask solved = Real(0.0) < Real(1.0), was_slipping[room(S)];
-    ContactPush pushed[room(C)];
-    int n_pushed = 0;
-    for (int i = 0; i < NQ; ++i) q[i] = q_D[i];
-    for (int k = 0; k < N; ++k) v[k] = v_D[k];
-    for (int i = 0; i < QK; ++i) q_in[i] = q_K[i];
-    for (int r = 0; r < M; ++r) pull[r] = Real(0.0);
-    for (int i = 0; i < S; ++i) was_slipping[i] = Real(0.0) > Real(1.0);
-    double left = dt;
-    for (int parts = 1;; ++parts) {
-      const double part = first > 0.0 ? first : left;
-      if (first > 0.0) once(q, v, q_in, part, false);
-      Real *const all[] = {&work, &impact, &slip_loss, &friction};
-      for (int k = 0; k < 4; ++k) *all[k] = sums[k] += *all[k];
-      for (int r = 0; r < M; ++r) pull[r] += tension[r] * part;
-      for (int i = 0; i < S; ++i) slips[i] = was_slipping[i] = was_slipping[i] || slips[i];
-      settled = solved = solved && settled;
-      violation = worst = maximum(worst, violation);
-      contacts.join(pushed, n_pushed);
-      if (!(first > 0.0)) break;
-      n_pushed = contacts.n[0];
-      for (int i = 0; i < n_pushed; ++i) pushed[i] = contacts.push[0][i];
-      // What has sprung back in one part may do so again in the next.
-      for (int i = 0; i < n_pushed; ++i)
-        if (contacts.push[0][i].steps < ContactStepTolerances::steps_of_impact)
-          contacts.push[0][i].steps = 0;
-      for (int i = 0; i < NQ; ++i) q[i] = q_next[i];
-      for (int k = 0; k < N; ++k) v[k] = v_next[k];
-      retract<typename Model::Driven>(q_in, v_K, part, moved);
-      for (int i = 0; i < QK; ++i) q_in[i] = moved[i];
-      left -= part;
-      steady = goes_on = Real(0.0) > Real(1.0);
-      first = once(q, v, q_in, left, parts < ContactStepTolerances::most_parts);
-    }
-    for (int r = 0; r < M; ++r) tension[r] = pull[r] * (1.0 / dt);
-    Real* acc = accs_[acc_at_];
-    for (int k = 0; k < N; ++k) acc[k] = (v_next[k] - v_D[k]) * (1.0 / dt);
-    steady = goes_on = Real(0.0) > Real(1.0);
-  }
-
-  // q_next, by v_next; where something springs back, from its touch on.
-  FAN_FN void move(const Real* q_D, const Real* v_D, const Real* v_next, double dt, Real* q_next) {
-    if constexpr (touches && !some_singly)
-      if (solids) {
-        violation = maximum(violation, contacts.early);
-        Real v[room(N)];
-        contacts.mean_velocity(v_D, v_next, v);
-        return retract<typename Model::Dynamic>(q_D, v, dt, q_next);
-      }
-    retract<typename Model::Dynamic>(q_D, v_next, dt, q_next);
-  }
-
-  // The position term of gathered row a, `term` unless its group is struck within the step.
-  FAN_FN Real after_touch(int a, const Real& h, const Real& term) const {
-    if constexpr (touches && !some_singly)
-      if (solids) return contacts.parting_of_row(rows.row[a], h, rows.hdot[a], term);
-    return term;
-  }
-
   // By how much a string is overstepped, if positive. For a wire h < 0 counts, too.
   FAN_FN Real overstep(int i) const {
     using std::abs;
@@ -421,7 +324,7 @@ struct TimeStep {
       const Mask takes_part = near_[r] && here;
       before_[a] = rows.hdot[a] + dt * rows.kick[a];
       const Real h = eval.height(r);
-      const Real closing = before_[a] + (is_wire(r) ? term.of_wire(h) : after_touch(a, h, term(h)));
+      const Real closing = before_[a] + (is_wire(r) ? term.of_wire(h) : term(h));
       const bool winch = winches.slips(r) && winches.max_tension[r] < cap;
       problem.b[a] = select(takes_part, closing, Real(-ComplementarityTolerances::excluded_speed));
       problem.upper[a] = Real(dt * (winch ? winches.max_tension[r] : cap));
