@@ -234,8 +234,8 @@ def test_the_bundled_marionette_on_its_feet():
 def test_the_rollout_is_that_of_the_stepper():
     """What is kept of the contacts does not change what follows."""
     case = acrobat(27, 20)
-    run = case.rollout(extrapolate=False)
-    stepper = case.puppet.stepper(case.x, fan.TimeStepping(dt=DT, extrapolate=False))
+    run = case.rollout()
+    stepper = case.puppet.stepper(case.x, fan.TimeStepping(dt=DT))
     for i, (a, u) in enumerate(zip(case.acc, case.force, strict=True)):
         y = stepper.advance(DT, a, u_D=u)
         assert np.allclose(run.q_D[i + 1], y.q_D, rtol=0, atol=1e-12)

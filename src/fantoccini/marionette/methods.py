@@ -56,9 +56,8 @@ class TimeStepping(_Options):
 
     Attributes:
         dt: step [s].
-        extrapolate: take velocity products, and the speeds at which points of contact are to stop,
-            half a step ahead, from the steps before, which keeps the energy of what spins and
-            rolls. False makes each step depend on its
+        extrapolate: take velocity products half a step ahead, from the accelerations of the steps
+            before, which keeps the energy of spinning bodies. False makes each step depend on its
             state alone, so that a run continues from any sample to the same bits.
 
     Raises:

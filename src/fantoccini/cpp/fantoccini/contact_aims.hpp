@@ -22,7 +22,7 @@ class ContactAims : public ContactPatches<Model, Real> {
 
  protected:
   using Problem::points_, Problem::in_, Problem::near_, Problem::chosen_, Problem::wait_;
-  using Problem::x_, Problem::hdot_, Problem::before_, Problem::asked_, Problem::drift_, Problem::turn_, Problem::turned_, Problem::dt_;
+  using Problem::x_, Problem::hdot_, Problem::before_, Problem::asked_, Problem::dt_;
   using Problem::is_before_known_, Problem::is_carried_, Problem::rebound_, Problem::parting_;
   using Problem::bounces_;
 
@@ -67,35 +67,6 @@ class ContactAims : public ContactPatches<Model, Real> {
     const bool waits = is_carried_[l][i] && !bounces;
     near_[l][i] = near_[l][i] || (!waits && before + lane_of(asked_[i], l) > 0.0);
     chosen_[l] += near_[l][i];
-  }
-
-  // What points that pushed are asked for beyond stopping: hdot is to vanish in the middle of the step,
-  // by the turn that solids have made since the last one, which is extrapolated,
-  //
-  //   J v+ + dt/2 dJ/dt v = 0,   dt dJ/dt v = turn + (turn - turn-)/2,   turn = (J - J-) v
-  //
-  // At its start, what rolls would gain or lose energy at the order of the step. For normals the gap
-  // asks for dt/2 dJ/dt v of the step before, which loses energy at its square: half of it is asked
-  // for ahead, and the gap asks for the other half. `dv_K` is what driven velocities have changed by
-  // since the last step.
-  FAN_FN void find_drift(const Mask& goes_on, const Real* dv_K, double whole) {
-    const double share = 0.5 * dt_ / whole;
-    for (int i = 0; i < points_.n[0]; ++i) {
-      const auto& p = points_.point[0][i];
-      turned_[i] = lane_of(goes_on, 0) && p.before >= 0;
-      for (int d = 0; d < 3; ++d) drift_[3 * i + d] = turn_[3 * i + d] = Real(0.0);
-      if (!turned_[i]) continue;
-      const Push& own = push[0][p.before];
-      const Triple<Real> driven = points_.driven(i, dv_K);
-      for (int d = 0; d < 3; ++d) {
-        const double *e = p.frame + 3 * d, end = dot3(e, own.velocity) + dot3(e, own.drift);
-        const double turn = hdot_[3 * i + d] - driven[d] + end;
-        turn_[3 * i + d] = turn;
-        const double drift = drift_of(turn, own.turned ? dot3(e, own.turn) : turn, share);
-        if (d == 0) asked_[i] += 0.5 * drift;
-        else drift_[3 * i + d] = drift;
-      }
-    }
   }
 
   // Tells the points of a lane, in order, which of them pushed in the step before.

@@ -49,8 +49,7 @@ class ContactLanes {
 
   FAN_FN void find(
       const ContactArrays& in, const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
-      const Real* p, double dt, double whole, double recovery_speed, const Mask& idle,
-      const Mask& goes_on) {
+      const Real* p, double dt, double whole, double recovery_speed, const Mask& idle) {
     work = impact = friction = residual = Real(0.0);
     links_.place_at(in, q_D, v_D, q_K, v_K, p, dt);
     auto& feet = ground_.feet;
@@ -58,10 +57,9 @@ class ContactLanes {
     for (int l = 0; l < width; ++l)
       if (!lane_of(feet.kept, l) && !lane_of(idle, l)) feet.take(in, l, push_[l], n_[l]);
     const Mask alone = links_.find_on(in, dt, feet.kept && !idle, feet);
-    ground_.start(links_, alone, dt, whole, recovery_speed, goes_on);
+    ground_.start(links_, alone, dt, whole, recovery_speed);
     violation = ground_.depth;
-    apart = Real(0.0) > Real(1.0);
-    leave(!idle && !ground_.lanes);
+    apart = !idle && !ground_.lanes;
   }
 
   // Leaves lanes whose links impulses have made faster than the margins of find() allow for; whether

@@ -43,7 +43,7 @@ class ContactPatches : public ContactProblem<Model, Real> {
  protected:
   using Base::points_, Base::columns_, Base::groups_, Base::in_;
   using Base::near_, Base::pulls_, Base::bounces_, Base::held_, Base::row_held_, Base::held_residual_, Base::is_carried_, Base::wait_;
-  using Base::x_, Base::s_, Base::hdot_, Base::before_, Base::asked_, Base::drift_, Base::dt_;
+  using Base::x_, Base::s_, Base::hdot_, Base::before_, Base::asked_, Base::dt_;
 
   // There are none yet.
   FAN_FN void let_go() {
@@ -149,13 +149,8 @@ class ContactPatches : public ContactProblem<Model, Real> {
       if (patch_[p].n == max_touches) return false;
       patch_[p].point[patch_[p].n++] = i;
     }
-    for (int p = 0; p < n_; ++p)
-      for (int k = 0; k < patch_[p].n; ++k) {
-        const int first = 3 * patch_[p].point[k];
-        for (int d = first; d < first + 3; ++d) start_[d] = hdot_[d] + drift_[d];
-      }
     bool all = true;
-    for (int p = 0; p < n_ && all; ++p) all = patch_[p].make(points_.point[0], start_, asked_);
+    for (int p = 0; p < n_ && all; ++p) all = patch_[p].make(points_.point[0], hdot_, asked_);
     return all;
   }
 
@@ -362,7 +357,6 @@ class ContactPatches : public ContactProblem<Model, Real> {
   int first_[room(C)];  // row of each patch
   Triple<Real> W_[room(C)][2][room(N)];
   double impulse_[room(C)][3 * max_touches];
-  double start_[room(3 * C)];  // hdot at the start of the step, with drift
   // Of the rows that pull, then of the patches.
   int size_ = 0;
   double y_[padded(room(M + 3 * C) + 1)], b_held_[padded(room(M + 3 * C) + 1)];

@@ -49,7 +49,7 @@ class ContactProblem {
   FAN_FN void know_aims() {
     for (int i = 0; i < points_.most; ++i) {
       b_[3 * i] = before_[3 * i] + asked_[i];
-      for (int d = 1; d < 3; ++d) b_[3 * i + d] = before_[3 * i + d] + drift_[3 * i + d];
+      for (int d = 1; d < 3; ++d) b_[3 * i + d] = before_[3 * i + d];
     }
   }
 
@@ -200,9 +200,6 @@ class ContactProblem {
   // hdot after the step without impulses; at its start; b - before of the normals. is_before_known_ is
   // false while nothing has asked for `before`, nor for b.
   Real before_[room(3 * C)], hdot_[room(3 * C)], asked_[room(C)];
-  bool turned_[room(C)] = {};  // of one trajectory, as in ContactPush
-  Real turn_[room(3 * C)];     // likewise, along normal and tangents
-  Real drift_[room(3 * C)];    // b - before of the tangents; see ContactAims::find_drift()
   bool is_before_known_ = true;
   double dt_ = 0.0;  // s: of the step
   ContactColumns<Model, Real> columns_;

@@ -38,10 +38,7 @@ struct ContactPush {
   int pair, feature, steps;  // for how many steps, counted beyond steps_of_impact by one
   int wait;                  // steps for which patches are not tried (contact_patches.hpp)
   bool rested;               // at the start of the step: the forces of one step closed it
-  // Velocity in the middle of the step; that at its start after it is `drift` more.
-  double gap, at[3], normal[3], impulse[3], velocity[3], drift[3];
-  bool turned;     // whether the step before is known to have turned it, and by what:
-  double turn[3];  // m/s: -(J - J-) v
+  double gap, at[3], normal[3], impulse[3], velocity[3];
 };
 
 // Of what pushes, leaves what was at rest, as if it had pushed for long; returns how many these are.
@@ -53,13 +50,6 @@ FAN_FN int keep_resting(ContactPush* push, int n) {
     push[kept++].steps = ContactStepTolerances::steps_of_impact + 1;
   }
   return kept;
-}
-
-// What a tangent of a point is asked for beyond stopping, by the turns of the last two steps; `share`
-// is half of the step's length, in whole ones. See ContactAims::find_drift().
-template <class Real>
-FAN_FN Real drift_of(const Real& turn, const Real& before, double share) {
-  return share * (turn + 0.5 * (turn - before));
 }
 
 // In the place of ContactStep for puppets that touch nothing.

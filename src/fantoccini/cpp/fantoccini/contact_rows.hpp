@@ -88,22 +88,6 @@ class ContactRows : public PlacedLinks<Model, Real> {
     return out;
   }
 
-  // hdot of point i by a change of what drives its solids. Of one trajectory.
-  FAN_FN Triple<Real> driven(int i, const double* dv_K) const {
-    Triple<Real> out;
-    out.clear();
-    for (int side = 0; side < 2; ++side) {
-      const int link = link_[i][side];
-      if (link < 0) continue;
-      for (int j = Model::moved_K_begin[link]; j < Model::moved_K_begin[link + 1]; ++j) {
-        const int k = Model::moved_K_entry[j];
-        const double *s = screw_K_ + 6 * k, by = side ? dv_K[k] : -dv_K[k];
-        out.add(by, {form_[i].speed(s, s + 3)});
-      }
-    }
-    return out;
-  }
-
   // The links of a point's solids; -1 for the world. Of one trajectory.
   FAN_FN const int* links(int i) const { return link_[i]; }
 

@@ -72,11 +72,11 @@ class ContactStep : public ContactAims<Model, Real> {
   }
 
   // Finds the points at the start of a step of length dt and their speeds without impulses; eval is
-  // that of the step, which goes on in these lanes where the last one ended.
+  // that of the step.
   FAN_FN void find(
       const ContactArrays& in, const Evaluation<Model, Real>& eval, const Real* q_D,
       const Real* v_D, const Real* q_K, const Real* v_K, const Real* p, double dt, double whole,
-      double recovery_speed, const Mask& idle, const Mask& goes_on, const Real* v_K_before) {
+      double recovery_speed, const Mask& idle) {
     in_ = &in;
     dt_ = dt;
     points_.find(in, q_D, v_D, q_K, v_K, p, dt, idle, [&](int l) { this->recognise(l); });
@@ -109,9 +109,6 @@ class ContactStep : public ContactAims<Model, Real> {
     }
     for (int l = 0; l < width; ++l) this->recall(l);
     for (int i = 0; i < points_.n[0]; ++i) this->ask(0, i, whole, recovery_speed);
-    Real dv_K[room(Model::n_vK)];
-    for (int k = 0; k < Model::n_vK; ++k) dv_K[k] = v_K[k] - v_K_before[k];
-    this->find_drift(goes_on, dv_K, whole);
     is_before_known_ = !this->all_pushed();
     if (is_before_known_) this->know_before(eval);
     for (int i = 0; i < points_.n[0]; ++i) this->aim(0, i);
@@ -146,8 +143,6 @@ class ContactStep : public ContactAims<Model, Real> {
           lane_of(b_[3 * i + d], l) = lane_of(before_[3 * i + d], l) =
               lane_of(start[d], l) + lane_of(by_forces[d], l);
         }
-        turned_[i] = false;
-        for (int d = 0; d < 3; ++d) drift_[3 * i + d] = turn_[3 * i + d] = Real(0.0);
         steps_[l][i] = wait_[l][i] = 0;
         near_[l][i] = true;
         is_carried_[l][i] = false;
@@ -304,7 +299,7 @@ class ContactStep : public ContactAims<Model, Real> {
   using Problem::points_, Problem::columns_, Problem::in_, Problem::near_, Problem::chosen_;
   using Problem::pulls_, Problem::held_, Problem::held_residual_, Problem::is_carried_, Problem::wait_;
   using Problem::x_, Problem::s_, Problem::b_, Problem::before_, Problem::rebound_;
-  using Aims::steps_, Aims::earlier, Problem::hdot_, Problem::asked_, Problem::drift_, Problem::turn_, Problem::turned_, Problem::is_before_known_, Problem::dt_;
+  using Aims::steps_, Aims::earlier, Problem::hdot_, Problem::asked_, Problem::is_before_known_, Problem::dt_;
   using Problem::parting_, Problem::bounces_, Problem::scale_;
 
   // Whether point i has an impulse of its own in some lane.
@@ -324,7 +319,6 @@ class ContactStep : public ContactAims<Model, Real> {
     out.steps = closes(l, i) ? 1 : steps_[l][i] + (steps_[l][i] <= Tolerance::steps_of_impact);
     out.wait = wait_[l][i];
     out.rested = rested(l, i);
-    out.turned = turned_[i];
     out.gap = from.gap;
     const double u[3] = {after(l, 3 * i), after(l, 3 * i + 1), after(l, 3 * i + 2)};
     for (int c = 0; c < 3; ++c) {
@@ -332,20 +326,10 @@ class ContactStep : public ContactAims<Model, Real> {
       out.normal[c] = from.frame[c];
       out.impulse[c] = x[0] * from.frame[c] + x[1] * from.frame[3 + c] + x[2] * from.frame[6 + c];
       out.velocity[c] = -u[0] * from.frame[c] - u[1] * from.frame[3 + c] - u[2] * from.frame[6 + c];
-      out.drift[c] = in_world(drift_, l, i, c);
-      out.turn[c] = in_world(turn_, l, i, c);
     }
   }
 
-  // Entry c of the vector that has these parts along normal and tangents of point i.
-  FAN_FN double in_world(const Real* parts, int l, int i, int c) const {
-    const double* frame = points_.point[l][i].frame;
-    double sum = 0.0;
-    for (int d = 0; d < 3; ++d) sum += lane_of(parts[3 * i + d], l) * frame[3 * d + c];
-    return sum;
-  }
-
-  // hdot of row i after the step; of tangents, in its middle.
+  // hdot of row i after the step.
   FAN_FN double after(int l, int i) const {
     return -lane_of(s_[i], l) - (i % 3 == 0 ? lane_of(asked_[i / 3], l) : 0.0);
   }

@@ -27,11 +27,6 @@ class GroundFeet {
     Mask would_pull, dropped;
     Real at[3], gap;
     Real asked;                // m/s: the speed at which it is to part beyond stopping
-    Real parting;              // m/s: the same without drift
-    Real drift[2];             // m/s: the same along the tangents (ContactAims::find_drift)
-    Real end[3];               // m/s: velocity at the end of the last step, along normal and tangents
-    Mask turned, turns;        // as in ContactPush: of the last step that ended, and of this one
-    Real turn_before[3], turn[3];
     Mask rested;               // as in ContactPush; this and the next ones of the last step that ended
     Real steps, impulse[3];
     Mask rests;                // the same of this step
@@ -72,7 +67,7 @@ class GroundFeet {
       to.link = x.link;
       to.friction = in.friction[k];
       to.restitution = in.restitution[k];
-      for (Point& p : to.point) p.here = p.joins = p.pushes = p.would_pull = p.dropped = p.rested = p.turned = p.turns = none;
+      for (Point& p : to.point) p.here = p.joins = p.pushes = p.would_pull = p.dropped = p.rested = none;
     }
   }
 
@@ -92,14 +87,9 @@ class GroundFeet {
       Point& to = foot[own].point[push[i].feature];
       to.pushes.set(l, true);
       to.rested.set(l, push[i].rested);
-      to.turned.set(l, push[i].turned);
       lane_of(to.steps, l) = push[i].steps;
       lane_of(to.gap, l) = push[i].gap;
-      for (int d = 0; d < 3; ++d) {
-        const double* e = frame + 3 * d;
-        lane_of(to.end[d], l) = dot3(push[i].velocity, e) + dot3(push[i].drift, e);
-        lane_of(to.turn_before[d], l) = dot3(push[i].turn, e);
-      }
+      lane_of(to.asked, l) = dot3(push[i].velocity, push[i].normal);
       for (int c = 0; c < 3; ++c) {
         lane_of(to.at[c], l) = push[i].at[c];
         lane_of(to.impulse[c], l) = push[i].impulse[c];
@@ -122,16 +112,12 @@ class GroundFeet {
       out.steps = int(lane_of(p.steps, l));
       out.wait = 0;
       out.rested = lane_of(p.rested, l);
-      out.turned = lane_of(p.turned, l);
       out.gap = lane_of(p.gap, l);
       for (int c = 0; c < 3; ++c) {
         out.at[c] = lane_of(p.at[c], l);
         out.normal[c] = frame[c];
         out.impulse[c] = lane_of(p.impulse[c], l);
-        out.velocity[c] = lane_of(p.end[0], l) * frame[c];
-        out.drift[c] = lane_of(p.end[1], l) * frame[3 + c] + lane_of(p.end[2], l) * frame[6 + c];
-        out.turn[c] = 0.0;
-        for (int d = 0; d < 3; ++d) out.turn[c] += lane_of(p.turn_before[d], l) * frame[3 * d + c];
+        out.velocity[c] = lane_of(p.asked, l) * frame[c];
       }
     });
     return n_push;
@@ -189,11 +175,6 @@ class GroundFeet {
         p.steps += select(p.steps <= Real(ContactStepTolerances::steps_of_impact), Real(1.0), Real(0.0));
         p.steps = select(closes(p), Real(1.0), p.steps);
         for (int c = 0; c < 3; ++c) p.impulse[c] = p.found[c];
-        p.turned = p.turns;
-        for (int d = 0; d < 3; ++d) {
-          p.end[d] = d == 0 ? p.asked : p.drift[d - 1];
-          p.turn_before[d] = p.turn[d];
-        }
         some = some || p.pushes;
       }
       if (any(some)) known_[n_known++] = known_[j];
@@ -203,7 +184,7 @@ class GroundFeet {
 
   // Lanes in which a point that pushes ends the step as fast as closes its gap.
   FAN_FN static Mask closes(const Point& p) {
-    return -p.parting > Real(ContactStepTolerances::closing_speed);
+    return -p.asked > Real(ContactStepTolerances::closing_speed);
   }
 
   Foot foot[B];
@@ -217,7 +198,7 @@ class GroundFeet {
       if (known_[j] == solid) return false;
     known_[n_known_++] = solid;
     const Mask none = Real(0.0) > Real(1.0);
-    for (Point& p : foot[solid].point) p.here = p.joins = p.pushes = p.would_pull = p.dropped = p.turned = none;
+    for (Point& p : foot[solid].point) p.here = p.joins = p.pushes = p.would_pull = p.dropped = none;
     return true;
   }
 

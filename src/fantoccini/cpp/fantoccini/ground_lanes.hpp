@@ -35,8 +35,7 @@ class GroundLanes : public GroundSystem<Model, Real> {
   // are left out of `lanes`.
   template <class Links>
   FAN_FN void start(
-      const Links& links, const Mask& some, double dt, double whole, double recovery_speed,
-      const Mask& goes_on) {
+      const Links& links, const Mask& some, double dt, double whole, double recovery_speed) {
     lanes = some;
     stands = Real(0.0) > Real(1.0);
     depth = residual = exchanged_ = Real(0.0);
@@ -53,19 +52,9 @@ class GroundLanes : public GroundSystem<Model, Real> {
         p.joins = p.here && p.pushes;
         takes_part = takes_part || p.joins;
         depth = select(p.here && lanes, maximum(Real(-p.gap), depth), depth);
-        p.turns = p.joins && goes_on;
-        Real drift[3];
-        for (int d = 0; d < 3; ++d) {
-          const Real turn = rate(twist, p.at, feet.frame + 3 * d) + p.end[d];
-          const Real before = select(p.turned, p.turn_before[d], turn);
-          p.turn[d] = select(p.turns, turn, Real(0.0));
-          drift[d] = select(p.turns, drift_of<Real>(turn, before, 0.5 * dt / whole), Real(0.0));
-        }
-        for (int d = 0; d < 2; ++d) p.drift[d] = drift[d + 1];
-        const Real h = -p.gap, hdot = rate(twist, p.at, feet.frame);
+        const Real h = -p.gap, hdot = rate(twist, p.at);
         const Real back = h / select(h > Real(0.0), Real(whole > dt ? whole : dt), Real(dt));
-        p.parting = minimum(back, Real(recovery_speed));
-        p.asked = p.parting + 0.5 * drift[0];
+        p.asked = minimum(back, Real(recovery_speed));
         const Mask may_bounce = hdot > Real(own.restitution > 0.0 ? 0.0 : unbounded);
         lanes = lanes && (!p.here || p.joins || !may_bounce);
       }
@@ -135,7 +124,7 @@ class GroundLanes : public GroundSystem<Model, Real> {
       for (int i = 0; i < own.n; ++i) {
         Point& p = own.point[own.listed[i]];
         const Mask closes = p.here && !p.joins && lanes &&
-                            rate(twist, p.at, feet.frame) + p.asked > Real(StepTolerance::passing_speed);
+                            rate(twist, p.at) + p.asked > Real(StepTolerance::passing_speed);
         if (!any(closes)) continue;
         more = true;
         failed = failed || (closes && (p.dropped || Mask(!(Real(own.friction) > Real(0.0)))));
@@ -212,10 +201,11 @@ class GroundLanes : public GroundSystem<Model, Real> {
     return more;
   }
 
-  // hdot of a point of a link with this twist along a unit vector.
-  FAN_FN static Real rate(const Real* twist, const Real* at, const double* n) {
+  // hdot of the normal of a point of a link with this twist.
+  FAN_FN Real rate(const Real* twist, const Real* at) const {
     Real v[3];
     cross(twist + 3, at, v);
+    const double* n = feet.frame;
     return -((twist[0] + v[0]) * n[0] + (twist[1] + v[1]) * n[1] + (twist[2] + v[2]) * n[2]);
   }
 

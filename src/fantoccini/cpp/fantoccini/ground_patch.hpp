@@ -195,42 +195,35 @@ class GroundPatch {
   // What the rows are asked for; the lanes in which that is known.
   FAN_FN Mask fit() {
     using std::abs;
-    const Real zero = Real(0.0), one = Real(1.0);
-    Real own[features][3], mean[3] = {zero, zero, zero};
-    Real turn = zero, first = zero, second = zero, s11 = zero, s12 = zero, s22 = zero;
+    const Real zero = Real(0.0);
+    Real mean = zero, first = zero, second = zero, s11 = zero, s12 = zero, s22 = zero;
     for (int j = 0; j < n_; ++j) {
       const Point& p = foot->point[which_[j]];
-      const Real* d = d_[j];
-      for (int k = 0; k < 3; ++k) {
-        const Real* e = turn_ + 3 * k;
-        own[j][k] = select(p.joins, Real(e[0] * p.asked + (e[1] * p.drift[0] + e[2] * p.drift[1])), zero);
-        mean[k] += own[j][k] * share_;
-      }
-      turn += d[0] * own[j][2] - d[1] * own[j][1];
-      first += d[1] * own[j][0];
-      second -= d[0] * own[j][0];
+      const Real own = select(p.joins, p.asked, zero), *d = d_[j];
+      mean += own * share_;
+      first += d[1] * own;
+      second -= d[0] * own;
       s11 += d[0] * d[0];
       s12 += d[0] * d[1];
       s22 += d[1] * d[1];
     }
-    const Real det = s11 * s22 - s12 * s12, square = s11 + s22;
+    const Real det = s11 * s22 - s12 * s12, one = Real(1.0);
     const Real line = select(several, Real(first / select(several, s22, one)), zero);
     const Real by = one / select(many, det, one);
-    const Real theta[3] = {
-        select(several, Real(turn / select(several, square, one)), zero),
+    const Real theta[2] = {
         select(many, Real((s11 * first + s12 * second) * by), line),
         select(many, Real((s12 * first + s22 * second) * by), zero)};
-    for (int k = 0; k < 3; ++k) {
-      asked[k] = mean[k];
-      asked[3 + k] = size * theta[k];
-    }
+    for (int k = 0; k < 3; ++k) asked[k] = mean * turn_[3 * k];
+    asked[3] = zero;
+    asked[4] = size * turn_[0] * theta[0];
+    asked[5] = size * turn_[0] * theta[1];
     misfit = zero;
     for (int j = 0; j < n_; ++j) {
       const Point& p = foot->point[which_[j]];
-      const Real* d = d_[j];
-      const Real off[3] = {d[1] * theta[1] - d[0] * theta[2], -d[1] * theta[0], d[0] * theta[0]};
-      Real worst = zero;
-      for (int k = 0; k < 3; ++k) worst = maximum(Real(abs(own[j][k] - mean[k] - off[k])), worst);
+      const Real beyond = p.asked - mean, *d = d_[j];
+      const Real left = turn_[0] * (beyond - (d[1] * theta[0] - d[0] * theta[1]));
+      const Real worst = maximum(
+          Real(abs(left)), maximum(Real(abs(turn_[3] * beyond)), Real(abs(turn_[6] * beyond))));
       misfit = select(p.joins, maximum(worst, misfit), misfit);
     }
     return misfit < Real(unbounded) || !here;

@@ -123,7 +123,6 @@ class RolloutGradient {
 
   void begin(const GradientArrays& in) {
     run_.opt = in.options;
-    run_.at.turns_ahead = false;  // which the sweep does not differentiate
     run_.winches.set(in.winches);
     for (int k = 0; k < P; ++k) run_.p[k] = in.p[k];
     for (int k = 0; k < NQ; ++k) run_.state().q_D[k] = in.q_D[k];

@@ -43,8 +43,6 @@ class SingleLanes {
       held_[r] = at.held[r];
     }
     for (int i = 0; i < S; ++i) slip_[i] = at.slip[i];
-    for (int k = 0; k < NK; ++k) before_K_[k] = at.v_K_[k];
-    goes_on_ = at.goes_on;
     steady_ = at.steady;
     steadier_ = at.steadier;
     stirred_ = at.stirred;
@@ -89,8 +87,6 @@ class SingleLanes {
       one_.held[r] = lane_of(held_[r], l);
     }
     take(slip_, S, l, one_.slip);
-    take(before_K_, NK, l, one_.v_K_);
-    one_.goes_on = lane_of(goes_on_, l);
     one_.steady = lane_of(steady_, l);
     one_.steadier = lane_of(steadier_, l);
     one_.stirred = lane_of(stirred_, l);
@@ -114,7 +110,6 @@ class SingleLanes {
       at.slips[i].set(l, one_.slips[i]);
     }
     for (int a = 0; a < one_.rows.n; ++a) fast[one_.rows.row[a]].set(l, one_.closes_fast(a, one_.whole));
-    at.goes_on.set(l, one_.goes_on);
     at.steady.set(l, one_.steady);
     at.steadier.set(l, one_.steadier);
     at.stirred.set(l, one_.stirred);
@@ -131,8 +126,7 @@ class SingleLanes {
 
   One one_;
   Real acc_[2][room(N)], tension_[room(M)], slip_[room(S)];
-  Real before_K_[room(NK)];
-  Mask taut_[room(M)], pulled_[room(M)], held_[room(M)], steady_, steadier_, stirred_, goes_on_;
+  Mask taut_[room(M)], pulled_[room(M)], held_[room(M)], steady_, steadier_, stirred_;
   // Of one lane.
   double q_D_[room(NQ)], v_D_[room(N)], q_K_[room(QK)], v_K_[room(NK)], acc_K_[room(NK)];
   double u_D_[room(N)], p_[room(P)], q_next_[room(NQ)], v_next_[room(N)];

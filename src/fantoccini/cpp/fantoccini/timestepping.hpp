@@ -35,7 +35,7 @@ namespace fan {
 
 template <class Model, class Real>
 struct TimeStep {
-  static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings, NK = Model::n_vK;
+  static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings;
   static constexpr int M = Model::n_rows;
   using Mask = typename Traits<Real>::Mask;
   using Tolerance = TimeSteppingTolerances;
@@ -52,10 +52,8 @@ struct TimeStep {
   double whole = 0.0;        // s: the run's step; the last one may be shorter
   bool forced = true;        // otherwise u_D is 0
   bool extrapolates = true;  // otherwise v_ahead is v: a step depends on its state alone
-  bool turns_ahead = true;   // otherwise points of contact are to stop at the start of a step
   // Whether the next step may extrapolate the last one, and whether the last might the one before.
   Mask steady = Real(0.0) > Real(1.0), steadier = steady;
-  Mask goes_on = steady;  // whether it goes on at the velocity with which the last ended
   Real tension[room(M)];  // Lambda / dt
   Mask taut[room(M)];    // rows that pulled in the last step; to be set by set_row()
   Mask pulled[room(M)];  // the same, but for rows that the first step of a run catches
@@ -99,12 +97,11 @@ struct TimeStep {
       if (solids) {
         const auto& in = *solids;
         if constexpr (some_singly)
-          contacts.find(in, q_D, v_D, q_K, v_K, p, dt, whole, recovery_speed, idle, goes_on);
-        else contacts.find(in, eval, q_D, v_D, q_K, v_K, p, dt, whole, recovery_speed, idle, goes_on, v_K_);
+          contacts.find(in, q_D, v_D, q_K, v_K, p, dt, whole, recovery_speed, idle);
+        else contacts.find(in, eval, q_D, v_D, q_K, v_K, p, dt, whole, recovery_speed, idle);
         const Real& depth = contacts.violation;
         violation = select(depth > violation, depth, violation);
       }
-    each<NK>([&](int j) FAN_INLINE { v_K_[j] = v_K[j]; });
     respond(v_D, v_K, u_D, dt, recovery_speed, cap, winches, v_next);
     retract<typename Model::Dynamic>(q_D, v_next, dt, q_next);
     if constexpr (some_singly)
@@ -129,7 +126,7 @@ struct TimeStep {
   template <class Memory>
   FAN_FN void remember(Memory& memory) {
     memory.keep(
-        accs_[acc_at_], accs_[1 - acc_at_], steady, steadier, goes_on, v_K_, stirred, tension, taut, pulled, held);
+        accs_[acc_at_], accs_[1 - acc_at_], steady, steadier, stirred, tension, taut, pulled, held);
     if constexpr (touches) contacts.remember(memory);
   }
 
@@ -141,11 +138,17 @@ struct TimeStep {
   }
 
   // The next step extrapolates nothing in these lanes.
-  FAN_FN void forget(const Mask& where) { steady = steady && !where, goes_on = goes_on && !where; }
+  FAN_FN void forget(const Mask& where) {
+    steady = steady && !where;
+  }
 
-  // (v+ - v) / dt of the last step, and the same before the first one.
+  // (v+ - v) / dt of the last step.
   FAN_FN const Real* acc() const { return accs_[acc_at_]; }
-  FAN_FN void clear_acc() { each<N>([&](int k) FAN_INLINE { accs_[0][k] = accs_[1][k] = Real(0.0); }); }
+
+  // The same before the first one.
+  FAN_FN void clear_acc() {
+    for (int k = 0; k < N; ++k) accs_[0][k] = accs_[1][k] = Real(0.0);
+  }
 
  private:
   template <class, class>
@@ -199,7 +202,6 @@ struct TimeStep {
     const Real most = select(stirred, Real(1.0), Real(Tolerance::unstirred_factor));
     const Mask braked = limit_speed<Model>(most, dt, v_next, speed_bound);
     steady = steady && !braked;
-    goes_on = turns_ahead && extrapolates ? !braked : Real(0.0) > Real(1.0);
     if (!extrapolates) steady = Real(0.0) > Real(1.0);
   }
 
@@ -434,7 +436,6 @@ struct TimeStep {
 
   std::conditional_t<some_singly, SingleLanes<Model, Real>, NoContacts> singles_;
   Real accs_[2][room(N)] = {};  // of the last two steps
-  Real v_K_[room(NK)] = {};     // dq_K/dt of the last step
   int acc_at_ = 0;              // which is that of the last one
   bool gives_way_ = false;  // whether a string has slipped in some lane, or may
   bool some_near_ = true;   // whether a limit may take part in some lane
