@@ -283,10 +283,10 @@ def test_names_are_read_in_their_encoding(tmp_path, encoding, names):
     assert fan.load_bvh(path).skeleton.names == (*names, f"{names[2]}.end")
 
 
-@pytest.mark.parametrize("encoding", ["gbk", "euc_kr", "big5"])
+@pytest.mark.parametrize("encoding", ["gbk", "euc_kr", "big5", "cp932"])
 def test_names_in_other_encodings_stay_apart(tmp_path, encoding):
-    text = ARM
-    for plain, name in zip(("hips", "upper arm", "hand"), ("中", "左", "右"), strict=True):
+    text, body = ARM, "左" if encoding == "euc_kr" else "本体"  # a brace in Shift-JIS
+    for plain, name in zip(("hips", "upper arm", "hand"), ("中", body, "右"), strict=True):
         text = text.replace(plain, name)
     path = tmp_path / "clip.bvh"
     path.write_bytes(text.encode(encoding))

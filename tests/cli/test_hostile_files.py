@@ -190,10 +190,11 @@ def test_a_name_that_no_file_can_have_is_one_mistake_for_every_reader(name, tmp_
 def test_a_name_that_is_too_long_is_a_mistake_on_the_command_line(name, tmp_path) -> None:
     for command in (
         ("check",), ("info",), ("equations",), ("simulate",), ("plan",), ("optimise",), ("play",),
-        ("perform",), ("identify",), ("stand", "check"), ("show",), ("follow", "marionette"),
+        ("perform",), ("identify",), ("stand", "check"), ("show",), ("follow", "jumps"),
+        ("follow",),
         ("check", "-q", "arm2d", "--inputs"), ("simulate", "-q", "arm2d", "--inputs"),
     ):  # fmt: skip
-        more = ("run.npz",) if command == ("stand", "check") else ()
+        more = {("stand", "check"): ("run.npz",), ("follow",): ("marionette",)}.get(command, ())
         said = mistake(*command, name, *more)
         assert "internal error" not in said, command
     (tmp_path / "r.urdf").write_text('<robot name="r"><link name="a"/></robot>')

@@ -95,6 +95,9 @@ VARIANTS = {
     "normals": "".join(f"{line}\n" if line[0] == "v" else f"vn 0 0 1\n{line[:2]}" + " ".join(
         f"{i}//-1" for i in line[2:].split()) + "\n" for line in LINES),
     "a name of a lost library": "# mtllib none.mtl\nmtllib no such.mtl\no é\ng a b\ns 1\n" + PLAIN,
+    "comments that end in a backslash": "".join(f"# C:\\out\\\n{line}\n" for line in LINES),
+    "marks behind numbers": "".join(f"{line}#{k}\n" for k, line in enumerate(LINES)),
+    "a last line continued": PLAIN.rstrip("\n") + " \\\n",
     "a w": "".join(f"{line} 1.0\n" if line[0] == "v" else f"{line}\n" for line in LINES),
 }  # fmt: skip
 
@@ -109,7 +112,7 @@ def test_blank_space_comments_and_ends_of_lines_are_free(text, tmp_path):
 
 @pytest.mark.parametrize("encoding", ["utf-16", "cp932", "gbk", "latin-1", "utf-8-sig"])
 def test_any_encoding_is_read_and_materials_stay_apart(encoding, tmp_path):
-    names = {"latin-1": ("ä", "ö")}.get(encoding, ("左", "右"))
+    names = {"latin-1": ("ä", "ö"), "cp932": ("表", "右")}.get(encoding, ("左", "右"))
     library = "".join(f"newmtl {name}\nKd {k} 0 1\n" for k, name in enumerate(names))
     (tmp_path / "a.mtl").write_bytes(library.encode(encoding))
     text = "mtllib a.mtl\n" + PLAIN.replace("v ", f"usemtl {names[0]}\nv ", 1)

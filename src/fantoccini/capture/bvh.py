@@ -8,6 +8,7 @@ with the rotations of a joint's channels in the order in which the file lists th
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,6 +26,9 @@ _CLIPS = Path(__file__).parent / "clips"
 _AXES = {"x": 0, "y": 1, "z": 2}
 _CHANNELS = {f"{axis}{kind}": (kind, k) for axis, k in _AXES.items()
              for kind in ("position", "rotation")}  # fmt: skip
+_BRACES = re.compile(r"(?<![^\x00-\x7f])([{}])")
+"""Braces; behind a byte of another encoding they are the second half of a character."""
+_BLANKS = re.compile(r"[ \t\f\v]+")
 _MAX_BYTES = 256_000_000
 _MAX_JOINTS = 1000
 _MAX_DEPTH = 200
@@ -104,7 +108,7 @@ class _Words:
     def _walk(self) -> Iterator[list[str]]:
         for number, line in enumerate(self._lines, 1):
             self.line = number
-            if row := line.replace("{", " { ").replace("}", " } ").split():
+            if row := [word for word in _BLANKS.split(_BRACES.sub(r" \1 ", line)) if word]:
                 yield row
 
     def next(self, what: str) -> str:

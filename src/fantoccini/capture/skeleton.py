@@ -128,12 +128,12 @@ class Capture:
         """
         parents, offsets = self.skeleton.parents, self.skeleton.offsets
         length = np.linalg.norm(offsets, axis=1)
-        part = np.arange(len(parents))
+        part, longest = np.arange(len(parents)), length[np.array(parents) >= 0].max(initial=0.0)
         for i, parent in enumerate(parents):
             if parent < 0:
                 continue
             away = np.linalg.norm(self.positions[:, i] - self.positions[:, parent], axis=1)
-            if np.max(np.abs(away - length[i])) <= _BONE * length.max():
+            if np.max(np.abs(away - length[i])) <= _BONE * longest:
                 part[i] = part[parent]
         body = np.flatnonzero(part == np.bincount(part).argmax())
         return body if 2 * len(body) > len(part) else np.arange(len(part))

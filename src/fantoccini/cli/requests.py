@@ -280,7 +280,7 @@ class FollowRequest(PictureOptions):
     ] = 1.0
     up: Annotated[
         UpAxis | None,
-        typer.Option(help="The file's axis that is up; found from the trunk otherwise."),
+        typer.Option(help="The file's vertical axis; else that of the rest pose, or of the trunk."),
     ] = None
     of: Annotated[
         str,

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from fantoccini.arrays import is_number
 from fantoccini.errors import ExchangeError, StateError, UnknownNameError
 from fantoccini.exchange.draft import Draft, numbers
 from fantoccini.exchange.imported import Imported
@@ -70,10 +71,12 @@ def import_model(
 def _check_density(density: float | None) -> None:
     """Raises StateError unless a density is one that a puppet file may have, or None."""
     allowed = QUANTITIES["density"]
-    if density is not None and not allowed.min_size <= density <= allowed.max_size:
+    if density is not None and not (
+        is_number(density) and allowed.min_size <= density <= allowed.max_size
+    ):
         raise StateError(
-            f"the density is {density:g}; allowed: {allowed.min_size:g} to {allowed.max_size:g} "
-            f"{allowed.unit}"
+            f"the density is {density!s:.12}; allowed: {allowed.min_size:g} to "
+            f"{allowed.max_size:g} {allowed.unit}"
         )
 
 

@@ -45,12 +45,13 @@ def refuse_large(files: Iterable[tuple[ModelFile, int]]) -> None:
     total = 0.0
     for file, elements in files:
         defaults = dict[str, dict[str, str]]()
+        ranges = any(element.tag == "rangefinder" for element in file.elements)
         for element, inside in _with_defaults(file):
             if inside:
                 _widen(defaults.setdefault(element.tag, {}), element)
                 continue
             given = {**defaults.get(element.tag, {}), **element.attributes}
-            need = _bytes(file, element.tag, given, elements)
+            need = _bytes(file, element, given, elements, ranges)
             total += need
             if total > _MOST_BYTES:
                 text = (
@@ -77,14 +78,16 @@ def _widen(known: dict[str, str], element: Element) -> None:
             known[key] = text
 
 
-def _bytes(file: ModelFile, tag: str, given: dict[str, str], elements: int) -> float:
-    """Memory for an element of these attributes."""
+def _bytes(
+    file: ModelFile, element: Element, given: dict[str, str], elements: int, ranges: bool
+) -> float:
+    """Memory for an element, of attributes given and by default; ``ranges``: with rangefinders."""
 
     def of(key: str) -> list[float]:
         return _numbers(given.get(key, ""))
 
     need = _SAMPLE * of("nsample")[0] + _NUMBER * of("actdim")[0]
-    match tag:
+    match element.tag:
         case "size":
             user = sum(_numbers(x)[0] for key, x in given.items() if key.startswith("nuser_"))
             need += _NUMBER * (of("nuserdata")[0] + user * elements)
@@ -93,7 +96,8 @@ def _bytes(file: ModelFile, tag: str, given: dict[str, str], elements: int) -> f
             need += _KEY * elements
         case "texture":
             width, height = of("width")[0], of("height")[0]
-            faces = 0.0 if given.get("type") == "2d" else 6.0 * max(width, height / 6.0) ** 2
+            is_flat = element.attributes.get("type") == "2d"
+            faces = 0.0 if is_flat else 6.0 * max(width, height / 6.0) ** 2
             need += _PIXEL * (max(width * height, faces) + _pixels(file, given))
         case "hfield":
             need += _HEIGHT * (of("nrow")[0] * of("ncol")[0] + _pixels(file, given))
@@ -102,8 +106,7 @@ def _bytes(file: ModelFile, tag: str, given: dict[str, str], elements: int) -> f
         case "flexcomp":
             need += _CELL * math.prod(max(n, 1.0) for n in of("cellcount"))
         case "camera":
-            seen = {"rangefinder"} & {element.tag for element in file.elements}
-            need += _NUMBER * math.prod(of("resolution")) if seen else 0.0
+            need += _NUMBER * math.prod(of("resolution")) if ranges else 0.0
         case "user" | "contact":
             need += _NUMBER * (of("dim")[0] + 10.0 * of("num")[0])
     return need
@@ -111,6 +114,9 @@ def _bytes(file: ModelFile, tag: str, given: dict[str, str], elements: int) -> f
 
 def _pixels(file: ModelFile, given: dict[str, str]) -> float:
     """Pixels of the images that an element names, as their headers say."""
+    names = [given[key] for key in _FILES if given.get(key)]
+    if not names:
+        return 0.0
     folders = asset_folders(file)
     first = os.path.dirname(os.fspath(file.path))
     folders += [
@@ -118,7 +124,7 @@ def _pixels(file: ModelFile, given: dict[str, str]) -> float:
         for element in file.elements if "texturedir" in element.attributes
     ]  # fmt: skip
     count = 0.0
-    for name in (given[key] for key in _FILES if given.get(key)):
+    for name in names:
         place = found_beside(name, *folders) or found_beside(os.path.basename(name), *folders)
         with suppress(OSError), open(place or "", "rb") as image:
             head = image.read(len(_PNG) + 16)

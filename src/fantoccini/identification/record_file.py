@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -131,6 +132,14 @@ def _puppet_file(name: str, located: Located) -> Located:
     raise located.error([(("puppet",), message)], FileError)
 
 
+def _rows_of(reader: Any, name: str) -> Iterator[list[str]]:
+    """Rows of a CSV file; a mistake of the format has its line."""
+    try:
+        yield from reader
+    except StateError as error:
+        raise FileError([Mistake(name, reader.line_num, "", str(error))]) from None
+
+
 def _samples(name: str, located: Located) -> tuple[Array, dict[str, Array]]:
     """The times and the other columns of a CSV file; empty cells are NaN."""
     path = located.beside(name)
@@ -147,7 +156,7 @@ def _samples(name: str, located: Located) -> tuple[Array, dict[str, Array]]:
     clock, last = 0, -np.inf
     rows: list[list[float]] = []
     mistakes: list[Mistake] = []
-    for cells in reader:
+    for cells in _rows_of(reader, name):
         if not any(cell.strip() for cell in cells):
             continue
         if not header:

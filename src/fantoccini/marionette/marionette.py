@@ -330,8 +330,7 @@ class Marionette(Quantities):
         """n time steps from a state, with gradients of their cost by :meth:`Rollout.gradient`.
 
         The steps are those of ``fan.TimeStepping(dt, extrapolate)`` with accelerations and forces
-        that are constant over each. Points of contact are asked to stop at the start of a step, as
-        with ``extrapolate=False``, not in its middle: what rolls keeps its energy less well.
+        that are constant over each.
 
         Args:
             x0: the start, without slip.

@@ -6,6 +6,7 @@ measured.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -30,6 +31,7 @@ class PrescribedTolerances:
     """Overlap that is no longer sound [m]: as of solids at the start of a run."""
     travel: float = 1e-3
     """Travel of two solids against one another between looks at a gap that they may close [m]."""
+    turn: float = 1.0  # Change of a driven coordinate between looks, at most [rad or m]
     looks_per_piece: int = 8  # Looks at each piece of the inputs, at least
     max_looks: int = 200_000  # At a motion
     rounds: int = 50  # Bisections of the time of a touch
@@ -137,7 +139,7 @@ class _Gaps:
 
     def over(self, t: Times) -> tuple[Times, Array]:
         """Times (n,) and gaps (n, pairs by name); those that cannot be closed count as infinite."""
-        q_K = self._motion(t)
+        t, q_K = self._turning_little(t)
         while True:
             way = self._travel(q_K)
             margin = float(np.max(way, initial=0.0)) + TOLERANCES.overlap
@@ -149,10 +151,31 @@ class _Gaps:
             middle = 0.5 * (t[which] + t[which + 1])
             between = (middle > t[which]) & (middle < t[which + 1])
             which, middle = which[between], middle[between]
-            if not len(which) or len(t) > TOLERANCES.max_looks:
+            if not len(which):
+                return t, gap
+            if len(t) > TOLERANCES.max_looks:
+                text = f"{', '.join(map(pair_name, self.names))}: gaps are measured at {len(t)} "
+                text += "times of the inputs, which move too far between them to see every touch"
+                warnings.warn(text, RuntimeWarning, stacklevel=2)
                 return t, gap
             q_K = np.insert(q_K, which + 1, self._motion(middle), axis=0)
             t = np.insert(t, which + 1, middle)
+
+    def _turning_little(self, t: Times) -> tuple[Times, Array]:
+        """Times (n,) and q_K there: joints turn by at most 1 rad from one to the next.
+
+        Poses before and after a whole turn are the same.
+        """
+        q_K = self._motion(t)
+        while len(t) <= TOLERANCES.max_looks:
+            far = np.max(np.abs(np.diff(q_K, axis=0)), axis=1, initial=0.0) > TOLERANCES.turn
+            middle = 0.5 * (t[:-1] + t[1:])
+            which = np.flatnonzero(far & (middle > t[:-1]) & (middle < t[1:]))
+            if not len(which):
+                break
+            q_K = np.insert(q_K, which + 1, self._motion(middle[which]), axis=0)
+            t = np.insert(t, which + 1, middle[which])
+        return t, q_K
 
     def crossing(self, k: int, t: float, t_end: float) -> tuple[float, float]:
         """When a gap passes that of a touch [s], and how fast it closes there [m/s]."""

@@ -36,6 +36,8 @@ class Poise:
     """Bounds of the search for balance."""
 
     rounds: int = 8
+    still: float = 1e-7
+    """Acceleration of a state that rests [rad/s^2 or m/s^2]: a tenth of what modes allow."""
     move: float = 1e-3
     """Longest move of a round [rad or m]: from farther away the rows that pull may be others."""
     neutral: float = 1e-12  # Eigenvalue of K that is none, relative to the largest
@@ -112,6 +114,8 @@ def poised(model: Model, x: State) -> State:
         if not left < least:
             break
         best, least = x, left
+        if left <= POISE.still:
+            break
         small = SmallMotions.of(model, x, motion)
         eta = np.linalg.lstsq(small.K, small.N.T @ small.M @ motion.acc_D, POISE.neutral)[0]
         move = small.N @ eta

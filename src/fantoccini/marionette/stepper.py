@@ -245,8 +245,11 @@ class Stepper:
         def motion(t: Array) -> Array:
             return chosen.evaluate(t)[0] if isinstance(chosen, Input) else chosen.evaluate(t)
 
-        breaks = chosen.breaks if isinstance(chosen, Input) else np.zeros(0)
-        found = prescribed_overlaps(model, motion, looks(breaks, self._measured, self.state.t))
+        if isinstance(chosen, Input):
+            times = looks(chosen.breaks, self._measured, self.state.t)
+        else:  # of constant acceleration
+            times = np.linspace(self._measured, self.state.t, 3)
+        found = prescribed_overlaps(model, motion, times)
         told = overlap_events(model, found, self._measured)
         self._measured = self.state.t
         self._overlap = max([self._overlap, *(overlap.depth for overlap in found)])

@@ -24,6 +24,10 @@ _NUMBERS = {"v": 3, "vt": 1}
 _NO_TINT = (np.nan, np.nan, np.nan)
 _COMMENT = re.compile(r"(?:^|\s)#")
 """Begins a comment; within a word the mark is part of a name."""
+_ANY_COMMENT = re.compile("#")
+"""Begins a comment behind numbers, which have no such mark."""
+_NUMERIC = ("v", "vt", "vn", "f")
+"""Keywords of lines of numbers."""
 
 
 @dataclass
@@ -81,6 +85,7 @@ class _Reader:
         self.faces: dict[str, _Faces] = {}
         self.materials: dict[str, _Material] = {}
         self._material, self._count = "", Count()
+        self._libraries = set[str]()
         self._last = (0, 0)  # the largest index of a place, and its line
 
     def read(self, text: str) -> None:
@@ -216,9 +221,12 @@ class _Reader:
             try:
                 if not place.lower().endswith(".mtl"):
                     return False
+                if place in self._libraries:
+                    return True
                 self.materials |= _materials(decoded(self.beside.read(quote(place))))
             except ValueError:
                 continue
+            self._libraries.add(place)
             return True
         return False
 
@@ -254,17 +262,21 @@ def _statements(text: str) -> Iterator[tuple[int, list[str], str]]:
 
     A backslash at its end continues a line.
     """
-    before = ""
+    before, number = "", 0
     for number, line in enumerate(lines_of(text.replace("\ufeff", "")), 1):
-        if line.endswith("\\"):
+        if "#" in line:
+            words = line.split(maxsplit=1)
+            comment = _ANY_COMMENT if words[0].lower() in _NUMERIC else _COMMENT
+            line = comment.split(line, maxsplit=1)[0]
+        # The second byte of a character, read as Latin-1, may look like a backslash.
+        if line.endswith("\\") and not (len(line) > 1 and line[-2] > "\x7f"):
             before += line[:-1]
             continue
         line, before = before + line, ""
-        if "#" in line:
-            line = _COMMENT.split(line, maxsplit=1)[0]
-        words = line.split()
-        if words:
+        if words := line.split():
             yield number, words, line
+    if words := before.split():
+        yield number, words, before
 
 
 def _rest(line: str, words: list[str]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 import warnings
@@ -159,10 +160,10 @@ def optimise(
     touched = objective.touches.along(run, at.nodes.parameters)
     bound = max(
         passed_bound(objective, at.nodes, at.ends), _too_near(objective, runs, at.nodes),
-        key=lambda one: one.size,
+        key=lambda one: one.rank,
     )  # fmt: skip
     end = end_residual(objective, at.nodes)
-    worst = max(bound, end, touch_residual(touched), key=lambda one: one.size)
+    worst = max(bound, end, touch_residual(touched), key=lambda one: one.rank)
     reason = ""
     if has_contact and isinstance(runs, StepRuns):
         status = OptimalStatus.UNCONFIRMED
@@ -172,8 +173,11 @@ def optimise(
         status = _status(at, tolerance, until)
         if status is not OptimalStatus.SOLVED:
             reason = largest_residual(objective, at, tolerance)
-    if end.size > tolerance and end.text in reason:
-        reason += without_input(at.nodes, steps.linearise(at.nodes), objective.end_gap(at.nodes))
+    if end.size > tolerance and end.text in reason and not len(at.nodes.parameters):
+        with contextlib.suppress(StateError, SimulationError):  # a remark is not worth the result
+            reason += without_input(
+                at.nodes, steps.linearise(at.nodes), objective.end_gap(at.nodes)
+            )
     return Optimum(
         task, status, run, at.nodes.inputs(), at.cost, at.kkt, at.stationarity, bound.size,
         end.size, touched, at.iterations, time.perf_counter() - began, tuple(curve), reason, at,

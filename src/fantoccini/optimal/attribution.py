@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -33,13 +34,18 @@ class Residual:
     size: float
     text: str
 
+    @property
+    def rank(self) -> float:
+        """The size, with which residuals are compared; infinite where it is no number."""
+        return math.inf if math.isnan(self.size) else self.size
+
 
 NONE = Residual(0.0, "")
 
 
 def passed_bound(objective: Objective, nodes: Nodes, ends: Ends) -> Residual:
     """The bound that a motion passes most at its nodes; :data:`NONE` where it keeps all."""
-    return max(_bounds(objective, nodes, ends), key=lambda one: one.size, default=NONE)
+    return max(_bounds(objective, nodes, ends), key=lambda one: one.rank, default=NONE)
 
 
 def end_residual(objective: Objective, nodes: Nodes) -> Residual:
@@ -66,7 +72,7 @@ def clearance_residual(clear: ClearRows, run: Trajectory) -> Residual:
 def touch_residual(touched: tuple[Touched, ...]) -> Residual:
     """The touch that is missed most."""
     found = (Residual(one.distance, f"{one}, not there") for one in touched)
-    return max(found, key=lambda one: one.size, default=NONE)
+    return max(found, key=lambda one: one.rank, default=NONE)
 
 
 def without_input(nodes: Nodes, linear: LinearEnds, gap: Array) -> str:
@@ -84,9 +90,9 @@ def without_input(nodes: Nodes, linear: LinearEnds, gap: Array) -> str:
 def largest_residual(objective: Objective, at: Iterate, tolerance: float) -> str:
     """The residual that keeps an iterate from being optimal: of the end, a bound, or a step."""
     bound, end = passed_bound(objective, at.nodes, at.ends), end_residual(objective, at.nodes)
-    worst = max(bound, end, key=lambda one: one.size)
+    worst = max(bound, end, key=lambda one: one.rank)
     if worst.size > max(tolerance, at.stationarity) or not np.isfinite(at.stationarity):
-        return worst.text
+        return worst.text or "the search ended before a step was found"
     if at.solution is None:
         return "no step was found"
     nodes, (_, u, _) = at.nodes, objective.widened(at.solution)

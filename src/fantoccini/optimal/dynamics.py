@@ -108,7 +108,8 @@ class TimeSteps:
         Those of m and of M steps are off by c / m and c / M, so that (M D_M - m D_m) / (M - m) is
         not (Richardson). Those of tensions, which a step pulls back within its length, stay.
         """
-        finer = replace(self, dt=0.5 * self.dt, pulls=False)
+        longest = nodes.interval if self.longest is None else self.longest
+        finer = replace(self, dt=0.5 * min(self.dt, longest), pulls=False)
         m, M = self.steps(nodes.interval)[0], finer.steps(nodes.interval)[0]
         rough, fine = self.linearise(nodes), finer.linearise(nodes)
         better = {

@@ -55,16 +55,22 @@ def to_minimum(
     rotates = bool(objective.task.marionette.coordinates.rotations)
     is_fine = rotates or isinstance(runs, ExactRuns)
     finer = runs if is_fine else ExactRuns(runs.steps, runs.chosen)
-    for _ in range(1 + _PUSHES):
+    solved = None
+    for pushes in range(1 + _PUSHES):
         if not is_fine:
             at = _coarsely(runs, at, objective, limits, note)
         at = _finely(finer, at, objective, limits, note)
         if at.kkt > limits.tolerance:
             break
+        solved = at
+        if pushes == _PUSHES:
+            break
         beside = lower_beside(runs, at, objective, limits.until)
         if beside is None:
             break
         at = replace(beside, iterations=at.iterations, stationarity=np.inf)
+    if solved is not None and at.kkt > limits.tolerance and is_worse(at, solved, objective):
+        at = replace(solved, iterations=at.iterations)
     return finer, at
 
 

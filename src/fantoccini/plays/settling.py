@@ -48,6 +48,8 @@ def pause(
     swing = Swing(marionette, x, motion, most)
     tried = np.linspace(0.0, most, _STARTS)
     values = [swing.cost(p)[0] for p in tried]
+    if not np.isfinite(values[0]):
+        return 0.0, 0.0, 0.0
     before = np.sqrt(values[0])
     if before <= _CALM:
         return 0.0, float(before), float(before)

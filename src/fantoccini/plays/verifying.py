@@ -123,8 +123,9 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
     except OutOfTime:
         play.kept.until = math.inf
         faults.append(
-            f"not simulated event-driven: the time was over after {within:.3g} s; measured is the "
-            "run of compiling, in time steps of 1 ms where something touches"
+            "not simulated event-driven: the time was over "
+            + (f"after {within:.3g} s" if within else "before it began")
+            + "; measured is the run of compiling, in time steps of 1 ms where something touches"
         )
         runs = play.runs()
     except CannotBegin as error:

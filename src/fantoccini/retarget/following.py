@@ -198,6 +198,8 @@ def follow_clip(
     *,
     start: State | None = None,
     travel: float = 1.0,
+    up: str | None = None,
+    of: str = "",
     speed: float | Mapping[str, float] = SPEED,
     acceleration: float | Mapping[str, float] = ACCELERATION,
     progress: Callable[[float], None] | None = None,
@@ -212,7 +214,7 @@ def follow_clip(
         marionette: the puppet, without contact.
         clip: a BVH file, what :func:`load_bvh` read, or the result of :func:`place_clip` or
             :func:`retarget_clip`; the poses of the latter are followed as they are.
-        mapping: see :func:`retarget_clip`, as for ``start`` and ``travel``.
+        mapping: see :func:`retarget_clip`, as for ``start``, ``travel``, ``up`` and ``of``.
         start: where the puppet hangs, from which the first pose is looked for.
         travel: share of the way along the floor that is kept.
         speed, acceleration: bounds of the driven coordinates, for all or by name; others have the
@@ -224,15 +226,17 @@ def follow_clip(
         StateError: the puppet has not the bodies of a person, or has contact.
     """
     began = time.perf_counter()
+    given = mapping is not None or start is not None or travel != 1.0 or bool(up or of)
+    if given and isinstance(clip, Placed | Retargeted):
+        raise StateError(
+            "follow_clip: a clip that was placed or retargeted has its mapping, start, travel, up "
+            "and of already"
+        )
     if isinstance(clip, Retargeted):
-        if mapping is not None or start is not None or travel != 1.0:
-            raise StateError(
-                "follow_clip: a retargeted clip has its mapping, start and travel already"
-            )
         best = _at_a_speed(clip, speed, acceleration, progress)
     else:
         if not isinstance(clip, Placed):
-            clip = place_clip(marionette, clip, mapping, start, travel)
+            clip = place_clip(marionette, clip, mapping, start, travel, up, of=of)
         best = _at_a_speed(retarget_clip(marionette, clip), speed, acceleration, progress)
         for lean in LEANS:
             if not best or not best.crossings:
@@ -361,7 +365,8 @@ def report_of(retargeted: Retargeted, errors: Mapping[str, Array]) -> tuple[Part
 
 def crossings_in(marionette: Marionette, run: Trajectory) -> tuple[Crossing, ...]:
     """Passages of strings through one another in a run."""
-    samples = (x[::_EVERY] for x in (run.q_D, run.q_K, run.t))
+    k = np.unique(np.append(np.arange(0, len(run), _EVERY), len(run) - 1))
+    samples = (x[k] for x in (run.q_D, run.q_K, run.t))
     return StringsApart(marionette).over(*samples).crossings()
 
 

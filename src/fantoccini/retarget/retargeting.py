@@ -102,8 +102,9 @@ class Retargeted:
         upward = float(np.median(trunk))
         if upward > _LYING:
             return ()
+        angle = np.degrees(np.arccos(max(upward, -1.0)))
         return (
-            f"the trunk is {np.degrees(np.arccos(upward)):.0f} degrees off the vertical in half of "
+            f"the trunk is {angle:.0f} degrees off the vertical in half of "
             "the frames; if nobody lies or crawls in the clip, say which of the file's axes is up: "
             "`y` or `z`",
         )

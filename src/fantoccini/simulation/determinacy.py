@@ -13,8 +13,10 @@ way, which leaves tensions and efforts alone unless they take part.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -46,6 +48,8 @@ class Tolerances:
 
 
 TOLERANCES = Tolerances()
+_AT_ONCE = 4096
+"""Samples whose matrices are in memory together."""
 
 
 def undetermined(model: Model, run: Trajectory) -> Columns:
@@ -55,6 +59,35 @@ def undetermined(model: Model, run: Trajectory) -> Columns:
         model: the run's puppet.
         run: a run of it.
     """
+    names = tuple(s.name for s in model.tree.strings) + model.coordinates.v_K
+    parts = [_flags(model, _part(run, k, k + _AT_ONCE)) for k in range(0, len(run), _AT_ONCE)]
+    return Columns(names, np.concatenate(parts), "string or driven velocity")
+
+
+def _part(run: Trajectory, begin: int, end: int) -> Trajectory:
+    """The samples of a run from one to before another."""
+    if begin == 0 and end >= len(run):
+        return run
+    more: dict[str, Any] = {}
+    for field in dataclasses.fields(run):
+        value = getattr(run, field.name)
+        if isinstance(value, Columns):
+            more[field.name] = dataclasses.replace(value, values=value.values[begin:end])
+        elif isinstance(value, np.ndarray):
+            more[field.name] = value[begin:end]
+    if run.contact is not None:
+        own = slice(*np.searchsorted(run.contact.sample, [begin, end]))
+        points = {
+            field.name: getattr(run.contact, field.name)[own]
+            for field in dataclasses.fields(run.contact) if field.name != "names"
+        }  # fmt: skip
+        points["sample"] = points["sample"] - begin
+        more["contact"] = dataclasses.replace(run.contact, **points)
+    return dataclasses.replace(run, **more)
+
+
+def _flags(model: Model, run: Trajectory) -> Mask:
+    """(T, n) the same of a run with few samples."""
     table, n_s = model.coordinates, len(model.tree.strings)
     out = np.zeros((len(run), n_s + table.n_vK), dtype=bool)
     if table.n_vD and (n_s or run.contact is not None):
@@ -78,8 +111,7 @@ def undetermined(model: Model, run: Trajectory) -> Columns:
             )
             S = np.concatenate([pulls, np.swapaxes(efforts, 1, 2)], axis=1)
             out[samples] = _uncertain(model, B, S, low, high)
-    names = tuple(s.name for s in model.tree.strings) + table.v_K
-    return Columns(names, out, "string or driven velocity")
+    return out
 
 
 class _Rows:

@@ -340,6 +340,8 @@ def trajectory_of_samples(
         contact=contact,
         contact_residual=None if contact is None else part["contact_residual"],
     )  # fmt: skip
+    if not with_effort:
+        return made
     return dataclasses.replace(made, undetermined=undetermined(marionette.model, made))
 
 

@@ -226,12 +226,14 @@ def _unknown(bound: AxisMap, marionette: Marionette, run: Trajectory, times: Arr
     flags = run.undetermined
     if flags is None:
         flags = undetermined(marionette.model, run)
-    own = np.array([flags[name] for name in run.coordinates.v_K]).T[:, bound.v]
+    own = flags.values[:, len(run.tension.names) :][:, bound.v]
     found = np.any(own[:, :, None] & (bound.J != 0.0), axis=1)
     near = np.array(found)
     for shift in range(1, _INTERPOLATED + 1):
         near[shift:] |= found[:-shift]
         near[:-shift] |= found[shift:]
+    again = run.t[1:] == run.t[:-1]
+    found[1:][again] |= found[:-1][again]
     at = np.searchsorted(run.t, times, side="right") - 1
     exact = run.t[at] == times
     return np.where(exact[:, None], found[at], near[at])

@@ -80,7 +80,7 @@ struct JointPaths {
   // a parabola is sqrt(3/8 length excess), and a string that hangs steeply sags by half of x.
   FAN_FN static Real sag(const Real& length, const Real& span, const Real& x) {
     using std::sqrt;
-    const Real none = Real(0.0), excess = length - span, scale = Tol::parabola * (length + x);
+    const Real none = Real(0.0), excess = length - span, scale = Tol::parabola * maximum(Real(length + x), none);
     const Real most = maximum(excess + x, none), least = maximum(excess - x, none);
     return select(most > none, Real(sqrt(scale * most) - sqrt(scale * least) + x), none);
   }

@@ -218,7 +218,7 @@ class Rollouts {
     for (int l = 0; l < width; ++l) {
       passed_[l] = false;
       const bool clear = lane_of(least, l) >= in.margin;
-      lane_of(counts, l) = active_[l] && clear && lane_of(clearance_.lower, l) < in.margin;
+      lane_of(counts, l) = active_[l] && clear && !(lane_of(clearance_.lower, l) >= in.margin);
       doubtful = doubtful || lane_of(counts, l) > 0.5;
     }
     for (int s = 0; s < in.steps && doubtful; ++s)
