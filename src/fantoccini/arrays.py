@@ -46,21 +46,21 @@ Quaternion = NDArray[np.float64]
 """(..., 4) unit quaternion, in the order w, x, y, z."""
 
 
-_LARGEST = float(np.finfo(float).max)
-"""Whole numbers above it are less than infinity as well."""
+_MAX_FLOAT = float(np.finfo(float).max)
+"""Largest finite float: integers above it also compare as less than infinity."""
 
 
 def check_positive(**values: object) -> None:
     """Raises ValueError unless all are finite numbers greater than 0."""
     for name, value in values.items():
-        if not (is_number(value) and 0.0 < value <= _LARGEST):
+        if not (is_number(value) and 0.0 < value <= _MAX_FLOAT):
             raise ValueError(f"{name} is {value!r}; it must be a finite number greater than 0")
 
 
 def check_not_negative(**values: object) -> None:
     """Raises ValueError unless all are finite numbers of at least 0."""
     for name, value in values.items():
-        if not (is_number(value) and 0.0 <= value <= _LARGEST):
+        if not (is_number(value) and 0.0 <= value <= _MAX_FLOAT):
             raise ValueError(f"{name} is {value!r}; it must be a finite number of at least 0")
 
 
@@ -71,10 +71,10 @@ def is_number(value: object) -> TypeGuard[float]:
 
 
 def floats(values: ArrayLike) -> Array:
-    """The values as floats; whole numbers beyond all floats are infinite, for checks to refuse.
+    """The values as floats; integers too large for a float become infinite, for checks to refuse.
 
     Raises:
-        TypeError: complex numbers, of which a conversion would keep the real part alone, or text.
+        TypeError: complex numbers, whose imaginary part a conversion would drop, or text.
         ValueError: rows of different lengths.
     """
     given = np.asarray(values)

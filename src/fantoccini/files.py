@@ -17,9 +17,9 @@ import numpy as np
 _MARKS = {
     codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be",
 }  # fmt: skip
-"""Byte order marks, and what they are of."""
+"""Byte order mark -> encoding."""
 _KANA = re.compile("[\u3041-\u30fe]")
-"""Characters that Japanese names have, and that bytes of other encodings do not make."""
+"""Characters of Japanese names, which text in other encodings does not decode to."""
 
 
 def decoded(content: bytes) -> str:
@@ -41,7 +41,7 @@ def decoded(content: bytes) -> str:
 
 
 def lines_of(text: str) -> list[str]:
-    """Lines that end in LF, CR LF or CR, and in nothing else."""
+    """Lines of a text, separated by LF, CR LF or CR only."""
     lines = re.split(r"\r\n?|\n", text)
     return lines if lines[-1] else lines[:-1]
 

@@ -289,7 +289,7 @@ def test_the_validator_would_find_a_fault(greeting_glb: Path, tmp_path: Path) ->
 
 
 def test_every_body_is_a_joint_of_a_skin(thrown: fan.Trajectory, tmp_path: Path) -> None:
-    """Blender makes bones of these and of what is above them: shins have no string below."""
+    """Blender makes bones only of skin joints and their ancestors; shins have no string below."""
     marionette = fan.puppets.marionette()
     run = fan.simulate(marionette, marionette.rest(), t_end=0.05, method="timestepping")
     every = [body.name for body in marionette.puppet.expanded().bodies]

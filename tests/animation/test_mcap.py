@@ -193,7 +193,7 @@ def test_shapes_are_those_of_the_glb(
 def test_tensions_that_the_motion_does_not_determine_are_marked(
     greeting: fan.Trajectory, tmp_path: Path
 ) -> None:
-    """1 for that string and time; a run without such times has no topic for them."""
+    """The mark is 1 for that string and time; a run without such times has no topic."""
     flags = np.array(greeting.undetermined.values)
     assert not np.any(flags)
     later = greeting.t >= 4.9  # frames are at 4.8 and 5.0

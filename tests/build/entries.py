@@ -1,4 +1,4 @@
-"""Entries of the cache: the answer that a test library returns, and a source never asked for."""
+"""Cache entries for tests: a library with a known return value, and an unused source."""
 
 from __future__ import annotations
 

@@ -260,7 +260,7 @@ def test_without_frames_nothing_turns(tmp_path):
     clip = fan.load_bvh(written(tmp_path, text.replace("0 0 0", "3 2 1", 1)))
     np.testing.assert_array_equal(clip.positions[0, 0], [3, 2, 1])
     np.testing.assert_array_equal(clip.positions[0] - clip.positions[0, 0], clip.skeleton.rest)
-    assert "has no frames, but the pose in which nothing turns" in str(clip.notes)
+    assert "has no frames; read as one pose with all angles 0" in str(clip.notes)
 
 
 JAPANESE = ("センター", "左ひじ", "右ひじ")
@@ -294,7 +294,7 @@ def test_names_in_other_encodings_stay_apart(tmp_path, encoding):
 
 
 @pytest.mark.parametrize("end", ["\r\n", "\r", "\n\n", " \t\n"])
-def test_lines_end_as_they_like(tmp_path, end):
+def test_line_ends_may_be_lf_crlf_or_cr(tmp_path, end):
     path = tmp_path / "clip.bvh"
     path.write_bytes(ARM.replace("\n", end).encode())
     clip, plain = fan.load_bvh(path), fan.load_bvh(written(tmp_path, ARM))
@@ -378,7 +378,7 @@ def test_up_is_the_axis_along_which_a_person_stands_in_a_file_with_a_turned_root
 
 @pytest.mark.parametrize("axes", [[2, 0, 1], [0, 2, 1], [2, 1, 0]])
 def test_arms_spread_in_the_rest_pose_are_not_taken_for_its_height(tmp_path, axes):
-    """Whichever way the person looks, and whether y or z is up."""
+    """This holds for either facing direction, and with y or z up."""
     take = fan.load_bvh(written(tmp_path, clips.clip("wave", "mixamo")))
     skeleton = dataclasses.replace(take.skeleton, offsets=take.skeleton.offsets[:, axes])
     other = dataclasses.replace(take, skeleton=skeleton, positions=take.positions[..., axes])

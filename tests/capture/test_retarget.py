@@ -273,7 +273,7 @@ def test_strings_that_pass_through_one_another_are_counted_and_avoided_where_lea
 
 
 def test_a_clip_of_somebody_who_crawls_is_remarked_on(marionette):
-    """Nobody can tell a clip of somebody who lies from one that is laid on its side."""
+    """A clip of a lying person cannot be told from one imported with the wrong vertical axis."""
     stands = np.repeat(STANDS[None], 3, axis=0)
     assert fan.retarget_clip(marionette, captured(stands)).remarks == ()
     lies = fan.retarget_clip(marionette, captured(stands[..., [0, 2, 1]] * [1, 1, -1]), up="z")

@@ -1,4 +1,4 @@
-"""Solids that only the inputs move against one another: measured and reported, by both methods."""
+"""Overlaps prescribed by the inputs are measured and reported, by both methods."""
 
 from __future__ import annotations
 

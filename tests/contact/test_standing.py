@@ -104,7 +104,7 @@ def test_the_modes_of_a_puppet_that_stands_are_those_of_its_linear_system(promen
 
 
 def step_differences(puppet: fan.Marionette, x: fan.State, d: np.ndarray, size: float, dt: float):
-    """What a step makes of a small change of (q_D, v_D, q_K, v_K, acc_K, u_D)."""
+    """Difference quotient of a step by (q_D, v_D, q_K, v_K, acc_K, u_D)."""
     t = puppet.coordinates
     places = np.cumsum([t.n_vD, t.n_vD, t.n_vK, t.n_vK, t.n_vK])
 
@@ -124,7 +124,7 @@ def step_differences(puppet: fan.Marionette, x: fan.State, d: np.ndarray, size: 
     return 1.5 * apart_by(1.0) - 0.6 * apart_by(2.0) + 0.1 * apart_by(3.0)
 
 
-def test_a_step_flat_on_both_feet_has_the_derivative_of_all_it_can_do(stool):
+def test_derivatives_of_a_step_flat_on_both_feet_hold_for_consistent_changes(stool):
     """The hips' distance ties both feet: they tilt together or not at all."""
     x, dt, n = stool.state(), 0.002, stool.coordinates.n_vD
     lin = stool.linearise_step(x, dt=dt)

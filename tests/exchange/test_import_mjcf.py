@@ -481,8 +481,8 @@ BOMBS = {
 
 
 @pytest.mark.parametrize("text", BOMBS.values(), ids=BOMBS)
-def test_a_model_of_a_few_lines_takes_no_gigabytes(text, tmp_path, monkeypatch):
-    """MuJoCo does not even see it."""
+def test_a_short_model_that_needs_gigabytes_is_refused(text, tmp_path, monkeypatch):
+    """The model is refused before MuJoCo reads it."""
     monkeypatch.setattr(mujoco.MjSpec, "from_file", None)
     with pytest.raises(ExchangeError, match=r"model\.xml:1: .*MuJoCo would take [\d,]+ MB"):
         imported(f"<mujoco>{text}</mujoco>", tmp_path)

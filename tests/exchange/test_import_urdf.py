@@ -451,7 +451,7 @@ def test_a_uri_may_have_spaces_as_percent_20(name, tmp_path):
 
 
 def test_masses_of_links_without_inertia_are_those_of_their_solids(tmp_path):
-    """Where a joint would move no mass; or of a density that is given."""
+    """This applies if a joint would move no mass, or if a density is given."""
     solids = (
         '<visual><origin xyz="0 0 0.3"/><geometry><box size="0.1 0.2 0.3"/></geometry></visual>'
         f'<visual><origin xyz="0 0 -0.1"/>{BALL}</visual>'

@@ -1,4 +1,4 @@
-"""What an optimisation refuses at once, and what it says of an answer that does not hold."""
+"""Tasks that an optimisation refuses at once, and its report on an answer that is not valid."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def task(crane: fan.Marionette, bounds: fan.Bounds, **options) -> fan.Task:
         (fan.Bounds(position={"line.x": (-0.1, 0.15)}),
          r"line\.x is 0\.2 at the end, beyond its bounds -0\.1 to 0\.15"),
         (fan.Bounds(joint={"bob.x": (-1.0, 0.1)}), r"bob\.x is 0\.2 at the end"),
-        (fan.Bounds(held=("line.x",)), r"line\.x is held, and is to be 0\.2 farther at the end"),
+        (fan.Bounds(held=("line.x",)), r"line\.x is held, but the end is off its start by 0\.2"),
     ],
 )  # fmt: skip
 def test_an_end_outside_its_bounds_is_refused_at_once(crane, bounds, words):

@@ -1,4 +1,4 @@
-"""Who passes through another or through an obstacle between two measured samples is seen."""
+"""Passages through a player or an obstacle between two measured samples are detected."""
 
 from __future__ import annotations
 

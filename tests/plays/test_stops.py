@@ -1,4 +1,4 @@
-"""Runs that stop, searches out of time, and cues that nobody can do: told with line and player."""
+"""Reports with line and player: runs that stop, timeouts, and cues that nobody can do."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ ERRORS = [
 def test_an_error_of_the_simulator_refuses_its_cue_and_the_rest_is_played(
     tmp_path, monkeypatch, error
 ):
-    """It ended the whole play, without line, player and cue."""
+    """Regression: it ended the whole play, without line, player and cue."""
     path = write_play(tmp_path, TWICE)
     failing(monkeypatch, lambda x, inputs, _: moves_again(x, inputs), error)
     play = fan.load_play(path)
@@ -89,7 +89,7 @@ def test_an_error_in_the_verification_is_a_fault_with_line_player_and_cue(tmp_pa
 
 
 def test_a_play_that_is_out_of_time_is_that_of_its_last_whole_round(tmp_path, monkeypatch):
-    """It was stopped between rounds only, however long they took."""
+    """Regression: it stopped only between rounds, however long they took."""
     path = write_play(tmp_path, TOUCHES)
     simulated, began = runs.simulate, time.monotonic()
     calls = []

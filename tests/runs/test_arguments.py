@@ -115,7 +115,7 @@ def refused(arm, x0):
 
 
 def complex_or_text(arm, x0):
-    """What takes numbers, given complex ones and text."""
+    """Functions that take numbers, called with complex numbers and text."""
     yield lambda q: x0.replace(q_D=q(x0.q_D))
     yield lambda q: x0.replace(v_K=q(x0.v_K))
     yield lambda q: x0.replace(t=q(np.array(0.5))[()])
@@ -174,7 +174,7 @@ def test_a_stepper_under_feedback_keeps_its_states_where_it_stops(arm):
 
 
 def test_a_law_that_forgets_return_is_refused(arm):
-    """It ran open loop."""
+    """Regression: the run went on open loop."""
     x0 = arm.rest({"hand.length": 0.8})
     stepper = arm.stepper(x0)
 

@@ -123,7 +123,7 @@ def test_what_has_no_gradient_says_why():
 
 
 def test_a_rollout_that_stopped_raises_or_is_cut_at_the_stop():
-    """Its rest was finite zeros."""
+    """Regression: the rest of the rollout was filled with zeros."""
     arm = fan.puppets.arm2d()
     x, acc = arm.rest().replace(t=1.0), np.zeros((5, arm.coordinates.n_vK))
     acc[2:] = -1e7

@@ -1,4 +1,4 @@
-"""Event-driven runs that crawl: bounded in computing time, and told what makes them slow."""
+"""Slow event-driven runs: limited computing time, and a warning that names the cause."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_a_run_that_would_take_minutes_says_so_early_and_names_what_to_do(monkey
         fan.simulate(ARM, SWINGING, t_end=1e6, save_at=[1e6], time_limit=1.0, throw=False)
 
 
-def test_what_chatters_is_named_by_its_events_and_its_touches():
+def test_chattering_is_reported_with_events_and_touches():
     t = np.linspace(0.0, 0.1, 1000)
     names = (("a", "floor"), ("b", "a"))
     sample = np.arange(990, 1000)

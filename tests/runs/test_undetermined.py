@@ -41,7 +41,7 @@ def eight():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
-def test_eight_cables_at_rest_are_told_at_every_time(eight, method, tmp_path):
+def test_eight_cables_at_rest_are_marked_at_every_time(eight, method, tmp_path):
     """Of rank 5 (nothing holds the yaw), three self-stresses reach every cable and winch."""
     x0, _ = moved(eight)
     run = fan.simulate(eight, x0, t_end=0.1, method=method)
@@ -83,7 +83,7 @@ def moving():
 
 
 @pytest.mark.slow
-def test_what_is_not_told_is_the_same_by_both_methods(moving):
+def test_determined_tensions_agree_between_both_methods(moving):
     """Where rounding puts tensions at the winch's cap by one method, and not by the other."""
     _, (event, stepped) = moving
     stepped = stepped.resample(event.t)
@@ -127,7 +127,7 @@ def small():
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_of_strings_only_those_of_the_null_space_are_told(small, method):
+def test_only_strings_in_the_null_space_are_marked(small, method):
     """A cart pushed against two parallel strings; a bob beside it hangs on one."""
     x0 = small.state({"alone.length": 1.0})
     pushed = fan.Input.hold(small, 0.1).with_forces({"cart.x": [(0.0, 5.0), (0.1, 5.0)]})
@@ -166,7 +166,7 @@ CORNERS = np.array([(x, y, 0.1) for x in (-0.3, 0.3) for y in (-0.3, 0.3)])
 
 @pytest.mark.slow
 @pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)])
-def test_near_a_symmetric_pose_peaks_of_rounding_are_told(axis):
+def test_rounding_peaks_near_a_symmetric_pose_are_marked(axis):
     """Upright, the cables have a self-stress; tilted by their inverse kinematics, almost one."""
     four, way = plate(), np.linspace(0.0, 1.0, 101)
     way = way**3 * (10.0 - 15.0 * way + 6.0 * way**2)
@@ -192,7 +192,7 @@ def test_near_a_symmetric_pose_peaks_of_rounding_are_told(axis):
 
 @pytest.mark.slow
 def test_strings_that_stretch_are_determined():
-    """Of chains every tension follows from the motion."""
+    """In chains, the motion determines every tension."""
     chains = plate("chain")
     run = fan.simulate(chains, chains.rest({f"c{i}.length": 1.4 for i in range(4)}), t_end=0.05)
     assert not np.any(run.undetermined.values)
@@ -225,7 +225,7 @@ strings:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["event", "timestepping"])
-def test_four_corners_of_a_sole_are_no_reason_to_tell(method):
+def test_four_corners_of_a_sole_alone_are_not_marked(method):
     """They share the weight in many ways, of which the string that holds the shin knows nothing. A
     string upright over a box on the floor shares its weight with the floor, and is told."""
     standing = fan.loads(STANDING)

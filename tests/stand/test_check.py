@@ -221,7 +221,7 @@ def test_step_rates_are_those_of_the_controller(hoist, lifted):
 
 
 def test_torques_that_the_motion_does_not_determine_are_not_judged(hoist, lifted):
-    """Neither for nor against the stand: what is too much elsewhere is broken all the same."""
+    """Such times count neither for nor against the stand; other limits can still be broken."""
     sure = {"speed: 1": "speed: 2", "acceleration: 20": "acceleration: 60"}
     weak = check_stand(stand("0.055", **sure), lifted, hoist)
     first = weak.of("winch")["torque"].broken

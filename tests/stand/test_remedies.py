@@ -111,7 +111,7 @@ def test_microsteps_are_those_that_drivers_have(hoist, lifted, microsteps, share
 
 
 def test_no_microsteps_are_advised_where_the_torque_lacks_too(hoist, lifted):
-    """They would pass the step rate, and not the check."""
+    """They would pass the step rate, but not the whole check."""
     weak = check_stand(fan.stand.loads_stand(of("drum", 0.01, 0.055, 16, 60000)), lifted, hoist)
     assert {limit.quantity for limit in weak.broken} == {"torque", "step rate"}
     (line,) = remedies(weak)

@@ -124,7 +124,7 @@ def test_captions_are_in_the_picture_in_their_time_only(puppet, tmp_path):
 
 
 def test_captions_that_overlap_are_all_read_with_their_speakers(puppet):
-    """Of two the older one vanished, and nobody was named."""
+    """Regression: the older of two vanished, and no speaker was named."""
     first = Caption(0.0, 2.0, "Good evening!", "pierrot")
     second = Caption(1.0, 3.0, "Ah!", "doctor")
     alone = Caption(4.0, 5.0, "A bell rings")

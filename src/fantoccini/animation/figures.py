@@ -17,7 +17,7 @@ from fantoccini.view.theme import LIGHT
 
 
 def material(document: Document, colour: Array) -> int:
-    """The material of a colour (3,), which is called after it."""
+    """The material of a colour (3,), named after the colour."""
     look = {
         "baseColorFactor": [*linear_colour(colour), 1.0],
         "metallicFactor": 0.0,

@@ -1,9 +1,9 @@
 """MCAP (.mcap): messages that Foxglove draws, and Rerun as far as it knows them; z up, metres.
 
-Of every frame: where bodies are in the frame of their parent (``/tf``), strings (``/strings``),
-coordinates (``/joints``) and the strings' tensions [N] (``/tension``), with 1 where the motion does
-not determine a tension or effort (``/undetermined``). Shapes of the bodies come once, in the
-bodies' frames (``/bodies``). Messages are in Protocol Buffers, with their schemas.
+Each frame has the poses of the bodies relative to their parents (``/tf``), the strings
+(``/strings``), the coordinates (``/joints``), the tensions [N] (``/tension``), and 1 where the
+motion does not determine a tension or effort (``/undetermined``). Shapes of the bodies come once,
+in the bodies' frames (``/bodies``). Messages are in Protocol Buffers, with their schemas.
 """
 
 from __future__ import annotations

@@ -93,7 +93,7 @@ def linear_colour(colour: Array) -> list[float]:
 
 
 def hex_of(colour: Array) -> str:
-    """An sRGB colour (3,) as its file has it, in six hexadecimal digits: ``6e6a62``."""
+    """An sRGB colour (3,) as six hexadecimal digits: ``6e6a62``."""
     return bytes(np.rint(255.0 * np.clip(colour, 0.0, 1.0)).astype(int).tolist()).hex()
 
 

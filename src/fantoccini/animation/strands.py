@@ -82,9 +82,9 @@ class Strands:
         return index
 
     def _skin(self, joints: list[int]) -> int:
-        """A skin of a line's joints. The first one has all bodies besides, as bones.
+        """The skin of a line's joints; the first skin also has all bodies as joints.
 
-        Blender makes bones of the joints of skins and of what is above them alone.
+        Blender makes bones only of the joints of skins and of their ancestors.
         """
         if "skins" not in self.document.content:
             joints = [*joints, *self.nodes.values()]

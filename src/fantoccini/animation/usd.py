@@ -159,7 +159,7 @@ class _Writer:
         UsdShade.MaterialBindingAPI.Apply(what.GetPrim()).Bind(self._material(colour))
 
     def _material(self, colour: Array) -> Any:
-        """A material, kept once for each colour and called after it."""
+        """The material of a colour, created once and named after the colour."""
         linear = linear_colour(colour)
         if tuple(linear) not in self._materials:
             root = self.stage.GetDefaultPrim().GetPath()

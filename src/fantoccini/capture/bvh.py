@@ -52,8 +52,8 @@ def load_bvh(path: str | os.PathLike[str]) -> Capture:
 
     Position channels may belong to any joint, whose offset they replace; channels may have any
     order. Angles are in degrees, as the format says. A file may have one frame less or more than
-    its header counts, which :attr:`Capture.notes` tells; the time of a single frame is of no use,
-    and may be 0.
+    its header says; :attr:`Capture.notes` then reports it. With a single frame, the frame time is
+    ignored and may be 0.
 
     Args:
         path: of the file, or the name of a bundled clip (``jumps``).
@@ -173,13 +173,13 @@ class _Words:
         return values[:rows]
 
     def _counted(self, found: int, said: int) -> int:
-        """The frames that were found, which may be one less or more than its header says."""
+        """The number of frames in the file, which may differ by one from its header."""
         if found < said - 1 or (not found and said):
             self.fail(f"the file ends after {found} frames; needed: {said}, as its header says")
         if found != said:
             self.notes.append(f"{self.path}: has {found} frames; its header says {said}")
         if not found:
-            self.notes.append(f"{self.path}: has no frames, but the pose in which nothing turns")
+            self.notes.append(f"{self.path}: has no frames; read as one pose with all angles 0")
         return found
 
     def fail(self, text: str) -> NoReturn:
@@ -269,7 +269,7 @@ def _motion_header(words: _Words) -> tuple[int, float]:
 
 
 def _rest(joints: list[_Joint], n_channels: int) -> Array:
-    """(1, n_channels) of the pose in which nothing turns."""
+    """(1, n_channels) channels of the pose with all angles 0."""
     values = np.zeros((1, n_channels))
     for joint in joints:
         for kind, axis, column in joint.channels:

@@ -16,10 +16,10 @@ _PERSON = 1.7
 """Height of a person [m]."""
 _JUMP, _NEXT = 10.0, 20
 """How much farther joints jump after a pose for calibration than in any of the next frames."""
-_BONE = 0.2
+_MAX_BONE_CHANGE = 0.2
 """Largest change of a bone's length, relative to the skeleton's longest bone."""
-_TALL = 0.7
-"""Smallest extent along the vertical of a rest pose that shows it, relative to the largest."""
+_MIN_VERTICAL_EXTENT = 0.7
+"""Extent of a rest pose for which an axis may be vertical, relative to the largest extent."""
 _MIRRORED = 0.02
 """Largest mean distance of a symmetric skeleton from its reflection, relative to its extent."""
 _STANDS = 0.9
@@ -62,23 +62,23 @@ class Skeleton:
     def up(self, joints: Indices) -> int | None:
         """The vertical axis of the rest pose: 1 for y, 2 for z; None where it does not show one.
 
-        It is the one axis of the two along which the joints extend about as far as along any. In
-        a T-pose that looks along x these are both; then it is not the axis along which the
-        skeleton is symmetric.
+        The axis of the two along which the extent of the joints is close to the largest extent. In
+        a T-pose facing x both qualify; the axis along which the skeleton is symmetric is then
+        excluded.
 
         Args:
-            joints: indices of those that are parts of the body.
+            joints: indices of the joints of the body.
         """
         places = self.rest[joints]
         extent = np.ptp(places, axis=0)
-        axes = [axis for axis in (1, 2) if extent[axis] > _TALL * extent.max()]
+        axes = [axis for axis in (1, 2) if extent[axis] > _MIN_VERTICAL_EXTENT * extent.max()]
         if len(axes) == 2:
             axes = [axis for axis in axes if not _symmetric(places, axis)]
         return axes[0] if len(axes) == 1 else None
 
 
 def _symmetric(places: Array, axis: int) -> bool:
-    """Whether places (n, 3) are their own reflection along an axis."""
+    """Whether points (n, 3) are symmetric under reflection along an axis."""
     mirrored = places.copy()
     mirrored[:, axis] = places[:, axis].min() + places[:, axis].max() - places[:, axis]
     apart = np.linalg.norm(places[:, None] - mirrored, axis=2).min(axis=1)
@@ -96,7 +96,7 @@ class Capture:
             with z up after :meth:`upright`.
         rotations: (T, n, 3, 3) orientations of the joints' frames.
         name: of the clip.
-        notes: how the file departs from what it says of itself.
+        notes: differences between the file and its header.
     """
 
     skeleton: Skeleton
@@ -121,10 +121,10 @@ class Capture:
 
     @cached_property
     def body(self) -> Indices:
-        """Indices of the joints that bones join; all where bones join fewer than half of them.
+        """Indices of the joints connected by bones; all joints if bones connect less than half.
 
-        A bone has the length of its offset in all frames. The joint at the origin that some
-        programs put above the hips, and targets of inverse kinematics, have none.
+        A bone keeps its length in all frames. Some programs add a joint at the origin above the
+        hips, or targets of inverse kinematics, which have no bones.
         """
         parents, offsets = self.skeleton.parents, self.skeleton.offsets
         length = np.linalg.norm(offsets, axis=1)
@@ -133,7 +133,7 @@ class Capture:
             if parent < 0:
                 continue
             away = np.linalg.norm(self.positions[:, i] - self.positions[:, parent], axis=1)
-            if np.max(np.abs(away - length[i])) <= _BONE * longest:
+            if np.max(np.abs(away - length[i])) <= _MAX_BONE_CHANGE * longest:
                 part[i] = part[parent]
         body = np.flatnonzero(part == np.bincount(part).argmax())
         return body if 2 * len(body) > len(part) else np.arange(len(part))
@@ -147,9 +147,9 @@ class Capture:
     def up(self) -> int:
         """The vertical axis: 1 for y, 2 for z.
 
-        That of the rest pose, unless the skeleton stands along the other one in most frames, as in
-        files whose root is turned. Where the rest pose shows none, the axis along which the
-        body extends farther in most frames.
+        Taken from the rest pose, unless the skeleton stands along the other axis in most frames, as
+        in files with a rotated root. Where the rest pose has no clear vertical, it is the axis
+        along which the body extends farther in most frames.
         """
         extent, rest = self._extent, self.skeleton.up(self.body)
         if rest is None:
@@ -161,7 +161,7 @@ class Capture:
     def height(self) -> float:
         """Height of the skeleton in its rest pose, in the file's unit.
 
-        Where the rest pose shows no vertical, the median over the frames.
+        Where the rest pose has no clear vertical, the median over the frames.
         """
         axis = self.skeleton.up(self.body)
         if axis is None:

@@ -1,12 +1,11 @@
-"""Distances along a path: nothing is passed between samples, however thin it is (Mirtich 1996).
+"""Conservative advancement: distances along a path, safe between samples (Mirtich 1996).
 
-No point of a solid is farther from where it is in a configuration than the path on which it goes
-there, so that
+The displacement of a point between two configurations is at most the length of its path. Hence
 
     d(t) >= d(c) - path_i(c, t) - path_j(c, t)
 
-for two solids. What may thereby come nearer than a limit is looked at again in the middles of both
-halves, until it cannot.
+for two solids. Intervals in which this bound permits a distance below a limit are halved, until it
+no longer does.
 """
 
 from __future__ import annotations
@@ -20,14 +19,14 @@ from fantoccini.arrays import Array, Indices, Mask
 from fantoccini.clearance.path import Path
 from fantoccini.runtime import Moves
 
-_AT_ONCE = 8192
-"""Intervals that are looked at together."""
+_BATCH_SIZE = 8192
+"""Number of intervals measured together."""
 
 Measure = Callable[[Array, Array, Moves], tuple[Array, Array]]
-"""q_D, q_K (m, ...) and moves -> distances (m,), and bounds below which none falls (m,) [m]."""
+"""q_D, q_K (m, ...) and moves -> distances (m,), and their lower bounds on the moves (m,) [m]."""
 
 Look = Callable[["Places", Array, Array], Indices]
-"""Told of places, distances (m,) and bounds (m,) there; the numbers of those to look around."""
+"""Callback: places, distances (m,), lower bounds (m,) -> indices of places to refine."""
 
 
 class Places(NamedTuple):
@@ -47,16 +46,16 @@ class Places(NamedTuple):
     q_K: Array
 
     def some(self, which: Indices | Mask) -> Places:
-        """Those that a mask or indices choose."""
+        """The places selected by a mask or indices."""
         piece, s, t, q_D, q_K = self
         return Places(piece[which], s[which], t[which], q_D[which], q_K[which])
 
 
 def advance(path: Path, measure: Measure, look: Look) -> None:
-    """Looks at the samples of a path, and between them wherever that is asked for."""
+    """Measures the samples of a path, and refines between them where ``look`` requires it."""
     last = len(path) - 1
-    for first in range(0, last + 1, _AT_ONCE):
-        k = np.arange(first, min(first + _AT_ONCE, last + 1))
+    for first in range(0, last + 1, _BATCH_SIZE):
+        k = np.arange(first, min(first + _BATCH_SIZE, last + 1))
         at = Places(k, np.zeros(len(k)), path.t[k], path.q_D[k], path.q_K[k])
         moves = Moves(*(x[k] for x in path.around))
         around = k[look(at, *measure(at.q_D, at.q_K, moves))]
@@ -75,9 +74,9 @@ def _between(
     waiting = [(piece[kept], start[kept], end[kept])] if np.any(kept) else []
     while waiting:
         piece, start, end = waiting.pop()
-        if len(piece) > _AT_ONCE:
-            waiting.append((piece[_AT_ONCE:], start[_AT_ONCE:], end[_AT_ONCE:]))
-            piece, start, end = piece[:_AT_ONCE], start[:_AT_ONCE], end[:_AT_ONCE]
+        if len(piece) > _BATCH_SIZE:
+            waiting.append((piece[_BATCH_SIZE:], start[_BATCH_SIZE:], end[_BATCH_SIZE:]))
+            piece, start, end = piece[:_BATCH_SIZE], start[:_BATCH_SIZE], end[:_BATCH_SIZE]
         middle = 0.5 * (start + end)
         at = Places(piece, middle, path.t[piece] + middle, *path.at(piece, middle))
         halves = path.moves(piece, start, middle), path.moves(piece, middle, end)

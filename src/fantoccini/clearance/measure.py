@@ -21,11 +21,11 @@ from fantoccini.puppet import Obstacle
 from fantoccini.runtime import Moves, Solids, default_threads, moved_by
 
 _MAX_TOUCH = 1e-6
-"""Overlap below which solids are said to meet [m]; along paths they do from as near as that."""
+"""Overlap below which solids touch [m]; along paths, also the distance below which they touch."""
 _ACCURACY = 0.01
-"""By which a least distance along a path may be too large, relative to it."""
+"""Relative error of a least distance along a path, at most."""
 _EDGE = 1e-4
-"""By which solids may come nearer between samples than a limit, unseen [m]."""
+"""Depth by which a limit may be undercut between samples without being detected [m]."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Nearest:
 
 @dataclass(frozen=True)
 class Least:
-    """The least distance on a path, and where it is.
+    """The least distance on a path, with its time and configuration.
 
     Attributes:
         distance: [m]; negative where solids overlap or pass one another.
@@ -197,7 +197,7 @@ class Clearance:
             k = int(np.argmin(np.nan_to_num(distance, nan=np.inf)))
             if distance[k] < best.distance:
                 best = Least(float(distance[k]), float(at.t[k]), at.q_D[k], at.q_K[k])
-            # Where something overlaps already, it is not asked how deep.
+            # Depths of overlaps are not refined: any overlap is a collision.
             room = max(_ACCURACY * best.distance, _MAX_TOUCH)
             return np.flatnonzero((best.distance >= 0.0) & (lower < best.distance - room))
 
@@ -211,7 +211,7 @@ class Clearance:
 
         Args:
             path: of the puppet.
-            within: the limit [m]. By less than 0.1 mm solids may come nearer unseen.
+            within: the limit [m]; it may be undercut by up to 0.1 mm without being detected.
 
         Returns:
             The places (m,) in order of time, and the distances there (m,) [m].
@@ -231,7 +231,7 @@ class Clearance:
         return at.some(order), distance[order]
 
     def nearest(self, motion: State | Trajectory | Sequence[State]) -> Nearest | None:
-        """The nearest pair in the worst configuration, of runs also between samples.
+        """The nearest pair in the worst configuration; for runs, also between samples.
 
         None without pairs.
         """
@@ -259,7 +259,7 @@ class Clearance:
         return Nearest(*self._named(int(pair)), float(distance))
 
     def _bounded(self, q_D: Array, q_K: Array, moves: Moves) -> tuple[Array, Array]:
-        """Distances at configurations, and bounds below which none falls on moves about them."""
+        """Distances at configurations, and their lower bounds on moves about them."""
         return self._measured(q_D, q_K, default_threads(), moves)[:2]
 
     def _measured(

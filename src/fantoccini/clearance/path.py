@@ -1,8 +1,8 @@
 """Path: configurations along a motion, at its samples and between them.
 
-Between samples of event-driven runs coordinates are quintics, and rotations go through the tangent
-space, as in :mod:`fantoccini.motion.interpolate`. In runs of fixed steps everything moves evenly
-from sample to sample.
+Between samples of event-driven runs, coordinates are quintics, and rotations are interpolated in
+the tangent space, as in :mod:`fantoccini.motion.interpolate`. In runs of fixed steps, coordinates
+are interpolated linearly.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ MIN_SLACK = 1.0 + 1e-6
 class _Samples(NamedTuple):
     """Dynamic or driven coordinates at T samples: (T, n_q), (T, n_v), (T, n_v), and their places.
 
-    Without velocities and accelerations the coordinates move evenly.
+    Without velocities and accelerations, coordinates are interpolated linearly.
     """
 
     q: Array
@@ -41,7 +41,7 @@ class Path:
     """Configurations along a motion of T samples, in T - 1 pieces.
 
     Attributes:
-        marionette: that moves.
+        marionette: the puppet or scene.
         t: (T,) [s].
         q_D, q_K: (T, n_qD), (T, n_qK).
         h: (T - 1,) durations of the pieces [s]; 0 at an impact.
@@ -50,7 +50,7 @@ class Path:
         marionette: a puppet or a scene.
         t: (T,) times of the samples, not decreasing [s].
         q_D, q_K: (T, n_qD), (T, n_qK).
-        rates: (T, n) v_D, acc_D, v_K and acc_K; without them everything moves evenly.
+        rates: (T, n) v_D, acc_D, v_K and acc_K; without them, interpolation is linear.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class Path:
 
     @classmethod
     def of(cls, marionette: Marionette, run: Trajectory, every: int = 1) -> Path:
-        """The path of a run; even between samples if only every so many of them count."""
+        """The path of a run; if ``every`` > 1, linear between every so many samples."""
         t, q_D, q_K = run.t[::every], run.q_D[::every], run.q_K[::every]
         if run.method != "event" or every > 1:
             return cls(marionette, t, q_D, q_K)
@@ -87,7 +87,7 @@ class Path:
         return len(self.t)
 
     def part(self, begin: int, end: int) -> Path:
-        """The path from one sample to before another."""
+        """The path from sample ``begin`` up to, but not including, ``end``."""
         own = slice(begin, end)
         rates = None
         if self._rates is not None:
@@ -110,9 +110,9 @@ class Path:
         return found[0], found[1]
 
     def moves(self, piece: Indices, start: Array, end: Array) -> Moves:
-        """How far joints move at most in pieces (m,), from and to times (m,) in these [s].
+        """Bounds of the joints' paths in pieces (m,), between times (m,) within these [s].
 
-        A polynomial's path is not longer than that through Bezier's control points.
+        A polynomial's path is no longer than the polygon of its Bezier control points.
         """
         tree = self.marionette.tree
         steps = {

@@ -27,11 +27,11 @@ from fantoccini.marionette import Marionette
 _ACCURACY = 1e-5
 """By how much a least distance may be too large [m]: so near to it, no nearer sample is sought."""
 _SHORT, _SHARE = 1e-4, 0.02
-"""Moves between samples that are not looked into any more [m], and relative to the distance."""
+"""Largest moves that are not refined further [m], and relative to the distance."""
 _SAMPLE = -1.0
-"""Stands for the time after a sample, of the sample itself [s]."""
+"""Placeholder for the time after a sample, meaning the sample itself [s]."""
 _LEAST_PART = 1e-4
-"""Part of a step that is not halved any more: what jumps there, like the fold of a string, does."""
+"""Smallest part of a step: discontinuities, as of a string's fold, never move little enough."""
 
 
 @dataclass(frozen=True)
@@ -134,8 +134,8 @@ class StringsApart:
 class StringMotion:
     """Strings and bodies along a motion.
 
-    Between samples everything moves evenly. Where a pair may come nearer there than is asked for,
-    steps are halved until they move things by less than 0.1 mm, or 2 % of their distance.
+    Between samples, coordinates are interpolated linearly. Where a pair may come nearer than the
+    limit, steps are halved until they move it by less than 0.1 mm, or 2 % of its distance.
 
     Attributes:
         t: (T,) times [s].
@@ -154,7 +154,7 @@ class StringMotion:
     def nearest(self, within: float = 0.05) -> Approaches:
         """The least distance of every pair that comes nearer than ``within``, the least first.
 
-        Distances are right to 0.1 mm and 2 %. How deep samples overlap is not looked into.
+        Distances are accurate to 0.1 mm and 2 %. Depths of overlaps are not measured.
 
         Raises:
             ValueError: ``within`` is not a finite number greater than 0.
@@ -228,7 +228,7 @@ class StringMotion:
         return windings(self.cores, self.pairs)
 
     def _search(self, limit: Limit, take: Take) -> None:
-        """Looks at samples, and between them where pairs may be nearer than a limit there."""
+        """Measures samples, and refines between them where pairs may be nearer than a limit."""
         pairs, none = self.pairs.every, np.zeros(len(self.pairs.every))
         pair, k = search(
             self.cores, pairs,
@@ -285,10 +285,10 @@ class StringMotion:
 
 
 Limit = Callable[[Indices, Indices, Array], Array]
-"""Distances without radii up to which pairs (m,) count, by samples (m,) and times after them."""
+"""Limit of the distance without radii, of pairs (m,) at samples (m,) and times after them."""
 
 Take = Callable[[Indices, Indices, Array, Array], None]
-"""Told of pairs (m,), samples, times after them and distances without radii there."""
+"""Callback: pairs (m,), samples, times after them and distances without radii."""
 
 
 def _firsts(group: Indices, rank: Array | Indices) -> Indices:

@@ -205,8 +205,8 @@ def import_(
         float | None,
         typer.Option(
             metavar="KG/M3",
-            help="Of the solids of links without inertia in URDF; where a joint would move no mass "
-            "1000, elsewhere such links have none.",
+            help="For the solids of links without inertia in URDF; by default 1000 if a joint "
+            "would move no mass, else such links have no mass.",
         ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Write over files that exist.")] = False,

@@ -21,7 +21,7 @@ def import_file(
         model: MJCF or URDF file.
         out: puppet file.
         keyframe: of the model, that the puppet starts in.
-        density: of the solids of links without inertia [kg/m^3].
+        density: for the solids of links without inertia [kg/m^3].
         force: write over files that exist.
         quiet: print no report.
     """

@@ -65,7 +65,7 @@ def follow_file(request: FollowRequest) -> None:
 
 
 def _remarks(followed: Followed) -> Iterator[str]:
-    """Sentences on what the report's figures mean."""
+    """Remarks that explain the figures of the report."""
     for remark in followed.retargeted.remarks:
         yield f"{remark} (--up)"
     if followed.hanging_far > MAX_ERROR:
@@ -89,8 +89,8 @@ def _remarks(followed: Followed) -> Iterator[str]:
     if followed.crossings:
         first = followed.crossings[0]
         yield (
-            f"strings pass through one another {len(followed.crossings)} times, which threads "
-            f"cannot: first {first}"
+            f"strings pass through one another {len(followed.crossings)} times, which real strings "
+            f"cannot do: first {first}"
         )
 
 

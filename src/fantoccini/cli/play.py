@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 def play_file(request: PlayRequest) -> None:
     """Compiles and verifies a play, prints its cue times and the verdict, and writes the outputs.
 
-    The exit code is 1 if a cue cannot be done as written, unless it may be left out, or if the run
-    does not hold what is promised.
+    The exit code is 1 if a cue that is not optional cannot be done as written, or if the
+    verification has faults.
     """
     out, report = request.out or [], request.report
     check_outputs(out, None)
@@ -41,7 +41,7 @@ def play_file(request: PlayRequest) -> None:
         left = None if within is None else max(within - (compiled - began), 0.0)
         verification = verify_play(play, within=left)
         verified = time.perf_counter()
-    # Before the outputs, which may take longer than all that is told.
+    # Printed first, because the outputs may take longer than everything before.
     if not request.quiet:
         _print(verification)
         report_score(play.score, out)

@@ -10,7 +10,7 @@ from fantoccini.cli.terminal import number, table, write
 from fantoccini.motion import EventKind, Trajectory
 
 _MAX_NAMED = 16
-"""Strings and efforts that are listed."""
+"""Largest number of strings and efforts listed by name."""
 _FAR = 1.0
 """Way of a rotor that is told [m or rad]."""
 
@@ -68,7 +68,7 @@ def report(run: Trajectory, seconds: float) -> None:
 
 
 def undetermined_lines(run: Trajectory) -> list[str]:
-    """Which tensions and efforts the motion does not determine, and from when on."""
+    """Report lines: tensions and efforts not determined by the motion, with the first time."""
     if run.undetermined is None or not np.any(run.undetermined.values):
         return []
     found = [(name, flags) for name, flags in run.undetermined.items() if np.any(flags)]

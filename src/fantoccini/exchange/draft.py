@@ -155,7 +155,7 @@ class Draft:
 
     @contextmanager
     def shapes(self) -> Iterator[Callable[[dict[str, Any]], Shape | None]]:
-        """A function that makes shapes of their plain data; None of what no puppet file has."""
+        """A function from plain data to shapes; None for shapes that no puppet file can have."""
         with self._located() as located:
 
             def read(shape: dict[str, Any]) -> Shape | None:
@@ -168,7 +168,7 @@ class Draft:
 
     @contextmanager
     def _located(self) -> Iterator[Located]:
-        """A folder with the meshes, while shapes are read."""
+        """A temporary folder with the meshes, from which shapes are read."""
         with TemporaryDirectory() as folder:
             for path, content in self.meshes.items():
                 place = Path(folder) / path
@@ -229,7 +229,7 @@ class Draft:
 
 
 def _validated(shape: dict[str, Any], located: Located) -> Shape:
-    """A shape of its plain data, or of an obstacle's."""
+    """A shape from its plain data, or from an obstacle's."""
     given = {key: value for key, value in shape.items() if key != "name"}
     found: Shape = _SHAPES.validate_python(given, context=located)
     return found

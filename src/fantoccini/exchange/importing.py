@@ -45,8 +45,8 @@ def import_model(
     Args:
         path: of the model.
         keyframe: of an MJCF file, that the puppet starts in; by default its zero pose.
-        density: of the solids of links without inertia in URDF [kg/m^3]; by default that of water
-            if a joint would move no mass, and else such links have none. The report says so.
+        density: for the solids of links without inertia in URDF [kg/m^3]; by default that of water
+            if a joint would move no mass, else such links have no mass. The report says which.
 
     Raises:
         ExchangeError: the file is no model, or has what no puppet can have.

@@ -1,6 +1,6 @@
-"""Models of a few lines for which MuJoCo would take gigabytes are refused before it reads them.
+"""Memory check of MJCF: short models for which MuJoCo would take gigabytes are refused.
 
-Sizes of memory are those that MuJoCo 4.0 was seen to take while it compiles, or a little more.
+The sizes were measured while MuJoCo 4.0 compiled such models, and rounded up a little.
 """
 
 from __future__ import annotations
@@ -14,22 +14,22 @@ from contextlib import suppress
 from fantoccini.exchange.mjcf_includes import asset_folders, found_beside
 from fantoccini.exchange.model_file import Element, ModelFile
 
-_MOST_BYTES = 500_000_000
-"""Memory for what a model only counts [bytes]."""
+_MAX_BYTES = 500_000_000
+"""Memory allowed for a model's elements given by their number only [bytes]."""
 _PIXEL, _HEIGHT = 6, 16
-"""Of a texture and of a height field, each [bytes]."""
+"""Memory per pixel of a texture, and per point of a height field [bytes]."""
 _NUMBER = 24
-"""Of a number of user data, an activation or a sensor [bytes]."""
+"""Memory per number of user data, an activation or a sensor [bytes]."""
 _KEY = 300
-"""Of an element of a model in a keyframe [bytes]."""
+"""Memory per element of a model in a keyframe [bytes]."""
 _CORNER = 300
-"""Of a corner of a mesh that MuJoCo makes, which has up to the square of a parameter [bytes]."""
+"""Memory per corner of a generated mesh, which has up to the square of a parameter [bytes]."""
 _SAMPLE = 200
-"""Of a sample that an actuator or sensor keeps [bytes]."""
+"""Memory per sample kept by an actuator or sensor [bytes]."""
 _CELL = 2000
-"""Of a cell of a flexcomp [bytes]."""
-_LARGEST = 10**12
-"""Numbers are read up to here, so that products stay numbers."""
+"""Memory per cell of a flexcomp [bytes]."""
+_MAX_NUMBER = 10**12
+"""Larger numbers are cut to this one, so that products stay finite."""
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 """Begins a PNG; its width and height follow after 8 bytes."""
@@ -40,7 +40,7 @@ def refuse_large(files: Iterable[tuple[ModelFile, int]]) -> None:
     """Raises ExchangeError where MuJoCo would take too much memory.
 
     Args:
-        files: of a model and those that it attaches, with how many elements each has.
+        files: the model and the files it attaches, each with its number of elements.
     """
     total = 0.0
     for file, elements in files:
@@ -53,16 +53,16 @@ def refuse_large(files: Iterable[tuple[ModelFile, int]]) -> None:
             given = {**defaults.get(element.tag, {}), **element.attributes}
             need = _bytes(file, element, given, elements, ranges)
             total += need
-            if total > _MOST_BYTES:
+            if total > _MAX_BYTES:
                 text = (
                     f"MuJoCo would take {need / 1e6:,.0f} MB for it, {total / 1e6:,.0f} MB up to "
-                    f"here; allowed: {_MOST_BYTES / 1e6:,.0f} MB. Make it smaller"
+                    f"here; allowed: {_MAX_BYTES / 1e6:,.0f} MB. Make it smaller"
                 )
                 raise file.mistake(text, element.line, element.tag)
 
 
 def _with_defaults(file: ModelFile) -> Iterator[tuple[Element, bool]]:
-    """Elements, those of defaults first, and whether each is one of these."""
+    """Elements, defaults first, each with a flag for defaults."""
     above, found = list[str](), list[tuple[Element, bool]]()
     for element in file.elements:
         del above[element.depth :]
@@ -72,7 +72,7 @@ def _with_defaults(file: ModelFile) -> Iterator[tuple[Element, bool]]:
 
 
 def _widen(known: dict[str, str], element: Element) -> None:
-    """Keeps the larger numbers of all classes of defaults."""
+    """Adds a default's attributes, keeping the larger number of each over all classes."""
     for key, text in element.attributes.items():
         if key not in known or max(_numbers(text)) > max(_numbers(known[key])):
             known[key] = text
@@ -134,12 +134,12 @@ def _pixels(file: ModelFile, given: dict[str, str]) -> float:
 
 
 def _numbers(text: str) -> list[float]:
-    """The numbers of an attribute, of the size that they have; 0 for what is none."""
+    """The absolute values of an attribute's numbers; 0 for words that are not numbers."""
     found = []
     for word in text.split():
         try:
             number = abs(float(word))
         except ValueError:
             number = 0.0
-        found.append(min(number, _LARGEST) if number == number else 0.0)
+        found.append(min(number, _MAX_NUMBER) if number == number else 0.0)
     return found or [0.0]

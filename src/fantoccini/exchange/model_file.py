@@ -121,9 +121,9 @@ def read_model(path: str | os.PathLike[str]) -> ModelFile:
 
 
 def _macros(elements: list[Element]) -> Iterator[Element]:
-    """What is left of xacro and may stand for a part of a robot, or of another model.
+    """Left-over xacro elements that may stand for a part of a robot, or of another model.
 
-    Declarations stand for none, and what is inside of a solid or an extension for no part.
+    Declarations, and elements inside a solid or an extension, stand for no part.
     """
     above: list[Element] = []
     for element in elements:

@@ -17,22 +17,21 @@ from fantoccini.puppet.shapes import (
 )
 
 DENSITY = 1000.0
-"""Of links without inertia, where a joint would move no mass [kg/m^3]: that of water."""
+"""Default density for links without inertia if a joint would move no mass [kg/m^3]: water."""
 
 
 def add_masses(draft: Draft, links: dict[str, Any], density: float | None) -> None:
-    """Gives bodies without mass and inertia those of their solids.
+    """Gives bodies without inertia the mass and inertia of their solids.
 
-    Where no density is given, only if a joint would move no mass: then the file leaves out masses
-    that it needs. A mesh that is not closed counts as its convex hull. Solids count one by one,
-    even where they overlap.
+    Without a density this is done only if a joint would move no mass, since such a file lacks
+    masses that it needs. An open mesh counts as its convex hull. Overlaps of solids count twice.
 
     Args:
         draft: of the puppet.
         links: name of a body -> yourdfpy's link.
         density: of the solids [kg/m^3].
     """
-    if density is None and not _moves_nothing(draft.bodies):
+    if density is None and not _has_massless_joint(draft.bodies):
         return
     with draft.shapes() as read:
         for body in draft.bodies:
@@ -72,14 +71,14 @@ def _weigh(
 
 
 def _solid(shape: Shape) -> tuple[float, UnitInertia, bool]:
-    """Volume, unit inertia, and whether these are of the convex hull."""
+    """Volume, unit inertia, and whether they belong to the convex hull."""
     if not isinstance(shape, Mesh) or shape.read().closed:
         volume, unit = shape_inertia(shape)
         return volume if volume >= MIN_MESH_VOLUME else 0.0, unit, False
     none = UnitInertia(np.zeros(3), np.zeros((3, 3)))
     try:
         hull = load_mesh(shape).convex_hull
-    except Exception:  # qhull's, of a mesh that is flat
+    except Exception:  # from qhull, for a flat mesh
         return 0.0, none, True
     volume = float(hull.volume)
     if volume < MIN_MESH_VOLUME:
@@ -87,8 +86,8 @@ def _solid(shape: Shape) -> tuple[float, UnitInertia, bool]:
     return volume, UnitInertia(hull.center_mass, np.array(hull.moment_inertia) / volume), True
 
 
-def _moves_nothing(bodies: list[dict[str, Any]]) -> bool:
-    """Whether nothing beyond a joint has mass."""
+def _has_massless_joint(bodies: list[dict[str, Any]]) -> bool:
+    """Whether a joint moves no mass."""
     parents = {body["name"]: body.get("parent", "world") for body in bodies}
     heavy = {"world"}
     for body in bodies:

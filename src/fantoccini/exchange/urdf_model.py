@@ -234,10 +234,10 @@ class _Robot:
         self.draft.bodies.append(made)
 
     def _possible(self, inertia: Array, link: str, part: str) -> Array:
-        """An inertia (3, 3) that a solid can have, which is noted where it is another one.
+        """An inertia (3, 3) that a solid can have; a change is noted in the report.
 
-        Where products make it singular or negative, only the moments are kept, as of numbers that
-        are all alike. Then the largest moment is cut to the sum of the others, if above it.
+        Where products make it singular or negative, as in six equal numbers, only the moments are
+        kept. A moment larger than the sum of the other two is then reduced to that sum.
         """
         line = self.file.line_of("link", link)
         (a, b, c), axes = np.linalg.eigh(inertia)

@@ -107,8 +107,8 @@ def _shape(
 def _find(name: str, folder: Path) -> Path | None:
     """The file of a mesh, whose name may begin with ``package://PACKAGE/``; None if not there.
 
-    A package is a folder of its name above the model's, or beside one of those. A name that is
-    not there as it stands may have characters written as ``%20``.
+    A package is a folder of that name above the model's folder, or next to one of those. If no
+    file has the name as written, ``%20`` and the like are decoded.
     """
     return _find_plain(name, folder) or _find_plain(unquote(name), folder)
 

@@ -1,4 +1,4 @@
-"""The part of a URDF file that a puppet is made of, without what its reader stumbles over."""
+"""Cleaning of URDF: links, joints and materials in a form that yourdfpy can read."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class UrdfText:
     """Links, joints and materials of a file.
 
     Attributes:
-        text: XML. A capsule is a cylinder in it, which yourdfpy knows.
-        capsules: link, ``visual`` or ``collision``, and the place of each capsule among these.
-        left_out: link, message and line of what the text does not have.
+        text: XML, with capsules written as cylinders, which yourdfpy can read.
+        capsules: link, ``visual`` or ``collision``, and the index of each capsule among these.
+        left_out: link, message and line of each element left out of the text.
     """
 
     text: bytes = b""
@@ -58,7 +58,7 @@ def _tree(file: ModelFile) -> _Node:
 
 
 def _drop_xacro(node: _Node, link: str, made: UrdfText) -> None:
-    """Takes out what is left of xacro."""
+    """Removes left-over xacro elements."""
     if node.element.tag == "link":
         link = node.element.attributes.get("name", "")
     for child in node.children:
@@ -71,7 +71,7 @@ def _drop_xacro(node: _Node, link: str, made: UrdfText) -> None:
 
 
 def _solids(link: _Node, made: UrdfText) -> None:
-    """Takes out visuals and collisions without a solid, and notes capsules."""
+    """Removes visuals and collisions without a solid, and notes capsules."""
     name, counts = link.element.attributes["name"], {"visual": 0, "collision": 0}
     for solid in link.named("visual", "collision"):
         kind = solid.element.tag

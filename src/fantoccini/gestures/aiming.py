@@ -44,7 +44,7 @@ _PARTS = {
     "look": ("skull",),
     "point": ("upper_arm_left", "forearm_left", "upper_arm_right", "forearm_right"),
 }  # fmt: skip
-"""Bodies of the poses that look and point."""
+"""Bodies that the poses of looking and pointing move."""
 _LEAST = 0.02
 """Least distance of a place from the shoulder or the neck [m]."""
 

@@ -143,9 +143,9 @@ def check_memory(
 def check_start(model: Model, x: State, method: str = "event") -> None:
     """Raises StateError when a run of a method cannot begin at a state, naming rows and violations.
 
-    ``event`` and ``variational`` begin where no string is longer than its length or, at its length,
-    about to be, and the ones marked taut are no shorter. ``timestepping`` continues from what its
-    own steps leave: it takes back violations and catches what is about to be violated.
+    ``event`` and ``variational`` require that no string is longer than its length, or at its length
+    and about to be longer, and that strings marked taut are not shorter. ``timestepping`` may
+    start from any state its steps produce: it corrects violations and catches imminent ones.
     """
     check_starts(model, model.states([x]), method)
 
@@ -180,7 +180,7 @@ def check_starts(
         speed = TOLERANCES.rest_speed * top
         # A winch that slips absorbs the speed.
         passing = ~(np.where(wires, np.abs(hdot), hdot) <= speed) & (wires | firm)
-        # What is slack by more than rounding is caught at once in the run.
+        # A string slack by more than rounding is caught right after the start of the run.
         open_ = (h < -TOLERANCES.closed_gap * scale) & ~some.taut & ~wires
         passing &= ~off & ~open_ & (np.abs(h) <= near) & (not stepped)
         slack = some.taut & ~(h >= -near) & ~off & (not stepped)
@@ -213,7 +213,7 @@ def refuse_contact(model: Model, what: str) -> None:
 
 
 def _leave_out(model: Model) -> str:
-    """Advice for a puppet whose contact is in the way: a bundled file can be copied."""
+    """Advice on removing the contact of a puppet, with the path of its file."""
     file, _ = model.puppet.locate("")
     if not os.path.isfile(file):
         return "leave its contact out (contact: false)"

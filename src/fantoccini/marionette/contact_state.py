@@ -85,9 +85,9 @@ def touches(model: Model, x: State) -> bool:
 
 
 def with_active_set(model: Model, x: State) -> State:
-    """The state with its taut rows found, as the solids that touch there let them pull.
+    """The state with its taut rows determined, with contact forces taken into account.
 
-    Where a motion begins with an impact, or none does, the rows that it marks stay.
+    Where a motion begins with an impact, or cannot begin, the rows marked taut are kept.
     """
     if not touches(model, x):
         tension = forward_dynamics(model, x).tension

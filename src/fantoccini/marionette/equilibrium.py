@@ -19,7 +19,7 @@ from fantoccini.marionette.evaluation import Evaluation
 from fantoccini.marionette.model import Model
 from fantoccini.marionette.projection import onto_rows, overstepped, positioned
 from fantoccini.marionette.settling import settled
-from fantoccini.marionette.small_motions import poised
+from fantoccini.marionette.small_motions import balanced_state
 from fantoccini.marionette.support import falling, falls
 from fantoccini.motion import State
 
@@ -46,7 +46,7 @@ def rest(model: Model, x: State) -> State:
     would overlap what it touches, one with contact is let go until it is still (:mod:`.settling`).
     Otherwise, and first for puppets on chains, V is descended (:mod:`.descent`). Relaxation and
     descent are accepted where forces balance, no row is violated and V is not above the start's.
-    Along what nothing determines, as a load's turn about its string, they are as ``x`` has it.
+    Neutral coordinates, such as a load's angle about its string, keep their values in ``x``.
 
     Raises:
         StateError: there is no equilibrium below, or it was not found, or a winch would slip in it,
@@ -91,7 +91,7 @@ def _descended(model: Model, start: State, asked: State) -> State:
 
 def _settled(model: Model, start: State, asked: State) -> State:
     try:
-        return poised(model, settled(model, start))
+        return balanced_state(model, settled(model, start))
     except StateError:
         check_apart(model, model.states([start]))  # the likelier reason
         raise

@@ -122,8 +122,8 @@ class ModeSystem:
     def solve(self, force: Array, rate: Array) -> tuple[Array, Array]:
         """x (n_vD, m) and y (k, m), the shortest where several are solutions.
 
-        Off the states that keep redundant points closed rows that depend on one another need not
-        agree: x then is that of least squares.
+        Redundant rows may contradict one another in states where redundant points do not stay
+        closed; x is then the least-squares solution.
 
         Args:
             force: (n_vD, m).

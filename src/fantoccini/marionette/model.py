@@ -161,7 +161,7 @@ class Model:
 
     @property
     def prescribed(self) -> Contacts | None:
-        """Pairs of solids that may touch, and only the inputs move; None where there are none."""
+        """Pairs of solids that may touch and are moved by the inputs only; None without any."""
         found = None if self._touching is None else self._touching[1]
         return found if found is not None and len(found.pairs) else None
 

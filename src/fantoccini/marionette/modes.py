@@ -173,9 +173,9 @@ def modes(model: Model, x: State) -> Modes:
 
 
 def _balanced(model: Model, x: State, acc_D: Array) -> bool:
-    """Whether the forces on a puppet on chains balance as :meth:`Marionette.rest` finds them.
+    """Whether the forces on a puppet on chains balance, by the test of :meth:`Marionette.rest`.
 
-    Rounding of stiff springs alone accelerates light pieces far beyond what counts as rest.
+    Accelerations are no test: rounding in stiff springs alone accelerates light pieces too much.
     """
     if not model.tree.chains:
         return False

@@ -1,8 +1,8 @@
-"""Small overlaps of solids at the start of a run, taken apart by the smallest move.
+"""Small overlaps of solids at the start of a run, removed by the smallest move.
 
     min |dq|_M   with   gap + d(gap)/dq dq >= 0,   h + A_D dq <= 0
 
-round by round, over all points near enough to touch and all strings and limits.
+solved repeatedly, over all nearby contact points, strings and limits.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from fantoccini.marionette.model import Model
 from fantoccini.marionette.screws import Screws
 from fantoccini.motion import State, States
 
-APART = 1e-12
-"""Overlap that is none [m]."""
+MAX_OVERLAP = 1e-12
+"""Overlap up to which solids count as apart [m]."""
 INFEASIBLE = 1e-10
-"""Residual of the least squares below which no move parts everything."""
+"""Residual of the least squares below which the program has no solution."""
 ROUNDS = 20
-"""Most rounds; overlaps of flat faces take one."""
+"""Maximum number of rounds; overlaps of flat faces take one."""
 
 
 def parted(model: Model, x: State) -> State:
-    """The state, with solids apart that overlapped by at most what a fixed step may leave.
+    """The state with small overlaps removed: those that a fixed step may leave.
 
-    Velocities stay as they are. Where overlaps are deeper, or what is driven leaves no room, the
-    state is returned as it is.
+    Velocities are unchanged. Where overlaps are deeper, or driven bodies leave no room, the state
+    is returned unchanged.
     """
     if model.contacts is None or not model.coordinates.n_vD:
         return x
@@ -53,7 +53,7 @@ def parted(model: Model, x: State) -> State:
         if move is None:
             return x
         moved = moved.replace(q_D=retract(model, moved.q_D, at.back(move)))
-        if _deepest(model, moved) <= APART:
+        if _deepest(model, moved) <= MAX_OVERLAP:
             return moved
     return x
 
@@ -82,7 +82,7 @@ def parted_starts(model: Model, states: States, p: Array) -> States:
 
 
 def _lanes(n_states: int, n_p: int) -> Iterator[slice]:
-    """The states at each of some parameters."""
+    """Slices of the states that share the same parameters."""
     for k in range(n_p):
         yield slice(None) if n_p == 1 else slice(0, 1) if n_states == 1 else slice(k, k + 1)
 
@@ -110,7 +110,7 @@ def _deepest(model: Model, x: State) -> float:
 
 
 def _rows(model: Model, x: State) -> Iterator[tuple[Array, float]]:
-    """(n_vD,) rate at which each near point closes by v_D, and how deep it is [m]."""
+    """Per nearby point: (n_vD,) derivative of its closing speed by v_D, and its depth [m]."""
     assert model.contacts is not None
     screws = Screws(model, x)
     gaps = model.library.gaps(model.contacts, x.q_D, x.q_K, model.p)

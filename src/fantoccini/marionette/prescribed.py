@@ -1,7 +1,6 @@
-"""Overlaps of solids that only the inputs move against one another.
+"""Overlaps of solids whose relative motion is prescribed by the inputs.
 
-No force acts between such solids, as both follow the inputs: how deep they overlap can only be
-measured.
+Both solids follow the inputs, so no force acts between them; the overlap can only be measured.
 """
 
 from __future__ import annotations
@@ -28,12 +27,12 @@ class PrescribedTolerances:
 
     touching: float = 1e-6  # Overlap from which solids count as touching [m]
     overlap: float = 1e-3
-    """Overlap that is no longer sound [m]: as of solids at the start of a run."""
+    """Largest overlap of a sound run [m], the same as at the start of a run."""
     travel: float = 1e-3
-    """Travel of two solids against one another between looks at a gap that they may close [m]."""
+    """Largest relative travel of two solids between looks at a gap that they may close [m]."""
     turn: float = 1.0  # Change of a driven coordinate between looks, at most [rad or m]
-    looks_per_piece: int = 8  # Looks at each piece of the inputs, at least
-    max_looks: int = 200_000  # At a motion
+    looks_per_piece: int = 8  # Minimum number of looks at each piece of the inputs
+    max_looks: int = 200_000  # Maximum number of looks at a motion
     rounds: int = 50  # Bisections of the time of a touch
 
 
@@ -42,14 +41,14 @@ TOLERANCES = PrescribedTolerances()
 
 @dataclass(frozen=True)
 class Overlap:
-    """Two parts that overlap for a time because the inputs move them so.
+    """Overlap of two parts over an interval of time, prescribed by the inputs.
 
     Attributes:
         names: of the two parts.
         begin: time of the touch, or of the start [s].
         end: time at which they part; inf where they still overlap at the end [s].
         depth: largest overlap [m].
-        speed: at which they close at ``begin`` [m/s].
+        speed: closing speed at ``begin`` [m/s].
     """
 
     names: tuple[str, str]
@@ -72,10 +71,10 @@ def looks(breaks: Times, t: float, t_end: float) -> Times:
 
 
 def prescribed_overlaps(model: Model, motion: Motion, t: Times) -> tuple[Overlap, ...]:
-    """Overlaps of the pairs that only the inputs move, in order of their beginning.
+    """Overlaps of the pairs with prescribed relative motion, in order of their beginning.
 
-    A gap is measured wherever the two solids may have closed it since the last look: neither can
-    have moved farther than they travel.
+    A gap is measured again wherever the travel of the two solids since the last look may have
+    closed it.
 
     Args:
         model: the puppet.
@@ -103,7 +102,7 @@ def prescribed_overlaps(model: Model, motion: Motion, t: Times) -> tuple[Overlap
 
 
 def deepest(overlaps: tuple[Overlap, ...]) -> float:
-    """The largest depth that is no longer sound [m]; 0 where there is none."""
+    """The largest depth beyond the tolerance [m]; 0 if all are within it."""
     return max((o.depth for o in overlaps if o.depth > TOLERANCES.overlap), default=0.0)
 
 
@@ -131,14 +130,14 @@ class _Gaps:
         self._meeting = [self.names.index(names) for names in contacts.names]
         self._links = contacts.solids["link"][contacts.pairs]
         n_links = len(model.tree.links)
-        self._reach = np.zeros(n_links + 1)  # The last is of what stands, which travels nowhere
+        self._reach = np.zeros(n_links + 1)  # Last: standing solids, which do not travel
         for solid in contacts.solids:
             if solid["link"] >= 0:
                 own = _reach(solid, contacts)
                 self._reach[solid["link"]] = max(self._reach[solid["link"]], own)
 
     def over(self, t: Times) -> tuple[Times, Array]:
-        """Times (n,) and gaps (n, pairs by name); those that cannot be closed count as infinite."""
+        """Times (n,) and gaps (n, pairs by name); infinite where a gap cannot be closed."""
         t, q_K = self._turning_little(t)
         while True:
             way = self._travel(q_K)
@@ -178,7 +177,7 @@ class _Gaps:
         return t, q_K
 
     def crossing(self, k: int, t: float, t_end: float) -> tuple[float, float]:
-        """When a gap passes that of a touch [s], and how fast it closes there [m/s]."""
+        """Time at which a gap crosses the touching threshold [s], and its closing speed [m/s]."""
         ends = np.array([t, t_end])
         margin = float(np.max(self._travel(self._motion(ends)))) + 1.0
 
@@ -209,7 +208,7 @@ class _Gaps:
         return out
 
     def _travel(self, q_K: Array) -> Array:
-        """(n - 1, pairs by name) how far two solids may have moved against one another [m]."""
+        """(n - 1, pairs by name) bound of the relative travel of two solids [m]."""
         model = self._model
         q_D = np.broadcast_to(model.coordinates.start_D, (len(q_K), model.coordinates.n_qD))
         poses = model.library.evaluate("poses", q_D=q_D, q_K=q_K, p=model.p).poses

@@ -63,11 +63,11 @@ class Search:
     unstable: float = 1e-6
     """Growth rate squared of an instability, relative to the fastest oscillation's."""
     turns: int = 12  # Rounds of :func:`as_asked`
-    min_turn: float = 1e-13  # Turns that are rounding
+    min_turn: float = 1e-13  # Turns below this are rounding
     neutral: float = 1e-6
-    """Stiffness of a move that counts as neutral, relative to the stiffest: the precision of finite
-    differences. Newton's method and the energy then tell whether it is."""
-    move_weight: float = 1e-6  # Of moves in metres beside turns
+    """Largest stiffness of a neutral move, relative to the stiffest: the precision of finite
+    differences. Newton's method and the energy then decide whether it is neutral."""
+    move_weight: float = 1e-6  # Weight of translations [m], relative to rotations [rad]
 
 
 SEARCH = Search()
@@ -305,11 +305,11 @@ def newton(model: Model, x: State) -> Equilibrium | None:
 
 
 def as_asked(model: Model, asked: State, found: Equilibrium) -> Equilibrium:
-    """The equilibrium among those of one energy that is turned least from what was asked for.
+    """The equilibrium of the same energy that is rotated least from the state asked for.
 
-    Nothing determines the turn of a load about the only string that it hangs from: how the puppet
-    swung on its way would, and no input could undo it. Where such a direction turns nothing, it is
-    the one moved least.
+    A load's angle about its only string is neutral. Without this choice it would depend on how the
+    puppet swung to rest, and no input could undo it. In neutral directions without rotation, the
+    translation is the smallest.
     """
     table, n = model.coordinates, len(found.x.v_D)
     places = table.scalars_D, table.quaternions_D
@@ -334,7 +334,7 @@ def as_asked(model: Model, asked: State, found: Equilibrium) -> Equilibrium:
 
 
 def _turn_weights(model: Model) -> Array:
-    """(n_vD,) of what turns, and little of what moves along."""
+    """(n_vD,) weights: 1 for rotations, small ones for translations."""
     table = model.coordinates
     weight = np.ones(table.n_vD)
     units = {row.name: row.unit for row in table.rows}

@@ -51,7 +51,7 @@ class RolloutGradient:
 class Rollout:
     """n time steps from a state, by nodes 0 to n.
 
-    n is the number of steps asked for; with ``throw=False`` that of the steps made, ``steps``.
+    n is the number of steps requested or, with ``throw=False``, the number made, ``steps``.
 
     Attributes:
         q_D, v_D, q_K, v_K: (n + 1, ...) the states.

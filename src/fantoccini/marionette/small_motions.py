@@ -1,4 +1,4 @@
-"""Small motions about a state of rest, along what its rows and points of contact leave free.
+"""Small motions about a state of rest, in the directions left free by rows and contact points.
 
     dq_D = N eta + Y dq_K,   C N = 0,   N^T M N = 1,   C Y = -C_K
     etaddot + D etadot + K eta = -N^T (r_q Y + r_qK) dq_K - N^T (r_v Y + r_vK) dv_K
@@ -32,18 +32,18 @@ from fantoccini.motion import State
 
 
 @dataclass(frozen=True)
-class Poise:
+class BalanceSettings:
     """Bounds of the search for balance."""
 
     rounds: int = 8
     still: float = 1e-7
     """Acceleration of a state that rests [rad/s^2 or m/s^2]: a tenth of what modes allow."""
     move: float = 1e-3
-    """Longest move of a round [rad or m]: from farther away the rows that pull may be others."""
-    neutral: float = 1e-12  # Eigenvalue of K that is none, relative to the largest
+    """Longest move of a round [rad or m]: beyond it, the set of pulling rows may change."""
+    neutral: float = 1e-12  # Eigenvalues of K below this are 0, relative to the largest
 
 
-POISE = Poise()
+BALANCE = BalanceSettings()
 MIN_TENSION = 1e-9
 """Tension of a taut row, relative to the puppet's weight."""
 
@@ -74,7 +74,7 @@ class SmallMotions:
         Args:
             model: the puppet.
             x: the state.
-            motion: what holds there.
+            motion: accelerations, tensions and contacts there.
         """
         tension, points = motion.tension, motion.contacts.points
         held = np.flatnonzero(model.two_sided | (tension > MIN_TENSION * model.weight))
@@ -99,13 +99,13 @@ class SmallMotions:
         )  # fmt: skip
 
 
-def poised(model: Model, x: State) -> State:
-    """A state that nearly rests, moved until its forces balance, by Newton's method.
+def balanced_state(model: Model, x: State) -> State:
+    """A state near rest, moved until its forces balance, by Newton's method.
 
-    Rows and points of contact stay held, K deta = N^T M acc_D; ``x`` where that leads nowhere.
+    Rows and contact points stay held, K deta = N^T M acc_D; ``x`` if this does not converge.
     """
     best, least = x, np.inf
-    for _ in range(POISE.rounds):
+    for _ in range(BALANCE.rounds):
         try:
             motion = motion_at(model, x)
         except StateError:
@@ -114,12 +114,12 @@ def poised(model: Model, x: State) -> State:
         if not left < least:
             break
         best, least = x, left
-        if left <= POISE.still:
+        if left <= BALANCE.still:
             break
         small = SmallMotions.of(model, x, motion)
-        eta = np.linalg.lstsq(small.K, small.N.T @ small.M @ motion.acc_D, POISE.neutral)[0]
+        eta = np.linalg.lstsq(small.K, small.N.T @ small.M @ motion.acc_D, BALANCE.neutral)[0]
         move = small.N @ eta
-        if not 0.0 < np.max(np.abs(move), initial=0.0) < POISE.move:
+        if not 0.0 < np.max(np.abs(move), initial=0.0) < BALANCE.move:
             break
         x = x.replace(q_D=retract(model, x.q_D, move))
     return best

@@ -41,11 +41,11 @@ TOLERANCES = ModeTolerances()
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """What touches.
+    """Contacts of a step.
 
     Attributes:
-        points: those that push, in their modes.
-        edges: what is between two modes, so that only one-sided derivatives exist there.
+        points: the points that push, with their modes.
+        edges: points between two modes, where only one-sided derivatives exist.
     """
 
     points: tuple[HeldPoint, ...]

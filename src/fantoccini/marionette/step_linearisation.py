@@ -54,9 +54,9 @@ class StepLinearisation:
 
         z_next = A z + B dacc_K + B_u du_D + B_p dp
 
-    where acc_K and u_D are constant over the step, as a stepper's are. Of small changes, those
-    count that the held rows and points can follow together; by others, as where one of two flat
-    soles tilts, the derivatives are those of least squares.
+    where acc_K and u_D are constant over the step, as a stepper's are. Derivatives are exact for
+    small changes consistent with all held rows and points; for others, such as tilting one of two
+    flat soles, they are those of least squares.
 
     Attributes:
         x, x_next: the states before and after it.

@@ -118,7 +118,7 @@ class Stepper:
     def violation(self) -> float:
         """Largest h of all rows since the start, of fixed steps [m, rad or 1].
 
-        Of both methods, and at least, the largest overlap of solids that only the inputs move.
+        With either method, at least the largest overlap of solids with prescribed relative motion.
         """
         return max(float(self._run.progress.violation), self._overlap)
 
@@ -196,8 +196,8 @@ class Stepper:
 
         Args:
             t_end: [s].
-            law: state -> accelerations of the driven coordinates, as in :meth:`advance`; it must
-                return some.
+            law: state -> accelerations of the driven coordinates, as in :meth:`advance`; never
+                None.
             rate: [1/s].
             throw: raise :class:`SimulationError` when the run cannot continue; otherwise see
                 ``status``.
@@ -237,7 +237,7 @@ class Stepper:
         self.tension = last[layout.places["tension"]]
 
     def _measure(self, chosen: Input | HeldInput) -> None:
-        """Adds the touches and lifts of solids that only the inputs move against one another."""
+        """Adds touches and lifts of solids with prescribed relative motion."""
         model = self.model
         if model.prescribed is None or not self.state.t > self._measured:
             return

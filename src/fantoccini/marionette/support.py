@@ -1,7 +1,7 @@
-"""Support: bodies that nothing holds against gravity, found in the puppet's structure alone.
+"""Support: bodies that nothing holds against gravity, found from the puppet's structure alone.
 
-Bodies are joined by strings, springs and joints; a joint that is free along gravity joins nothing.
-What is not joined to the world falls for ever.
+Strings, springs and joints connect bodies, except joints that are free along gravity. Bodies not
+connected to the world fall for ever.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ import numpy as np
 from fantoccini.marionette.model import Model
 from fantoccini.tree import WORLD, Link, Role, Tree, link_inertia, measure
 
-ALONG = 1e-9
-"""Cosine between an axis and gravity from which a body slides down it."""
+MIN_COSINE = 1e-9
+"""Cosine between an axis and gravity above which a body slides down the axis."""
 _LISTED = 6
-"""Bodies that a message names."""
+"""Maximum number of bodies named in a message."""
 
 
 def falling(model: Model) -> tuple[tuple[int, ...], ...]:
     """Groups of links that nothing holds: the roots of each, the highest first, then the others.
 
-    Where solids may touch the floor or obstacles these may carry a group, which is not listed then.
+    A group that may touch the floor or obstacles is not listed, as these may carry it.
     """
     tree, number = model.tree, model.number
     gravity = np.array([number(x) for x in tree.gravity])
@@ -55,7 +55,7 @@ def falling(model: Model) -> tuple[tuple[int, ...], ...]:
 
 
 def falls(model: Model, group: tuple[int, ...]) -> str:
-    """What a group of :func:`falling` lacks, in words."""
+    """Message: a group of :func:`falling` has no support."""
     chains = {p.link: chain.name for chain in model.tree.chains for p in chain.points[1:-1]}
     bodies = [model.tree.links[i].name for i in group if i not in chains]
     names = bodies or list(dict.fromkeys(chains[i] for i in group))
@@ -103,14 +103,14 @@ def _slides(model: Model, i: int, poses: np.ndarray, down: np.ndarray) -> bool:
     carrier = np.eye(3) if link.parent == WORLD else poses[link.parent][:, :3]
     along = down @ carrier @ link.rotation @ link.axes
     if link.kind == "translation":
-        return bool(np.max(np.abs(along)) > ALONG)
+        return bool(np.max(np.abs(along)) > MIN_COSINE)
     side = "upper" if along[0] > 0.0 else "lower"
     stops = any(limit.link == i and limit.side == side for limit in tree.limits)
-    return abs(along[0]) > ALONG and not stops and not model.number(link.stiffness) > 0.0
+    return abs(along[0]) > MIN_COSINE and not stops and not model.number(link.stiffness) > 0.0
 
 
 def _turns(tree: Tree, link: Link) -> bool:
-    """Whether what carries a link may turn."""
+    """Whether an ancestor of a link may turn."""
     while link.parent != WORLD:
         link = tree.links[link.parent]
         if link.kind in ("revolute", "ball", "free") and link.role is not Role.FIXED:

@@ -53,11 +53,11 @@ def solids_of_shapes(puppet: Puppet, tree: Tree) -> tuple[int, ...]:
 def contacts_of(
     puppet: Puppet, tree: Tree, library: Library, counts: Sequence[int]
 ) -> tuple[Contacts, Contacts] | None:
-    """The pairs of solids that may touch, and those that only the inputs move against one another.
+    """The pairs of solids that may touch, and the pairs with prescribed relative motion.
 
     None where the puppet's file says nothing of contact. Bodies of one joint do not touch; nor do
     those of one tree that overlap at the file's pose. No force acts in a pair of the second kind:
-    the inputs are followed, and how deep the two overlap can only be measured.
+    both solids follow the inputs, and their overlap can only be measured.
 
     Args:
         puppet: with rules of contact.

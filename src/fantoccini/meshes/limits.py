@@ -13,7 +13,7 @@ class MeshLimits(NamedTuple):
     max_triangles: int = 2_000_000
     """Triangles of a file, those of a mesh once for each place at which it stands."""
     max_coordinate: float = 1e9
-    """Of a corner, in the file's unit: products of several stay finite."""
+    """Largest coordinate of a corner, in the file's unit, so that products stay finite."""
     max_pieces: int = 10_000
     """Closed pieces of a file."""
     max_tested: int = 50_000_000

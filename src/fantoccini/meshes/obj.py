@@ -20,10 +20,10 @@ from fantoccini.meshes.limits import LIMITS
 from fantoccini.meshes.part import Count, Part, lost
 
 _NUMBERS = {"v": 3, "vt": 1}
-"""Keyword -> the least numbers behind it."""
+"""Keyword -> minimum number of values after it."""
 _NO_TINT = (np.nan, np.nan, np.nan)
 _COMMENT = re.compile(r"(?:^|\s)#")
-"""Begins a comment; within a word the mark is part of a name."""
+"""Start of a comment; inside a word, ``#`` is part of a name."""
 _ANY_COMMENT = re.compile("#")
 """Begins a comment behind numbers, which have no such mark."""
 _NUMERIC = ("v", "vt", "vn", "f")
@@ -53,8 +53,8 @@ class _Faces:
 def read_obj(content: bytes, beside: Beside) -> list[Part]:
     """The parts of a file, one for each material.
 
-    Faces with more than three corners are fans. Free-form surfaces, lines and points are left out,
-    and so are materials and images that are not beside the file.
+    Faces with more than three corners become triangle fans. Free-form surfaces, lines and points,
+    and materials and images missing from the file's folder, are left out.
 
     Args:
         content: of the file.
@@ -154,7 +154,7 @@ class _Reader:
         return found
 
     def _plain_face(self, words: list[str]) -> bool:
-        """Adds a triangle of positive indices, which most faces are; whether it was one."""
+        """Adds a triangle with positive indices, the common case; returns whether it was one."""
         try:
             a, b, c = (corner.split("/", 2) for corner in words[1:])
             i, j, k = int(a[0]), int(b[0]), int(c[0])
@@ -178,7 +178,7 @@ class _Reader:
         return True
 
     def _face(self, corners: list[str]) -> None:
-        """Adds a face, whose indices count from 1, or with a minus back from this line."""
+        """Adds a face; indices count from 1, and negative ones back from this line."""
         try:
             given = [
                 [int(n) if n else None for n in corner.split("/")[:2]] for corner in corners
@@ -200,7 +200,7 @@ class _Reader:
             faces.textures.extend((textures[0], textures[k], textures[k + 1]))
 
     def _index(self, given: int | None, count: int) -> int:
-        """From 0, of one that the file gives where it has ``count`` things; -1 for none."""
+        """A file's index counted from 0, out of ``count`` entries so far; -1 for none."""
         if given is None:
             return -1
         found = given - 1 if given > 0 else count + given
@@ -280,7 +280,7 @@ def _statements(text: str) -> Iterator[tuple[int, list[str], str]]:
 
 
 def _rest(line: str, words: list[str]) -> str:
-    """All behind the first word of a line."""
+    """The rest of a line after its first word."""
     return line.strip()[len(words[0]) :].strip()
 
 

@@ -1,4 +1,4 @@
-"""STL and PLY, as their files have them: neither unit nor upward axis is known."""
+"""STL and PLY: formats that define neither unit nor upward axis."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ _LOOP = re.compile(r"\bouter\s+loop\b", re.IGNORECASE)
 def read_stl(content: bytes) -> list[Part]:
     """The one part of an STL, binary or text.
 
-    It is binary where it is long enough for the triangles that it counts: of text these four bytes
-    say 100 million and more. What is behind them is left out.
+    The file is binary if it is long enough for the triangle count in its header; in a text file
+    these four bytes give 100 million or more. Bytes after the triangles are ignored.
 
     Raises:
         ValueError: the file is no mesh.
@@ -52,7 +52,7 @@ def read_stl(content: bytes) -> list[Part]:
 
 
 def _first_broken(text: str) -> str:
-    """What is wrong with the first facet that is not of three vertices."""
+    """Error message for the first facet that is not of three vertices."""
     for begin in _LOOP.finditer(text):
         if not _FACET.match(text, begin.end() - len("loop")):
             line = len(re.findall(r"\r\n?|\n", text[: begin.start()])) + 1
@@ -61,7 +61,7 @@ def _first_broken(text: str) -> str:
 
 
 def _of_corners(corners: Array) -> Part:
-    """Triangles of corners (3 m, 3)."""
+    """A part of m triangles with corners (3 m, 3)."""
     return Part(np.array(corners, dtype=float), np.arange(len(corners)).reshape(-1, 3), None)
 
 

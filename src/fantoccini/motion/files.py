@@ -205,16 +205,16 @@ def csv_columns(path: Path) -> tuple[dict[str, Array], Located]:
 
 
 def csv_reader(text: str) -> CsvRows:
-    """The rows of a CSV text, between whose columns stand commas, semicolons or tabs."""
+    """The rows of a CSV text with columns separated by commas, semicolons or tabs."""
     first = next((line for line in text.splitlines() if line.strip()), "")
-    # A header of one column has none of them.
+    # A header of a single column has no delimiter.
     return CsvRows(text, max(",;\t", key=first.count))
 
 
 class CsvRows:
     """Rows of a CSV text, as cells without decimal commas.
 
-    Between columns that a semicolon or tab separates, a comma in a number is decimal.
+    With semicolons or tabs between columns, a comma in a number is a decimal comma.
 
     Attributes:
         delimiter: between columns.
@@ -235,18 +235,18 @@ class CsvRows:
     def __iter__(self) -> Iterator[list[str]]:
         try:
             for cells in self._rows:
-                yield cells if self.delimiter == "," else [_pointed(cell) for cell in cells]
+                yield cells if self.delimiter == "," else [_with_point(cell) for cell in cells]
         except csv.Error as error:
             raise StateError(f"is not CSV: {error}") from None
 
 
-def _pointed(cell: str) -> str:
-    """A cell with the comma of its number as a point."""
+def _with_point(cell: str) -> str:
+    """A cell with its decimal comma replaced by a point."""
     return cell.replace(",", ".") if _DECIMAL.fullmatch(cell) else cell
 
 
 def wrong_count(found: int, needed: int) -> str:
-    """Error message for a row that has not as many columns as the header."""
+    """Error message for a row whose number of columns differs from the header's."""
     text = f"found {found} columns; the header has {needed}"
     if found > needed:
         text += ": write numbers with a decimal point, or put ; between columns"

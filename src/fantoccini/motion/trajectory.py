@@ -61,9 +61,9 @@ class Trajectory:
         effort: by driven velocity, the force that drives it [N or N m]; None when not computed.
         violation: by string and limit, max(h, 0) [m, rad or 1]; None when not computed.
         slip: by string, the length let out by its slipping winch, >= 0 [m]; None when not computed.
-        undetermined: by string and driven velocity, whether the motion does not determine its
-            tension or effort (bool): of several that give the same motion, or differ by rounding,
-            one is reported. None when not computed.
+        undetermined: by string and driven velocity, whether its tension or effort is not determined
+            by the motion (bool): the reported value is one of several with the same motion, up to
+            rounding. None when not computed.
         seconds: time that computing it took [s]; None when not known, as after loading.
         contact_residual: (T,) by how much the laws of contact are broken in the step before each
             sample, a speed relative to the largest in them, 0 where nothing touches; None where

@@ -31,7 +31,7 @@ from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.clip import Clip
 from fantoccini.optimal.costs import Smooth, Track
 from fantoccini.optimal.dynamics import TimeSteps
-from fantoccini.optimal.finishing import confirmed, iterate, to_minimum
+from fantoccini.optimal.finishing import confirmed, iterate, search_minimum
 from fantoccini.optimal.hybrid import ExactRuns, HybridRuns
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
@@ -66,9 +66,9 @@ def optimise(
     it is; derivatives are those of time steps along it, through the taut strings, and steps are
     found by Riccati's recursion, within an interior point method where bounds are in force.
     Strings that the bounds ask to be taut stay taut; the others may go slack, and the derivatives
-    then hold for the order of events at hand only. Once those steps save little, the search goes
-    on with the derivatives of the run itself, which puppets with contact or driven rotations do not
-    have. Ctrl-C ends it with the best motion so far; before there is one it is raised.
+    then hold for the present order of events only. Once iterations decrease the cost little, the
+    search continues with exact derivatives of the run, except for puppets with contact or driven
+    rotations. Ctrl-C ends the search with the best motion so far; before a first motion it raises.
 
     A task that explores is searched through modes: see :mod:`fantoccini.optimal.through_modes`.
 
@@ -81,8 +81,8 @@ def optimise(
         guess: motion of the inputs to begin with, or what was found before; that of the task when
             not given, and where it has none they hold still.
         tolerance: of the KKT residual.
-        cost_tolerance: share of the cost; it ends after four steps that each save less, or, with 0,
-            at the tolerance alone.
+        cost_tolerance: relative decrease of the cost; the search ends after four steps that each
+            decrease it by less. With 0, only ``tolerance`` ends it.
         iterations: at most; of every motion that explorations lead to.
         time_limit: at most [s].
         threads: for derivatives and batches; as many as there are processors when not given.
@@ -144,11 +144,11 @@ def optimise(
         elif task.explore:
             at = search.run(note)
         else:
-            runs, at = to_minimum(runs, at, objective, limits, note)
+            runs, at = search_minimum(runs, at, objective, limits, note)
     except KeyboardInterrupt:
         at, status = search.best if has_contact else best, OptimalStatus.STOPPED
     objective, run = search.objective, at.nodes.run
-    if run is None:  # it was one of a batch
+    if run is None:  # it was part of a batch, which keeps no run
         made = runs.run(at.nodes)
         if made is None:
             text = "the motion found cannot be simulated again"
@@ -281,7 +281,7 @@ def refuse_winches(marionette: Marionette, what: str) -> None:
 
 
 def _too_near(objective: Objective, runs: EventRuns, nodes: Nodes) -> Residual:
-    """The body or string that comes farthest below the least clearance, also between the nodes."""
+    """Residual of the required clearance, also between the nodes: the worst body or string."""
     clear = objective.rows.clear
     if clear is None:
         return NONE

@@ -17,9 +17,9 @@ from fantoccini.optimal.objective import Objective
 from fantoccini.optimal.sqp import Iterate
 from fantoccini.optimal.touch import Touched
 
-_UNMOVED = 1e-9
-"""Largest effect of an input on a coordinate at the end that counts as none, relative to its
-largest effect on any."""
+_MAX_ROUNDING_EFFECT = 1e-9
+"""Effect of an input on a final coordinate below which it is rounding, relative to its largest
+effect on any coordinate."""
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,8 @@ class Residual:
     """A residual of a motion.
 
     Attributes:
-        size: how large it is [SI].
-        text: the bound, the coordinate and the time.
+        size: magnitude [SI].
+        text: the bound, coordinate and time.
     """
 
     size: float
@@ -44,12 +44,12 @@ NONE = Residual(0.0, "")
 
 
 def passed_bound(objective: Objective, nodes: Nodes, ends: Ends) -> Residual:
-    """The bound that a motion passes most at its nodes; :data:`NONE` where it keeps all."""
+    """The largest violation of a bound at the nodes; :data:`NONE` if all bounds are kept."""
     return max(_bounds(objective, nodes, ends), key=lambda one: one.rank, default=NONE)
 
 
 def end_residual(objective: Objective, nodes: Nodes) -> Residual:
-    """The coordinate or velocity that ends farthest from the state asked for."""
+    """The largest error of a coordinate or velocity at the end."""
     gap = np.abs(objective.end_gap(nodes))
     if not np.max(gap, initial=0.0) > 0.0:
         return NONE
@@ -60,7 +60,7 @@ def end_residual(objective: Objective, nodes: Nodes) -> Residual:
 
 
 def clearance_residual(clear: ClearRows, run: Trajectory) -> Residual:
-    """The body or string that comes farthest below the least clearance in a run."""
+    """The largest violation of the required clearance in a run, by body or string."""
     if not len(clear):
         return NONE
     least = clear.whole.least(run)
@@ -70,25 +70,25 @@ def clearance_residual(clear: ClearRows, run: Trajectory) -> Residual:
 
 
 def touch_residual(touched: tuple[Touched, ...]) -> Residual:
-    """The touch that is missed most."""
+    """The touch with the largest miss distance."""
     found = (Residual(one.distance, f"{one}, not there") for one in touched)
     return max(found, key=lambda one: one.rank, default=NONE)
 
 
 def without_input(nodes: Nodes, linear: LinearEnds, gap: Array) -> str:
-    """A note where no input moves the coordinate that ends farthest off, to first order."""
+    """A note if, to first order, no input moves the coordinate with the largest final error."""
     at = int(np.argmax(np.abs(gap)))
     rows, effect = np.eye(nodes.n_z), np.zeros(nodes.n_z)
     for A, B in zip(linear.A[::-1], linear.B[::-1], strict=True):
         effect = np.maximum(effect, np.max(np.abs(rows @ B), axis=1, initial=0.0))
         rows = rows @ A
-    if effect[at] > _UNMOVED * np.max(effect):
+    if effect[at] > _MAX_ROUNDING_EFFECT * np.max(effect):
         return ""
     return "; no input moves it"
 
 
 def largest_residual(objective: Objective, at: Iterate, tolerance: float) -> str:
-    """The residual that keeps an iterate from being optimal: of the end, a bound, or a step."""
+    """The largest residual of an iterate that is not optimal: of the end, a bound, or a step."""
     bound, end = passed_bound(objective, at.nodes, at.ends), end_residual(objective, at.nodes)
     worst = max(bound, end, key=lambda one: one.rank)
     if worst.size > max(tolerance, at.stationarity) or not np.isfinite(at.stationarity):
@@ -105,7 +105,7 @@ def largest_residual(objective: Objective, at: Iterate, tolerance: float) -> str
 
 
 def _bounds(objective: Objective, nodes: Nodes, ends: Ends) -> Iterator[Residual]:
-    """For every kind of bound the one that is passed most."""
+    """The largest violation for each kind of bound."""
     limits, names = objective.limits(nodes.interval), nodes.table.v_K
     value, low, high = objective.rows.values(nodes, ends)
     passed = np.maximum(low - value, value - high)

@@ -125,8 +125,8 @@ class Bounds:
         """Raises StateError where all driven coordinates are held."""
         if not np.any(self.magnitudes(marionette, "acceleration") > 0.0):
             raise StateError(
-                "all driven coordinates are held, so that nothing can be chosen; needed: one that "
-                "moves, or parameters"
+                "all driven coordinates are held, so that nothing can be optimised; needed: a "
+                "driven coordinate that moves, or parameters"
             )
 
     def check_state(self, marionette: Marionette, x: State, when: str) -> None:
@@ -135,7 +135,7 @@ class Bounds:
         Args:
             marionette: the puppet.
             x: the state.
-            when: it is asked for, for the message.
+            when: for the message, such as ``at the end``.
         """
         t = marionette.coordinates
         for name in self.held:
@@ -157,8 +157,8 @@ class Bounds:
             at = first + marionette.coordinates.v_K.index(name)
             if abs(gap[at]) > _START:
                 raise StateError(
-                    f"{names[at]} is held, and is to be {gap[at]:.6g} farther at the end; let it "
-                    "move, or ask for an end where it is"
+                    f"{names[at]} is held, but the end is off its start by {gap[at]:.6g}; "
+                    "let it move, or choose an end at its start"
                 )
         h, model = Evaluation.of(marionette.model, end).h, marionette.model
         passed = np.where(model.two_sided, np.abs(h), h)

@@ -85,8 +85,8 @@ class TimeSteps:
         threads: that share the work; as many as there are processors when None.
         chosen: the parameters that motions choose.
         pulls: whether the tensions' derivatives are wanted; else they are left 0.
-        longest: interval of a search at most [s]. All intervals have as many steps as this one, so
-            that the dynamics stay smooth where a free duration shortens them.
+        longest: longest interval of a search [s]. All intervals have as many steps as this one, so
+            that the dynamics are a smooth function of a free duration.
     """
 
     marionette: Marionette
@@ -103,10 +103,10 @@ class TimeSteps:
         return n, interval / n
 
     def extrapolated(self, nodes: Nodes) -> LinearEnds:
-        """The same as :meth:`linearise`, with ends' derivatives off by the square of the steps.
+        """As :meth:`linearise`, with derivatives of the ends to second order in the steps.
 
-        Those of m and of M steps are off by c / m and c / M, so that (M D_M - m D_m) / (M - m) is
-        not (Richardson). Those of tensions, which a step pulls back within its length, stay.
+        With m and M steps their errors are c / m and c / M, which cancel in
+        (M D_M - m D_m) / (M - m) (Richardson extrapolation). Derivatives of tensions are kept.
         """
         longest = nodes.interval if self.longest is None else self.longest
         finer = replace(self, dt=0.5 * min(self.dt, longest), pulls=False)

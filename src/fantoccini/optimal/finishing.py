@@ -1,4 +1,4 @@
-"""Searches in turn: by time steps, by exact derivatives, over event-driven runs."""
+"""Sequence of searches: with time steps, with exact derivatives, with event-driven runs."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ COARSE = 0.02
 
 _SAME_COST = 1e-6
 """Relative difference up to which costs count as equal."""
-_PUSH = 1e-3
-"""Change of the accelerations by which a solved motion is tried, relative to the largest."""
-_PUSHES = 3
-"""Solved motions, at most, beside which the search goes on."""
-_PUSH_ITERATIONS = 8
-_LOWER = 1e-4
-"""Relative decrease of the cost from which a motion beside a solved one is lower."""
+_PERTURBATION = 1e-3
+"""Perturbation of a solution's accelerations before a restart, relative to the largest."""
+_MAX_RESTARTS = 3
+"""Maximum number of restarts from a perturbed solution."""
+_RESTART_ITERATIONS = 8
+_MIN_COST_DECREASE = 1e-4
+"""Relative decrease of the cost above which the result of a restart is kept."""
 _CONFIRM = 60.0
 """Time that an event-driven run of the answer has at least [s]."""
 _RUNS_LEFT = 20.0
@@ -44,11 +44,11 @@ def iterate(runs: EventRuns, nodes: Nodes, objective: Objective) -> Iterate | No
     return Iterate(made[0], ends, objective.cost(made[0], ends))
 
 
-def to_minimum(
+def search_minimum(
     runs: EventRuns, at: Iterate, objective: Objective, limits: Limits,
     note: Callable[[Iterate], None],
 ) -> tuple[EventRuns, Iterate]:  # fmt: skip
-    """The search for a local minimum: by time steps, by exact derivatives, and from beside it.
+    """Searches with time steps, with exact derivatives, and from perturbed solutions.
 
     Driven rotations have no exact derivatives.
     """
@@ -56,16 +56,16 @@ def to_minimum(
     is_fine = rotates or isinstance(runs, ExactRuns)
     finer = runs if is_fine else ExactRuns(runs.steps, runs.chosen)
     solved = None
-    for pushes in range(1 + _PUSHES):
+    for pushes in range(1 + _MAX_RESTARTS):
         if not is_fine:
-            at = _coarsely(runs, at, objective, limits, note)
-        at = _finely(finer, at, objective, limits, note)
+            at = _search_by_steps(runs, at, objective, limits, note)
+        at = _search_exactly(finer, at, objective, limits, note)
         if at.kkt > limits.tolerance:
             break
         solved = at
-        if pushes == _PUSHES:
+        if pushes == _MAX_RESTARTS:
             break
-        beside = lower_beside(runs, at, objective, limits.until)
+        beside = restart_from_perturbed(runs, at, objective, limits.until)
         if beside is None:
             break
         at = replace(beside, iterations=at.iterations, stationarity=np.inf)
@@ -74,13 +74,13 @@ def to_minimum(
     return finer, at
 
 
-def _coarsely(
+def _search_by_steps(
     runs: EventRuns, at: Iterate, objective: Objective, limits: Limits,
     note: Callable[[Iterate], None],
 ) -> Iterate:  # fmt: skip
-    """The search by derivatives of time steps, for half of the iterations that are left.
+    """The search with derivatives of time steps, for at most half of the remaining iterations.
 
-    Where they do not predict what steps gain, it ends earlier.
+    It ends earlier if the derivatives do not predict the decrease of the cost.
     """
     some = (limits.iterations - at.iterations + 1) // 2
     tolerance = max(limits.cost_tolerance, COARSE)
@@ -90,13 +90,13 @@ def _coarsely(
     return Search(at, runs, objective, limits).run(note)
 
 
-def _finely(
+def _search_exactly(
     runs: EventRuns, coarse: Iterate, objective: Objective, limits: Limits,
     note: Callable[[Iterate], None],
 ) -> Iterate:  # fmt: skip
-    """The search that goes on with the derivatives of the run itself.
+    """The search continued with exact derivatives of the run.
 
-    Those of time steps are off by the order of the steps: what is optimal by them is not.
+    Derivatives of time steps have errors of the order of the step, and so has their optimum.
     """
     start = Iterate(
         coarse.nodes, coarse.ends, coarse.cost, iterations=coarse.iterations, force=coarse.force
@@ -104,7 +104,7 @@ def _finely(
     left = replace(limits, iterations=limits.iterations - coarse.iterations)
     at = Search(start, runs, objective, left).run(note)
     if at.kkt > limits.tolerance and is_worse(at, coarse, objective):
-        # Its residual by time steps says nothing of the run.
+        # The residual by time steps does not apply to the run; keep the exact one.
         stationarity = max(coarse.stationarity, at.stationarity)
         at = replace(
             coarse, stationarity=stationarity, solution=at.solution, iterations=at.iterations,
@@ -113,16 +113,16 @@ def _finely(
     return at
 
 
-def lower_beside(
+def restart_from_perturbed(
     runs: EventRuns, at: Iterate, objective: Objective, until: float
 ) -> Iterate | None:
-    """A motion of lower cost to which a search from beside a solved one leads; None without one.
+    """A motion of lower cost, searched from a perturbed solution; None if none is found.
 
-    The conditions of optimality hold at saddles as well, as where all hangs still and first-order
-    changes do nothing. Costs count what is left at the end by its multipliers.
+    The conditions of optimality also hold at saddles, for instance where everything hangs still and
+    changes have no first-order effect. Costs include the error of the end by its multipliers.
     """
     nodes, driven = at.nodes, Driven.of(objective.task)
-    noise = np.random.default_rng(0).uniform(-_PUSH, _PUSH, nodes.acc_K.shape)
+    noise = np.random.default_rng(0).uniform(-_PERTURBATION, _PERTURBATION, nodes.acc_K.shape)
     noise[:, driven.most == 0.0] = 0.0
     pushed = driven.within((nodes.acc_K + driven.scale * noise)[None], nodes.interval)[0]
     cheap = EventRuns(runs.steps, runs.chosen, until)
@@ -130,9 +130,9 @@ def lower_beside(
     if start is None:
         return None
     start.force = at.force
-    found = Search(start, cheap, objective, Limits(0.0, 0.0, _PUSH_ITERATIONS, until)).run()
+    found = Search(start, cheap, objective, Limits(0.0, 0.0, _RESTART_ITERATIONS, until)).run()
     saved = merit(objective, at, at.force) - merit(objective, found, at.force)
-    return found if saved > _LOWER * abs(at.cost) else None
+    return found if saved > _MIN_COST_DECREASE * abs(at.cost) else None
 
 
 def is_worse(at: Iterate, before: Iterate, objective: Objective) -> bool:

@@ -163,6 +163,6 @@ class Nodes:
 
 
 def number_names(table: CoordinateTable) -> list[str]:
-    """(n_z,) what the numbers of z = (dq_D, dv_D, dq_K, dv_K) belong to."""
+    """(n_z,) names of the entries of z = (dq_D, dv_D, dq_K, dv_K)."""
     D, K = list(table.v_D), list(table.v_K)
     return [*D, *(f"the speed of {v}" for v in D), *K, *(f"the speed of {v}" for v in K)]

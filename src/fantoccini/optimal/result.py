@@ -206,7 +206,7 @@ class Optimum:
 
     @property
     def reservations(self) -> list[str]:
-        """What the status does not say of the motion, in words."""
+        """Sentences on what the status does not guarantee."""
         nodes = self.nodes
         grid = f"{len(nodes)} intervals of {nodes.interval:.4g} s"
         found = [
@@ -216,8 +216,8 @@ class Optimum:
         if not self.is_exact:
             why = f" ({self._runs.reasons[-1]})" if isinstance(self._runs, ExactRuns) else ""
             found.append(
-                f"the residual is by derivatives of time steps of {self.task.dt:g} s at most, off "
-                f"those of the run by their order{why}"
+                f"the residual is by derivatives of time steps of at most {self.task.dt:g} s, "
+                f"which differ from those of the run in the order of the step{why}"
             )
         return found
 

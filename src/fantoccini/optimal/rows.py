@@ -56,7 +56,7 @@ class Rows:
 
     @property
     def names(self) -> list[tuple[str, int]]:
-        """(m,) what they bound, and whether it is at the node that begins (0) or ends (1)."""
+        """(m,) name of each bounded quantity, at the first (0) or last (1) node of the interval."""
         inputs, rows = self._table.v_K, self._row_names
         motors = [(name, later) for later in (0, 1) for name in self._motors.names]
         return [

@@ -24,10 +24,10 @@ _ROUNDING = 1e-9
 def uninterrupted(
     marionette: Marionette, x0: State, inputs: Input, end: float, **options: Any
 ) -> Trajectory:
-    """The run of some inputs, whatever its status.
+    """The run of given inputs, whatever its status.
 
     Raises:
-        KeyboardInterrupt: Ctrl-C stopped it: it must not count as a motion that cannot be made.
+        KeyboardInterrupt: Ctrl-C stopped it, so the motion must not count as impossible.
     """
     run = simulate(marionette, x0, inputs, end, effort=False, throw=False, **options)
     if run.status is Status.STOPPED:
@@ -55,7 +55,7 @@ class EventRuns:
         return replace(found, e=ends.e, tension=ends.tension)
 
     def derivatives(self, nodes: Nodes) -> LinearEnds:
-        """Of the intervals by time steps, whose modes of contact may differ from step to step."""
+        """Derivatives of the intervals by time steps; contact modes may differ between steps."""
         if self.steps.marionette.model.contacts is not None:
             return self.steps.linearise(nodes)
         return self.steps.extrapolated(nodes)

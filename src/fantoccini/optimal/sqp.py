@@ -285,7 +285,7 @@ class Search:
         # The first part is the gradient of the Lagrangian with the step's multipliers, damping
         # included. A step that ends short of a bound, as the interior point method does, may
         # save nothing although the bound is not reached: so what it left counts with the second.
-        # The weight of the end only moves its multipliers, with which the gradient is taken.
+        # Not a residual: the weight of the end only shifts multipliers, which the gradient uses.
         bent = curved.copy()
         if objective.task.goal is not None:
             at_end = solution.u.shape[1] + np.arange(len(objective.kept[1]))
@@ -388,7 +388,7 @@ class Search:
 
 
 def merit(objective: Objective, at: Iterate, force: Array | float) -> float:
-    """J of an iterate, with what its gap and passed rows cost by multipliers of the gap."""
+    """J of an iterate plus the cost of its gap and violated rows, by the gap's multipliers."""
     passed = objective.price * float(np.sum(objective.rows.violation(at.nodes, at.ends)))
     return at.cost + passed + _of_gap(objective.gap(at.nodes), objective.end_weight, force)
 

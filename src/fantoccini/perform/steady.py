@@ -163,7 +163,7 @@ class Members:
 
 
 def natural_frequency(height: float, gravity: float) -> float:
-    """w = sqrt(g/height) [rad/s]; 0 without a pendulum: hands too low, or nothing pulls down.
+    """w = sqrt(g/height) [rad/s]; 0 if the hands are too low, or gravity does not pull down.
 
     Args:
         height: of the hands above the centre of mass [m].

@@ -24,7 +24,7 @@ from fantoccini.planning.search import Search
 from fantoccini.planning.touches import Meeting
 from fantoccini.runtime import POINT
 
-_BY_CLOCK = "a time limit ended the search, so that a second run may find another plan"
+_TIME_LIMIT_NOTE = "a time limit ended the search, so that a second run may find another plan"
 
 
 class PlanStatus(Outcome):
@@ -172,11 +172,11 @@ class PlanResult(PlanPath):
         text = f"; {self.refused} refused that do not hold in simulation" if self.refused else ""
         text += f" ({self.search.fault})" if self.refused and self.search.fault else ""
         text += f"; polish: {self.polished}" if self.polished is not None else ""
-        return text + (f"; {_BY_CLOCK}" if self.ended_by_clock else "")
+        return text + (f"; {_TIME_LIMIT_NOTE}" if self.ended_by_clock else "")
 
     @property
     def ended_by_clock(self) -> bool:
-        """Whether there is a plan and a time limit decided which: a second run may find another."""
+        """Whether a time limit selected the plan, so that a second run may find another."""
         found = self.distance <= self.problem.tolerance and len(self.path) > 1
         return found and not self.reason and self.search.late
 

@@ -47,7 +47,7 @@ MARKS = {
 }  # fmt: skip
 """Verb -> marks of the gesture that is made for it."""
 AIMED = {"looks_at": "look", "points_at": "point"}
-"""Verb -> the bundled gesture that is aimed."""
+"""Verb -> bundled gesture with a target."""
 
 
 @dataclass(frozen=True)
@@ -183,10 +183,10 @@ class Repertory:
             self._kept[key] = props.carry(player.alone, "", side=side)
         return _or_raise(self._kept[key])
 
-    def inability(self, player: Player, given: CueFile) -> str:
-        """Why a player can never do what a cue says, wherever it is; "" where it may.
+    def reason_unable(self, player: Player, given: CueFile) -> str:
+        """The reason why a player can never do a cue, wherever it stands; "" if it may be able to.
 
-        Nothing is simulated: clips, and places to look and point at, are not tried.
+        Nothing is simulated: clips, and targets to look and point at, are not tested.
         """
         if given.does is not None:
             if not isinstance(self._read(player, given.does), Gesture):

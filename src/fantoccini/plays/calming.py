@@ -55,7 +55,7 @@ def calm_gesture(alone: Marionette, offsets: tuple[float, ...]) -> Gesture:
 def calming(alone: Marionette, x: State) -> tuple[float, ...]:
     """The offsets of :func:`calm_gesture` after which the trunk of a puppet swings least.
 
-    The hands stay where a run of the search stops: the play's own run tells whether that one does.
+    If a run of the search stops, the hands stay; whether the play's own run stops is seen later.
 
     Args:
         alone: the puppet.

@@ -50,9 +50,9 @@ def load_play(
         path: of the file, or the name of a bundled play: ``trio``, ``chase`` or ``duet``.
         progress: called with what is being done and the share of it, as for a progress bar.
         before: an earlier version of the play, whose runs are used where nothing has changed.
-        within: time after which compiling is stopped [s], though not before its first round is
-            whole: the play is that of the last whole round, and its changes say that it was stopped
-            and what is not mended. As long as it takes by default.
+        within: time after which compiling stops [s], but not before the first round is complete.
+            The play is then that of the last complete round, and its changes list the stop and
+            what is not corrected yet. No limit by default.
 
     Raises:
         FileError: with every mistake found and its location.
@@ -83,10 +83,10 @@ class _Compiler:
         self._count = 0
 
     def play(self, until: float = math.inf) -> Play:
-        """The play, after as many rounds as it takes, or as are made before a time [s].
+        """The play, after as many rounds as needed, or as fit before a time [s].
 
-        Every round refuses a cue or moves one, and each is moved so often at most. The first round
-        is made in any case.
+        Every round refuses or moves a cue, and no cue is moved without end. The first round is
+        always completed.
         """
         self._next_round()
         self._kept.until = until
@@ -109,7 +109,7 @@ class _Compiler:
         self._count += 1
 
     def _settled(self) -> list[Touch]:
-        """Makes rounds until nothing is moved any more; what touches in the last.
+        """Makes rounds until no cue moves any more; returns the touches of the last round.
 
         Raises:
             OutOfTime: the time is over.
@@ -134,7 +134,7 @@ class _Compiler:
         return found
 
     def _stopped(self) -> Play:
-        """The play as its last whole round has it, with all that is not mended."""
+        """The play of the last complete round, with a list of what is not corrected."""
         wishes, self._rounds.settled = self._before
         self._rounds.back(wishes)
         self._round = self._rounds.made()

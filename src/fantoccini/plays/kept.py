@@ -24,7 +24,7 @@ _MOST = 600
 
 
 class OutOfTime(Exception):
-    """Nothing more is made, as the time for it is over."""
+    """The time limit has passed, so that no further result is computed."""
 
 
 @dataclass
@@ -32,8 +32,8 @@ class Kept:
     """Results by key; several threads may ask.
 
     Attributes:
-        made: how many were made, as they were not kept.
-        until: time of the monotonic clock after which nothing more is made [s].
+        made: number of results computed because they were not kept.
+        until: time of the monotonic clock after which no result is computed [s].
     """
 
     made: int = 0

@@ -46,7 +46,7 @@ def clearances(cast: Cast, run: Trajectory) -> tuple[Least, ...]:
 
     Args:
         cast: of the play.
-        run: of the stage; measured at every fourth of its samples, and between them as needed.
+        run: run of the stage, measured at every fourth sample, and in between as needed.
     """
     path = Path.of(cast.whole, run, EVERY)
     bodies = _nearest(_of_bodies(cast, path))

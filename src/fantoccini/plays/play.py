@@ -66,7 +66,7 @@ class CueOfPlay:
 
     @property
     def change(self) -> str:
-        """That it cannot be done, or is left out, and why; "" where it is done."""
+        """A sentence on why the cue cannot be done or is left out; "" if it is done."""
         if not self.refused:
             return ""
         left = "is left out" if self.optional else "cannot be done"
@@ -170,7 +170,7 @@ class Play:
 
     @property
     def remarks(self) -> tuple[Mistake, ...]:
-        """The changes that are no refusals of cues: what touches, or was not compiled in time."""
+        """Changes that do not refuse a cue: touches, or work not finished in time."""
         refusals = {(cue.line, cue.change) for cue in self.cues if cue.refused}
         return tuple(one for one in self.changes if (one.line, one.message) not in refusals)
 

@@ -130,8 +130,8 @@ def _check_props(file: PlayFile, cue: CueFile, spot: Spot, notes: Notes) -> None
 def check_play(path: str | os.PathLike[str]) -> PlayFile:
     """Reads a play, its cast, its gestures and its times, and simulates nothing.
 
-    A cue that its players can never do is a mistake, unless it is optional; compiled, the play
-    leaves it out and says so.
+    A cue that its players can never do is a mistake, unless it is optional. When the play is
+    compiled, such a cue is left out and reported.
 
     Args:
         path: of the file.
@@ -146,7 +146,7 @@ def check_play(path: str | os.PathLike[str]) -> PlayFile:
 
 
 def _check_abilities(script: Script) -> None:
-    """Notes cues whose players lack the strings or bodies for them, and walks to no place."""
+    """Notes cues whose players lack the strings or bodies, and walks to unreachable places."""
     cast, notes, walks = script.cast, script.notes, Walks(script.cast, script.notes)
     for cue in script.timeline.cues:
         given, spot = cue.given, (*cue.spot, said(cue.given.verb))
@@ -157,7 +157,7 @@ def _check_abilities(script: Script) -> None:
             places = [((*cue.spot, "past", k), where) for k, where in enumerate(given.past)]
             places.append((spot, getattr(given, given.verb)))
         for player in (cast.players[who] for who in cue.who):
-            why = script.repertory.inability(player, given)
+            why = script.repertory.reason_unable(player, given)
             if why:
                 notes.mistake(spot, why)
                 continue

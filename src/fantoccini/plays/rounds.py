@@ -147,7 +147,7 @@ class Rounds:
         return True
 
     def refuse_stopped(self, made: Round) -> bool:
-        """Refuses the cues in which a run stops before its end; whether there are any."""
+        """Refuses cues in which a run stops early; returns whether there are any."""
         return any([
             self.refuse(self.blamed(stop.t, {*stop.players}), stop.told(self.said(stop.t)))
             for stop in made.runs.stops
@@ -380,7 +380,7 @@ class Rounds:
 
 
 def _or(otherwise: T, job: Callable[[], T]) -> T:
-    """The result of a search, or another where its rollouts stop: the run made then tells why."""
+    """The result of a search, or ``otherwise`` if its rollouts stop; the run gives the reason."""
     try:
         return job()
     except ERRORS:

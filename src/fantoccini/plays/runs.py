@@ -60,8 +60,8 @@ class Run:
         staged: the company, as it was simulated.
         begin: when it begins [s].
         whole: its run, from time 0 on.
-        stopped: why it did not reach the end of its span; "" where it did.
-        stepped: why parts of it were simulated in fine time steps, not event-driven.
+        stopped: the reason for not reaching the end of its span; "" if it did.
+        stepped: reasons why parts were simulated in fine time steps, not event-driven.
     """
 
     staged: Staged
@@ -181,7 +181,7 @@ class _Work:
     def run(
         self, span: Span, before: Sequence[tuple[Span, Future[Run | Stop | None]]]
     ) -> Run | Stop | None:
-        """A company's run, or why it cannot begin; None where a member does not come so far."""
+        """A company's run, or its Stop; None if the earlier run of a member stopped."""
         cast, company = self.cast, span.company
         players: dict[str, State] = {}
         props: dict[str, PropState] = {}

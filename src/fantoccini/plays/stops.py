@@ -1,4 +1,4 @@
-"""Where runs of a play stop before their end, and the errors by which they do."""
+"""Early stops of a play's runs, and the errors that cause them."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ ERRORS = (FileError, SimulationError, ValueError, ArithmeticError)
 
 @dataclass(frozen=True)
 class Stop:
-    """Where a company's run stops before its end, or cannot begin.
+    """The early stop of a company's run, or a run that cannot begin.
 
     Attributes:
         players: of the company.
-        t: when [s].
-        why: in words.
+        t: time of the stop [s].
+        why: the reason.
     """
 
     players: tuple[str, ...]
@@ -25,7 +25,7 @@ class Stop:
     why: str
 
     def told(self, when: str) -> str:
-        """In words, with a time in words."""
+        """A sentence on the stop; ``when`` is its time in words."""
         return f"{' and '.join(self.players)}'s run stops {when}: {self.why}"
 
 

@@ -17,7 +17,7 @@ from fantoccini.plays.contacts import Pair
 from fantoccini.puppet.contact import FLOOR
 
 EVERY = 4
-"""So many samples of a run are one that is measured: 50 a second, and between them as needed."""
+"""Stride of the measured samples of a run: 50 a second, and in between as needed."""
 AT_HAND = 0.001
 """Who handles a prop, the prop, and who is given it, with their strings, keep this distance, and
 who sits and the seat [m]."""
@@ -90,7 +90,7 @@ def touches(
 def _windows(
     t: Times, meetings: Sequence[Meeting]
 ) -> Iterator[tuple[int, int, tuple[Meeting, ...]]]:
-    """From which sample to before which the same meetings go on, and those.
+    """Spans of samples with the same meetings: first sample, end (exclusive), meetings.
 
     Between two such spans the meetings of both may touch.
     """

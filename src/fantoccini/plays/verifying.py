@@ -109,9 +109,9 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
 
     Args:
         play: compiled.
-        within: time after which simulating is stopped [s]: what is measured then is the run of
-            compiling, which is in time steps where something touches, and that is a fault. As long
-            as it takes by default.
+        within: time after which simulating stops [s]. The run from compiling is then measured,
+            with time steps where something touches, and this counts as a fault. No limit by
+            default.
 
     Raises:
         FileError: a player's run cannot begin.
@@ -177,7 +177,7 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
 
 
 def _stops(play: Play, stop: Stop) -> str:
-    """Where a run stops, with the cue that has begun last, or else the first, and its line."""
+    """A sentence on the stop of a run, with its last cue begun, else the first, and the line."""
     starts = [
         (marks[START], cue) for cue in play.cues for who, marks in cue.marks.items()
         if who in stop.players

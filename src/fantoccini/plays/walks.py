@@ -36,7 +36,7 @@ _SAMPLE = 0.02
 _UPRIGHT = 1e-9
 """How far from 1 the vertical part of an upright box's axis may be."""
 _TOLERANCE = 1e-4
-"""Ways may be so much nearer to what stands there [m]."""
+"""Tolerance of the distance between a path and standing obstacles [m]."""
 _IN_TIME = 1e-6
 """Difference of times that counts as none [s]."""
 
@@ -120,7 +120,7 @@ class Walks:
         return room is None or bool(room.holds(np.array(place.place)))
 
     def obstruction(self, player: Player, place: complex) -> str:
-        """Why a player can stand nowhere near a place, whoever leaves; "" where it can."""
+        """The reason why a player can never stand near a place, even if others leave; else ""."""
         room, at = self._room(player), np.array(place)
         if room is not None and not room.holds(at):
             outside = abs(room.nearest(place) - place)

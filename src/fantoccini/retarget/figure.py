@@ -83,8 +83,8 @@ def figure_of(
     Args:
         marionette: the puppet.
         start: where it hangs.
-        bodies: part -> body, where they are not called as those of the bundled marionette.
-        of: name of the member of a scene that has them; the only one that has if not given.
+        bodies: part -> body, if their names differ from those of the bundled marionette.
+        of: name of the scene's member that has them; by default the only such member.
 
     Raises:
         StateError: a body that the puppet does not have, limbs that are not joined as a person's,

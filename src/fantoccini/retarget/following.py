@@ -57,7 +57,7 @@ _EASE = 0.5
 MAX_ERROR = 0.15
 """Largest error of a group of parts in a run that follows, relative to the puppet's height."""
 _SLOWER = 0.5, 0.25
-"""Shares of the bounds that are tried where a run goes astray."""
+"""Factors of the bounds of speed and acceleration, tried when a run goes astray."""
 _EVERY = 4
 """Step between samples of a run between which crossings are searched."""
 _WIDTH = 0.035
@@ -114,10 +114,10 @@ class Followed:
         run: the event-driven run.
         acc_K: (N, n_vK) accelerations of the driven coordinates, over an interval each.
         interval: [s].
-        t: (T,) times in the run of the clip's frames: its time begins and ends slowly [s].
-        seconds: that it took to find.
-        share: factor of the bounds of speed and acceleration: less than 1 where the run went
-            astray with all of them.
+        t: (T,) times in the run of the clip's frames, with a slow beginning and end [s].
+        seconds: computing time [s].
+        share: factor of the bounds of speed and acceleration: less than 1 if the run went astray
+            with the full bounds.
     """
 
     retargeted: Retargeted
@@ -144,12 +144,12 @@ class Followed:
 
     @property
     def hanging_far(self) -> float:
-        """The same of the hanging poses nearest to the clip."""
+        """The same error for the hanging poses nearest to the clip."""
         return max(part.reach for part in self.report) / self.retargeted.figure.height
 
     @cached_property
     def crossings(self) -> tuple[Crossing, ...]:
-        """Passages of the puppet's strings through one another in the run."""
+        """Crossings of the puppet's strings in the run."""
         return crossings_in(self.retargeted.marionette, self.run)
 
     def __repr__(self) -> str:
@@ -233,26 +233,26 @@ def follow_clip(
             "and of already"
         )
     if isinstance(clip, Retargeted):
-        best = _at_a_speed(clip, speed, acceleration, progress)
+        best = _follow_within(clip, speed, acceleration, progress)
     else:
         if not isinstance(clip, Placed):
             clip = place_clip(marionette, clip, mapping, start, travel, up, of=of)
-        best = _at_a_speed(retarget_clip(marionette, clip), speed, acceleration, progress)
+        best = _follow_within(retarget_clip(marionette, clip), speed, acceleration, progress)
         for lean in LEANS:
             if not best or not best.crossings:
                 break
             hung = retarget_clip(marionette, replace(clip, lean=lean))
-            made = _at_a_speed(hung, speed, acceleration, progress)
+            made = _follow_within(hung, speed, acceleration, progress)
             if made and len(made.crossings) < len(best.crossings):
                 best = made
     return replace(best, seconds=time.perf_counter() - began)
 
 
-def _at_a_speed(
+def _follow_within(
     clip: Retargeted, speed: float | Mapping[str, float], acceleration: float | Mapping[str, float],
     progress: Callable[[float], None] | None,
 ) -> Followed:  # fmt: skip
-    """The clip followed within all of the bounds, or within a share where it goes astray."""
+    """The clip followed within the full bounds, or within reduced bounds if the run goes astray."""
     names, best = clip.marionette.coordinates.v_K, None
     for share in (1.0, *_SLOWER):
         bounds = [
@@ -414,7 +414,7 @@ def tracks_along(
 def _every(
     bound: float | Mapping[str, float], usual: float, names: tuple[str, ...]
 ) -> dict[str, float]:
-    """Bounds of all driven velocities: the usual one for those that are not named."""
+    """Bounds of all driven velocities, with the default for those not named."""
     if not isinstance(bound, Mapping):
         return dict.fromkeys(names, float(bound))
     return {**dict.fromkeys(names, usual), **bound}

@@ -34,7 +34,7 @@ WEIGHTS = {
 _ABOVE = 0.03
 """w_K, of strings that run straight up."""
 _HELD = 1.0
-"""Time for which a single pose is held [s]."""
+"""Duration for which a single pose is held [s]."""
 _NEAR = 3e-4
 """Distance from the nearest pose at which a search ends [m]."""
 _ITERATIONS = 10
@@ -42,9 +42,9 @@ _ITERATIONS = 10
 _FIRST = 100
 """Of the search for the first one."""
 LEANS = 1.8, 2.6
-"""Leans of the strings relative to those where the puppet hangs, tried where strings cross."""
+"""Factors of the strings' lean at rest, tried where strings cross."""
 _LYING = 0.5
-"""Vertical component of the trunk's direction in most frames of somebody who lies or crawls."""
+"""Vertical component of the trunk's direction below which a person lies or crawls."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,7 +217,7 @@ def retarget_clip(
 
 
 def _up(clip: Capture, joints: Mapping[str, int]) -> str:
-    """Vertical axis: of the rest pose, or without one that along which trunks point most."""
+    """Vertical axis: that of the rest pose, else the main direction of the trunks."""
     if clip.skeleton.up(clip.body) is not None:
         return "xyz"[clip.up]
     x = {part: clip.positions[:, i] for part, i in joints.items()}
@@ -295,8 +295,8 @@ def straight_up(
         figure: of the puppet.
         frames: part -> (T, 3, 4) orientation and origin of its body.
         start: the state.
-        lean: by how much those of other parts than the head lean instead, of how they do in that
-            state, turned as the trunk.
+        lean: factor of the strings' lean in that state, rotated with the trunk; the head's strings
+            stay vertical.
     """
     table, n = figure.marionette.coordinates, len(frames["trunk"])
     found = {table.q_K[q]: np.full(n, start.q_K[q]) for q, _ in table.scalars_K}

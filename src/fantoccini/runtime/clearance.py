@@ -46,7 +46,7 @@ class Solids:
         pairs: (n, 2) indices of moving solids that are measured against one another.
         left_out: (moving, standing) bool, those that are not measured against one another.
         string_radius: (n_strings,) of strings against standing solids [m]; negative: not measured.
-        joints: (n_links,) ``JOINT``, what moves the solids and the strings' points.
+        joints: (n_links,) ``JOINT``, the joints of the links that carry solids and string points.
         carriers: (n_points,) links of the strings' points; -1 for the world.
         exact: distance of two placed solids (``SOLID`` records) one of which is a mesh, without
             radii [m]; negative where they overlap. None without meshes.
@@ -155,12 +155,12 @@ def _record(address: int) -> np.void:
 
 
 class Moves(NamedTuple):
-    """How far joints move about n configurations, at most.
+    """Bounds of the joints' motion about n configurations.
 
     Attributes:
         slide, turn: (n, n_links) path of each link's origin in its parent's frame [m], and the
             angle that its joint turns [rad].
-        wound: (n, n_strings) by which lengths change [m].
+        wound: (n, n_strings) bound of the change of lengths [m].
         loose: (n, n_strings) 1.0 for strings that may go slack on the way; else 0.0.
     """
 
@@ -192,7 +192,7 @@ class ClearanceLibrary(Loaded):
             moves: about the configurations; none by default.
 
         Returns:
-            (n,) [m]; (n,) bounds below which no distance falls on these moves [m]; and (n,) indices
+            (n,) [m]; (n,) lower bounds of all distances on these moves [m]; and (n,) indices
             in the order of ``Clearance::measure``, -1 without pairs.
 
         Raises:

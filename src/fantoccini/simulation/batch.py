@@ -241,7 +241,7 @@ def _places(inputs: Input, t: Times) -> Array:
 
 
 def _judge_prescribed(model: Model, batch: Batch, inputs: Inputs) -> None:
-    """Names the runs that reached their end while their inputs moved solids through one another."""
+    """Sets the status of finished runs whose inputs moved solids through one another."""
     if model.prescribed is None:
         return
     done = np.isin(batch.status, ARRIVED) & (batch.reached >= batch.t_end)

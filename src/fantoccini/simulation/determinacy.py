@@ -1,14 +1,14 @@
 """Tensions and efforts that a motion does not determine.
 
-Forces x of the strings, limits and contacts that hold give the motion B x, with B = F^-T A_D^T in
-the metric of M_DD = F^T F. Changes dx with B dx = 0 that stay within the bounds of x change no
-motion: more taut strings than it needs pull with any of such tensions. Near such a state rounding
-decides: a row whose acceleration is known to within a changes x by
+Forces x of the active strings, limits and contacts give the motion B x, with B = F^-T A_D^T in the
+metric of M_DD = F^T F. Changes dx with B dx = 0 within the bounds of x do not change the motion, as
+with redundant taut strings. Near such a state rounding decides: an uncertainty a of a row's
+acceleration changes x by
 
     |dx_i| <= a |(G^-1)_i|,   G = B^T B
 
-A force on a driven coordinate, E x, is as uncertain. Points of contact share forces in the same
-way, which leaves tensions and efforts alone unless they take part.
+An effort, E x, is uncertain in the same way. Redundant contact points share forces arbitrarily as
+well; this matters only if a tension or effort takes part.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ from fantoccini.tree import WORLD, Role
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Decisions about what a motion determines."""
+    """Tolerances of the decision whether a motion determines a force."""
 
     acceleration: float = 1e-6
-    """Of rows, that rounding makes [m/s^2]: lengths of an exact inverse kinematics, given by
-    samples, contradict one another by as much between them."""
+    """Uncertainty of rows' accelerations [m/s^2]: sampled lengths from an exact inverse kinematics
+    contradict one another by as much between samples."""
     change: float = 0.01
     """Change of a tension or effort that matters, relative to the puppet's weight."""
     singular: float = 0.03
-    """Added to the diagonal of G, so that it has an inverse, relative to the eigenvalue below which
-    changes matter. A row takes part from this share of a null vector on."""
-    rounding: float = 1e-13  # The same, relative to the trace of G, where that is more
+    """Regularisation of G's diagonal, relative to the eigenvalue below which changes matter; also
+    the smallest component of a null vector with which a row takes part."""
+    rounding: float = 1e-13  # Minimum regularisation, relative to the trace of G
     bound: float = 1e-6  # Distance from a bound, relative to the weight, that counts as being at it
     moving: float = 1e-5  # Speed from which a winch slips or a point of contact slides [m/s]
     closed: float = 1e-6  # -h below which a row is closed, relative to its length
@@ -119,9 +119,9 @@ class _Rows:
 
     Attributes:
         L: of the samples' M_DD.
-        held: (T, n) whether they hold, and are no winches that slip: those pull what they can.
+        held: (T, n) whether they are active and not slipping, as a slipping winch's force is known.
         B: (T, n, n_vD) motion by their forces.
-        low, high: (T, n) whether a force is at its least or largest.
+        low, high: (T, n) whether a force is at its lower or upper bound.
     """
 
     def __init__(self, model: Model, run: Trajectory):
@@ -142,7 +142,7 @@ class _Rows:
         near = TOLERANCES.bound * _force(model)
         self.low = ~model.two_sided & (forces <= near)
         self.high = forces >= model.upper - near
-        # Of dependent rows some pull, and others are closed, or open by rounding.
+        # Only some of several dependent rows pull; the others are closed, or open by rounding.
         slip = 0.0 if run.slip is None else run.slip.values
         h = np.hstack([on.h - slip, on.h_limit])
         held = h >= -TOLERANCES.closed * model.row_scales(run.q_D, run.q_K)
@@ -170,9 +170,9 @@ class _Points:
     """The contact points of a run, as n forces in turn.
 
     Attributes:
-        first: (T + 1,) where those of every sample begin.
+        first: (T + 1,) index of the first force of every sample.
         B: (n, n_vD) motion by each.
-        low: (n,) whether it is at its least.
+        low: (n,) whether it is at its lower bound.
         efforts: (n, n_vK) on driven coordinates.
     """
 
@@ -233,13 +233,13 @@ def _groups(held: Mask, first: Indices) -> Iterator[tuple[Indices, Indices, Indi
 
 
 def _is_weak(model: Model, B: Array) -> Mask:
-    """(m,) whether some change of forces makes hardly any motion."""
+    """(m,) whether some change of forces causes almost no motion."""
     least = np.linalg.eigvalsh(B @ np.swapaxes(B, 1, 2))[:, 0]
     return np.asarray(least < _weak(model))
 
 
 def _weak(model: Model) -> float:
-    """Eigenvalue of G below which rounding changes forces by what matters [1/kg]."""
+    """Eigenvalue of G below which rounding changes forces significantly [1/kg]."""
     return TOLERANCES.acceleration / (TOLERANCES.change * _force(model))
 
 
@@ -249,7 +249,7 @@ def _force(model: Model) -> float:
 
 
 def _uncertain(model: Model, B: Array, S: Array, low: Mask, high: Mask) -> Mask:
-    """(m, n) whether S x (n,) is uncertain by what matters, of forces x (m, k) with bounds."""
+    """(m, n) whether S x (n,) is significantly uncertain, for forces x (m, k) with bounds."""
     out = _changes(model, B, S)
     for i in np.flatnonzero(np.any(low | high, axis=1) & np.any(out, axis=1)):
         size, V = np.linalg.eigh(B[i] @ B[i].T)
@@ -260,10 +260,10 @@ def _uncertain(model: Model, B: Array, S: Array, low: Mask, high: Mask) -> Mask:
 
 
 def _changes(model: Model, B: Array, S: Array) -> Mask:
-    """a |S G^-1| (..., n) compared with what matters."""
+    """Whether a |S G^-1| (..., n) is significant."""
     if not B.shape[-2]:
         return np.zeros(S.shape[:-1], dtype=bool)
-    # Solved instead of taken apart: eigenvectors of many small matrices cost a multiple.
+    # Solving is several times faster than eigenvectors of many small matrices.
     G = B @ np.swapaxes(B, -1, -2)
     least = TOLERANCES.rounding * np.trace(G, axis1=-2, axis2=-1)
     least = np.maximum(least, TOLERANCES.singular * _weak(model))[..., None, None]
@@ -275,7 +275,7 @@ def _changes(model: Model, B: Array, S: Array) -> Mask:
 def _blocked(null: Array, low: Mask, high: Mask) -> Mask:
     """(k,) forces at a bound that no combination of vectors (k, r) takes off it.
 
-    By Farkas' lemma those whose negative vector is one of the cone of all vectors at bounds.
+    By Farkas' lemma, those whose negative vector lies in the cone of all vectors at bounds.
     """
     from scipy.optimize import nnls
 

@@ -1,4 +1,4 @@
-"""The pace of a run: how much computing its motion takes, and what makes its steps short."""
+"""The pace of a run: computing time per motion, and the causes of short steps."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from fantoccini.motion import ContactPoints, EventRecord, pair_name
 
 @dataclass(frozen=True)
 class _Limits:
-    """When a run is said to be slow."""
+    """Limits above which a run counts as slow."""
 
     first_look: float = 3.0
-    """Computing time after which the pace is looked at [s]."""
+    """Computing time before the first check of the pace [s]."""
     recent: float = 1.0
     """Computing time over which the pace is measured [s]."""
     left: float = 60.0
-    """Computing time still to come, at this pace, from which on it is told [s]."""
+    """Remaining computing time, at this pace, above which a run warns [s]."""
     samples: int = 500
-    """Last samples of a run in which is looked for what chatters."""
+    """Number of last samples searched for chattering strings and bodies."""
     names: int = 3
-    """Names that are given."""
+    """Maximum number of names in the message."""
 
 
 _LIMITS = _Limits()
@@ -46,7 +46,7 @@ class Pace:
     Args:
         t, t_end: of the run [s].
         limit: computing time after which it is late; none by default [s].
-        cause: what makes its present steps short, in words.
+        cause: text on why its present steps are short.
     """
 
     def __init__(self, t: float, t_end: float, limit: float | None, cause: Callable[[], str]):
@@ -65,7 +65,7 @@ class Pace:
         return self._limit is not None and self.seconds > self._limit
 
     def note(self, t: float) -> None:
-        """Takes the time that was reached [s]; warns, once, if the end is far at this pace."""
+        """Records the time reached [s]; warns once if the end is far away at this pace."""
         now, marks = self.seconds, self._marks
         marks.append((now, t))
         while len(marks) > 2 and now - marks[1][0] > _LIMITS.recent:
@@ -80,14 +80,14 @@ class Pace:
         takes = "does not come nearer to" if left == np.inf else f"needs {left:.2g} s more to"
         warnings.warn(
             f"after {now:.1f} s of computing the run is at t = {t:.6g} s and {takes} its end at "
-            f"{self._t_end:g} s: {self._cause()}. method='timestepping' steps over what is this "
-            "fast, at less accuracy; time_limit bounds the computing time",
+            f"{self._t_end:g} s: {self._cause()}. method='timestepping' steps over events "
+            "this fast, at less accuracy; time_limit bounds the computing time",
             SlowRunWarning, stacklevel=4,
         )  # fmt: skip
 
 
 def chatter(t: Times, contact: ContactPoints | None, events: Iterable[EventRecord]) -> str:
-    """What makes the last steps of a run short, in words: what has events, or touches, in them.
+    """Text on why the last steps of a run are short, with the events and contacts in them.
 
     Args:
         t: (T,) times of the samples [s].

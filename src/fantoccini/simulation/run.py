@@ -112,7 +112,7 @@ def simulate(
             known not to fit are refused; an event-driven run ends with ``TOO_MANY_SAMPLES`` where
             its samples no longer fit.
         time_limit: computing time after which the run ends with ``OUT_OF_TIME`` [s]; none when not
-            given. Runs that would take minutes more warn of it after some seconds.
+            given. Runs with minutes to go warn after some seconds of computing.
 
     Raises:
         StateError: ``x0`` violates a string or limit; ``marionette.project(x0)`` repairs it. Or
@@ -239,7 +239,7 @@ def _where(
 
 
 def _chatter(model: Model, pieces: list[Piece]) -> str:
-    """What makes the present steps short, of a run that has written these pieces."""
+    """Text on why the present steps of a run are short, from the pieces written so far."""
     written = Piece.joined(pieces)
     t = model.sample_layout.split(written.samples)["t"]
     events = [_event(model, event) for event in written.events]
@@ -262,7 +262,7 @@ def _collect(
     pieces: list[Piece],
     pace: Pace,
 ) -> tuple[Piece, Status]:
-    """What a run wrote to its end and the status; Ctrl-C and a time limit keep what was reached."""
+    """The output of a run and its status; Ctrl-C and a time limit keep the samples so far."""
     try:
         for piece in run.advance(t_end):
             pieces.append(piece)

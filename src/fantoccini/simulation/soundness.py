@@ -188,7 +188,7 @@ def judged(marionette: Marionette, made: Trajectory, dt: float, worst: float) ->
 
 
 def prescribed_verdict(overlaps: tuple[Overlap, ...]) -> tuple[Status, str]:
-    """Status of a run whose inputs move solids through one another, and the reason in words."""
+    """Status and error message of a run whose inputs move solids through one another."""
     if not deepest(overlaps):
         return Status.DONE, ""
     worst: dict[tuple[str, str], Overlap] = {}

@@ -52,13 +52,13 @@ class Kick:
 
 @dataclass(frozen=True, eq=False)
 class Impacts:
-    """Impacts of a run, I of them, as its n axes feel them.
+    """The I impacts of a run, as they act on its n axes.
 
     Attributes:
         t: (I,) times [s].
-        impulse: (I, n) P on what the axes move [N s or N m s].
+        impulse: (I, n) P on the bodies moved by the axes [N s or N m s].
         lost: (I,) sum(Lambda hdot) of the strings that snapped taut [J].
-        strings: of every impact, those strings.
+        strings: for every impact, the strings that snapped taut.
     """
 
     t: Array
@@ -68,7 +68,7 @@ class Impacts:
 
 
 def impacts_of(bound: AxisMap, marionette: Marionette, run: Trajectory) -> Impacts | None:
-    """The impacts of an event-driven run that catches; other runs have none of their own.
+    """The impacts of an event-driven run with catches; None for other runs.
 
     Args:
         bound: the stand.

@@ -40,7 +40,7 @@ COARSE = 0.02, 0.2
 from which both on peaks may be missed between them."""
 
 _INTERPOLATED = 3
-"""Samples on either side from which a value between two of them is interpolated."""
+"""Number of samples on either side that an interpolated value depends on."""
 _LEAST_SMOOTH = 3
 """Samples through which a smooth curve goes; a line goes through fewer."""
 
@@ -61,9 +61,9 @@ class StandCheck:
         impacts: of the run; None where it has none.
         kicks: catches of strings that hit an axis.
         lost: axis -> steps that it loses, for steppers that lose some.
-        unknown: (T, n) where the motion does not determine the force of an axis, so that neither
-            torque nor catch is judged.
-        notes: what to know of the check itself.
+        unknown: (T, n) where the motion does not determine the force of an axis, so that its torque
+            and catches are not judged.
+        notes: remarks on the check itself.
     """
 
     map: AxisMap
@@ -103,7 +103,7 @@ class StandCheck:
 
     @property
     def undetermined(self) -> dict[str, float]:
-        """Axis -> the time from which on the motion does not determine its force [s]."""
+        """Axis -> first time at which the motion does not determine its force [s]."""
         return {
             axis.name: float(self.motion.t[np.argmax(flags)])
             for axis, flags in zip(self.axes, self.unknown.T, strict=True)

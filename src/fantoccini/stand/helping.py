@@ -1,8 +1,8 @@
-"""What would help a stand that cannot do a run: another ratio, another motor, smoother inputs.
+"""Remedies for a stand that cannot do a run: another ratio, another motor, smoother inputs.
 
-All of it is computed for the motion as it is, and passes the whole check of the axis: a smaller
-drum needs more steps a second and takes other catches. Numbers are rounded to the safe side. Only a
-slower tempo changes the motion, which is simulated again (:mod:`fantoccini.stand.tempo`).
+They are computed for the given motion, and must pass the whole check of the axis, because a smaller
+drum also needs more steps a second and changes the catches. Numbers are rounded to the safe side.
+Only a slower tempo changes the motion and is simulated again (:mod:`fantoccini.stand.tempo`).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ MICROSTEPS = (256, 128, 64, 32, 16, 8, 4, 2, 1)
 _OF_MOTOR = ("step rate", "torque", "catch")
 """Quantities that another motor or transmission changes."""
 _ROUNDING = 1e-9
-"""Part of a number that rounding may take from it."""
+"""Relative rounding error of a number before it is rounded to the safe side."""
 _NEAR = 0.1
 """Peaks nearer than this are one [s]."""
 _STILL = 0.005
@@ -97,7 +97,7 @@ def _smoother(check: StandCheck, axis: Axis, k: int) -> str:
 
 
 def _of_motor(check: StandCheck, axis: Axis, k: int, broken: set[str]) -> list[str]:
-    """What the motor and the controller lack, and another transmission that makes up for it."""
+    """Demands on the motor and the controller, and other transmissions that meet them."""
     limits = check.of(axis.name)
     found = []
     if "step rate" in broken:
@@ -127,7 +127,7 @@ def _motor(check: StandCheck, axis: Axis, k: int) -> str:
 
 
 def _worst(check: StandCheck, k: int) -> int:
-    """The sample at which a motor's torque falls shortest."""
+    """The sample at which the torque exceeds the motor's by the largest factor."""
     demand, there = check.judged[:, k], check.available[:, k]
     return int(np.argmax(np.where(demand > there, demand / np.maximum(there, 1e-9), 0.0)))
 
@@ -164,7 +164,7 @@ def _catch(check: StandCheck, axis: Axis) -> str:
 # -- other transmissions and microsteps --------------------------------------------------------
 
 _WORDS = {"drum": "drum", "belt": "pulley", "screw": "lead", "shaft": "gear"}
-"""What is changed of a transmission."""
+"""Transmission -> its part that is changed."""
 
 
 @dataclass(frozen=True)
@@ -183,7 +183,7 @@ def _alternatives(check: StandCheck, axis: Axis, k: int) -> list[str]:
         if _passes(check, dataclasses.replace(axis, motor=motor), k):
             found.append(_microsteps(axis, motor))
             break
-    # Fewer microsteps only lower the step rate: what fails with the fewest fails with all.
+    # Fewer microsteps only lower the step rate: if the fewest fail, all numbers fail.
     last = _others(dataclasses.replace(axis, motor=motors[-1]))
     places = [i for i, other in enumerate(last) if _passes(check, other.axis, k)]
     for motor in motors if places else []:
@@ -196,7 +196,7 @@ def _alternatives(check: StandCheck, axis: Axis, k: int) -> list[str]:
 
 
 def _motors(check: StandCheck, axis: Axis) -> list[Motor]:
-    """The axis' own motor, then with ever fewer microsteps where the step rate has a bound."""
+    """The axis' motor, then with decreasing microsteps if the step rate is bounded."""
     own = axis.motor
     if not isinstance(own, Stepper) or "step rate" not in check.of(axis.name):
         return [own]
@@ -210,9 +210,9 @@ def _microsteps(axis: Axis, motor: Motor) -> str:
 
 
 def _passes(check: StandCheck, made: Axis, k: int) -> bool:
-    """Whether nothing of a changed axis is broken that its motor or transmission changes.
+    """Whether a changed axis keeps all limits that depend on its motor or transmission.
 
-    A tenth of the torque is kept back, or as much as now where that holds with less.
+    A tenth of the torque is kept in reserve, or the present reserve if that is smaller and holds.
     """
     now = check.of(made.name)
     limits = {limit.quantity: limit for limit in check.limits_with(k, made)}
@@ -231,7 +231,7 @@ def _has_spare(made: Limit | None, now: Limit | None) -> bool:
 
 
 def _nearest_run(check: StandCheck, axis: Axis, k: int, places: list[int]) -> list[_Other]:
-    """Of the transmissions at some places those in a row that pass, nearest to the axis' own."""
+    """The contiguous range of transmissions that pass, nearest to the axis' own."""
     others = _others(axis)
     good = {i for i in places if _passes(check, others[i].axis, k)}
     if not good:
@@ -257,7 +257,7 @@ def _number(axis: Axis) -> float:
 
 
 def _others(axis: Axis) -> list[_Other]:
-    """The axis with other numbers, as they are told, in increasing order."""
+    """The axis with other numbers, rounded as in the message, in increasing order."""
     part, own = axis.transmission, _number(axis)
     if isinstance(part, Belt):
         least, most = max(4, math.ceil(RATIOS[0] * own)), min(10_000, int(RATIOS[-1] * own))
@@ -293,7 +293,7 @@ def _in_words(axis: Axis, low: float, high: float) -> str:
 
 
 def _up(x: float, digits: int = 4) -> str:
-    """A number that is not less, with so many digits."""
+    """A number rounded up to the given digits."""
     text = f"{x:.{digits}g}"
     if float(text) < x - _ROUNDING * abs(x):
         text = f"{x + 10.0 ** (math.floor(math.log10(abs(x))) - digits + 1):.{digits}g}"
@@ -301,7 +301,7 @@ def _up(x: float, digits: int = 4) -> str:
 
 
 def _down(x: float) -> str:
-    """A number that is not more."""
+    """A number rounded down."""
     text = _up(-x)
     return text[1:] if text.startswith("-") else f"-{text}"
 

@@ -71,9 +71,9 @@ class Load:
     """A motor's load.
 
     Attributes:
-        torque, available: its torque, and the largest that it has (T,) [N m].
-        known: (T,) whether the motion determines it.
-        kicks: catches of strings that hit it.
+        torque, available: (T,) required torque, and the largest available [N m].
+        known: (T,) whether the motion determines the torque.
+        kicks: catches of strings that hit the motor.
     """
 
     torque: Array

@@ -48,8 +48,8 @@ _CAPTIONS = 0.4
 """Largest share of the picture's height that captions take."""
 
 MAX_GIF_FPS = 50.0
-"""Most frames per second of a GIF: it counts hundredths of a second, and browsers show a frame of
-one hundredth for ten."""
+"""Largest frame rate of a GIF [1/s]. Frame times are in hundredths of a second, and browsers show a
+frame of one hundredth for ten."""
 
 
 class FilmError(FantocciniError):
@@ -83,7 +83,7 @@ def film(
         marionette: the puppet.
         run: its motion.
         path: ends in ``.mp4`` (H.264, yuv420p) or ``.gif``.
-        fps: frames per second; of a ``.gif`` at most 50, which is what browsers play.
+        fps: frames per second; for a ``.gif`` at most 50, because browsers play no more.
         size: width and height [px], rounded up to even numbers.
         view: preset, or (azimuth, elevation) in degrees.
         focus: ``all`` frames bodies and strings, ``bodies`` lets strings leave the picture.

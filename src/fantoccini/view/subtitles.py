@@ -29,7 +29,7 @@ class Subtitles:
     """Captions of one film, drawn below the picture.
 
     Attributes:
-        room: height of the most lines that are read at once [px]; 0 without captions.
+        room: height of the largest number of lines shown at once [px]; 0 without captions.
 
     Args:
         captions: words, speakers and times, on the motion's clock.
@@ -48,7 +48,7 @@ class Subtitles:
                 (one.start, one.end, textwrap.wrap(plain(str(one), _LONGEST), letters) or [""])
                 for one in in_order
             ]
-            # The most lines are shown where a caption begins.
+            # The number of lines is largest at the beginning of a caption.
             lines = max((len(self._lines(start)) for start, *_ in self._captions), default=0)
             self.room = lines * _LEADING * self._size
             if self.room <= most:
@@ -64,7 +64,7 @@ class Subtitles:
             )  # fmt: skip
 
     def at(self, t: float) -> list[Text]:
-        """The text at a time: all captions that go on, those that began first above the others."""
+        """The text at a time: all current captions, in order of their beginning."""
         lines = self._lines(t)
         if self._text is None or not lines:
             return []

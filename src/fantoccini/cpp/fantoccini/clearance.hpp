@@ -45,7 +45,7 @@ class Clearance {
   Real q_D[room(Model::n_qD)], q_K[room(Model::n_qK)], p[room(Model::n_p)];
   JointPaths<Model, Real> moves;  // about the configuration; see `measure`
   Real least, which;  // the clearance and its number: see `measure`
-  Real lower;         // no distance is less on the way that `moves` describes
+  Real lower;         // lower bound of all distances on the path given by `moves`
 
   // A link's pose at the last measurement: R by columns, then r.
   FAN_FN const Real* pose(int link) const { return poses_ + 12 * link; }

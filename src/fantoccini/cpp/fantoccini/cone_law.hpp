@@ -8,9 +8,9 @@ namespace fan {
 struct ConeTolerances {
   // Largest residual of a solution; see `residual`.
   static constexpr double residual = 1e-10;
-  // Rounding of s, relative to the largest sum of |G_ij x_j|: bodies of very different mass have forces
-  // whose accelerations cancel, and a residual that is no more. And the largest one that may be: forces that
-  // jam have one without bound.
+  // Rounding of s, relative to the largest sum of |G_ij x_j|: between bodies of very different mass,
+  // accelerations cancel, which leaves such a residual. It is capped, as forces that jam have an unbounded
+  // rounding error.
   static constexpr double rounding_of_sum = 8.0 * 2.2e-16;
   static constexpr double largest_rounding = 5e-10;
   // Residual above which a solution is refined: more than rounding leaves.

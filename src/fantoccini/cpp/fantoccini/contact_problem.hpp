@@ -112,17 +112,17 @@ class ContactProblem {
     double low = 0.0, high = scale_[l];
     for (int k = 0; k < Tolerance::halvings; ++k) {
       scale_[l] = 0.5 * (low + high);
-      spring_back(l);
+      set_rebounds(l);
       const bool is_too_much = !solve(l, rows, near, guess, cap, found, s) || adds(l, rows, before, found);
       (is_too_much ? high : low) = scale_[l];
     }
     scale_[l] = low;
-    spring_back(l);
+    set_rebounds(l);
     return solve(l, rows, near, guess, cap, found, s);
   }
 
-  // Asks the points that bounce in lane l for their rebounds, times the factor.
-  FAN_FN void spring_back(int l) {
+  // Sets the rebound velocities of lane l, scaled by the factor.
+  FAN_FN void set_rebounds(int l) {
     for (int i = 0; i < points_.n[l]; ++i) {
       if (rebound_[l][i] == 0.0) continue;
       const double back = scale_[l] * rebound_[l][i], parting = parting_[l][i];

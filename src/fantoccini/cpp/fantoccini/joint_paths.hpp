@@ -1,4 +1,4 @@
-// How far joints move about a configuration, and how far a puppet's points move with them:
+// Bounds of joint motion about a configuration, and of the paths of a puppet's points:
 //
 //   path(x) = sum over the links i from x's own up to the world of slide_i + turn_i (|x - r_i| + path below i)
 //
@@ -76,8 +76,8 @@ struct JointPaths {
     return moved;
   }
 
-  // By how much the sag of a string changes at most, whose length less its span changes by `x`: that of
-  // a parabola is sqrt(3/8 length excess), and a string that hangs steeply sags by half of x.
+  // Bound of the change of a string's sag if its excess (length less span) changes by `x`: a parabola
+  // sags by sqrt(3/8 length excess), and a steep string by half of x.
   FAN_FN static Real sag(const Real& length, const Real& span, const Real& x) {
     using std::sqrt;
     const Real none = Real(0.0), excess = length - span, scale = Tol::parabola * maximum(Real(length + x), none);

@@ -1,7 +1,7 @@
 // A planner's rollouts: segments of constant driven accelerations, given or by a feedback law, checked
 // at equal intervals ("looks") until the rollout is complete, reaches the goal, collides or leaves its
-// bounds. Between looks nothing is passed either: everything moves evenly from step to step, and where
-// it moves far enough to come nearer than the margin, steps are halved until it is clear or is not.
+// bounds. Between looks, coordinates are interpolated linearly from step to step; a step that may come
+// nearer than the margin is halved until it is known to be clear or not (conservative advancement).
 // One rollout a lane; a free lane takes the next one. No rollout depends on its neighbours.
 #pragma once
 
@@ -39,7 +39,7 @@ struct RolloutTolerances {
   // touches: half of what a sound run may have.
   static constexpr double jam = 0.01;
   static constexpr double no_distance = 1e300;  // of a goal that only Python can measure
-  static constexpr double least_move = 1e-5;  // m: paths between looks this short are not halved
+  static constexpr double min_move = 1e-5;  // m: paths between looks this short are not halved
   static constexpr int max_halvings = 30;     // of a step
 };
 
@@ -110,7 +110,7 @@ class Rollouts {
     bool running = true;
     while (running && look < in.looks) {
       way_.clear();
-      remember_place();
+      record_configuration();
       clearance_.moves.clear();
       for (int s = 1; s <= in.steps; ++s) {
         if (reached(progress) < 0) return;
@@ -120,7 +120,7 @@ class Rollouts {
         led_.advance(dt);
         count_catches(was);
         if (in.kept_off) watch_touches(in);
-        remember_place();
+        record_configuration();
         const Real *before = place(s - 1), *now = place(s);
         clearance_.moves.add(*in.solids, before, before + NQ, now, now + NQ);
       }
@@ -222,7 +222,7 @@ class Rollouts {
       doubtful = doubtful || lane_of(counts, l) > 0.5;
     }
     for (int s = 0; s < in.steps && doubtful; ++s)
-      look_between(in, place(s), place(s + 1), counts, 0);
+      check_between(in, place(s), place(s + 1), counts, 0);
     bool running = false;
     for (int l = 0; l < width; ++l) {
       if (!active_[l]) continue;
@@ -259,7 +259,7 @@ class Rollouts {
 
   // Marks the lanes among those asked for (1.0) that may come nearer than the margin on the even way
   // between two configurations.
-  void look_between(
+  void check_between(
       const RolloutArrays& in, const Real* from, const Real* to, const Real& asked, int halvings) {
     Real middle[room(NQ + QK)];
     mean<typename Model::Dynamic>(from, to, middle);
@@ -278,16 +278,16 @@ class Rollouts {
       const double least = lane_of(clearance_.least, l), lower = lane_of(clearance_.lower, l);
       if (lower >= in.margin) continue;
       using Tol = RolloutTolerances;
-      // A margin may be broken by as little as the last moves, but nothing is touched.
-      const bool last = !(least - lower > Tol::least_move) || halvings == Tol::max_halvings;
+      // Short moves may violate the margin slightly, but must not touch anything.
+      const bool last = !(least - lower > Tol::min_move) || halvings == Tol::max_halvings;
       passed_[l] = !(least >= in.margin) || (last && !(lower >= 0.0));
       if (last || passed_[l]) continue;
       lane_of(unsure, l) = 1.0;
       some = true;
     }
     if (!some) return;
-    look_between(in, from, middle, unsure, halvings + 1);
-    look_between(in, middle, to, unsure, halvings + 1);
+    check_between(in, from, middle, unsure, halvings + 1);
+    check_between(in, middle, to, unsure, halvings + 1);
   }
 
   // Half way between two configurations.
@@ -307,8 +307,8 @@ class Rollouts {
     }
   }
 
-  // Keeps the present configuration as one on the way from look to look.
-  void remember_place() {
+  // Records the present configuration for the check between two looks.
+  void record_configuration() {
     for (int i = 0; i < NQ; ++i) way_.push_back(led_.state().q_D[i]);
     for (int i = 0; i < QK; ++i) way_.push_back(led_.inputs().q_K[i]);
   }
