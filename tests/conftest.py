@@ -61,7 +61,10 @@ CONTACT = (
     "contact/test_mesh_pieces.py",
     "contact/test_meshes.py",
     "contact/test_patches.py",
+    "contact/test_prescribed.py",
     "contact/test_shared_forces.py",
+    "contact/test_standing.py",
+    "contact/test_starts.py",
     "contact/test_thin_walls.py",
 )
 """Files that compile many small puppets with contact."""
