@@ -14,6 +14,7 @@ import pytest
 import fantoccini as fan
 from fantoccini import errors
 from fantoccini.errors import FileError, Mistake, Status
+from fantoccini.plays.stops import CannotBegin, Stop
 from fantoccini.puppet.yaml_text import Unreadable
 
 PROBLEMS = [Mistake("a.yaml", 3, "bodies[0].mass", "found -1"), Mistake("a.yaml", None, "", "no")]
@@ -24,6 +25,7 @@ FACTS = {
     errors.PacketError: (1.5, "not sent"),
     errors.StreamError: (7, "G7", "error:20"),
     errors.SweepStopped: ("stopped at 3 of 5", [1, 2, 3]),
+    CannotBegin: (Stop(("columbine",), 0.0, "a string is too short"),),
     Unreadable: (4, ("bodies", 0), "a tab"),
 }
 """What exceptions are made from that take more than a sentence."""

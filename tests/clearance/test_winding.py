@@ -18,11 +18,12 @@ def watched(t, low, high) -> StringMotion:
 
 
 def test_a_passage_between_two_samples_is_found():
-    """Both samples are 10 cm apart: no distance there says anything."""
+    """Both samples are 10 cm apart: only what lies between them shows it."""
     low = [[[0, 0, 0], [0.1, 0.01, 0.1]], [[0, 0, 0], [-0.1, 0.01, 0.1]]]
     high = [[[0, 0.02, 1], [0.1, 0.01, 1.2]], [[0, 0.02, 1], [-0.1, 0.01, 1.2]]]
     motion = watched([3.0, 3.1], low, high)
-    assert motion.nearest(0.09).strings == ()
+    (approach,) = motion.nearest(0.09).strings
+    assert approach.t == pytest.approx(3.05, abs=1e-4) and approach.distance < 1e-6
     (crossing,) = motion.crossings()
     assert (crossing.what, crossing.other) == ("s0", "s1")
     assert crossing.t == pytest.approx(3.05)

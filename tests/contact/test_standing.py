@@ -50,7 +50,7 @@ def test_a_toy_that_rights_itself_rocks_as_its_weight_says():
     """omega^2 = m g d / (I + m (R - d)^2) about each axis; it spins freely about the vertical."""
     toy = fan.loads(TOY)
     x = toy.rest({"toy.rotation": [0.1, -0.05, 0.0]})
-    assert np.max(np.abs(toy.linearise(x).acc_D)) < 1e-9
+    assert np.max(np.abs(toy.linearise(x).acc_D)) < 1e-7
     modes = toy.modes(x)
     arm = 0.4 * 0.07**2
     wanted = np.sqrt(0.4 * G * 0.03 / (np.array([9e-4, 6e-4]) + arm))
@@ -87,7 +87,7 @@ def test_at_rest_on_the_floor_what_pulls_is_taut(promenade):
     assert np.array_equal(promenade.project(x).taut, x.taut)
     bare = x.replace(taut=np.zeros_like(x.taut))
     assert np.array_equal(promenade.project(bare).taut, x.taut)
-    assert np.max(np.abs(lin.acc_D)) < 1e-9
+    assert np.max(np.abs(lin.acc_D)) < 1e-7
 
 
 def test_the_modes_of_a_puppet_that_stands_are_those_of_its_linear_system(promenade):

@@ -19,6 +19,7 @@ from fantoccini.marionette import Marionette
 from fantoccini.motion import State, Trajectory
 from fantoccini.puppet import Obstacle
 from fantoccini.runtime import Moves, Solids, default_threads, moved_by
+from fantoccini.tree import Role, Tree
 
 _MAX_TOUCH = 1e-6
 """Overlap below which solids touch [m]; along paths, also the distance below which they touch."""
@@ -123,6 +124,8 @@ class Clearance:
         pairs = pairs[np.array(measured, dtype=bool)]
         left_out = [[frozenset((a, o.name)) in free for o in self.obstacles] for a in names]
         left = np.array(left_out, dtype=bool).reshape(len(names), len(self.obstacles))
+        # A rail that stands on the floor is no collision: nothing moves either.
+        left[[not _can_move(tree, i) for i in self._links]] = True
         radius = string_radius if strings and len(still) else -1.0
         exact = self.meshes.distance if len(self.meshes) else None
         radii = np.full(len(tree.strings), radius)
@@ -307,3 +310,8 @@ def _configurations(motion: State | Trajectory | Sequence[State]) -> tuple[Array
     if not len(motion):
         raise ValueError("no states; give at least one")
     return np.array([x.q_D for x in motion]), np.array([x.q_K for x in motion])
+
+
+def _can_move(tree: Tree, link: int) -> bool:
+    """Whether a coordinate moves a link."""
+    return any(tree.links[i].role is not Role.FIXED for i in tree.ancestors(link))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fantoccini.arrays import Array, is_number
+from fantoccini.arrays import Array, floats, is_number
 from fantoccini.errors import InputError, Mistake, StateError
 from fantoccini.marionette.active_set import TOLERANCES
 from fantoccini.marionette.critical_step import critical_step
@@ -27,7 +27,7 @@ def checked_end(t_end: object, t: float) -> float:
     Raises:
         ValueError: it is no finite time later than the start.
     """
-    if not is_number(t_end) or not t < t_end < np.inf:
+    if not is_number(t_end) or not t < floats(t_end) < np.inf:
         raise ValueError(
             f"t_end is {t_end!r}; it must be a finite time later than the start at {t:g} s"
         )

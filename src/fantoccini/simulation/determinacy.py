@@ -48,7 +48,7 @@ class Tolerances:
 
 
 TOLERANCES = Tolerances()
-_AT_ONCE = 4096
+_AT_ONCE = 512
 """Samples whose matrices are in memory together."""
 
 
