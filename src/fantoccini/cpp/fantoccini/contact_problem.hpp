@@ -102,23 +102,17 @@ class ContactProblem {
     sort(0, rows, none);
   }
 
-  // Solves lane l with the restitutions, times the largest common factor with which they add no
-  // energy.
+  // Solves lane l with the restitutions, scaled down until they add no energy.
   FAN_FN bool bounce(
       int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess,
       const Real* before, double cap, Real* found, Real* s) {
     bool solved = solve(l, rows, near, guess, cap, found, s);
-    if (!bounces_[l] || !adds(l, rows, before, found)) return solved;
-    double low = 0.0, high = scale_[l];
-    for (int k = 0; k < Tolerance::halvings; ++k) {
-      scale_[l] = 0.5 * (low + high);
+    for (int k = 1; bounces_[l] && k <= Tolerance::tries && adds(l, rows, before, found); ++k) {
+      scale_[l] *= k < Tolerance::tries ? Tolerance::less_restitution : 0.0;
       set_rebounds(l);
-      const bool is_too_much = !solve(l, rows, near, guess, cap, found, s) || adds(l, rows, before, found);
-      (is_too_much ? high : low) = scale_[l];
+      solved = solve(l, rows, near, guess, cap, found, s);
     }
-    scale_[l] = low;
-    set_rebounds(l);
-    return solve(l, rows, near, guess, cap, found, s);
+    return solved;
   }
 
   // Sets the rebound velocities of lane l, scaled by the factor.

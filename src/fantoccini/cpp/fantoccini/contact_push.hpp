@@ -27,8 +27,9 @@ struct ContactStepTolerances {
   // Shares of G's largest diagonal entry by which rows yield where the law has no solution that is
   // found, tried one after the other.
   static constexpr double softness[] = {1e-8, 1e-7, 1e-6};
-  // Bisections of the common factor that keeps restitutions from adding energy.
-  static constexpr int halvings = 20;
+  // Factor of a restitution that adds energy, from try to try; after the last it is 0.
+  static constexpr double less_restitution = 0.5;
+  static constexpr int tries = 5;
   // Energy added that is rounding, relative to what the impulses exchange; above it the law's residual.
   static constexpr double rounding = 1e-9;
 };
