@@ -97,7 +97,7 @@ class _Words:
     """The words of a file, with their lines.
 
     Attributes:
-        notes: how the frames differ from what the header says.
+        notes: differences between the number of frames and the header.
     """
 
     def __init__(self, path: Path, text: str):

@@ -219,18 +219,18 @@ class Clearance:
         Returns:
             The places (m,) in order of time, and the distances there (m,) [m].
         """
-        found = list[tuple[Places, Array]]()
+        measured = list[tuple[Places, Array]]()
 
         def look(at: Places, distance: Array, lower: Array) -> Indices:
             kept = (distance < within) | (at.s == 0.0)
-            found.append((at.some(kept), distance[kept]))
+            measured.append((at.some(kept), distance[kept]))
             far = distance >= within
             return np.flatnonzero(far & (lower < np.minimum(within, distance - _EDGE)))
 
         advance(path, self._bounded, look)
-        at = Places(*map(np.concatenate, zip(*(places for places, _ in found), strict=True)))
+        at = Places(*map(np.concatenate, zip(*(places for places, _ in measured), strict=True)))
         order = np.argsort(at.t, kind="stable")
-        distance = np.concatenate([distance for _, distance in found])
+        distance = np.concatenate([distance for _, distance in measured])
         return at.some(order), distance[order]
 
     def nearest(self, motion: State | Trajectory | Sequence[State]) -> Nearest | None:
