@@ -38,7 +38,7 @@ class StringPairs:
 
 
 def string_pairs(
-    marionette: Marionette, links: list[int], radii: Array, radius: float
+    marionette: Marionette, links: list[int], radii: Array, radius: float, *, own: bool = True
 ) -> StringPairs:
     """The pairs, numbered as cores are: pieces of strings, then solids.
 
@@ -47,6 +47,7 @@ def string_pairs(
         links: that carry the solids.
         radii: (n_solids,) [m].
         radius: of strings [m].
+        own: whether ``every`` has pairs of which both belong to the same puppet.
     """
     tree, member = marionette.tree, marionette.puppet.member_of
     of_piece = [i for i, string in enumerate(tree.strings) for _ in string.points[1:]]
@@ -58,9 +59,12 @@ def string_pairs(
     names: list[tuple[str, str]] = []
     kinds: list[Kind] = []
     found: list[tuple[int, int, int]] = []
+    same_puppet: list[bool] = []
 
     def add(kind: Kind, i: int, other: str, cores: list[int]) -> None:
         found.extend((a, b, len(names)) for a in pieces[i] for b in cores)
+        same = member(tree.strings[i].name) == member(other)
+        same_puppet.extend([same] * (len(found) - len(same_puppet)))
         names.append((tree.strings[i].name, other))
         kinds.append(kind)
 
@@ -73,10 +77,12 @@ def string_pairs(
         for link, cores in solids.items():
             if link not in {p.link for p in string.points}:
                 body = tree.links[link].name
-                own = member(body) == member(string.name)
-                add(Kind.OWN_BODY if own else Kind.OTHERS_BODY, i, body, cores)
+                same = member(body) == member(string.name)
+                add(Kind.OWN_BODY if same else Kind.OTHERS_BODY, i, body, cores)
     first, second, group = np.array(found, dtype=int).reshape(-1, 3).T
     thick = np.concatenate([np.full(len(of_piece), radius), radii])
-    every = Pairs(first, second, group, thick[first] + thick[second])
+    kept = np.array([own or not same for same in same_puppet], dtype=bool)
+    i, j = first[kept], second[kept]
+    every = Pairs(i, j, group[kept], thick[i] + thick[j])
     of_strings = Pairs(first[:n], second[:n], group[:n], np.zeros(n))
     return StringPairs(tuple(names), tuple(kinds), every, of_strings)

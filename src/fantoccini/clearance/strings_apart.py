@@ -91,16 +91,20 @@ class StringsApart:
     Args:
         marionette: a puppet or a scene.
         radius: half the thickness of strings [m].
+        own: whether distances include pairs of which both belong to the same puppet. Such pairs
+            move together and are near at most times, which takes long. Crossings include them.
 
     Raises:
         ValueError: a radius that is not a finite number of at least 0.
     """
 
-    def __init__(self, marionette: Marionette, *, radius: float = 0.0):
+    def __init__(self, marionette: Marionette, *, radius: float = 0.0, own: bool = True):
         check_not_negative(radius=radius)
         self.marionette = marionette
         self._bodies, self._links = solids.moving(marionette.tree, Meshes())
-        self._pairs = string_pairs(marionette, self._links, self._bodies["radius"], radius)
+        self._pairs = string_pairs(
+            marionette, self._links, self._bodies["radius"], radius, own=own
+        )
 
     def over(self, q_D: Array, q_K: Array, t: Times) -> StringMotion:
         """The strings and bodies along a motion, to be measured.

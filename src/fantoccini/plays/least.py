@@ -84,7 +84,7 @@ def _of_bodies(cast: Cast, path: Path) -> Iterator[Least]:
 
 def _of_strings(cast: Cast, path: Path) -> Iterator[Least]:
     """Strings with strings and bodies of others, and with obstacles."""
-    near = StringsApart(cast.whole).over(path.q_D, path.q_K, path.t).nearest(WITHIN)
+    near = StringsApart(cast.whole, own=False).over(path.q_D, path.q_K, path.t).nearest(WITHIN)
     for one in (*near.strings, *near.bodies):
         owners = cast.owner(one.what), cast.owner(one.other)
         if owners[0] != owners[1]:

@@ -72,7 +72,7 @@ def touches(
     for pair in {pair for one in meetings for pair in one.pairs}:
         if not any(cast.owner(cast.named(name)) in cast.players for name in pair):
             always.add(pair)
-    apart = StringsApart(cast.whole)
+    apart = StringsApart(cast.whole, own=False)
     bodies, strings = list[_Near](), dict[Pair, Touch]()
     for begin, end, now in _windows(t, meetings):
         rules, own = _Rules(cast, now, always), slice(begin, end)
