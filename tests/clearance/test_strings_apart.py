@@ -119,6 +119,24 @@ def test_the_first_time_of_every_pair_is_found(slack):
             assert one.distance == pytest.approx(np.interp(one.t, t, distance), abs=missed)
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+def test_pairs_of_the_same_puppet_can_be_left_out(seed):
+    q_D, q_K, t = wandering(seed, 0.05)
+    whole = StringsApart(scene()).over(q_D, q_K, t)
+    others = StringsApart(scene(), own=False).over(q_D, q_K, t)
+
+    def puppet(name: str) -> str:
+        return name.partition(".")[0]
+
+    for of_all, of_others in (
+        (whole.nearest(within=10.0), others.nearest(within=10.0)),
+        (whole.nearer_than(0.05), others.nearer_than(0.05)),
+    ):
+        assert not of_others.own
+        assert listed(of_others) == [a for a in listed(of_all) if puppet(a.what) != puppet(a.other)]
+    assert others.crossings() == whole.crossings()
+
+
 def test_kinds_names_and_order():
     q_D, q_K, t = wandering(0, -0.1)
     found = StringsApart(scene()).over(q_D, q_K, t).nearest(within=10.0)
