@@ -221,7 +221,7 @@ def test_a_run_that_begins_later_follows_as_well(marionette, tmp_path):
     assert all(one.above < 0.02 for one in found.report)
     speeds = np.abs(found.run.v_K[-1])
     assert np.max(speeds) < 1e-9, "the hands are at rest in the end"
-    with pytest.raises(StateError, match="has its mapping, start and travel already"):
+    with pytest.raises(StateError, match="has its mapping, start, travel, up and of already"):
         fan.follow_clip(marionette, begun, travel=0.5)
 
 
