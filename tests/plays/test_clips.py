@@ -240,7 +240,7 @@ def test_a_check_simulates_nothing_and_a_change_keeps_the_clip(
 def test_clips_are_changed_as_gestures_are(plays: Plays, short: Path):
     play = plays.compiled(
         "{who: pierrot, does: clips/up.bvh, lasts: 9, mirrored: true}\n"
-        "{who: columbine, does: clips/up.bvh, larger: 0.9, repeat: 2, when: 0}"
+        "{who: columbine, does: clips/up.bvh, larger: 1.05, repeat: 2, when: 0}"
     )
     assert play.changes == ()
     found = fan.verify_play(play)
