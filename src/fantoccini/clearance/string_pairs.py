@@ -47,7 +47,7 @@ def string_pairs(
         links: that carry the solids.
         radii: (n_solids,) [m].
         radius: of strings [m].
-        own: whether ``every`` has pairs of which both belong to the same puppet.
+        own: whether ``every`` includes pairs within one puppet.
     """
     tree, member = marionette.tree, marionette.puppet.member_of
     of_piece = [i for i, string in enumerate(tree.strings) for _ in string.points[1:]]

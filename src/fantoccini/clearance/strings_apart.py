@@ -91,8 +91,8 @@ class StringsApart:
     Args:
         marionette: a puppet or a scene.
         radius: half the thickness of strings [m].
-        own: whether distances include pairs of which both belong to the same puppet. Such pairs
-            move together and are near at most times, which takes long. Crossings include them.
+        own: whether to measure distances within one puppet, too. These take longest, because its
+            parts are usually near each other. Crossings within it are found in any case.
 
     Raises:
         ValueError: a radius that is not a finite number of at least 0.
