@@ -128,13 +128,13 @@ def test_pairs_of_the_same_puppet_can_be_left_out(seed):
     def puppet(name: str) -> str:
         return name.partition(".")[0]
 
-    for of_all, of_others in (
+    for all_pairs, remaining in (
         (whole.nearest(within=10.0), others.nearest(within=10.0)),
         (whole.nearer_than(0.1), others.nearer_than(0.1)),
     ):
-        expected = [a for a in listed(of_all) if puppet(a.what) != puppet(a.other)]
-        found = listed(of_others)
-        assert expected and not of_others.own
+        expected = [a for a in listed(all_pairs) if puppet(a.what) != puppet(a.other)]
+        found = listed(remaining)
+        assert expected and not remaining.own
         assert [(a.what, a.other) for a in found] == [(a.what, a.other) for a in expected]
         for one, other in zip(found, expected, strict=True):
             assert_allclose(

@@ -182,6 +182,7 @@ def _spin(angles: np.ndarray) -> np.ndarray:
         ("../up.bvh", None, "no file beside this one"),
         ("walk_upp", None, "did you mean 'walk_up'?"),
         ("clips/up.bvh", ("HIERARCHY", "HIERARKY"), "up.bvh:1: found 'HIERARKY'; needed: "),
+        # One frame too few is only remarked on.
         ("clips/up.bvh", ("Frames: 60", "Frames: 62"), "the file ends after 60 frames"),
         ("clips/up.bvh", ("LeftForeArm", "Elbow"), "elbow_left is missing; give a mapping file "),
     ],

@@ -78,7 +78,7 @@ def test_puppets_thrown_about_live_are_not_broken(name):
     assert not [each for each in found if each.broken]
 
 
-def test_sliding_crates_keep_the_rules_event_driven():
+def test_event_driven_runs_of_sliding_crates_have_no_failures():
     """Two boxes with sliding corners; contact/test_event_contact.py has a rod that jams."""
     count = crowds.counted("crates", 20, "event")
     assert count.runs and count.touched and count.by_status["event"]["DONE"]

@@ -47,7 +47,7 @@ def string_pairs(
         links: that carry the solids.
         radii: (n_solids,) [m].
         radius: of strings [m].
-        own: whether ``every`` includes pairs within one puppet.
+        own: whether ``every`` includes pairs within one puppet; ``of_strings`` always does.
     """
     tree, member = marionette.tree, marionette.puppet.member_of
     of_piece = [i for i, string in enumerate(tree.strings) for _ in string.points[1:]]
@@ -62,9 +62,10 @@ def string_pairs(
     same_puppet: list[bool] = []
 
     def add(kind: Kind, i: int, other: str, cores: list[int]) -> None:
-        found.extend((a, b, len(names)) for a in pieces[i] for b in cores)
+        added = [(a, b, len(names)) for a in pieces[i] for b in cores]
+        found.extend(added)
         same = member(tree.strings[i].name) == member(other)
-        same_puppet.extend([same] * (len(found) - len(same_puppet)))
+        same_puppet.extend([same] * len(added))
         names.append((tree.strings[i].name, other))
         kinds.append(kind)
 
