@@ -120,23 +120,23 @@ def test_the_first_time_of_every_pair_is_found(slack):
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_pairs_of_the_same_puppet_can_be_left_out(seed):
+def test_distances_within_a_puppet_can_be_left_out(seed):
     q_D, q_K, t = wandering(seed, 0.05)
-    whole = StringsApart(scene()).over(q_D, q_K, t)
-    others = StringsApart(scene(), own=False).over(q_D, q_K, t)
+    full = StringsApart(scene()).over(q_D, q_K, t)
+    without_own = StringsApart(scene(), own=False).over(q_D, q_K, t)
 
     def puppet(name: str) -> str:
         return name.partition(".")[0]
 
     for all_pairs, remaining in (
-        (whole.nearest(within=10.0), others.nearest(within=10.0)),
-        (whole.nearer_than(0.1), others.nearer_than(0.1)),
+        (full.nearest(within=10.0), without_own.nearest(within=10.0)),
+        (full.nearer_than(0.1), without_own.nearer_than(0.1)),
     ):
         expected = [a for a in listed(all_pairs) if puppet(a.what) != puppet(a.other)]
-        found = listed(remaining)
+        approaches = listed(remaining)
         assert expected and not remaining.own
-        assert [(a.what, a.other) for a in found] == [(a.what, a.other) for a in expected]
-        for one, other in zip(found, expected, strict=True):
+        assert [(a.what, a.other) for a in approaches] == [(a.what, a.other) for a in expected]
+        for one, other in zip(approaches, expected, strict=True):
             assert_allclose(
                 [one.distance, one.t, *one.place], [other.distance, other.t, *other.place],
                 atol=1e-9,

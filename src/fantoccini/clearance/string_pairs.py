@@ -59,13 +59,9 @@ def string_pairs(
     names: list[tuple[str, str]] = []
     kinds: list[Kind] = []
     found: list[tuple[int, int, int]] = []
-    same_puppet: list[bool] = []
 
     def add(kind: Kind, i: int, other: str, cores: list[int]) -> None:
-        added = [(a, b, len(names)) for a in pieces[i] for b in cores]
-        found.extend(added)
-        same = member(tree.strings[i].name) == member(other)
-        same_puppet.extend([same] * len(added))
+        found.extend((a, b, len(names)) for a in pieces[i] for b in cores)
         names.append((tree.strings[i].name, other))
         kinds.append(kind)
 
@@ -82,7 +78,7 @@ def string_pairs(
                 add(Kind.OWN_BODY if same else Kind.OTHERS_BODY, i, body, cores)
     first, second, group = np.array(found, dtype=int).reshape(-1, 3).T
     thick = np.concatenate([np.full(len(of_piece), radius), radii])
-    kept = np.array([own or not same for same in same_puppet], dtype=bool)
+    kept = np.array([own or member(a) != member(b) for a, b in names], dtype=bool)[group]
     i, j = first[kept], second[kept]
     every = Pairs(i, j, group[kept], thick[i] + thick[j])
     of_strings = Pairs(first[:n], second[:n], group[:n], np.zeros(n))

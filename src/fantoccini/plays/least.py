@@ -87,9 +87,8 @@ def _of_strings(cast: Cast, path: Path) -> Iterator[Least]:
     near = StringsApart(cast.whole, own=False).over(path.q_D, path.q_K, path.t).nearest(WITHIN)
     for one in (*near.strings, *near.bodies):
         owners = cast.owner(one.what), cast.owner(one.other)
-        if owners[0] != owners[1]:
-            other = f"string {one.other}" if one in near.strings else one.other
-            yield Least(owners, f"string {one.what}", other, one.distance, one.t)
+        other = f"string {one.other}" if one in near.strings else one.other
+        yield Least(owners, f"string {one.what}", other, one.distance, one.t)
     for name, part in Clearance(cast.whole).parts().items():
         if not name.startswith("string "):
             continue

@@ -150,8 +150,7 @@ class _Rules:
                 what = f"string {one.what}"
                 other = f"string {one.other}" if one in near.strings else one.other
                 touch = Touch(one.t, what, other, one.distance)
-                own = self._cast.owner(one.what) == self._cast.owner(one.other)
-                if not own and not self._allowed(touch):
+                if not self._allowed(touch):
                     yield touch
 
     def _allowed(self, touch: Touch) -> bool:
