@@ -1,7 +1,7 @@
 """A walk of the marionette whose feet hardly slip, and numbers of a motion found by trial.
 
-`fan.puppets.Gait` makes steps of some numbers. From a gait that slips, `fan.tune` draws others
-around it, simulates them many at once and moves to the best; more generations would go on.
+`Gait` makes steps of some numbers. From a gait that slips, `fan.tune` draws others around it,
+simulates them many at once and moves to the best; more generations would go on.
 Writes out/walk.png.
 """
 
@@ -12,8 +12,8 @@ import numpy as np
 
 import fantoccini as fan
 from fantoccini import view
+from fantoccini.gestures import Gait
 from fantoccini.marionette import link_index
-from fantoccini.puppets import Gait
 
 STEPS, HEEL = 10, (-0.02, 0.0, -0.141)
 out = Path("out")

@@ -17,6 +17,7 @@ import fantoccini as fan
 from fantoccini.arrays import Array
 from fantoccini.marionette import Stepper
 from fantoccini.motion import ContactPoints, State
+from fantoccini.runtime import contact_points
 
 from ..speed.figures import Chapter
 from ..strings.report import Section, Table, number
@@ -97,7 +98,7 @@ def ours(puppet: fan.Marionette, x: State, t_end: float, push: Push | None = Non
 def _points(puppet: fan.Marionette, stepper: Stepper) -> ContactPoints:
     """Those of the last sample."""
     rows = stepper.contacts[stepper.contacts[:, 0] == len(stepper.samples) - 1]
-    return ContactPoints.of_rows(rows, puppet.model.contacts.names)
+    return contact_points(rows, puppet.model.contacts.names)
 
 
 def theirs(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State
-from fantoccini.puppets import performance as performance_file
+from fantoccini.puppet.bundled_files import performance as performance_file
 
 DURATION = 10.0
 """Of the greeting [s]."""

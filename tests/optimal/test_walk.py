@@ -9,7 +9,7 @@ import pytest
 from benchmarks.optimal import walk
 
 import fantoccini as fan
-from fantoccini.puppets import Gait
+from fantoccini.gestures import Gait
 
 STEPS = 24
 

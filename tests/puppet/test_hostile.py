@@ -12,7 +12,7 @@ from tests.puppet.strategies import KINDS
 from fantoccini import puppets
 from fantoccini.errors import FileError, InputError, PuppetError
 from fantoccini.puppet import Puppet, json_schema, load, loads
-from fantoccini.puppet.limits import LIMITS
+from fantoccini.puppet.document_limits import LIMITS
 from fantoccini.puppet.located import Located, read_located, validate
 
 _ANCHORS = "abcdefghij"

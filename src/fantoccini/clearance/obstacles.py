@@ -13,6 +13,7 @@ from fantoccini.puppet import Puppet
 from fantoccini.puppet.located import Located, validate
 from fantoccini.puppet.shapes import AnyObstacle, Obstacle
 from fantoccini.puppet.values import Model, Name, Vector, mistake
+from fantoccini.puppet.words import WORDS
 
 
 class HalfSpace(Model):
@@ -63,7 +64,7 @@ def standing(
             text = f"found {o!r}; needed: a mapping of keys and values, or an obstacle"
             raise FileError([Mistake("<python>", None, f"obstacles[{k}]", text)])
     described = [o for o in given if isinstance(o, dict)]
-    made = iter(validate(_Listed, Located({"obstacles": described}, "<python>")).obstacles)
+    made = iter(validate(_Listed, Located({"obstacles": described}), words=WORDS).obstacles)
     found = [next(made) if isinstance(o, dict) else o for o in given]
     floor = [] if puppet.floor is None else [HalfSpace(name="floor", at=(0.0, 0.0, puppet.floor))]
     every = (*puppet.obstacles, *floor, *found)

@@ -10,12 +10,12 @@ from typing import NoReturn
 
 import typer
 
-from fantoccini import puppets
 from fantoccini.animation.formats import ENDINGS
 from fantoccini.cli.terminal import plain
 from fantoccini.errors import FantocciniError, InputError, Mistake, PuppetError, nearest
 from fantoccini.marionette import Marionette, StringModel, load
 from fantoccini.progress import OnStep
+from fantoccini.puppet import bundled_files
 
 NUMBERS = (".npz", ".csv")
 PICTURES = (".png", ".svg", ".pdf")
@@ -52,9 +52,9 @@ def puppet_path(name: str) -> Path:
         missing = not path.exists()
     except OSError:
         return path  # reading it reports the error
-    known = (*puppets.names(), *puppets.scenes())
+    known = (*bundled_files.names(), *bundled_files.scenes())
     if name in known:
-        return puppets.path(name)
+        return bundled_files.path(name)
     if missing and path.name == name and not path.suffix:
         hint = nearest(name, known)
         message = f"no such file, and no bundled puppet or scene of this name{hint}"
@@ -75,9 +75,9 @@ def inputs_path(given: Path) -> Path:
         return given  # reading it reports the error
     if not missing or given.name != name or given.suffix:
         return given
-    known = puppets.performances()
+    known = bundled_files.performances()
     if name in known:
-        return puppets.performance(name)
+        return bundled_files.performance(name)
     message = f"no such file, and no bundled performance of this name{nearest(name, known)}"
     raise InputError([Mistake(name, None, "", message)])
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from fantoccini import puppets
 from fantoccini.build import describe
 from fantoccini.cli.files import marionette
 from fantoccini.cli.terminal import number, table, write
@@ -10,7 +9,7 @@ from fantoccini.cli.warn import warn
 from fantoccini.codegen import operations
 from fantoccini.errors import BuildError
 from fantoccini.marionette import Marionette, check_mass_matrix
-from fantoccini.puppet import Number, Parameter
+from fantoccini.puppet import Number, Parameter, bundled_files
 from fantoccini.tree import WORLD, DriveRow, LimitRow, StringRow
 
 _WINCH = ("restitution", "max_tension", "rewind_speed")
@@ -29,7 +28,7 @@ class _NotCachedError(Exception):
 
 def list_bundled() -> None:
     """Prints tables of the bundled puppets and scenes."""
-    bundled = {"Bundled puppets": puppets.names(), "Bundled scenes": puppets.scenes()}
+    bundled = {"Bundled puppets": bundled_files.names(), "Bundled scenes": bundled_files.scenes()}
     for title, names in bundled.items():
         lines = []
         for name in names:

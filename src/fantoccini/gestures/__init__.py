@@ -2,6 +2,7 @@
 
 from fantoccini.gestures.compiling import load_score
 from fantoccini.gestures.conducting import Conductor
+from fantoccini.gestures.gait import Gait
 from fantoccini.gestures.gesture import Gesture
 from fantoccini.gestures.gesture_file import (
     gesture_names,
@@ -18,6 +19,7 @@ from fantoccini.gestures.timekeeping import Late, lateness
 __all__ = [
     "Caption",
     "Conductor",
+    "Gait",
     "Gesture",
     "Late",
     "Played",

@@ -11,16 +11,16 @@ from functools import cache
 
 import numpy as np
 
-from fantoccini import puppets
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.gestures.ends import BODY, Ends, times
 from fantoccini.gestures.gesture import Gesture
 from fantoccini.gestures.walking import there_and_back
-from fantoccini.marionette import Marionette
+from fantoccini.marionette import Marionette, load
 from fantoccini.motion import State
 from fantoccini.motion.findings import Findings
 from fantoccini.optimal import Bounds, reach
+from fantoccini.puppet import bundled_files
 from fantoccini.puppet.values import value_of
 
 To = str | Sequence[float]
@@ -195,7 +195,7 @@ def look(ends: Ends, aim: Aim, findings: Findings) -> Gesture:
 
 @cache
 def _by_itself() -> Marionette:
-    return puppets.marionette()
+    return load(bundled_files.path("marionette"))
 
 
 def _attached(puppet: Marionette, string: str) -> tuple[float, float, float]:

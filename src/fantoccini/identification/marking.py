@@ -20,6 +20,7 @@ from fantoccini.files import replacing
 from fantoccini.puppet import Puppet
 from fantoccini.puppet.located import Located, validate
 from fantoccini.puppet.mirror import twin_name
+from fantoccini.puppet.words import WORDS
 from fantoccini.puppet.written import is_number, items, parameters, word
 from fantoccini.puppet.yaml_text import Path
 
@@ -171,7 +172,7 @@ def marked(located: Located, marks: Mapping[Mark, float]) -> Puppet:
     for mark, value in marks.items():
         for place in mark.places:
             _put(data, place, {"parameter": mark.parameter, "value": value})
-    return validate(Puppet, replace(located, data=data))
+    return validate(Puppet, replace(located, data=data), words=WORDS)
 
 
 def _put(data: Any, place: Path, value: Any) -> None:

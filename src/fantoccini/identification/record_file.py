@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini import puppets
 from fantoccini.arrays import Array
 from fantoccini.errors import FileError, Mistake, StateError, nearest
 from fantoccini.identification.channels import Marker
@@ -20,6 +19,7 @@ from fantoccini.identification.schema import ColumnFile, DelayFile, RecordFile
 from fantoccini.marionette import Marionette, link_index
 from fantoccini.motion import Input
 from fantoccini.motion.files import csv_reader, wrong_count
+from fantoccini.puppet import bundled_files
 from fantoccini.puppet.located import Located, read_file, shown, validate
 from fantoccini.puppet.refusals import Refusals
 
@@ -125,9 +125,9 @@ def _puppet_file(name: str, located: Located) -> Located:
     beside = located.beside(name)
     if beside is not None:
         return read_file(beside)
-    if name in puppets.names():
-        return read_file(puppets.path(name))
-    hint = nearest(name, puppets.names())
+    if name in bundled_files.names():
+        return read_file(bundled_files.path(name))
+    hint = nearest(name, bundled_files.names())
     message = f"found {shown(name)}: no file in this one's folder and no bundled puppet{hint}"
     raise located.error([(("puppet",), message)], FileError)
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from fantoccini.puppet.files import described_schema
+from fantoccini.puppet.document_schema import described_schema
 from fantoccini.puppet.sized import SIZED, Place, Size, Sized, Value
 from fantoccini.puppet.values import Model, Name, Positive, Real, mistake
 

@@ -30,7 +30,7 @@ from fantoccini.marionette.step_contacts import (
 from fantoccini.marionette.stepper import held_input
 from fantoccini.marionette.touching import TOUCHING
 from fantoccini.motion import ContactPoints, State, pair_name
-from fantoccini.runtime import Piece, Run
+from fantoccini.runtime import Piece, Run, contact_points
 
 JUMP = 1e-6
 """Change of velocities at the start of a run, relative to 1 or the largest: an impact."""
@@ -61,7 +61,7 @@ def resting(model: Model, x: State, acc_K: Array, u_D: Array) -> Resting:
     """
     sample, piece = _begun(model, x, acc_K, u_D)
     assert model.contacts is not None
-    found = ContactPoints.of_rows(piece.contacts, model.contacts.names).at(len(piece.samples) - 1)
+    found = contact_points(piece.contacts, model.contacts.names).at(len(piece.samples) - 1)
     screws = Screws(model, x, sample["acc_D"], acc_K)
     contacts = _contacts(model, screws, x, found)
     return Resting(sample["acc_D"], sample["tension"], contacts)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from fantoccini.arrays import Array
+from fantoccini.drawing import output
 from fantoccini.marionette import (  # fmt: skip
     configurations,
     equilibrium,
@@ -68,9 +69,7 @@ class Marionette(Quantities):
 
     def _repr_html_(self) -> str | None:
         """A picture of the start pose and tables, for notebooks; nothing is compiled for it."""
-        from fantoccini.view.notebook import puppet_html
-
-        return puppet_html(self)
+        return output().puppet_html(self)
 
     # -- its parts ---------------------------------------------------------------------------
 

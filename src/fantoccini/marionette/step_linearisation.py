@@ -37,7 +37,8 @@ from fantoccini.marionette.screws import Screws
 from fantoccini.marionette.step_contacts import Contacts, step_contacts
 from fantoccini.marionette.stepper import Stepper
 from fantoccini.marionette.vectors import vector
-from fantoccini.motion import ContactPoints, State, rotation
+from fantoccini.motion import State, rotation
+from fantoccini.runtime import contact_points
 from fantoccini.tree import CoordinateTable
 
 SHORTENED = 1e-9
@@ -168,7 +169,7 @@ class _Touching:
     ) -> _Touching:
         if model.contacts is None:
             return cls(Contacts((), ()), None, None, dt)
-        found = ContactPoints.of_rows(stepper.contacts, model.contacts.names)
+        found = contact_points(stepper.contacts, model.contacts.names)
         found = found.at(len(stepper.samples) - 1)
         before, after = Screws(model, start), Screws(model, start.replace(v_D=end.v_D))
         kick = dt * at.back(at.w0)

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from fantoccini.arrays import Array, Indices, frozen
-from fantoccini.contract import CONTACT
 from fantoccini.errors import UnknownNameError
 
 
@@ -48,16 +46,6 @@ class ContactPoints:
                 continue
             kind = int if field.name in ("sample", "pair") else float
             object.__setattr__(self, field.name, frozen(getattr(self, field.name), kind))
-
-    @classmethod
-    def of_rows(cls, rows: Array, names: tuple[tuple[str, str], ...]) -> ContactPoints:
-        """The points that compiled code wrote, (n, width), laid out as ``CONTACT``."""
-        ends = np.cumsum([part.numel({}) for part in CONTACT])
-        parts: dict[str, Any] = {
-            part.name: rows[:, end - part.numel({}) : end] if part.shape else rows[:, end - 1]
-            for part, end in zip(CONTACT, ends, strict=True)
-        }
-        return cls(**parts, names=names)
 
     def __len__(self) -> int:
         return len(self.sample)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from fantoccini.arrays import Array, Times, floats, frozen
+from fantoccini.drawing import output
 from fantoccini.errors import StateError, Status, UnknownNameError
 from fantoccini.files import write_table
 from fantoccini.motion import archive, interpolate
@@ -108,9 +109,7 @@ class Trajectory:
 
     def _repr_html_(self) -> str | None:
         """A strip of poses and the summary, for notebooks; nothing is compiled for it."""
-        from fantoccini.view.notebook import run_html
-
-        return run_html(self)
+        return output().run_html(self)
 
     def __post_init__(self) -> None:
         table, n = self.coordinates, len(self.t)
@@ -360,9 +359,7 @@ class Trajectory:
             path: writes the figure there as well (png, svg or pdf).
             look: theme, size and scale, as in :func:`fantoccini.view.plot`.
         """
-        from fantoccini.view import plot
-
-        return plot(self, path, **look)
+        return output().plot(self, path, **look)
 
     # -- inside ------------------------------------------------------------------------------
 

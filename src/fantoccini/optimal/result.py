@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fantoccini.arrays import Array, Times
+from fantoccini.drawing import output
 from fantoccini.errors import Outcome
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, Trajectory
@@ -188,9 +189,7 @@ class Optimum:
             path: ends in ``.png``, ``.svg`` or ``.pdf``.
             options: of :func:`fantoccini.view.optimum_picture`.
         """
-        from fantoccini import view
-
-        return view.optimum_picture(self, path, **options)
+        return output().optimum_picture(self, path, **options)
 
     @property
     def verdict(self) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import FileError, Mistake, StateError, nearest
-from fantoccini.marionette import Marionette, link_index
+from fantoccini.marionette import Marionette, link_index, load
 from fantoccini.motion import Input, State, Trajectory, rotation
 from fantoccini.motion.files import csv_columns
 from fantoccini.optimal.bounds import Bounds, Interval, Most
@@ -33,10 +33,11 @@ from fantoccini.optimal.task_schema import (
     TrackFile,
 )
 from fantoccini.optimal.touch import Touch, check_windows
+from fantoccini.puppet.bundled_files import named_file
 from fantoccini.puppet.located import Located, read_file, shown, validate
 from fantoccini.puppet.refusals import Refusals
 from fantoccini.puppet.values import rotation_vector_quaternion
-from fantoccini.puppets.lookup import puppet_of
+from fantoccini.puppet.words import WORDS
 
 _FOLDER = Path(__file__).parent / "tasks"
 _COLUMNS = {"point": ("x", "y", "z"), "orientation": ("qw", "qx", "qy", "qz")}
@@ -77,8 +78,8 @@ def load_task(
             if key in located.data:
                 text = f"this is a {kind} file; a task file has a `task`, a `puppet`, a `duration`"
                 raise located.error([((), text)], FileError)
-    file = validate(TaskFile, located)
-    marionette = puppet_of(file.puppet, located, progress)
+    file = validate(TaskFile, located, words=WORDS)
+    marionette = load(named_file(file.puppet, located), progress)
     check = Refusals(located)
     for part, values in (("start", file.start), ("end", file.end or {})):
         for key, value in values.items():

@@ -20,6 +20,7 @@ from fantoccini.perform.player import Player
 from fantoccini.perform.playing import Playing
 from fantoccini.perform.recording import Recorder, Recording
 from fantoccini.perform.reports import Reports
+from fantoccini.runtime import contact_points
 
 SPEED = 1.5
 """Default bound on the speed of handles and winches [m/s]: a brisk hand."""
@@ -139,7 +140,7 @@ class Performance(Playing):
             stepper, known = self._stepper, self._stepper.model.contacts
             if known is None:
                 return None
-            found = ContactPoints.of_rows(stepper.contacts, known.names)
+            found = contact_points(stepper.contacts, known.names)
             return found.at(len(stepper.samples) - 1)
 
     @property

@@ -11,12 +11,13 @@ from pydantic import Field, model_validator
 
 from fantoccini.clearance import HalfSpace, Standing
 from fantoccini.errors import FileError
-from fantoccini.marionette import Marionette
+from fantoccini.marionette import Marionette, load
 from fantoccini.motion import State
 from fantoccini.planning.goals import Goal
 from fantoccini.planning.problem import Problem
 from fantoccini.planning.rollouts import Bounds, RolloutOptions, whole_looks
 from fantoccini.planning.touches import touching
+from fantoccini.puppet.bundled_files import named_file
 from fantoccini.puppet.located import read_file, validate
 from fantoccini.puppet.refusals import Refusals
 from fantoccini.puppet.sized import SIZED, Place, Size, Sized, Value
@@ -30,7 +31,7 @@ from fantoccini.puppet.values import (
     entries,
     mistake,
 )
-from fantoccini.puppets.lookup import puppet_of
+from fantoccini.puppet.words import WORDS
 
 _FOLDER = Path(__file__).parent / "problems"
 
@@ -177,8 +178,8 @@ def load_problem(
     if isinstance(located.data, dict) and "bodies" in located.data:
         text = "this is a puppet file; a problem file names one under `puppet` and gives a goal"
         raise located.error([((), text)], FileError)
-    file = validate(ProblemFile, located)
-    marionette = puppet_of(file.puppet, located, progress)
+    file = validate(ProblemFile, located, words=WORDS)
+    marionette = load(named_file(file.puppet, located), progress)
     check = Refusals(located)
     for key, value in file.start.items():
         check(("start", key), lambda key=key, value=value: marionette.state({key: value}))

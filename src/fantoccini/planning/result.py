@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from fantoccini.arrays import Array, check_not_negative
+from fantoccini.drawing import output
 from fantoccini.errors import Outcome
 from fantoccini.marionette import Method, MethodName
 from fantoccini.planning import archive
@@ -245,10 +246,8 @@ class PlanResult(PlanPath):
             path: ends in ``.png``, ``.svg`` or ``.pdf``.
             options: of :func:`fantoccini.view.plan_picture`.
         """
-        from fantoccini import view
-
         drawn, (nodes, way) = self.problem.drawn_marionette, self.traces()
-        return view.plan_picture(drawn, self.trajectory, nodes, way, path, **options)
+        return output().plan_picture(drawn, self.trajectory, nodes, way, path, **options)
 
     def traces(self) -> tuple[Array, Array]:
         """Positions of one point of the puppet: (n, 3) at the tree's nodes, (T, 3) along the plan.
@@ -262,9 +261,7 @@ class PlanResult(PlanPath):
 
     def animate(self, path: str | Path, **options: Any) -> Path:
         """Writes a film of the plan among its obstacles; see :func:`fantoccini.view.film`."""
-        from fantoccini import view
-
-        return view.film(self.problem.drawn_marionette, self.trajectory, path, **options)
+        return output().film(self.problem.drawn_marionette, self.trajectory, path, **options)
 
     def _point(self, q_D: Array, q_K: Array) -> Array:
         """(n, 3) of the point that pictures follow [m]."""

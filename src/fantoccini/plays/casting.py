@@ -26,8 +26,8 @@ from fantoccini.plays.play_file import PlayerFile, PlayFile
 from fantoccini.plays.starts import Places, start_of
 from fantoccini.plays.things import PropState, Thing, read_things
 from fantoccini.puppet import Puppet
+from fantoccini.puppet.bundled_files import bundled
 from fantoccini.puppet.contact import FLOOR
-from fantoccini.puppet.files import bundled
 from fantoccini.scene import Scene
 from fantoccini.scene.schema import Member
 

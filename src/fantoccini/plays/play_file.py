@@ -9,7 +9,7 @@ from pydantic import Field
 
 from fantoccini.gestures.score_file import Factor, Length, SoundsFile
 from fantoccini.plays.cue_file import CueFile, Facing, Where
-from fantoccini.puppet.files import described_schema
+from fantoccini.puppet.document_schema import described_schema
 from fantoccini.puppet.located import has_key
 from fantoccini.puppet.quantities import Mass
 from fantoccini.puppet.schema import PoseValue

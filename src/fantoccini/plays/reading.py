@@ -19,6 +19,7 @@ from fantoccini.plays.starts import Places
 from fantoccini.plays.walks import Walks
 from fantoccini.plays.whole import sounds_of
 from fantoccini.puppet.located import read_file, validate
+from fantoccini.puppet.words import WORDS
 
 _OTHERS = ("puppet", "scene", "score", "gesture")
 """Keys of files of other kinds."""
@@ -72,7 +73,7 @@ def read_script(path: str | os.PathLike[str]) -> Script:
     if other is not None:
         text = f"this is a {other} file; a play has the keys `play`, `cast` and `acts`"
         raise located.error([((), text)], FileError)
-    file = validate(PlayFile, located)
+    file = validate(PlayFile, located, words=WORDS)
     notes = Notes(located, file.tempo)
     places = Places(file, notes)
     _check_names(file, places, notes)

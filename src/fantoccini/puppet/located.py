@@ -11,22 +11,40 @@ import math
 import os
 import re
 import reprlib
-from collections.abc import Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath, PurePosixPath
-from typing import Any, TypeVar, get_args
+from typing import Any, NamedTuple, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
 from fantoccini.errors import FileError, Mistake, nearest
-from fantoccini.puppet.limits import LIMITS
-from fantoccini.puppet.words import OWN_WORDS, PLACE_WORDS
+from fantoccini.puppet.document_limits import LIMITS
 from fantoccini.puppet.yaml_text import Path, Unreadable, read_text
 
 Finding = tuple[Path, str]
 """Path of keys and indices, and message."""
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
+
+
+def _no_advice(key: str, allowed: Collection[str]) -> str | None:
+    return None
+
+
+class Words(NamedTuple):
+    """Words that people bring from other programs, for the hints in mistakes.
+
+    Attributes:
+        own: another program's word -> that of our files.
+        advice: advice for an unknown key, given the allowed ones; None where there is none.
+    """
+
+    own: Mapping[str, str] = {}
+    advice: Callable[[str, Collection[str]], str | None] = _no_advice
+
+
+NO_WORDS = Words()
 
 
 @dataclass(frozen=True)
@@ -165,30 +183,39 @@ def has_key(path: str | os.PathLike[str], key: str) -> bool:
     return isinstance(data, dict) and key in data
 
 
-def validate(model: type[ModelT], located: Located, error: type[FileError] = FileError) -> ModelT:
+def validate(
+    model: type[ModelT],
+    located: Located,
+    error: type[FileError] = FileError,
+    words: Words = NO_WORDS,
+) -> ModelT:
     """The model's instance for located data; all mistakes in one error.
 
     Args:
         model: a pydantic model; its validators find ``located`` as the validation context.
         located: result of ``read_located``.
         error: the kind of error to raise.
+        words: hints for words of other programs.
     """
     try:
         instance = model.model_validate(located.data, context=located)
     except ValidationError as reason:
-        raise located.error(findings(model, located.data, reason), error) from None
+        raise located.error(findings(model, located.data, reason, words), error) from None
     if located.mistakes:
         raise located.error((), error)
     return instance
 
 
-def findings(model: type[BaseModel], data: Any, error: ValidationError) -> list[Finding]:
+def findings(
+    model: type[BaseModel], data: Any, error: ValidationError, words: Words = NO_WORDS
+) -> list[Finding]:
     """Pydantic's errors as findings.
 
     Args:
         model: the model.
         data: plain data it was validated from.
         error: raised by pydantic.
+        words: hints for words of other programs.
     """
     found = []
     for k, item in enumerate(error.errors(include_url=False)):
@@ -196,7 +223,8 @@ def findings(model: type[BaseModel], data: Any, error: ValidationError) -> list[
         if item["type"] in ("union_tag_invalid", "union_tag_not_found"):
             path = (*path, item["ctx"]["discriminator"].strip("'"))
         # Hints are slow, and only these mistakes are shown.
-        found.append((path, _sentence(model, item, leaf, hints=k < LIMITS.max_mistakes)))
+        hints = words if k < LIMITS.max_mistakes else None
+        found.append((path, _sentence(model, item, leaf, hints)))
     return found
 
 
@@ -290,32 +318,32 @@ _NEEDED = {
 }
 
 
-def _sentence(model: type[BaseModel], item: Any, leaf: str, hints: bool) -> str:
+def _sentence(model: type[BaseModel], item: Any, leaf: str, words: Words | None) -> str:
     kind, found, facts = item["type"], shown(item["input"]), item.get("ctx", {})
     if kind == "fantoccini":
         return item["msg"]
     if kind == "extra_forbidden":
-        keys = allowed_keys(model, item["loc"][:-1]) if hints else ()
-        if leaf in PLACE_WORDS and {"joint", "parent"} <= set(keys):
-            return "a body is placed by its joint: joint: {at: [x, y, z], orientation: ...}"
-        return f"this key is not known{nearest(leaf[:64], keys) if hints else ''}"
+        if words is None:
+            return "this key is not known"
+        keys = allowed_keys(model, item["loc"][:-1])
+        return words.advice(leaf, keys) or f"this key is not known{nearest(leaf[:64], keys)}"
     if kind in ("missing", "union_tag_not_found"):
         return "this key is missing"
     if kind == "literal_error" or kind == "union_tag_invalid":
         text = facts.get("expected") or facts["expected_tags"]
         names = re.findall(r"'([^']*)'", text)
         wrong = item["input"] if kind == "literal_error" else facts["tag"]
-        hint = _closest(wrong, names) if hints else ""
+        hint = "" if words is None else _closest(wrong, names, words)
         return f"found {shown(wrong)}; allowed: {', '.join(names)}{hint}"
     if kind in _NEEDED or kind.endswith("_type"):
         return f"found {found}; needed: {_NEEDED.get(kind, item['msg'])}"
     return f"found {found}: {item['msg']}"
 
 
-def _closest(found: Any, names: list[str]) -> str:
+def _closest(found: Any, names: list[str], words: Words) -> str:
     if not isinstance(found, str):
         return ""
-    if (own := OWN_WORDS.get(found.lower().replace("_", "-"))) in names:
+    if (own := words.own.get(found.lower().replace("_", "-"))) in names:
         return f"; did you mean {own!r}?"
     hint = nearest(found[:64], names)
     return hint if "did you mean" in hint else ""

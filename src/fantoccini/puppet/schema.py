@@ -66,6 +66,7 @@ from fantoccini.puppet.values import (
     unit,
     value_of,
 )
+from fantoccini.puppet.words import WORDS
 
 
 class Drag(Model):
@@ -289,7 +290,7 @@ class Puppet(Model):
             try:
                 puppet = handler(data if tried is plain else tried)
             except ValidationError as error:
-                found += findings(cls, tried, error)
+                found += findings(cls, tried, error, WORDS)
                 # A number out of range hides nothing: the rest is checked with one in range.
                 tried = mended(tried, error)
         wide = check.findings(plain)

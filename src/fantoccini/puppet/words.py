@@ -1,5 +1,11 @@
 """Words of other programs for the words of puppet files."""
 
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from fantoccini.puppet.located import Words
+
 OWN_WORDS = {
     **dict.fromkeys(("hinge", "pin", "rotary", "rotational", "rotation", "continuous"), "revolute"),
     **dict.fromkeys(("slider", "slide", "sliding", "linear"), "prismatic"),
@@ -16,3 +22,13 @@ OWN_WORDS = {
 
 PLACE_WORDS = ("at", "orientation", "origin", "pos", "position", "quat", "rpy", "xyz")
 """Keys that place a body in other programs; here its joint does."""
+
+
+def _placed_by_joint(key: str, allowed: Collection[str]) -> str | None:
+    if key in PLACE_WORDS and {"joint", "parent"} <= set(allowed):
+        return "a body is placed by its joint: joint: {at: [x, y, z], orientation: ...}"
+    return None
+
+
+WORDS = Words(OWN_WORDS, _placed_by_joint)
+"""For the mistakes of every file that describes bodies, joints or shapes."""

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from fantoccini.errors import nearest
-from fantoccini.puppet.limits import LIMITS
+from fantoccini.puppet.document_limits import LIMITS
 from fantoccini.puppet.located import Located
 from fantoccini.puppet.mirror import twin_name
 from fantoccini.puppet.values import owner_of

@@ -12,7 +12,7 @@ import re
 from dataclasses import dataclass, field
 from typing import Any
 
-from fantoccini.puppet.limits import LIMITS
+from fantoccini.puppet.document_limits import LIMITS
 
 Path = tuple[str | int, ...]
 

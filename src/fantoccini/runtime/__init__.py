@@ -13,6 +13,7 @@ from fantoccini.runtime.clearance import (
     moved_by,
 )
 from fantoccini.runtime.compiled import Complementarity, Library, Piece, Run
+from fantoccini.runtime.contact_points import contact_points
 from fantoccini.runtime.contacts import Contacts
 from fantoccini.runtime.external import ExternalRun
 from fantoccini.runtime.flow_derivatives import DerivativeLibrary, FlowChanges
@@ -83,6 +84,7 @@ __all__ = [
     "StagePrograms",
     "StepDerivatives",
     "StepTouches",
+    "contact_points",
     "default_threads",
     "memory",
     "moved_by",

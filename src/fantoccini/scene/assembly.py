@@ -18,10 +18,11 @@ import numpy as np
 
 from fantoccini.errors import Mistake, PuppetError, nearest
 from fantoccini.puppet import Contact, Puppet
+from fantoccini.puppet.bundled_files import bundled
 from fantoccini.puppet.contact import FLOOR
 from fantoccini.puppet.dump import plain
-from fantoccini.puppet.files import bundled
 from fantoccini.puppet.located import Finding, Located, Origin, read_file, shown, validate
+from fantoccini.puppet.words import WORDS
 from fantoccini.puppet.written import named, parameters
 from fantoccini.scene.schema import Member, Prop, Scene, is_scene
 
@@ -128,7 +129,7 @@ def _puppet(member: Member, at: tuple[str | int, ...], located: Located) -> Pupp
         if is_scene(written):
             text = f"found {puppet!r}, which is a scene; needed: the file of a puppet"
             raise located.error([((*at, "puppet"), text)], PuppetError)
-        puppet = validate(Puppet, written, PuppetError)
+        puppet = validate(Puppet, written, PuppetError, WORDS)
     known = puppet.parameters()
     unknown: list[Finding] = [
         ((*at, "parameters", name), f"{puppet.name} has no such parameter{nearest(name, known)}")

@@ -8,8 +8,9 @@ from typing import Any
 
 from fantoccini.errors import PuppetError
 from fantoccini.puppet import Puppet
-from fantoccini.puppet.files import described_schema
+from fantoccini.puppet.document_schema import described_schema
 from fantoccini.puppet.located import Located, read_file, read_located, validate
+from fantoccini.puppet.words import WORDS
 from fantoccini.scene.assembly import assembled
 from fantoccini.scene.schema import Scene, is_scene
 
@@ -47,5 +48,5 @@ def json_schema() -> dict[str, Any]:
 
 def _made(located: Located) -> Puppet:
     if is_scene(located):
-        return assembled(validate(Scene, located, PuppetError))
-    return validate(Puppet, located, PuppetError)
+        return assembled(validate(Scene, located, PuppetError, WORDS))
+    return validate(Puppet, located, PuppetError, WORDS)

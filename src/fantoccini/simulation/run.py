@@ -43,7 +43,7 @@ from fantoccini.motion import (
     pair_name,
 )
 from fantoccini.motion.trajectory import LEDGER
-from fantoccini.runtime import Piece, Run
+from fantoccini.runtime import Piece, Run, contact_points
 from fantoccini.simulation.checks import check_marionette, check_one_run, save_times
 from fantoccini.simulation.contact_effort import contact_effort
 from fantoccini.simulation.determinacy import undetermined
@@ -362,7 +362,7 @@ def _contact_points(model: Model, rows: Array, n: int) -> ContactPoints | None:
     """The contact points of a run of n samples; None where nothing may touch anything."""
     if model.contacts is None:
         return None
-    return ContactPoints.of_rows(rows[rows[:, 0] < n], model.contacts.names)
+    return contact_points(rows[rows[:, 0] < n], model.contacts.names)
 
 
 def _in_order(events: Array) -> Array:

@@ -10,7 +10,8 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
 from fantoccini.errors import FileError, Mistake, nearest
-from fantoccini.puppet.files import bundled, described_schema
+from fantoccini.puppet.bundled_files import bundled
+from fantoccini.puppet.document_schema import described_schema
 from fantoccini.puppet.located import Located, has_key, read_file, read_located, shown, validate
 from fantoccini.puppet.quantities import QUANTITIES
 from fantoccini.puppet.sized import SIZED, Size

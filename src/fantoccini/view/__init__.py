@@ -9,6 +9,7 @@ where ``renderer="pyvista"`` asks for it.
 
 from fantoccini.view.films import FilmError, film
 from fantoccini.view.identified_page import identified_report
+from fantoccini.view.notebook import puppet_html, run_html
 from fantoccini.view.optima import optimum_picture
 from fantoccini.view.pictures import draw, pose_times, strip
 from fantoccini.view.plans import plan_picture
@@ -34,6 +35,8 @@ __all__ = [
     "play_report",
     "plot",
     "pose_times",
+    "puppet_html",
+    "run_html",
     "stand_report",
     "strip",
 ]

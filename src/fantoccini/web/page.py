@@ -15,7 +15,6 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from fantoccini import puppets
 from fantoccini.errors import FantocciniError, FileError, Mistake
 from fantoccini.marionette import Marionette, load
 from fantoccini.motion import Trajectory
@@ -23,7 +22,7 @@ from fantoccini.motion.npz import ABOUT, UNREADABLE, about_of, read
 from fantoccini.perform import Performance, Recording, Show
 from fantoccini.perform.osc import Address, Osc
 from fantoccini.planning import PlanResult, load_problem, problem_names
-from fantoccini.puppet import Puppet
+from fantoccini.puppet import Puppet, bundled_files
 from fantoccini.scene import Scene
 from fantoccini.view.theme import theme_of
 from fantoccini.web.export import write_html
@@ -194,8 +193,8 @@ def _of_file(
         except ValueError as error:
             raise FileError([Mistake(str(path), None, "", str(error))]) from None
     _check_no_problem(path, problem)
-    if not os.path.exists(path) and name in (*puppets.names(), *puppets.scenes()):
-        path = puppets.path(name)
+    if not os.path.exists(path) and name in (*bundled_files.names(), *bundled_files.scenes()):
+        path = bundled_files.path(name)
     return Subject(load(path, progress), file=path)
 
 

@@ -6,57 +6,17 @@ Every function takes what :func:`fantoccini.load` takes beside the file.
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
-from fantoccini.errors import UnknownNameError
 from fantoccini.marionette import Marionette, StringModel, load
-from fantoccini.puppet.files import bundled
-from fantoccini.puppets.gait import Gait as Gait
+from fantoccini.puppet.bundled_files import (
+    names as names,
+    path as path,
+    performance as performance,
+    performances as performances,
+    scenes as scenes,
+)
 
-_FOLDER = Path(__file__).parent
-_PERFORMANCES = _FOLDER / "performances"
 Progress = Callable[[str], None]
-
-
-def names() -> tuple[str, ...]:
-    """Names of the bundled puppets."""
-    return tuple(sorted(p.stem for p in _FOLDER.glob("*.yaml")))
-
-
-def scenes() -> tuple[str, ...]:
-    """Names of the bundled scenes."""
-    return tuple(sorted(p.stem for p in (_FOLDER / "scenes").glob("*.yaml")))
-
-
-def path(name: str) -> Path:
-    """Where the file of a bundled puppet or scene lies.
-
-    Args:
-        name: one of ``names()`` or ``scenes()``.
-    """
-    found = bundled(name)
-    if found is None:
-        raise UnknownNameError("bundled puppet or scene", name, (*names(), *scenes()))
-    return found
-
-
-def performances() -> tuple[str, ...]:
-    """Names of the bundled performances."""
-    return tuple(sorted(p.stem for p in _PERFORMANCES.glob("*.yaml")))
-
-
-def performance(name: str) -> Path:
-    """Where the inputs file of a bundled performance lies.
-
-    Args:
-        name: one of ``performances()``.
-
-    Raises:
-        UnknownNameError: there is none.
-    """
-    if name not in performances():
-        raise UnknownNameError("bundled performance", name, performances())
-    return _PERFORMANCES / f"{name}.yaml"
 
 
 def arm2d(
