@@ -12,7 +12,7 @@ from fantoccini.errors import FileError
 from fantoccini.marionette import link_index
 from fantoccini.plays import putting
 from fantoccini.plays.together import together
-from fantoccini.puppets import bundled
+from fantoccini.puppet.bundled_files import bundled
 
 DOWN = "      - {who: pierrot, puts down: PROP, onto: table}\n"
 UP = "      - {who: pierrot, picks up: PROP}\n"
