@@ -52,7 +52,7 @@ def test_the_header_has_the_constants_of_python():
     """Gaps were closed up to 1e-12 in Python, up to 5e-13 in compiled code."""
     for name, x in CONSTANTS.items():
         assert f"  static constexpr double {name} = {float(x)!r};" in header()
-    tolerances = active_set.TOLERANCES
+    tolerances = active_set.ROW_TOLERANCES
     assert (tolerances.closed_gap, tolerances.start_gap, tolerances.rest_speed) == (
         CONSTANTS["closed_gap"], CONSTANTS["start_gap"], CONSTANTS["rest_speed"]
     )  # fmt: skip

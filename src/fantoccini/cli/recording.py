@@ -6,9 +6,8 @@ from pathlib import Path
 
 from fantoccini.cli.terminal import number, say
 from fantoccini.marionette import Marionette
-from fantoccini.motion import State
+from fantoccini.motion import State, npz
 from fantoccini.motion.archive import RECORDINGS
-from fantoccini.motion.npz import UNREADABLE, about_of, read
 from fantoccini.perform import Recording
 
 
@@ -17,8 +16,8 @@ def load_recording(path: Path | None) -> Recording | None:
     if path is None or path.suffix.lower() != ".npz":
         return None
     try:
-        form = about_of(read(path, only="about"))["format"]
-    except UNREADABLE:
+        form = npz.about_of(npz.read(path, only="about"))["format"]
+    except npz.UNREADABLE:
         return None
     return Recording.load(path) if form in RECORDINGS else None
 

@@ -34,7 +34,7 @@ class ActiveSetTolerances:
     """hdot from which the winch of a taut string slips: fixed steps leave less."""
 
 
-TOLERANCES = ActiveSetTolerances()
+ROW_TOLERANCES = ActiveSetTolerances()
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,13 +55,13 @@ class ActiveSet:
         scale = model.row_scales(x.q_D, x.q_K)
         taut = taut_mask(model, x) & ~_far(model, at.h, scale)
         top = max(1.0, float(np.max(np.abs(x.v_D), initial=0.0)))
-        reaches = at.h >= -TOLERANCES.closed_gap * scale
+        reaches = at.h >= -ROW_TOLERANCES.closed_gap * scale
         gives = np.isfinite(model.upper) & (taut | reaches)
-        at_bound = np.abs(at.h) <= TOLERANCES.start_gap * scale
+        at_bound = np.abs(at.h) <= ROW_TOLERANCES.start_gap * scale
         stepped = taut & ~at_bound
-        slip_speed = np.where(stepped, TOLERANCES.slip_speed, TOLERANCES.rest_speed)
+        slip_speed = np.where(stepped, ROW_TOLERANCES.slip_speed, ROW_TOLERANCES.rest_speed)
         slipping = gives & (at.hdot > slip_speed * top)
-        held = taut | (reaches & (np.abs(at.hdot) <= TOLERANCES.rest_speed * top))
+        held = taut | (reaches & (np.abs(at.hdot) <= ROW_TOLERANCES.rest_speed * top))
         return cls((held | model.two_sided) & ~slipping, slipping)
 
 
@@ -80,10 +80,10 @@ def check_active_set(model: Model, x: State, at: Evaluation) -> None:
     gaps = "; ".join(f"{names[r]} by {-at.h[r]:.3g}" for r in wrong)
     raise StateError(
         f"the state marks these strings and limits as taut, but they are slack by more than "
-        f"{TOLERANCES.taut_gap:g} of their length or range: {gaps}. x.replace(taut=...) corrects "
-        "the active set, marionette.project(x) finds it"
+        f"{ROW_TOLERANCES.taut_gap:g} of their length or range: {gaps}. x.replace(taut=...) "
+        "corrects the active set, marionette.project(x) finds it"
     )
 
 
 def _far(model: Model, h: Array, scale: Array) -> MaskRows:
-    return ~(h >= -TOLERANCES.taut_gap * scale) & ~model.two_sided
+    return ~(h >= -ROW_TOLERANCES.taut_gap * scale) & ~model.two_sided

@@ -9,7 +9,7 @@ import numpy as np
 
 from fantoccini.arrays import Array, floats, is_number
 from fantoccini.errors import InputError, Mistake, StateError
-from fantoccini.marionette.active_set import TOLERANCES
+from fantoccini.marionette.active_set import ROW_TOLERANCES
 from fantoccini.marionette.critical_step import critical_step
 from fantoccini.marionette.model import Model
 from fantoccini.motion import Input, Inputs, State, States, joints
@@ -172,16 +172,16 @@ def check_starts(
         h, hdot = _rows_of(model, some, own)
         scale = model.row_scales(some.q_D, some.q_K)
         wires, firm = model.two_sided, ~np.isfinite(model.upper)
-        near = (TOLERANCES.stepped_gap if stepped else TOLERANCES.start_gap) * scale
+        near = (ROW_TOLERANCES.stepped_gap if stepped else ROW_TOLERANCES.start_gap) * scale
         # Time-stepping may continue where it went on under inputs that nothing can follow.
         known = some.taut if stepped else np.zeros_like(some.taut)
         off = ~(np.where(wires, np.abs(h), h) <= near) & ~known
         top = np.max(np.abs(some.v_D), axis=1, initial=1.0)[:, None]
-        speed = TOLERANCES.rest_speed * top
+        speed = ROW_TOLERANCES.rest_speed * top
         # A winch that slips absorbs the speed.
         passing = ~(np.where(wires, np.abs(hdot), hdot) <= speed) & (wires | firm)
         # A string slack by more than rounding is caught right after the start of the run.
-        open_ = (h < -TOLERANCES.closed_gap * scale) & ~some.taut & ~wires
+        open_ = (h < -ROW_TOLERANCES.closed_gap * scale) & ~some.taut & ~wires
         passing &= ~off & ~open_ & (np.abs(h) <= near) & (not stepped)
         slack = some.taut & ~(h >= -near) & ~off & (not stepped)
         wrong = off | passing | slack
@@ -229,10 +229,11 @@ def _check_contact(model: Model, states: States, method: str) -> None:
             f"{model.name} has contact, which method={method!r} does not know; take "
             f"method='event' or 'timestepping', or {_leave_out(model)}"
         )
-    check_apart(model, states, TOLERANCES.touching if method == "event" else TOLERANCES.stepped_gap)
+    allowed = ROW_TOLERANCES
+    check_apart(model, states, allowed.touching if method == "event" else allowed.stepped_gap)
 
 
-def check_apart(model: Model, states: States, most: float = TOLERANCES.stepped_gap) -> None:
+def check_apart(model: Model, states: States, most: float = ROW_TOLERANCES.stepped_gap) -> None:
     """Raises StateError where solids overlap by more than ``most`` [m]."""
     if model.contacts is None:
         return

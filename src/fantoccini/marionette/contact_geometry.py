@@ -41,7 +41,7 @@ class GeometryTolerances:
     flat_size: float = 0.1  # Of planes and meshes, which have none [m]
 
 
-TOLERANCES = GeometryTolerances()
+GEOMETRY_TOLERANCES = GeometryTolerances()
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,7 @@ class PairGeometry:
     """
 
     def __init__(
-        self, model: Model, poses: Array, pair: int, margin: float = TOLERANCES.margin
+        self, model: Model, poses: Array, pair: int, margin: float = GEOMETRY_TOLERANCES.margin
     ):
         contacts = model.contacts
         assert contacts is not None
@@ -95,7 +95,7 @@ class PairGeometry:
         self._first = poses[a]
         self._second = poses[b] if b != WORLD else np.zeros(12)
         # Points bend with the distance of the solids' cores, or not at all.
-        self._size = max(TOLERANCES.least_size, sum(_size(solid) for solid in solids))
+        self._size = max(GEOMETRY_TOLERANCES.least_size, sum(_size(solid) for solid in solids))
         rows = self._touches(self._first[None], margin)[0]
         self.points = {int(row[0]): row[1:] for row in rows if row[0] >= 0.0}
         places = [at[1:4] for at in self.points.values()]
@@ -130,7 +130,7 @@ class PairGeometry:
         values = np.array([self._size] * 4 + [1.0] * 3)
         to_origin = np.eye(6)
         to_origin[:3, 3:] = -rotation.skew(self._about)
-        by, smooth = self._settled(feature, None, TOLERANCES.first)
+        by, smooth = self._settled(feature, None, GEOMETRY_TOLERANCES.first)
         by = values[:, None] * by / scale @ to_origin
         rate, rate_by = np.zeros(7), np.zeros((7, 6))
         if twist is not None:
@@ -138,7 +138,7 @@ class PairGeometry:
             speed = float(np.linalg.norm(local))
             rate = by @ twist
             if speed > 0.0:
-                found, second = self._settled(feature, local / speed, TOLERANCES.second)
+                found, second = self._settled(feature, local / speed, GEOMETRY_TOLERANCES.second)
                 rate_by = values[:, None] * found * speed / scale @ to_origin
                 smooth = smooth and second
         return Touch(
@@ -157,7 +157,7 @@ class PairGeometry:
             tolerance: of the agreement.
         """
         last: Array | None = None
-        for h in TOLERANCES.steps:
+        for h in GEOMETRY_TOLERANCES.steps:
             found = self._differences(h, along).get(feature)
             if found is None:
                 continue
@@ -179,7 +179,7 @@ class PairGeometry:
         else:  # of the rates along it, after a twist of each direction
             then = np.tile(h * OFFSETS[:, None] * along, (36, 1))
             moves = np.stack([np.repeat(single, 6, axis=0), then], axis=1)
-        margin = self._margin + TOLERANCES.reach * h * self._size
+        margin = self._margin + GEOMETRY_TOLERANCES.reach * h * self._size
         rows = self._touches(self._moved(self._about, moves), margin)
         out = {}
         for feature, here in self.points.items():
@@ -219,6 +219,6 @@ class PairGeometry:
 def _size(solid: np.void) -> float:
     """The smallest radius or half edge of a solid [m]."""
     if solid["kind"] in (SolidKind.HALF_SPACE, SolidKind.HULL):
-        return TOLERANCES.flat_size
+        return GEOMETRY_TOLERANCES.flat_size
     half = float(np.min(solid["half"]))
     return half if half > 0.0 else float(solid["radius"])

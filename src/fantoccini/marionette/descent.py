@@ -17,7 +17,7 @@ import numpy as np
 
 from fantoccini.arrays import Array, Indices
 from fantoccini.errors import StateError
-from fantoccini.marionette.active_set import TOLERANCES
+from fantoccini.marionette.active_set import ROW_TOLERANCES
 from fantoccini.marionette.analysis import effort, energies
 from fantoccini.marionette.configurations import retract
 from fantoccini.marionette.evaluation import Evaluation
@@ -108,7 +108,7 @@ def _minimum(model: Model, x: State) -> Equilibrium:
             V_other = energies(model, other)[1]
             fell = V - V_other + _motors_work(model, x, other)
             flat = abs(fell) <= DESCENT.flat_fall * model.weight + DESCENT.rounding * abs(V)
-            lower = worst <= TOLERANCES.start_gap and (fell > 0.0 or flat)
+            lower = worst <= ROW_TOLERANCES.start_gap and (fell > 0.0 or flat)
             if lower or mu > DESCENT.max_mu:
                 break
             mu = max(DESCENT.growth * mu, DESCENT.min_mu)

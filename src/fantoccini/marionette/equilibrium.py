@@ -10,7 +10,7 @@ import numpy as np
 from fantoccini.contract import WINCH_AT
 from fantoccini.errors import StateError
 from fantoccini.marionette import descent, relaxation
-from fantoccini.marionette.active_set import TOLERANCES
+from fantoccini.marionette.active_set import ROW_TOLERANCES
 from fantoccini.marionette.analysis import energies
 from fantoccini.marionette.checks import check_apart
 from fantoccini.marionette.contact_state import with_active_set
@@ -114,7 +114,7 @@ def _begun(model: Model, x: State) -> State:
     start, left = positioned(model, x)
     for _ in range(ACCEPTANCE.hauls if left else 0):
         x = relaxation.hauled_in(model, x)
-        if onto_rows(model, x)[1] <= TOLERANCES.start_gap:
+        if onto_rows(model, x)[1] <= ROW_TOLERANCES.start_gap:
             start, left = positioned(model, x)
             break
     if left:

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from fantoccini.arrays import Array
-from fantoccini.marionette.active_set import TOLERANCES
+from fantoccini.marionette.active_set import ROW_TOLERANCES
 from fantoccini.marionette.configurations import retract
 from fantoccini.marionette.contact_geometry import PairGeometry
 from fantoccini.marionette.evaluation import Evaluation
@@ -39,7 +39,7 @@ def parted(model: Model, x: State) -> State:
     if model.contacts is None or not model.coordinates.n_vD:
         return x
     most = _deepest(model, x)
-    if not TOLERANCES.touching < most <= TOLERANCES.stepped_gap:
+    if not ROW_TOLERANCES.touching < most <= ROW_TOLERANCES.stepped_gap:
         return x
     moved = x
     for _ in range(ROUNDS):
@@ -66,7 +66,7 @@ def parted_starts(model: Model, states: States, p: Array) -> States:
         model.library.gaps(model.contacts, states.q_D[some], states.q_K[some], p[k])
         for k, some in enumerate(_lanes(len(states), len(p)))
     ])  # fmt: skip
-    touching = np.flatnonzero(np.min(gaps, axis=1) < -TOLERANCES.touching)
+    touching = np.flatnonzero(np.min(gaps, axis=1) < -ROW_TOLERANCES.touching)
     if not len(touching):
         return states
     if len(states) == 1 and len(p) > 1:

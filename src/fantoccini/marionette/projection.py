@@ -20,7 +20,7 @@ import numpy as np
 
 from fantoccini.arrays import Array, Indices, MaskRows
 from fantoccini.errors import StateError
-from fantoccini.marionette.active_set import TOLERANCES, ActiveSet, taut_mask
+from fantoccini.marionette.active_set import ROW_TOLERANCES, ActiveSet, taut_mask
 from fantoccini.marionette.configurations import integrate, retract
 from fantoccini.marionette.contact_state import with_active_set
 from fantoccini.marionette.evaluation import Evaluation
@@ -90,7 +90,7 @@ def project(model: Model, x: State) -> State:
     at = Evaluation.of(model, found)
     scale = model.row_scales(found.q_D, found.q_K)
     # Winches that slip absorb the speed instead.
-    firm = (np.abs(at.h) <= TOLERANCES.start_gap * scale) & ~np.isfinite(model.upper)
+    firm = (np.abs(at.h) <= ROW_TOLERANCES.start_gap * scale) & ~np.isfinite(model.upper)
     wires = model.two_sided
     rows = np.flatnonzero(firm | wires)
     impulse = at.complementarity(rows, at.hdot[rows], wires | found.taut)
@@ -109,13 +109,13 @@ def positioned(model: Model, x: State) -> tuple[State, str]:
     best, least = found, worst
     rng = np.random.default_rng(SEARCH.seed)
     for size in SEARCH.pushes:
-        if worst <= TOLERANCES.start_gap:
+        if worst <= ROW_TOLERANCES.start_gap:
             break
         push = rng.uniform(-size, size, len(x.v_D))
         found, worst = onto_rows(model, x.replace(q_D=retract(model, x.q_D, push)))
         if worst < least:
             best, least = found, worst
-    if worst > TOLERANCES.start_gap:
+    if worst > ROW_TOLERANCES.start_gap:
         return best, overstepped(model, best)
     if found is not x:
         found = _nearest(model, found, x)
@@ -126,7 +126,7 @@ def overstepped(model: Model, x: State) -> str:
     """The rows that a state violates and by how much, in words; "" where there are none."""
     h, scale = Evaluation.of(model, x).h, model.row_scales(x.q_D, x.q_K)
     strings, texts = len(model.tree.strings), []
-    for i in np.flatnonzero(_violation(model, h) > TOLERANCES.start_gap * scale):
+    for i in np.flatnonzero(_violation(model, h) > ROW_TOLERANCES.start_gap * scale):
         if i >= strings:
             text = f"is passed by {h[i]:.3g}"
         elif h[i] > 0.0:
@@ -195,8 +195,8 @@ def _onto_taut_rows(model: Model, x: State, taut: MaskRows) -> State:
         move *= min(1.0, SEARCH.max_move / max(_size(move), SEARCH.max_move))
         moved = moved.replace(q_D=integrate(model, moved.q_D, move))
     h = Evaluation.of(model, moved).h
-    met = np.abs(h) <= TOLERANCES.start_gap * scale
-    if np.all(met | ((h <= TOLERANCES.start_gap * scale) & ~taut & ~wires)):
+    met = np.abs(h) <= ROW_TOLERANCES.start_gap * scale
+    if np.all(met | ((h <= ROW_TOLERANCES.start_gap * scale) & ~taut & ~wires)):
         return moved.replace(taut=taut)
     fewer = taut & met
     return _onto_taut_rows(model, x, fewer if np.any(fewer != taut) else np.zeros_like(taut))
@@ -246,7 +246,7 @@ def _nearest(model: Model, x: State, origin: State) -> State:
         other, worst = onto_rows(model, x.replace(q_D=retract(model, x.q_D, move)))
         there = _away(model, Evaluation.of(model, other), other, origin)
         farther = (1.0 + SEARCH.distance_growth) * np.linalg.norm(away)
-        if worst > TOLERANCES.start_gap or np.linalg.norm(there) > farther:
+        if worst > ROW_TOLERANCES.start_gap or np.linalg.norm(there) > farther:
             mu = max(4.0 * mu, 1.0)
             continue
         pulls = (found.x != 0.0) | wires[rows]
@@ -290,7 +290,7 @@ def _stationary(
         return None
     x, worst = onto_rows(model, x)
     distance = np.linalg.norm(_away(model, Evaluation.of(model, x), x, origin))
-    return None if worst > TOLERANCES.start_gap or distance > farthest else x
+    return None if worst > ROW_TOLERANCES.start_gap or distance > farthest else x
 
 
 def _away(model: Model, at: Evaluation, x: State, origin: State) -> Array:

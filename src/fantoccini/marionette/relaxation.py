@@ -14,7 +14,7 @@ import numpy as np
 
 from fantoccini.arrays import Array, Indices
 from fantoccini.errors import StateError, Status
-from fantoccini.marionette.active_set import TOLERANCES
+from fantoccini.marionette.active_set import ROW_TOLERANCES
 from fantoccini.marionette.analysis import energies
 from fantoccini.marionette.configurations import retract
 from fantoccini.marionette.dynamics import forward_dynamics
@@ -137,7 +137,7 @@ def pushed(model: Model, x: State, push: Array) -> State | None:
             other, worst = onto_rows(model, moved)
             # V does not include motors' work: a push off their equilibrium is judged later.
             lower = model.tree.drives or energies(model, other)[1] < V - least
-            if worst <= TOLERANCES.start_gap and lower:
+            if worst <= ROW_TOLERANCES.start_gap and lower:
                 return other
     return None
 
@@ -359,7 +359,7 @@ def _changed(
 ) -> Indices | None:
     """The rows without those that push and with those that are violated; None if unchanged."""
     pushing = (tension < -SEARCH.min_tension * sizes(model)[1]) & ~model.two_sided[rows]
-    violated = (at.h > TOLERANCES.start_gap * scale) & ~model.two_sided
+    violated = (at.h > ROW_TOLERANCES.start_gap * scale) & ~model.two_sided
     if not np.any(pushing) and not np.any(violated):
         return None
     return np.union1d(rows[~pushing], np.flatnonzero(violated))

@@ -15,7 +15,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError
-from fantoccini.marionette.contact_geometry import TOLERANCES as GEOMETRY, PairGeometry
+from fantoccini.marionette.contact_geometry import GEOMETRY_TOLERANCES, PairGeometry
 from fantoccini.marionette.contact_rows import ContactMode, HeldPoint, PointMode
 from fantoccini.marionette.model import LIMITS, Model
 from fantoccini.marionette.screws import Screws
@@ -75,7 +75,7 @@ def geometries(
         return []
     gaps = model.library.gaps(contacts, x.q_D, x.q_K, model.p)
     near = np.union1d(np.flatnonzero(np.isfinite(gaps)), np.asarray(more, dtype=int))
-    margin = max(GEOMETRY.margin, GEOMETRY.spare * reach)
+    margin = max(GEOMETRY_TOLERANCES.margin, GEOMETRY_TOLERANCES.spare * reach)
     return [PairGeometry(model, screws.poses, int(pair), margin) for pair in near]
 
 

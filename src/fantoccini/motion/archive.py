@@ -12,9 +12,9 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import Status
+from fantoccini.motion import npz
 from fantoccini.motion.columns import Columns
 from fantoccini.motion.contacts import ContactPoints
-from fantoccini.motion.npz import checked, finite, packed, text, texts, unpacked, write
 from fantoccini.motion.state import EventKind, EventRecord
 from fantoccini.puppet import Mesh, Puppet, loads
 from fantoccini.tree import Coordinate, CoordinateTable, Role
@@ -71,8 +71,8 @@ def save(fields: Mapping[str, Any], path: str | Path) -> None:
         about["contact"] = contact.names
         arrays |= {f"{_CONTACT}{name}": getattr(contact, name) for name in _POINTS}
     if puppet is not None:
-        arrays |= packed(_MESH, mesh_files(puppet))
-    write(path, arrays, about)
+        arrays |= npz.packed(_MESH, mesh_files(puppet))
+    npz.write(path, arrays, about)
 
 
 def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any], path: str) -> dict[str, Any]:
@@ -82,29 +82,29 @@ def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any], path: str) 
         LookupError, TypeError, ValueError: they are not those of a trajectory.
     """
     table = _table_from_json(about["coordinates"], arrays)
-    n = len(finite(arrays, "t", (None,)))
+    n = len(npz.finite(arrays, "t", (None,)))
     widths = (table.n_qD, table.n_vD, table.n_vD, table.n_qK, table.n_vK, table.n_vK)
     motion = {
-        name: checked(arrays, name, (n, width))
+        name: npz.checked(arrays, name, (n, width))
         for name, width in zip(_ARRAYS[1:], widths, strict=True)
     }
     if unknown := set(about["columns"]) - set(_TABLES):
         raise ValueError(f"columns has {', '.join(map(repr, unknown))}")
     tables = {}
     for name, named in about["columns"].items():
-        what, *names = texts(named, f"columns.{name}")
-        column = checked(arrays, name, (n, len(names)), "b" if name in _FLAGS else "f")
+        what, *names = npz.texts(named, f"columns.{name}")
+        column = npz.checked(arrays, name, (n, len(names)), "b" if name in _FLAGS else "f")
         tables[name] = Columns(tuple(names), column, what)
     events = []
-    numbers = checked(arrays, "events", (len(about["events"]), len(_NUMBERS)))
+    numbers = npz.checked(arrays, "events", (len(about["events"]), len(_NUMBERS)))
     for event, row in zip(about["events"], numbers, strict=True):
-        kind, name = texts(event, "an event")
+        kind, name = npz.texts(event, "an event")
         values = dict(zip(_NUMBERS, row, strict=True))
         events.append(EventRecord(kind=EventKind(kind), name=name, **values))
     puppet = about["puppet"]
     if puppet is not None:
-        puppet = restored(text(puppet, "puppet"), path, unpacked(_MESH, arrays))
-    residual = checked(arrays, _RESIDUAL, (n,)) if _RESIDUAL in arrays else None
+        puppet = restored(npz.text(puppet, "puppet"), path, npz.unpacked(_MESH, arrays))
+    residual = npz.checked(arrays, _RESIDUAL, (n,)) if _RESIDUAL in arrays else None
     return {
         "t": arrays["t"],
         **motion,
@@ -114,8 +114,8 @@ def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any], path: str) 
         _RESIDUAL: residual,
         "events_recorded": bool(about.get("events_recorded", True)),
         "status": Status[about["status"]],
-        "blamed": texts(about.get("blamed", []), "blamed"),
-        "method": text(about["method"], "method"),
+        "blamed": npz.texts(about.get("blamed", []), "blamed"),
+        "method": npz.text(about["method"], "method"),
         "coordinates": table,
         "puppet": puppet,
     }
@@ -127,11 +127,11 @@ def _contact(arrays: Mapping[str, Array], listed: Any, n: int) -> ContactPoints 
         return None
     names: list[tuple[str, str]] = []
     for pair in listed:
-        first, second = texts(pair, "contact")
+        first, second = npz.texts(pair, "contact")
         names.append((first, second))
     size = len(arrays[f"{_CONTACT}sample"])
     found: dict[str, Any] = {
-        name: checked(
+        name: npz.checked(
             arrays, f"{_CONTACT}{name}", (size, *width), "i" if name in _WHOLE else "f"
         )
         for name, width in _POINTS.items()
@@ -186,10 +186,11 @@ def _table_to_json(table: CoordinateTable) -> dict[str, Any]:
 
 def _table_from_json(data: dict[str, Any], arrays: Mapping[str, Array]) -> CoordinateTable:
     rows = tuple(
-        Coordinate(text(name, "a coordinate"), Role(role), owner, unit, index)
+        Coordinate(npz.text(name, "a coordinate"), Role(role), owner, unit, index)
         for name, role, owner, unit, index in data["rows"]
     )
-    names = {key: texts(data[key], f"coordinates.{key}") for key in ("q_D", "v_D", "q_K", "v_K")}
+    vectors = ("q_D", "v_D", "q_K", "v_K")
+    names = {key: npz.texts(data[key], f"coordinates.{key}") for key in vectors}
     places: dict[str, Any] = {
         f"{what}_{kind}": _places(data[f"{what}_{kind}"], names, kind, widths)
         for what, widths in (("quaternions", (4, 3)), ("scalars", (1, 1)))
@@ -198,14 +199,14 @@ def _table_from_json(data: dict[str, Any], arrays: Mapping[str, Array]) -> Coord
     rotations = data["rotations"]
     turns = _places(list(rotations.values()), names, "K", (4, 3))
     commands = data.get("commands", {})
-    texts(list(commands.values()), "coordinates.commands")
+    npz.texts(list(commands.values()), "coordinates.commands")
     return CoordinateTable(
         rows=rows,
         **(places | names),
         rotations=dict(zip(rotations, turns, strict=True)),
         commands=commands,
-        start_D=checked(arrays, "start_D", (len(names["q_D"]),)),
-        start_K=checked(arrays, "start_K", (len(names["q_K"]),)),
+        start_D=npz.checked(arrays, "start_D", (len(names["q_D"]),)),
+        start_K=npz.checked(arrays, "start_K", (len(names["q_K"]),)),
     )
 
 

@@ -14,10 +14,9 @@ from fantoccini.arrays import Array, Times, floats, frozen
 from fantoccini.drawing import output
 from fantoccini.errors import StateError, Status, UnknownNameError
 from fantoccini.files import write_table
-from fantoccini.motion import archive, interpolate
+from fantoccini.motion import archive, interpolate, npz
 from fantoccini.motion.columns import Columns
 from fantoccini.motion.contacts import ContactPoints
-from fantoccini.motion.npz import opened
 from fantoccini.motion.overload import Overload, overloads
 from fantoccini.motion.state import EventRecord, State
 
@@ -310,7 +309,7 @@ class Trajectory:
         Raises:
             FileError: the file is not a trajectory.
         """
-        with opened(path, archive.FORMAT, "a trajectory") as (arrays, about):
+        with npz.opened(path, archive.FORMAT, "a trajectory") as (arrays, about):
             return cls(**archive.fields_of(arrays, about, str(path)))
 
     def summary(self) -> dict[str, Any]:

@@ -18,9 +18,8 @@ from fantoccini.arrays import Array, Indices
 from fantoccini.contract import CONTACT, EVENT_AT, EventCode, width
 from fantoccini.errors import Status
 from fantoccini.marionette import Marionette, PortablePuppet
-from fantoccini.motion import State
+from fantoccini.motion import State, npz
 from fantoccini.motion.archive import RECORDING as FORMAT, restored
-from fantoccini.motion.npz import checked, finite, packed, text, texts, unpacked, write
 from fantoccini.runtime import Piece
 
 _STATE = ("q_D", "v_D", "q_K", "v_K", "taut", "slip")
@@ -88,8 +87,8 @@ def save(fields: Mapping[str, Any], path: str | Path) -> None:
         "ticks": kept,
         "checks": samples[kept],
     }
-    arrays |= packed(_MESH, portable.meshes)
-    write(path, arrays, about, compressed=True)
+    arrays |= npz.packed(_MESH, portable.meshes)
+    npz.write(path, arrays, about, compressed=True)
 
 
 def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any]) -> dict[str, Any]:
@@ -105,8 +104,8 @@ def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any]) -> dict[str
         name: _of_state(arrays, f"start_{name}", size)
         for name, size in zip(_STATE, sizes, strict=True)
     }
-    t, tick = (float(finite(arrays, name, ())) for name in ("t", "tick"))
-    acc_K = finite(arrays, "acc_K", (None, table.n_vK))
+    t, tick = (float(npz.finite(arrays, name, ())) for name in ("t", "tick"))
+    acc_K = npz.finite(arrays, "acc_K", (None, table.n_vK))
     status, given = Status[about["status"]], dict[str, Any]()
     if about["format"] == FORMAT:
         given["checks"] = _checks(marionette, arrays, len(acc_K), status)
@@ -128,7 +127,7 @@ def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any]) -> dict[str
 
 def _samples(marionette: Marionette, arrays: Mapping[str, Array], name: str) -> Array:
     width = sum(marionette.model.sample_layout.widths.values())
-    samples = finite(arrays, name, (None, width))
+    samples = npz.finite(arrays, name, (None, width))
     if not len(samples) or np.any(np.diff(samples[:, 0]) < 0):
         raise ValueError(f"{name} must be one or more, none before the one it follows")
     return samples
@@ -138,7 +137,7 @@ def _checks(
     marionette: Marionette, arrays: Mapping[str, Array], n: int, status: Status
 ) -> Checks:
     samples = _samples(marionette, arrays, "checks")
-    ticks: Indices = checked(arrays, "ticks", (len(samples),), "i").astype(np.intp)
+    ticks: Indices = npz.checked(arrays, "ticks", (len(samples),), "i").astype(np.intp)
     if ticks[0] != 0 or np.any(np.diff(ticks) <= 0) or ticks[-1] > n:
         raise ValueError(f"ticks must increase from 0 and be at most {n}")
     return Checks(ticks, samples, status)
@@ -147,16 +146,16 @@ def _checks(
 def _output(marionette: Marionette, arrays: Mapping[str, Array]) -> Piece:
     """All samples, events and points of contact of a file of the format before."""
     samples = _samples(marionette, arrays, "rows")
-    contacts = finite(arrays, "contacts", (None, width(CONTACT, {})))
+    contacts = npz.finite(arrays, "contacts", (None, width(CONTACT, {})))
     pairs = _pairs(marionette, contacts, len(samples))
-    events = _events(marionette, finite(arrays, "events", (None, 5)), pairs)
+    events = _events(marionette, npz.finite(arrays, "events", (None, 5)), pairs)
     return Piece(samples, events, contacts)
 
 
 def _of_state(arrays: Mapping[str, Array], name: str, size: int) -> Array:
     if name == "start_taut":
-        return checked(arrays, name, (size,), "b")
-    return finite(arrays, name, (size,))
+        return npz.checked(arrays, name, (size,), "b")
+    return npz.finite(arrays, name, (size,))
 
 
 def _pairs(marionette: Marionette, contacts: Array, n_samples: int) -> int:
@@ -181,11 +180,12 @@ def _events(marionette: Marionette, events: Array, pairs: int) -> Array:
 
 
 def _marionette(about: Mapping[str, Any], arrays: Mapping[str, Array]) -> Marionette:
-    written = text(about["puppet"], "puppet")
-    marionette = Marionette(restored(written, "<recording>", unpacked(_MESH, arrays)))
-    table, parameters = marionette.coordinates, texts(about["parameters"], "parameters")
+    written = npz.text(about["puppet"], "puppet")
+    marionette = Marionette(restored(written, "<recording>", npz.unpacked(_MESH, arrays)))
+    table, parameters = marionette.coordinates, npz.texts(about["parameters"], "parameters")
     if list(table.q_D + table.q_K) != about["coordinates"]:
         raise ValueError("its puppet has other coordinates than were recorded")
-    values = dict(zip(parameters, finite(arrays, "p", (len(parameters),)).tolist(), strict=True))
-    winches = checked(arrays, "winches", marionette.winches.shape)
+    given = npz.finite(arrays, "p", (len(parameters),)).tolist()
+    values = dict(zip(parameters, given, strict=True))
+    winches = npz.checked(arrays, "winches", marionette.winches.shape)
     return marionette.with_parameters(values).with_winches(winches)

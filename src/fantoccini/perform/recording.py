@@ -15,9 +15,8 @@ import numpy as np
 from fantoccini.arrays import Array, Times, check_positive, floats, frozen
 from fantoccini.errors import Status
 from fantoccini.marionette import Marionette, MethodName, Stepper
-from fantoccini.motion import Input, State, Trajectory
+from fantoccini.motion import Input, State, Trajectory, npz
 from fantoccini.motion.archive import RECORDINGS
-from fantoccini.motion.npz import opened
 from fantoccini.perform import archive, change
 from fantoccini.perform.archive import Checks, Written
 from fantoccini.perform.looping import way_back
@@ -193,7 +192,7 @@ class Recording:
         Raises:
             FileError: the file is damaged or not a recording.
         """
-        with opened(path, RECORDINGS, "a recording") as (arrays, about):
+        with npz.opened(path, RECORDINGS, "a recording") as (arrays, about):
             return cls(**archive.fields_of(arrays, about))
 
     # -- inside ------------------------------------------------------------------------------

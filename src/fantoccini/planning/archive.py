@@ -9,7 +9,7 @@ import numpy as np
 
 from fantoccini.arrays import Array
 from fantoccini.errors import FileError, Mistake
-from fantoccini.motion.npz import checked, contents, finite, understanding, write
+from fantoccini.motion import npz
 from fantoccini.planning.objective import Objective
 from fantoccini.planning.options import SearchOptions
 from fantoccini.planning.planners import Planner
@@ -52,7 +52,7 @@ def save(path: str | Path, search: Search, record: SearchRecord, status: str) ->
         "path": np.array(record.tree.path(record.best)),
         "curve": np.array(record.curve),
     }
-    write(path, arrays, about, compressed=True)
+    npz.write(path, arrays, about, compressed=True)
 
 
 def load(path: str | Path, problem: Problem, planner: Planner | None = None) -> Search:
@@ -67,15 +67,15 @@ def load(path: str | Path, problem: Problem, planner: Planner | None = None) -> 
         FileError: the file is not a plan, is damaged, or belongs to another problem.
     """
     what = "a plan"
-    arrays, about = contents(path, FORMAT, what)
-    with understanding(path, what):
+    arrays, about = npz.contents(path, FORMAT, what)
+    with npz.understanding(path, what):
         if about["fingerprint"] != problem.fingerprint:
             text = (
                 f"is a plan of {about['puppet']} for another problem: start, goal, obstacles, "
                 "bounds or parameters differ"
             )
             raise FileError([Mistake(str(path), None, "", text)])
-        nodes = checked(arrays, "path", (None,), "i")
+        nodes = npz.checked(arrays, "path", (None,), "i")
         options = SearchOptions(
             planner or about["planner"] or "explore", confirm=bool(about["confirm"]),
             objective=Objective(**about["objective"]),
@@ -103,5 +103,5 @@ def load(path: str | Path, problem: Problem, planner: Planner | None = None) -> 
 def _curve(arrays: dict[str, Array]) -> Array:
     """(n, 3) of the best plans so far; without any, the file has (0,)."""
     if arrays["curve"].size == 0:
-        return finite(arrays, "curve", (0,)).reshape(0, 3)
-    return finite(arrays, "curve", (None, 3))
+        return npz.finite(arrays, "curve", (0,)).reshape(0, 3)
+    return npz.finite(arrays, "curve", (None, 3))

@@ -21,7 +21,7 @@ from fantoccini.arrays import Array, Indices
 from fantoccini.contract import WINCH_AT
 from fantoccini.errors import SimulationError, Status
 from fantoccini.marionette import Evaluation, Marionette
-from fantoccini.marionette.active_set import TOLERANCES
+from fantoccini.marionette.active_set import ROW_TOLERANCES
 from fantoccini.marionette.kkt import KKTSystem
 from fantoccini.marionette.linearisation import row_derivatives_at
 from fantoccini.motion import State
@@ -78,7 +78,7 @@ class Catch:
         was, stays = np.zeros((2, n_rows), dtype=bool)
         was[held[0]] = stays[held[1]] = True
         scale = marionette.model.row_scales(before.q_D, before.q_K)
-        closed = np.abs(at.h) <= TOLERANCES.start_gap * scale
+        closed = np.abs(at.h) <= ROW_TOLERANCES.start_gap * scale
         rows = np.flatnonzero(was | closed | wires)
         self._restitution = string_restitution(marionette, at)
         stopped = (1.0 + self._restitution) * at.hdot
@@ -106,7 +106,7 @@ class Catch:
         speeds = at.hdot[self.caught]
         self.speed = float(np.max(speeds, initial=0.0))
         self._guard = self.caught[np.argmax(speeds)] if len(speeds) else None
-        touching = closed & ~was & (at.hdot > -TOLERANCES.rest_speed)
+        touching = closed & ~was & (at.hdot > -ROW_TOLERANCES.rest_speed)
         self.sharp = bool(
             len(self.caught) == 1 and np.sum(touching) == 1 and not np.any(stays & ~was & ~strikes)
         )

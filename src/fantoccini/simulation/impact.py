@@ -16,7 +16,7 @@ import numpy as np
 from fantoccini.arrays import Array, Indices
 from fantoccini.errors import SimulationError, Status
 from fantoccini.marionette import Evaluation, Marionette
-from fantoccini.marionette.active_set import TOLERANCES as ROWS
+from fantoccini.marionette.active_set import ROW_TOLERANCES
 from fantoccini.marionette.contact_geometry import PairGeometry
 from fantoccini.marionette.contact_rows import ContactMode, ContactRows, HeldPoint, PointMode
 from fantoccini.marionette.kkt import KKTSystem
@@ -73,7 +73,7 @@ class Impact:
         found = row_derivatives_at(model, before)
         ends = at.hdot + found["A_D"] @ (after.v_D - before.v_D)
         as_asked = np.abs(ends + self._restitution * at.hdot) <= AT_TARGET * scale
-        closed = np.abs(at.h) <= ROWS.start_gap * model.row_scales(before.q_D, before.q_K)
+        closed = np.abs(at.h) <= ROW_TOLERANCES.start_gap * model.row_scales(before.q_D, before.q_K)
         self.rows = np.flatnonzero(((was | stays | closed) & as_asked) | model.two_sided)
         points, idle = self._points(later, AT_TARGET * scale)
         kick, impulse, points = self._kick(points, (1.0 + self._restitution) * at.hdot)
@@ -100,7 +100,7 @@ class Impact:
         self.speed = max((guard.speed for guard in self._guards), default=0.0)
         self.edges = closed_without_force(self.later, self.points, idle, self._still)
         self.edges += _weak(self.points)
-        near = closed & ~was & (at.hdot > -ROWS.rest_speed)
+        near = closed & ~was & (at.hdot > -ROW_TOLERANCES.rest_speed)
         near[self.rows] = False
         names = marionette.tree.row_names
         self.edges += [f"{names[r]}: at its bound" for r in np.flatnonzero(near)]

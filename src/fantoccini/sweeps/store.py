@@ -17,7 +17,7 @@ from typing import Any
 
 from fantoccini.errors import StoreError
 from fantoccini.files import replacing
-from fantoccini.motion.npz import UNREADABLE, about_of, read, write
+from fantoccini.motion import npz
 from fantoccini.sweeps.outcome import Failure, Outcome
 
 FORMAT = "fantoccini.sweep.1"
@@ -49,14 +49,14 @@ class Store:
     def read(self, key: str) -> Outcome | None:
         """The stored outcome of a case; None if it is missing or damaged."""
         try:
-            arrays = read(self._path(key))
-            about = about_of(arrays)
+            arrays = npz.read(self._path(key))
+            about = npz.about_of(arrays)
             figures = {n: arrays[f"{_FIGURE}{k}"] for k, n in enumerate(about["figures"])}
             if about["key"] != key:
                 return None
             failure = None if about["failure"] is None else Failure(**about["failure"])
             return Outcome(figures, float(about["seconds"]), failure)
-        except UNREADABLE:
+        except npz.UNREADABLE:
             return None
 
     def write(self, key: str, outcome: Outcome, labels: dict[str, Any]) -> None:
@@ -81,7 +81,7 @@ class Store:
         path = self._path(key)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            write(path, arrays, about)
+            npz.write(path, arrays, about)
         except OSError as error:
             raise StoreError(
                 f"cannot write a finished case to {self.folder}: {error}; earlier cases are kept; "

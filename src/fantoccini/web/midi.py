@@ -11,7 +11,7 @@ from typing import Any
 
 PATH = "/midi"
 
-SCRIPT = """
+MIDI_SCRIPT = """
 (() => {
   if (!navigator.requestMIDIAccess) return;
   let socket = null;
@@ -46,7 +46,7 @@ class Midi:
         self._go = go
 
     async def visit(self, connection: Any) -> None:
-        """Serves a websocket to :data:`SCRIPT`."""
+        """Serves a websocket to :data:`MIDI_SCRIPT`."""
         async for message in connection:
             if message == "go":
                 self._go()

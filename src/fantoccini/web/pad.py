@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 PATH = "/pad"
 
-SCRIPT = """
+PAD_SCRIPT = """
 (() => {
   let socket = null, last = "";
   const send = (text) => {
@@ -108,7 +108,7 @@ class Pads:
         self._count = 0
 
     async def visit(self, connection: Any) -> None:
-        """Serves a websocket to :data:`SCRIPT`."""
+        """Serves a websocket to :data:`PAD_SCRIPT`."""
         self._count += 1
         name = f"gamepad {self._count}"
         before: frozenset[int] = frozenset()

@@ -17,8 +17,7 @@ from typing import Any
 
 from fantoccini.errors import FantocciniError, FileError, Mistake
 from fantoccini.marionette import Marionette, load
-from fantoccini.motion import Trajectory
-from fantoccini.motion.npz import ABOUT, UNREADABLE, about_of, read
+from fantoccini.motion import Trajectory, npz
 from fantoccini.perform import Performance, Recording, Show
 from fantoccini.perform.osc import Address, Osc
 from fantoccini.planning import PlanResult, load_problem, problem_names
@@ -27,12 +26,12 @@ from fantoccini.scene import Scene
 from fantoccini.view.theme import theme_of
 from fantoccini.web.export import write_html
 from fantoccini.web.live import Live
-from fantoccini.web.midi import SCRIPT as MIDI_SCRIPT
-from fantoccini.web.pad import SCRIPT
+from fantoccini.web.midi import MIDI_SCRIPT
+from fantoccini.web.pad import PAD_SCRIPT
 from fantoccini.web.plan_tree import PlanTree
 from fantoccini.web.replay import Replay, ResampledRun
 from fantoccini.web.server import Server
-from fantoccini.web.sound import SCRIPT as SOUND_SCRIPT
+from fantoccini.web.sound import SOUND_SCRIPT
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,9 +207,9 @@ def _check_no_problem(path: Path, problem: str | Path | None) -> None:
 def _form(path: Path) -> tuple[str, dict[str, Any]]:
     """Format and description in an npz file; empty where it has none."""
     try:
-        about = about_of(read(path, only=ABOUT))
+        about = npz.about_of(npz.read(path, only=npz.ABOUT))
         return str(about["format"]), about
-    except UNREADABLE:
+    except npz.UNREADABLE:
         return "", {}
 
 
@@ -285,7 +284,7 @@ def open_page(
     else:
         performance = Performance(subject.marionette)
         live = Live(performance, look, record_to.absolute(), subject.file, score)
-        server = Server(title, look, host, port, SCRIPT + SOUND_SCRIPT, live.handlers)
+        server = Server(title, look, host, port, PAD_SCRIPT + SOUND_SCRIPT, live.handlers)
         live.open(server)
         if balance:
             try:
@@ -338,7 +337,7 @@ def open_show(
 
     if hear is not None or send is not None:
         live.stage.osc = Osc(show, hear, send, lambda do: live.later(None, partial(heard, do)))
-    script = SCRIPT + SOUND_SCRIPT + MIDI_SCRIPT
+    script = PAD_SCRIPT + SOUND_SCRIPT + MIDI_SCRIPT
     try:
         server = Server(show.play.name, look, host, port, script, live.handlers)
     except FantocciniError:

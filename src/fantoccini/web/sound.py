@@ -19,7 +19,7 @@ from websockets.exceptions import ConnectionClosed
 
 PATH = "/sound"
 
-SCRIPT = """
+SOUND_SCRIPT = """
 (() => {
   const AHEAD = 0.15;  // sounds are handed over so long before they are heard [s]
   const APART = 0.06;  // a sound that is off by more begins anew [s]
@@ -177,7 +177,7 @@ class Sounds:
         self.version += 1
 
     async def visit(self, connection: Any) -> None:
-        """Serves a websocket to :data:`SCRIPT`."""
+        """Serves a websocket to :data:`SOUND_SCRIPT`."""
         with contextlib.suppress(ConnectionClosed):
             await self._tell(connection)
 

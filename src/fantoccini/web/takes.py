@@ -9,8 +9,8 @@ from pathlib import Path
 
 from fantoccini.errors import StateError
 from fantoccini.gestures import Gesture, gesture_names, gesture_of_take
+from fantoccini.motion import npz
 from fantoccini.motion.archive import RECORDINGS
-from fantoccini.motion.npz import ABOUT, UNREADABLE, about_of, read
 from fantoccini.perform import Performance, Recording
 from fantoccini.puppet.values import NAME
 from fantoccini.web.recorder import unused
@@ -202,6 +202,6 @@ def _takes_in(folder: Path) -> list[str]:
 
 def _form(path: Path) -> str:
     try:
-        return str(about_of(read(path, only=ABOUT))["format"])
-    except UNREADABLE:
+        return str(npz.about_of(npz.read(path, only=npz.ABOUT))["format"])
+    except npz.UNREADABLE:
         return ""
