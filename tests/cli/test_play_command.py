@@ -83,7 +83,7 @@ def test_a_cue_that_may_be_left_out_is_told_and_ends_with_0(tmp_path):
 def test_the_verdict_is_told_before_the_report_and_the_film_are_made(tmp_path, monkeypatch):
     """Regression: it was printed only after them, and not at all if one failed."""
     def fails(*_, **__):
-        raise view.PictureError("no room on the disk")
+        raise fan.PictureError("no room on the disk")
 
     monkeypatch.setattr(view, "play_report", fails)
     result = fantoccini("play", write_play(tmp_path, TOUCHES), "--report", tmp_path / "page.html")
