@@ -10,6 +10,8 @@ from benchmarks.contact.mujoco_scene import SETTINGS, MuJoCoScene, text_of
 
 import fantoccini as fan
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def cube():

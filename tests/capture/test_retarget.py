@@ -18,6 +18,8 @@ from fantoccini.retarget.following import ACCELERATION, GROUPS, SPEED, FollowSta
 from fantoccini.retarget.mapping import PARTS, joints_of
 from fantoccini.retarget.placing import place
 
+pytestmark = pytest.mark.long
+
 NAMES = ("Hips", "LeftUpLeg", "LeftLeg", "LeftFoot", "RightUpLeg", "RightLeg", "RightFoot",
          "LeftArm", "LeftForeArm", "LeftHand", "RightArm", "RightForeArm", "RightHand",
          "Head")  # fmt: skip

@@ -11,6 +11,8 @@ from contact.bodies import G
 from contact.files import STOOL
 from oracles.differences import apart, moved
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 TOY = """
 puppet: toy
 floor: 0

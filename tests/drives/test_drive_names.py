@@ -16,6 +16,8 @@ from fantoccini.planning.rollouts import Bounds
 from fantoccini.puppet import loads
 from fantoccini.tree import grow
 
+pytestmark = pytest.mark.own_puppets
+
 
 def table(text: str):
     return grow(loads(text)).coordinates

@@ -10,6 +10,8 @@ from fantoccini.errors import StateError
 from fantoccini.gestures import lateness
 from fantoccini.marionette import link_index
 
+pytestmark = pytest.mark.slow
+
 HAND = ("forearm_right", (0.0, 0.0, -0.09))
 NUMBER = """\
 score: number

@@ -11,6 +11,8 @@ from fantoccini.errors import FileError, InputError, UnknownNameError
 from fantoccini.gestures import score_schema
 from fantoccini.puppet.located import read_file
 
+pytestmark = pytest.mark.slow
+
 STRINGS = (
     "head", "shoulder_left", "shoulder_right", "hand_left", "hand_right", "knee_left", "knee_right",
 )  # fmt: skip

@@ -18,6 +18,8 @@ import fantoccini as fan
 from fantoccini.identification.estimating import fit_of
 from fantoccini.identification.fit import chained
 
+pytestmark = pytest.mark.slow
+
 RECORD_TIME = 12.0
 
 
@@ -46,7 +48,6 @@ def test_an_arm_is_found_within_the_marks(case):
     assert "delay" in found.summary()
 
 
-@pytest.mark.slow
 def test_intervals_hold_the_truth_as_often_as_they_say(case):
     """95 % of 95 % intervals: 12 records, 9 numbers each, at least 88 % (3 deviations)."""
     inside = []

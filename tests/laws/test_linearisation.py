@@ -14,6 +14,8 @@ from fantoccini.marionette.linearisation import named_rows
 from fantoccini.marionette.stepper import Stepper
 from oracles.differences import apart, difference, moved, worst
 
+pytestmark = [pytest.mark.slow, pytest.mark.long]
+
 RIG = """
 puppet: rig
 bodies:

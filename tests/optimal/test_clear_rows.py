@@ -10,6 +10,8 @@ from fantoccini.clearance import Clearance
 from fantoccini.optimal.clear_rows import ClearRows
 from fantoccini.optimal.nodes import Nodes
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 POST, RADIUS = np.array([0.9, 0.0, -0.9]), 0.1 + 0.05
 
 

@@ -8,6 +8,8 @@ import pytest
 import fantoccini as fan
 from fantoccini.optimal import shooting
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 BLOCK = """
 puppet: block
 floor: 0

@@ -14,6 +14,8 @@ from fantoccini.optimal.hybrid import ExactRuns
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
 
+pytestmark = pytest.mark.slow
+
 TIP = (0.3, 0.0, 0.0)
 
 

@@ -14,6 +14,8 @@ from fantoccini.optimal.dynamics import TimeSteps
 from fantoccini.optimal.hybrid import ExactRuns
 from fantoccini.optimal.objective import Objective
 
+pytestmark = pytest.mark.slow
+
 MASS, WAY, g = 2.0, 0.5, 9.81
 
 HOIST = f"""

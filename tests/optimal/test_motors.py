@@ -18,6 +18,8 @@ from fantoccini.optimal.objective import Objective
 from fantoccini.optimal.task_schema import task_schema
 from fantoccini.puppet.located import read_file
 
+pytestmark = pytest.mark.slow
+
 MASS, WAY, g = 2.0, 0.5, 9.81
 INERTIA, GEAR, DRUM, VISCOUS = 4e-5, 3.0, 0.02, 1e-5
 CONSTANT, RESISTANCE = 0.05, 1.2

@@ -10,6 +10,8 @@ import pytest
 import fantoccini as fan
 from fantoccini.errors import StateError
 
+pytestmark = pytest.mark.slow
+
 TIP = (0.3, 0.0, 0.0)
 
 

@@ -8,6 +8,8 @@ from scipy.optimize import fsolve, minimize
 
 import fantoccini as fan
 
+pytestmark = pytest.mark.long
+
 LENGTH, WAY, MOST = 1.0, 0.05, 0.05
 
 SMALL_CRANE = """

@@ -11,6 +11,8 @@ from scipy.optimize import minimize, minimize_scalar
 
 import fantoccini as fan
 
+pytestmark = pytest.mark.slow
+
 PLUMB = """
 puppet: plumb
 bodies:

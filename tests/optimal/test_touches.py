@@ -14,6 +14,8 @@ from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.touch_terms import Touches
 
+pytestmark = pytest.mark.slow
+
 T, N, END = 1.0, 25, 1e4
 TIP = (0.3, 0.0, 0.0)
 

@@ -11,6 +11,8 @@ from benchmarks.optimal import walk
 import fantoccini as fan
 from fantoccini.puppets import Gait
 
+pytestmark = pytest.mark.slow
+
 STEPS = 24
 
 

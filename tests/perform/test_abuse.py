@@ -11,6 +11,8 @@ from fantoccini.perform import reach
 from fantoccini.perform.grip import HELD
 from properties import puppets
 
+pytestmark = [pytest.mark.slow, pytest.mark.long]
+
 NAMES = ("arm2d", "arm3d", "crane", "marionette", "marionette_bar", "stand6", "string_pendulum")
 CALM = ("marionette", "marionette_bar", "stand6")
 """Puppets that have damping enough to come to rest within half a minute."""

@@ -8,6 +8,8 @@ import pytest
 import fantoccini as fan
 from fantoccini.marionette import energies, link_index
 
+pytestmark = pytest.mark.slow
+
 CARRYING = ("head", "shoulder_left", "shoulder_right")
 MOST_ENERGY = 12.0
 """Largest gain of energy, in the weight times 1 m; as for puppets without contact."""

@@ -12,6 +12,8 @@ from fantoccini.gestures import piecewise
 from fantoccini.motion import rotation
 from fantoccini.perform import reach
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def puppet():

@@ -18,6 +18,8 @@ from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.perform import osc, reach
 from fantoccini.perform.osc import Address, Osc
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def play(tmp_path_factory):
@@ -165,7 +167,6 @@ def test_a_player_is_taken_and_given_back_while_the_other_plays_on(stage, moved)
     assert stage.within_bounds()
 
 
-@pytest.mark.slow
 def test_hands_that_shift_against_swing_end_it_soon(play):
     """Of a push of 0.5 N for 0.2 s."""
 
@@ -193,7 +194,6 @@ def test_hands_that_shift_against_swing_end_it_soon(play):
     assert swing(True) < 0.5 * swing(False)
 
 
-@pytest.mark.slow
 def test_players_are_steadied_as_pendulums_in_the_gravity_of_their_own_files(play, tmp_path):
     """w^2 = g/height: on the moon they swing sqrt(9.81/1.62) times more slowly."""
     text = fan.puppets.path("marionette").read_text(encoding="utf-8")

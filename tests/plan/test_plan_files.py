@@ -9,6 +9,8 @@ import fantoccini as fan
 from fantoccini.errors import FileError
 from fantoccini.planning import Explore
 
+pytestmark = pytest.mark.own_puppets
+
 NO_PLAN = r"is not a plan that this version can read|is not an npz file"
 
 

@@ -9,6 +9,8 @@ import fantoccini as fan
 from fantoccini.errors import StateError
 from fantoccini.planning import Problem, solve
 
+pytestmark = pytest.mark.slow
+
 FEET = [("shin_left", "floor"), ("shin_right", "floor")]
 STRINGS = ("head", "shoulder_left", "shoulder_right", "hand_left", "hand_right", "knee_left",
            "knee_right")  # fmt: skip

@@ -11,6 +11,8 @@ import fantoccini as fan
 from fantoccini import Status
 from fantoccini.marionette import contradiction, first_excess_tension, may_be_redundant
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 METHODS = ("event", "timestepping", "variational")
 CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 FRAME = CORNERS * [2.0, 2.0, 1.5] + [0.0, 0.0, 1.5]

@@ -12,6 +12,8 @@ from fantoccini.simulation.scipy_run import ScipyRun
 from harness import bulge
 from runs.references import CASES, references
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets, pytest.mark.long]
+
 METHODS = {
     # tolerance given to it; allowed difference of event times, of impulses, of the end state
     "DOP853": (1e-11, 1e-11, 1e-11, 1e-9),

@@ -11,6 +11,8 @@ import fantoccini as fan
 from fantoccini.demo import walk
 from fantoccini.marionette import link_index
 
+pytestmark = pytest.mark.slow
+
 PERFORMANCES = Path(fan.puppets.__file__).parent / "performances"
 SOLE = np.array([[x, y, -0.141] for x in (-0.02, 0.034) for y in (-0.016, 0.016)])
 """Corners of a sole in the frame of its shin [m]."""

@@ -11,6 +11,8 @@ from tests.show.viewer import Viewer
 import fantoccini as fan
 from fantoccini.errors import StateError
 
+pytestmark = pytest.mark.slow
+
 BODY = "/puppet/lower/0"
 
 

@@ -9,6 +9,8 @@ from tests.show.browser import chrome, like, picture, until
 import fantoccini as fan
 from fantoccini.web.moment import moment_of
 
+pytestmark = pytest.mark.slow
+
 BLOCK = """
 puppet: block
 floor: 0

@@ -19,6 +19,8 @@ from fantoccini.web.nodes import SceneNodes
 from fantoccini.web.replay import ResampledRun
 from fantoccini.web.server import Server
 
+pytestmark = pytest.mark.own_puppets
+
 RED = (192, 32, 32)
 
 SCRUB = """

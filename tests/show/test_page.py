@@ -26,6 +26,8 @@ from tests.show.toys import BAR, GREEN, WRONG, toy
 
 import fantoccini as fan
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 RED, GREENISH = (192, 32, 32), (32, 160, 32)
 
 

@@ -16,6 +16,8 @@ from websockets.sync.client import connect
 import fantoccini as fan
 from fantoccini.web.instrument import Manner
 
+pytestmark = pytest.mark.slow
+
 SCORE = """\
 score: number
 tempo: 120

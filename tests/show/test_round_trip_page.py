@@ -23,6 +23,8 @@ from tests.show.toys import toy
 
 import fantoccini as fan
 
+pytestmark = pytest.mark.slow
+
 RED = (192, 32, 32)
 
 

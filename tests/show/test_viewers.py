@@ -18,6 +18,8 @@ from viser import ClientHandle
 import fantoccini as fan
 from fantoccini.web.viser_private import fits
 
+pytestmark = pytest.mark.slow
+
 BEAD, RINGS = "/handles/0", "/rings/0"
 
 

@@ -21,6 +21,8 @@ from fantoccini.view.geometry import geometry_at, geometry_of
 from fantoccini.view.theme import DARK
 from view.still_life import StillLife, bundled, swinging
 
+pytestmark = pytest.mark.own_puppets
+
 HOSTILE = r"$\frac{_^ \input{x} <b>&amp; 100%"
 
 
