@@ -11,7 +11,12 @@ from pathlib import Path
 
 import pytest
 
+import fantoccini as fan
+
 sys.path.insert(0, str(Path(__file__).parent))
+
+SHARED = {"arm", "marionette", "crane"}
+"""Puppets of the session. Their libraries are compiled when first used, by any file."""
 
 STARTED = time.monotonic()
 FLAGS = "FANTOCCINI_CXXFLAGS"
@@ -61,5 +66,38 @@ def compiled_with_og(request):
 
 
 def pytest_collection_modifyitems(items):
-    """Files marked ``long`` go first: the run waits for a file that begins last."""
+    """Files marked ``long`` go first: the run waits for a file that begins last.
+
+    Raises:
+        UsageError: a file marked ``own_puppets`` uses a puppet of the session, which it would
+            compile with -Og for the files after it.
+    """
+    for item in items:
+        shared = SHARED & set(item.fixturenames)
+        if shared and item.get_closest_marker("own_puppets"):
+            raise pytest.UsageError(f"{item.nodeid}: {sorted(shared)} in a file marked own_puppets")
     items.sort(key=lambda item: item.get_closest_marker("long") is None)
+
+
+@pytest.fixture(scope="session")
+def arm() -> fan.Marionette:
+    """The bundled planar arm."""
+    return fan.puppets.arm2d()
+
+
+@pytest.fixture(scope="session")
+def marionette() -> fan.Marionette:
+    """The bundled marionette."""
+    return fan.puppets.marionette()
+
+
+@pytest.fixture(scope="session")
+def crane() -> fan.Marionette:
+    """The bundled gantry crane."""
+    return fan.puppets.crane()
+
+
+@pytest.fixture(scope="module")
+def promenade() -> fan.Marionette:
+    """The bundled stage with a marionette that stands; with the compiler flags of the file."""
+    return fan.puppets.promenade()

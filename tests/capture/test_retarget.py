@@ -30,11 +30,6 @@ STANDS = np.array([
 ])  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def marionette() -> fan.Marionette:
-    return fan.puppets.marionette()
-
-
 def clip(folder: Path, convention: str, name: str) -> Path:
     """One of the project's own clips."""
     (folder / convention).mkdir()

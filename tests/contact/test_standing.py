@@ -39,11 +39,6 @@ pose: {foot.z: 0.01, line.length: 1.6}
 
 
 @pytest.fixture(scope="module")
-def promenade() -> fan.Marionette:
-    return fan.puppets.promenade()
-
-
-@pytest.fixture(scope="module")
 def stool() -> fan.Marionette:
     return fan.loads(STOOL)
 

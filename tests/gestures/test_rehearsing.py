@@ -43,11 +43,6 @@ def outermost(t: np.ndarray, y: np.ndarray, mark: float) -> float:
     return float(t[near[np.argmin(y[near])]])
 
 
-@pytest.fixture(scope="module")
-def marionette() -> fan.Marionette:
-    return fan.puppets.marionette()
-
-
 def load(marionette, folder, text: str) -> fan.Score:
     path = folder / "number.yaml"
     path.write_text(text, encoding="utf-8")

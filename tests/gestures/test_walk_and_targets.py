@@ -43,11 +43,6 @@ lanes:
 
 
 @pytest.fixture(scope="module")
-def marionette() -> fan.Marionette:
-    return fan.puppets.marionette()
-
-
-@pytest.fixture(scope="module")
 def visit() -> fan.Marionette:
     return fan.puppets.visit()
 

@@ -69,16 +69,6 @@ def rig() -> fan.Marionette:
     return fan.loads(RIG)
 
 
-@pytest.fixture(scope="module")
-def marionette() -> fan.Marionette:
-    return fan.puppets.marionette()
-
-
-@pytest.fixture(scope="module")
-def arm() -> fan.Marionette:
-    return fan.puppets.arm2d()
-
-
 def somewhere(puppet: fan.Marionette, seed: int) -> tuple[fan.State, np.ndarray, np.ndarray]:
     """A state in motion, accelerations of the inputs and forces."""
     rng, t = np.random.default_rng(seed), puppet.coordinates

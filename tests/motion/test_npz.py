@@ -21,11 +21,6 @@ from fantoccini.web.page import _form
 
 
 @pytest.fixture(scope="module")
-def arm():
-    return fan.puppets.arm2d()
-
-
-@pytest.fixture(scope="module")
 def files(arm, tmp_path_factory):
     """A file of every kind that is read, and what reads it."""
     folder = tmp_path_factory.mktemp("npz")

@@ -19,11 +19,6 @@ TIP = (0.3, 0.0, 0.0)
 INTERVAL, N, DAMPING = 0.02, 40, 1e-5
 
 
-@pytest.fixture(scope="module")
-def arm() -> fan.Marionette:
-    return fan.puppets.arm2d()
-
-
 def motion(arm: fan.Marionette, task: fan.Task, acc_K: np.ndarray | None = None) -> Nodes:
     """The prediction from the task's start."""
     if acc_K is None:

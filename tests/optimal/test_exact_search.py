@@ -19,11 +19,6 @@ pytestmark = pytest.mark.slow
 TIP = (0.3, 0.0, 0.0)
 
 
-@pytest.fixture(scope="module")
-def arm() -> fan.Marionette:
-    return fan.puppets.arm2d()
-
-
 def reaching(arm: fan.Marionette, x0: fan.State) -> fan.Task:
     """The tip goes up by 3 cm and stays there, calmly."""
     pose = arm.pose(arm.rest(), "lower")

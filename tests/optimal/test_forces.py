@@ -59,11 +59,6 @@ def cart() -> fan.Marionette:
     return fan.loads(CART)
 
 
-@pytest.fixture(scope="module")
-def arm() -> fan.Marionette:
-    return fan.puppets.arm2d()
-
-
 @pytest.mark.parametrize(("most", "within"), [(2.0 * MASS * g, 1e-5), (1.5 * MASS * g, 2e-3)])
 def test_a_hoist_is_as_fast_as_its_force_allows(hoist: fan.Marionette, most: float, within: float):
     """From rest to rest with a force of 0 to `most`: as hard as it may, then in free fall."""

@@ -23,11 +23,6 @@ TUGS = -30.0 * np.cos(5.0 * np.pi * (0.04 * np.arange(25) + 0.02))
 
 
 @pytest.fixture(scope="module")
-def arm() -> fan.Marionette:
-    return fan.puppets.arm2d()
-
-
-@pytest.fixture(scope="module")
 def thrown(arm: fan.Marionette) -> tuple[HybridRuns, Nodes]:
     """A motion with releases and catches, thrown by hand."""
     x0 = arm.rest({"hand.x": 0.3, "hand.length": 0.8})

@@ -15,11 +15,6 @@ pytestmark = pytest.mark.slow
 TIP = (0.3, 0.0, 0.0)
 
 
-@pytest.fixture(scope="module")
-def arm() -> fan.Marionette:
-    return fan.puppets.arm2d()
-
-
 def tip(arm: fan.Marionette, x: fan.State) -> np.ndarray:
     pose = arm.pose(x, "lower")
     return pose[:3, 3] + pose[:3, :3] @ np.array(TIP)

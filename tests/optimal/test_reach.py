@@ -54,11 +54,6 @@ pose: {pin: 60 deg}
 HAND = ("forearm_right", (0.0, 0.0, -0.09))
 
 
-@pytest.fixture(scope="module")
-def marionette() -> fan.Marionette:
-    return fan.puppets.marionette()
-
-
 def hand_of(marionette: fan.Marionette, x: fan.State) -> np.ndarray:
     pose = marionette.pose(x, HAND[0])
     return pose[:3, :3] @ HAND[1] + pose[:3, 3]

@@ -34,11 +34,6 @@ bodies:
 """)
 
 
-@pytest.fixture(scope="module")
-def arm() -> fan.Marionette:
-    return fan.puppets.arm2d()
-
-
 def drawing(pen: fan.Marionette, touches: list[fan.Touch], duration=T) -> fan.Task:
     """The pen goes from rest at (0, 0) to rest at (1, 0)."""
     tracks = [

@@ -12,11 +12,6 @@ import fantoccini as fan
 from fantoccini.errors import StateError, UnknownNameError
 
 
-@pytest.fixture(scope="module")
-def arm() -> fan.Marionette:
-    return fan.puppets.arm2d()
-
-
 def kicked(arm: fan.Marionette, size: float = 2.0) -> fan.State:
     return arm.project(arm.rest().replace(v_D=size * np.array([0.6, -0.8])))
 

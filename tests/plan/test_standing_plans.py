@@ -17,11 +17,6 @@ STRINGS = ("head", "shoulder_left", "shoulder_right", "hand_left", "hand_right",
 
 
 @pytest.fixture(scope="module")
-def promenade() -> fan.Marionette:
-    return fan.load(fan.puppets.path("promenade"))
-
-
-@pytest.fixture(scope="module")
 def standing(promenade) -> fan.State:
     return promenade.rest()
 

@@ -54,11 +54,6 @@ def _short(wave: Path, plays: Plays) -> Path:
     return Path(shutil.copy(wave, plays.folder / "clips"))
 
 
-@pytest.fixture(scope="module", name="marionette")
-def _marionette() -> fan.Marionette:
-    return fan.puppets.marionette()
-
-
 @pytest.fixture(scope="module", name="waving")
 def _waving(wave: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[fan.Play, Path]:
     """A play in which one walks and turns first, and each waves as in a clip."""

@@ -9,11 +9,6 @@ import pytest
 import fantoccini as fan
 
 
-@pytest.fixture(scope="module")
-def arm():
-    return fan.puppets.arm2d()
-
-
 @pytest.mark.parametrize("method", ["event", "timestepping"])
 def test_pieces_join_to_the_whole(arm, method):
     x0 = arm.rest({"hand.length": 0.8})

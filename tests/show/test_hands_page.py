@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.show.browser import canvas, chrome, like, picture, pixel, rectangles, until, words
+from tests.show.browser import canvas, like, picture, pixel, rectangles, until, words
 from tests.show.toys import toy
 
 import fantoccini as fan
@@ -15,12 +15,6 @@ import fantoccini as fan
 pytestmark = pytest.mark.slow
 
 RED = (192, 32, 32)
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chrome() as found:
-        yield found
 
 
 @pytest.fixture(scope="module")

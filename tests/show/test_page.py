@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from tests.show.browser import (
     canvas,
-    chrome,
     colours,
     like,
     picture,
@@ -29,12 +28,6 @@ import fantoccini as fan
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 
 RED, GREENISH = (192, 32, 32), (32, 160, 32)
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chrome() as found:
-        yield found
 
 
 @pytest.fixture(scope="module")

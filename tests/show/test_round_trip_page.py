@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from tests.show.browser import (
     canvas,
-    chrome,
     like,
     open_tab,
     picture,
@@ -26,12 +25,6 @@ import fantoccini as fan
 pytestmark = pytest.mark.slow
 
 RED = (192, 32, 32)
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chrome() as found:
-        yield found
 
 
 @pytest.fixture
