@@ -13,7 +13,7 @@ from tests.cli.command import fantoccini
 import fantoccini as fan
 from fantoccini.capture import Capture, Skeleton
 from fantoccini.errors import FileError, StateError
-from fantoccini.retarget import figure_of, find_mapping, load_mapping, mapping_names
+from fantoccini.retarget import figure_of, find_mapping, load_mapping, mapping_names, retargeting
 from fantoccini.retarget.following import ACCELERATION, GROUPS, SPEED, FollowStatus, eased
 from fantoccini.retarget.mapping import PARTS, joints_of
 from fantoccini.retarget.placing import place
@@ -173,7 +173,7 @@ def test_more_steps_bring_no_path_astray(marionette, monkeypatch):
     """Steps along a path are not safe by themselves: they are taken back where they go wrong."""
     costs = []
     for iterations in (10, 100):
-        monkeypatch.setattr("fantoccini.retarget.retargeting._ITERATIONS", iterations)
+        monkeypatch.setattr(retargeting, "ITERATIONS", iterations)
         found = fan.retarget_clip(marionette, "walk_up")
         costs.append(sum(np.mean(np.square(e)) for e in found.errors.values()))
         for i in range(0, len(found.t), 7):

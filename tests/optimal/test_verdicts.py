@@ -11,7 +11,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.optimal import shooting
-from fantoccini.optimal.sqp import Search
+from fantoccini.optimal.sqp import Filter
 
 
 def task(small_crane: fan.Marionette, bounds: fan.Bounds, **options) -> fan.Task:
@@ -85,7 +85,7 @@ def test_a_violated_bound_is_named_with_its_coordinate_and_time(small_crane):
 
 
 def test_a_search_without_progress_names_what_is_left(small_crane, monkeypatch):
-    monkeypatch.setattr(Search, "_along", lambda self, step: None)
+    monkeypatch.setattr(Filter, "accepts", lambda self, before, now, falls: False)
     bounds = fan.Bounds(acceleration=1.0, held=("line.length",))
     track = fan.Track.coordinate("bob.x", 0.2)
     found = fan.optimise(replace(task(small_crane, bounds, end=None), tracks=[track]))

@@ -6,6 +6,7 @@ import threading
 
 import numpy as np
 import pytest
+from tests.perform.hands import hands_of
 
 import fantoccini as fan
 from fantoccini.motion import rotation
@@ -132,7 +133,7 @@ def test_driven_velocity_is_continuous_and_bounded(bar):
         live.advance(rng.uniform(0.05, 0.4))
     recording = live.stop()
     assert recording.ended == ""
-    inputs, hands = recording.inputs, live._hands
+    inputs, hands = recording.inputs, hands_of(live)
     inside = recording.times[1:-1]
     q_0, v_0, _ = inputs.evaluate(np.nextafter(inside, 0.0))
     q_1, v_1, _ = inputs.evaluate(np.nextafter(inside, 10.0))

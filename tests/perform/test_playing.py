@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
+from tests.perform.hands import hands_of
 
 import fantoccini as fan
 from fantoccini.gestures import piecewise
@@ -35,7 +36,7 @@ def take(marionette):
 
 def within_bounds(live: fan.Performance, made: fan.Recording) -> None:
     """Accelerations, and so jumps of velocity over a tick, and speeds."""
-    hands, v_K = live._hands, made.trajectory.v_K
+    hands, v_K = hands_of(live), made.trajectory.v_K
     for values, most in ((made.acc_K, hands.acceleration), (v_K, hands.speed)):
         sizes = np.array([reach.lengths(row, hands.group, len(most)) for row in values])
         assert np.max(sizes / most) <= 1.0 + 1e-9

@@ -210,7 +210,7 @@ def test_a_listener_that_goes_away_stops_the_motion(lifted, hoist):
     with listener as stand, udp_sender(*stand.address) as send:
         def until(data):
             if len(stand) == 40:
-                stand._socket.close()
+                stand.close()
             send(data)
 
         with pytest.raises(PacketError, match="not sent"):
