@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini import build, contract
+from fantoccini import contract
 from fantoccini.contract.cpp import HEADER, header
 from fantoccini.contract.functions import needed
 from fantoccini.contract.table import PAGE, page
@@ -83,7 +83,7 @@ def test_what_is_made_from_the_contract_is_fresh():
 def test_a_library_of_another_contract_or_puppet_is_refused(monkeypatch):
     """18.1: the digest and the puppet's sizes guard against a stale library."""
     arm = fan.puppets.arm2d()
-    path = build.cache_folder() / arm.model.library.key / build.LIBRARY
+    path = arm.model.library.path
     with pytest.raises(BuildError, match=r"n_vD = 2, not \d+"):
         Library(path, fan.puppets.crane().tree)
     with pytest.raises(BuildError, match="cannot be loaded"):
