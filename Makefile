@@ -27,7 +27,7 @@ show: $(VENV)/stamp-demo
 test: $(VENV)/stamp-test
 	$(BIN)/python -m pytest -m "not slow" --puppet-flag=-O1
 
-# Only the slow tests, with the default compiler flags (files with small puppets: -Og).
+# Only the slow tests, with the default compiler flags (files marked own_puppets: -Og).
 test-slow: $(VENV)/stamp-test
 	$(BIN)/python -m pytest -m slow $(PYTEST)
 

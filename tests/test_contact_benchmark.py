@@ -10,6 +10,8 @@ from benchmarks.contact.mujoco_scene import SETTINGS, MuJoCoScene, text_of
 
 import fantoccini as fan
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def cube():
@@ -40,8 +42,8 @@ def test_mujoco_gets_our_scene(cube):
 def test_a_cube_slides_and_is_pushed_in_both(cube):
     """v^2 / (2 mu g) to a stop; a push below the threshold moves nothing in ours."""
     for run in (scenarios.ours, lambda *a, **k: scenarios.theirs(*a, hard=False, **k)):
-        assert scenarios._stop(run) < 2e-3
-    assert scenarios._dragged(scenarios.ours) < 1e-12
+        assert scenarios.stopping_error(run) < 2e-3
+    assert scenarios.dragged_way(scenarios.ours) < 1e-12
 
 
 @pytest.mark.parametrize("engine", ["Drake, SAP", "Drake, lagged", "Bullet"])
@@ -49,7 +51,7 @@ def test_other_engines_get_our_scene(cube, engine):
     runs = scenarios.engines()
     if engine not in runs:
         pytest.skip(f"without {engine}")
-    assert scenarios._stop(runs[engine]) < 2e-3
+    assert scenarios.stopping_error(runs[engine]) < 2e-3
     # A rolled cube thrown up turns and moves as ours does before it lands.
     start = cube.state({"cube.z": 1.0})
     rate = np.array([0.1, 0.2, 3.0, 1.0, -2.0, 0.5])
@@ -65,15 +67,15 @@ def test_engines_without_strings_say_so():
     for name in ("Drake, SAP", "Bullet"):
         if name in scenarios.engines():
             with pytest.raises(Unlike, match="without strings"):
-                scenarios._sunk(scenarios.engines()[name])
+                scenarios.sunk_depth(scenarios.engines()[name])
 
 
 def test_impacts_at_the_ends_of_variational_steps_leave_the_angle_at_first_order():
     """So they are not worth having: event-driven runs have angle and energy at a tolerance."""
     free = fan.loads(methods.KNOCKER)
     walled = fan.loads(methods.KNOCKER + methods.WALL)
-    angle, energy, knocks, _ = methods._whole(walled, free, fan.Event())
-    found = [methods._variational(free, dt) for dt in (0.004, 0.001)]
+    angle, energy, knocks, _ = methods.whole_run(walled, free, fan.Event())
+    found = [methods.variational_run(free, dt) for dt in (0.004, 0.001)]
     assert knocks == 14
     assert abs(found[1][0] - angle) > 1e-3
     assert abs(found[0][0] - angle) < 8 * abs(found[1][0] - angle)  # order 2 has 16

@@ -24,6 +24,8 @@ from fantoccini.puppet.yaml_text import read_text
 from fantoccini.retarget import load_mapping
 from fantoccini.stand import AxisMap
 
+pytestmark = [pytest.mark.slow, pytest.mark.long]
+
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 

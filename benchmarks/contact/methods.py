@@ -42,17 +42,17 @@ obstacles:
 def chapter() -> Chapter:
     """Errors of angle and energy, by step and method."""
     walled, free = fan.loads(KNOCKER + WALL), fan.loads(KNOCKER)
-    exact, wanted, knocks, _ = _whole(walled, free, fan.Event(rtol=1e-13, atol=1e-13))
-    again, energy, _, quick = _whole(walled, free, fan.Event())
+    exact, wanted, knocks, _ = whole_run(walled, free, fan.Event(rtol=1e-13, atol=1e-13))
+    again, energy, _, quick = whole_run(walled, free, fan.Event())
     rows = [
         ["event", "-", number(abs(again - exact)), number(abs(energy - wanted)), _ms(quick)]
     ]
     for dt in STEPS:
-        angle, energy, _, spent = _whole(walled, free, fan.TimeStepping(dt=dt))
+        angle, energy, _, spent = whole_run(walled, free, fan.TimeStepping(dt=dt))
         rows.append(["time-stepping", f"{1e3 * dt:g} ms", number(abs(angle - exact)),
                      number(abs(energy - wanted)), _ms(spent)])  # fmt: skip
     for dt in STEPS:
-        angle, energy = _variational(free, dt)
+        angle, energy = variational_run(free, dt)
         rows.append(["variational, impacts at the ends of steps", f"{1e3 * dt:g} ms",
                      number(abs(angle - exact)), number(abs(energy - wanted)), "-"])  # fmt: skip
     text = (
@@ -67,7 +67,7 @@ def chapter() -> Chapter:
     return Chapter(Section("6. Which methods", [text, Table(header, rows)]))
 
 
-def _whole(
+def whole_run(
     walled: fan.Marionette, free: fan.Marionette, method: fan.Event | fan.TimeStepping
 ) -> tuple[float, float, int, float]:  # fmt: skip
     """Angle and energy at the end, the number of knocks, and the time of the run [s]."""
@@ -80,7 +80,7 @@ def _whole(
     return float(run.q_D[-1, 0]), _energy(free, x), knocks, spent
 
 
-def _variational(free: fan.Marionette, dt: float) -> tuple[float, float]:
+def variational_run(free: fan.Marionette, dt: float) -> tuple[float, float]:
     """Angle and energy at the end, of variational steps that are given their impacts."""
     x = free.state()
     stepper = free.stepper(x, method=fan.Variational(dt=dt))

@@ -219,7 +219,7 @@ def _creep(run: Callable[..., Course]) -> float:
     return float(np.abs(made.q[-1, 0] - made.q[999, 0]))
 
 
-def _stop(run: Callable[..., Course]) -> float:
+def stopping_error(run: Callable[..., Course]) -> float:
     mu, speed = 0.3, 1.0
     puppet = cube(mu)
     made = run(puppet, _sliding(puppet, speed), 1.0)
@@ -238,7 +238,7 @@ def _gain(run: Callable[..., Course]) -> float:
     return float(np.maximum(np.diff(made.energy), 0.0).sum())
 
 
-def _dragged(run: Callable[..., Course]) -> float:
+def dragged_way(run: Callable[..., Course]) -> float:
     """The cube is pulled ever harder; its way when 95 % of what friction holds is reached."""
     mu, t_end = 0.5, 1.0
     puppet = cube(mu)
@@ -293,7 +293,7 @@ def _stood(q_D: Array, v_D: Array) -> State:
     return _standing_peer().state().replace(q_D=q_D, v_D=v_D, q_K=ONE.standing.q_K)
 
 
-def _sunk(run: Callable[..., Course]) -> float:
+def sunk_depth(run: Callable[..., Course]) -> float:
     return float(_feet(run).depth[1000:].max())
 
 
@@ -316,12 +316,12 @@ def _energy(puppet: fan.Marionette, x: State, q: Array, v: Array) -> Array:
 
 SCENES: dict[str, Callable[[Callable[..., Course]], float]] = {
     "cube on a slope below the threshold: creep from 1 s to 5 s [m]": _creep,
-    "sliding cube: error of the way to its stop [m]": _stop,
+    "sliding cube: error of the way to its stop [m]": stopping_error,
     "sliding cube: how far it lifts or sinks [m]": _lift,
     "sliding cube: energy gained in all steps [J]": _gain,
-    "dragged cube: way at 95 % of what friction holds [m]": _dragged,
+    "dragged cube: way at 95 % of what friction holds [m]": dragged_way,
     "stack of 1, 1 and 1000 kg: deepest overlap from 1 s to 2 s [m]": _stack,
-    "standing marionette: deepest overlap from 1 s to 5 s [m]": _sunk,
+    "standing marionette: deepest overlap from 1 s to 5 s [m]": sunk_depth,
     "standing marionette: way of a foot from 1 s to 5 s [m]": _crept,
     "resting cube: uneven normal forces, of its weight": _uneven,
     "resting cube: friction at rest, of its weight": _internal,

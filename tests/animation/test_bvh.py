@@ -15,6 +15,8 @@ import fantoccini as fan
 from fantoccini.animation.euler import angles_of, euler
 from fantoccini.capture import Capture
 
+pytestmark = pytest.mark.slow
+
 UPRIGHT = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]], float)
 """From z up to y up."""
 EXACT = 1e-8

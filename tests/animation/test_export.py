@@ -14,6 +14,8 @@ from tests.plays.tiny import write_play
 import fantoccini as fan
 from fantoccini.perform import Performance
 
+pytestmark = pytest.mark.long
+
 
 def test_an_unknown_ending_lists_the_known_ones(thrown: fan.Trajectory, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"ends in '\.fbx'; an animation ends in \.glb, \.usda"):

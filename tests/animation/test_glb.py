@@ -21,6 +21,8 @@ from fantoccini.view.geometry import chain_points
 from fantoccini.view.shapes import link_solids
 from fantoccini.view.still import Still
 
+pytestmark = pytest.mark.long
+
 TOLERANCE = 1e-5 + 1e-6
 """What the format promises, and single precision of a metre and of ten seconds at 1 m/s [m]."""
 

@@ -228,10 +228,10 @@ def test_a_run_that_starts_late_and_one_that_stopped(
 
 
 def test_names_of_strings_become_fields() -> None:
-    from fantoccini.animation.foxglove import _identifiers
+    from fantoccini.animation.foxglove import identifiers
 
     names = ["pierrot.hand", "pierrot_hand", "2nd", "timestamp", "Ünder"]
-    assert _identifiers(names) == ["pierrot_hand", "pierrot_hand_", "_2nd", "timestamp_", "_nder"]
+    assert identifiers(names) == ["pierrot_hand", "pierrot_hand_", "_2nd", "timestamp_", "_nder"]
 
 
 def test_a_missing_library_is_named(

@@ -13,6 +13,8 @@ from tests.show.browser import colours, picture
 
 import fantoccini as fan
 
+pytestmark = pytest.mark.slow
+
 
 def test_three_js_shows_the_run(greeting: fan.Trajectory, greeting_glb: Path) -> None:
     still = still_of(greeting)

@@ -24,7 +24,7 @@ def test_imports_are_found_wherever_they_stand():
                 wanted |= {(node.module, alias.name) for alias in node.names}
             elif isinstance(node, ast.Import):
                 wanted |= {(alias.name, None) for alias in node.names}
-        found = {asked for asked, _ in closure._imports(file)}
+        found = {asked for asked, _ in closure.imports_of(file)}
         assert wanted <= found, file
 
 
@@ -54,11 +54,11 @@ def package(tmp_path, monkeypatch):
     }.items():
         (root / name).parent.mkdir(parents=True, exist_ok=True)
         (root / name).write_text(text, encoding="utf-8")
-    monkeypatch.setattr(closure, "_ROOT", root)
-    for cached in (closure._file, closure._imports, closure.code_fingerprint):
+    monkeypatch.setattr(closure, "ROOT", root)
+    for cached in (closure.file_of, closure.imports_of, closure.code_fingerprint):
         cached.cache_clear()
     yield root
-    for cached in (closure._file, closure._imports, closure.code_fingerprint):
+    for cached in (closure.file_of, closure.imports_of, closure.code_fingerprint):
         cached.cache_clear()
 
 

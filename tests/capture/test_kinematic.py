@@ -29,11 +29,6 @@ pose: {bob.z: -0.8}
 
 
 @pytest.fixture(scope="module")
-def marionette() -> fan.Marionette:
-    return fan.puppets.marionette()
-
-
-@pytest.fixture(scope="module")
 def conduct(marionette, tmp_path_factory):
     (path,) = [p for p in write(tmp_path_factory.mktemp("clips"), "lafan1") if p.stem == "conduct"]
     return retarget_clip(marionette, path)

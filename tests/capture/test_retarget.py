@@ -13,10 +13,12 @@ from tests.cli.command import fantoccini
 import fantoccini as fan
 from fantoccini.capture import Capture, Skeleton
 from fantoccini.errors import FileError, StateError
-from fantoccini.retarget import figure_of, find_mapping, load_mapping, mapping_names
+from fantoccini.retarget import figure_of, find_mapping, load_mapping, mapping_names, retargeting
 from fantoccini.retarget.following import ACCELERATION, GROUPS, SPEED, FollowStatus, eased
 from fantoccini.retarget.mapping import PARTS, joints_of
 from fantoccini.retarget.placing import place
+
+pytestmark = pytest.mark.long
 
 NAMES = ("Hips", "LeftUpLeg", "LeftLeg", "LeftFoot", "RightUpLeg", "RightLeg", "RightFoot",
          "LeftArm", "LeftForeArm", "LeftHand", "RightArm", "RightForeArm", "RightHand",
@@ -26,11 +28,6 @@ STANDS = np.array([
     [0, -0.1, 0.05], [0, 0.2, 1.45], [0, 0.2, 1.15], [0, 0.2, 0.9], [0, -0.2, 1.45],
     [0, -0.2, 1.15], [0, -0.2, 0.9], [0, 0, 1.6],
 ])  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def marionette() -> fan.Marionette:
-    return fan.puppets.marionette()
 
 
 def clip(folder: Path, convention: str, name: str) -> Path:
@@ -176,7 +173,7 @@ def test_more_steps_bring_no_path_astray(marionette, monkeypatch):
     """Steps along a path are not safe by themselves: they are taken back where they go wrong."""
     costs = []
     for iterations in (10, 100):
-        monkeypatch.setattr("fantoccini.retarget.retargeting._ITERATIONS", iterations)
+        monkeypatch.setattr(retargeting, "ITERATIONS", iterations)
         found = fan.retarget_clip(marionette, "walk_up")
         costs.append(sum(np.mean(np.square(e)) for e in found.errors.values()))
         for i in range(0, len(found.t), 7):

@@ -99,7 +99,7 @@ def test_moves_about_a_configuration_bound_every_distance():
         for share in (1.0, 0.1, 0.01):
             start, end = np.zeros(len(pieces)), np.full(len(pieces), 0.1 * share)
             moves = path.moves(pieces, start, end)
-            _, lower = part._bounded(*path.at(pieces, start), moves)
+            _, lower = part.bounded(*path.at(pieces, start), moves)
             for s in np.linspace(0.0, 0.1 * share, 21):
                 distance = part.at(*path.at(pieces, np.full(len(pieces), s)))
                 assert np.all(distance >= lower - 1e-9)

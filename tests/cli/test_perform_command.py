@@ -11,10 +11,13 @@ import sys
 import threading
 from pathlib import Path
 
+import pytest
 from pythonosc.osc_message_builder import OscMessageBuilder
 from pythonosc.osc_packet import OscPacket
 from tests.cli.command import fantoccini
 from tests.perform.played import PLAY
+
+pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -19,6 +19,8 @@ from tests.show.viewer import Viewer
 
 import fantoccini as fan
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(__file__).resolve().parents[2]
 
 

@@ -16,6 +16,8 @@ import fantoccini as fan
 from fantoccini.cli.report import longest_slack
 from fantoccini.errors import Status
 
+pytestmark = pytest.mark.slow
+
 LIFT = "coordinates:\n  hand.length: [[1, 0.858], [2, 0.7]]\n"
 
 

@@ -30,7 +30,10 @@ from fantoccini.stand import (
 )
 from fantoccini.stand.sending import REPEATED
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals, no SIGINT")
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals, no SIGINT"),
+]
 ROOT = Path(__file__).resolve().parents[2]
 PATIENT = (
     "from fantoccini.stand import sending; sending.LATEST = 5.0; "

@@ -7,7 +7,7 @@ from tests.cli.command import fantoccini
 
 import fantoccini as fan
 from fantoccini.cli.requests import SimulateRequest
-from fantoccini.cli.simulate import _hint
+from fantoccini.cli.simulate import suggest_faster
 
 
 @pytest.fixture(scope="module")
@@ -107,11 +107,11 @@ def test_a_run_that_is_slower_than_real_time_says_so(capsys):
     run = fan.simulate(m, m.rest(), t_end=0.5)
     assert run.seconds > 0.0 and run.summary()["seconds"] == run.seconds
     request = SimulateRequest(file="x")
-    _hint(request, run, 0.8)
+    suggest_faster(request, run, 0.8)
     said = capsys.readouterr().err
     assert "slower than real time: 1.6 s per second of motion" in said
     assert "--method timestepping" in said and "--rate" in said
-    _hint(request, run, 0.4)
+    suggest_faster(request, run, 0.4)
     assert capsys.readouterr().err == ""
 
 

@@ -24,7 +24,11 @@ TOLERANCE = 1e-13
 
 EXPORTED = [name for name, function in FUNCTIONS.items() if function.exported]
 
-pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler on the path")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.long,
+    pytest.mark.skipif(COMPILER is None, reason="no C compiler on the path"),
+]
 
 
 def described(seed: int) -> Model:

@@ -7,6 +7,8 @@ import pytest
 
 import fantoccini as fan
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 BALL = fan.loads(
     """
 puppet: ball

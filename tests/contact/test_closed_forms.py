@@ -19,6 +19,8 @@ from contact.bodies import (
     thrown,
 )
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 STEPS = (4e-3, 2e-3, 1e-3)
 """Each half of the one before [s]."""
 

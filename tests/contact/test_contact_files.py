@@ -11,6 +11,8 @@ from fantoccini.cli.app import app
 from fantoccini.errors import PuppetError
 from fantoccini.puppet import loads
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 ARM = """
 puppet: arm
 floor: 0

@@ -8,6 +8,8 @@ import pytest
 import fantoccini as fan
 from fantoccini.errors import Status
 
+pytestmark = pytest.mark.slow
+
 DT = 2e-3
 LAW = 1e-10
 """Residual of the law up to which a solution counts as one."""

@@ -11,6 +11,8 @@ from contact.files import BALL, BALLS, BOX, EGG
 from fantoccini.marionette.contact_state import resting
 from oracles.differences import difference, moved, worst
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 
 def check(puppet: fan.Marionette, x: fan.State, modes: list[str], bound: float) -> None:
     """Accelerations and forces, and their derivatives with the modes held, by everything."""

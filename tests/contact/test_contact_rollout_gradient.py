@@ -14,6 +14,8 @@ from contact.files import ACROBAT, BALL, BALLS, BOX, CAPSULE, STACK
 from oracles.differences import moved
 from oracles.step_products import swept
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 DT = 0.002
 
 

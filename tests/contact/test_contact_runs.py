@@ -17,6 +17,8 @@ from fantoccini import puppets, scene as scene_file
 from fantoccini.errors import Status
 from fantoccini.marionette import refuse_contact
 
+pytestmark = pytest.mark.slow
+
 DT = 1e-3
 
 

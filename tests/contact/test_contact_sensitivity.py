@@ -10,6 +10,8 @@ from contact.bodies import G, balls_that_meet, ladder, on_slope, thrown
 from contact.files import ACROBAT, BOX, EGG
 from oracles.differences import apart, difference, moved, worst
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 FINE = {"method": fan.Event(rtol=1e-13, atol=1e-13), "effort": False}
 
 BOUNCE = """
@@ -105,7 +107,6 @@ def test_a_ball_that_bounces_by_complex_steps_through_its_closed_form():
     assert worst(first.jump, by_hand) < 1e-9
 
 
-@pytest.mark.slow
 def test_a_sled_that_slides_to_a_stop():
     """Its way is v^2/2a along its velocity; where it stops it stays."""
     gravity, mu, normal = 1.9, 0.4, 9.6
@@ -121,7 +122,6 @@ def test_a_sled_that_slides_to_a_stop():
     check(puppet, askew, 0.6, ["slide", "stick"], (2, 5))
 
 
-@pytest.mark.slow
 def test_a_sled_pushed_up_a_steep_slope_turns_back():
     """The direction of friction turns round where it stops, and its acceleration jumps."""
     puppet = fan.loads(SLED % (6.0, 0.3, RUNNER))
@@ -133,7 +133,6 @@ def test_a_sled_pushed_up_a_steep_slope_turns_back():
     assert found.x0[-1][3, 3] == pytest.approx(down / up, rel=1e-7)
 
 
-@pytest.mark.slow
 def test_a_ball_thrown_sliding_comes_to_roll():
     """At 5/7 of its speed."""
     puppet = on_slope(0.0, 0.3, "sphere")
@@ -225,7 +224,6 @@ def acrobat() -> tuple[fan.Marionette, fan.State, dict[str, list[tuple[float, fl
     return puppet, x.replace(v_D=v_D), points
 
 
-@pytest.mark.slow
 def test_a_puppet_lands_slides_and_is_caught(acrobat):
     """By its start, its parameters, and the waypoints of rope and tray."""
     puppet, x, points = acrobat
@@ -257,7 +255,6 @@ def test_a_puppet_lands_slides_and_is_caught(acrobat):
     assert worst(found.along[-1], difference(by_points, len(along), 1e-5)) < 1e-7
 
 
-@pytest.mark.slow
 def test_the_bundled_marionette_lifts_a_hand_while_it_stands():
     puppet = fan.puppets.promenade()
     x = puppet.rest()

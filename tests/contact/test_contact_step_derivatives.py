@@ -13,6 +13,8 @@ from contact.bodies import thrown
 from contact.files import ACROBAT, BALL, BALLS, BOX, CAPSULE, EGG, LOGS, STACK
 from oracles.differences import apart, difference, moved, worst
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 DT = 0.002
 
 @dataclass(frozen=True)

@@ -16,6 +16,8 @@ from fantoccini.puppet import Mesh
 from fantoccini.runtime import pieces
 from fantoccini.runtime.hulls import mesh_hulls
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 SCENE = """
 puppet: scene
 contact: {friction: 0.5}

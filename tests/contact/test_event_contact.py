@@ -11,6 +11,8 @@ from contact.bodies import G, balls_that_meet, ladder, on_slope, rocking_block, 
 from contact.events import CLOSE, of, sound
 from fantoccini import Status
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 
 @pytest.mark.parametrize("slope", [0.1, 1.0])
 def test_a_block_on_a_slope_below_the_threshold_stays(slope):

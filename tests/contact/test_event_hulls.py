@@ -14,6 +14,8 @@ import fantoccini as fan
 from contact.bodies import G, thrown
 from fantoccini import Status
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 CLOSE = 1e-8
 BOX, TABLE = (0.2, 0.12, 0.1), (1.0, 1.0, 0.1)
 

@@ -11,6 +11,8 @@ import fantoccini as fan
 from contact.bodies import G, thrown
 from contact.events import CLOSE, of, sound
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 
 def test_forces_within_steps_keep_to_their_cones():
     """Where a growing push asks more of some corners than they can give, others take it over."""

@@ -14,6 +14,8 @@ import fantoccini as fan
 from contact.bodies import G, thrown
 from fantoccini import Status
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 CLOSE = 1e-8
 STRETCHED = 1e-10
 """How far a slip may be off its string's gap [m]: WinchTolerances::max_length_error."""

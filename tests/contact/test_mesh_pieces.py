@@ -11,6 +11,8 @@ from tests.meshes.written import UP, Writer
 import fantoccini as fan
 from contact.bodies import stepped, thrown
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 BODY = """
 puppet: table
 floor: 0

@@ -13,6 +13,8 @@ import fantoccini as fan
 from contact.bodies import stepped, thrown
 from fantoccini.errors import PuppetError
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 BODY = """
 puppet: thing
 floor: 0

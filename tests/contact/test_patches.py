@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 import fantoccini as fan
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 HERE = Path(__file__).resolve().parent
 DT = 2e-3
 SAME = 1e-12  # m/s and rad/s

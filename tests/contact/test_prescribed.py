@@ -9,6 +9,8 @@ import fantoccini as fan
 from fantoccini.contract import EventCode
 from fantoccini.errors import Status
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 PUPPET = """
 puppet: hands
 floor: 0
@@ -86,7 +88,6 @@ def test_driven_bodies_that_only_touch_or_keep_apart_are_sound(hands, method):
     assert run(hands, fan.Input.hold(hands), method, t_end=0.1).status is Status.DONE
 
 
-@pytest.mark.slow
 def test_batches_and_steppers_report_what_the_inputs_move_through(hands):
     down = moved(hands, box_z=[(0, 0.5), (0.4, -0.3)])
     up = moved(hands, box_z=[(0, 0.5), (0.4, 0.8)])
@@ -104,7 +105,6 @@ def test_batches_and_steppers_report_what_the_inputs_move_through(hands):
         assert stepper.violation == pytest.approx(0.4, abs=1e-3)
 
 
-@pytest.mark.slow
 def test_a_pair_that_does_not_meet_is_not_measured():
     rule = "contact: {friction: 0.4, pairs: [{between: [box, floor], meet: false}]}"
     hands = fan.loads(PUPPET.replace("contact: {friction: 0.4}", rule))

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import fantoccini as fan
 from contact.bodies import G, on_slope, stepped
+
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 
 DT = 1e-3
 

@@ -11,6 +11,8 @@ from contact.bodies import G
 from contact.files import STOOL
 from oracles.differences import apart, moved
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 TOY = """
 puppet: toy
 floor: 0
@@ -34,11 +36,6 @@ strings:
    length: driven}
 pose: {foot.z: 0.01, line.length: 1.6}
 """
-
-
-@pytest.fixture(scope="module")
-def promenade() -> fan.Marionette:
-    return fan.puppets.promenade()
 
 
 @pytest.fixture(scope="module")

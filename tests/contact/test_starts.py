@@ -8,6 +8,8 @@ import pytest
 import fantoccini as fan
 from fantoccini.errors import Status
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 PRESS = """
 puppet: press
 floor: 0

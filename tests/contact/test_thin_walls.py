@@ -9,6 +9,8 @@ import fantoccini as fan
 from contact.bodies import stepped, thrown
 from fantoccini.errors import Status
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 RAM = """
 puppet: ram
 gravity: [0, 0, 0]

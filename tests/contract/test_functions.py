@@ -83,7 +83,7 @@ def test_what_is_made_from_the_contract_is_fresh():
 def test_a_library_of_another_contract_or_puppet_is_refused(monkeypatch):
     """18.1: the digest and the puppet's sizes guard against a stale library."""
     arm = fan.puppets.arm2d()
-    path = arm.model.library.dll._name
+    path = arm.model.library.path
     with pytest.raises(BuildError, match=r"n_vD = 2, not \d+"):
         Library(path, fan.puppets.crane().tree)
     with pytest.raises(BuildError, match="cannot be loaded"):

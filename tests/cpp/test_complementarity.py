@@ -16,6 +16,8 @@ from scipy.optimize import lsq_linear, nnls
 
 from cpp.toolchain import SANITIZE, compile_program, run_program
 
+pytestmark = pytest.mark.slow
+
 SOLVED, INFEASIBLE = 0, 1
 
 

@@ -10,6 +10,8 @@ import pytest
 from cpp.toolchain import SANITIZE, compile_program, equations, numbers, run_program, write_model
 from fantoccini import puppets
 
+pytestmark = [pytest.mark.slow, pytest.mark.long]
+
 WIDTH, STEPS, DT = 8, 400, 2e-3
 
 SEEDS = (0, 1, 9, 10)

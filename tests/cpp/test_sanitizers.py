@@ -9,6 +9,8 @@ from cpp.toolchain import SANITIZE, compile_program, numbers, run_program, write
 from fantoccini import Input, puppets, simulate
 from fantoccini.runtime.structures import structures
 
+pytestmark = pytest.mark.slow
+
 FLAGS = ("-O1", *SANITIZE)
 
 

@@ -29,6 +29,8 @@ from cpp.placed import (
 )
 from cpp.toolchain import SANITIZE, compile_program
 
+pytestmark = pytest.mark.slow
+
 KINDS = ("sphere", "capsule", "box", "ellipsoid", "hull", "half-space")
 PAIRS = [p for p in itertools.combinations_with_replacement(KINDS, 2) if p[0] != "half-space"]
 MARGIN = 0.05

@@ -11,6 +11,8 @@ import pytest
 from cpp.placed import Placed, coal_distance, random_solid, touches
 from cpp.toolchain import SANITIZE, compile_program
 
+pytestmark = pytest.mark.slow
+
 ALONG, BEYOND = 1, -1
 """Regions of points of two edges whose normals are not their product."""
 

@@ -35,6 +35,8 @@ from cpp.toolchain import SANITIZE, compile_program
 from fantoccini.contract import HULL_VERTICES
 from fantoccini.runtime.hulls import Hull, hull_of
 
+pytestmark = pytest.mark.slow
+
 PLANE = half_space([0, 0, 0], [0, 0, 1])
 SIDES = np.array(list(itertools.product([-1, 1], repeat=3)), float)
 

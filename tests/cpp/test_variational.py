@@ -6,11 +6,14 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from cpp.toolchain import SANITIZE, compile_program, equations, numbers, run_program
 from fantoccini import puppets
 from fantoccini.build import runtime_folder
 from fantoccini.codegen import generate
+
+pytestmark = pytest.mark.slow
 
 WIDTH, STEPS, DT = 8, 40, 0.1
 QUIET = ("-Wno-maybe-uninitialized", "-Wno-uninitialized")

@@ -39,7 +39,7 @@ def numbers(puppet) -> Arm:
     upper, lower = puppet.bodies
     (string,) = puppet.strings
     tip, above = string.path
-    arm = Arm(
+    constants = Arm(
         m1=number(upper.mass),
         m2=number(lower.mass),
         I1=number(upper.inertia[1]),
@@ -49,19 +49,14 @@ def numbers(puppet) -> Arm:
         height=number(above.at[2]),
         gravity=-number(puppet.gravity[2]),
     )
-    assert number(upper.com[0]) == arm.L1 / 2 and number(lower.com[0]) == arm.L2 / 2
-    return arm
+    assert number(upper.com[0]) == constants.L1 / 2 and number(lower.com[0]) == constants.L2 / 2
+    return constants
 
 
-@pytest.fixture(scope="module")
-def marionette():
-    return fan.puppets.arm2d()
-
-
-def test_matrices_equal_the_papers(marionette):
+def test_matrices_equal_the_papers(arm):
     """M, C, g, h, A_D, A_K and the rates, to 1e-12 at random states."""
-    arm, oracle = numbers(marionette.puppet), model()
-    ours = Model.of(marionette.puppet)
+    constants, oracle = numbers(arm.puppet), model()
+    ours = Model.of(arm.puppet)
     assert ours.table.v_D == ("shoulder", "elbow")
     assert ours.table.v_K == ("hand.x", "hand.length")
     rng = np.random.default_rng(1)
@@ -69,7 +64,7 @@ def test_matrices_equal_the_papers(marionette):
         q_D, v_D, v_K = rng.uniform(-3, 3, 2), rng.normal(size=2) * 3, rng.normal(size=2)
         q_K = np.array([rng.uniform(-1, 1), rng.uniform(0.3, 1.0)])
         state = State(q_D, v_D, q_K, v_K, np.zeros(2))
-        at = (q_D, v_D, q_K, v_K, arm.numbers())
+        at = (q_D, v_D, q_K, v_K, constants.numbers())
         pairs = {
             "M": ours.one("mass_matrix", state),
             "C": ours.one("coriolis", state)[:2, :2],
@@ -86,46 +81,46 @@ def test_matrices_equal_the_papers(marionette):
             np.testing.assert_allclose(value, oracle[name](*at), atol=1e-12, err_msg=name)
 
 
-def test_marionette_gives_the_same_matrices(marionette):
+def test_marionette_gives_the_same_matrices(arm):
     """The user's handle returns what the derivation returns."""
-    arm, oracle = numbers(marionette.puppet), model()
+    constants, oracle = numbers(arm.puppet), model()
     x = start(
-        marionette,
+        arm,
         {"shoulder": -0.3, "elbow": 0.9, "hand.x": 0.4, "hand.length": 0.7},
         {"shoulder": 1.0, "elbow": -2.0, "hand.x": 0.3, "hand.length": -0.2},
     )
-    at = (x.q_D, x.v_D, x.q_K, x.v_K, arm.numbers())
+    at = (x.q_D, x.v_D, x.q_K, x.v_K, constants.numbers())
     for name, value in (
-        ("M", marionette.mass_matrix(x)),
-        ("C", marionette.coriolis_matrix(x)[:2, :2]),
-        ("g", marionette.gravity(x)),
-        ("A_D", marionette.A_D(x)[0]),
-        ("A_K", marionette.A_K(x)[0]),
+        ("M", arm.mass_matrix(x)),
+        ("C", arm.coriolis_matrix(x)[:2, :2]),
+        ("g", arm.gravity(x)),
+        ("A_D", arm.A_D(x)[0]),
+        ("A_K", arm.A_K(x)[0]),
     ):
         np.testing.assert_allclose(value, oracle[name](*at), atol=1e-12, err_msg=name)
-    np.testing.assert_allclose(marionette.constraint(x)[0], oracle["h"](*at), atol=1e-12)
+    np.testing.assert_allclose(arm.constraint(x)[0], oracle["h"](*at), atol=1e-12)
 
 
 @pytest.mark.parametrize("case", KNOTS)
-def test_event_driven_run_equals_scipys(marionette, case):
+def test_event_driven_run_equals_scipys(arm, case):
     """Times, impulses and the end state, through slack and taut, to 1e-8."""
-    arm, (knots_x, lengths, n_events) = numbers(marionette.puppet), KNOTS[case]
+    constants, (knots_x, lengths, n_events) = numbers(arm.puppet), KNOTS[case]
     x0 = knots_x[0][1]
-    taut = float(model()["h"](START, (0, 0), (x0, 0.0), (0, 0), arm.numbers()))
+    taut = float(model()["h"](START, (0, 0), (x0, 0.0), (0, 0), constants.numbers()))
     times = [t for t, _ in knots_x]
     drive = arm2d_events.waypoints(knots_x, list(zip(times, [taut, *lengths], strict=True)))
-    theirs = arm2d_events.simulate(arm, START, (0.0, 0.0), drive, times[-1])
+    theirs = arm2d_events.simulate(constants, START, (0.0, 0.0), drive, times[-1])
     assert len(theirs.events) == n_events
 
     state = start(
-        marionette,
+        arm,
         {"shoulder": START[0], "elbow": START[1], "hand.x": x0, "hand.length": taut},
         {},
     )
     coef = {"hand.x": drive.coef[:, 0], "hand.length": drive.coef[:, 1]}
-    given = polynomial_input(marionette, drive.breaks, coef, state.q_K)
+    given = polynomial_input(arm, drive.breaks, coef, state.q_K)
     run = fan.simulate(
-        marionette, state, given, t_end=times[-1], method=fan.Event(rtol=1e-12, atol=1e-12)
+        arm, state, given, t_end=times[-1], method=fan.Event(rtol=1e-12, atol=1e-12)
     )
     ours = [e for e in run.events if e.kind in ("catch", "release")]
     assert [e.kind for e in ours] == [kind for _, kind, _, _ in theirs.events]

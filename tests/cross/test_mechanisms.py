@@ -5,10 +5,13 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import pytest
 
 import fantoccini as fan
 from harness import polynomial_input, start
 from oracles import mechanisms
+
+pytestmark = pytest.mark.own_puppets
 
 
 def load(description: dict, folder):

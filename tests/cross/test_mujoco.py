@@ -12,6 +12,8 @@ from fantoccini.puppet import load
 from harness import Model, State
 from oracles import mjcf, random_trees
 
+pytestmark = [pytest.mark.slow, pytest.mark.long]
+
 TREES = 200
 SIZES = [40, 38, 36, 34, *([28] * 6), *([20] * 15), *([12] * 45), *([6] * 65), *([3] * 65)]
 

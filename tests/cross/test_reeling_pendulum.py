@@ -9,6 +9,8 @@ import fantoccini as fan
 from harness import polynomial_input, start
 from oracles.reeling_pendulum import PUPPET, Reeling
 
+pytestmark = pytest.mark.own_puppets
+
 SECONDS, PIECES = 5.0, 250
 
 

@@ -12,6 +12,8 @@ from harness import polynomial_input, start
 from oracles import rod_events
 from oracles.arm2d_events import waypoints
 
+pytestmark = pytest.mark.own_puppets
+
 MASS, INERTIA, ARMS = 0.5, 0.012, (-0.3, 0.25)
 TOPS = ((-0.4, 0.8), (0.35, 0.8))
 

@@ -9,6 +9,8 @@ import fantoccini as fan
 from fantoccini.simulation.intervals import interval_derivatives
 from oracles.differences import difference, worst
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 FINE = {"method": fan.Event(rtol=1e-13, atol=1e-13), "effort": False}
 
 PUPPET = """

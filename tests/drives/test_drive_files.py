@@ -11,6 +11,8 @@ from fantoccini.puppet import Puppet, loads
 from fantoccini.scene import Scene, assembled
 from fantoccini.tree import grow
 
+pytestmark = pytest.mark.own_puppets
+
 RIG = """\
 puppet: rig
 mirror: {plane: xz, from: left, to: right}

@@ -10,6 +10,8 @@ from drives.test_drives import BOB
 from fantoccini.errors import StateError
 from fantoccini.perform.hands import Hands
 
+pytestmark = pytest.mark.own_puppets
+
 BAR = """
 puppet: bar
 bodies:

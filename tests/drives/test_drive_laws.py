@@ -12,6 +12,8 @@ from fantoccini.equations.energy import kinetic_energy
 from harness import Model
 from oracles.random_trees import description
 
+pytestmark = pytest.mark.own_puppets
+
 CONTROLS = (
     {"type": "pd", "stiffness": 30.0, "damping": 2.0},
     {"type": "computed_torque", "bandwidth": 8.0},

@@ -11,10 +11,12 @@ import fantoccini as fan
 from drives.test_drives import BOB, MACHINES
 from fantoccini.errors import InputError, StateError, UnknownNameError
 from fantoccini.motion import Input
-from fantoccini.motion.archive import _table_from_json, _table_to_json
+from fantoccini.motion.archive import table_from_json, table_to_json
 from fantoccini.planning.rollouts import Bounds
 from fantoccini.puppet import loads
 from fantoccini.tree import grow
+
+pytestmark = pytest.mark.own_puppets
 
 
 def table(text: str):
@@ -66,11 +68,11 @@ def test_a_rotation_comes_in_four_columns_of_either_name(tmp_path):
 
 def test_a_table_reads_back_with_its_commands():
     whole = table(MACHINES)
-    data = json.loads(json.dumps(_table_to_json(whole)))
+    data = json.loads(json.dumps(table_to_json(whole)))
     starts = {"start_D": whole.start_D, "start_K": whole.start_K}
-    assert _table_from_json(data, starts).commands == whole.commands
+    assert table_from_json(data, starts).commands == whole.commands
     del data["commands"]  # of runs from before there were drives
-    assert _table_from_json(data, starts).commands == {}
+    assert table_from_json(data, starts).commands == {}
 
 
 def test_a_puppet_hangs_at_rest_where_a_drive_is_started():

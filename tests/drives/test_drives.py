@@ -9,6 +9,8 @@ from scipy.integrate import solve_ivp
 
 import fantoccini as fan
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 MACHINES = """
 puppet: machines
 bodies:

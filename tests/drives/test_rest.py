@@ -8,6 +8,8 @@ import scipy.linalg
 
 import fantoccini as fan
 
+pytestmark = pytest.mark.own_puppets
+
 
 def test_a_turned_bar_rests_on_its_motor():
     """Motors of orientations are no part of V; all forces balance, wherever the search begins."""

@@ -13,6 +13,8 @@ import fantoccini as fan
 from fantoccini.cli.report import report
 from fantoccini.errors import SimulationError, Status
 
+pytestmark = [pytest.mark.own_puppets, pytest.mark.long]
+
 HOIST = """
 puppet: hoist
 bodies:

@@ -17,6 +17,8 @@ from fantoccini.exchange import Imported, import_model, mjcf
 from harness import Model, State
 from oracles import random_models, random_trees
 
+pytestmark = [pytest.mark.own_puppets, pytest.mark.long]
+
 ROUNDING = 1e-11
 """Of accelerations, over the largest."""
 

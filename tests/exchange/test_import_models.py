@@ -10,6 +10,8 @@ from benchmarks.exchange import models
 import fantoccini as fan
 from fantoccini.exchange import import_model
 
+pytestmark = pytest.mark.slow
+
 OFF = {
     "actuators": "actuator", "equalities": "equality", "fluid": "option", "gravcomp": "body",
     "frictionloss": "joint", "springs of ball joints": "joint",

@@ -114,7 +114,7 @@ def test_meshes_of_the_model_are_kept(tmp_path):
     """Even where the puppet's would have their names."""
     (tmp_path / "arm_meshes").mkdir()
     kept = tmp_path / "arm_meshes" / "base.stl"
-    kept.write_bytes(b"mine" + fan.exchange.solids.stl(*_tetrahedron())[4:])
+    kept.write_bytes(b"mine" + fan.exchange.solids.stl(*tetrahedron())[4:])
     before = kept.read_bytes()
     made = imported(
         '<robot name="arm"><link name="a"><visual><geometry><mesh filename="arm_meshes/base.stl"/>'
@@ -127,7 +127,7 @@ def test_meshes_of_the_model_are_kept(tmp_path):
 
 
 def test_a_mesh_too_large_with_its_scale_is_left_out(tmp_path):
-    (tmp_path / "a.stl").write_bytes(fan.exchange.solids.stl(*_tetrahedron()))
+    (tmp_path / "a.stl").write_bytes(fan.exchange.solids.stl(*tetrahedron()))
     visual = '<visual><geometry><mesh filename="a.stl" scale="{} 1 1"/></geometry></visual>'
     made = imported(
         f'<robot name="r"><link name="a">{visual.format(1e7)}{visual.format(2)}</link></robot>',
@@ -179,7 +179,7 @@ def test_the_report_names_what_has_no_counterpart(tmp_path):
     folder = tmp_path / "thing"
     for name in ("urdf", "meshes"):
         (folder / name).mkdir(parents=True)
-    mesh = fan.exchange.solids.stl(*_tetrahedron())
+    mesh = fan.exchange.solids.stl(*tetrahedron())
     (folder / "meshes" / "a.stl").write_bytes(mesh)
     made = imported(REST, folder / "urdf")
     file = folder / "urdf" / "robot.urdf"
@@ -200,9 +200,9 @@ def test_the_report_names_what_has_no_counterpart(tmp_path):
     base, arm, finger = puppet.bodies
     assert base.joint.type == "fixed" and arm.joint.name is None and finger.joint.name == "grip"
     assert arm.joint.limits.upper == 2.0 and arm.inertia == (0.05, 0.02, 0.03)
-    rod, tetrahedron = arm.shapes
+    rod, solid = arm.shapes
     assert rod.colour == "#0000ff" and rod.at == (0.0, 0.0, 0.1)
-    assert np.allclose(fan.puppet.shapes.load_mesh(tetrahedron).extents, [2.0, 2.0, 2.0])
+    assert np.allclose(fan.puppet.shapes.load_mesh(solid).extents, [2.0, 2.0, 2.0])
     assert sorted(made.meshes) == ["arm_meshes/a.stl", "arm_meshes/cylinder.stl"]
 
 
@@ -226,7 +226,7 @@ def test_meshes_of_all_formats(ending, tmp_path):
     assert np.allclose(fan.puppet.shapes.load_mesh(body.shapes[0]).extents, size, atol=1e-7)
 
 
-def _tetrahedron() -> tuple[np.ndarray, np.ndarray]:
+def tetrahedron() -> tuple[np.ndarray, np.ndarray]:
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
     return corners, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
@@ -482,7 +482,7 @@ def test_links_without_inertia_stay_light_where_every_joint_moves_mass(tmp_path)
 
 
 def test_the_mass_of_an_open_mesh_is_that_of_its_convex_hull(tmp_path):
-    corners, faces = _tetrahedron()
+    corners, faces = tetrahedron()
     (tmp_path / "a.stl").write_bytes(fan.exchange.solids.stl(corners, faces[1:]))
     visual = '<visual><geometry><mesh filename="a.stl" scale="0.1 0.1 0.1"/></geometry></visual>'
     made = imported(hinged(visual), tmp_path)

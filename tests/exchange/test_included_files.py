@@ -120,7 +120,7 @@ def test_mistakes_of_the_first_file_keep_their_lines(folder):
 
 def test_lines_are_known_where_meshes_are_read(folder):
     """The text that is read for lines has no folder, and meshes are not looked for there."""
-    (folder / "x.stl").write_bytes(fan.exchange.solids._cylinder())
+    (folder / "x.stl").write_bytes(fan.exchange.solids.cylinder_stl())
     asset = '<asset><mesh name="x" file="{}.stl"/></asset>\n<worldbody>'
     text = FIRST.replace("<worldbody>", asset).replace('<geom size="0.1"/>', MESH)
     Path("parts/first.xml").write_text(text.format("x"))
@@ -302,7 +302,7 @@ def test_a_mistake_that_an_attached_model_has_too_is_told_of_the_file(folder):
 def test_files_of_attached_models_are_kept(folder):
     for name in ("parts/a_meshes", "a_meshes"):
         Path(name).mkdir()
-    mesh = fan.exchange.solids._cylinder()
+    mesh = fan.exchange.solids.cylinder_stl()
     Path("parts/y.xml").write_text(
         '<mujoco><compiler meshdir="a_meshes"/><include file="z.xml"/><worldbody><body name="b">'
         '<joint/><geom type="mesh" mesh="part"/></body></worldbody></mujoco>'

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from tests.exchange.test_import_urdf import _tetrahedron, imported
+from tests.exchange.test_import_urdf import imported, tetrahedron
 
 import fantoccini as fan
 from fantoccini.exchange.draft import Draft
@@ -79,7 +79,7 @@ def test_looks_of_mesh_files_that_are_lost_are_told(red, told, tmp_path):
 
 
 def test_a_part_without_material_is_grey(tmp_path):
-    corners, faces = _tetrahedron()
+    corners, faces = tetrahedron()
     colours = np.array([[1, 0, 0], [np.nan] * 3, [np.nan] * 3, [0, 0, 1.0]])
     (tmp_path / "a.ply").write_bytes(fan.exchange.solids.ply(corners, faces, colours))
     found = fan.meshes.read(tmp_path / "a.ply", tmp_path).colours

@@ -24,11 +24,6 @@ lanes:
 """
 
 
-@pytest.fixture(scope="module")
-def marionette() -> fan.Marionette:
-    return fan.puppets.marionette()
-
-
 def load(marionette, folder, text: str = NUMBER) -> fan.Score:
     path = folder / "number.yaml"
     path.write_text(text, encoding="utf-8")

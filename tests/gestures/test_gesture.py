@@ -29,11 +29,6 @@ def twins() -> fan.Marionette:
     return fan.loads(TWINS)
 
 
-@pytest.fixture(scope="module")
-def marionette() -> fan.Marionette:
-    return fan.puppets.marionette()
-
-
 def offset(gesture: fan.Gesture, name: str, t: float) -> float:
     """d(t) of a coordinate."""
     i = gesture.coordinates.v_K.index(name)

@@ -29,11 +29,6 @@ poses:
 """
 
 
-@pytest.fixture(scope="module")
-def marionette() -> fan.Marionette:
-    return fan.puppets.marionette()
-
-
 def written(tmp_path, text: str):
     path = tmp_path / "gesture.yaml"
     path.write_text(text, encoding="utf-8")

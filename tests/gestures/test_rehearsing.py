@@ -10,6 +10,8 @@ from fantoccini.errors import StateError
 from fantoccini.gestures import lateness
 from fantoccini.marionette import link_index
 
+pytestmark = pytest.mark.slow
+
 HAND = ("forearm_right", (0.0, 0.0, -0.09))
 NUMBER = """\
 score: number
@@ -39,11 +41,6 @@ def outermost(t: np.ndarray, y: np.ndarray, mark: float) -> float:
     """When the right hand is farthest out near a mark."""
     near = np.flatnonzero(np.abs(t - mark) < 0.3)
     return float(t[near[np.argmin(y[near])]])
-
-
-@pytest.fixture(scope="module")
-def marionette() -> fan.Marionette:
-    return fan.puppets.marionette()
 
 
 def load(marionette, folder, text: str) -> fan.Score:

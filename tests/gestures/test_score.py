@@ -46,11 +46,6 @@ captions:
 """
 
 
-@pytest.fixture(scope="module")
-def marionette() -> fan.Marionette:
-    return fan.puppets.marionette()
-
-
 def written(tmp_path, text: str):
     path = tmp_path / "number.yaml"
     path.write_text(text, encoding="utf-8")

@@ -56,11 +56,6 @@ marks: {up: hello.up 3}
 """
 
 
-@pytest.fixture(scope="module")
-def marionette() -> fan.Marionette:
-    return fan.puppets.marionette()
-
-
 def load(marionette, folder, text: str) -> fan.Score:
     path = folder / "number.yaml"
     path.write_text(text, encoding="utf-8")

@@ -19,22 +19,17 @@ GIVEN = (
 STRINGS = ("shoulder_left", "shoulder_right", "head", "hand_left", "knee_right")
 
 
-@pytest.fixture(scope="module")
-def puppet() -> fan.Marionette:
-    return fan.puppets.marionette()
-
-
 @cache
-def hanging(puppet: fan.Marionette) -> fan.State:
-    return puppet.rest()
+def hanging(marionette: fan.Marionette) -> fan.State:
+    return marionette.rest()
 
 
-def made(puppet: fan.Marionette, given=GIVEN, step_time: float = 0.5) -> fan.Gesture:
-    return steps(Ends(puppet.coordinates, hanging(puppet)), given, step_time)
+def made(marionette: fan.Marionette, given=GIVEN, step_time: float = 0.5) -> fan.Gesture:
+    return steps(Ends(marionette.coordinates, hanging(marionette)), given, step_time)
 
 
-def ends_at(puppet: fan.Marionette, gesture: fan.Gesture, t: float) -> np.ndarray:
-    x0, (d, _), v_K = hanging(puppet), gesture.offsets(t), puppet.coordinates.v_K
+def ends_at(marionette: fan.Marionette, gesture: fan.Gesture, t: float) -> np.ndarray:
+    x0, (d, _), v_K = hanging(marionette), gesture.offsets(t), marionette.coordinates.v_K
     x, y = (
         np.array([float(x0[f"{s}.{p}"]) + d[v_K.index(f"{s}.{p}")] for s in STRINGS]) for p in "xy"
     )
@@ -53,26 +48,26 @@ def walked_by_hand(given) -> tuple[complex, float]:
     return z, heading
 
 
-def test_steps_lead_where_their_arcs_do(puppet):
-    gesture = made(puppet)
+def test_steps_lead_where_their_arcs_do(marionette):
+    gesture = made(marionette)
     z, heading = walked_by_hand(GIVEN)
     assert footing_after(GIVEN) == pytest.approx((z.real, z.imag, heading), abs=1e-12)
     assert gesture.duration == pytest.approx(len(GIVEN) * 0.5)
-    first, last = ends_at(puppet, gesture, 0.0), ends_at(puppet, gesture, gesture.duration)
+    first, last = ends_at(marionette, gesture, 0.0), ends_at(marionette, gesture, gesture.duration)
     home = 0.5 * (first[0] + first[1])
     np.testing.assert_allclose(last - home, z + np.exp(1j * heading) * (first - home), atol=1e-9)
-    travel = [gesture.travel[puppet.coordinates.v_K.index(f"head.{part}")] for part in "xy"]
+    travel = [gesture.travel[marionette.coordinates.v_K.index(f"head.{part}")] for part in "xy"]
     np.testing.assert_allclose(complex(*travel), (last - first)[2], atol=1e-9)
     assert gesture.turns
 
 
-def test_all_ends_follow_the_track_as_one_body(puppet):
-    gesture, track = made(puppet), Track(GIVEN, 0.5)
-    first = ends_at(puppet, gesture, 0.0)
+def test_all_ends_follow_the_track_as_one_body(marionette):
+    gesture, track = made(marionette), Track(GIVEN, 0.5)
+    first = ends_at(marionette, gesture, 0.0)
     home = 0.5 * (first[0] + first[1])
     for t in np.linspace(0.0, gesture.duration, 457):
         path, heading = track.at(np.array([t]))
-        turned, ends = np.exp(1j * heading[0][0]), ends_at(puppet, gesture, t)
+        turned, ends = np.exp(1j * heading[0][0]), ends_at(marionette, gesture, t)
         beside = (ends - home - path[0][0]) / turned - (first - home)
         np.testing.assert_allclose(beside, beside[0], atol=2e-5)
         assert abs(beside[0].real) < 2e-5 and abs(beside[0].imag) < SWAY + 2e-5
@@ -98,16 +93,16 @@ def test_three_equal_steps_have_the_speed_of_two():
     np.testing.assert_allclose(speed[100:201], np.max(speed))
 
 
-def test_velocities_never_jump(puppet):
-    gesture = made(puppet)
+def test_velocities_never_jump(marionette):
+    gesture = made(marionette)
     for t in gesture.breaks[1:-1]:
         before, after = gesture.offsets(t - 1e-9)[1], gesture.offsets(t + 1e-9)[1]
         np.testing.assert_allclose(before, after, atol=1e-6)
     assert not np.any(np.abs(gesture.ends[1]) > 1e-12)
 
 
-def test_knees_go_up_in_turn_but_not_where_it_stands(puppet):
-    gesture, v_K = made(puppet), puppet.coordinates.v_K
+def test_knees_go_up_in_turn_but_not_where_it_stands(marionette):
+    gesture, v_K = made(marionette), marionette.coordinates.v_K
     walked = [k for k, step in enumerate(GIVEN) if not step.stands]
     assert list(gesture.marks)[:4] == ["left", "right", "left 2", "right 2"]
     assert list(gesture.marks.values()) == pytest.approx([(k + 0.5) * 0.5 for k in walked])
@@ -121,18 +116,18 @@ def test_knees_go_up_in_turn_but_not_where_it_stands(puppet):
             assert length == pytest.approx(-high if s == side else 0.0, abs=1e-12)
 
 
-def test_equal_steps_are_a_walk(puppet):
-    walk = fan.load_gesture(puppet, "walk", steps=5, step=0.07, turn=0.9)
-    same = made(puppet, [Step(0.07, 0.9 / 5)] * 5, 0.6)
+def test_equal_steps_are_a_walk(marionette):
+    walk = fan.load_gesture(marionette, "walk", steps=5, step=0.07, turn=0.9)
+    same = made(marionette, [Step(0.07, 0.9 / 5)] * 5, 0.6)
     np.testing.assert_allclose(same.coef, walk.coef, atol=1e-12)
     assert same.marks == walk.marks
 
 
-def test_what_is_no_step_is_refused(puppet):
+def test_what_is_no_step_is_refused(marionette):
     for wrong in ((1.5, 0.0), (0.0, 2.0), (np.nan, 0.0)):
         with pytest.raises(ValueError, match="of a step is"):
             Step(*wrong)
     with pytest.raises(ValueError, match="at least one step"):
-        made(puppet, [])
+        made(marionette, [])
     with pytest.raises(ValueError, match="step_time"):
-        made(puppet, GIVEN, 0.0)
+        made(marionette, GIVEN, 0.0)

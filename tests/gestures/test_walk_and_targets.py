@@ -11,6 +11,8 @@ from fantoccini.errors import FileError, InputError, UnknownNameError
 from fantoccini.gestures import score_schema
 from fantoccini.puppet.located import read_file
 
+pytestmark = pytest.mark.slow
+
 STRINGS = (
     "head", "shoulder_left", "shoulder_right", "hand_left", "hand_right", "knee_left", "knee_right",
 )  # fmt: skip
@@ -38,11 +40,6 @@ lanes:
   columbine:
     - {gesture: walk, of: columbine, steps: 2, step: -2 cm}
 """
-
-
-@pytest.fixture(scope="module")
-def marionette() -> fan.Marionette:
-    return fan.puppets.marionette()
 
 
 @pytest.fixture(scope="module")

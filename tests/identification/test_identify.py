@@ -10,13 +10,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.identify.cases import _ARM_TRUTH, arm, record
+from benchmarks.identify.cases import arm, record
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 import fantoccini as fan
 from fantoccini.identification.estimating import fit_of
 from fantoccini.identification.fit import chained
+
+pytestmark = pytest.mark.slow
 
 RECORD_TIME = 12.0
 
@@ -46,7 +48,6 @@ def test_an_arm_is_found_within_the_marks(case):
     assert "delay" in found.summary()
 
 
-@pytest.mark.slow
 def test_intervals_hold_the_truth_as_often_as_they_say(case):
     """95 % of 95 % intervals: 12 records, 9 numbers each, at least 88 % (3 deviations)."""
     inside = []
@@ -79,7 +80,7 @@ def test_derivatives_agree_with_differences_of_event_driven_runs(case):
         )
         x = puppet.project(x)
         inputs = _moved(fit.inputs, offset)
-        t = fit.t[own] - fit._delay(theta)
+        t = fit.t[own] - fit.delay_of(theta)
         run = fan.simulate(
             puppet, x, inputs, float(t[-1]) + 0.01, method=fan.Event(rtol=1e-11, atol=1e-11),
             save_at=t,
@@ -288,7 +289,7 @@ def test_motions_that_move_tell_more(case):
     assert [c.name for c in best] == ["moving", "still"]
     assert best[1].combinations and not best[0].combinations
     found = fan.identify(one)
-    for name in _ARM_TRUTH:
+    for name in arm().truth:
         guess = best[0].deviations[name] * 2e-3 / 5e-3  # noise is guessed as 5 mm before a record
         assert 0.4 < found.deviation(name) / guess < 2.5, name
 

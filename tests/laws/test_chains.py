@@ -10,6 +10,8 @@ from tests.harness import method_of
 
 import fantoccini as fan
 
+pytestmark = pytest.mark.own_puppets
+
 G, N = 9.81, 6
 BOB = """
 puppet: rope

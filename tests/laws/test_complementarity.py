@@ -27,6 +27,8 @@ from fantoccini.motion.rotation import exp
 from fantoccini.runtime import Complementarity
 from oracles.rigs import many_strings
 
+pytestmark = [pytest.mark.slow, pytest.mark.long]
+
 STATES = {"marionette": 5000, "many_strings": 5400}
 """Random states of each puppet."""
 

@@ -14,6 +14,8 @@ from fantoccini.marionette.linearisation import named_rows
 from fantoccini.marionette.stepper import Stepper
 from oracles.differences import apart, difference, moved, worst
 
+pytestmark = [pytest.mark.slow, pytest.mark.long]
+
 RIG = """
 puppet: rig
 bodies:
@@ -65,16 +67,6 @@ pose: {bar.z: 1.0, body.z: 0.5, lift.length: 0.5, over.length: 2.0}
 @pytest.fixture(scope="module")
 def rig() -> fan.Marionette:
     return fan.loads(RIG)
-
-
-@pytest.fixture(scope="module")
-def marionette() -> fan.Marionette:
-    return fan.puppets.marionette()
-
-
-@pytest.fixture(scope="module")
-def arm() -> fan.Marionette:
-    return fan.puppets.arm2d()
 
 
 def somewhere(puppet: fan.Marionette, seed: int) -> tuple[fan.State, np.ndarray, np.ndarray]:

@@ -18,6 +18,8 @@ import pytest
 import fantoccini as fan
 from fantoccini import Marionette, State, Trajectory
 
+pytestmark = pytest.mark.own_puppets
+
 GRAVITY = np.array([0.0, 0.0, -9.81])
 MASS = 0.7
 HEIGHT = 2.0

@@ -19,6 +19,8 @@ from fantoccini import Marionette, State, Trajectory
 from fantoccini.marionette import Evaluation
 from fantoccini.motion.rotation import exp, multiply
 
+pytestmark = pytest.mark.own_puppets
+
 G = 9.81
 
 

@@ -83,11 +83,6 @@ def load(description: dict, folder) -> fan.Marionette:
 
 
 @pytest.fixture(scope="module")
-def arm():
-    return fan.puppets.arm2d()
-
-
-@pytest.fixture(scope="module")
 def cradle(tmp_path_factory):
     return load(CRADLE, tmp_path_factory.mktemp("cradle"))
 

@@ -11,6 +11,8 @@ import fantoccini as fan
 from fantoccini.demo import performance
 from oracles.differences import difference, moved, worst
 
+pytestmark = pytest.mark.slow
+
 DROP = """
 puppet: drop
 bodies:

@@ -12,6 +12,8 @@ from fantoccini.errors import InputError
 from fantoccini.motion import Input, inputs_schema, rotation
 from fantoccini.motion.archive import RECORDING
 
+pytestmark = pytest.mark.own_puppets
+
 GOOD = """\
 # a greeting
 name: greeting

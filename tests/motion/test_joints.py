@@ -11,11 +11,6 @@ from fantoccini.motion import Input, Inputs
 
 
 @pytest.fixture(scope="module")
-def arm():
-    return fan.puppets.arm2d()
-
-
-@pytest.fixture(scope="module")
 def x0(arm):
     return arm.rest({"hand.length": 0.8})
 

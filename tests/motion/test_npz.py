@@ -17,12 +17,7 @@ from fantoccini.motion import Input, Trajectory, npz
 from fantoccini.perform import Recording
 from fantoccini.sweeps.outcome import Outcome
 from fantoccini.sweeps.store import Store
-from fantoccini.web.page import _form
-
-
-@pytest.fixture(scope="module")
-def arm():
-    return fan.puppets.arm2d()
+from fantoccini.web.page import format_of
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +65,7 @@ def test_a_file_that_expands_without_bound_is_refused(files, kind, tmp_path):
     assert place.stat().st_size < 2_000_000
     with pytest.raises(FileError, match=r"bomb\.npz: its arrays need 300 MB; the most .* 256 MB"):
         load(place)
-    assert _form(place) == ("", {})
+    assert format_of(place) == ("", {})
 
 
 def changed(files, kind: str, tmp_path, change):
@@ -156,10 +151,10 @@ def test_entries_that_are_there_twice_are_refused():
             return str.__eq__(self, other)
 
     names = [Name(f"{i}.npy") for i in range(1000)]
-    npz._check_names(names, refuse)
+    npz.check_names(names, refuse)
     assert Name.compared < 10 * len(names)
     with pytest.raises(FileError, match="7: is there twice"):
-        npz._check_names([*names, "7.npy"], refuse)
+        npz.check_names([*names, "7.npy"], refuse)
 
 
 def test_headers_must_agree_with_what_there_is(tmp_path):

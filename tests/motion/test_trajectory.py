@@ -14,6 +14,8 @@ from fantoccini.motion import Columns, EventKind, EventRecord, Trajectory, rotat
 from fantoccini.motion.trajectory import LEDGER
 from fantoccini.puppet import loads
 
+pytestmark = pytest.mark.own_puppets
+
 HEAD_AXIS = np.array([0.3, -0.5, 0.8])
 
 

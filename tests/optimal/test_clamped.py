@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
+from fantoccini.optimal import clamped
 from fantoccini.optimal.clamped import ClampedSteps
 from fantoccini.optimal.dynamics import TimeSteps
 from fantoccini.optimal.nodes import Nodes
@@ -17,11 +18,6 @@ from fantoccini.optimal.quadratic import StageProgram, StageSolver
 
 TIP = (0.3, 0.0, 0.0)
 INTERVAL, N, DAMPING = 0.02, 40, 1e-5
-
-
-@pytest.fixture(scope="module")
-def arm() -> fan.Marionette:
-    return fan.puppets.arm2d()
 
 
 def motion(arm: fan.Marionette, task: fan.Task, acc_K: np.ndarray | None = None) -> Nodes:
@@ -107,8 +103,8 @@ def test_every_motion_keeps_its_bounds_however_little_work_is_left(arm, monkeypa
     place = arm.coordinates.v_K.index("hand.x")
     last = 0.0
     for work in (1.0, 1.5, 3.0, 20.0):
-        monkeypatch.setattr("fantoccini.optimal.clamped._LEAST", work)
-        monkeypatch.setattr("fantoccini.optimal.clamped._MOST", work)
+        monkeypatch.setattr(clamped, "MIN_FACTORISATIONS", work)
+        monkeypatch.setattr(clamped, "MAX_FACTORISATIONS", work)
         steps = ClampedSteps(arm, 0.01, 1)
         found = steps.solve(Objective(task), nodes, steps.linearise(nodes, True), DAMPING, -1)
         assert found.stages <= (work + 0.2) * N

@@ -10,11 +10,13 @@ from fantoccini.clearance import Clearance
 from fantoccini.optimal.clear_rows import ClearRows
 from fantoccini.optimal.nodes import Nodes
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 POST, RADIUS = np.array([0.9, 0.0, -0.9]), 0.1 + 0.05
 
 
 @pytest.fixture(scope="module")
-def arm() -> fan.Marionette:
+def ball_arm() -> fan.Marionette:
     """A rod on a string, and a ball that swings at its end, near a post."""
     return fan.loads("""
 puppet: arm
@@ -42,17 +44,18 @@ obstacles:
 """)
 
 
-def lowering(arm: fan.Marionette, clearance: float | None = None) -> fan.Task:
+def lowering(ball_arm: fan.Marionette, clearance: float | None = None) -> fan.Task:
     """The ball goes down past the post, to a place where it would touch it."""
-    x0 = arm.rest()
-    at = (arm.pose(x0, "ball") @ [0, 0, -0.2, 1])[:3]
+    x0 = ball_arm.rest()
+    at = (ball_arm.pose(x0, "ball") @ [0, 0, -0.2, 1])[:3]
     goal = at + np.array([0.12, 0.0, -0.25])
     tracks = [
         fan.Track.point("ball", goal, at=(0, 0, -0.2), weight=10, end_weight=1e3),
         fan.Track.velocity("*", 0.0, weight=0.1, end_weight=10.0),
     ]
-    limits = fan.Bounds(acceleration=10.0, clearance=clearance).staying_taut(arm, x0)
-    return fan.Task(arm, x0, 2.0, tracks, fan.Smooth(1e-2, 1e-5), limits, interval=0.04, dt=0.01)
+    limits = fan.Bounds(acceleration=10.0, clearance=clearance).staying_taut(ball_arm, x0)
+    smooth = fan.Smooth(1e-2, 1e-5)
+    return fan.Task(ball_arm, x0, 2.0, tracks, smooth, limits, interval=0.04, dt=0.01)
 
 
 def test_clearances_of_all_parts_are_those_of_the_whole():
@@ -70,9 +73,9 @@ def test_clearances_of_all_parts_are_those_of_the_whole():
     assert any(name.startswith("string ") for name in parts)
 
 
-def test_values_and_derivatives_are_those_of_two_spheres(arm: fan.Marionette):
-    rows = ClearRows(arm, 0.02, own_body=False)
-    nodes = Nodes.still(arm, arm.rest().replace(q_D=np.array([0.9, -0.6])), 1.0, 2)
+def test_values_and_derivatives_are_those_of_two_spheres(ball_arm: fan.Marionette):
+    rows = ClearRows(ball_arm, 0.02, own_body=False)
+    nodes = Nodes.still(ball_arm, ball_arm.rest().replace(q_D=np.array([0.9, -0.6])), 1.0, 2)
     j = rows.names.index("ball")
     pin, swing = nodes.q_D[1]
 
@@ -91,19 +94,19 @@ def test_values_and_derivatives_are_those_of_two_spheres(arm: fan.Marionette):
     assert not np.any(rows.by(nodes)[0, j, 2:])
 
 
-def test_a_ball_goes_round_a_post(arm: fan.Marionette):
-    heedless = fan.optimise(lowering(arm))
-    assert np.min(Clearance(arm).of(heedless.run)) < -0.01
-    best = fan.optimise(lowering(arm, clearance=0.02))
+def test_a_ball_goes_round_a_post(ball_arm: fan.Marionette):
+    heedless = fan.optimise(lowering(ball_arm))
+    assert np.min(Clearance(ball_arm).of(heedless.run)) < -0.01
+    best = fan.optimise(lowering(ball_arm, clearance=0.02))
     assert best, best.summary()
     assert best.cost > heedless.cost
-    dense = fan.simulate(arm, best.task.x0, best.inputs, t_end=2.0)
-    assert np.min(Clearance(arm).of(dense)) >= 0.02 - 1e-3
-    assert np.min(Clearance(arm).of(best.run)) == pytest.approx(0.02, abs=1e-4)
+    dense = fan.simulate(ball_arm, best.task.x0, best.inputs, t_end=2.0)
+    assert np.min(Clearance(ball_arm).of(dense)) >= 0.02 - 1e-3
+    assert np.min(Clearance(ball_arm).of(best.run)) == pytest.approx(0.02, abs=1e-4)
 
 
-def test_a_motion_that_begins_too_near_is_violated(arm: fan.Marionette):
-    best = fan.optimise(lowering(arm, clearance=0.4), iterations=5)
+def test_a_motion_that_begins_too_near_is_violated(ball_arm: fan.Marionette):
+    best = fan.optimise(lowering(ball_arm, clearance=0.4), iterations=5)
     assert not best and best.status is fan.OptimalStatus.VIOLATED
     assert best.violation > 0.01
 

@@ -14,11 +14,6 @@ TIP = (0.3, 0.0, 0.0)
 
 
 @pytest.fixture(scope="module")
-def arm() -> fan.Marionette:
-    return fan.puppets.arm2d()
-
-
-@pytest.fixture(scope="module")
 def take(arm: fan.Marionette) -> fan.Trajectory:
     """The hand lifts the arm and lets it down."""
     x0 = arm.rest()

@@ -8,6 +8,8 @@ import pytest
 import fantoccini as fan
 from fantoccini.optimal import shooting
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 BLOCK = """
 puppet: block
 floor: 0
@@ -79,15 +81,19 @@ def test_it_is_confirmed_by_an_event_driven_run_that_pulls_against_friction(foun
 def test_an_answer_whose_event_driven_run_does_not_end_is_not_confirmed(
     block: fan.Marionette, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(shooting.EventRuns, "_in_time", late)
+    simulated = shooting.uninterrupted
+
+    def late(*given, method=None, **options):
+        """Event-driven runs, which are given no method, are out of time."""
+        if method is None:
+            raise TimeoutError
+        return simulated(*given, method=method, **options)
+
+    monkeypatch.setattr(shooting, "uninterrupted", late)
     best = fan.optimise(pulled(block, 0.01), iterations=3)
     assert best.status is fan.OptimalStatus.UNCONFIRMED
     assert not best
     assert best.run.method == "timestepping"
-
-
-def late(runs: shooting.EventRuns, _: float) -> None:
-    raise TimeoutError
 
 
 def test_the_derivatives_are_those_of_the_time_steps_of_the_search(block: fan.Marionette):

@@ -18,11 +18,6 @@ STEP = 1e-6
 
 
 @pytest.fixture(scope="module")
-def crane() -> fan.Marionette:
-    return fan.puppets.crane()
-
-
-@pytest.fixture(scope="module")
 def nodes(crane: fan.Marionette) -> Nodes:
     """Some states that do not rest, with all strings taut."""
     x0 = crane.rest()

@@ -17,6 +17,8 @@ from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
 from fantoccini.optimal.shooting import EventRuns
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 TIE = (-0.65, -0.5)
 
 

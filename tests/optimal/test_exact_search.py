@@ -14,12 +14,9 @@ from fantoccini.optimal.hybrid import ExactRuns
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.objective import Objective
 
+pytestmark = pytest.mark.slow
+
 TIP = (0.3, 0.0, 0.0)
-
-
-@pytest.fixture(scope="module")
-def arm() -> fan.Marionette:
-    return fan.puppets.arm2d()
 
 
 def reaching(arm: fan.Marionette, x0: fan.State) -> fan.Task:

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.optimal.api import _first
+from fantoccini.optimal.api import first_nodes
 from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.dynamics import TimeSteps
 from fantoccini.optimal.hybrid import ExactRuns
 from fantoccini.optimal.objective import Objective
+
+pytestmark = pytest.mark.slow
 
 MASS, WAY, g = 2.0, 0.5, 9.81
 
@@ -55,11 +57,6 @@ def hoist() -> fan.Marionette:
 @pytest.fixture(scope="module")
 def cart() -> fan.Marionette:
     return fan.loads(CART)
-
-
-@pytest.fixture(scope="module")
-def arm() -> fan.Marionette:
-    return fan.puppets.arm2d()
 
 
 @pytest.mark.parametrize(("most", "within"), [(2.0 * MASS * g, 1e-5), (1.5 * MASS * g, 2e-3)])
@@ -114,7 +111,7 @@ def test_forces_change_with_motions_as_their_rows_say(cart: fan.Marionette):
     chosen, rng = Chosen(cart, x0, task.parameters), np.random.default_rng(5)
     runs = ExactRuns(TimeSteps(cart, task.dt, 1, chosen), chosen)
     objective = Objective(task)
-    first = _first(task, chosen, None)
+    first = first_nodes(task, chosen, None)
     N, k = first.acc_K.shape
     first = replace(first, acc_K=0.5 * rng.normal(size=(N, k)))
     way, load = rng.normal(size=(N, k)), 0.3

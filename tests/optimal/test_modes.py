@@ -16,13 +16,10 @@ from fantoccini.optimal.dynamics import TimeSteps
 from fantoccini.optimal.hybrid import HybridRuns
 from fantoccini.optimal.nodes import Nodes
 
+pytestmark = pytest.mark.slow
+
 TUGS = -30.0 * np.cos(5.0 * np.pi * (0.04 * np.arange(25) + 0.02))
 """Accelerations of the string's length in 25 intervals of a second [m/s^2]."""
-
-
-@pytest.fixture(scope="module")
-def arm() -> fan.Marionette:
-    return fan.puppets.arm2d()
 
 
 @pytest.fixture(scope="module")

@@ -10,13 +10,15 @@ import pytest
 from scipy.optimize import brentq, fsolve, linprog
 
 import fantoccini as fan
-from fantoccini.optimal.api import _first
+from fantoccini.optimal.api import first_nodes
 from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.dynamics import TimeSteps
 from fantoccini.optimal.hybrid import ExactRuns
 from fantoccini.optimal.objective import Objective
 from fantoccini.optimal.task_schema import task_schema
 from fantoccini.puppet.located import read_file
+
+pytestmark = pytest.mark.slow
 
 MASS, WAY, g = 2.0, 0.5, 9.81
 INERTIA, GEAR, DRUM, VISCOUS = 4e-5, 3.0, 0.02, 1e-5
@@ -240,7 +242,7 @@ def test_voltages_change_with_motions_as_their_rows_say(cart: fan.Marionette):
     chosen, rng = Chosen(cart, x0, spans), np.random.default_rng(7)
     runs = ExactRuns(TimeSteps(cart, task.dt, 1, chosen, False), chosen)
     rows = Objective(task).rows
-    first = _first(task, chosen, None)
+    first = first_nodes(task, chosen, None)
     N, k = first.acc_K.shape
     first = replace(first, acc_K=0.5 * rng.normal(size=(N, k)))
     ways, p = rng.normal(size=(N, k)), np.array([0.2, 0.4, -0.3])

@@ -10,12 +10,9 @@ import pytest
 import fantoccini as fan
 from fantoccini.errors import StateError
 
+pytestmark = pytest.mark.slow
+
 TIP = (0.3, 0.0, 0.0)
-
-
-@pytest.fixture(scope="module")
-def arm() -> fan.Marionette:
-    return fan.puppets.arm2d()
 
 
 def tip(arm: fan.Marionette, x: fan.State) -> np.ndarray:

@@ -5,40 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.optimize import fsolve, minimize
+from tests.optimal.small_crane import SMALL_CRANE
 
 import fantoccini as fan
 
-LENGTH, WAY, MOST = 1.0, 0.05, 0.05
+pytestmark = pytest.mark.long
 
-SMALL_CRANE = """
-puppet: small_crane
-bodies:
-  - name: bob
-    joint: {type: translation, axes: [x, z]}
-    shapes:
-      - {type: sphere, radius: 0.04, mass: 0.5}
-strings:
-  - name: line
-    path:
-      - {body: bob, at: [0, 0, 0]}
-      - {driven: [x], at: [0, 0, 0]}
-    length: driven
-pose: {bob.z: -1.0, line.length: 1.0}
-"""
+LENGTH, WAY, MOST = 1.0, 0.05, 0.05
 
 TIP = (0.3, 0.0, 0.0)
 TURN = 10.0 * np.linspace(0, 1, 81) ** 3 - 15.0 * np.linspace(0, 1, 81) ** 4
 TURN = 2.0 * np.pi * (TURN + 6.0 * np.linspace(0, 1, 81) ** 5)
-
-
-@pytest.fixture(scope="module")
-def crane() -> fan.Marionette:
-    return fan.loads(SMALL_CRANE)
-
-
-@pytest.fixture(scope="module")
-def arm() -> fan.Marionette:
-    return fan.puppets.arm2d()
 
 
 @pytest.fixture(scope="module")
@@ -83,10 +60,10 @@ def test_the_bundled_tasks_converge(name: str):
     assert f"{len(best.nodes)} intervals" in best.summary(), "the summary tells of the grid"
 
 
-def test_a_crane_goes_from_rest_to_rest_in_the_least_time(crane: fan.Marionette):
-    there = crane.rest({"line.x": WAY})
+def test_a_crane_goes_from_rest_to_rest_in_the_least_time(small_crane: fan.Marionette):
+    there = small_crane.rest({"line.x": WAY})
     task = fan.Task(
-        crane, crane.rest(), (0.5, 3.0), [], fan.Smooth(1e-8, 0.0),
+        small_crane, small_crane.rest(), (0.5, 3.0), [], fan.Smooth(1e-8, 0.0),
         fan.Bounds(acceleration=MOST, held=("line.length",)), end=there, interval=0.03, dt=0.002,
     )  # fmt: skip
     best = fan.optimise(task)
@@ -94,7 +71,7 @@ def test_a_crane_goes_from_rest_to_rest_in_the_least_time(crane: fan.Marionette)
     assert best.run.t[-1] == pytest.approx(shortest(), rel=1e-4)
     assert np.max(np.abs(best.nodes.acc_K)) <= MOST * (1.0 + 1e-6)
     # Beyond the end the load hangs still: swing below 1e-6 rad.
-    later = fan.simulate(crane, best.run.state(len(best.run) - 1).replace(t=0.0), None, 5.0)
+    later = fan.simulate(small_crane, best.run.state(len(best.run) - 1).replace(t=0.0), None, 5.0)
     swing = (later.q_D[:, 0] - later.q_K[:, 0]) / LENGTH
     assert np.max(np.abs(swing)) < 1e-6
     assert best.end_gap < 1e-6
@@ -129,20 +106,21 @@ def test_the_cost_is_the_integral_of_the_run(
     assert round_trip.cost == pytest.approx(total, rel=1e-6)
 
 
-def test_another_optimiser_finds_no_lower_cost(crane: fan.Marionette):
+def test_another_optimiser_finds_no_lower_cost(small_crane: fan.Marionette):
     """Few accelerations, each tried by differences of event-driven runs."""
-    x0, N, T = crane.rest(), 6, 1.2
+    x0, N, T = small_crane.rest(), 6, 1.2
     tracks = [fan.Track.coordinate("bob.x", lambda t: 0.1 * t**2, weight=50.0, end_weight=20.0)]
     bounds = fan.Bounds(held=("line.length",), acceleration={"line.x": 0.4})
-    task = fan.Task(crane, x0, T, tracks, fan.Smooth(1e-2, 1e-4), bounds, interval=0.2, dt=0.001)
+    smooth = fan.Smooth(1e-2, 1e-4)
+    task = fan.Task(small_crane, x0, T, tracks, smooth, bounds, interval=0.2, dt=0.001)
     best = fan.optimise(task, cost_tolerance=1e-9)
     h = T / N
     t = np.linspace(0, T, N + 1)
 
     def cost(acc: np.ndarray) -> float:
         both = np.stack([acc, 0.0 * acc], axis=1)
-        move = fan.Input.segments(crane, t, x0.q_K, x0.v_K, both)
-        run = fan.simulate(crane, x0, move, T, save_at=t, effort=False).resample(t)
+        move = fan.Input.segments(small_crane, t, x0.q_K, x0.v_K, both)
+        run = fan.simulate(small_crane, x0, move, T, save_at=t, effort=False).resample(t)
         off = (run.q_D[:, 0] - 0.1 * t**2) ** 2
         jumps = np.diff(acc, prepend=0.0, append=0.0)
         smooth = 0.5e-2 * h * np.sum(acc**2) + 0.5e-4 / h * np.sum(jumps**2)
@@ -180,11 +158,10 @@ def test_a_start_beyond_its_bounds_is_named(arm: fan.Marionette):
         fan.follow(arm, {"elbow": 0.5}, 1.0, bounds=bounds)
 
 
-def test_an_end_that_cannot_be_reached_is_told(crane: fan.Marionette):
+def test_an_end_that_cannot_be_reached_is_told(small_crane: fan.Marionette):
     bounds = fan.Bounds(acceleration=0.01, held=("line.length",))
-    task = fan.Task(
-        crane, crane.rest(), 1.0, [], bounds=bounds, end=crane.rest({"line.x": 0.5}), interval=0.1
-    )
+    end = small_crane.rest({"line.x": 0.5})
+    task = fan.Task(small_crane, small_crane.rest(), 1.0, [], bounds=bounds, end=end, interval=0.1)
     found = fan.optimise(task, iterations=10)
     assert not found
     assert found.status is fan.OptimalStatus.VIOLATED
@@ -286,35 +263,36 @@ def test_the_motion_does_not_depend_on_the_unit_of_the_cost(arm: fan.Marionette)
     assert found[1].cost / 1e-4 == pytest.approx(found[0].cost, rel=0.05)
 
 
-def test_a_guess_is_of_the_task_that_is_asked_for(crane: fan.Marionette):
+def test_a_guess_is_of_the_task_that_is_asked_for(small_crane: fan.Marionette):
     """Its own duration and start, held inputs that do not move, accelerations within bounds."""
-    x0 = crane.rest()
+    x0 = small_crane.rest()
     tracks = [fan.Track.coordinate("bob.x", 0.1)]
-    short = fan.optimise(fan.Task(crane, x0, 1.0, tracks, interval=0.1), iterations=2)
+    short = fan.optimise(fan.Task(small_crane, x0, 1.0, tracks, interval=0.1), iterations=2)
     bounds = fan.Bounds(acceleration={"line.x": 0.2}, held=("line.length",))
-    task = fan.Task(crane, x0.replace(t=5.0), 2.0, tracks, fan.Smooth(), bounds, interval=0.2)
+    task = fan.Task(small_crane, x0.replace(t=5.0), 2.0, tracks, fan.Smooth(), bounds, interval=0.2)
     found = fan.optimise(task, short, iterations=0)
     assert found.run.t[[0, -1]] == pytest.approx([5.0, 7.0])
     assert np.max(np.abs(found.nodes.acc_K[:, 0])) <= 0.2
     assert np.all(found.run.q_K[:, 1] == x0.q_K[1])
     bounds = fan.Bounds(speed={"line.x": 1e-3})
-    fast = fan.Task(crane, x0, 1.0, tracks, fan.Smooth(), bounds, interval=0.1)
+    fast = fan.Task(small_crane, x0, 1.0, tracks, fan.Smooth(), bounds, interval=0.1)
     assert not fan.optimise(fast, short, iterations=0)  # what is beyond its bounds does not hold
 
 
-def test_what_is_not_differentiated_is_refused(crane: fan.Marionette):
-    x0 = crane.rest()
+def test_what_is_not_differentiated_is_refused(small_crane: fan.Marionette):
+    x0 = small_crane.rest()
     moving = [fan.Track.coordinate("bob.x", lambda t: 0.1 * t)]
     with pytest.raises(fan.StateError, match="paths must be values"):
-        fan.optimise(fan.Task(crane, x0, (1.0, 2.0), moving))
+        fan.optimise(fan.Task(small_crane, x0, (1.0, 2.0), moving))
     with pytest.raises(fan.StateError, match="a bound of jerk"):
-        fan.optimise(fan.Task(crane, x0, (1.0, 2.0), [], bounds=fan.Bounds(jerk=1.0)))
+        fan.optimise(fan.Task(small_crane, x0, (1.0, 2.0), [], bounds=fan.Bounds(jerk=1.0)))
     winch = fan.loads(SMALL_CRANE.replace("length: driven", "length: driven\n    max_tension: 9.0"))
     with pytest.raises(fan.StateError, match="the winch of line may slip"):
         fan.optimise(fan.Task(winch, winch.rest(), 1.0, []))
     pushed = x0.replace(v_K=np.array([0.0, 0.1]))
     with pytest.raises(fan.StateError, match=r"line\.length is held, and moves"):
-        fan.optimise(fan.Task(crane, pushed, 1.0, [], bounds=fan.Bounds(held=("line.length",))))
+        held = fan.Bounds(held=("line.length",))
+        fan.optimise(fan.Task(small_crane, pushed, 1.0, [], bounds=held))
 
 
 @pytest.mark.parametrize(
@@ -325,9 +303,9 @@ def test_what_is_not_differentiated_is_refused(crane: fan.Marionette):
         (lambda: fan.Track.tension("line", 4.0, end_weight=1.0), "end_weight"),
     ],
 )
-def test_tracks_that_are_none(crane: fan.Marionette, track, words: str):
+def test_tracks_that_are_none(small_crane: fan.Marionette, track, words: str):
     with pytest.raises(fan.StateError, match=words):
-        fan.optimise(fan.Task(crane, crane.rest(), 1.0, [track()], interval=0.1))
+        fan.optimise(fan.Task(small_crane, small_crane.rest(), 1.0, [track()], interval=0.1))
 
 
 def test_tasks_that_are_none(arm: fan.Marionette):

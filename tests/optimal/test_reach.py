@@ -11,6 +11,8 @@ from scipy.optimize import minimize, minimize_scalar
 
 import fantoccini as fan
 
+pytestmark = pytest.mark.slow
+
 PLUMB = """
 puppet: plumb
 bodies:
@@ -50,11 +52,6 @@ strings:
 pose: {pin: 60 deg}
 """
 HAND = ("forearm_right", (0.0, 0.0, -0.09))
-
-
-@pytest.fixture(scope="module")
-def marionette() -> fan.Marionette:
-    return fan.puppets.marionette()
 
 
 def hand_of(marionette: fan.Marionette, x: fan.State) -> np.ndarray:

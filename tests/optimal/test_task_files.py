@@ -13,6 +13,8 @@ from fantoccini.optimal import task_names, task_schema
 from fantoccini.optimal.shapes import Circle
 from fantoccini.puppet.located import read_file
 
+pytestmark = pytest.mark.slow
+
 TRACK = """\
 task: lift
 puppet: arm2d

@@ -14,6 +14,8 @@ from fantoccini.optimal.dynamics import TimeSteps
 from fantoccini.optimal.objective import Objective
 from fantoccini.optimal.shooting import EventRuns
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def followed() -> fan.Optimum:

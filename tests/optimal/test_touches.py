@@ -14,6 +14,8 @@ from fantoccini.optimal.chosen import Chosen
 from fantoccini.optimal.nodes import Nodes
 from fantoccini.optimal.touch_terms import Touches
 
+pytestmark = pytest.mark.slow
+
 T, N, END = 1.0, 25, 1e4
 TIP = (0.3, 0.0, 0.0)
 
@@ -30,11 +32,6 @@ bodies:
 - {name: bob, parent: pen, joint: {name: pin, type: revolute, axis: [0, 1, 0]}, mass: 1.0,
    com: [0, 0, -0.3], inertia: [0.01, 0.01, 0.001]}
 """)
-
-
-@pytest.fixture(scope="module")
-def arm() -> fan.Marionette:
-    return fan.puppets.arm2d()
 
 
 def drawing(pen: fan.Marionette, touches: list[fan.Touch], duration=T) -> fan.Task:

@@ -8,6 +8,8 @@ import pytest
 import fantoccini as fan
 from fantoccini import TunedStatus
 
+pytestmark = pytest.mark.own_puppets
+
 LENGTH, AWAY = 0.5, 0.02
 
 

@@ -11,21 +11,18 @@ from benchmarks.optimal import walk
 import fantoccini as fan
 from fantoccini.gestures import Gait
 
+pytestmark = pytest.mark.slow
+
 STEPS = 24
 
 
-@pytest.fixture(scope="module")
-def stage() -> fan.Marionette:
-    return fan.puppets.promenade()
-
-
 @pytest.mark.parametrize("dt", [1e-3, 2.5e-4])
-def test_it_walks_and_slips_by_less_than_a_millimetre_a_step(stage, dt):
-    gait, x0 = Gait(), stage.rest()
+def test_it_walks_and_slips_by_less_than_a_millimetre_a_step(promenade, dt):
+    gait, x0 = Gait(), promenade.rest()
     end, method = gait.duration * (STEPS + 1), fan.TimeStepping(dt=dt)
-    inputs = gait.inputs(stage, STEPS, x0)
-    run = fan.simulate(stage, x0, inputs, end, method=method, save_every=round(2e-3 / dt))
-    found = walk.walked(stage, run, gait, STEPS)
+    inputs = gait.inputs(promenade, STEPS, x0)
+    run = fan.simulate(promenade, x0, inputs, end, method=method, save_every=round(2e-3 / dt))
+    found = walk.walked(promenade, run, gait, STEPS)
     assert found.slip.max(axis=1).mean() < walk.SLIP
     assert found.lift.min() > 4e-3
     assert found.way == pytest.approx(2.0 * gait.stride, abs=1e-3)
@@ -34,11 +31,11 @@ def test_it_walks_and_slips_by_less_than_a_millimetre_a_step(stage, dt):
     assert found.upright > 0.97
 
 
-def test_it_ends_standing_as_it_began_but_for_the_way(stage):
-    gait, x0 = Gait(), stage.rest()
-    inputs = gait.inputs(stage, 5, x0).bound(x0.q_K, x0.t)
+def test_it_ends_standing_as_it_began_but_for_the_way(promenade):
+    gait, x0 = Gait(), promenade.rest()
+    inputs = gait.inputs(promenade, 5, x0).bound(x0.q_K, x0.t)
     q_K = inputs.evaluate(inputs.end)[0]
-    moved = {name: q_K[i] - x0.q_K[i] for i, name in enumerate(stage.coordinates.q_K)}
+    moved = {name: q_K[i] - x0.q_K[i] for i, name in enumerate(promenade.coordinates.q_K)}
     ahead = 4.0 * gait.stride  # the first step and the last are half as long
     for name, way in moved.items():
         if name.endswith(".y"):
@@ -54,16 +51,16 @@ def test_it_ends_standing_as_it_began_but_for_the_way(stage):
         assert way == pytest.approx(wanted, abs=1e-12), name
 
 
-def test_steps_begin_where_and_when_they_are_told(stage):
-    x0 = stage.rest().replace(t=3.0)
+def test_steps_begin_where_and_when_they_are_told(promenade):
+    x0 = promenade.rest().replace(t=3.0)
     points = Gait().waypoints(x0, 2)
     assert all(times[0] == (3.0, float(x0[name])) for name, times in points.items())
     assert all(np.all(np.diff([t for t, _ in times]) > 0.0) for times in points.values())
 
 
-def test_what_cannot_walk_is_refused(stage):
+def test_what_cannot_walk_is_refused(promenade):
     with pytest.raises(ValueError, match="at least 2"):
-        Gait().inputs(stage, 1)
+        Gait().inputs(promenade, 1)
     with pytest.raises(fan.UnknownNameError, match=r"head\.x"):
         Gait().inputs(fan.puppets.arm2d(), 4)
     with pytest.raises(ValueError, match="duration"):

@@ -132,7 +132,7 @@ class Mode:
             if not armed:
                 armed = gb < ARMED
             elif ga <= 0 < gb:
-                return _root(lambda t: self.guard(t, self.state(t0, y0, t)), a, b), armed
+                return root(lambda t: self.guard(t, self.state(t0, y0, t)), a, b), armed
         return None, armed
 
 
@@ -185,7 +185,7 @@ def simulate(
     return run
 
 
-def _root(function: Callable[[float], float], a: float, b: float) -> float:
+def root(function: Callable[[float], float], a: float, b: float) -> float:
     """Root of an increasing crossing between a and b, to rounding, by secants."""
     fa, fb = function(a), function(b)
     for _ in range(60):

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import DOP853
 
-from .arm2d_events import ARMED, Run, _root
+from .arm2d_events import ARMED, Run, root
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,7 @@ def simulate(rod: Rod, q, v, t_end: float, *, tolerance: float = 1e-13) -> Run:
                 itertools.pairwise(grid), itertools.pairwise(values), strict=True
             ):
                 hit = [
-                    (_root(lambda t, r=r, s=s, y=y, taut=taut, piece=piece: guards(
+                    (root(lambda t, r=r, s=s, y=y, taut=taut, piece=piece: guards(
                         t, state(s.t_old, y, t, piece, taut), piece, taut)[r], a, b), r)
                     for r in range(2) if armed[r] and ga[r] <= 0 < gb[r]
                 ]  # fmt: skip

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.perform.hands import hands_of
 
 import fantoccini as fan
-from fantoccini.marionette import energies
+from fantoccini.marionette import Stepper, energies
 from fantoccini.perform import reach
 from fantoccini.perform.grip import HELD
 from properties import puppets
+
+pytestmark = [pytest.mark.slow, pytest.mark.long]
 
 NAMES = ("arm2d", "arm3d", "crane", "marionette", "marionette_bar", "stand6", "string_pendulum")
 CALM = ("marionette", "marionette_bar", "stand6")
@@ -21,7 +24,7 @@ OWN = ("wire", "cable_robot", "tackle", "beads", "winches", "springs")
 
 def abused(live: fan.Performance, throws: int, ticks: int, seed: int) -> float:
     """Handles thrown 10 m away and back, strings wound to both ends; the largest gain of energy."""
-    marionette, hands, rng = live.marionette, live._hands, np.random.default_rng(seed)
+    marionette, hands, rng = live.marionette, hands_of(live), np.random.default_rng(seed)
     homes = {h.name: live.place(h.name) for h in live.handles}
     lengths = {name: live.length(name) for name in live.lengths}
     before, n = sum(energies(marionette.model, live.state)), len(hands.names)
@@ -43,7 +46,7 @@ def abused(live: fan.Performance, throws: int, ticks: int, seed: int) -> float:
             for part in (x.q_D, x.v_D, x.q_K, x.v_K, x.slip, live.tension):
                 assert np.all(np.isfinite(part))
             gained = max(gained, sum(energies(marionette.model, x)) - before)
-            assert live._reports.stopped is None
+            assert not any("stopped" in why for why in live.lagging.values())
             assert np.all(reach.lengths(x.v_K, hands.group, n) <= hands.speed * (1 + 1e-9))
             if not marionette.coordinates.quaternions_K:
                 change = reach.lengths(x.v_K - v_K, hands.group, n) / live.tick
@@ -65,7 +68,7 @@ def test_thrown_about_a_hundred_times_a_puppet_comes_home(name):
     assert gained < MOST_ENERGY * marionette.weight
     live.advance(15.0)
     # The hands are where they were ...
-    assert np.max(np.abs(live._hands.away(live.state.q_K, x0.q_K)), initial=0.0) < 1e-12
+    assert np.max(np.abs(hands_of(live).away(live.state.q_K, x0.q_K)), initial=0.0) < 1e-12
     assert live.lagging == {} and np.all(live.slip < 1e-6)
     if name not in CALM:
         return
@@ -190,14 +193,14 @@ def test_where_the_stepper_cannot_go_on_the_hands_stop_and_the_recording_ends(mo
     home, _ = live.place("hand")
     live.move("hand", home + np.array([0.3, 0.0, 0.0]))
     live.advance(0.1)
-    asked = live._stepper.advance
+    status, failed = Stepper.status.fget, []
 
-    def fails(duration, acc_K=None, **how):
-        x = asked(duration, acc_K, **how)
-        live._stepper._run.status = fan.Status.NOT_SETTLED
-        return x
+    def fails(stepper):
+        """The first stepper fails, those that replace it do not."""
+        failed[:] = failed or [stepper]
+        return fan.Status.NOT_SETTLED if stepper is failed[0] else status(stepper)
 
-    monkeypatch.setattr(live._stepper, "advance", fails)
+    monkeypatch.setattr(Stepper, "status", property(fails))
     x = live.step()
     assert np.all(x.v_K == 0) and np.all(np.isfinite(x.q_D))
     assert "stopped" in live.lagging["hand"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 
 import numpy as np
@@ -10,11 +11,6 @@ from tests.show.toys import TOY
 
 import fantoccini as fan
 from fantoccini.errors import StateError, UnknownNameError
-
-
-@pytest.fixture(scope="module")
-def arm() -> fan.Marionette:
-    return fan.puppets.arm2d()
 
 
 def kicked(arm: fan.Marionette, size: float = 2.0) -> fan.State:
@@ -68,10 +64,7 @@ def test_hands_calm_a_kicked_arm(arm):
     for balanced in (False, True):
         live = fan.Performance(arm, kicked(arm))
         if balanced:
-            still = fan.Performance(arm)
-            law = fan.Balance(still)
-            law._performance = live  # of the pose at rest, for the arm that is kicked
-            live.let(law)
+            live.let(fan.Balance(live))
         left.append(settled(arm, live))
     assert left[1] < 0.2 * left[0]
 
@@ -132,7 +125,7 @@ def test_a_thread_makes_the_updates_and_counts_those_that_are_late(arm):
         time.sleep(0.02)
     assert law.late + law.mpc.skipped > late + skipped
     live.let(None)
-    assert not law._thread.is_alive()
+    assert "balance" not in [thread.name for thread in threading.enumerate()]
     n = law.mpc.updates
     live.advance(0.1)
     assert law.mpc.updates == n

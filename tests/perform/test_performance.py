@@ -6,6 +6,7 @@ import threading
 
 import numpy as np
 import pytest
+from tests.perform.hands import hands_of
 
 import fantoccini as fan
 from fantoccini.motion import rotation
@@ -36,17 +37,12 @@ def turn_between(p, q) -> float:
 
 
 @pytest.fixture(scope="module")
-def marionette():
-    return fan.puppets.marionette()
-
-
-@pytest.fixture(scope="module")
 def bar():
     return fan.puppets.marionette_bar()
 
 
 @pytest.fixture(scope="module")
-def crane():
+def bridge_crane():
     return fan.loads(CRANES)
 
 
@@ -100,8 +96,8 @@ def test_a_control_bar_is_moved_and_turned_at_once(bar):
     assert np.max(np.abs(live.state.v_K)) < 1e-12
 
 
-def test_handles_of_every_joint_go_where_their_joint_lets_them(crane):
-    live = fan.Performance(crane)
+def test_handles_of_every_joint_go_where_their_joint_lets_them(bridge_crane):
+    live = fan.Performance(bridge_crane)
     kinds = {h.name: (h.joint, len(h.axes), len(h.turns)) for h in live.handles}
     assert kinds == {
         "bridge": ("prismatic", 1, 0),
@@ -137,7 +133,7 @@ def test_driven_velocity_is_continuous_and_bounded(bar):
         live.advance(rng.uniform(0.05, 0.4))
     recording = live.stop()
     assert recording.ended == ""
-    inputs, hands = recording.inputs, live._hands
+    inputs, hands = recording.inputs, hands_of(live)
     inside = recording.times[1:-1]
     q_0, v_0, _ = inputs.evaluate(np.nextafter(inside, 0.0))
     q_1, v_1, _ = inputs.evaluate(np.nextafter(inside, 10.0))
@@ -204,8 +200,8 @@ def test_it_is_set_back_to_its_start(bar):
     assert np.array_equal(live.state.q_K, before.q_K)
 
 
-def test_parameters_change_while_it_goes_on(crane):
-    live = fan.Performance(crane)
+def test_parameters_change_while_it_goes_on(bridge_crane):
+    live = fan.Performance(bridge_crane)
     live.move("trolley", [0.5, 0, 3])
     live.advance(0.2)
     before, pull = live.state, live.tension[0]
@@ -223,8 +219,8 @@ def test_parameters_change_while_it_goes_on(crane):
     assert live.tension[0] == pytest.approx(2 * 9.81, rel=0.01)
 
 
-def test_a_changed_puppet_goes_on_where_names_were_kept(crane):
-    live = fan.Performance(crane)
+def test_a_changed_puppet_goes_on_where_names_were_kept(bridge_crane):
+    live = fan.Performance(bridge_crane)
     live.move("bridge", [0, 0.3, 0])
     live.move("head", None, rotation.exp(np.array([0.3, 0.0, 0.0])))
     live.advance(0.3)
@@ -236,7 +232,7 @@ def test_a_changed_puppet_goes_on_where_names_were_kept(crane):
     assert "head.qw is gone" in lost and "skull.qw is new" in lost
     names = live.marionette.coordinates.q_K
     kept = [names.index(n) for n in ("bridge", "trolley", "hoist.length")]
-    theirs = [crane.coordinates.q_K.index(names[i]) for i in kept]
+    theirs = [bridge_crane.coordinates.q_K.index(names[i]) for i in kept]
     assert np.array_equal(live.state.q_K[kept], before.q_K[theirs])
     assert np.allclose(live.target("bridge")[0], [0, 0.3, 3.0])
     live.advance(3.0)
@@ -245,8 +241,8 @@ def test_a_changed_puppet_goes_on_where_names_were_kept(crane):
         live.place("head")
 
 
-def test_a_puppet_whose_strings_became_too_short_is_wound_up(crane):
-    live = fan.Performance(crane)
+def test_a_puppet_whose_strings_became_too_short_is_wound_up(bridge_crane):
+    live = fan.Performance(bridge_crane)
     fixed = CRANES.replace("length: driven", "length: 0.5").replace(
         "{load.z: 2.0, hoist.length: 1.0}", "{load.z: 2.5}"
     )
@@ -258,8 +254,8 @@ def test_a_puppet_whose_strings_became_too_short_is_wound_up(crane):
     assert live.slip[0] < 1e-6
 
 
-def test_mistakes_are_told_and_change_nothing(crane):
-    live = fan.Performance(crane)
+def test_mistakes_are_told_and_change_nothing(bridge_crane):
+    live = fan.Performance(bridge_crane)
     with pytest.raises(fan.UnknownNameError, match="trolley"):
         live.move("troley", [0, 0, 0])
     with pytest.raises(fan.StateError, match="three finite numbers"):
@@ -271,7 +267,7 @@ def test_mistakes_are_told_and_change_nothing(crane):
     with pytest.raises(fan.UnknownNameError, match="hoist"):
         live.wind("hoists", 1.0)
     with pytest.raises(ValueError, match="speed"):
-        fan.Performance(crane, speed=0.0)
+        fan.Performance(bridge_crane, speed=0.0)
     with pytest.raises(fan.StateError, match="recorded"):
         live.stop()
     before = live.state

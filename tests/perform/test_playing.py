@@ -6,27 +6,25 @@ import itertools
 
 import numpy as np
 import pytest
+from tests.perform.hands import hands_of
 
 import fantoccini as fan
 from fantoccini.gestures import piecewise
 from fantoccini.motion import rotation
 from fantoccini.perform import reach
 
-
-@pytest.fixture(scope="module")
-def puppet():
-    return fan.puppets.marionette()
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def gestures(puppet):
-    return {name: fan.load_gesture(puppet, name) for name in fan.gesture_names()}
+def gestures(marionette):
+    return {name: fan.load_gesture(marionette, name) for name in fan.gesture_names()}
 
 
 @pytest.fixture(scope="module")
-def take(puppet):
+def take(marionette):
     """Two strings moved about for three seconds."""
-    live, rng = fan.Performance(puppet), np.random.default_rng(1)
+    live, rng = fan.Performance(marionette), np.random.default_rng(1)
     homes = {name: live.place(name)[0] for name in ("hand_left", "head")}
     live.record()
     for _ in range(10):
@@ -38,7 +36,7 @@ def take(puppet):
 
 def within_bounds(live: fan.Performance, made: fan.Recording) -> None:
     """Accelerations, and so jumps of velocity over a tick, and speeds."""
-    hands, v_K = live._hands, made.trajectory.v_K
+    hands, v_K = hands_of(live), made.trajectory.v_K
     for values, most in ((made.acc_K, hands.acceleration), (v_K, hands.speed)):
         sizes = np.array([reach.lengths(row, hands.group, len(most)) for row in values])
         assert np.max(sizes / most) <= 1.0 + 1e-9
@@ -48,8 +46,8 @@ def wanted(live: fan.Performance) -> np.ndarray:
     return np.concatenate([live.target(handle.name)[0] for handle in live.handles])
 
 
-def test_a_gesture_is_played_on_top_of_what_the_hands_hold(puppet, gestures):
-    live = fan.Performance(puppet)
+def test_a_gesture_is_played_on_top_of_what_the_hands_hold(marionette, gestures):
+    live = fan.Performance(marionette)
     live.move("head", live.place("head")[0] + [0.03, 0.0, 0.0])
     live.advance(1.0)
     home, wave = live.state.q_K, gestures["wave"]
@@ -65,8 +63,8 @@ def test_a_gesture_is_played_on_top_of_what_the_hands_hold(puppet, gestures):
     np.testing.assert_allclose(live.state.q_K, home, atol=1e-9)
 
 
-def test_gestures_in_the_middle_of_others_never_jump_and_keep_bounds(puppet, gestures):
-    live, rng = fan.Performance(puppet), np.random.default_rng(0)
+def test_gestures_in_the_middle_of_others_never_jump_and_keep_bounds(marionette, gestures):
+    live, rng = fan.Performance(marionette), np.random.default_rng(0)
     home = wanted(live)
     names = [name for name, one in gestures.items() if not one.travel.any()]
     live.record()
@@ -83,8 +81,8 @@ def test_gestures_in_the_middle_of_others_never_jump_and_keep_bounds(puppet, ges
     assert np.max(np.abs(made.trajectory.v_K[-1])) < 1e-9
 
 
-def test_after_a_walk_the_hands_are_at_the_new_place(puppet, gestures):
-    live, walk = fan.Performance(puppet), gestures["walk"]
+def test_after_a_walk_the_hands_are_at_the_new_place(marionette, gestures):
+    live, walk = fan.Performance(marionette), gestures["walk"]
     home = live.state.q_K
     live.play(walk)
     live.advance(walk.duration + 0.5)
@@ -97,8 +95,8 @@ def test_after_a_walk_the_hands_are_at_the_new_place(puppet, gestures):
     np.testing.assert_allclose(live.state.q_K, home, atol=1e-9)
 
 
-def test_home_takes_back_gestures_then_the_hands(puppet, gestures):
-    live = fan.Performance(puppet)
+def test_home_takes_back_gestures_then_the_hands(marionette, gestures):
+    live = fan.Performance(marionette)
     home = wanted(live)
     live.move("head", live.place("head")[0] + [0.03, 0.0, 0.0])
     held = wanted(live)
@@ -112,8 +110,8 @@ def test_home_takes_back_gestures_then_the_hands(puppet, gestures):
         np.testing.assert_allclose(np.concatenate(here), there, atol=1e-9)
 
 
-def test_a_button_pressed_twice_begins_again_where_it_is(puppet, gestures):
-    live = fan.Performance(puppet)
+def test_a_button_pressed_twice_begins_again_where_it_is(marionette, gestures):
+    live = fan.Performance(marionette)
     live.record()
     for _ in range(5):
         live.play(gestures["wave"])
@@ -125,9 +123,9 @@ def test_a_button_pressed_twice_begins_again_where_it_is(puppet, gestures):
     assert np.max(np.abs(made.trajectory.q_K - made.start.q_K)) < 1.2 * one
 
 
-def test_a_part_adds_to_the_whole_and_a_posture_takes_over(puppet, gestures):
-    names = puppet.coordinates.q_K
-    live = fan.Performance(puppet)
+def test_a_part_adds_to_the_whole_and_a_posture_takes_over(marionette, gestures):
+    names = marionette.coordinates.q_K
+    live = fan.Performance(marionette)
     home = live.state.q_K
     live.play(gestures["kneel"])
     live.advance(2.0)
@@ -145,8 +143,8 @@ def test_a_part_adds_to_the_whole_and_a_posture_takes_over(puppet, gestures):
     np.testing.assert_allclose(live.state.q_K[knee], home[knee], atol=1e-9)
 
 
-def test_gestures_begin_on_time(puppet, gestures):
-    live = fan.Performance(puppet)
+def test_gestures_begin_on_time(marionette, gestures):
+    live = fan.Performance(marionette)
     home, nod = live.state.q_K, gestures["nod"]
     assert live.play(nod, after=0.503) == pytest.approx(0.503)
     live.advance(0.5)
@@ -159,8 +157,8 @@ def test_gestures_begin_on_time(puppet, gestures):
     assert live.play(nod, after=0.0) > 0.0
 
 
-def test_what_begins_again_ends_when_told(puppet, gestures):
-    live = fan.Performance(puppet)
+def test_what_begins_again_ends_when_told(marionette, gestures):
+    live = fan.Performance(marionette)
     home = live.state.q_K
     live.play(gestures["march"], again=True)
     live.record()
@@ -173,9 +171,9 @@ def test_what_begins_again_ends_when_told(puppet, gestures):
     np.testing.assert_allclose(live.state.q_K, home, atol=1e-9)
 
 
-def test_a_walk_takes_home_along(puppet):
-    live = fan.Performance(puppet)
-    step = fan.Gesture.of(puppet, {"head.forward": [(0, 0), (1, "3 cm")]}, travels=True)
+def test_a_walk_takes_home_along(marionette):
+    live = fan.Performance(marionette)
+    step = fan.Gesture.of(marionette, {"head.forward": [(0, 0), (1, "3 cm")]}, travels=True)
     x = live.target("head")[0][0]
     for _ in range(2):
         live.play(step)
@@ -183,15 +181,15 @@ def test_a_walk_takes_home_along(puppet):
     assert live.target("head")[0][0] == pytest.approx(x + 0.06)
 
 
-def test_an_overdub_repeats_the_take_and_leaves_armed_lanes_to_the_hands(puppet, take):
-    live = fan.Performance(puppet)
+def test_an_overdub_repeats_the_take_and_leaves_armed_lanes_to_the_hands(marionette, take):
+    live = fan.Performance(marionette)
     live.play_take(take, armed=["hand_right"])
     live.record()
     there = live.place("hand_right")[0] + [0.06, 0.0, 0.0]
     live.move("hand_right", there)
     live.advance(take.duration)
     over = live.stop()
-    names = puppet.coordinates.q_K
+    names = marionette.coordinates.q_K
     assert "hand_right" in live.lanes and "hand_right.x" in names
     own = [i for i, name in enumerate(names) if not name.startswith("hand_right.")]
     np.testing.assert_allclose(
@@ -207,8 +205,8 @@ def test_an_overdub_repeats_the_take_and_leaves_armed_lanes_to_the_hands(puppet,
     np.testing.assert_allclose(again.q_D, take.trajectory.q_D, rtol=0, atol=1e-6)
 
 
-def test_hands_stop_where_a_take_ends(puppet, take):
-    live = fan.Performance(puppet)
+def test_hands_stop_where_a_take_ends(marionette, take):
+    live = fan.Performance(marionette)
     live.play_take(take.trimmed(0.0, 1.1))
     assert live.take_time == 0.0
     live.record()
@@ -220,9 +218,9 @@ def test_hands_stop_where_a_take_ends(puppet, take):
     )
 
 
-def test_a_loop_never_jumps(puppet, take):
+def test_a_loop_never_jumps(marionette, take):
     part = take.trimmed(0.4, 2.2)
-    live = fan.Performance(puppet)
+    live = fan.Performance(marionette)
     live.play_take(part, again=True)
     live.record()
     live.advance(5.0)
@@ -234,7 +232,7 @@ def test_a_loop_never_jumps(puppet, take):
     assert np.max(np.abs(live.state.v_K)) < 1e-9
 
 
-def test_a_looped_take_is_joined_by_state(puppet, take):
+def test_a_looped_take_is_joined_by_state(marionette, take):
     bar = fan.Performance(fan.puppets.marionette_bar())
     there, _ = bar.place("bar")
     bar.record()
@@ -253,8 +251,8 @@ def test_a_looped_take_is_joined_by_state(puppet, take):
                 np.testing.assert_allclose(a, b, atol=1e-9)
 
 
-def test_the_same_ends_need_no_way_back(puppet):
-    live = fan.Performance(puppet)
+def test_the_same_ends_need_no_way_back(marionette):
+    live = fan.Performance(marionette)
     live.record()
     live.advance(0.5)
     still = live.stop()
@@ -264,24 +262,24 @@ def test_the_same_ends_need_no_way_back(puppet):
             still.looped(times)
 
 
-def test_what_cannot_be_played_is_told(puppet, gestures, take):
+def test_what_cannot_be_played_is_told(marionette, gestures, take):
     live = fan.Performance(fan.puppets.arm2d())
     for do in (lambda: live.play(gestures["wave"]), lambda: live.play_take(take)):
         with pytest.raises(ValueError, match="puppet"):
             do()
-    live = fan.Performance(puppet)
+    live = fan.Performance(marionette)
     with pytest.raises(fan.UnknownNameError, match="hand_right"):
         live.play_take(take, armed=["hand_rihgt"])
-    live.let(still_law(puppet))
+    live.let(still_law(marionette))
     for do in (lambda: live.play(gestures["wave"]), lambda: live.play_take(take)):
         with pytest.raises(fan.StateError, match="law"):
             do()
 
 
-def still_law(puppet):
+def still_law(marionette):
     class Still:
         def acceleration(self, x: fan.State) -> np.ndarray:
-            return np.zeros(puppet.coordinates.n_vK)
+            return np.zeros(marionette.coordinates.n_vK)
 
         def stop(self) -> None:
             pass
@@ -289,8 +287,8 @@ def still_law(puppet):
     return Still()
 
 
-def test_far_too_large_gestures_stay_within_bounds_and_lengths(puppet, gestures):
-    live = fan.Performance(puppet)
+def test_far_too_large_gestures_stay_within_bounds_and_lengths(marionette, gestures):
+    live = fan.Performance(marionette)
     live.record()
     for name, factor in itertools.product(("jump", "wave"), (8.0, 30.0)):
         live.play(gestures[name].scaled(factor))
@@ -311,14 +309,14 @@ waits: {clap: {at: 9}, end: {at: 16}}
 
 
 @pytest.fixture(scope="module")
-def score(puppet, tmp_path_factory):
+def score(marionette, tmp_path_factory):
     path = tmp_path_factory.mktemp("score") / "number.yaml"
     path.write_text(SCORE, encoding="utf-8")
-    return fan.load_score(puppet, path)
+    return fan.load_score(marionette, path)
 
 
-def test_a_score_is_played_paused_and_set(puppet, score):
-    live = fan.Performance(puppet)
+def test_a_score_is_played_paused_and_set(marionette, score):
+    live = fan.Performance(marionette)
     home = live.state.q_K
 
     def agrees(atol: float = 2e-5) -> None:
@@ -360,8 +358,8 @@ def test_a_score_is_played_paused_and_set(puppet, score):
     within_bounds(live, live.stop())
 
 
-def test_armed_lanes_of_a_score_are_in_the_hands(puppet, score):
-    live = fan.Performance(puppet)
+def test_armed_lanes_of_a_score_are_in_the_hands(marionette, score):
+    live = fan.Performance(marionette)
     home = live.place("hand_right")[0]
     live.play_score(score, armed=["hand_right"])
     for _ in range(30):
@@ -370,8 +368,8 @@ def test_armed_lanes_of_a_score_are_in_the_hands(puppet, score):
         assert live.length("hand_right") == live.wanted_length("hand_right")
 
 
-def test_what_is_played_goes_on_or_is_told_to_have_ended(puppet, gestures, score):
-    live = fan.Performance(puppet)
+def test_what_is_played_goes_on_or_is_told_to_have_ended(marionette, gestures, score):
+    live = fan.Performance(marionette)
     live.play(gestures["wave"], again=True)
     playing = live.play_score(score)
     live.advance(0.5)

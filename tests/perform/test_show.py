@@ -10,6 +10,7 @@ import pytest
 from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
 from pythonosc.osc_message_builder import OscMessageBuilder
 from pythonosc.osc_packet import OscPacket
+from tests.perform.hands import hands_of
 from tests.perform.played import PLAY
 
 import fantoccini as fan
@@ -17,6 +18,8 @@ from fantoccini.datagrams import socket_to
 from fantoccini.errors import StateError, UnknownNameError
 from fantoccini.perform import osc, reach
 from fantoccini.perform.osc import Address, Osc
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
@@ -31,19 +34,20 @@ class Stage:
 
     def __init__(self, play):
         self.show = fan.Show(play)
+        self.hands = hands_of(self.show.performance)
         self.told = []
         self.show.listen(lambda what: self.told.append((what.kind, what.number or what.name)))
         self.most = np.zeros(2)
 
     def pass_by(self, seconds: float) -> None:
         live = self.show.performance
-        hands = live._hands
+        hands = self.hands
         for _ in range(round(seconds / live.tick)):
-            before = np.array(live._x.v_K)
+            before = np.array(live.state.v_K)
             self.show.advance(live.tick)
             used = (
-                reach.lengths(live._x.v_K, hands.group, len(hands.speed)) / hands.speed,
-                reach.lengths(live._x.v_K - before, hands.group, len(hands.speed))
+                reach.lengths(live.state.v_K, hands.group, len(hands.speed)) / hands.speed,
+                reach.lengths(live.state.v_K - before, hands.group, len(hands.speed))
                 / live.tick / hands.acceleration,
             )  # fmt: skip
             self.most = np.maximum(self.most, np.max(used, axis=1))
@@ -52,7 +56,7 @@ class Stage:
         """How far hands are from where the play has them at its time [m]."""
         live, play = self.show.performance, self.show.play
         there, _ = play.score.offsets(self.show.t)
-        away = np.abs(live._hands.away(play.x0.q_K, live._x.q_K) - there)
+        away = np.abs(self.hands.away(play.x0.q_K, live.state.q_K) - there)
         own = [name.startswith(who) for name in play.marionette.coordinates.v_K]
         return float(np.max(away[own]))
 
@@ -150,13 +154,13 @@ def test_a_player_is_taken_and_given_back_while_the_other_plays_on(stage, moved)
     stage.pass_by(0.8)
     show.take("pierrot")
     stage.pass_by(0.5)
-    still = np.array(live._x.q_K)
+    still = np.array(live.state.q_K)
     if moved:
         live.move("pierrot.head", live.place("pierrot.head")[0] + [0.1, 0.0, 0.05])
     stage.pass_by(1.5)
     names = live.marionette.coordinates.q_K
     others = [name.startswith("pierrot") and "head" not in name for name in names]
-    np.testing.assert_allclose(live._x.q_K[others], still[others], atol=1e-12)
+    np.testing.assert_allclose(live.state.q_K[others], still[others], atol=1e-12)
     assert stage.astray("columbine") < 1e-3
     assert stage.astray("pierrot") > 0.01
     show.give("pierrot")
@@ -165,7 +169,6 @@ def test_a_player_is_taken_and_given_back_while_the_other_plays_on(stage, moved)
     assert stage.within_bounds()
 
 
-@pytest.mark.slow
 def test_hands_that_shift_against_swing_end_it_soon(play):
     """Of a push of 0.5 N for 0.2 s."""
 
@@ -193,7 +196,6 @@ def test_hands_that_shift_against_swing_end_it_soon(play):
     assert swing(True) < 0.5 * swing(False)
 
 
-@pytest.mark.slow
 def test_players_are_steadied_as_pendulums_in_the_gravity_of_their_own_files(play, tmp_path):
     """w^2 = g/height: on the moon they swing sqrt(9.81/1.62) times more slowly."""
     text = fan.puppets.path("marionette").read_text(encoding="utf-8")

@@ -17,6 +17,8 @@ from fantoccini.errors import FileError
 from fantoccini.planning import Clearance, HalfSpace
 from fantoccini.runtime import ClearanceLibrary
 
+pytestmark = pytest.mark.long
+
 KINDS = ("sphere", "capsule", "box")
 
 

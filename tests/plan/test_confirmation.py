@@ -41,11 +41,6 @@ def damped() -> Problem:
     return Problem(DAMPED, start, RAISED, BOXES, tolerance=0.1, acceleration=5.0)
 
 
-@pytest.fixture(scope="module")
-def boxes() -> Problem:
-    return fan.load_problem("arm3d_boxes")
-
-
 def test_plans_hold_event_driven_by_default(damped):
     """17.19: they end at the goal and touch nothing, looked at every millisecond."""
     for seed in range(16):

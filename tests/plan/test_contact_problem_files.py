@@ -13,6 +13,8 @@ from fantoccini.errors import FileError
 from fantoccini.planning import problem_schema
 from fantoccini.puppet.located import read_file
 
+pytestmark = pytest.mark.slow
+
 TOUCH = """\
 problem: lay
 puppet: arm.yaml

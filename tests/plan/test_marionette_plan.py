@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import fantoccini as fan
 from fantoccini.marionette import link_index
 from fantoccini.planning.balance import balanced
+
+pytestmark = [pytest.mark.slow, pytest.mark.long]
 
 
 def test_the_marionette_touches_the_bell_past_the_lamp():

@@ -19,6 +19,8 @@ import fantoccini as fan
 from fantoccini.planning import Clearance
 from fantoccini.runtime import ClearanceLibrary
 
+pytestmark = pytest.mark.long
+
 THICK = 0.1
 """Of the legs of the L, which are 0.4 long and lie along x and z; 0.2 across."""
 

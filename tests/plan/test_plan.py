@@ -13,6 +13,8 @@ import fantoccini as fan
 from fantoccini.errors import FileError
 from fantoccini.planning import EST2007, Explore, StateArrays, solve
 
+pytestmark = [pytest.mark.slow, pytest.mark.long]
+
 ARM = fan.puppets.arm3d()
 HANGING = ARM.rest(
     {"shoulder.rotation": [0, 0, 0], "elbow": 0.05, "hand.x": 0.3, "hand.length": 1.34}

@@ -9,18 +9,15 @@ import fantoccini as fan
 from fantoccini.errors import FileError
 from fantoccini.planning import Explore
 
+pytestmark = pytest.mark.own_puppets
+
 NO_PLAN = r"is not a plan that this version can read|is not an npz file"
 
 
-@pytest.fixture(scope="module")
-def problem() -> fan.Problem:
-    return fan.load_problem("arm3d_boxes")
-
-
-def test_a_plan_comes_back_whole_and_goes_on_as_if_nothing_had_been(problem, tmp_path):
-    found = fan.solve(problem, seed=4)
+def test_a_plan_comes_back_whole_and_goes_on_as_if_nothing_had_been(boxes, tmp_path):
+    found = fan.solve(boxes, seed=4)
     found.save(tmp_path / "plan.npz")
-    again = fan.PlanResult.load(tmp_path / "plan.npz", problem)
+    again = fan.PlanResult.load(tmp_path / "plan.npz", boxes)
     assert again and again.path == found.path and again.replay()
     assert (again.tried, again.curve, again.status) == (found.tried, found.curve, found.status)
     for name, a in found.tree.arrays.items():
@@ -31,25 +28,25 @@ def test_a_plan_comes_back_whole_and_goes_on_as_if_nothing_had_been(problem, tmp
     assert not list(tmp_path.glob(".*")), "nothing half-written is left"
 
 
-def test_a_planner_without_a_name_is_given_again(problem, tmp_path):
+def test_a_planner_without_a_name_is_given_again(boxes, tmp_path):
     planner = Explore(batch=32)
-    fan.solve(problem, planner=planner, seed=1).save(tmp_path / "plan.npz")
-    again = fan.PlanResult.load(tmp_path / "plan.npz", problem, planner)
+    fan.solve(boxes, planner=planner, seed=1).save(tmp_path / "plan.npz")
+    again = fan.PlanResult.load(tmp_path / "plan.npz", boxes, planner)
     assert again.search.options.planner is planner
 
 
-def test_what_is_no_plan_is_told(problem, tmp_path):
+def test_what_is_no_plan_is_told(boxes, tmp_path):
     path = tmp_path / "plan.npz"
     with pytest.raises(FileError, match="no such file"):
-        fan.PlanResult.load(path, problem)
+        fan.PlanResult.load(path, boxes)
     path.write_bytes(b"not a plan")
     with pytest.raises(FileError, match=NO_PLAN):
-        fan.PlanResult.load(path, problem)
-    fan.simulate(problem.marionette, problem.start, t_end=0.1).save(path)
+        fan.PlanResult.load(path, boxes)
+    fan.simulate(boxes.marionette, boxes.start, t_end=0.1).save(path)
     with pytest.raises(FileError, match="has the format"):
-        fan.PlanResult.load(path, problem)
-    fan.solve(problem, seed=0).save(path)
-    arm = problem.marionette
+        fan.PlanResult.load(path, boxes)
+    fan.solve(boxes, seed=0).save(path)
+    arm = boxes.marionette
     other = fan.Problem(arm, arm.rest({"hand.x": 0.2}), {"elbow": 1.0})
     with pytest.raises(FileError, match="another problem"):
         fan.PlanResult.load(path, other)
@@ -58,13 +55,13 @@ def test_what_is_no_plan_is_told(problem, tmp_path):
     raw = path.read_bytes()
     path.write_bytes(raw[: len(raw) // 2])
     with pytest.raises(FileError, match=NO_PLAN):
-        fan.PlanResult.load(path, problem)
+        fan.PlanResult.load(path, boxes)
 
 
-def test_pictures_and_films_of_plans(problem, tmp_path):
+def test_pictures_and_films_of_plans(boxes, tmp_path):
     from matplotlib.image import imread
 
-    found = fan.solve(problem, seed=0, improve=0.2)
+    found = fan.solve(boxes, seed=0, improve=0.2)
     pixels = imread(found.plot(tmp_path / "plan.png", size=(400, 400)))
     assert pixels.shape[:2] == (800, 800) and pixels[..., :3].std() > 0.02
     blue = (pixels[..., 2] > pixels[..., 0] + 0.3).sum()
@@ -84,12 +81,12 @@ def test_pictures_and_films_of_plans(problem, tmp_path):
         ("path", lambda a: a[:-1] * 0 + 10_000),
     ],
 )
-def test_damaged_arrays_are_told(problem, tmp_path, name, change):
+def test_damaged_arrays_are_told(boxes, tmp_path, name, change):
     path = tmp_path / "plan.npz"
-    fan.solve(problem, seed=0).save(path)
+    fan.solve(boxes, seed=0).save(path)
     with np.load(path) as file:
         arrays = {key: file[key] for key in file.files}
     arrays[name] = change(arrays[name])
     np.savez(path, **arrays)
     with pytest.raises(FileError, match=NO_PLAN):
-        fan.PlanResult.load(path, problem)
+        fan.PlanResult.load(path, boxes)

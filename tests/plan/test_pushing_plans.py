@@ -10,6 +10,8 @@ import fantoccini as fan
 from fantoccini.marionette import link_index
 from fantoccini.planning import Problem, solve
 
+pytestmark = pytest.mark.slow
+
 CRATE = {"type": "box", "size": [0.08, 0.12, 0.16], "mass": 0.05}
 BALL = {"type": "sphere", "radius": 0.05, "mass": 0.05}
 MAY = {"touch": [("hand", "crate")]}

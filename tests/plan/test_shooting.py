@@ -7,49 +7,43 @@ import pytest
 from tests.plan.seeds import calm, first_plan, near, polished
 
 import fantoccini as fan
-from fantoccini.planning import Problem
 from fantoccini.planning.descent import step
 from fantoccini.planning.shooting import Shooting
 
 
 @pytest.fixture(scope="module")
-def problem() -> Problem:
-    return fan.load_problem("arm3d_boxes")
+def shooting(boxes) -> Shooting:
+    return Shooting(boxes)
 
 
 @pytest.fixture(scope="module")
-def shooting(problem) -> Shooting:
-    return Shooting(problem)
-
-
-@pytest.fixture(scope="module")
-def V(problem, shooting) -> np.ndarray:
+def V(boxes, shooting) -> np.ndarray:
     """Velocities of a plan on which nothing is caught, as polished."""
-    plan = first_plan(problem, lambda found: near(found) and calm(found), polished)
+    plan = first_plan(boxes, lambda found: near(found) and calm(found), polished)
     return shooting.velocities(plan.tree.acceleration[list(plan.path[1:])])
 
 
-def test_candidates_are_the_plans_own_rollouts(problem, shooting, V):
+def test_candidates_are_the_plans_own_rollouts(boxes, shooting, V):
     candidate = shooting.candidates(V[None])
     inputs = fan.Input.segments(
-        problem.marionette, shooting.segment * np.arange(len(V) + 1), problem.start.q_K,
-        problem.start.v_K, shooting.accelerations(V),
+        boxes.marionette, shooting.segment * np.arange(len(V) + 1), boxes.start.q_K,
+        boxes.start.v_K, shooting.accelerations(V),
     )  # fmt: skip
     run = fan.simulate(
-        problem.marionette, problem.start, inputs, t_end=shooting.segment * len(V),
-        method=fan.TimeStepping(dt=problem.rollouts.options.dt, extrapolate=False),
+        boxes.marionette, boxes.start, inputs, t_end=shooting.segment * len(V),
+        method=fan.TimeStepping(dt=boxes.rollouts.options.dt, extrapolate=False),
     )  # fmt: skip
-    every = problem.rollouts.options.look
+    every = boxes.rollouts.options.look
     np.testing.assert_allclose(candidate.nodes.q_D[0], run.q_D[::every], atol=1e-10)
     # Tension, of which constraints know 0.3 of its part of the weight, 2 % of that wished for.
     spare = candidate.constraints[0, :, -1] / 0.3 + 0.02
-    after = run.tension["hand"][every::every] / problem.marionette.weight
+    after = run.tension["hand"][every::every] / boxes.marionette.weight
     # The time-stepper's is that of a step: it lags by less than a look.
     change = np.abs(np.diff(after))
     around = np.maximum(np.append(change, 0.0), np.append(0.0, change))
     assert np.all(np.abs(spare - after) < 0.01 + around)
     clear = candidate.constraints[0, :, 0] + 0.007
-    np.testing.assert_allclose(clear, problem.rollouts.clearance.of(run)[every::every], atol=1e-10)
+    np.testing.assert_allclose(clear, boxes.rollouts.clearance.of(run)[every::every], atol=1e-10)
     assert candidate.distance[0] <= 1e-3 and candidate.calm[0] == 0
 
 
@@ -75,9 +69,9 @@ def test_what_comes_first_is_left_alone_where_that_is_asked(shooting, V):
     assert not by.basis[: len(V) - 7].any() and by.basis[len(V) - 7 :].any(axis=1).all()
 
 
-def test_steps_keep_bounds_and_bring_ways_nearer(problem, shooting, V):
+def test_steps_keep_bounds_and_bring_ways_nearer(boxes, shooting, V):
     """From ways that were turned aside."""
-    random, bounds = np.random.default_rng(1), problem.rollouts.bounds
+    random, bounds = np.random.default_rng(1), boxes.rollouts.bounds
     for _ in range(3):
         aside = shooting.within(V + 0.02 * random.normal(size=V.shape))
         candidate = shooting.candidates(aside[None])
@@ -92,8 +86,8 @@ def test_steps_keep_bounds_and_bring_ways_nearer(problem, shooting, V):
         assert better.merit[0] < 0.95 * candidate.merit[0]
 
 
-def test_velocities_are_followed_as_bounds_allow(problem, shooting):
-    bounds = problem.rollouts.bounds
+def test_velocities_are_followed_as_bounds_allow(boxes, shooting):
+    bounds = boxes.rollouts.bounds
     wild = 3.0 * np.random.default_rng(2).normal(size=(4, 30, 3))
     kept = shooting.within(wild)
     assert np.all(np.abs(kept) <= bounds.speed)

@@ -9,14 +9,11 @@ import fantoccini as fan
 from fantoccini.errors import StateError
 from fantoccini.planning import Problem, solve
 
+pytestmark = pytest.mark.slow
+
 FEET = [("shin_left", "floor"), ("shin_right", "floor")]
 STRINGS = ("head", "shoulder_left", "shoulder_right", "hand_left", "hand_right", "knee_left",
            "knee_right")  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def promenade() -> fan.Marionette:
-    return fan.load(fan.puppets.path("promenade"))
 
 
 @pytest.fixture(scope="module")

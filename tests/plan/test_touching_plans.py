@@ -15,6 +15,8 @@ from fantoccini.planning.plan_path import PlanPath
 from fantoccini.planning.polish import PolishStatus
 from fantoccini.planning.rollouts import Rollouts
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 ARM, START = over_table()
 ON_TABLE = fan.Goal.touch(ARM, [("hand", "table")])
 

@@ -13,6 +13,8 @@ import fantoccini as fan
 from fantoccini.planning import PlanResult
 from fantoccini.planning.search_tree import SearchTree
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def plan() -> PlanResult:

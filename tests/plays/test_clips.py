@@ -25,6 +25,8 @@ from plays.conftest import HEAD, Plays
 from plays.test_play_file import mistakes
 from plays.tiny import BALL
 
+pytestmark = [pytest.mark.slow, pytest.mark.long]
+
 FRAMES = 60
 BOUNDS = {"speed": 1.5, "acceleration": 12.0}
 """Those of a stage that gives none."""
@@ -50,11 +52,6 @@ def _short(wave: Path, plays: Plays) -> Path:
     """The clip in a folder beside the plays."""
     (plays.folder / "clips").mkdir()
     return Path(shutil.copy(wave, plays.folder / "clips"))
-
-
-@pytest.fixture(scope="module", name="marionette")
-def _marionette() -> fan.Marionette:
-    return fan.puppets.marionette()
 
 
 @pytest.fixture(scope="module", name="waving")
@@ -237,7 +234,6 @@ def test_a_check_simulates_nothing_and_a_change_keeps_the_clip(
         plays.compiled(cues, before=first)
 
 
-@pytest.mark.slow  # two clips, which two players do
 def test_clips_are_changed_as_gestures_are(plays: Plays, short: Path):
     play = plays.compiled(
         "{who: pierrot, does: clips/up.bvh, lasts: 9, mirrored: true}\n"
@@ -262,7 +258,6 @@ def test_clips_are_changed_as_gestures_are(plays: Plays, short: Path):
     )
 
 
-@pytest.mark.slow  # four speeds are tried
 def test_a_clip_that_is_too_fast_is_refused_with_what_can_be_done(plays: Plays, short: Path):
     slow = HEAD.replace("stage:\n", "stage:\n  speed: 0.2\n  acceleration: 1\n")
     cue = f"{{who: pierrot, does: clips/{short.name}, faster: 2}}"

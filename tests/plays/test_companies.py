@@ -11,6 +11,8 @@ from fantoccini.plays.contacts import hanging
 from fantoccini.plays.handled import failures
 from fantoccini.plays.together import together
 
+pytestmark = [pytest.mark.slow, pytest.mark.long]
+
 PLAY = """\
 play: gift
 tempo: 100
@@ -80,7 +82,6 @@ def gift(tmp_path_factory):
     return fan.load_play(path)
 
 
-@pytest.mark.slow
 def test_a_ball_is_given_in_a_play(gift):
     assert gift, gift.changes
     give, wave = gift.cues
@@ -103,7 +104,6 @@ def test_a_ball_is_given_in_a_play(gift):
     }  # fmt: skip
 
 
-@pytest.mark.slow
 def test_the_run_of_the_stage_is_that_of_its_companies(gift):
     """Energies and places where one company takes over from another."""
     runs = gift.runs()
@@ -183,7 +183,6 @@ def test_who_does_not_hold_a_prop_cannot_give_it(tmp_path):
     assert "columbine does not hold ball: pierrot holds it" in str(why)
 
 
-@pytest.mark.slow
 def test_a_ball_is_given_live(gift):
     """In time steps of the whole stage, with feedback against swing."""
     show = fan.Show(gift)

@@ -16,6 +16,8 @@ from fantoccini.plays.touching import AT_HAND, touches
 from plays.conftest import HEAD, Plays
 from plays.tiny import TOUCHES, write_play
 
+pytestmark = [pytest.mark.slow, pytest.mark.long]
+
 
 def refused(play: fan.Play) -> list[str]:
     """Why cues cannot be done."""
@@ -165,14 +167,12 @@ CUES = """
 """
 
 
-@pytest.mark.slow
 def test_the_same_play_is_the_same_to_the_bit(plays: Plays):
     one, two = plays.compiled(CUES), plays.compiled(CUES)
     assert np.array_equal(one.score.gesture.coef, two.score.gesture.coef)
     assert np.array_equal(fan.verify_play(one).run.q_D, fan.verify_play(two).run.q_D)
 
 
-@pytest.mark.slow
 def test_a_changed_play_uses_what_is_kept_and_is_as_from_nothing(plays: Plays):
     first = plays.compiled(CUES)
     made = first.kept.made
@@ -317,7 +317,6 @@ def test_compiling_stops_in_time_with_what_there_is(tmp_path):
     assert stopped.duration > 0.0
 
 
-@pytest.mark.slow
 def test_an_edited_puppet_is_read_again(plays: Plays):
     text = (fan.puppets.path("marionette")).read_text()
     (plays.folder / "mine.yaml").write_text(text)

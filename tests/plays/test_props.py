@@ -18,6 +18,8 @@ from fantoccini.plays import props, putting
 from fantoccini.plays.sitting import sit
 from fantoccini.puppet.contact import FLOOR
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets, pytest.mark.long]
+
 RAISED = 0.02
 """Feet hang clear of the floor, which event-driven runs of feet just above it do not like [m]."""
 RULES = {"friction": 0.6, "meets": ["floor", "obstacles", "props"]}

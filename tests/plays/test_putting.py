@@ -14,6 +14,8 @@ from fantoccini.plays import putting
 from fantoccini.plays.together import together
 from fantoccini.puppet.bundled_files import bundled
 
+pytestmark = pytest.mark.slow
+
 DOWN = "      - {who: pierrot, puts down: PROP, onto: table}\n"
 UP = "      - {who: pierrot, picks up: PROP}\n"
 TOP = 0.2
@@ -52,7 +54,6 @@ def stood(play: fan.Play, prop: str) -> np.ndarray:
     return np.append(pose[:, 3], pose[2, 2])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("prop", "side", "top", "at"),
     [

@@ -11,6 +11,8 @@ import fantoccini as fan
 from fantoccini.marionette import link_index
 from fantoccini.plays.sitting import sit
 
+pytestmark = [pytest.mark.slow, pytest.mark.long]
+
 PLAY = """\
 play: rest
 tempo: 100
@@ -67,14 +69,12 @@ def test_she_sits_on_a_chair_waves_stands_up_and_bows(tmp_path):
     check_sits(made(tmp_path, SITS, WAVES, STANDS, BOWS, props=props))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("facing", ["left", "back"])
 def test_she_sits_wherever_a_chair_stands(tmp_path, facing):
     props = CHAIR.format(at="[0.3, -0.4]", facing=facing)
     check_sits(made(tmp_path, SITS, WAVES, STANDS, "{who: pierrot, walks to: west}", props=props))
 
 
-@pytest.mark.slow
 def test_she_comes_up_to_a_chair_head_on_and_sits_twice(tmp_path):
     path = tmp_path / "twice.yaml"
     path.write_text("""
@@ -92,7 +92,6 @@ acts:
     check_sits(fan.load_play(path))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("height", [0.13, 0.16])
 def test_she_sits_on_an_obstacle(tmp_path, height):
     bench = BENCH.format(h=height, z=height / 2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from pathlib import Path
 
@@ -75,7 +76,7 @@ def test_an_error_at_the_very_start_is_told_with_player_and_line(tmp_path, monke
 
 def test_an_error_in_the_verification_is_a_fault_with_line_player_and_cue(tmp_path, monkeypatch):
     play = fan.load_play(write_play(tmp_path, TWICE))
-    play.kept._found.clear()
+    play = dataclasses.replace(play, kept=Kept())
     failing(monkeypatch, lambda x, inputs, _: moves_again(x, inputs), ERRORS[0])
     found = fan.verify_play(play)
     assert not found
@@ -83,7 +84,7 @@ def test_an_error_in_the_verification_is_a_fault_with_line_player_and_cue(tmp_pa
     assert fault.startswith("line 15: one: hop.yaml: one's run stops in First <act>, beat 3.0")
     assert found.run.status is not fan.Status.DONE
     failing(monkeypatch, lambda x, inputs, _: x["hold.y"] < 0.0, ERRORS[0])
-    play.kept._found.clear()
+    play = dataclasses.replace(play, kept=Kept())
     with pytest.raises(fan.FileError, match=r"tiny\.yaml:9: cast\.one: line 14: one: hop\.yaml: "):
         fan.verify_play(play)
 

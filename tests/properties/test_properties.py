@@ -14,6 +14,8 @@ from properties.check import METHODS, checked, simulated
 from properties.performances import performance
 from properties.soak import soak
 
+pytestmark = [pytest.mark.slow, pytest.mark.long]
+
 RUNS = 2_500
 STAGED = 180
 WORKERS = 2
@@ -21,7 +23,6 @@ FEW = ("rod", "tray", "winches")
 """Puppets whose variational integrator is compiled here; ``make soak`` has all of them."""
 
 
-@pytest.mark.slow
 def test_properties():
     assert len(puppets.ALL) >= 12
     tally = soak(list(puppets.ALL), RUNS, seed=0, workers=WORKERS, methods=METHODS[:2])
@@ -38,7 +39,6 @@ def test_properties():
     assert not lines, "\n".join(["broken properties, each with a command that shows it:", *lines])
 
 
-@pytest.mark.slow
 def test_stages():
     """Bodies of all shapes thrown onto one another, with any friction, restitution and step."""
     tally = soak(list(stages.ALL), STAGED, seed=0, workers=WORKERS, methods=METHODS[1:2])
@@ -70,7 +70,7 @@ def test_crowds_have_event_driven_and_live_runs_among_them():
     assert len(set(some)) == len(some)
 
 
-@pytest.mark.parametrize("name", ["figure", pytest.param("duet", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["figure", "duet"])
 def test_puppets_thrown_about_live_are_not_broken(name):
     """At the floor, at one another and anywhere, among random obstacles with random rules."""
     found = [each for i in range(4) if (each := throws.thrown(name, 1, i))]
@@ -143,7 +143,6 @@ def test_same_input_same_bits_in_any_thread(method):
 # Points of one body that turn at nanometres a second, points pulled askew as they begin to slide,
 # feet that strut apart, and several that jam together: they took over a minute, or steps below the
 # clock's resolution. In the last one a mode ended and began without end.
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "case",
     ["heap 1 15", "heap 13 1", "heap 20 6", "crates 12 12", "crates 21 1", "paddle 21 4",

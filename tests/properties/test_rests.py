@@ -9,6 +9,8 @@ import pytest
 
 from properties import rests
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("puppet", [1, 2, 27])
 def test_a_puppet_with_a_rest_is_found_one(puppet):

@@ -15,6 +15,8 @@ from fantoccini.tree import grow
 from fantoccini.view.geometry import geometry_at
 from fantoccini.view.still import Still
 
+pytestmark = pytest.mark.own_puppets
+
 CHAIN = "chain: {pieces: 4, mass: 0.01, stiffness: 500}"
 
 MISTAKES = [

@@ -10,6 +10,8 @@ from fantoccini.errors import PuppetError
 from fantoccini.puppet import Box, Capsule, Ellipsoid, Mesh, Orientation, Shape, Sphere, loads
 from fantoccini.puppet.shapes import load_mesh, shape_inertia
 
+pytestmark = pytest.mark.own_puppets
+
 TURNED = Orientation(axis=(1, 2, -1), angle="40 deg")
 
 

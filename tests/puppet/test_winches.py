@@ -12,6 +12,8 @@ import fantoccini as fan
 from fantoccini.errors import PuppetError
 from fantoccini.puppet import json_schema, loads
 
+pytestmark = pytest.mark.own_puppets
+
 MISTAKES = [
     ("restitution: 1.1", 11, "restitution", "found 1.1; needed: a number from 0 to 1"),
     ("restitution: -0.1", 11, "restitution", "found -0.1; needed: a number from 0 to 1"),

@@ -20,6 +20,8 @@ from fantoccini.reduction.mechanism import Mechanism
 from fantoccini.reduction.reference import simulate_reference, smooth_reference, toss
 from reduction.toys import HELD, WINCH
 
+pytestmark = pytest.mark.slow
+
 MASS = 0.5
 
 

@@ -9,11 +9,6 @@ import fantoccini as fan
 
 
 @pytest.fixture(scope="module")
-def arm():
-    return fan.puppets.arm2d()
-
-
-@pytest.fixture(scope="module")
 def caught(arm):
     """A start from which the string is caught once, at about 0.17 s."""
     x = arm.rest({"hand.length": 0.8})

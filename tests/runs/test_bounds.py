@@ -119,9 +119,9 @@ def test_memory_is_what_the_machine_the_group_and_the_process_leave(tmp_path):
     group = tmp_path / "memory.max", tmp_path / "memory.current", tmp_path / "memory.stat"
     for file, text in zip(group, ("1000\n", "700\n", "anon 400\ninactive_file 300\n"), strict=True):
         file.write_text(text)
-    assert memory._of_group(tmp_path) == 600
+    assert memory.of_group(tmp_path) == 600
     group[0].write_text("max\n")
-    assert memory._of_group(tmp_path) is None
+    assert memory.of_group(tmp_path) is None
 
 
 def test_a_run_needs_no_more_memory_than_was_reckoned():

@@ -2,59 +2,17 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 import pytest
+from tests.runs.cable_robot import LIMITED, NAMES, REWOUND, moved, robot
 
 import fantoccini as fan
 from fantoccini import Status
 from fantoccini.marionette import contradiction, first_excess_tension, may_be_redundant
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 METHODS = ("event", "timestepping", "variational")
-CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
-FRAME = CORNERS * [2.0, 2.0, 1.5] + [0.0, 0.0, 1.5]
-BOX = CORNERS * [0.2, 0.2, -0.2]
-"""Lower corners hang from above, upper ones are held from below."""
-MIDDLE = np.array([0.0, 0.0, 1.5])
-NAMES = tuple(f"c{i}" for i in range(8))
-
-
-def robot(extra: dict[int, str] | None = None) -> fan.Marionette:
-    """A free box on eight driven lengths; ``extra`` keys by string."""
-    lines = [
-        "puppet: robot", "bodies:",
-        "  - {name: box, joint: {type: free, at: [0, 0, 1.5]}, shapes: [{type: box, "
-        "size: [0.4, 0.4, 0.4], mass: 10}]}", "strings:",
-    ]  # fmt: skip
-    for i, (at, end) in enumerate(zip(BOX.tolist(), FRAME.tolist(), strict=True)):
-        more = (extra or {}).get(i, "")
-        path = f"[{{body: box, at: {at}}}, {{world: {end}}}]"
-        lines.append(f"  - {{name: c{i}, path: {path}, length: driven{more}}}")
-    return fan.loads("\n".join(lines))
-
-
-def lengths(moved: np.ndarray) -> np.ndarray:
-    """(8,) of a box that has moved by (3,) without turning."""
-    return np.linalg.norm(MIDDLE + moved + BOX - FRAME, axis=1)
-
-
-def moved(
-    marionette: fan.Marionette, far=(0.3, 0.0, 0.0), n: int = 101, end: float = 1.0
-) -> tuple[fan.State, fan.Input]:
-    """By ``far`` until ``end``, from ``n`` samples of the inverse kinematics."""
-    t = np.linspace(0.0, end, n)
-    s = t / end
-    way = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
-    sampled = np.array([lengths(np.asarray(far) * part) for part in way])
-    columns = {f"{name}.length": sampled[:, i] for i, name in enumerate(NAMES)}
-    x0 = marionette.state({name: column[0] for name, column in columns.items()})
-    return x0, fan.Input.samples(marionette, t, columns)
-
-
-@pytest.fixture(scope="module")
-def eight():
-    return robot()
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -85,10 +43,6 @@ def test_winches_that_give_way_move_it(giving):
     assert run.status is Status.DONE
     assert run.q_D[-1][:3] == pytest.approx([0.3, 0.0, 0.0], abs=1e-3)
     assert np.max(run.tension.values) < 10 * giving.weight
-
-
-LIMITED = {i: f", max_tension: {{parameter: most{i}, value: 60}}" for i in (0, 2, 4, 6)}
-REWOUND = {i: more + ", rewind_speed: 0.5" for i, more in LIMITED.items()}
 
 
 @pytest.fixture(scope="module", params=[LIMITED, REWOUND], ids=["kept", "rewound"])

@@ -9,11 +9,6 @@ from fantoccini.marionette import link_index
 
 
 @pytest.fixture(scope="module")
-def marionette():
-    return fan.puppets.marionette()
-
-
-@pytest.fixture(scope="module")
 def run(marionette):
     return fan.simulate(marionette, *performance(marionette), method="event")
 

@@ -7,22 +7,11 @@ import pytest
 from scipy import integrate
 
 import fantoccini as fan
-from runs.references import references
 
 
-@pytest.fixture(scope="module")
-def reference():
-    return references()
-
-
-@pytest.fixture(scope="module")
-def arm(reference):
-    return reference["arm"]
-
-
-def test_rate_is_the_motion(arm):
+def test_rate_is_the_motion(arm_reference):
     """ydot = (N v, acc_D, power, dissipation): Eqs. 10 and 11 at the start."""
-    (marionette, x0, inputs, _), _ = arm
+    (marionette, x0, inputs, _), _ = arm_reference
     flow = marionette.flow(x0, inputs)
     acc_D, tension = marionette.forward_dynamics(x0, inputs.evaluate(0.0)[2])
     rate = flow.rate(flow.t0, flow.y0)
@@ -57,14 +46,14 @@ def test_solve_ivp_on_a_flow(reference, method):
         assert x.taut.tolist() == flow.taut.tolist()
 
 
-def test_a_flow_ends_where_its_inputs_next_piece_begins(arm):
-    (marionette, x0, inputs, _), _ = arm
+def test_a_flow_ends_where_its_inputs_next_piece_begins(arm_reference):
+    (marionette, x0, inputs, _), _ = arm_reference
     assert marionette.flow(x0, inputs).t_end == inputs.breaks[1]
     assert marionette.flow(x0).t_end == np.inf
 
 
-def test_a_flow_starts_where_a_run_could(arm):
-    (marionette, x0, _, _), _ = arm
+def test_a_flow_starts_where_a_run_could(arm_reference):
+    (marionette, x0, _, _), _ = arm_reference
     with pytest.raises(fan.StateError, match="hand is violated"):
         marionette.flow(x0.replace(q_D=x0.q_D + np.array([-0.2, 0.0])))
     elsewhere = fan.Input.waypoints(marionette, {"hand.length": [(0, 0.7), (1, 0.6)]})

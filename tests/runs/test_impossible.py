@@ -7,6 +7,8 @@ import pytest
 
 import fantoccini as fan
 
+pytestmark = pytest.mark.slow
+
 GIVES_UP = (fan.Status.IMPOSSIBLE_INPUT, fan.Status.TENSION_CAP)
 
 BETWEEN = """

@@ -10,7 +10,9 @@ from scipy.interpolate import CubicHermiteSpline
 import fantoccini as fan
 from fantoccini.simulation.scipy_run import ScipyRun
 from harness import bulge
-from runs.references import CASES, references
+from runs.references import CASES
+
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets, pytest.mark.long]
 
 METHODS = {
     # tolerance given to it; allowed difference of event times, of impulses, of the end state
@@ -72,16 +74,6 @@ class Forwards(integrate.DOP853):
         super().__init__(*args, **options)
 
 
-@pytest.fixture(scope="module")
-def reference():
-    return references()
-
-
-@pytest.fixture(scope="module")
-def arm(reference):
-    return reference["arm"]
-
-
 def agree(run, ours, t, impulse, state):
     """The same events in the same order, with times, impulses and the end state close."""
     assert run.status is ours.status
@@ -108,14 +100,14 @@ def test_scipys_methods_give_the_compiled_ones_run(reference, name, case):
 @pytest.mark.parametrize(
     ("solver", "t", "state"), [(FixedStep, 1e-9, 1e-5), (Forwards, 1e-11, 1e-9)]
 )
-def test_a_solver_of_ones_own(arm, solver, t, state):
-    given, ours = arm
+def test_a_solver_of_ones_own(arm_reference, solver, t, state):
+    given, ours = arm_reference
     run = fan.simulate(*given, method=fan.Event(integrator=solver, rtol=1e-11, atol=1e-11))
     agree(run, ours, t, t, state)
 
 
-def test_strings_are_kept_to_rounding_and_the_books_close(arm):
-    given, _ = arm
+def test_strings_are_kept_to_rounding_and_the_books_close(arm_reference):
+    given, _ = arm_reference
     for name, residual in (("RK45", 1e-6), ("DOP853", 1e-7), ("Radau", 1e-7)):
         run = fan.simulate(*given, method=fan.Event(integrator=name, rtol=1e-7, atol=1e-7))
         assert np.max(run.violation.values) < 1e-14
@@ -151,16 +143,16 @@ pose: {hand.length: 0.9}
 
 
 @pytest.mark.parametrize("integrator", ["dop853", "euler", "", 5, float])
-def test_an_unknown_integrator_is_refused(arm, integrator):
-    given, _ = arm
+def test_an_unknown_integrator_is_refused(arm_reference, integrator):
+    given, _ = arm_reference
     with pytest.raises(ValueError, match=r"must be 'RK23', .*'LSODA', a subclass of") as caught:
         fan.simulate(*given, method=fan.Event(integrator=integrator))
     assert repr(integrator) in str(caught.value)
 
 
 @pytest.mark.parametrize("n", [7, 2001])
-def test_saved_times_are_on_the_motion(arm, n):
-    given, ours = arm
+def test_saved_times_are_on_the_motion(arm_reference, n):
+    given, ours = arm_reference
     times = np.linspace(0.0, given[-1], n)
     options = {"save_at": times}
     run = fan.simulate(*given, method=fan.Event(integrator="DOP853"), **options)
@@ -173,8 +165,8 @@ def test_saved_times_are_on_the_motion(arm, n):
     assert [e.t for e in run.events] == pytest.approx([e.t for e in ours.events], abs=1e-11)
 
 
-def test_a_jump_of_the_inputs_acceleration_is_two_rows(arm):
-    (marionette, x0, _, _), _ = arm
+def test_a_jump_of_the_inputs_acceleration_is_two_rows(arm_reference):
+    (marionette, x0, _, _), _ = arm_reference
     inputs = fan.Input.segments(
         marionette, [0.0, 0.5, 1.0], x0.q_K, [0.0, 0.0], [[0.2, 0.0], [-0.2, 0.0]]
     )
@@ -196,8 +188,8 @@ def test_a_bulge_within_one_step_is_found():
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_a_pull_that_nothing_can_follow_ends_alike(arm, name):
-    (marionette, x0, _, _), _ = arm
+def test_a_pull_that_nothing_can_follow_ends_alike(arm_reference, name):
+    (marionette, x0, _, _), _ = arm_reference
     inputs = fan.Input.waypoints(marionette, {"hand.x": [(0, x0.q_K[0]), (2, 3.0)]})
     ours = fan.simulate(marionette, x0, inputs, throw=False)
     with pytest.raises(fan.SimulationError, match="because of hand") as caught:
@@ -211,17 +203,17 @@ def test_a_pull_that_nothing_can_follow_ends_alike(arm, name):
     assert np.all(np.isfinite(run.tension.values))
 
 
-def test_a_solver_that_fails_ends_the_run_with_what_was_reached(arm):
-    given, _ = arm
+def test_a_solver_that_fails_ends_the_run_with_what_was_reached(arm_reference):
+    given, _ = arm_reference
     run = fan.simulate(*given, method=fan.Event(integrator=GivesUp), throw=False)
     assert run.status is fan.Status.STEP_TOO_SMALL
     assert 0.05 < run.t[-1] < 0.1
 
 
 @pytest.mark.parametrize("taut", [True, False])
-def test_a_sample_that_fails_ends_the_run(arm, taut):
+def test_a_sample_that_fails_ends_the_run(arm_reference, taut):
     """It was left out, and the run was done."""
-    marionette, x0, inputs, t_end = arm[0]
+    marionette, x0, inputs, t_end = arm_reference[0]
     if not taut:
         x0, inputs = marionette.state({"hand.length": 3.0}), None
     run = fan.simulate(
@@ -236,8 +228,8 @@ def test_a_sample_that_fails_ends_the_run(arm, taut):
     ("bound", "status"),
     [("max_steps", fan.Status.TOO_MANY_STEPS), ("max_events", fan.Status.TOO_MANY_EVENTS)],
 )
-def test_bounds_hold(arm, bound, status):
-    (marionette, x0, inputs, t_end), _ = arm
+def test_bounds_hold(arm_reference, bound, status):
+    (marionette, x0, inputs, t_end), _ = arm_reference
     run = ScipyRun(
         "RK45", marionette.model.library, marionette.model.run_options(**{bound: 1}), x0,
         marionette.p, marionette.winches, inputs.bound(x0.q_K, x0.t),
@@ -247,8 +239,8 @@ def test_bounds_hold(arm, bound, status):
     assert run.status is status
 
 
-def test_ctrl_c_keeps_what_was_reached(arm):
-    (marionette, x0, inputs, t_end), _ = arm
+def test_ctrl_c_keeps_what_was_reached(arm_reference):
+    (marionette, x0, inputs, t_end), _ = arm_reference
 
     def stop(t):
         if t > 0.1:
@@ -269,8 +261,8 @@ def test_ctrl_c_keeps_what_was_reached(arm):
     assert run.acc_D[-1] == pytest.approx(acc_D, rel=1e-9, abs=1e-9)
 
 
-def test_the_same_run_gives_the_same_bits(arm):
-    given, _ = arm
+def test_the_same_run_gives_the_same_bits(arm_reference):
+    given, _ = arm_reference
     one, two = (
         fan.simulate(*given, method=fan.Event(integrator="RK45"), progress=progress)
         for progress in (None, lambda t: None)

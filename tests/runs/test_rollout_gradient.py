@@ -11,6 +11,8 @@ import fantoccini as fan
 from oracles.differences import moved
 from oracles.step_products import swept
 
+pytestmark = pytest.mark.slow
+
 PUPPETS = ("arm2d", "marionette_bar", "marionette")
 
 

@@ -9,11 +9,6 @@ from harness import bulge
 
 
 @pytest.fixture(scope="module")
-def arm():
-    return fan.puppets.arm2d()
-
-
-@pytest.fixture(scope="module")
 def hanging(arm):
     return arm.rest({"hand.length": 0.8})
 

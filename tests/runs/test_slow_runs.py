@@ -46,8 +46,8 @@ def test_a_time_limit_is_a_positive_number(limit):
 
 
 def test_a_run_that_would_take_minutes_says_so_early_and_names_what_to_do(monkeypatch):
-    early = dataclasses.replace(pace._LIMITS, first_look=0.2)
-    monkeypatch.setattr(pace, "_LIMITS", early)
+    early = dataclasses.replace(pace.LIMITS, first_look=0.2)
+    monkeypatch.setattr(pace, "LIMITS", early)
     with pytest.warns(SlowRunWarning) as warned:
         fan.simulate(ARM, SWINGING, t_end=1e6, time_limit=1.0, throw=False)
     (one,) = warned
@@ -77,8 +77,8 @@ def test_chattering_is_reported_with_events_and_touches():
 
 @pytest.mark.slow
 def test_a_heap_of_spinning_bodies_names_what_touches_while_it_crawls(monkeypatch):
-    early = dataclasses.replace(pace._LIMITS, first_look=0.5)
-    monkeypatch.setattr(pace, "_LIMITS", early)
+    early = dataclasses.replace(pace.LIMITS, first_look=0.5)
+    monkeypatch.setattr(pace, "LIMITS", early)
     heap = fan.loads(SPINNING)
     x0 = heap.state({
         "a.z": 0.05, "b.x": 0.02, "b.z": 0.12, "c.x": -0.02, "c.z": 0.19,

@@ -9,6 +9,8 @@ from tests.harness import method_of
 import fantoccini as fan
 from fantoccini.marionette import Stepper
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 CAPSULE = """
 puppet: free
 gravity: [0, 0, 0]

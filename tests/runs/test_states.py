@@ -14,18 +14,8 @@ FIXED = ("timestepping", "variational")
 
 
 @pytest.fixture(scope="module")
-def arm():
-    return fan.puppets.arm2d()
-
-
-@pytest.fixture(scope="module")
 def lift(arm):
     return fan.Input.waypoints(arm, {"hand.length": [(0, 0.8), (1.5, 0.5)]})
-
-
-@pytest.fixture(scope="module")
-def marionette():
-    return fan.puppets.marionette()
 
 
 @pytest.fixture(scope="module")

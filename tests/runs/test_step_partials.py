@@ -7,6 +7,8 @@ import pytest
 
 import fantoccini as fan
 
+pytestmark = pytest.mark.slow
+
 PUPPETS = ("arm2d", "stand6", "marionette_bar", "marionette")
 
 

@@ -7,11 +7,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-
-
-@pytest.fixture(scope="module")
-def arm():
-    return fan.puppets.arm2d()
+from fantoccini.runtime import Run
 
 
 @pytest.mark.parametrize("method", ["event", "timestepping"])
@@ -88,21 +84,20 @@ def test_an_interrupted_stepper_is_where_it_got_to(arm, method):
     """17.31: it kept the state before, and jumped from there to where it had been later."""
     x0 = arm.rest({"hand.length": 0.8})
     stepper, whole = arm.stepper(x0, method), arm.stepper(x0, method)
-    pieces = stepper._run.advance
+    pieces = Run.advance
 
-    def interrupted(t_end):
-        for i, piece in enumerate(pieces(t_end)):
+    def interrupted(run, t_end):
+        for i, piece in enumerate(pieces(run, t_end)):
             if i == 2:
                 raise KeyboardInterrupt
             yield piece
 
-    stepper._run.advance = interrupted
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(Run, "advance", interrupted)
         stepper.advance(50.0, {"hand.length": -0.001})
     x = stepper.state
     assert 0.0 < x.t < 50.0
     assert x.q_K[1] == pytest.approx(0.8 - 0.0005 * x.t**2)
-    stepper._run.advance = pieces
     y = stepper.advance(0.5)
     z = whole.advance(x.t, {"hand.length": -0.001})
     assert z.q_D == pytest.approx(x.q_D, abs=1e-8)

@@ -8,6 +8,8 @@ import pytest
 import fantoccini as fan
 from fantoccini import Status
 
+pytestmark = pytest.mark.slow
+
 ARM = fan.puppets.arm2d()
 HANG = ARM.rest({"hand.length": 0.8})
 BLOCK = fan.loads(

@@ -5,6 +5,8 @@ import pytest
 
 import fantoccini as fan
 
+pytestmark = pytest.mark.own_puppets
+
 PENDULUM = """
 puppet: pendulum
 bodies:

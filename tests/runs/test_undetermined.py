@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 from scipy.spatial.transform import Rotation
-from tests.runs.test_cable_robot import BOX, FRAME, MIDDLE, NAMES, REWOUND, moved, robot
+from tests.runs.cable_robot import BOX, FRAME, MIDDLE, NAMES, REWOUND, moved, robot
 
 import fantoccini as fan
 from fantoccini.cli.report import undetermined_lines
@@ -32,11 +32,6 @@ def pulls(pose: np.ndarray) -> np.ndarray:
 
 def hat(x: float, y: float, z: float) -> np.ndarray:
     return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-
-
-@pytest.fixture(scope="module")
-def eight():
-    return robot()
 
 
 @pytest.mark.slow

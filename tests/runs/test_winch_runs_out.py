@@ -8,6 +8,8 @@ import pytest
 import fantoccini as fan
 from fantoccini import Status
 
+pytestmark = pytest.mark.own_puppets
+
 METHODS = ("event", "timestepping", "variational")
 
 WINCHES = """

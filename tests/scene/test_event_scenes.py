@@ -9,6 +9,8 @@ import pytest
 
 import fantoccini as fan
 
+pytestmark = pytest.mark.slow
+
 PERFORMANCES = Path(fan.puppets.__file__).parent / "performances"
 
 

@@ -11,6 +11,8 @@ import fantoccini as fan
 from fantoccini.demo import walk
 from fantoccini.marionette import link_index
 
+pytestmark = pytest.mark.slow
+
 PERFORMANCES = Path(fan.puppets.__file__).parent / "performances"
 SOLE = np.array([[x, y, -0.141] for x in (-0.02, 0.034) for y in (-0.016, 0.016)])
 """Corners of a sole in the frame of its shin [m]."""
@@ -28,7 +30,7 @@ def corners(marionette, run, foot):
 
 
 @pytest.fixture(scope="module", params=[1e-3, 5e-4])
-def promenade(request):
+def walked(request):
     stage = fan.puppets.promenade()
     dt = request.param
     method = fan.TimeStepping(dt=dt)
@@ -36,22 +38,22 @@ def promenade(request):
     return stage, run
 
 
-def test_it_stands_at_the_start(promenade):
-    stage, run = promenade
+def test_it_stands_at_the_start(walked):
+    stage, run = walked
     begins = sum(run.contact.force_on(f"shin_{foot}", len(run))[20] for foot in ("left", "right"))
     assert 0.3 * stage.weight < begins[2] < stage.weight
 
 
-def test_the_books_of_the_walk_close(promenade):
+def test_the_books_of_the_walk_close(walked):
     """Its residual was a tenth of the energy exchanged while impulses were booked with gravity."""
-    _, run = promenade
+    _, run = walked
     exchanged = run.ledger["kinetic"].max() + np.ptp(run.ledger["potential"])
     assert np.max(np.abs(run.ledger["residual"])) < 0.02 * exchanged
 
 
 @pytest.mark.parametrize("step", range(6))
-def test_a_step_carries_swings_and_does_not_slip(promenade, step):
-    stage, run = promenade
+def test_a_step_carries_swings_and_does_not_slip(walked, step):
+    stage, run = walked
     begin, swings = STEPS[step]
     stands = {"left": "right", "right": "left"}[swings]
     during = (run.t >= begin + 0.15 * STEP) & (run.t < begin + 0.85 * STEP)
@@ -70,10 +72,10 @@ def test_a_step_carries_swings_and_does_not_slip(promenade, step):
     assert slipped < 0.01
 
 
-def test_the_feet_go_forward_one_after_the_other(promenade):
+def test_the_feet_go_forward_one_after_the_other(walked):
     """Where the feet land hangs on the last bit, and how far ahead of one another; not that
     each step carries its own foot forward."""
-    stage, run = promenade
+    stage, run = walked
     x = {foot: corners(stage, run, foot).mean(axis=1)[:, 0] for foot in ("left", "right")}
     for begin, foot in STEPS:
         first, last = np.searchsorted(run.t, [begin, begin + STEP])
@@ -81,8 +83,8 @@ def test_the_feet_go_forward_one_after_the_other(promenade):
     assert min(x[foot][-1] for foot in x) > 0.15
 
 
-def test_the_trunk_stays_upright_and_it_stands_at_the_end(promenade):
-    stage, run = promenade
+def test_the_trunk_stays_upright_and_it_stands_at_the_end(walked):
+    stage, run = walked
     assert run.status is fan.Status.DONE
     torso = stage.poses(run.q_D, run.q_K)[:, link_index(stage.model, "torso")]
     assert np.degrees(np.arccos(torso[:, 2, 2].min())) < 18.0

@@ -14,6 +14,8 @@ from fantoccini.puppet import Puppet, loads
 from fantoccini.scene import assembled, json_schema, load, loads as loads_scene
 from fantoccini.view.geometry import geometry_at
 
+pytestmark = pytest.mark.own_puppets
+
 BODY = """
 puppet: {name}
 bodies:

@@ -7,6 +7,8 @@ import pytest
 
 import fantoccini as fan
 
+pytestmark = pytest.mark.slow
+
 TOY = """
 puppet: toy
 bodies:

@@ -7,6 +7,8 @@ import pytest
 import fantoccini as fan
 from fantoccini.planning import Clearance
 
+pytestmark = pytest.mark.own_puppets
+
 LAMP = """
 puppet: lamp
 bodies:

@@ -11,6 +11,8 @@ from tests.show.viewer import Viewer
 import fantoccini as fan
 from fantoccini.errors import StateError
 
+pytestmark = pytest.mark.slow
+
 BODY = "/puppet/lower/0"
 
 
@@ -40,10 +42,10 @@ def test_a_body_is_pulled_at_and_let_go_while_the_hands_balance_it(page):
         viewer.drag("update", BODY, home, far)
         until(lambda: (tip(performance) - home)[0] > 0.01, "the arm follows the mouse")
         assert live.holder.viewer is not None
-        push = performance._pushes["lower"]
+        push = performance.pushes["lower"]
         assert np.linalg.norm(push.force) <= 0.5 * performance.marionette.weight * (1.0 + 1e-9)
         viewer.drag("end", BODY, home, far)
-        until(lambda: not performance._pushes, "it is let go")
+        until(lambda: not performance.pushes, "it is let go")
         until(lambda: live.holder.viewer is None, "the strings are free")
         until(lambda: np.linalg.norm(tip(performance) - home) < 5e-3, "it is back")
 
@@ -87,7 +89,7 @@ def test_a_motion_is_not_balanced(tmp_path):
 
 def test_the_page_tells_it(page):
     with chrome() as browser:
-        page.show.panel._views._shadows.value = False
+        page.show.panel.views.shadows_box.value = False
         browser.get(page.url)
         until(lambda: "updates" in words(browser), "the page tells of updates", 120.0)
         picture(browser, "balance")

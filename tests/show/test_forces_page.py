@@ -9,6 +9,8 @@ from tests.show.browser import chrome, like, picture, until
 import fantoccini as fan
 from fantoccini.web.moment import moment_of
 
+pytestmark = pytest.mark.slow
+
 BLOCK = """
 puppet: block
 floor: 0
@@ -38,13 +40,13 @@ def run(block):
 
 def ticked(show, wanted: bool) -> None:
     """Ticks or unticks the box, as a viewer does."""
-    views = getattr(show, "_views", None) or show.panel._views
-    views._forces.value = wanted
+    views = show.views if hasattr(show, "views") else show.panel.views
+    views.forces_box.value = wanted
     views.apply()
 
 
 def node_of(show):
-    return show.nodes._forces.node
+    return show.nodes.forces.node
 
 
 def test_a_performance_says_what_touches(block):
@@ -63,7 +65,7 @@ def test_a_live_page_draws_them(block):
         live = page.show
         live.performance.advance(0.1)
         until(lambda: not node_of(live).visible, "hidden at first")
-        assert live.panel._views._forces.visible
+        assert live.panel.views.forces_box.visible
         ticked(live, True)
         until(lambda: node_of(live).visible, "arrows")
         points = node_of(live).points
@@ -78,7 +80,7 @@ def test_a_live_page_draws_them(block):
 
 def test_a_page_without_contact_has_no_box():
     with fan.show(fan.puppets.arm2d(), port=0, browser=False, wait=False) as page:
-        assert not page.show.panel._views._forces.visible
+        assert not page.show.panel.views.forces_box.visible
         ticked(page.show, True)
         assert not page.show.panel.forces
 
@@ -91,7 +93,7 @@ def test_a_replay_draws_them_as_pictures_do(run):
         ticked(replay, True)
         until(lambda: node_of(replay).visible, "arrows")
         k = replay.motion.frame(0.4)
-        until(lambda: replay._shown == k, "that time")
+        until(lambda: replay.shown == k, "that time")
         wanted = moment_of(replay.motion.geometry, k).arrows
         assert node_of(replay).points == pytest.approx(wanted, abs=1e-6)
         ticked(replay, False)

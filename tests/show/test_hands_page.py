@@ -7,18 +7,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.show.browser import canvas, chrome, like, picture, pixel, rectangles, until, words
+from tests.show.browser import canvas, like, picture, pixel, rectangles, until, words
 from tests.show.toys import toy
 
 import fantoccini as fan
 
+pytestmark = pytest.mark.slow
+
 RED = (192, 32, 32)
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chrome() as found:
-        yield found
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +22,7 @@ def scene(browser, tmp_path_factory):
     """A live page that the browser looks at."""
     folder = tmp_path_factory.mktemp("page")
     page = fan.show(toy(folder), port=0, browser=False, wait=False, record_to=folder)
-    page.show.panel._views._shadows.value = False  # software draws them slowly
+    page.show.panel.views.shadows_box.value = False  # software draws them slowly
     browser.get(page.url)
     clients = page.server.viser.get_clients
     until(lambda: clients() and like(picture(browser), RED) > 200, "the puppet is seen")
@@ -42,7 +38,7 @@ def drag(scene, monkeypatch, down: int) -> np.ndarray:
     """Drags the bead down by pixels; by how many it is seen to have moved, right and down."""
     from selenium.webdriver.common.actions.action_builder import ActionBuilder
 
-    monkeypatch.setattr(scene.live.holder, "_idle", 60.0)
+    monkeypatch.setattr(scene.live.holder, "idle", 60.0)
     live, performance = scene.live, scene.performance
     performance.reset()
     rectangle = canvas(scene.browser)
@@ -52,7 +48,7 @@ def drag(scene, monkeypatch, down: int) -> np.ndarray:
     for k in range(1, 9):
         mouse.pointer_action.move_to_location(x, y + round(down * k / 8)).pause(0.1)
     mouse.perform()
-    until(lambda: (live.holder.viewer, live._jobs.empty()) == (scene.client.client_id, True), "it")
+    until(lambda: (live.holder.viewer, live.jobs.empty()) == (scene.client.client_id, True), "it")
     since = [time.monotonic(), np.zeros(3)]
 
     def settled() -> bool:

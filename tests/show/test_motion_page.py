@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.show.browser import canvas, chrome, colours, like, picture, pixel, press, until, words
+from tests.show.browser import canvas, colours, like, picture, pixel, press, until, words
 from tests.show.toys import TOY
 
 import fantoccini as fan
@@ -18,6 +18,8 @@ from fantoccini.view.theme import LIGHT
 from fantoccini.web.nodes import SceneNodes
 from fantoccini.web.replay import ResampledRun
 from fantoccini.web.server import Server
+
+pytestmark = pytest.mark.own_puppets
 
 RED = (192, 32, 32)
 
@@ -27,12 +29,6 @@ Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set.call(fi
 field.dispatchEvent(new Event("input", {bubbles: true}));
 """
 """Types a time into the player of an exported page, at a stroke."""
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chrome() as found:
-        yield found
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from tests.show.browser import (
     canvas,
-    chrome,
     colours,
     like,
     picture,
@@ -26,13 +25,9 @@ from tests.show.toys import BAR, GREEN, WRONG, toy
 
 import fantoccini as fan
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 RED, GREENISH = (192, 32, 32), (32, 160, 32)
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chrome() as found:
-        yield found
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +36,7 @@ def scene(browser, tmp_path_factory):
     folder = tmp_path_factory.mktemp("page")
     file = toy(folder)
     page = fan.show(file, port=0, browser=False, wait=False, record_to=folder)
-    page.show.panel._views._shadows.value = False  # software draws them slowly
+    page.show.panel.views.shadows_box.value = False  # software draws them slowly
     browser.get(page.url)
     clients = page.server.viser.get_clients
     until(clients, "the page connects")
@@ -94,7 +89,7 @@ def test_the_puppet_is_seen_with_its_numbers(scene):
 def test_a_bead_is_dragged_and_the_puppet_follows(scene, monkeypatch):
     from selenium.webdriver.common.actions.action_builder import ActionBuilder
 
-    monkeypatch.setattr(scene.live.holder, "_idle", 60.0)  # a slow machine lets go later
+    monkeypatch.setattr(scene.live.holder, "idle", 60.0)  # a slow machine lets go later
     until(lambda: still(scene), "the puppet hangs still")
     before = scene.performance.place("line")[0]
     bob = scene.performance.state.q_D[:3].copy()
@@ -242,13 +237,13 @@ def test_a_gamepad_moves_winds_pauses_and_records(scene):
         hold(axes=[1, 0, 0, 0])
         until(lambda: np.linalg.norm(performance.target("line")[0] - start) > 0.05, "it moves")
         hold(axes=[0.05, 0, 0, 0])  # no stick is ever quite at rest
-        until(lambda: not live._pads.sticks.moved, "the stick is let go")
+        until(lambda: not live.pads.sticks.moved, "the stick is let go")
         rest = performance.target("line")[0]
         length = performance.wanted_length("line")
         hold(axes=[0, 0, 0, -1])
         until(lambda: performance.wanted_length("line") < length - 0.03, "the string is wound in")
         hold(gone=True)  # as where the gamepad loses its radio
-        until(lambda: not live._pads.sticks.moved, "nobody tells of it")
+        until(lambda: not live.pads.sticks.moved, "nobody tells of it")
         length = performance.wanted_length("line")
         assert np.array_equal(performance.target("line")[0], rest)
         hold(gone=False, axes=[0, 0, 0, 0])
@@ -259,7 +254,7 @@ def test_a_gamepad_moves_winds_pauses_and_records(scene):
             hold(down=[button])
             until(holds, f"button {button}")
             hold(down=[])
-            until(lambda: not live._pads.sticks.buttons, "the button is up")
+            until(lambda: not live.pads.sticks.buttons, "the button is up")
         assert performance.wanted_length("line") == length
     finally:
         browser.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", script)
@@ -268,7 +263,7 @@ def test_a_gamepad_moves_winds_pauses_and_records(scene):
 def test_two_tabs_fight_over_the_strings(scene, monkeypatch):
     from selenium.webdriver.common.keys import Keys
 
-    monkeypatch.setattr(scene.live.holder, "_idle", 60.0)
+    monkeypatch.setattr(scene.live.holder, "idle", 60.0)
     browser, performance = scene.browser, scene.performance
     clients = scene.page.server.viser.get_clients
     first = browser.current_window_handle
@@ -312,7 +307,7 @@ def test_rings_turn_a_bar(browser, tmp_path):
         until(lambda: clients() and like(picture(browser), RED) > 200, "the puppet is seen")
         client = next(iter(clients().values()))
         home, _ = performance.place("bar")
-        radius, rectangle = 0.65 * page.show.controls._rings["bar"].scale, canvas(browser)
+        radius, rectangle = 0.65 * page.show.controls.rings["bar"].scale, canvas(browser)
 
         def seen(angle: float) -> tuple[int, int]:
             """A place on the ring about x: a quarter of a circle from y to z."""

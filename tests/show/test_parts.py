@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 from scipy.spatial.transform import Rotation
+from tests.show.browser import until
 from tests.show.toys import toy
 
 import fantoccini as fan
@@ -129,7 +130,7 @@ def test_text_of_a_puppet_is_never_markup(name):
         assert shown in html
         assert name == shown or name not in html
     event = SimpleNamespace(t=0.0, kind="catch", name=name, impulse=0.0)
-    assert shown in replay._listed([event], 1.0)
+    assert shown in replay.listed([event], 1.0)
 
 
 @given(st.binary(max_size=300) | st.text(max_size=300))
@@ -220,12 +221,12 @@ def test_a_recording_is_shown_with_its_parameters_and_all_its_puppets(tmp_path):
 
 
 def test_a_file_that_cannot_even_be_read_is_told_of(tmp_path, monkeypatch):
-    watched = watched_file.WatchedFile(toy(tmp_path), watched_file.compiled)
+    path = toy(tmp_path)
+    watched = watched_file.WatchedFile(path, watched_file.compiled)
     monkeypatch.setattr(watched_file, "load", lambda _: 1 / 0)
-    watched._read()
-    assert watched._result.mistakes == (
-        "internal error: ZeroDivisionError: division by zero",
-    )
+    path.write_text(path.read_text() + "\n")
+    result = until(lambda: watched.poll(0.0), "it is read")
+    assert result.mistakes == ("internal error: ZeroDivisionError: division by zero",)
 
 
 def test_what_cannot_be_shown_is_said():

@@ -14,7 +14,10 @@ from tests.show.viewer import Viewer
 from websockets.sync.client import connect
 
 import fantoccini as fan
+from fantoccini.perform.player import Player
 from fantoccini.web.instrument import Manner
+
+pytestmark = pytest.mark.slow
 
 SCORE = """\
 score: number
@@ -69,8 +72,8 @@ def quiet(request):
     if "scene" in request.fixturenames:
         live = request.getfixturevalue("scene").live
         live.holder.leave(live.holder.viewer)
-        live._jobs.put(live.reset)
-        until(live._jobs.empty, "the jobs are done")
+        live.later(None, live.reset)
+        until(live.jobs.empty, "the jobs are done")
 
 
 def recorded(scene, seconds: float = 0.6) -> str:
@@ -128,17 +131,23 @@ def test_mirrored_gestures_and_those_that_go_on_until_pressed_again(scene):
     until(lambda: scene.performance.playing == (), "it ends with the round")
 
 
-def test_gestures_begin_on_the_beat(scene):
-    tempo = scene.stage.instrument.tempo
+def test_gestures_begin_on_the_beat(scene, monkeypatch):
+    tempo, play, begun = scene.stage.instrument.tempo, Player.play, []
+
+    def noted(player, gesture, **how):
+        begins = play(player, gesture, **how)
+        begun.append(scene.performance.t - player.t + begins)
+        return begins
+
+    monkeypatch.setattr(Player, "play", noted)
     scene.viewer.tick("On the beat", True)
     until(lambda: scene.stage.instrument.manner.on_beat, "the box is ticked")
     scene.viewer.slide("Beats a minute", 60.0)
     until(lambda: tempo.bpm == 60.0, "the tempo")
     scene.viewer.pick("7 8 9", "nod")
-    player = scene.performance._player
-    until(lambda: player._voices, "it begins")
-    begun = scene.performance.t - player.t + player._voices[0].starts
-    assert tempo.beats(begun) == pytest.approx(round(tempo.beats(begun)), abs=1e-6)
+    until(lambda: scene.performance.playing, "it begins")
+    beats = tempo.beats(begun[0])
+    assert beats == pytest.approx(round(beats), abs=1e-6)
     scene.viewer.tick("On the beat", False)
     until(lambda: not scene.stage.instrument.manner.on_beat, "the box is clear")
 
@@ -147,7 +156,7 @@ def test_a_take_is_edited_played_kept_and_made_a_gesture(scene):
     name = recorded(scene, 1.0)
     whole = scene.stage.takes.take
     until(lambda: name in scene.viewer.options("Take"), "it is listed")
-    until(lambda: scene.live.panel._takes._of == name, "its part is shown")
+    until(lambda: scene.live.panel.takes.part_of == name, "its part is shown")
     scene.viewer.keep_part("Part [s]", 0.2, 0.7)
     scene.viewer.slide("Smooth [s]", 0.1)
     scene.viewer.slide("Stretch", 2.0)
@@ -159,7 +168,7 @@ def test_a_take_is_edited_played_kept_and_made_a_gesture(scene):
     until(lambda: (scene.performance.take_time or 0.0) > 0.2, "it plays")
     until(lambda: scene.performance.take_time is None, "it ends")
     scene.viewer.type_in("Name", "reach")
-    until(lambda: scene.live.panel._takes._name.value == "reach", "the name")
+    until(lambda: scene.live.panel.takes.name_field.value == "reach", "the name")
     scene.viewer.press("Make a gesture of it")
     until(lambda: "reach" in scene.stage.instrument.gestures, "it is a gesture")
     until((scene.folder / "reach.npz").is_file, "its file")
@@ -170,13 +179,13 @@ def test_a_take_is_edited_played_kept_and_made_a_gesture(scene):
     # The same name again, and names that are none, or lead elsewhere, are refused.
     for wrong, why in (("reach", "already"), ("../out", "no name"), ("wave", "already")):
         scene.viewer.type_in("Name", wrong)
-        until(lambda wrong=wrong: scene.live.panel._takes._name.value == wrong, "the name")
+        until(lambda wrong=wrong: scene.live.panel.takes.name_field.value == wrong, "the name")
         scene.viewer.press("Make a gesture of it")
         scene.viewer.until_said(why)
         scene.live.panel.report("")
     assert not (scene.folder.parent / "out.npz").exists()
     scene.viewer.pick("Save as", "New take")
-    until(lambda: scene.live.panel._takes._of == f"{name}-edited", "the edited take")
+    until(lambda: scene.live.panel.takes.part_of == f"{name}-edited", "the edited take")
     until((scene.folder / f"{name}-edited.npz").is_file, "its file")
     kept = fan.Recording.load(scene.folder / f"{name}-edited.npz")
     np.testing.assert_array_equal(kept.acc_K, same.acc_K)
@@ -210,9 +219,9 @@ def test_an_overdub_keeps_the_take_and_adds_the_hands(scene):
 
 def test_who_does_not_hold_the_strings_changes_nothing(scene, monkeypatch):
     name, stage = recorded(scene), scene.stage
-    until(lambda: scene.live.panel._takes._of == name, "its part is shown")
+    until(lambda: scene.live.panel.takes.part_of == name, "its part is shown")
     other = stage.takes.names[-1]
-    monkeypatch.setattr(scene.live.holder, "_idle", 60.0)
+    monkeypatch.setattr(scene.live.holder, "idle", 60.0)
     with Viewer(scene.page.url) as second:
         scene.viewer.tick("On the beat", False)
         until(lambda: scene.live.holder.viewer is not None, "the first holds the strings")
@@ -222,13 +231,13 @@ def test_who_does_not_hold_the_strings_changes_nothing(scene, monkeypatch):
         second.slide("Size", 2.0)
         second.slide("Stretch", 3.0)
         second.choose("Take", other)
-        takes = scene.live.panel._takes
+        takes = scene.live.panel.takes
         until(lambda: second.notices, "it is told")
         time.sleep(0.5)
-        assert not stage.armed and stage.takes.chosen == name == takes._take.value
+        assert not stage.armed and stage.takes.chosen == name == takes.choice.value
         assert stage.instrument.manner == Manner() and stage.takes.edits.stretch == 1.0
-        assert takes._stretch.value == 1.0 and not takes._again.value
-        assert not takes._lanes["hand_right"].value
+        assert takes.stretch.value == 1.0 and not takes.again.value
+        assert not takes.lane_boxes["hand_right"].value
         assert second.value("Size") == 1.0
 
 

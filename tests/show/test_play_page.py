@@ -13,6 +13,8 @@ from websockets.sync.client import connect
 import fantoccini as fan
 from fantoccini.web.page import open_show
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory):

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import imageio_ffmpeg
 import numpy as np
 import pytest
+from tests.perform.hands import hands_of
 from tests.show.browser import (
     canvas,
-    chrome,
     like,
     open_tab,
     picture,
@@ -23,13 +23,9 @@ from tests.show.toys import toy
 
 import fantoccini as fan
 
+pytestmark = pytest.mark.slow
+
 RED = (192, 32, 32)
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chrome() as found:
-        yield found
 
 
 @pytest.fixture
@@ -37,8 +33,8 @@ def scene(browser, tmp_path, monkeypatch):
     """A live page that the browser looks at, and strings that stay in this viewer's hands."""
     page = fan.show(toy(tmp_path), port=0, browser=False, wait=False, record_to=tmp_path)
     with page:
-        monkeypatch.setattr(page.show.holder, "_idle", 60.0)
-        page.show.panel._views._shadows.value = False  # software draws them slowly
+        monkeypatch.setattr(page.show.holder, "idle", 60.0)
+        page.show.panel.views.shadows_box.value = False  # software draws them slowly
         browser.get(page.url)
         clients = page.server.viser.get_clients
         until(lambda: clients() and like(picture(browser), RED) > 200, "the puppet is seen")
@@ -109,7 +105,7 @@ def test_record_trim_gesture_performance_film(scene):
 
     shown(scene, "input.mantine-TextInput-input")[0].click()
     ActionChains(scene.browser).send_keys("sweep").perform()
-    until(lambda: scene.live.panel._takes._name.value == "sweep", "the name is typed")
+    until(lambda: scene.live.panel.takes.name_field.value == "sweep", "the name is typed")
     assert scene.performance.playing == ()  # typing presses no keys of gestures
     press(scene.browser, "Make a gesture of it")
     until(lambda: "sweep" in scene.stage.instrument.gestures, "it is a gesture")
@@ -138,8 +134,8 @@ def test_record_trim_gesture_performance_film(scene):
     second = recorded(scene, perform)
     assert second != first
     take = scene.stage.takes.take
-    bounds = scene.performance._hands
-    assert np.abs(take.acc_K).max() <= bounds.acceleration.max() * (1 + 1e-9)
+    hands = hands_of(scene.performance)
+    assert np.abs(take.acc_K).max() <= hands.acceleration.max() * (1 + 1e-9)
     assert np.ptp(take.trajectory.q_K, axis=0).max() > 0.05
 
     open_tab(scene.browser, "Takes")
@@ -181,7 +177,7 @@ def test_keys_are_heard_after_clicks(scene):
     from selenium.webdriver import ActionChains
     from selenium.webdriver.common.keys import Keys
 
-    instrument, player = scene.stage.instrument, lambda: scene.performance._player
+    instrument = scene.stage.instrument
     instrument.add(
         fan.Gesture.of(
             scene.performance.marionette, {"line.up": [(0, 0), (1, 0.05), (2, 0)]}, name="hop"
@@ -196,7 +192,7 @@ def test_keys_are_heard_after_clicks(scene):
     next(one for one in shown(scene, "button") if one.text == "Record").click()
     until(lambda: scene.live.recorder.running, "it records")
     ActionChains(scene.browser).send_keys(Keys.SPACE).send_keys("h").perform()
-    until(lambda: not player().away, "home: the keys have come")
+    until(lambda: not scene.performance.playing, "home: the keys have come")
     assert scene.live.recorder.running
     camera = np.array(scene.client.camera.position)
     ActionChains(scene.browser).key_down(Keys.SHIFT).send_keys("s").key_up(Keys.SHIFT).perform()

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import count
 from types import SimpleNamespace
 
 import pytest
+from tests.show.browser import until
 
 import fantoccini as fan
 from fantoccini.web import stage as stage_module
@@ -82,12 +84,8 @@ def test_a_score_read_for_the_puppet_before_is_read_again(made, monkeypatch):
     first, second = made.performance.marionette, fan.puppets.marionette()
     monkeypatch.setattr(stage_module, "load_score", slow)
     made.file.write_text(SCORE.replace("nod", "shake"), encoding="utf-8")
-    now, found = 0.0, None
-    while found is None and now < 1000.0:
-        now += INTERVAL
-        found = made.stage.poll(now)
-        if made.stage._watched._reader is not None:
-            made.stage._watched._reader.join()
-    assert found == ()
+    looks, found = count(INTERVAL, INTERVAL), []
+    until(lambda: found.append(made.stage.poll(next(looks))) or found[-1] is not None, "a score")
+    assert found[-1] == ()
     assert made.stage.score.marionette is second
     assert made.stage.score.cues[0].gesture == "shake"

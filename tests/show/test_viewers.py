@@ -18,6 +18,8 @@ from viser import ClientHandle
 import fantoccini as fan
 from fantoccini.web.viser_private import fits
 
+pytestmark = pytest.mark.slow
+
 BEAD, RINGS = "/handles/0", "/rings/0"
 
 
@@ -62,7 +64,7 @@ def test_strings_are_free_when_a_hand_lets_go_of_its_bead(scene):
 
 
 def test_of_two_viewers_one_holds_and_the_other_is_told(scene, monkeypatch):
-    monkeypatch.setattr(scene.live.holder, "_idle", 60.0)
+    monkeypatch.setattr(scene.live.holder, "idle", 60.0)
     line = "line"
     with Viewer(scene.url) as two:
         one = Viewer(scene.url)
@@ -81,7 +83,7 @@ def test_of_two_viewers_one_holds_and_the_other_is_told(scene, monkeypatch):
 
 def test_each_viewer_is_told_who_holds_the_strings(scene, monkeypatch):
     """17.14: the one who holds them is told "you"."""
-    monkeypatch.setattr(scene.live.holder, "_idle", 60.0)
+    monkeypatch.setattr(scene.live.holder, "idle", 60.0)
     with Viewer(scene.url) as one, Viewer(scene.url) as two:
         for viewer in (one, two):
             viewer.until_said("The strings are free")
@@ -114,15 +116,15 @@ def test_rings_are_about_the_handle_that_is_chosen(tmp_path):
     scene = opened(fan.loads(ROCKER), tmp_path)
     controls = scene.live.controls
     try:
-        assert {name: ring.visible for name, ring in controls._rings.items()} == {
+        assert {name: ring.visible for name, ring in controls.rings.items()} == {
             "bar": True, "rocker": False,
         }  # fmt: skip
         with Viewer(scene.url) as one:
             one.choose("Handle", "rocker")
             until(lambda: controls.selected == "rocker", "it is chosen")
-            until(lambda: controls._rings["rocker"].visible, "its rings are seen")
-            assert not controls._rings["bar"].visible
-            assert {label.visible for label in controls._labels.values()} == {True}
+            until(lambda: controls.rings["rocker"].visible, "its rings are seen")
+            assert not controls.rings["bar"].visible
+            assert {label.visible for label in controls.labels.values()} == {True}
     finally:
         scene.page.close()
 
@@ -132,7 +134,7 @@ def test_what_a_viewer_has_just_chosen_is_not_overruled(tmp_path):
     scene = opened(fan.loads(ROCKER.replace("length: 0.4", "length: driven")), tmp_path)
     try:
         # The values are as viser sets them before it calls anybody back.
-        choice, slider = scene.live.panel._handle, scene.live.controls._sliders["left"]
+        choice, slider = scene.live.panel.handle_choice, scene.live.controls.sliders["left"]
         choice.value, slider.value = "rocker", 0.5
         t = scene.performance.t
         until(lambda: scene.performance.t > t + 0.5, "frames")
@@ -148,7 +150,7 @@ def test_a_hand_that_vanishes_in_mid_drag_frees_the_strings(scene):
     one.drag("update", BEAD, home, home + 0.05 * np.eye(3)[1])
     until(lambda: scene.live.holder.viewer is not None, "the strings are held")
     one.close()
-    until(lambda: not scene.live.controls._grabs, "nothing is in a hand")
+    until(lambda: not scene.live.controls.grabs, "nothing is in a hand")
     assert scene.live.holder.viewer is None
 
 
@@ -182,7 +184,7 @@ def test_many_tabs_come_and_go_and_leave_nothing(scene):
 
 def test_rings_turn_a_bar_and_stay_with_the_hand_that_turns_them(tmp_path, monkeypatch):
     bar = opened(fan.loads(BAR), tmp_path)
-    monkeypatch.setattr(bar.live.holder, "_idle", 60.0)
+    monkeypatch.setattr(bar.live.holder, "idle", 60.0)
     turned = Rotation.from_euler("x", 20.0, degrees=True).as_quat()[[3, 0, 1, 2]]
     other = Rotation.from_euler("y", 60.0, degrees=True).as_quat()[[3, 0, 1, 2]]
     home, level = bar.performance.place("bar")
@@ -196,12 +198,12 @@ def test_rings_turn_a_bar_and_stay_with_the_hand_that_turns_them(tmp_path, monke
             two.turn("start", RINGS, home, level)
             two.turn("update", RINGS, home, other)
             two.until_said("Somebody else holds the strings")
-            assert bar.live.controls._turned == {"bar": 0}
+            assert bar.live.controls.turned == {"bar": 0}
             two.turn("end", RINGS, home, other)
             one.turn("end", RINGS, home, turned)
             until(lambda: bar.live.holder.viewer is None, "the strings are free")
             # The block hangs where the bar has taken it: one end higher by 0.24 m sin 20 deg.
-            rings = bar.live.controls._rings["bar"]
+            rings = bar.live.controls.rings["bar"]
             until(lambda: np.allclose(rings.wxyz, turned, atol=1e-6), "the rings snap back")
             assert np.allclose(bar.performance.target("bar")[1], turned)
             until(lambda: bar.performance.state.q_D[4] > 0.05, "the block tilts with it")
@@ -237,7 +239,7 @@ def test_abuse_leaves_a_puppet_a_page_and_a_whole_recording(tmp_path):
                 one.drag("end", f"/handles/{n}", home, home)
             one.press("Stop recording")
             path = until(lambda: next(iter(tmp_path.glob("*.npz")), None), "a file")
-            assert scene.live._thread.is_alive() and finite(performance)
+            assert scene.live.running and finite(performance)
             assert "internal error" not in one.said
             one.press("Pause")
             until(lambda: scene.live.paused, "the page still answers")

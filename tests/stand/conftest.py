@@ -1,4 +1,4 @@
-"""Runs that several tests of stands share."""
+"""Puppets and runs that several tests of stands share."""
 
 from __future__ import annotations
 
@@ -9,17 +9,25 @@ import fantoccini as fan
 
 
 @pytest.fixture(scope="module")
-def hoist():
+def hoist() -> fan.Marionette:
+    """A mass on one winch."""
     return fan.loads(HOIST)
 
 
 @pytest.fixture(scope="module")
-def run(hoist):
+def lifted(hoist) -> fan.Trajectory:
+    """The winch lifts the mass."""
     return lift(hoist)
 
 
 @pytest.fixture(scope="module")
-def conduct():
-    puppet = fan.puppets.stand6()
-    moves = fan.Input.load(puppet, fan.puppets.performance("conduct"))
-    return fan.simulate(puppet, puppet.rest(), moves, 5.0)
+def stand6() -> fan.Marionette:
+    """The puppet of the bundled stand ``six_winches``."""
+    return fan.puppets.stand6()
+
+
+@pytest.fixture(scope="module")
+def conduct(stand6) -> fan.Trajectory:
+    """It conducts for five seconds."""
+    moves = fan.Input.load(stand6, fan.puppets.performance("conduct"))
+    return fan.simulate(stand6, stand6.rest(), moves, 5.0)

@@ -26,11 +26,6 @@ zero: {{hoist.length: 0.5}}
 
 
 @pytest.fixture(scope="module")
-def crane():
-    return fan.puppets.crane()
-
-
-@pytest.fixture(scope="module")
 def hoisted(crane):
     given = fan.Input.waypoints(
         crane, {"hoist.length": [(0, 2.5), (1, 2.0), (2, 2.2)], "trolley": [(0.3, 0), (1.5, 0.4)]}

@@ -9,27 +9,14 @@ import numpy as np
 import pytest
 import scipy.integrate
 import scipy.optimize
-from tests.stand.hoist import HOIST, LIFT, MASS, RADIUS, ROTOR, STAND, lift, stand
+from tests.stand.hoist import HOIST, LIFT, MASS, RADIUS, ROTOR, STAND, stand
 
 import fantoccini as fan
-from fantoccini.puppets import path
 from fantoccini.stand import axes_of, check_stand, remedies
 from fantoccini.stand.catches import impulses_of, taken
 from fantoccini.stand.losing import lost_steps
 
 G = 9.81
-CONDUCT = path("stand6").parent / "performances" / "conduct.yaml"
-
-
-@pytest.fixture(scope="module")
-def lifted(hoist):
-    return lift(hoist)
-
-
-@pytest.fixture(scope="module")
-def conducted():
-    puppet = fan.puppets.stand6()
-    return puppet, fan.simulate(puppet, puppet.rest(), fan.Input.load(puppet, CONDUCT), 5.0)
 
 
 def test_the_torque_of_a_winch_that_lifts_a_mass(hoist, lifted):
@@ -73,9 +60,9 @@ def test_a_hanging_mass(hoist, gear, efficiency):
     assert found.torque[mid, 0] == pytest.approx(-MASS * G * RADIUS / gear / efficiency, rel=1e-6)
 
 
-def test_power_goes_into_the_puppet_the_rotors_and_friction(conducted):
+def test_power_goes_into_the_puppet_the_rotors_and_friction(stand6, conduct):
     """sum of torque w = d/dt (kinetic energy of rotors) + work of the ledger + friction."""
-    puppet, run = conducted
+    puppet, run = stand6, conduct
     found = check_stand("six_winches", run, puppet)
     t, v = found.motion.t, found.motion.velocity
     n = np.array([axis.ratio for axis in found.axes])
@@ -101,9 +88,9 @@ def test_power_goes_into_the_puppet_the_rotors_and_friction(conducted):
     assert abs(caught) > 1e-4 * exchanged
 
 
-def test_impulses_on_winches_are_those_of_their_strings(conducted):
+def test_impulses_on_winches_are_those_of_their_strings(stand6, conduct):
     """A length takes the impulse of its own string."""
-    puppet, run = conducted
+    puppet, run = stand6, conduct
     times, impulses = impulses_of(run, puppet)
     place = run.coordinates.v_K.index("head.length")
     for i, t in enumerate(times):
@@ -246,9 +233,9 @@ def test_effort_is_computed_where_a_run_has_none(hoist, lifted):
     assert np.array_equal(one.torque, two.torque)
 
 
-def test_bundled_stands_do_bundled_performances(conducted):
+def test_bundled_stands_do_bundled_performances(stand6, conduct):
     """As the docs say, with the margins they say."""
-    puppet, run = conducted
+    puppet, run = stand6, conduct
     found = check_stand("six_winches", run, puppet)
     assert found.ok and not found.lost and found.margin > 15.0
     assert repr(found) == f"<StandCheck: six_winches can, least margin {found.margin:.0f} %>"

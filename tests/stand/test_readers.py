@@ -13,17 +13,9 @@ import yaml
 from gcodeparser import parse_gcode_lines
 from rosbags.typesys import Stores, get_typestore
 
-import fantoccini as fan
 from fantoccini.stand import gcode, grbl_settings, save_points, set_points
 
 SEQUENCES = {"home": True, "slack": 0.01, "park": True}
-
-
-@pytest.fixture(scope="module")
-def conduct():
-    puppet = fan.puppets.stand6()
-    moves = fan.puppets.path("stand6").parent / "performances" / "conduct.yaml"
-    return fan.simulate(puppet, puppet.rest(), fan.Input.load(puppet, moves), 5.0)
 
 
 @pytest.mark.parametrize("kind", ["marlin", "fluidnc"])

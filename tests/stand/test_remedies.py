@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from tests.stand.hoist import STAND, lift, stand
+from tests.stand.hoist import STAND, stand
 
 import fantoccini as fan
 from fantoccini.stand import StandCheck, check_stand, remedies
@@ -25,11 +25,6 @@ PARTS = {
     "shaft": ("type: shaft", "type: shaft", rf"gear of {SPAN} instead"),
 }  # fmt: skip
 OWN = {"drum": 0.01, "belt": 31, "screw": 0.0628, "shaft": 1.0}
-
-
-@pytest.fixture(scope="module")
-def lifted(hoist):
-    return lift(hoist)
 
 
 def of(kind: str, number: float, torque: float, microsteps: int, rate: float | None) -> str:

@@ -41,9 +41,9 @@ def patience(monkeypatch):
     monkeypatch.setattr(sending, "LATEST", 2.0)
 
 
-def points_of(run, hoist, kind="osc", more="", **options):
+def points_of(lifted, hoist, kind="osc", more="", **options):
     return set_points(
-        loads_stand(f"{ABLE}controller: {{type: {kind}{more}}}\n"), run, hoist, **options
+        loads_stand(f"{ABLE}controller: {{type: {kind}{more}}}\n"), lifted, hoist, **options
     )
 
 
@@ -90,8 +90,8 @@ def test_an_osc_server_hears_every_set_point(conduct):
         assert np.max(np.abs(steps - points.counts[which, k])) <= 1.0
 
 
-def test_bundles_carry_the_time_at_which_they_are_due(run, hoist):
-    sent, points, begun = [], points_of(run, hoist, rate=100.0), time.time()
+def test_bundles_carry_the_time_at_which_they_are_due(lifted, hoist):
+    sent, points, begun = [], points_of(lifted, hoist, rate=100.0), time.time()
     done = send_points(points, lambda data: sent.append((time.time(), OscBundle(data))))
     stamps = np.array([bundle.timestamp for _, bundle in sent])
     n = round(100.0 * REPEATED)
@@ -157,7 +157,7 @@ def test_a_puppet_on_the_received_set_points_moves_as_in_its_run(hoist, kind):
     assert 0.0 < np.max(away) < 1e-3
 
 
-def test_late_set_points_are_left_out_and_never_come_in_bunches(run, hoist):
+def test_late_set_points_are_left_out_and_never_come_in_bunches(lifted, hoist):
     times, values = [], []
 
     def slow(data):
@@ -166,7 +166,7 @@ def test_late_set_points_are_left_out_and_never_come_in_bunches(run, hoist):
         if len(times) == 60:
             time.sleep(0.07)  # 7 intervals
 
-    points = points_of(run, hoist, rate=100.0)
+    points = points_of(lifted, hoist, rate=100.0)
     done = send_points(points, slow)
     repeated = 2 * round(100.0 * REPEATED)
     assert done.dropped >= 5
@@ -179,7 +179,7 @@ def test_late_set_points_are_left_out_and_never_come_in_bunches(run, hoist):
     np.testing.assert_allclose(values, at, atol=3e-8)
 
 
-def test_a_long_pause_stops_before_the_axes_jump(run, hoist):
+def test_a_long_pause_stops_before_the_axes_jump(lifted, hoist):
     sent = []
 
     def stuck(data):
@@ -188,29 +188,29 @@ def test_a_long_pause_stops_before_the_axes_jump(run, hoist):
             time.sleep(0.5)
 
     with pytest.raises(PacketError, match=r"was 0\.\d+ s late, and the axes would jump") as stopped:
-        send_points(points_of(run, hoist, rate=100.0), stuck, latest=0.2)
+        send_points(points_of(lifted, hoist, rate=100.0), stuck, latest=0.2)
     assert len(sent) == 60
     assert stopped.value.t == pytest.approx(0.34, abs=0.05)
 
 
-def test_nobody_listening_stops_before_the_motion(run, hoist):
+def test_nobody_listening_stops_before_the_motion(lifted, hoist):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind((LOCAL, 0))
         port = taken.getsockname()[1]
     progress = Sending()
     with udp_sender(LOCAL, port) as send, pytest.raises(PacketError, match="not sent") as stopped:
-        send_points(points_of(run, hoist), send, progress=progress)
+        send_points(points_of(lifted, hoist), send, progress=progress)
     assert stopped.value.t == 0.0 and progress.sent <= 2
 
 
-def test_a_listener_that_goes_away_stops_the_motion(run, hoist):
-    points = points_of(run, hoist)
+def test_a_listener_that_goes_away_stops_the_motion(lifted, hoist):
+    points = points_of(lifted, hoist)
     progress = Sending()
     listener = Receiver(points.map.stand, points.controller, LOCAL, 0)
     with listener as stand, udp_sender(*stand.address) as send:
         def until(data):
             if len(stand) == 40:
-                stand._socket.close()
+                stand.close()
             send(data)
 
         with pytest.raises(PacketError, match="not sent"):
@@ -251,17 +251,17 @@ def test_a_multicast_address_needs_the_word_too(host):
         assert "all machines" not in str(error)  # without a network
 
 
-def test_only_art_net_broadcasts(run, hoist):
-    assert points_of(run, hoist, "artnet", ", broadcast: true").controller.broadcast
-    assert not points_of(run, hoist, "artnet").controller.broadcast
+def test_only_art_net_broadcasts(lifted, hoist):
+    assert points_of(lifted, hoist, "artnet", ", broadcast: true").controller.broadcast
+    assert not points_of(lifted, hoist, "artnet").controller.broadcast
     with pytest.raises(FileError, match="broadcast"):
-        points_of(run, hoist, "osc", ", broadcast: true")
+        points_of(lifted, hoist, "osc", ", broadcast: true")
 
 
 @pytest.mark.parametrize("answer", [True, False])
-def test_a_hold_stays_on_the_path_and_goes_on_or_stops(run, hoist, answer):
+def test_a_hold_stays_on_the_path_and_goes_on_or_stops(lifted, hoist, answer):
     """Its time slows down evenly and rises evenly; the position is kept alive in between."""
-    points, progress = points_of(run, hoist, rate=100.0), Sending()
+    points, progress = points_of(lifted, hoist, rate=100.0), Sending()
     hold, sent, asked = threading.Event(), [], []
 
     def send(data):
@@ -302,8 +302,8 @@ def test_a_hold_stays_on_the_path_and_goes_on_or_stops(run, hoist, answer):
             np.testing.assert_allclose(np.diff(step[k + 1 : k + 15]), 0.01**2 / ramp, atol=1e-9)
 
 
-def test_set_points_go_on_from_a_time(run, hoist):
-    points, sent = points_of(run, hoist, rate=100.0), []
+def test_set_points_go_on_from_a_time(lifted, hoist):
+    points, sent = points_of(lifted, hoist, rate=100.0), []
     done = send_points(
         points, lambda data: sent.append(OscBundle(data).content(0).params[0]), first=0.4
     )
@@ -331,8 +331,8 @@ def sent_to(points, packets, wait=0.2):
     return stand
 
 
-def test_the_emulated_stand_refuses_what_is_none(run, hoist):
-    points = points_of(run, hoist, "artnet", ", universe: 5")
+def test_the_emulated_stand_refuses_what_is_none(lifted, hoist):
+    points = points_of(lifted, hoist, "artnet", ", universe: 5")
     own = packets_of(points.map.stand, points.controller, points.rate)
     good = own.encode(np.array([0.3]), 0.0)
     elsewhere = points.controller.model_copy(update={"universe": 6})
@@ -341,7 +341,7 @@ def test_the_emulated_stand_refuses_what_is_none(run, hoist):
     stand = sent_to(points, [good, b"Art-Net\0", other, good[:19], b"", noise], 0.7)
     assert len(stand) == 1 and stand.wrong == 5
     assert stand.stops == 1 and stand.silent
-    points = points_of(run, hoist)
+    points = points_of(lifted, hoist)
     message = b"/winch\0\0,f\0\0"
     stand = sent_to(points, [message + b"\x7f\xc0\0\0", b"/other\0\0,f\0\0\x3f\0\0\0", b"#bundle\0",
                              message + b"\x3f\0\0\0"])  # fmt: skip
@@ -349,8 +349,8 @@ def test_the_emulated_stand_refuses_what_is_none(run, hoist):
     assert stand.steps[0, 0] == np.rint(0.5 * points.axes[0].counts)
 
 
-def test_a_port_that_is_taken_is_told(run, hoist):
-    points = points_of(run, hoist)
+def test_a_port_that_is_taken_is_told(lifted, hoist):
+    points = points_of(lifted, hoist)
     refused = pytest.raises(StandError, match="a free port of this machine")
     with Receiver(points.map.stand, points.controller, LOCAL, 0) as stand, refused:
         Receiver(points.map.stand, points.controller, *stand.address)
@@ -369,10 +369,10 @@ WRONG = {
 
 
 @pytest.mark.parametrize("given, words", WRONG.values(), ids=WRONG)
-def test_mistakes_in_the_file_have_their_line(run, hoist, given, words):
+def test_mistakes_in_the_file_have_their_line(lifted, hoist, given, words):
     with pytest.raises(FileError) as found:
         points = set_points(
-            loads_stand(f"{ABLE}controller: {{type: {given}}}\n", "s.yaml"), run, hoist
+            loads_stand(f"{ABLE}controller: {{type: {given}}}\n", "s.yaml"), lifted, hoist
         )
         packets_of(points.map.stand, points.controller, points.rate)
     assert words in str(found.value)

@@ -64,8 +64,8 @@ def test_six_motors_are_within_a_step_at_all_set_points(conduct, rate, inverse, 
     ABLE.replace("{type: drum, radius: 0.01}", "{type: shaft}").replace("0.5, i", "5, i")
         .replace("inertia: 1.0e-5}", "inertia: 1.0e-5, microsteps: 256}"),
 ])  # fmt: skip
-def test_holds_reversals_and_fine_steps(run, hoist, text):
-    points = set_points(loads_stand(text), run, hoist, controller="grbl", anyway=True)
+def test_holds_reversals_and_fine_steps(lifted, hoist, text):
+    points = set_points(loads_stand(text), lifted, hoist, controller="grbl", anyway=True)
     assert np.max(apart(points, replayed(points))) <= 1.0
 
 
@@ -120,8 +120,8 @@ def test_klipper_follows_the_set_points_by_its_own_rules(conduct):
     np.testing.assert_allclose(found[:, 1:], 1e3 * points.motion.position, atol=1e-4)
 
 
-def test_joint_trajectories_read_back(run, hoist, tmp_path):
-    points = set_points(loads_stand(HOME), run, hoist, controller="ros2", slack=0.02, park=True)
+def test_joint_trajectories_read_back(lifted, hoist, tmp_path):
+    points = set_points(loads_stand(HOME), lifted, hoist, controller="ros2", slack=0.02, park=True)
     a, b = save_points(points, tmp_path / "a.json"), save_points(points, tmp_path / "b.yaml")
     read = json.loads(a.read_text())
     assert read == yaml.safe_load(b.read_text())
@@ -148,8 +148,8 @@ def test_joint_trajectories_read_back(run, hoist, tmp_path):
     ("odrive", "winch.position", 1.0 / (2.0 * np.pi * 0.01), 0.0, 1e-7),
     ("dynamixel", "winch", 4096.0 / (2.0 * np.pi * 0.01), 2048.0, 0.5),
 ])  # fmt: skip
-def test_tables(run, hoist, tmp_path, kind, column, scale, offset, tolerance):
-    points = set_points(loads_stand(ABLE), run, hoist, controller=kind, rate=40.0)
+def test_tables(lifted, hoist, tmp_path, kind, column, scale, offset, tolerance):
+    points = set_points(loads_stand(ABLE), lifted, hoist, controller=kind, rate=40.0)
     path = save_points(points, tmp_path / "a.csv")
     with path.open(newline="") as file:
         rows = list(csv.DictReader(file))
@@ -160,23 +160,23 @@ def test_tables(run, hoist, tmp_path, kind, column, scale, offset, tolerance):
     )
 
 
-def test_what_a_stand_cannot_do_is_refused(run, hoist, tmp_path):
+def test_what_a_stand_cannot_do_is_refused(lifted, hoist, tmp_path):
     weak = loads_stand(ABLE.replace("0.5, i", "0.01, i"))
     with pytest.raises(StandError, match="cannot"):
-        set_points(weak, run, hoist, controller="grbl")
-    assert len(set_points(weak, run, hoist, controller="grbl", anyway=True)) == 76
+        set_points(weak, lifted, hoist, controller="grbl")
+    assert len(set_points(weak, lifted, hoist, controller="grbl", anyway=True)) == 76
     able = loads_stand(ABLE)
     with pytest.raises(FileError, match="controller"):
-        set_points(able, run, hoist)
+        set_points(able, lifted, hoist)
     with pytest.raises(FileError, match="home"):
-        set_points(able, run, hoist, controller="grbl", home=True)
+        set_points(able, lifted, hoist, controller="grbl", home=True)
     with pytest.raises(StandError, match="travel is"):
-        set_points(able, run, hoist, controller="grbl", slack=0.2)
+        set_points(able, lifted, hoist, controller="grbl", slack=0.2)
     with pytest.raises(StandError, match="homing is not part"):
-        set_points(loads_stand(HOME), run, hoist, controller="csv", home=True).whole()
+        set_points(loads_stand(HOME), lifted, hoist, controller="csv", home=True).whole()
     for kind, name in (("csv", "a.gcode"), ("grbl", "a.json"), ("grbl", "a.cfg")):
         with pytest.raises(StandError, match=r"needed|allowed"):
-            save_points(set_points(able, run, hoist, controller=kind), tmp_path / name)
+            save_points(set_points(able, lifted, hoist, controller=kind), tmp_path / name)
     assert not list(tmp_path.iterdir())
 
 
@@ -190,8 +190,8 @@ def test_the_look_ahead_and_the_port_bound_the_rate(conduct):
         gcode(set_points(stand, lift(hoist), hoist, rate=200.0, anyway=True))
 
 
-def test_the_machine_answers_with_grbls_numbers(run, hoist):
-    points = set_points(loads_stand(ABLE), run, hoist, controller="grbl")
+def test_the_machine_answers_with_grbls_numbers(lifted, hoist):
+    points = set_points(loads_stand(ABLE), lifted, hoist, controller="grbl")
     machine = GrblMachine(grbl_settings(points.map.stand, points.controller, points.rate))
     wrong = {"G1X1": 22, "G7": 20, "X": 2, "!": 1, "$Z": 3, "G1X1F" + "0" * 90: 11, "G4": 2,
              "X1X2": 25, "G92": 26, "G1X1F10Q2": 36}  # fmt: skip

@@ -9,20 +9,15 @@ import pytest
 from tests.stand.hoist import HOIST, lift, stand
 
 import fantoccini as fan
-from fantoccini.puppets import path
 from fantoccini.stand import check_stand, inputs_of, loads_stand, slowed, slower
 from fantoccini.stand.stand_file import STANDS
 from fantoccini.stand.tempo import distances
 
-CONDUCT = path("stand6").parent / "performances" / "conduct.yaml"
-
 
 @pytest.fixture(scope="module")
-def conducted():
-    puppet = fan.puppets.stand6()
-    given = fan.Input.load(puppet, CONDUCT)
-    x0 = puppet.rest()
-    return puppet, given.bound(x0.q_K), fan.simulate(puppet, x0, given, 5.0)
+def conducted(stand6, conduct):
+    given = fan.Input.load(stand6, fan.puppets.performance("conduct"))
+    return stand6, given.bound(stand6.rest().q_K), conduct
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.7])

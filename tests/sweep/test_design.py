@@ -14,11 +14,6 @@ def design(over=None, draw=None, seeds=None, seed=0, puppet=None):
     return make_design(over, draw, seeds, seed, puppet)
 
 
-@pytest.fixture(scope="module")
-def arm():
-    return fan.puppets.arm2d()
-
-
 def test_a_dict_is_a_grid_whose_last_name_is_the_fastest():
     made = design({"a": [1, 2], "b": ["x", "y", "z"]})
     assert made.shape == (2, 3)

@@ -29,11 +29,6 @@ def cluster():
     ray.shutdown()
 
 
-@pytest.fixture(scope="module")
-def arm():
-    return fan.puppets.arm2d()
-
-
 def test_ray_gives_the_same_bits_as_threads(cluster, arm, tmp_path):
     heavy = arm.with_parameters({"m2": 0.12})
     lift = fan.Input.waypoints(arm, {"hand.length": [(0, 0.8), (0.1, 0.78)]})

@@ -21,11 +21,6 @@ def swing(case: fan.Case) -> dict:
     return {"end": run.q_D[-1], "peak": run.tension["hand"].max(), "status": run.status.name}
 
 
-@pytest.fixture(scope="module")
-def arm():
-    return fan.puppets.arm2d()
-
-
 def test_results_are_shaped_like_the_grid(arm):
     over = {"length": LENGTHS, "p:m2": [0.05, 0.08]}
     result = fan.sweep(swing, over, puppet=arm, seeds=2)

@@ -11,11 +11,6 @@ LIFT = {"hand.length": [(0, 0.8), (0.2, 0.75)]}
 FAST = {"method": "timestepping", "t_end": 0.2}
 
 
-@pytest.fixture(scope="module")
-def arm():
-    return fan.puppets.arm2d()
-
-
 def test_a_trial_is_the_run_one_would_have_written(arm):
     times = np.linspace(0, 0.3, 7)
     keep = ("max tension:hand", "last elbow", "mean hand.length", "elbow", "first energy:kinetic")

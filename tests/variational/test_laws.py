@@ -8,6 +8,8 @@ import pytest
 import fantoccini as fan
 from variational import rigs
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 STEPS = (0.01, 0.005, 0.0025)
 
 

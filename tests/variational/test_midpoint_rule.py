@@ -10,6 +10,8 @@ from fantoccini.equations import Variational
 from harness import Model, turned
 from oracles.random_trees import description
 
+pytestmark = pytest.mark.slow
+
 
 def cayley(s):
     """The quaternion (1, s) / |(1, s)|."""

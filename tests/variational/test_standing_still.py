@@ -8,6 +8,8 @@ import pytest
 import fantoccini as fan
 from reduction.toys import CART
 
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
 STILL = """
 puppet: still
 bodies:

@@ -11,6 +11,8 @@ from fantoccini.errors import SimulationError, Status
 from fantoccini.motion import EventKind
 from variational import rigs
 
+pytestmark = pytest.mark.slow
+
 HELD = 1e-11
 """What a length may be overstepped by [m]."""
 

@@ -9,6 +9,8 @@ import pytest
 
 import fantoccini as fan
 
+pytestmark = pytest.mark.slow
+
 STEPS = {"q_D": 3e-7, "v_D": 1e-5, "q_K": 3e-7, "v_K": 1e-5, "acc_K": 1e-2, "u_D": 1e-3, "p": 1e-4}
 
 

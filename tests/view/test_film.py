@@ -17,17 +17,11 @@ from fantoccini.view.theme import DARK
 from view.still_life import bundled, swinging
 
 
-@pytest.fixture(scope="module")
-def puppet():
-    m = bundled("marionette")
-    return m, swinging(m)
-
-
 @pytest.mark.parametrize("ending", ["mp4", "gif"])
-def test_frames_duration_and_size(tmp_path, puppet, ending):
+def test_frames_duration_and_size(tmp_path, swung, ending):
     seen = []
     target = view.film(
-        *puppet, tmp_path / f"a.{ending}", fps=20, size=(239, 180),
+        *swung, tmp_path / f"a.{ending}", fps=20, size=(239, 180),
         progress=lambda done, total: seen.append((done, total)),
     )  # fmt: skip
     frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(target))
@@ -43,21 +37,21 @@ def test_frames_duration_and_size(tmp_path, puppet, ending):
 
 
 @pytest.mark.parametrize("fps", [50, 50.1, 60, 75, 100, 240])
-def test_a_gif_plays_in_browsers_as_long_as_the_motion_lasts(tmp_path, puppet, fps):
+def test_a_gif_plays_in_browsers_as_long_as_the_motion_lasts(tmp_path, swung, fps):
     """Browsers show a frame of 0.01 s or less for 0.1 s."""
-    with Image.open(view.film(*puppet, tmp_path / "a.gif", fps=fps, size=(64, 48))) as film:
+    with Image.open(view.film(*swung, tmp_path / "a.gif", fps=fps, size=(64, 48))) as film:
         delays = [film.seek(k) or film.info["duration"] for k in range(film.n_frames)]
     assert min(delays) >= 20
     assert sum(delays) == pytest.approx(1000.0, abs=25)
 
 
-def test_slow_motion_is_longer(tmp_path, puppet):
-    target = view.film(*puppet, tmp_path / "a.mp4", fps=10, size=(160, 120), speed=0.5)
+def test_slow_motion_is_longer(tmp_path, swung):
+    target = view.film(*swung, tmp_path / "a.mp4", fps=10, size=(160, 120), speed=0.5)
     assert imageio_ffmpeg.count_frames_and_secs(str(target))[0] == 20
 
 
-def test_frames_move_and_repeat_exactly(puppet):
-    m, run = puppet
+def test_frames_move_and_repeat_exactly(swung):
+    m, run = swung
     frames = Frames(geometry_of(m, run), Look.of(theme=DARK, size=(320, 240)))
     first = np.array(frames.draw(0))
     later = np.array(frames.draw(20))
@@ -66,30 +60,30 @@ def test_frames_move_and_repeat_exactly(puppet):
     assert np.array_equal(np.array(frames.draw(0)), first)
 
 
-def test_a_failing_encoder_is_quoted_and_leaves_nothing(tmp_path, puppet, monkeypatch):
+def test_a_failing_encoder_is_quoted_and_leaves_nothing(tmp_path, swung, monkeypatch):
     codecs = importlib.import_module("fantoccini.view.films").CODECS
     monkeypatch.setitem(codecs, ".mp4", ("-c:v", "no_such_codec", "-f", "mp4"))
     with pytest.raises(view.FilmError, match="no_such_codec"):
-        view.film(*puppet, tmp_path / "a.mp4", fps=10, size=(160, 120))
+        view.film(*swung, tmp_path / "a.mp4", fps=10, size=(160, 120))
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_stopped_film_leaves_nothing(tmp_path, puppet):
+def test_a_stopped_film_leaves_nothing(tmp_path, swung):
     def stop(done, total):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        view.film(*puppet, tmp_path / "a.mp4", fps=10, size=(160, 120), progress=stop)
+        view.film(*swung, tmp_path / "a.mp4", fps=10, size=(160, 120), progress=stop)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_cannot_be_filmed_is_said(tmp_path, puppet):
+def test_what_cannot_be_filmed_is_said(tmp_path, swung):
     with pytest.raises(ValueError, match=r"\.mp4 or \.gif"):
-        view.film(*puppet, tmp_path / "a.avi")
+        view.film(*swung, tmp_path / "a.avi")
     with pytest.raises(ValueError, match="fps"):
-        view.film(*puppet, tmp_path / "a.mp4", fps=0)
+        view.film(*swung, tmp_path / "a.mp4", fps=0)
     with pytest.raises(view.FilmError, match="no folder"):
-        view.film(*puppet, tmp_path / "none" / "a.mp4")
+        view.film(*swung, tmp_path / "none" / "a.mp4")
 
 
 def walking(m, far: float):
@@ -128,8 +122,8 @@ def test_the_camera_goes_along_with_a_puppet_that_walks():
     assert not np.array_equal(first, last)
 
 
-def test_the_camera_stands_still_where_nobody_walks(puppet):
-    m, run = puppet
+def test_the_camera_stands_still_where_nobody_walks(swung):
+    m, run = swung
     look = Look.of(focus="bodies", theme=DARK, size=(160, 120))
     assert Frames(geometry_of(m, run), look).pan is None
     m = bundled("marionette_bar")

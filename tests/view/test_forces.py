@@ -11,6 +11,8 @@ from fantoccini.cli.app import app
 from fantoccini.view import film, strip
 from fantoccini.view.geometry import geometry_of
 
+pytestmark = pytest.mark.own_puppets
+
 BLOCK = """
 puppet: block
 floor: 0

@@ -169,7 +169,7 @@ def _look(line):
 
 def test_long_pauses_break_lines():
     t = np.array([0.0, 0.1, 0.2, 1.2, 1.3])
-    x, y = identified_plots._broken(t, t)
+    x, y = identified_plots.broken(t, t)
     assert np.isnan(x[3]) and np.isnan(y[3]) and len(x) == 6
 
 

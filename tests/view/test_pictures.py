@@ -21,6 +21,8 @@ from fantoccini.view.geometry import geometry_at, geometry_of
 from fantoccini.view.theme import DARK
 from view.still_life import StillLife, bundled, swinging
 
+pytestmark = pytest.mark.own_puppets
+
 HOSTILE = r"$\frac{_^ \input{x} <b>&amp; 100%"
 
 
@@ -28,12 +30,6 @@ def busy(path):
     """Share of pixels that differ from their left neighbour."""
     pixels = imread(path)[..., :3]
     return np.mean(np.abs(np.diff(pixels, axis=1)).max(axis=2) > 0.02)
-
-
-@pytest.fixture(scope="module")
-def puppet():
-    m = bundled("marionette")
-    return m, swinging(m)
 
 
 @pytest.mark.parametrize("name", ["arm2d", "crane", "marionette", "marionette_bar", "stand6"])
@@ -48,21 +44,21 @@ def test_a_state_is_drawn(tmp_path, name):
     assert [p.name for p in tmp_path.iterdir()] == ["a.png"]
 
 
-def test_a_strip_has_its_size(tmp_path, puppet):
-    target = view.strip(*puppet, tmp_path / "a.png", n=4, size=(800, 400), scale=1.5)
+def test_a_strip_has_its_size(tmp_path, swung):
+    target = view.strip(*swung, tmp_path / "a.png", n=4, size=(800, 400), scale=1.5)
     assert imread(target).shape[:2] == (600, 1200)
     assert busy(target) > 0.01
 
 
 @pytest.mark.parametrize("ending", ["svg", "pdf"])
-def test_vector_formats(tmp_path, puppet, ending):
-    target = view.strip(*puppet, tmp_path / f"a.{ending}", n=3, times="even")
+def test_vector_formats(tmp_path, swung, ending):
+    target = view.strip(*swung, tmp_path / f"a.{ending}", n=3, times="even")
     head = target.read_bytes()[:100]
     assert head.startswith(b"<?xml" if ending == "svg" else b"%PDF")
 
 
-def test_pose_times(puppet):
-    m, run = puppet
+def test_pose_times(swung):
+    m, run = swung
     for how in ("poses", "events", "even"):
         times = view.pose_times(m, run, 6, how)
         assert len(times) == 6
@@ -76,8 +72,8 @@ def test_pose_times(puppet):
         view.pose_times(m, run, 5, "odd")
 
 
-def test_a_plot_shows_every_string(tmp_path, puppet):
-    _, run = puppet
+def test_a_plot_shows_every_string(tmp_path, swung):
+    _, run = swung
     figure = view.plot(run, tmp_path / "a.png", scale=1.0)
     assert imread(tmp_path / "a.png").shape[:2] == (1000, 1100)
     tension, modes = figure.axes[:2]
@@ -200,8 +196,8 @@ def test_bodies_without_shapes_and_springs_are_drawn(tmp_path):
     assert busy(target) > 0.005
 
 
-def test_what_cannot_be_written_is_said(tmp_path, puppet):
-    m, run = puppet
+def test_what_cannot_be_written_is_said(tmp_path, swung):
+    m, run = swung
     with pytest.raises(ValueError, match=r"\.png, \.svg, \.pdf"):
         view.draw(m, run.state(0), tmp_path / "a.bmp")
     with pytest.raises(PictureError, match="no folder"):

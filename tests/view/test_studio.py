@@ -27,14 +27,8 @@ def installed():
         pytest.skip("no Mesa: docs/install.md has the packages that pyvista draws with")
 
 
-@pytest.fixture(scope="module")
-def puppet():
-    m = bundled("marionette")
-    return m, swinging(m)
-
-
-def test_without_pyvista_the_error_says_how_to_get_it(tmp_path, puppet, monkeypatch):
-    m, run = puppet
+def test_without_pyvista_the_error_says_how_to_get_it(tmp_path, swung, monkeypatch):
+    m, run = swung
     monkeypatch.setitem(sys.modules, "pyvista", None)
     with pytest.raises(MissingLibraryError, match=r"fantoccini\[pyvista\]"):
         view.draw(m, run.state(0), tmp_path / "a.png", renderer="pyvista")
@@ -43,15 +37,15 @@ def test_without_pyvista_the_error_says_how_to_get_it(tmp_path, puppet, monkeypa
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_unknown_renderer_is_refused(tmp_path, puppet):
-    m, run = puppet
+def test_an_unknown_renderer_is_refused(tmp_path, swung):
+    m, run = swung
     with pytest.raises(ValueError, match="matplotlib, pyvista"):
         view.draw(m, run.state(0), tmp_path / "a.png", renderer="crayon")
 
 
-def test_links_are_photographed_where_the_camera_projects_them(installed, puppet):
+def test_links_are_photographed_where_the_camera_projects_them(installed, swung):
     """The window is the sheet, the viewport a part of it that is not in the middle."""
-    geometry = geometry_of(*puppet)
+    geometry = geometry_of(*swung)
     viewport = Viewport(20.0, 70.0, 240.0, 300.0)
     layout = layout_of(geometry, viewport, Look.of())
     studio = Studio(geometry, layout, SIZE)
@@ -70,8 +64,8 @@ def test_links_are_photographed_where_the_camera_projects_them(installed, puppet
         assert shot[: SIZE[1] - 370, :, 3].max() == 0.0 and shot[:, 261:, 3].max() == 0.0
 
 
-def test_a_picture_and_a_film(installed, tmp_path, puppet):
-    m, run = puppet
+def test_a_picture_and_a_film(installed, tmp_path, swung):
+    m, run = swung
     quick, photographed = (
         imread(view.draw(
             m, run.state(20), tmp_path / f"{renderer}.png", run.tension.values[20], size=SIZE,

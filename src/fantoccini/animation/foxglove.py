@@ -200,7 +200,7 @@ def _numbers(kind: str, columns: dict[str, Array]) -> Messages:
         name="timestamp", number=1, type=field.TYPE_MESSAGE, label=field.LABEL_OPTIONAL,
         type_name=".google.protobuf.Timestamp",
     )  # fmt: skip
-    fields = dict(zip(_identifiers(columns), columns.values(), strict=True))
+    fields = dict(zip(identifiers(columns), columns.values(), strict=True))
     for number, name in enumerate(fields, 2):
         made.field.add(
             name=name, number=number, type=field.TYPE_DOUBLE, label=field.LABEL_OPTIONAL
@@ -219,7 +219,7 @@ def _numbers(kind: str, columns: dict[str, Array]) -> Messages:
     return message
 
 
-def _identifiers(names: Iterable[str]) -> list[str]:
+def identifiers(names: Iterable[str]) -> list[str]:
     """Names as fields can have them: letters, digits and _, each once."""
     out: list[str] = []
     for name in names:

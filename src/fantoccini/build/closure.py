@@ -10,8 +10,8 @@ from pathlib import Path
 
 from fantoccini.build.significant import significant_python
 
-_ROOT = Path(__file__).resolve().parents[1]
-_PACKAGE = _ROOT.name
+ROOT = Path(__file__).resolve().parents[1]
+_PACKAGE = ROOT.name
 
 
 @cache
@@ -26,7 +26,7 @@ def code_fingerprint(*modules: str) -> str:
     digest = hashlib.sha256()
     for file in sorted(closure(modules)):
         code = significant_python(file.read_text(encoding="utf-8")).encode()
-        digest.update(f"{file.relative_to(_ROOT).as_posix()}\0{len(code)}\0".encode() + code)
+        digest.update(f"{file.relative_to(ROOT).as_posix()}\0{len(code)}\0".encode() + code)
     return digest.hexdigest()
 
 
@@ -45,11 +45,11 @@ def closure(modules: Iterable[str]) -> set[Path]:
             continue
         seen.add(wanted)
         module, name = wanted
-        if name and (file := _file(f"{module}.{name}")):  # a submodule
+        if name and (file := file_of(f"{module}.{name}")):  # a submodule
             module, name = f"{module}.{name}", None
-        elif (file := _file(module)) is None:
+        elif (file := file_of(module)) is None:
             continue
-        imports = _imports(file)
+        imports = imports_of(file)
         defining = [found for found, binds in imports if binds == name]
         if defining and file.name == "__init__.py":
             waiting += defining
@@ -60,8 +60,9 @@ def closure(modules: Iterable[str]) -> set[Path]:
 
 
 @cache
-def _file(module: str) -> Path | None:
-    path = _ROOT.joinpath(*module.split(".")[1:])
+def file_of(module: str) -> Path | None:
+    """The file of a module of fantoccini; None for others."""
+    path = ROOT.joinpath(*module.split(".")[1:])
     for file in (path.with_suffix(".py"), path / "__init__.py"):
         if module.split(".")[0] == _PACKAGE and file.is_file():
             return file
@@ -69,7 +70,7 @@ def _file(module: str) -> Path | None:
 
 
 @cache
-def _imports(file: Path) -> tuple[tuple[tuple[str, str | None], str], ...]:
+def imports_of(file: Path) -> tuple[tuple[tuple[str, str | None], str], ...]:
     """((module, name imported from it), name that it is bound to) of every import.
 
     Found by a regular expression: parsing all files takes a second.

@@ -204,7 +204,7 @@ class Clearance:
             room = max(_ACCURACY * best.distance, _MAX_TOUCH)
             return np.flatnonzero((best.distance >= 0.0) & (lower < best.distance - room))
 
-        advance(path, self._bounded, look)
+        advance(path, self.bounded, look)
         if 0.0 <= best.distance < _MAX_TOUCH:
             best = replace(best, distance=best.distance - _MAX_TOUCH)
         return best
@@ -227,7 +227,7 @@ class Clearance:
             far = distance >= within
             return np.flatnonzero(far & (lower < np.minimum(within, distance - _EDGE)))
 
-        advance(path, self._bounded, look)
+        advance(path, self.bounded, look)
         at = Places(*map(np.concatenate, zip(*(places for places, _ in measured), strict=True)))
         order = np.argsort(at.t, kind="stable")
         distance = np.concatenate([distance for _, distance in measured])
@@ -261,7 +261,7 @@ class Clearance:
             raise ValueError("no pair is measured")
         return Nearest(*self._named(int(pair)), float(distance))
 
-    def _bounded(self, q_D: Array, q_K: Array, moves: Moves) -> tuple[Array, Array]:
+    def bounded(self, q_D: Array, q_K: Array, moves: Moves) -> tuple[Array, Array]:
         """Distances at configurations, and their lower bounds on moves about them."""
         return self._measured(q_D, q_K, default_threads(), moves)[:2]
 

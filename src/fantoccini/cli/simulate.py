@@ -95,7 +95,7 @@ def simulate_file(request: SimulateRequest) -> None:
             if given_motion.rehearsal is not None:
                 report_lateness(given_motion.rehearsal)
         report(run, seconds)
-        _hint(request, run, seconds)
+        suggest_faster(request, run, seconds)
     end_with(run, trouble)
 
 
@@ -153,7 +153,7 @@ def end_with(run: Trajectory, trouble: str) -> None:
         raise typer.Exit(INTERRUPTED if run.status is Status.STOPPED else FAILED)
 
 
-def _hint(request: SimulateRequest, run: Trajectory, seconds: float) -> None:
+def suggest_faster(request: SimulateRequest, run: Trajectory, seconds: float) -> None:
     """Suggests faster options after a run slower than real time."""
     if run.method == "event" and seconds > run.duration > 0.0:
         fewer = "" if request.rate else "; --rate 60 saves fewer samples"

@@ -45,7 +45,7 @@ def cylinder(
 ) -> dict[str, Any]:
     """A cylinder along z, as a mesh of 32 sides; all cylinders of a puppet share one file."""
     scale = numbers([radius, radius, length])
-    return mesh(draft, ("cylinder",), _cylinder, at, turn, "cylinder") | {"scale": scale}
+    return mesh(draft, ("cylinder",), cylinder_stl, at, turn, "cylinder") | {"scale": scale}
 
 
 def mesh(
@@ -110,7 +110,8 @@ def fits(*lengths: float) -> bool:
     return all(allowed.min_size <= x <= allowed.max_size for x in lengths)
 
 
-def _cylinder() -> bytes:
+def cylinder_stl() -> bytes:
+    """An STL file of a cylinder of radius and height 1."""
     import trimesh
 
     made = trimesh.creation.cylinder(radius=1.0, height=1.0, sections=_SECTIONS)

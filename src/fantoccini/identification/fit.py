@@ -74,7 +74,8 @@ class Fit:
         n = int(np.ceil((self.ends[1] + MARGIN - begin) / span))
         return np.asarray(begin + span * np.arange(n))
 
-    def _delay(self, theta: Array) -> float:
+    def delay_of(self, theta: Array) -> float:
+        """Delay of the record [s]."""
         return float(theta[-1]) if self.layout.delay else self.delay
 
     def p(self, theta: Array) -> Array:
@@ -100,7 +101,7 @@ class Fit:
     def located(self, theta: Array, dt: float) -> tuple[Indices, Indices, Array]:
         """(N,) step and segment in which a sample lies, and the part of the step before it."""
         starts, n = self.starts, round(self.segment / dt)
-        at = (self.t - self._delay(theta) - starts[0]) / dt
+        at = (self.t - self.delay_of(theta) - starts[0]) / dt
         at = np.clip(at, 0.0, len(starts) * n - 1e-9)
         whole = np.floor(at).astype(int)
         return whole % n, whole // n, at - whole

@@ -131,7 +131,7 @@ class Stepper:
     @property
     def arrived(self) -> bool:
         """Whether the last advance reached its end, even with lost steps."""
-        status = self._run.status
+        status = self.status
         return status is Status.DONE or (status in ARRIVED and self.state.t >= self._end)
 
     def advance(

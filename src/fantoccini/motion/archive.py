@@ -55,7 +55,7 @@ def save(fields: Mapping[str, Any], path: str | Path) -> None:
         "columns": {name: [named.what, *named.names] for name, named in tables.items()},
         "events": [[event.kind, event.name] for event in events],
         "events_recorded": fields["events_recorded"],
-        "coordinates": _table_to_json(table),
+        "coordinates": table_to_json(table),
         "puppet": None if puppet is None else puppet.to_yaml(),
     }
     arrays = {name: fields[name] for name in _ARRAYS}
@@ -81,7 +81,7 @@ def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any], path: str) 
     Raises:
         LookupError, TypeError, ValueError: they are not those of a trajectory.
     """
-    table = _table_from_json(about["coordinates"], arrays)
+    table = table_from_json(about["coordinates"], arrays)
     n = len(npz.finite(arrays, "t", (None,)))
     widths = (table.n_qD, table.n_vD, table.n_vD, table.n_qK, table.n_vK, table.n_vK)
     motion = {
@@ -174,7 +174,8 @@ def restored(yaml: str, file: str, meshes: Mapping[str, bytes]) -> Puppet:
     return loads(yaml, file, folder)
 
 
-def _table_to_json(table: CoordinateTable) -> dict[str, Any]:
+def table_to_json(table: CoordinateTable) -> dict[str, Any]:
+    """The coordinates as JSON, without their start values."""
     whole = {
         field.name: getattr(table, field.name)
         for field in dataclasses.fields(table)
@@ -184,7 +185,8 @@ def _table_to_json(table: CoordinateTable) -> dict[str, Any]:
     return whole
 
 
-def _table_from_json(data: dict[str, Any], arrays: Mapping[str, Array]) -> CoordinateTable:
+def table_from_json(data: dict[str, Any], arrays: Mapping[str, Array]) -> CoordinateTable:
+    """The coordinates of JSON, with the start values among some arrays."""
     rows = tuple(
         Coordinate(npz.text(name, "a coordinate"), Role(role), owner, unit, index)
         for name, role, owner, unit, index in data["rows"]

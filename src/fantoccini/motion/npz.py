@@ -119,7 +119,7 @@ def read(
         with zipfile.ZipFile(path) as archive:
             entries = archive.infolist()
             names = [item.filename for item in entries]
-            _check_names(names, wrong)
+            check_names(names, wrong)
             need, allowed = sum(x.file_size for x in entries), max(MAX_BYTES, MAX_GROWTH * size)
             if most is not None:
                 allowed = most
@@ -267,7 +267,8 @@ def _reason(trouble: BaseException) -> str:
     return str(trouble) or type(trouble).__name__
 
 
-def _check_names(names: list[str], wrong: Callable[[str, str], FileError]) -> None:
+def check_names(names: list[str], wrong: Callable[[str, str], FileError]) -> None:
+    """Raises the error that ``wrong`` makes of a name that is no array or is there twice."""
     seen = set()
     for name in names:
         if not name.endswith(_ENDING):

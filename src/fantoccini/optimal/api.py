@@ -115,7 +115,7 @@ def optimise(
         runs = StepRuns(steps, chosen)
     if task.explore:
         runs = HybridRuns(steps, chosen)
-    first = _first(task, chosen, task.guess if guess is None else guess)
+    first = first_nodes(task, chosen, task.guess if guess is None else guess)
     objective = Objective(task)
     at = iterate(runs, first, objective)
     if at is None:
@@ -313,7 +313,7 @@ def _check(task: Task) -> None:
         task.bounds.check_end(marionette, task.x0, task.goal)
 
 
-def _first(task: Task, chosen: Chosen, guess: Input | Optimum | None) -> Nodes:
+def first_nodes(task: Task, chosen: Chosen, guess: Input | Optimum | None) -> Nodes:
     """The nodes of the first motion; of a guess its accelerations count, within their bounds."""
     N, (shortest, longest) = task.n_intervals, task.durations
     made = Nodes.still(task.marionette, task.x0, longest, N)

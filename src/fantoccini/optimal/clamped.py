@@ -25,7 +25,7 @@ _BARRIER, _FACTORISATIONS = 1e-5, 15
 """Where the interior point method may end: barrier in units of the cost, and factorisations."""
 _WORK = 4.8e7
 """Multiplications of a program: some 7 ms."""
-_LEAST, _MOST = 1.5, 20.0
+MIN_FACTORISATIONS, MAX_FACTORISATIONS = 1.5, 20.0
 """Whole factorisations of a program, at least and at most."""
 
 
@@ -102,7 +102,7 @@ class ClampedSteps:
         """
         N, k, h = len(nodes), nodes.table.n_vK, nodes.interval
         per_stage = (nodes.n_z + k) ** 2 * (nodes.n_z - 2 * k)
-        work = min(max(_WORK / per_stage, _LEAST * N), _MOST * N)
+        work = min(max(_WORK / per_stage, MIN_FACTORISATIONS * N), MAX_FACTORISATIONS * N)
         J, diagonal, g = objective.squares(nodes)
         pulls = list(objective.pulls(nodes, slopes.tension))
         C, W = np.zeros((N, len(pulls), nodes.n_z + k)), np.zeros((N, len(pulls)))

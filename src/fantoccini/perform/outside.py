@@ -113,6 +113,12 @@ class Steered(ABC):
                 self._player.clear()
             self._law = law
 
+    @property
+    def pushes(self) -> dict[str, Push]:
+        """The pushes on bodies, by name."""
+        with self._lock:
+            return dict(self._pushes)
+
     def push(self, body: str, force: Vec3 | None, at: Vec3 | None = None) -> None:
         """Pushes a body until further notice.
 

@@ -48,6 +48,7 @@ class Performance(Playing):
         lengths: string with a driven length -> shortest and longest [m].
         tick: time over which the hands' accelerations are constant [s].
         dt: time step, a whole part of a tick [s].
+        speed, acceleration: bounds of handles and winches [m/s, m/s^2].
         grip: largest tension of a string [N].
 
     Args:
@@ -79,7 +80,7 @@ class Performance(Playing):
         if grip is not None:
             check_positive(grip=grip)
         self._lock = RLock()
-        self._speed, self._acceleration, self._given_grip = speed, acceleration, grip
+        self.speed, self.acceleration, self._given_grip = speed, acceleration, grip
         self.tick = float(tick)
         self._steps = max(1, int(np.ceil(tick / dt - 1e-9)))
         self.dt = self.tick / self._steps
@@ -392,7 +393,7 @@ class Performance(Playing):
         self.grip = self._grip_of(marionette)
         self._performed = gripped(marionette, self.grip)
         lengths = Hands.ranges_of(marionette, x, self.dt) if lengths is None else lengths
-        self._hands = Hands.of(marionette, x, self._speed, self._acceleration, lengths)
+        self._hands = Hands.of(marionette, x, self.speed, self.acceleration, lengths)
         self._holding = Holding(self._performed, self._hands, self.grip)
         most = np.array([list(bound.values()) for bound in self._hands.each()[1:]])
         self._player = player or Player(most, self.tick)

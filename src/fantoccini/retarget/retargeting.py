@@ -37,7 +37,7 @@ _HELD = 1.0
 """Duration for which a single pose is held [s]."""
 _NEAR = 3e-4
 """Distance from the nearest pose at which a search ends [m]."""
-_ITERATIONS = 10
+ITERATIONS = 10
 """Of the search for one pose; the next one goes on from there."""
 _FIRST = 100
 """Of the search for the first one."""
@@ -209,9 +209,9 @@ def retarget_clip(
     options: dict[str, Any] = {"slack": True, "tolerance": _NEAR, "weights": weights, "once": True}
     begun = marionette.rest(reach(marionette, first, start, iterations=_FIRST, **options)[0].state)
     try:
-        found = reach(marionette, targets, begun, iterations=_ITERATIONS, **options)
+        found = reach(marionette, targets, begun, iterations=ITERATIONS, **options)
     except StateError:  # the first pose is on the edge of tipping over
-        found = reach(marionette, targets, start, iterations=_ITERATIONS, **options)
+        found = reach(marionette, targets, start, iterations=ITERATIONS, **options)
     t = clip.clip.t - clip.clip.t[0]
     return Retargeted(marionette, figure, clip.clip, t, placing, found)
 

@@ -26,12 +26,13 @@ class Loaded:
     """A loaded library of a puppet.
 
     Attributes:
+        path: the shared library's file.
         dll: the shared library.
         sizes: of the puppet, by the names of :mod:`fantoccini.contract`.
         width: trajectories or configurations that are advanced together.
 
     Args:
-        path: the shared library.
+        path: see above.
         sizes: of the puppet's tree (``Tree.sizes``).
 
     Raises:
@@ -39,6 +40,7 @@ class Loaded:
     """
 
     def __init__(self, path: Path, sizes: Mapping[str, int]):
+        self.path = path
         try:
             self.dll = ctypes.CDLL(str(path))
             identity = self.dll.fan_identity

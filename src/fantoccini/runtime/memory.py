@@ -51,7 +51,7 @@ def bound(need: float, given: float | None) -> float:
 
 def allowed() -> float:
     """Half of the memory that this process can still have [bytes]."""
-    free = filter(None, (_free(), _of_group(), _of_process()))
+    free = filter(None, (_free(), of_group(), _of_process()))
     return 0.5 * min(free, default=MEMORY.assumed_free)
 
 
@@ -71,7 +71,7 @@ def _free() -> float | None:
         return None
 
 
-def _of_group(root: Path = Path("/sys/fs/cgroup")) -> float | None:
+def of_group(root: Path = Path("/sys/fs/cgroup")) -> float | None:
     """Free memory of the control group, as containers have one [bytes]."""
     for limit, use, spare in _GROUPS:
         most, used = _text(root / limit).strip(), _text(root / use).strip()

@@ -30,7 +30,7 @@ class _Limits:
     """Maximum number of names in the message."""
 
 
-_LIMITS = _Limits()
+LIMITS = _Limits()
 
 
 class SlowRunWarning(UserWarning):
@@ -68,13 +68,13 @@ class Pace:
         """Records the time reached [s]; warns once if the end is far away at this pace."""
         now, marks = self.seconds, self._marks
         marks.append((now, t))
-        while len(marks) > 2 and now - marks[1][0] > _LIMITS.recent:
+        while len(marks) > 2 and now - marks[1][0] > LIMITS.recent:
             marks.popleft()
-        if self._told or now < _LIMITS.first_look:
+        if self._told or now < LIMITS.first_look:
             return
         spent, done = now - marks[0][0], t - marks[0][1]
         left = (self._t_end - t) * spent / done if done > 0.0 else np.inf
-        if left <= _LIMITS.left:
+        if left <= LIMITS.left:
             return
         self._told = True
         takes = "does not come nearer to" if left == np.inf else f"needs {left:.2g} s more to"
@@ -94,18 +94,18 @@ def chatter(t: Times, contact: ContactPoints | None, events: Iterable[EventRecor
         contact: points that pushed, if anything may touch.
         events: of the run.
     """
-    first = max(0, len(t) - _LIMITS.samples)
+    first = max(0, len(t) - LIMITS.samples)
     if len(t) - first < 2:  # so few are saved
         return "its steps are short"
     text = f"its last {len(t) - first} samples take {t[-1] - t[first]:.2g} s of motion"
     counts = Counter(e.name for e in events if e.name and e.t >= t[first])
     if counts:
-        most = counts.most_common(_LIMITS.names)
+        most = counts.most_common(LIMITS.names)
         text += ", with events of " + ", ".join(f"{name} ({n})" for name, n in most)
     if contact is not None:
         pushing = contact.some(contact.sample >= first)
         pairs = Counter(pair_name(contact.names[k]) for k in pushing.pair.tolist())
-        names = [name for name, _ in pairs.most_common(_LIMITS.names) if name not in counts]
+        names = [name for name, _ in pairs.most_common(LIMITS.names) if name not in counts]
         if names:
             text += f", while {', '.join(names)} {'touches' if len(names) == 1 else 'touch'}"
     return text

@@ -75,6 +75,10 @@ class Receiver:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Stops listening."""
         self._end.set()
         self._thread.join()
         self._socket.close()

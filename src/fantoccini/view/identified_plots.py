@@ -66,7 +66,7 @@ def _channel(axes: Axes, found: Identified, j: int, theme: Theme) -> None:
     _gaps(axes, t, np.isfinite(r), theme)
     _lost(axes, found)
     axes.plot(t, samples, ".", markersize=1.8, color=theme.colour(0), alpha=0.55)
-    axes.plot(*_broken(t, found.predicted[:, j]), color=theme.ink, linewidth=0.7)
+    axes.plot(*broken(t, found.predicted[:, j]), color=theme.ink, linewidth=0.7)
     far = np.abs(r) > LISTED * found.noise[found.record.channels.names[j]]
     low, high = _range(np.concatenate([found.predicted[:, j], samples[~far]]))
     _outliers(axes, t[far], np.clip(samples[far], low, high))
@@ -125,7 +125,7 @@ def _residuals(axes: Axes, found: Identified, own: list[int], theme: Theme) -> N
         far = np.abs(z) > LISTED
         _outliers(axes, t[far], np.clip(z[far], -_EDGE, _EDGE))
         label = names[j].rsplit(".", 1)[-1] if len(own) > 1 else None
-        axes.plot(*_broken(t, _running(t, z)), color=theme.colour(k), linewidth=1.1, label=label)
+        axes.plot(*broken(t, _running(t, z)), color=theme.colour(k), linewidth=1.1, label=label)
     axes.set_ylim(-_EDGE, _EDGE)
     axes.set_yticks((-4, -2, 0, 2, 4))
     _dressed(axes, t, theme)
@@ -244,7 +244,7 @@ def correlations(found: Identified, theme: Theme = LIGHT) -> Figure:
     return figure
 
 
-def _broken(t: Array, y: Array) -> tuple[Array, Array]:
+def broken(t: Array, y: Array) -> tuple[Array, Array]:
     """A line that is broken where nothing was measured for long."""
     wide = np.flatnonzero(np.diff(t) > _HIDDEN * np.median(np.diff(t))) + 1
     return np.insert(t, wide, np.nan), np.insert(y, wide, np.nan)

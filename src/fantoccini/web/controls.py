@@ -60,6 +60,10 @@ class Controls:
 
     Attributes:
         selected: name of the handle that keys and gamepad move, or None where there is none.
+        labels, rings: by handle.
+        sliders: by string.
+        grabs: beads in viewers' hands.
+        turned: handle -> the viewer who turns it.
 
     Args:
         server: of viser.
@@ -89,12 +93,12 @@ class Controls:
         self._size, self._act, self._winds, self._release = size, act, winds, release
         self._handles = {handle.name: handle for handle in performance.handles}
         self._beads: dict[str, viser.IcosphereHandle] = {}
-        self._labels: dict[str, viser.LabelHandle] = {}
-        self._rings: dict[str, viser.TransformControlsHandle] = {}
-        self._turned: dict[str, Viewer] = {}
-        self._sliders: dict[str, viser.GuiSliderHandle[float]] = {}
+        self.labels: dict[str, viser.LabelHandle] = {}
+        self.rings: dict[str, viser.TransformControlsHandle] = {}
+        self.turned: dict[str, Viewer] = {}
+        self.sliders: dict[str, viser.GuiSliderHandle[float]] = {}
         self._shown: dict[str, float] = {}
-        self._grabs: dict[tuple[Viewer, str], _Grab] = {}
+        self.grabs: dict[tuple[Viewer, str], _Grab] = {}
         self._last = np.full((len(self._handles), 3), np.nan)
         self.selected: str | None = next(iter(self._handles), None)
         places = np.array([performance.place(name)[0] for name in self._handles])
@@ -111,8 +115,8 @@ class Controls:
     def remove(self) -> None:
         """Removes everything from the page."""
         for node in (
-            *self._beads.values(), *self._labels.values(), *self._rings.values(),
-            *self._sliders.values(), self._ghosts, self._leads,
+            *self._beads.values(), *self.labels.values(), *self.rings.values(),
+            *self.sliders.values(), self._ghosts, self._leads,
         ):  # fmt: skip
             node.remove()
 
@@ -140,7 +144,7 @@ class Controls:
 
     def show_names(self, visible: bool) -> None:
         """Shows or hides the names of the handles."""
-        for label in self._labels.values():
+        for label in self.labels.values():
             label.visible = visible
 
     # -- every frame ---------------------------------------------------------------------------
@@ -152,7 +156,7 @@ class Controls:
         for n, name in enumerate(self._handles):
             if changed[n]:
                 move(self._beads[name], places[n])
-                move(self._labels[name], places[n] + [0.0, 0.0, self._above[n]])
+                move(self.labels[name], places[n] + [0.0, 0.0, self._above[n]])
         self._last = places
 
     def mark(self, lagging: dict[str, str]) -> None:
@@ -169,8 +173,8 @@ class Controls:
             if len(handle.axes) and np.linalg.norm(wanted - here) > _CHANGES.lag * self._size:
                 behind.append(wanted)
                 leads.append((here, wanted))
-            ring = self._rings.get(name)
-            if ring is not None and name not in self._turned:
+            ring = self.rings.get(name)
+            if ring is not None and name not in self.turned:
                 ring.position, ring.wxyz = wanted, wxyz
         self._show_marks(behind, leads)
 
@@ -179,7 +183,7 @@ class Controls:
 
         Others stay: a viewer may just have moved the slider.
         """
-        for name, slider in self._sliders.items():
+        for name, slider in self.sliders.items():
             wanted = round(self._performance.wanted_length(name), 4)
             if abs(self._shown[name] - wanted) > _CHANGES.length:
                 slider.value = self._shown[name] = wanted
@@ -197,7 +201,7 @@ class Controls:
             for modifier in (None, "shift"):
                 bead.on_drag("left", modifier=modifier)(self._dragged(handle))
         self._beads[handle.name] = bead
-        self._labels[handle.name] = self._server.scene.add_label(
+        self.labels[handle.name] = self._server.scene.add_label(
             f"/names/{n}", handle.name, anchor="bottom-center",
             position=position + np.array([0.0, 0.0, self._above[n]]),
         )  # fmt: skip
@@ -208,7 +212,7 @@ class Controls:
                 opacity=0.75, position=position, wxyz=wxyz,
             )  # fmt: skip
             ring.on_update(self._turned_ring(handle))
-            self._rings[handle.name] = ring
+            self.rings[handle.name] = ring
 
     def _add_slider(self, name: str, low: float, high: float) -> None:
         wanted = self._performance.wanted_length(name)
@@ -225,7 +229,7 @@ class Controls:
                 slider.value = round(self._performance.wanted_length(name), 3)
 
         slider.on_update(moved)
-        self._sliders[name] = slider
+        self.sliders[name] = slider
 
     def _add_marks(self) -> None:
         none = np.zeros((1, 2, 3))
@@ -241,9 +245,9 @@ class Controls:
 
     def _show_selected(self) -> None:
         """Shows the rings of one handle at a time: those of several would overlap."""
-        for name, ring in self._rings.items():
+        for name, ring in self.rings.items():
             ring.visible = name == self.selected
-        for name, label in self._labels.items():
+        for name, label in self.labels.items():
             label.font_screen_scale = 1.0 if name == self.selected else 0.85
 
     def _show_marks(
@@ -259,7 +263,7 @@ class Controls:
     def _colour(self, name: str, lags: bool) -> tuple[int, int, int]:
         if lags:
             return to_bytes(WARNING)
-        if name == self.selected or any(held == name for _, held in list(self._grabs)):
+        if name == self.selected or any(held == name for _, held in list(self.grabs)):
             return to_bytes(rgb(self._theme.cycle[0]))
         return to_bytes(mix(self._theme.handle, np.ones(3), 0.15))
 
@@ -269,15 +273,15 @@ class Controls:
         async def dragged(event: Any) -> None:
             key = (event.client_id, name)
             if event.phase == "end":
-                self._grabs.pop(key, None)
+                self.grabs.pop(key, None)
                 self._release(event.client_id)
                 return
-            grab = self._grabs.get(key)
+            grab = self.grabs.get(key)
             if grab is None:
                 if not self._act(event.client_id, lambda: self.select(name)):
                     return
                 winds = name in self._performance.lengths
-                grab = self._grabs[key] = _Grab(
+                grab = self.grabs[key] = _Grab(
                     np.array(event.start_position), self._performance.target(name)[0],
                     self._performance.wanted_length(name) if winds else None,
                 )  # fmt: skip
@@ -303,9 +307,9 @@ class Controls:
             done = self._act(viewer, lambda: self._performance.move(name, position, wxyz))
             # While a viewer turns the ring, only that viewer moves it.
             if done and event.phase != "end":
-                self._turned[name] = viewer
-            elif self._turned.get(name) == viewer:
-                del self._turned[name]
+                self.turned[name] = viewer
+            elif self.turned.get(name) == viewer:
+                del self.turned[name]
             if event.phase == "end":
                 self._release(viewer)
 

@@ -22,13 +22,16 @@ Viewer = int | str
 class Holder:
     """The viewer that holds the strings.
 
-    Args:
+    Attributes:
         idle: time without a move after which the strings are free [s].
+
+    Args:
+        idle: see above.
         clock: returns the time [s].
     """
 
     def __init__(self, idle: float = IDLE, clock: Callable[[], float] = time.monotonic):
-        self._idle, self._clock = idle, clock
+        self.idle, self._clock = idle, clock
         self._viewer: Viewer | None = None
         self._since = 0.0
         self._lock = Lock()
@@ -56,7 +59,7 @@ class Holder:
                 self._viewer = None
 
     def _release_when_idle(self) -> None:
-        if self._viewer is not None and self._clock() - self._since > self._idle:
+        if self._viewer is not None and self._clock() - self._since > self.idle:
             self._viewer = None
 
 

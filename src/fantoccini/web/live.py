@@ -66,6 +66,8 @@ class Live(PageLoop):
         pushes: what a viewer pulls at.
         panel: buttons, sliders, numbers.
         stage: gestures, takes, a score, and their sound.
+        pads: gamepads.
+        jobs: what is to be done between two frames.
         holder: who holds the strings.
         paused: whether time stands still.
         factor: speed of time; below 1 is slow motion.
@@ -97,8 +99,8 @@ class Live(PageLoop):
         self.paused, self.factor = False, 1.0
         self.stage = Stage(performance, record_to, file, score, show)
         self._file = None if file is None else WatchedFile(file, compiled)
-        self._pads, self._midi = pad.Pads(), midi.Midi(self._go)
-        self._jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self.pads, self._midi = pad.Pads(), midi.Midi(self._go)
+        self.jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._past: deque[tuple[float, np.ndarray]] = deque()
         self._refused: dict[Viewer, float] = {}
         self._sight: np.ndarray | None = None
@@ -108,7 +110,7 @@ class Live(PageLoop):
     def handlers(self) -> dict[str, Handler]:
         """Websockets of our own."""
         return {
-            pad.PATH: self._pads.visit, sound.PATH: self.stage.sounds.visit,
+            pad.PATH: self.pads.visit, sound.PATH: self.stage.sounds.visit,
             midi.PATH: self._midi.visit,
         }  # fmt: skip
 
@@ -146,7 +148,7 @@ class Live(PageLoop):
 
     def later(self, viewer: Viewer | None, do: Callable[[], None]) -> bool:
         """As :meth:`act`, but in the loop's thread, between two frames."""
-        return self.act(viewer, lambda: self._jobs.put(do))
+        return self.act(viewer, lambda: self.jobs.put(do))
 
     def pause(self) -> None:
         """Pauses or resumes."""
@@ -220,7 +222,7 @@ class Live(PageLoop):
         while not self._end.is_set():
             left = until - time.perf_counter()
             try:
-                job = self._jobs.get(timeout=left) if left > 0.0 else self._jobs.get_nowait()
+                job = self.jobs.get(timeout=left) if left > 0.0 else self.jobs.get_nowait()
             except queue.Empty:
                 return
             self._safely(job)
@@ -294,10 +296,10 @@ class Live(PageLoop):
         self.later(self._viewer("midi"), self.stage.go)
 
     def _follow_pads(self, duration: float) -> None:
-        pressed, sticks = self._pads.pressed(), self._pads.sticks
+        pressed, sticks = self.pads.pressed(), self.pads.sticks
         if not pressed and not sticks.moved:
             return
-        viewer = self._viewer(self._pads.name)
+        viewer = self._viewer(self.pads.name)
         for button, do in (
             (pad.NEXT, lambda: self.controls.select_next(1)),
             (pad.BEFORE, lambda: self.controls.select_next(-1)),

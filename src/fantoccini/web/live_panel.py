@@ -75,6 +75,9 @@ class LivePanel:
 
     Attributes:
         lengths: folder of the sliders of strings.
+        views: what is shown of the world.
+        takes: the tab of takes.
+        handle_choice: list of the handles; None where there are none.
 
     Args:
         live: what the buttons act on.
@@ -104,12 +107,12 @@ class LivePanel:
             self._balance.on_update(self._set_balance)
             with gui.add_folder("Speed and view", expand_by_default=False):
                 self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1")
-                self._views = Views(gui, lambda: live.nodes, self._touches)
+                self.views = Views(gui, lambda: live.nodes, self._touches)
                 self._names = gui.add_checkbox("Names", True, hint="Of the handles")
                 self._names.on_update(lambda _: live.controls.show_names(self._names.value))
         gestures, takes = tabs.add_tab("Gestures"), tabs.add_tab("Takes")
         self._gestures = GesturesTab(live, gui, gestures, self._command)
-        self._takes = TakesTab(live, gui, takes, self._command, theme.name)
+        self.takes = TakesTab(live, gui, takes, self._command, theme.name)
         self._score: ScoreTab | None = None
         self._play: PlayTab | None = None
         if live.stage.show is not None:
@@ -131,25 +134,26 @@ class LivePanel:
         with self._strings:
             self._build_strings(nodes)
         self._gestures.build()
-        self._takes.build()
+        self.takes.build()
         if self._score is not None:
             self._score.build()
 
     def _build_strings(self, nodes: SceneNodes) -> None:
         gui, live = self._gui, self._live
         self._nodes = nodes
-        self._views.apply()
+        self.views.apply()
         names = nodes.geometry.names
         winds = bool(live.performance.lengths)
         self._hint.content = note(_HINT_WINDS if winds else _HINT)
         handles = tuple(handle.name for handle in live.performance.handles)
-        self._handle: viser.GuiDropdownHandle[str] | None = None
+        self.handle_choice: viser.GuiDropdownHandle[str] | None = None
         self._winds: viser.GuiCheckboxHandle | None = None
         self._shown: str | None = None
         if handles:
-            self._handle = self._keep(gui.add_dropdown("Handle", handles, hint="F and G choose"))
-            self._shown = self._handle.value
-            self._handle.on_update(self._choose)
+            choice = gui.add_dropdown("Handle", handles, hint="F and G choose")
+            self.handle_choice = self._keep(choice)
+            self._shown = self.handle_choice.value
+            self.handle_choice.on_update(self._choose)
         if winds:
             self._winds = self._keep(
                 gui.add_checkbox("Drag winds", False, hint="Dragging winds strings without Shift")
@@ -174,7 +178,7 @@ class LivePanel:
     @property
     def forces(self) -> bool:
         """Whether the forces of contacts are wanted."""
-        return self._views.forces
+        return self.views.forces
 
     @property
     def drag_winds(self) -> bool:
@@ -232,12 +236,12 @@ class LivePanel:
         self._holder_line.update(self._live.holder.viewer)
         selected = self._live.controls.selected
         # Only changes are sent: a viewer may just have chosen in the list.
-        if self._handle is not None and self._shown != selected:
-            self._handle.value = self._shown = selected
+        if self.handle_choice is not None and self._shown != selected:
+            self.handle_choice.value = self._shown = selected
         self._record.label = "Stop recording" if self._live.recorder.running else "Record"
         self._gestures.build()
         self._gestures.update()
-        self._takes.update()
+        self.takes.update()
         if self._score is not None:
             self._score.build()
             self._score.update()

@@ -33,6 +33,11 @@ class PageLoop(ABC):
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
+    @property
+    def running(self) -> bool:
+        """Whether the page is updated."""
+        return self._thread.is_alive()
+
     def start(self) -> None:
         """Starts the updates."""
         self._thread.start()
@@ -40,7 +45,7 @@ class PageLoop(ABC):
     def stop(self) -> None:
         """Ends the updates and the server; unfinished work is completed first."""
         self._end.set()
-        if self._thread.is_alive():
+        if self.running:
             self._thread.join(timeout=2.0)
         self._finish()
         self.server.stop()

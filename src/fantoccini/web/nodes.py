@@ -53,6 +53,7 @@ class SceneNodes:
 
     Attributes:
         bodies: meshes of every link that has any, by its index.
+        forces: arrows of contact forces.
 
     Args:
         server: of viser.
@@ -81,8 +82,8 @@ class SceneNodes:
             self._set_up_links()
             self._strings = Strings(server, geometry, theme, self.colours, quantum)
             self._nodes += self._strings.nodes
-            self._forces = Forces(server, geometry, theme)
-            self._nodes.append(self._forces.node)
+            self.forces = Forces(server, geometry, theme)
+            self._nodes.append(self.forces.node)
         self._last = np.full((len(geometry.tree.links), 7), np.nan)
 
     def show(self, moment: Moment) -> None:
@@ -90,7 +91,7 @@ class SceneNodes:
         with self.server.atomic():
             self._move_links(moment.poses)
             self._strings.show(moment)
-            self._forces.show(moment)
+            self.forces.show(moment)
 
     def show_floor(self, visible: bool) -> None:
         """Shows or hides the floor."""
@@ -107,7 +108,7 @@ class SceneNodes:
 
     def show_forces(self, visible: bool) -> None:
         """Shows or hides the forces of contacts."""
-        self._forces.want(visible)
+        self.forces.want(visible)
 
     @property
     def has_obstacles(self) -> bool:

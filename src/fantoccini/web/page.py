@@ -181,7 +181,7 @@ def _of_file(
 ) -> Subject:
     path = Path(name)
     if path.suffix.lower() == ".npz":
-        form, about = _form(path)
+        form, about = format_of(path)
         if form.startswith("fantoccini.plan."):
             return subject_of(_plan(path, about, problem, progress), progress=progress)
         _check_no_problem(path, problem)
@@ -204,7 +204,7 @@ def _check_no_problem(path: Path, problem: str | Path | None) -> None:
         raise FileError([Mistake(str(path), None, "", message)])
 
 
-def _form(path: Path) -> tuple[str, dict[str, Any]]:
+def format_of(path: Path) -> tuple[str, dict[str, Any]]:
     """Format and description in an npz file; empty where it has none."""
     try:
         about = npz.about_of(npz.read(path, only=npz.ABOUT))

@@ -65,6 +65,9 @@ def bars(names: Sequence[str], moment: Moment, nodes: SceneNodes) -> str:
 class Views:
     """Buttons for the camera, and boxes for what is shown of the world.
 
+    Attributes:
+        shadows_box, forces_box: boxes for shadows and for forces of contacts.
+
     Args:
         gui: of the server.
         nodes: returns the nodes that are shown now.
@@ -78,27 +81,27 @@ class Views:
         gui.add_button_group("Camera", VIEWS).on_click(self._look)
         self._floor = gui.add_checkbox("Floor", True)
         self._obstacles = gui.add_checkbox("Obstacles", True)
-        self._shadows = gui.add_checkbox(
+        self.shadows_box = gui.add_checkbox(
             "Shadows", True, hint="Without a graphics card the page is faster without them"
         )
-        self._forces = gui.add_checkbox("Forces", False, hint="Of contacts, as arrows")
-        for box in (self._floor, self._shadows, self._obstacles, self._forces):
+        self.forces_box = gui.add_checkbox("Forces", False, hint="Of contacts, as arrows")
+        for box in (self._floor, self.shadows_box, self._obstacles, self.forces_box):
             box.on_update(lambda _: self.apply())
 
     def apply(self) -> None:
         """Shows and hides what the boxes say."""
         nodes = self._nodes()
         nodes.show_floor(self._floor.value)
-        nodes.show_shadows(self._shadows.value)
+        nodes.show_shadows(self.shadows_box.value)
         nodes.show_obstacles(self._obstacles.value)
         nodes.show_forces(self.forces)
         self._obstacles.visible = nodes.has_obstacles
-        self._forces.visible = self._touches()
+        self.forces_box.visible = self._touches()
 
     @property
     def forces(self) -> bool:
         """Whether the forces of contacts are wanted."""
-        return self._forces.value and self._touches()
+        return self.forces_box.value and self._touches()
 
     def _look(self, event: viser.GuiEvent[viser.GuiButtonGroupHandle[str]]) -> None:
         if event.client is not None:

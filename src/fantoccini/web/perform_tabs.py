@@ -173,6 +173,14 @@ def _dots(beat: int) -> str:
 class TakesTab:
     """Takes: chosen, edited, played, overdubbed, kept, made into gestures and films.
 
+    Attributes:
+        choice: list of the takes.
+        part_of: name of the take whose part is shown.
+        stretch: slider of the factor of its duration.
+        again: box that lets it begin again.
+        name_field: name of the gesture that it becomes.
+        lane_boxes: boxes of an overdub by lane.
+
     Args:
         live, gui, tab, command: see :class:`GesturesTab`.
         theme: name of the theme of films.
@@ -189,27 +197,27 @@ class TakesTab:
         self._live, self._gui, self._theme = live, gui, theme
         self._part: Any = None
         self._shown: tuple[str, ...] = ()
-        self._of, self._tab = "", tab
-        self._lanes: dict[str, Any] = {}
+        self.part_of, self._tab = "", tab
+        self.lane_boxes: dict[str, Any] = {}
         with tab:
             self._about = gui.add_html("")
-            self._take = gui.add_dropdown("Take", (_NONE,), hint="The newest first")
+            self.choice = gui.add_dropdown("Take", (_NONE,), hint="The newest first")
             self._play = gui.add_button(
                 "Play (L)", icon="player-play",
                 hint="From its start; ends the score and gestures that are played",
             )  # fmt: skip
-            self._again = gui.add_checkbox("Loop", False, hint="Again and again, joined smoothly")
+            self.again = gui.add_checkbox("Loop", False, hint="Again and again, joined smoothly")
             with gui.add_folder("Edit"):
                 self._editing = gui.add_html("")
                 self._smooth = gui.add_slider(
                     "Smooth [s]", 0.0, 1.0, 0.02, 0.0, hint="Averages the hands' paths"
                 )
-                self._stretch = gui.add_slider(
+                self.stretch = gui.add_slider(
                     "Stretch", 0.25, 4.0, 0.05, 1.0, hint="How many times as long"
                 )
                 self._keep = gui.add_button_group("Save as", ("New take", "Film"))
             with gui.add_folder("Gesture"):
-                self._name = gui.add_text("Name", "", hint="Letters, digits, _ and -")
+                self.name_field = gui.add_text("Name", "", hint="Letters, digits, _ and -")
                 make = gui.add_button("Make a gesture of it", color="gray")
             self._armed = gui.add_folder("Overdub", expand_by_default=False)
             with self._armed:
@@ -221,9 +229,9 @@ class TakesTab:
         self._play.on_click(lambda e: live.later(e.client_id, self._play_take))
         make.on_click(lambda e: live.later(e.client_id, self._make))
         overdub.on_click(lambda e: live.later(e.client_id, self._overdub))
-        self._take.on_update(self._choose)
-        self._again.on_update(self._loop)
-        for control in (self._smooth, self._stretch):
+        self.choice.on_update(self._choose)
+        self.again.on_update(self._loop)
+        for control in (self._smooth, self.stretch):
             control.on_update(self._edit)
         self._keep.on_click(self._save)
         command("Play or stop the take", "L", self._play_take)
@@ -232,16 +240,16 @@ class TakesTab:
     def build(self) -> None:
         """Shows boxes of the lanes that there are now."""
         stage = self._live.stage
-        if stage.performance.lanes == tuple(self._lanes):
+        if stage.performance.lanes == tuple(self.lane_boxes):
             return
-        for box in self._lanes.values():
+        for box in self.lane_boxes.values():
             box.remove()
         with self._armed:
-            self._lanes = {
+            self.lane_boxes = {
                 lane: self._gui.add_checkbox(lane, lane in stage.armed, order=-1000.0 + k)
                 for k, lane in enumerate(stage.performance.lanes)
             }
-        for lane, box in self._lanes.items():
+        for lane, box in self.lane_boxes.items():
             box.on_update(self._arms(lane, box))
 
     def update(self) -> None:
@@ -250,8 +258,8 @@ class TakesTab:
         names = takes.names or (_NONE,)
         if names != self._shown:
             self._shown = names
-            self._take.options = names
-        if takes.chosen != self._of and takes.take is not None:
+            self.choice.options = names
+        if takes.chosen != self.part_of and takes.take is not None:
             self._show_chosen()
         said = self._said()
         if self._about.content != said:
@@ -283,25 +291,25 @@ class TakesTab:
         takes = self._live.stage.takes
         take = takes.take
         assert take is not None
-        self._of = takes.chosen
+        self.part_of = takes.chosen
         if self._part is not None:
             self._part.remove()
         length = max(take.duration, 0.02)
         self._part = self._add_part(length)
-        self._take.value = takes.chosen
-        self._smooth.value, self._stretch.value = 0.0, 1.0
+        self.choice.value = takes.chosen
+        self._smooth.value, self.stretch.value = 0.0, 1.0
 
     def _add_part(self, length: float) -> Any:
         with self._tab:
             part = self._gui.add_multi_slider(
                 "Part [s]", 0.0, round(length, 2), 0.01, (0.0, round(length, 2)),
-                min_range=0.05, order=self._again.order + 0.5, hint="Start and end",
+                min_range=0.05, order=self.again.order + 0.5, hint="Start and end",
             )  # fmt: skip
         part.on_update(self._edit)
         return part
 
     async def _choose(self, event: Any) -> None:
-        name = str(self._take.value)
+        name = str(self.choice.value)
         if event.client_id is None or name == _NONE:
             return
         if not self._live.later(event.client_id, lambda: self._chosen(name)):
@@ -317,7 +325,7 @@ class TakesTab:
         """Shows which take is chosen where the list says another."""
         chosen = self._live.stage.takes.chosen or self._shown[0]
         if chosen != said:
-            self._take.value = chosen
+            self.choice.value = chosen
 
     async def _edit(self, event: Any) -> None:
         if event.client_id is None or self._part is None:
@@ -326,16 +334,16 @@ class TakesTab:
         takes = self._live.stage.takes
         if end >= self._part.max and takes.take is not None:
             end = takes.take.duration  # the slider rounds
-        edits = Edits(start, end, self._smooth.value, self._stretch.value)
+        edits = Edits(start, end, self._smooth.value, self.stretch.value)
         if not self._live.later(event.client_id, lambda: setattr(takes, "edits", edits)):
             kept, most = takes.edits, self._part.max
             self._part.value = min(kept.start, most), min(kept.end, most)
-            self._smooth.value, self._stretch.value = kept.smooth, kept.stretch
+            self._smooth.value, self.stretch.value = kept.smooth, kept.stretch
 
     async def _loop(self, event: Any) -> None:
-        wanted = self._again.value
+        wanted = self.again.value
         if event.client_id is not None and not self._live.later(event.client_id, lambda: None):
-            self._again.value = not wanted
+            self.again.value = not wanted
 
     async def _save(self, event: Any) -> None:
         takes = self._live.stage.takes
@@ -344,15 +352,15 @@ class TakesTab:
         self._live.later(event.client_id, do)
 
     def _play_take(self) -> None:
-        self._live.stage.play_take(self._again.value)
+        self._live.stage.play_take(self.again.value)
 
     def _overdub(self) -> None:
         self._live.stage.overdub()
 
     def _make(self) -> None:
         stage = self._live.stage
-        stage.instrument.add(stage.takes.gesture(self._name.value.strip()))
-        self._name.value = ""
+        stage.instrument.add(stage.takes.gesture(self.name_field.value.strip()))
+        self.name_field.value = ""
 
     def _arms(self, lane: str, box: Any) -> Callable[[Any], Any]:
         async def arm(event: Any) -> None:

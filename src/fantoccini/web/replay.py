@@ -104,6 +104,8 @@ class Replay(PageLoop):
     Attributes:
         t: the time that is shown [s].
         playing: whether it plays.
+        shown: index of the frame that is shown; -1 before the first.
+        views: what is shown of the world.
 
     Args:
         server: of the page.
@@ -122,7 +124,7 @@ class Replay(PageLoop):
             tree.add_to(server.viser, theme, motion.geometry.size)
         self.nodes.look(server.viser.initial_camera, "three-quarter")
         self.t, self.playing, self.speed = motion.start, True, 1.0
-        self._shown = -1
+        self.shown = -1
         self._due = {"plot": 0.0, "numbers": 0.0}
         self._lock = threading.Lock()
         self._set_up_panel()
@@ -150,8 +152,8 @@ class Replay(PageLoop):
         self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1")
         self._speed.on_update(lambda _: setattr(self, "speed", SPEEDS[self._speed.value]))
         self._loop = gui.add_checkbox("Loop", True)
-        self._views = Views(gui, lambda: self.nodes, lambda: motion.run.contact is not None)
-        self._views.apply()
+        self.views = Views(gui, lambda: self.nodes, lambda: motion.run.contact is not None)
+        self.views.apply()
         self._plot_t = np.linspace(*span, _SIZES.plot_points)
         coarse = motion.run.resample(self._plot_t)
         self._tensions = np.minimum(coarse.tension.values, 10.0 * self.nodes.colours.top).T
@@ -237,7 +239,7 @@ class Replay(PageLoop):
 
     def _show(self, now: float) -> None:
         k = self.motion.frame(self.t)
-        if k == self._shown:
+        if k == self.shown:
             return
         moment = moment_of(self.motion.geometry, k)
         with self.server.viser.atomic():
@@ -248,13 +250,13 @@ class Replay(PageLoop):
                 if self.motion.geometry.names:
                     self._bars.content = bars(self.motion.geometry.names, moment, self.nodes)
                 if self._listing is not None:
-                    self._listing.content = _listed(self.motion.events, self.t)
+                    self._listing.content = listed(self.motion.events, self.t)
             if now >= self._due["plot"]:
                 self._due["plot"] = now + REFRESH.numbers
                 if self.motion.geometry.names:
                     self._tension.draw(self._plot_t, self._tensions, self.t)
                 self._energy.draw(self._plot_t, self._energies, self.t)
-                self._shown = k
+                self.shown = k
 
 
 def _scale(values: np.ndarray) -> tuple[float, float]:
@@ -276,7 +278,7 @@ def _marks(motion: ResampledRun) -> tuple[float, ...] | None:
     return tuple(round(t, 3) for t in caught) if 0 < len(caught) <= _SIZES.max_marks else None
 
 
-def _listed(events: Sequence[EventRecord], t: float) -> str:
+def listed(events: Sequence[EventRecord], t: float) -> str:
     """The last events before a time, and the next, as HTML."""
     past = sum(e.t <= t + 1e-9 for e in events)
     first = max(0, min(past - _SIZES.listed_events + 2, len(events) - _SIZES.listed_events))

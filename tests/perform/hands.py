@@ -1,0 +1,11 @@
+"""The hands of a performance, by which tests measure what it does."""
+
+from __future__ import annotations
+
+import fantoccini as fan
+from fantoccini.perform.hands import Hands
+
+
+def hands_of(live: fan.Performance) -> Hands:
+    """The groups of its driven coordinates, with its bounds."""
+    return Hands.of(live.marionette, live.state, live.speed, live.acceleration, live.lengths)

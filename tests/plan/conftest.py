@@ -1,0 +1,13 @@
+"""A problem that several tests of plans share."""
+
+from __future__ import annotations
+
+import pytest
+
+import fantoccini as fan
+
+
+@pytest.fixture(scope="module")
+def boxes() -> fan.Problem:
+    """The bundled problem of the spatial arm among boxes."""
+    return fan.load_problem("arm3d_boxes")
