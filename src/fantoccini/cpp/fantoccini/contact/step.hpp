@@ -1,0 +1,382 @@
+// Contacts of a time step, solved as one problem with the strings and limits that take part:
+//
+//   gap/dt + u_n >= 0, complementary to x_n >= 0;   |x_t| <= mu x_n,
+//   x_t = -mu x_n u_t/|u_t| where u_t != 0                    (Signorini, Coulomb; solvers/cone.hpp)
+//
+// with u the velocity of the first solid against the second after the step, x the impulse on the
+// first. As for strings, solids that overlap part at the recovery speed at most. A new contact with
+// restitution e leaves with u_n+ = -e u_n- at least, unless the forces of one step would take the
+// rebound back. With friction, or unequal e, that may add energy; all are then scaled down until
+// none is added. Of one trajectory; for bundles of lanes see lanes.hpp.
+#pragma once
+
+#include "fantoccini/contact/aims.hpp"
+#include "fantoccini/contact/share.hpp"
+
+FAN_LOOPS_BEGIN
+
+namespace fan {
+
+template <class Model, class Real>
+class ContactStep : public ContactAims<Model, Real> {
+  using Problem = ContactProblem<Model, Real>;
+  using Aims = ContactAims<Model, Real>;
+
+ public:
+  using Problem::C, Problem::N, Problem::M, Problem::width, Problem::residual;
+  using typename Problem::Mask, typename Problem::Tolerance;
+  using typename Aims::Push;
+  using Aims::n, Aims::push;
+  using Rates = typename Problem::Points::Rates;
+
+  Real violation, work, impact, friction;  // depth; energies of the step
+
+  // The points that the last step looked at.
+  const typename Problem::Points& candidates() const { return points_; }
+
+  bool too_many(int lane) const { return points_.too_many[lane]; }
+
+  // Nothing has touched anything yet.
+  FAN_FN void begin(const ContactArrays& in) {
+    points_.begin(in);
+    for (int l = 0; l < width; ++l) {
+      n[l] = 0;
+      points_.too_many[l] = false;
+    }
+    points_.most = 0;
+  }
+
+  template <class Memory>
+  FAN_FN void remember(Memory& memory) {
+    memory.keep_of_lanes(n);
+    memory.keep_of_lanes(push);
+    memory.keep_of_lanes(points_.too_many);
+  }
+
+  // What pushes now and was at rest has pushed for long; all else has touched nothing yet.
+  FAN_FN void take_as_resting() { n[0] = keep_resting(push[0], n[0]); }
+
+  // Takes what pushed in the step before, and the list of near pairs; and what becomes of them.
+  template <class Near>
+  FAN_FN void take(const Push* pushes, int n_pushes, const Near& near) {
+    n[0] = n_pushes;
+    for (int i = 0; i < n_pushes; ++i) push[0][i] = pushes[i];
+    points_.near() = near;
+    points_.too_many[0] = false;
+  }
+  template <class Near>
+  FAN_FN int give(Push* pushes, Near& near) {
+    for (int i = 0; i < n[0]; ++i) pushes[i] = push[0][i];
+    near = points_.near();
+    return n[0];
+  }
+
+  // Finds the points at the start of a step of length dt and their speeds without impulses; eval is
+  // that of the step.
+  FAN_FN void find(
+      const ContactArrays& in, const Evaluation<Model, Real>& eval, const Real* q_D,
+      const Real* v_D, const Real* q_K, const Real* v_K, const Real* p, double dt, double whole,
+      double recovery_speed, const Mask& idle) {
+    in_ = &in;
+    dt_ = dt;
+    points_.find(in, q_D, v_D, q_K, v_K, p, dt, idle, [&](int l) { this->recognise(l); });
+    violation = work = impact = friction = residual = Real(0.0);
+    for (int l = 0; l < width; ++l) {
+      chosen_[l] = 0;
+      for (int i = 0; i < points_.n[l]; ++i) {
+        if (!points_.has(l, i)) continue;
+        const double depth = -points_.point[l][i].gap;
+        if (depth > lane_of(violation, l)) lane_of(violation, l) = depth;
+      }
+    }
+    for (int r = 0; r < M; ++r) row_x_[r] = row_s_[r] = Real(0.0);
+    columns_.begin();
+    looks_ = 0;
+    for (int l = 0; l < width; ++l) {
+      for (int r = 0; r < M; ++r) pulls_[l][r] = false;
+      bounces_[l] = false;
+      scale_[l] = 1.0;
+      solved_with_[l] = 0;
+    }
+    this->let_go();
+    if (points_.most == 0) return;
+    for (int i = 0; i < points_.most; ++i) {
+      const Triple<Real> start = points_.rate(i, v_D);
+      for (int d = 0; d < 3; ++d) {
+        x_[3 * i + d] = Real(0.0);
+        hdot_[3 * i + d] = start[d];
+      }
+    }
+    for (int l = 0; l < width; ++l) this->recall(l);
+    for (int i = 0; i < points_.n[0]; ++i) this->ask(0, i, whole, recovery_speed);
+    is_before_known_ = !this->all_pushed();
+    if (is_before_known_) this->know_before(eval);
+    for (int i = 0; i < points_.n[0]; ++i) this->aim(0, i);
+    if (is_before_known_) this->know_aims();
+  }
+
+  // Looks again where impulses have made links faster, by acc over the step from v_D, than the
+  // margins of find() allow for, and adds the points that would be passed; whether there are any.
+  FAN_FN bool look_again(
+      const Evaluation<Model, Real>& eval, const Real* v_D, const Real* acc, const Real* v_K,
+      double dt, double whole, double recovery_speed, const Mask& idle) {
+    const Mask lanes = !idle && points_.outruns(acc, dt);
+    if (!any(lanes) || looks_ == Tolerance::looks) return false;
+    ++looks_;
+    Real v[room(N)];
+    int known[width];
+    const int most = points_.most;
+    for (int l = 0; l < width; ++l) known[l] = points_.n[l];
+    for (int k = 0; k < N; ++k) v[k] = v_D[k] + acc[k];
+    if (!points_.find_more(*in_, v, v_K, dt, lanes)) return false;
+    for (int i = 3 * most; i < 3 * points_.most; ++i) x_[i] = Real(0.0);
+    this->need_before(eval);
+    Real dv[room(N)];
+    this->unhindered(eval, dv);
+    Rates free(points_, dv), now_at(points_, v_D);
+    for (int l = 0; l < width; ++l)
+      for (int i = known[l]; i < points_.n[l]; ++i) {
+        columns_.renew(i);
+        const Triple<Real> start = now_at(i), by_forces = free.change(i);
+        for (int d = 0; d < 3; ++d) {
+          lane_of(hdot_[3 * i + d], l) = lane_of(start[d], l);
+          lane_of(b_[3 * i + d], l) = lane_of(before_[3 * i + d], l) =
+              lane_of(start[d], l) + lane_of(by_forces[d], l);
+        }
+        steps_[l][i] = wait_[l][i] = 0;
+        near_[l][i] = true;
+        is_carried_[l][i] = false;
+        this->ask(l, i, whole, recovery_speed);
+        this->aim(l, i);
+        lane_of(b_[3 * i], l) += lane_of(asked_[i], l);
+      }
+    return true;
+  }
+
+  // Whether points take part in all lanes but these.
+  FAN_FN bool take_part(const Mask& idle) const {
+    for (int l = 0; l < width; ++l)
+      if (chosen_[l] == 0 && !lane_of(idle, l)) return false;
+    return true;
+  }
+
+  // Adds the points that would be passed at the velocity v; whether there are any.
+  FAN_FN bool watch(const Real* v) {
+    bool more = false;
+    Rates rates(points_, v);
+    for (int i = 0; i < points_.most; ++i) {
+      const Real now = rates(i)[0];
+      for (int l = 0; l < width; ++l) {
+        if (!points_.has(l, i) || near_[l][i]) continue;
+        const double closing = lane_of(now, l) + lane_of(asked_[i], l);
+        if (!(closing > Tolerance::passing_speed)) continue;
+        near_[l][i] = more = true;
+        ++chosen_[l];
+      }
+    }
+    return more;
+  }
+
+  // Solves for the impulses of the points and of the gathered rows that take part, in the lanes in
+  // which points do; the rows' problem holds their bounds, and then their impulses x and s. near
+  // tells which rows take part; a lane to which none were added since keeps its solution. `guess` (n_rows) are impulses of the rows to begin with, `before`
+  // is the gathered rows' hdot after the step without impulses.
+  FAN_FN void settle(
+      const Evaluation<Model, Real>& eval, RowSystem<Model, Real>& rows, const Mask* near,
+      Real* guess, const Real* before, double cap, Mask& settled) {
+    Real found[room(M)], s[room(M)], of_lane = Real(0.0), well = Real(0.0);
+    int taking_part[width];
+    Real n_near = Real(0.0);
+    for (int a = 0; a < rows.n; ++a) n_near += select(near[rows.row[a]], Real(1.0), Real(0.0));
+    for (int l = 0; l < width; ++l) taking_part[l] = chosen_[l] + int(lane_of(n_near, l));
+    bool held = false;  // all of it by patches
+    if (chosen_[0] != 0 && taking_part[0] != solved_with_[0])
+      held = this->hold(eval, rows, near, guess, cap, found, s);
+    if (!held) this->need_before(eval);
+    if (!held) this->make_columns(eval, rows, near, guess);
+    for (int l = 0; l < width; ++l) {
+      if (chosen_[l] == 0) continue;
+      if (taking_part[l] != solved_with_[l]) {
+        solved_with_[l] = taking_part[l];
+        cone_.quick = true;
+        well_[l] = held || this->bounce(l, rows, near, guess, before, cap, found, s);
+        if (held) lane_of(residual, l) = held_residual_;
+        for (int a = 0; a < rows.n; ++a) {
+          lane_of(row_x_[rows.row[a]], l) = lane_of(found[a], l);
+          lane_of(row_s_[rows.row[a]], l) = lane_of(s[a], l);
+        }
+      }
+      lane_of(of_lane, l) = 1.0;
+      if (well_[l]) lane_of(well, l) = 1.0;
+    }
+    const Mask here = of_lane > Real(0.5);
+    settled = (settled && !here) || (here && well > Real(0.5));
+    auto& problem = rows.problem;
+    for (int a = 0; a < rows.n; ++a) {
+      const Real x = row_x_[rows.row[a]];
+      problem.x[a] = select(here, x, problem.x[a]);
+      problem.s[a] = select(here, row_s_[rows.row[a]], problem.s[a]);
+      problem.high[a] = (problem.high[a] && !here) || (here && !(x < problem.upper[a] * (1.0 - Tolerance::at_bound)));
+    }
+  }
+
+  // w <- w - W x over the points.
+  FAN_FN void add(Real* w) const {
+    for (int i = 0; i < points_.most; ++i)
+      if (pushes(i)) columns_.take(i, x_ + 3 * i, points_.moved[i], w);
+    this->add_held(w);
+  }
+
+  // What the impulses take from hdot of gathered row a.
+  FAN_FN Real rate_by_impulses(const RowSystem<Model, Real>& rows, int a) const {
+    Real sum = Real(0.0);
+    for (int i = 0; i < points_.most; ++i) {
+      if (!pushes(i)) continue;
+      const Triple<Real>& by = columns_.across[i][a];
+      sum += by[0] * x_[3 * i] + by[1] * x_[3 * i + 1] + by[2] * x_[3 * i + 2];
+    }
+    sum += this->rate_by_held(rows, a);
+    return sum;
+  }
+
+  // The energies of the step, and what pushes at its end. Returns 1 in lanes with an impact, else
+  // 0.
+  FAN_FN Real account() {
+    Real struck = Real(0.0);
+    for (int l = 0; l < width; ++l)
+      for (int i = 0; i < points_.n[l]; ++i)
+        if (lane_of(x_[3 * i], l) > 0.0 && strikes(l, i)) lane_of(struck, l) = 1.0;
+    for (int l = 0; l < width; ++l) {
+      int pushes = 0;
+      for (int i = 0; i < points_.n[l]; ++i)
+        if (lane_of(x_[3 * i], l) > 0.0) {
+          const double x[3] = {
+              lane_of(x_[3 * i], l), lane_of(x_[3 * i + 1], l), lane_of(x_[3 * i + 2], l)};
+          add_push(l, i, x, push[l], pushes);
+          if (lane_of(struck, l) > 0.5) book_impact(l, i);
+          else book_friction(l, i);
+        }
+      n[l] = pushes;
+    }
+    return struck;
+  }
+
+  // What pushes at the end of the step as it is reported: where points share what they carry, the
+  // impulses of least norm. Of one trajectory, not of lanes. Returns how many there are.
+  int shared(
+      const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
+      ContactShare<M + 3 * C>& share, Push* out) {
+    int found = 0, n_out = 0;
+    for (int i = 0; i < points_.n[0]; ++i) found += lane_of(x_[3 * i], 0) > 0.0;
+    if (chosen_[0] == 0 || found != n[0]) {
+      for (int i = 0; i < n[0]; ++i) out[i] = push[0][i];
+      return n[0];
+    }
+    this->let_go();
+    this->need_before(eval);
+    this->take_all(eval, rows);
+    for (int g = 0; g < groups_.n; ++g) {
+      this->choose(g);
+      if (n_triple_ == 0) continue;
+      this->write(0, rows);
+      for (int i = 0; i < n_single_; ++i) cone_.x[i] = lane_of(rows.problem.x[single_[i]], 0);
+      for (int k = 0; k < n_triple_; ++k)
+        for (int d = 0; d < 3; ++d)
+          cone_.x[n_single_ + 3 * k + d] = lane_of(x_[3 * triple_[k] + d], 0);
+      cone_.find_s();
+      double x[room(3 * C)];
+      share.find(cone_, x);
+      for (int k = 0; k < n_triple_; ++k) {
+        if (!(x[3 * k] > 0.0)) continue;
+        add_push(0, triple_[k], x + 3 * k, out, n_out);
+      }
+    }
+    return n_out;
+  }
+
+ private:
+  using Problem::cone_, Problem::groups_, Problem::n_single_, Problem::single_, Problem::triple_, Problem::n_triple_;
+  using Problem::points_, Problem::columns_, Problem::in_, Problem::near_, Problem::chosen_;
+  using Problem::pulls_, Problem::held_, Problem::held_residual_, Problem::is_carried_, Problem::wait_;
+  using Problem::x_, Problem::s_, Problem::b_, Problem::before_, Problem::rebound_;
+  using Aims::steps_, Aims::earlier, Problem::hdot_, Problem::asked_, Problem::is_before_known_, Problem::dt_;
+  using Problem::parting_, Problem::bounces_, Problem::scale_;
+
+  // Whether point i has an impulse of its own in some lane.
+  FAN_FN bool pushes(int i) const {
+    const Real* x = x_ + 3 * i;
+    return !held_[i] && any(x[0] != Real(0.0) || x[1] != Real(0.0) || x[2] != Real(0.0));
+  }
+
+  // Adds point i of lane l as it pushes with the impulse x to a list, in order.
+  FAN_FN void add_push(int l, int i, const double* x, Push* list, int& n_list) const {
+    const auto& from = points_.point[l][i];
+    int place = n_list++;
+    for (; place > 0 && !earlier(list[place - 1], from); --place) list[place] = list[place - 1];
+    Push& out = list[place];
+    out.pair = from.pair;
+    out.feature = from.feature;
+    out.steps = closes(l, i) ? 1 : steps_[l][i] + (steps_[l][i] <= Tolerance::steps_of_impact);
+    out.wait = wait_[l][i];
+    out.rested = rested(l, i);
+    out.gap = from.gap;
+    const double u[3] = {after(l, 3 * i), after(l, 3 * i + 1), after(l, 3 * i + 2)};
+    for (int c = 0; c < 3; ++c) {
+      out.at[c] = from.at[c];
+      out.normal[c] = from.frame[c];
+      out.impulse[c] = x[0] * from.frame[c] + x[1] * from.frame[3 + c] + x[2] * from.frame[6 + c];
+      out.velocity[c] = -u[0] * from.frame[c] - u[1] * from.frame[3 + c] - u[2] * from.frame[6 + c];
+    }
+  }
+
+  // hdot of row i after the step.
+  FAN_FN double after(int l, int i) const {
+    return -lane_of(s_[i], l) - (i % 3 == 0 ? lane_of(asked_[i / 3], l) : 0.0);
+  }
+
+  // Whether the forces of one step alone have closed point i as fast as it closes at the start.
+  FAN_FN bool rested(int l, int i) const {
+    const double hdot = lane_of(hdot_[3 * i], l), by_forces = lane_of(before_[3 * i], l) - hdot;
+    return hdot <= (by_forces > Tolerance::passing_speed ? by_forces : Tolerance::passing_speed);
+  }
+
+  // Whether point i is part of an impact. A corner on which a body that rests comes to stand is not.
+  FAN_FN bool strikes(int l, int i) const {
+    return (steps_[l][i] < Tolerance::steps_of_impact && !rested(l, i)) || closes(l, i);
+  }
+
+  // Whether point i, if it pushes, ends the step as fast as closes its gap.
+  FAN_FN bool closes(int l, int i) const { return -parting_[l][i] > Tolerance::closing_speed; }
+
+  // Adds what the friction of point i takes, at the velocity after the step.
+  FAN_FN void book_friction(int l, int i) {
+    for (int d = 3 * i; d < 3 * i + 3; ++d) {
+      const double x = lane_of(x_[d], l);
+      lane_of(work, l) += x * lane_of(points_.rate_K[i][d - 3 * i], l);
+      if (d != 3 * i) lane_of(friction, l) += x * after(l, d);
+    }
+  }
+
+  // The same in a step with an impact, whose impulses also act where solids rest: each takes what it
+  // takes at the mean of the velocities before and after the step.
+  FAN_FN void book_impact(int l, int i) {
+    for (int d = 3 * i; d < 3 * i + 3; ++d) {
+      const double x = lane_of(x_[d], l), end = after(l, d);
+      const double rubs = d == 3 * i || strikes(l, i) ? 0.0 : x * end;
+      lane_of(work, l) += x * lane_of(points_.rate_K[i][d - 3 * i], l);
+      lane_of(friction, l) += rubs;
+      lane_of(impact, l) += 0.5 * x * (lane_of(hdot_[d], l) + end) - rubs;
+    }
+  }
+
+  int looks_ = 0;                  // how often was looked again
+  // Of each lane's last solve in the step: how many rows and points took part, whether it went well;
+  // impulses and s of the rows.
+  int solved_with_[width];
+  bool well_[width];
+  Real row_x_[room(M)], row_s_[room(M)];
+};
+
+}  // namespace fan
+
+FAN_LOOPS_END
