@@ -9,8 +9,11 @@
 // is left to the cones' solver. Of one trajectory; for bundles of lanes see ground_lanes.hpp.
 #pragma once
 
+#include "fantoccini/contact/columns.hpp"
+#include "fantoccini/contact/groups.hpp"
 #include "fantoccini/contact/patch.hpp"
-#include "fantoccini/contact/problem.hpp"
+#include "fantoccini/contact/state.hpp"
+#include "fantoccini/math/dense_ldl.hpp"
 
 FAN_LOOPS_BEGIN
 
@@ -29,70 +32,63 @@ struct ContactPatchesTolerances {
 };
 
 template <class Model, class Real>
-class ContactPatches : public ContactProblem<Model, Real> {
-  using Base = ContactProblem<Model, Real>;
-
+class ContactPatches {
  public:
-  using Base::C, Base::N, Base::M, Base::width;
-  using typename Base::Mask;
+  static constexpr int C = Model::n_contacts, N = Model::n_vD, M = Model::n_rows;
+  using Mask = typename Traits<Real>::Mask;
+  using State = ContactState<Model, Real>;
   using Tolerance = ContactPatchesTolerances;
 
   // Whether patches hold in the last step.
-  bool has_patches() const { return any_held_; }
-
- protected:
-  using Base::points_, Base::columns_, Base::groups_, Base::in_;
-  using Base::near_, Base::pulls_, Base::bounces_, Base::held_, Base::row_held_, Base::held_residual_, Base::is_carried_, Base::wait_;
-  using Base::x_, Base::s_, Base::hdot_, Base::before_, Base::asked_, Base::dt_;
+  bool holds_some() const { return any_held_; }
 
   // There are none yet.
-  FAN_FN void let_go() {
+  FAN_FN void let_go(State& state) {
     any_held_ = false;
-    held_residual_ = 0.0;
-    for (int i = 0; i < points_.most; ++i) held_[i] = false;
-    for (int r = 0; r < M; ++r) row_held_[r] = false;
+    state.held_residual = 0.0;
+    for (int i = 0; i < state.points.most; ++i) state.held[i] = false;
+    for (int r = 0; r < M; ++r) state.row_held[r] = false;
   }
 
   // Solves the groups that stick. Whether nothing else takes part.
   FAN_FN bool hold(
-      const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows, const Mask* near,
-      const Real* guess, double cap, Real* found, Real* s) {
-    let_go();
-    if (bounces_[0]) return false;
+      State& state, const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
+      const Mask* near, const Real* guess, double cap, Real* found, Real* s) {
+    let_go(state);
+    if (state.bounces[0]) return false;
     for (int a = 0; a < rows.n; ++a) {
       found[a] = Real(0.0);
       s[a] = -rows.problem.b[a];
     }
-    sort_all(rows, near);
+    sort_all(state, rows, near);
     bool all = true;
     for (int g = 0; g < groups_.n; ++g)
-      all = sticks_[g] && hold_group(g, eval, rows, guess, cap, found, s) && all;
+      all = sticks_[g] && hold_group(state, g, eval, rows, guess, cap, found, s) && all;
     return all;
   }
 
   // w <- w - W x over the patches.
-  FAN_FN void add_held(Real* w) const {
+  FAN_FN void add(Real* w) const {
     for (int k = 0; k < N && any_held_; ++k) w[k] += taken_[k];
   }
 
   // What the patches take from hdot of gathered row a.
-  FAN_FN Real rate_by_held(const RowSystem<Model, Real>& rows, int a) const {
+  FAN_FN Real rate_by_impulses(const RowSystem<Model, Real>& rows, int a) const {
     if (!any_held_) return Real(0.0);
     Real rate[room(M)];
     rows.along(taken_, rate);
     return -rate[a];
   }
 
-  bool any_held_ = false;
-  Real taken_[room(N)];   // - W x
-
  private:
+  using Columns = ContactColumns<Model, Real>;
+
   // The group of each point and row that takes part; which of the groups are to be tried.
-  FAN_FN void sort_all(const RowSystem<Model, Real>& rows, const Mask* near) {
+  FAN_FN void sort_all(const State& state, const RowSystem<Model, Real>& rows, const Mask* near) {
     groups_.begin();
-    for (int i = 0; i < points_.n[0]; ++i) {
-      if (!near_[0][i]) continue;
-      tree_[i] = groups_.joined(points_.links(i)[0], points_.links(i)[1]);
+    for (int i = 0; i < state.points.n[0]; ++i) {
+      if (!state.near[0][i]) continue;
+      tree_[i] = groups_.joined(state.points.links(i)[0], state.points.links(i)[1]);
     }
     for (int a = 0; a < rows.n; ++a)
       if (near[rows.row[a]]) row_tree_[a] = groups_.of_row(rows.row[a]);
@@ -103,42 +99,43 @@ class ContactPatches : public ContactProblem<Model, Real> {
       sticks_[g] = true;
       has_points[g] = false;
     }
-    for (int i = 0; i < points_.n[0]; ++i) {
-      if (!near_[0][i]) continue;
+    for (int i = 0; i < state.points.n[0]; ++i) {
+      if (!state.near[0][i]) continue;
       const int g = groups_.at(tree_[i]);
       has_points[g] = true;
-      sticks_[g] = sticks_[g] && stuck(i);
+      sticks_[g] = sticks_[g] && stuck(state, i);
     }
     for (int g = 0; g < groups_.n; ++g) sticks_[g] = sticks_[g] && has_points[g];
   }
 
   // Whether what carried point i, or another point of its pair, in the step before stood still.
-  FAN_FN bool stuck(int i) const {
-    const auto& point = points_.point[0][i];
-    return is_carried_[0][i] && wait_[0][i] == 0 && in_->friction[point.pair] > 0.0 && !point.slid;
+  FAN_FN bool stuck(const State& state, int i) const {
+    const auto& point = state.points.point[0][i];
+    return state.is_carried[0][i] && state.wait[0][i] == 0 &&
+           state.in->friction[point.pair] > 0.0 && !point.slid;
   }
 
   FAN_FN bool hold_group(
-      int group, const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
-      const Real* guess, double cap, Real* found, Real* s) {
-    const bool holds = list_points(group) && list_rows(group, rows, guess) && solve_held(eval, rows, guess) &&
-                       share_out(cap);
+      State& state, int group, const Evaluation<Model, Real>& eval,
+      const RowSystem<Model, Real>& rows, const Real* guess, double cap, Real* found, Real* s) {
+    const bool holds = list_points(state, group) && list_rows(group, rows, guess) &&
+                       solve_held(state, eval, rows, guess) && share_out(state, cap);
     for (int p = 0; p < n_; ++p)
       for (int k = 0; k < patch_[p].n; ++k) {
         const int i = patch_[p].point[k];
-        held_[i] = holds;
-        if (!holds) wait_[0][i] = Tolerance::wait;
+        state.held[i] = holds;
+        if (!holds) state.wait[0][i] = Tolerance::wait;
       }
-    if (holds) take(rows, found, s);
+    if (holds) take(state, rows, found, s);
     return holds;
   }
 
   // The patches of a group; false where some points make none.
-  FAN_FN bool list_points(int group) {
+  FAN_FN bool list_points(const State& state, int group) {
     n_ = 0;
-    for (int i = 0; i < points_.n[0]; ++i) {
-      if (!near_[0][i] || groups_.at(tree_[i]) != group) continue;
-      const int pair = points_.point[0][i].pair;
+    for (int i = 0; i < state.points.n[0]; ++i) {
+      if (!state.near[0][i] || groups_.at(tree_[i]) != group) continue;
+      const int pair = state.points.point[0][i].pair;
       int p = n_ - 1;
       while (p >= 0 && patch_[p].pair != pair) --p;
       if (p < 0) {
@@ -150,7 +147,8 @@ class ContactPatches : public ContactProblem<Model, Real> {
       patch_[p].point[patch_[p].n++] = i;
     }
     bool all = true;
-    for (int p = 0; p < n_ && all; ++p) all = patch_[p].make(points_.point[0], hdot_, asked_);
+    for (int p = 0; p < n_ && all; ++p)
+      all = patch_[p].make(state.points.point[0], state.hdot, state.asked);
     return all;
   }
 
@@ -171,7 +169,7 @@ class ContactPatches : public ContactProblem<Model, Real> {
 
   // y of the rows and patches; false where that does not hold them all.
   FAN_FN bool solve_held(
-      const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
+      State& state, const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
       const Real* guess) {
     double scale = 0.0, worst = 0.0;
     size_ = n_single_;
@@ -180,27 +178,27 @@ class ContactPatches : public ContactProblem<Model, Real> {
       first_[p] = size_;
       size_ += patch_[p].rank;
       worst = larger(worst, patch_[p].misfit);
-      push_patch(p, eval);
+      push_patch(state, p, eval);
     }
     for (int i = 0; i < size_; ++i) scale = larger(scale, b_held_[i]);
     if (!(worst <= Tolerance::residual * scale)) return false;
-    write_held(rows);
+    write_held(state, rows);
     if (!ldl_.factorise(Tolerance::least_pivot)) return false;
     double left = unbounded;  // of the rows that were not left out
     for (int i = 0; i < size_; ++i) y_[i] = 0.0;
-    if (ldl_.n_left_out > 0) recall_held(rows, guess);
+    if (ldl_.n_left_out > 0) recall_held(state, rows, guess);
     for (int k = 0; k < Tolerance::rounds && left > Tolerance::rough * scale; ++k) {
       if (k == 0) ldl_.take_column(left_, given_);
       else ldl_.substitute(left_);
       for (int i = 0; i < size_; ++i) y_[i] += left_[i];
-      find_left(rows);
+      find_left(state, rows);
       left = 0.0;
       for (int i = 0; i < size_; ++i)
         if (!ldl_.is_left_out(i)) left = larger(left, left_[i]);
     }
     for (int i = 0; i < size_; ++i) worst = larger(worst, left_[i]);
     if (!(worst <= Tolerance::residual * scale)) return false;
-    if (worst > held_residual_ * scale) held_residual_ = worst / scale;
+    if (worst > state.held_residual * scale) state.held_residual = worst / scale;
     for (int i = 0; i < n_single_; ++i) {
       const int a = single_[i];
       if (!(y_[i] >= rows.problem.lower[a] && y_[i] <= rows.problem.upper[a])) return false;
@@ -211,20 +209,21 @@ class ContactPatches : public ContactProblem<Model, Real> {
   FAN_FN static double larger(double most, double x) { return fabs(x) > most ? fabs(x) : most; }
 
   // What redundant rows keep: what they had in the step before.
-  FAN_FN void recall_held(const RowSystem<Model, Real>& rows, const Real* guess) {
+  FAN_FN void recall_held(
+      const State& state, const RowSystem<Model, Real>& rows, const Real* guess) {
     for (int i = 0; i < n_single_; ++i) given_[i] = guess[rows.row[single_[i]]];
-    for (int p = 0; p < n_; ++p) patch_[p].add_up(x_, given_ + first_[p]);
+    for (int p = 0; p < n_; ++p) patch_[p].add_up(state.x, given_ + first_[p]);
   }
 
   // left = b - G y, and the speeds that are left of all gathered rows.
-  FAN_FN void find_left(const RowSystem<Model, Real>& rows) {
+  FAN_FN void find_left(const State& state, const RowSystem<Model, Real>& rows) {
     Real w[room(N)], pull[room(M)];
     for (int k = 0; k < N; ++k) w_[k] = Real(0.0);
     for (int p = 0; p < n_; ++p)
       for (int part = 0; part < patch_[p].parts(); ++part) {
         const double* y = y_ + first_[p] + 3 * part;
         const double own[3] = {y[0], y[1], 3 * part + 2 < patch_[p].rank ? y[2] : 0.0};
-        columns_.take(W_[p][part], own, moved_of(p), w_);
+        Columns::take(W_[p][part], own, moved_of(state, p), w_);
       }
     for (int k = 0; k < N; ++k) w[k] = w_[k];
     for (int a = 0; a < rows.n; ++a) pull[a] = Real(0.0);
@@ -235,26 +234,28 @@ class ContactPatches : public ContactProblem<Model, Real> {
     for (int i = 0; i < n_single_; ++i) left_[i] = speed_[single_[i]];
     for (int p = 0; p < n_; ++p)
       for (int k = 0; k < patch_[p].rank; k += 3) {
-        const Triple<Real> taken = moved_of(p).along(W_[p][k / 3], w);
+        const Triple<Real> taken = moved_of(state, p).along(W_[p][k / 3], w);
         for (int i = first_[p] + k, d = 0; d < 3 && k + d < patch_[p].rank; ++i, ++d)
           left_[i] = b_held_[i] + taken[d];
       }
   }
 
-  FAN_FN const MovedBy<N>& moved_of(int p) const { return points_.moved[patch_[p].point[0]]; }
+  FAN_FN const MovedBy<N>& moved_of(const State& state, int p) const {
+    return state.points.moved[patch_[p].point[0]];
+  }
 
   // W of a patch, three columns of F and three of T, and what the forces of the step do to its rows.
-  FAN_FN void push_patch(int p, const Evaluation<Model, Real>& eval) {
+  FAN_FN void push_patch(const State& state, int p, const Evaluation<Model, Real>& eval) {
     const ContactPatch& own = patch_[p];
-    const auto& moved = moved_of(p);
+    const auto& moved = moved_of(state, p);
     for (int part = 0; part < own.parts(); ++part) {
       Triple<Real> row[room(N)];
-      if (part == 0) points_.write_rows(*in_, own.pair, own.middle, own.frame, moved, row);
-      else points_.write_turns(*in_, own.pair, own.frame, own.size, moved, row);
-      columns_.push(eval.L, row, moved, W_[p][part]);
+      if (part == 0) state.points.write_rows(*state.in, own.pair, own.middle, own.frame, moved, row);
+      else state.points.write_turns(*state.in, own.pair, own.frame, own.size, moved, row);
+      Columns::push(eval.L, row, moved, W_[p][part]);
       const Triple<Real> rate = moved.along(W_[p][part], eval.w0);
       for (int k = 3 * part; k < own.rank && k < 3 * part + 3; ++k) {
-        by_forces_[p][k] = dt_ * rate[k % 3];
+        by_forces_[p][k] = state.dt * rate[k % 3];
         b_held_[first_[p] + k] = own.b[k] + by_forces_[p][k];
       }
     }
@@ -262,7 +263,7 @@ class ContactPatches : public ContactProblem<Model, Real> {
 
   // G on its diagonal and to the right of it, and b beside it. Three numbers are written as a register of four, whose
   // last, and those beyond a patch's rank, are 0 and the next ones replace.
-  FAN_FN void write_held(const RowSystem<Model, Real>& rows) {
+  FAN_FN void write_held(const State& state, const RowSystem<Model, Real>& rows) {
     constexpr int from = Complementarity<Real, M>::N;
     ldl_.resize(size_, true);
     const int stride = ldl_.stride;
@@ -272,7 +273,7 @@ class ContactPatches : public ContactProblem<Model, Real> {
       for (int j = i; j < n_single_; ++j) G[i * stride + j] = row[single_[j]];
     }
     for (int p = 0; p < n_; ++p) {
-      const auto& moved = moved_of(p);
+      const auto& moved = moved_of(state, p);
       const int parts = patch_[p].parts(), rank = patch_[p].rank, column = first_[p];
       for (int i = 0; i < n_single_; ++i) {
         const bool apart = rows.is_apart(single_[i], moved);
@@ -284,7 +285,7 @@ class ContactPatches : public ContactProblem<Model, Real> {
         }
       }
       for (int q = 0; q <= p; ++q) {
-        const auto& other = moved_of(q);
+        const auto& other = moved_of(state, q);
         const int common = other.common(moved), others = patch_[q].parts();
         for (int part = 0; part < parts; ++part)
           for (int half = 0; half < (q < p ? others : part + 1); ++half) {
@@ -310,10 +311,10 @@ class ContactPatches : public ContactProblem<Model, Real> {
   }
 
   // The points' impulses, and the rows that do not pull; false where the law does not hold.
-  FAN_FN bool share_out(double cap) {
+  FAN_FN bool share_out(const State& state, double cap) {
     for (int p = 0; p < n_; ++p) {
       const double* x = y_ + first_[p];
-      if (!(x[0] <= cap) || !patch_[p].share(x, in_->friction[patch_[p].pair], impulse_[p]))
+      if (!(x[0] <= cap) || !patch_[p].share(x, state.in->friction[patch_[p].pair], impulse_[p]))
         return false;
     }
     for (int i = 0; i < n_rest_; ++i)
@@ -322,32 +323,35 @@ class ContactPatches : public ContactProblem<Model, Real> {
   }
 
   // Takes the solution.
-  FAN_FN void take(const RowSystem<Model, Real>& rows, Real* found, Real* s) {
+  FAN_FN void take(State& state, const RowSystem<Model, Real>& rows, Real* found, Real* s) {
     for (int k = 0; k < N; ++k) taken_[k] = any_held_ ? taken_[k] + w_[k] : w_[k];
     any_held_ = true;
     for (int i = 0; i < n_single_; ++i) {
       const int a = single_[i], r = rows.row[a];
       found[a] = y_[i];
       s[a] = Real(0.0);
-      row_held_[r] = pulls_[0][r] = true;
+      state.row_held[r] = state.pulls[0][r] = true;
     }
     for (int i = 0; i < n_rest_; ++i) {
       const int a = rest_[i];
       found[a] = Real(0.0);
       s[a] = -speed_[a];
-      row_held_[rows.row[a]] = true;
+      state.row_held[rows.row[a]] = true;
     }
     for (int p = 0; p < n_; ++p)
       for (int k = 0; k < patch_[p].n; ++k) {
         const int first = 3 * patch_[p].point[k];
-        before_[first] = hdot_[first] + patch_[p].normal_rate(k, by_forces_[p]);
+        state.before[first] = state.hdot[first] + patch_[p].normal_rate(k, by_forces_[p]);
         for (int d = 0; d < 3; ++d) {
-          x_[first + d] = impulse_[p][3 * k + d];
-          s_[first + d] = Real(0.0);
+          state.x[first + d] = impulse_[p][3 * k + d];
+          state.s[first + d] = Real(0.0);
         }
       }
   }
 
+  bool any_held_ = false;
+  Real taken_[room(N)];   // - W x
+  ContactGroups<Model> groups_;
   int tree_[room(C)], row_tree_[room(M)];  // of points and gathered rows that take part
   bool sticks_[room(N)];                   // of each group, whether it is to be tried
   // Of the group that is tried: rows that pull, and others.

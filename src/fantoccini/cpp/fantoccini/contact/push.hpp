@@ -42,6 +42,12 @@ struct ContactPush {
   double gap, at[3], normal[3], impulse[3], velocity[3];
 };
 
+// Whether a point comes before another in the order in which they are kept.
+template <class Other>
+FAN_FN bool is_before(const ContactPush& a, const Other& b) {
+  return a.pair < b.pair || (a.pair == b.pair && a.feature < b.feature);
+}
+
 // Of what pushes, leaves what was at rest, as if it had pushed for long; returns how many these are.
 FAN_FN int keep_resting(ContactPush* push, int n) {
   int kept = 0;

@@ -10,47 +10,56 @@
 // none is added. Of one trajectory; for bundles of lanes see lanes.hpp.
 #pragma once
 
-#include "fantoccini/contact/aims.hpp"
+#include "fantoccini/contact/patches.hpp"
+#include "fantoccini/contact/problem.hpp"
 #include "fantoccini/contact/share.hpp"
+#include "fantoccini/contact/state.hpp"
 
 FAN_LOOPS_BEGIN
 
 namespace fan {
 
 template <class Model, class Real>
-class ContactStep : public ContactAims<Model, Real> {
-  using Problem = ContactProblem<Model, Real>;
-  using Aims = ContactAims<Model, Real>;
+class ContactStep {
+  using State = ContactState<Model, Real>;
+  using Points = typename State::Points;
 
  public:
-  using Problem::C, Problem::N, Problem::M, Problem::width, Problem::residual;
-  using typename Problem::Mask, typename Problem::Tolerance;
-  using typename Aims::Push;
-  using Aims::n, Aims::push;
-  using Rates = typename Problem::Points::Rates;
+  static constexpr int C = Model::n_contacts, N = Model::n_vD, M = Model::n_rows;
+  static constexpr int width = Traits<Real>::width;
+  using Mask = typename Traits<Real>::Mask;
+  using Tolerance = ContactStepTolerances;
+  using Push = ContactPush;
+  using Rates = typename Points::Rates;
 
+  int n[width] = {};  // points that push
+  Push push[width][room(C)];
   Real violation, work, impact, friction;  // depth; energies of the step
+  Real residual = Real(0.0);               // of the law, in the last step
 
   // The points that the last step looked at.
-  const typename Problem::Points& candidates() const { return points_; }
+  const Points& candidates() const { return state_.points; }
 
-  bool too_many(int lane) const { return points_.too_many[lane]; }
+  // Whether patches hold in the last step.
+  bool has_patches() const { return patches_.holds_some(); }
+
+  bool too_many(int lane) const { return state_.points.too_many[lane]; }
 
   // Nothing has touched anything yet.
   FAN_FN void begin(const ContactArrays& in) {
-    points_.begin(in);
+    state_.points.begin(in);
     for (int l = 0; l < width; ++l) {
       n[l] = 0;
-      points_.too_many[l] = false;
+      state_.points.too_many[l] = false;
     }
-    points_.most = 0;
+    state_.points.most = 0;
   }
 
   template <class Memory>
   FAN_FN void remember(Memory& memory) {
     memory.keep_of_lanes(n);
     memory.keep_of_lanes(push);
-    memory.keep_of_lanes(points_.too_many);
+    memory.keep_of_lanes(state_.points.too_many);
   }
 
   // What pushes now and was at rest has pushed for long; all else has touched nothing yet.
@@ -61,13 +70,13 @@ class ContactStep : public ContactAims<Model, Real> {
   FAN_FN void take(const Push* pushes, int n_pushes, const Near& near) {
     n[0] = n_pushes;
     for (int i = 0; i < n_pushes; ++i) push[0][i] = pushes[i];
-    points_.near() = near;
-    points_.too_many[0] = false;
+    state_.points.near() = near;
+    state_.points.too_many[0] = false;
   }
   template <class Near>
   FAN_FN int give(Push* pushes, Near& near) {
     for (int i = 0; i < n[0]; ++i) pushes[i] = push[0][i];
-    near = points_.near();
+    near = state_.points.near();
     return n[0];
   }
 
@@ -77,42 +86,44 @@ class ContactStep : public ContactAims<Model, Real> {
       const ContactArrays& in, const Evaluation<Model, Real>& eval, const Real* q_D,
       const Real* v_D, const Real* q_K, const Real* v_K, const Real* p, double dt, double whole,
       double recovery_speed, const Mask& idle) {
-    in_ = &in;
-    dt_ = dt;
-    points_.find(in, q_D, v_D, q_K, v_K, p, dt, idle, [&](int l) { this->recognise(l); });
+    state_.in = &in;
+    state_.dt = dt;
+    state_.points.find(in, q_D, v_D, q_K, v_K, p, dt, idle, [&](int l) {
+      state_.recognise(l, push[l], n[l]);
+    });
     violation = work = impact = friction = residual = Real(0.0);
     for (int l = 0; l < width; ++l) {
-      chosen_[l] = 0;
-      for (int i = 0; i < points_.n[l]; ++i) {
-        if (!points_.has(l, i)) continue;
-        const double depth = -points_.point[l][i].gap;
+      state_.chosen[l] = 0;
+      for (int i = 0; i < state_.points.n[l]; ++i) {
+        if (!state_.points.has(l, i)) continue;
+        const double depth = -state_.points.point[l][i].gap;
         if (depth > lane_of(violation, l)) lane_of(violation, l) = depth;
       }
     }
     for (int r = 0; r < M; ++r) row_x_[r] = row_s_[r] = Real(0.0);
-    columns_.begin();
+    problem_.begin();
     looks_ = 0;
     for (int l = 0; l < width; ++l) {
-      for (int r = 0; r < M; ++r) pulls_[l][r] = false;
-      bounces_[l] = false;
-      scale_[l] = 1.0;
+      for (int r = 0; r < M; ++r) state_.pulls[l][r] = false;
+      state_.bounces[l] = false;
+      state_.scale[l] = 1.0;
       solved_with_[l] = 0;
     }
-    this->let_go();
-    if (points_.most == 0) return;
-    for (int i = 0; i < points_.most; ++i) {
-      const Triple<Real> start = points_.rate(i, v_D);
+    patches_.let_go(state_);
+    if (state_.points.most == 0) return;
+    for (int i = 0; i < state_.points.most; ++i) {
+      const Triple<Real> start = state_.points.rate(i, v_D);
       for (int d = 0; d < 3; ++d) {
-        x_[3 * i + d] = Real(0.0);
-        hdot_[3 * i + d] = start[d];
+        state_.x[3 * i + d] = Real(0.0);
+        state_.hdot[3 * i + d] = start[d];
       }
     }
-    for (int l = 0; l < width; ++l) this->recall(l);
-    for (int i = 0; i < points_.n[0]; ++i) this->ask(0, i, whole, recovery_speed);
-    is_before_known_ = !this->all_pushed();
-    if (is_before_known_) this->know_before(eval);
-    for (int i = 0; i < points_.n[0]; ++i) this->aim(0, i);
-    if (is_before_known_) this->know_aims();
+    for (int l = 0; l < width; ++l) state_.recall(l, push[l]);
+    for (int i = 0; i < state_.points.n[0]; ++i) state_.ask(0, i, whole, recovery_speed);
+    state_.is_before_known = !state_.all_pushed();
+    if (state_.is_before_known) state_.know_before(eval);
+    for (int i = 0; i < state_.points.n[0]; ++i) state_.aim(0, i);
+    if (state_.is_before_known) state_.know_aims();
   }
 
   // Looks again where impulses have made links faster, by acc over the step from v_D, than the
@@ -120,35 +131,35 @@ class ContactStep : public ContactAims<Model, Real> {
   FAN_FN bool look_again(
       const Evaluation<Model, Real>& eval, const Real* v_D, const Real* acc, const Real* v_K,
       double dt, double whole, double recovery_speed, const Mask& idle) {
-    const Mask lanes = !idle && points_.outruns(acc, dt);
+    const Mask lanes = !idle && state_.points.outruns(acc, dt);
     if (!any(lanes) || looks_ == Tolerance::looks) return false;
     ++looks_;
     Real v[room(N)];
     int known[width];
-    const int most = points_.most;
-    for (int l = 0; l < width; ++l) known[l] = points_.n[l];
+    const int most = state_.points.most;
+    for (int l = 0; l < width; ++l) known[l] = state_.points.n[l];
     for (int k = 0; k < N; ++k) v[k] = v_D[k] + acc[k];
-    if (!points_.find_more(*in_, v, v_K, dt, lanes)) return false;
-    for (int i = 3 * most; i < 3 * points_.most; ++i) x_[i] = Real(0.0);
-    this->need_before(eval);
+    if (!state_.points.find_more(*state_.in, v, v_K, dt, lanes)) return false;
+    for (int i = 3 * most; i < 3 * state_.points.most; ++i) state_.x[i] = Real(0.0);
+    state_.need_before(eval);
     Real dv[room(N)];
-    this->unhindered(eval, dv);
-    Rates free(points_, dv), now_at(points_, v_D);
+    state_.unhindered(eval, dv);
+    Rates free(state_.points, dv), now_at(state_.points, v_D);
     for (int l = 0; l < width; ++l)
-      for (int i = known[l]; i < points_.n[l]; ++i) {
-        columns_.renew(i);
+      for (int i = known[l]; i < state_.points.n[l]; ++i) {
+        problem_.renew(i);
         const Triple<Real> start = now_at(i), by_forces = free.change(i);
         for (int d = 0; d < 3; ++d) {
-          lane_of(hdot_[3 * i + d], l) = lane_of(start[d], l);
-          lane_of(b_[3 * i + d], l) = lane_of(before_[3 * i + d], l) =
+          lane_of(state_.hdot[3 * i + d], l) = lane_of(start[d], l);
+          lane_of(state_.b[3 * i + d], l) = lane_of(state_.before[3 * i + d], l) =
               lane_of(start[d], l) + lane_of(by_forces[d], l);
         }
-        steps_[l][i] = wait_[l][i] = 0;
-        near_[l][i] = true;
-        is_carried_[l][i] = false;
-        this->ask(l, i, whole, recovery_speed);
-        this->aim(l, i);
-        lane_of(b_[3 * i], l) += lane_of(asked_[i], l);
+        state_.steps[l][i] = state_.wait[l][i] = 0;
+        state_.near[l][i] = true;
+        state_.is_carried[l][i] = false;
+        state_.ask(l, i, whole, recovery_speed);
+        state_.aim(l, i);
+        lane_of(state_.b[3 * i], l) += lane_of(state_.asked[i], l);
       }
     return true;
   }
@@ -156,22 +167,22 @@ class ContactStep : public ContactAims<Model, Real> {
   // Whether points take part in all lanes but these.
   FAN_FN bool take_part(const Mask& idle) const {
     for (int l = 0; l < width; ++l)
-      if (chosen_[l] == 0 && !lane_of(idle, l)) return false;
+      if (state_.chosen[l] == 0 && !lane_of(idle, l)) return false;
     return true;
   }
 
   // Adds the points that would be passed at the velocity v; whether there are any.
   FAN_FN bool watch(const Real* v) {
     bool more = false;
-    Rates rates(points_, v);
-    for (int i = 0; i < points_.most; ++i) {
+    Rates rates(state_.points, v);
+    for (int i = 0; i < state_.points.most; ++i) {
       const Real now = rates(i)[0];
       for (int l = 0; l < width; ++l) {
-        if (!points_.has(l, i) || near_[l][i]) continue;
-        const double closing = lane_of(now, l) + lane_of(asked_[i], l);
+        if (!state_.points.has(l, i) || state_.near[l][i]) continue;
+        const double closing = lane_of(now, l) + lane_of(state_.asked[i], l);
         if (!(closing > Tolerance::passing_speed)) continue;
-        near_[l][i] = more = true;
-        ++chosen_[l];
+        state_.near[l][i] = more = true;
+        ++state_.chosen[l];
       }
     }
     return more;
@@ -188,19 +199,18 @@ class ContactStep : public ContactAims<Model, Real> {
     int taking_part[width];
     Real n_near = Real(0.0);
     for (int a = 0; a < rows.n; ++a) n_near += select(near[rows.row[a]], Real(1.0), Real(0.0));
-    for (int l = 0; l < width; ++l) taking_part[l] = chosen_[l] + int(lane_of(n_near, l));
+    for (int l = 0; l < width; ++l) taking_part[l] = state_.chosen[l] + int(lane_of(n_near, l));
     bool held = false;  // all of it by patches
-    if (chosen_[0] != 0 && taking_part[0] != solved_with_[0])
-      held = this->hold(eval, rows, near, guess, cap, found, s);
-    if (!held) this->need_before(eval);
-    if (!held) this->make_columns(eval, rows, near, guess);
+    if (state_.chosen[0] != 0 && taking_part[0] != solved_with_[0])
+      held = patches_.hold(state_, eval, rows, near, guess, cap, found, s);
+    if (!held) state_.need_before(eval);
+    if (!held) problem_.make_columns(state_, eval, rows, near, guess);
     for (int l = 0; l < width; ++l) {
-      if (chosen_[l] == 0) continue;
+      if (state_.chosen[l] == 0) continue;
       if (taking_part[l] != solved_with_[l]) {
         solved_with_[l] = taking_part[l];
-        cone_.quick = true;
-        well_[l] = held || this->bounce(l, rows, near, guess, before, cap, found, s);
-        if (held) lane_of(residual, l) = held_residual_;
+        well_[l] = held || problem_.bounce(state_, l, rows, near, guess, before, cap, found, s);
+        lane_of(residual, l) = held ? state_.held_residual : lane_of(problem_.residual, l);
         for (int a = 0; a < rows.n; ++a) {
           lane_of(row_x_[rows.row[a]], l) = lane_of(found[a], l);
           lane_of(row_s_[rows.row[a]], l) = lane_of(s[a], l);
@@ -222,20 +232,20 @@ class ContactStep : public ContactAims<Model, Real> {
 
   // w <- w - W x over the points.
   FAN_FN void add(Real* w) const {
-    for (int i = 0; i < points_.most; ++i)
-      if (pushes(i)) columns_.take(i, x_ + 3 * i, points_.moved[i], w);
-    this->add_held(w);
+    for (int i = 0; i < state_.points.most; ++i)
+      if (pushes(i)) problem_.columns().take(i, state_.x + 3 * i, state_.points.moved[i], w);
+    patches_.add(w);
   }
 
   // What the impulses take from hdot of gathered row a.
   FAN_FN Real rate_by_impulses(const RowSystem<Model, Real>& rows, int a) const {
     Real sum = Real(0.0);
-    for (int i = 0; i < points_.most; ++i) {
+    for (int i = 0; i < state_.points.most; ++i) {
       if (!pushes(i)) continue;
-      const Triple<Real>& by = columns_.across[i][a];
-      sum += by[0] * x_[3 * i] + by[1] * x_[3 * i + 1] + by[2] * x_[3 * i + 2];
+      const Triple<Real>& by = problem_.columns().across[i][a];
+      sum += by[0] * state_.x[3 * i] + by[1] * state_.x[3 * i + 1] + by[2] * state_.x[3 * i + 2];
     }
-    sum += this->rate_by_held(rows, a);
+    sum += patches_.rate_by_impulses(rows, a);
     return sum;
   }
 
@@ -244,14 +254,15 @@ class ContactStep : public ContactAims<Model, Real> {
   FAN_FN Real account() {
     Real struck = Real(0.0);
     for (int l = 0; l < width; ++l)
-      for (int i = 0; i < points_.n[l]; ++i)
-        if (lane_of(x_[3 * i], l) > 0.0 && strikes(l, i)) lane_of(struck, l) = 1.0;
+      for (int i = 0; i < state_.points.n[l]; ++i)
+        if (lane_of(state_.x[3 * i], l) > 0.0 && state_.strikes(l, i)) lane_of(struck, l) = 1.0;
     for (int l = 0; l < width; ++l) {
       int pushes = 0;
-      for (int i = 0; i < points_.n[l]; ++i)
-        if (lane_of(x_[3 * i], l) > 0.0) {
+      for (int i = 0; i < state_.points.n[l]; ++i)
+        if (lane_of(state_.x[3 * i], l) > 0.0) {
           const double x[3] = {
-              lane_of(x_[3 * i], l), lane_of(x_[3 * i + 1], l), lane_of(x_[3 * i + 2], l)};
+              lane_of(state_.x[3 * i], l), lane_of(state_.x[3 * i + 1], l),
+              lane_of(state_.x[3 * i + 2], l)};
           add_push(l, i, x, push[l], pushes);
           if (lane_of(struck, l) > 0.5) book_impact(l, i);
           else book_friction(l, i);
@@ -267,60 +278,48 @@ class ContactStep : public ContactAims<Model, Real> {
       const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
       ContactShare<M + 3 * C>& share, Push* out) {
     int found = 0, n_out = 0;
-    for (int i = 0; i < points_.n[0]; ++i) found += lane_of(x_[3 * i], 0) > 0.0;
-    if (chosen_[0] == 0 || found != n[0]) {
+    for (int i = 0; i < state_.points.n[0]; ++i) found += lane_of(state_.x[3 * i], 0) > 0.0;
+    if (state_.chosen[0] == 0 || found != n[0]) {
       for (int i = 0; i < n[0]; ++i) out[i] = push[0][i];
       return n[0];
     }
-    this->let_go();
-    this->need_before(eval);
-    this->take_all(eval, rows);
-    for (int g = 0; g < groups_.n; ++g) {
-      this->choose(g);
-      if (n_triple_ == 0) continue;
-      this->write(0, rows);
-      for (int i = 0; i < n_single_; ++i) cone_.x[i] = lane_of(rows.problem.x[single_[i]], 0);
-      for (int k = 0; k < n_triple_; ++k)
-        for (int d = 0; d < 3; ++d)
-          cone_.x[n_single_ + 3 * k + d] = lane_of(x_[3 * triple_[k] + d], 0);
-      cone_.find_s();
+    patches_.let_go(state_);
+    state_.need_before(eval);
+    problem_.take_all(state_, eval, rows);
+    for (int g = 0; g < problem_.groups(); ++g) {
+      if (!problem_.restore(state_, g, rows)) continue;
       double x[room(3 * C)];
-      share.find(cone_, x);
-      for (int k = 0; k < n_triple_; ++k) {
+      share.find(problem_.cone(), x);
+      for (int k = 0; k < problem_.points(); ++k) {
         if (!(x[3 * k] > 0.0)) continue;
-        add_push(0, triple_[k], x + 3 * k, out, n_out);
+        add_push(0, problem_.point(k), x + 3 * k, out, n_out);
       }
     }
     return n_out;
   }
 
  private:
-  using Problem::cone_, Problem::groups_, Problem::n_single_, Problem::single_, Problem::triple_, Problem::n_triple_;
-  using Problem::points_, Problem::columns_, Problem::in_, Problem::near_, Problem::chosen_;
-  using Problem::pulls_, Problem::held_, Problem::held_residual_, Problem::is_carried_, Problem::wait_;
-  using Problem::x_, Problem::s_, Problem::b_, Problem::before_, Problem::rebound_;
-  using Aims::steps_, Aims::earlier, Problem::hdot_, Problem::asked_, Problem::is_before_known_, Problem::dt_;
-  using Problem::parting_, Problem::bounces_, Problem::scale_;
-
   // Whether point i has an impulse of its own in some lane.
   FAN_FN bool pushes(int i) const {
-    const Real* x = x_ + 3 * i;
-    return !held_[i] && any(x[0] != Real(0.0) || x[1] != Real(0.0) || x[2] != Real(0.0));
+    const Real* x = state_.x + 3 * i;
+    return !state_.held[i] && any(x[0] != Real(0.0) || x[1] != Real(0.0) || x[2] != Real(0.0));
   }
 
   // Adds point i of lane l as it pushes with the impulse x to a list, in order.
   FAN_FN void add_push(int l, int i, const double* x, Push* list, int& n_list) const {
-    const auto& from = points_.point[l][i];
+    const auto& from = state_.points.point[l][i];
     int place = n_list++;
-    for (; place > 0 && !earlier(list[place - 1], from); --place) list[place] = list[place - 1];
+    for (; place > 0 && !is_before(list[place - 1], from); --place) list[place] = list[place - 1];
     Push& out = list[place];
     out.pair = from.pair;
     out.feature = from.feature;
-    out.steps = closes(l, i) ? 1 : steps_[l][i] + (steps_[l][i] <= Tolerance::steps_of_impact);
-    out.wait = wait_[l][i];
-    out.rested = rested(l, i);
+    const int steps = state_.steps[l][i];
+    out.steps = state_.closes(l, i) ? 1 : steps + (steps <= Tolerance::steps_of_impact);
+    out.wait = state_.wait[l][i];
+    out.rested = state_.rested(l, i);
     out.gap = from.gap;
-    const double u[3] = {after(l, 3 * i), after(l, 3 * i + 1), after(l, 3 * i + 2)};
+    const double u[3] = {
+        state_.after(l, 3 * i), state_.after(l, 3 * i + 1), state_.after(l, 3 * i + 2)};
     for (int c = 0; c < 3; ++c) {
       out.at[c] = from.at[c];
       out.normal[c] = from.frame[c];
@@ -329,31 +328,12 @@ class ContactStep : public ContactAims<Model, Real> {
     }
   }
 
-  // hdot of row i after the step.
-  FAN_FN double after(int l, int i) const {
-    return -lane_of(s_[i], l) - (i % 3 == 0 ? lane_of(asked_[i / 3], l) : 0.0);
-  }
-
-  // Whether the forces of one step alone have closed point i as fast as it closes at the start.
-  FAN_FN bool rested(int l, int i) const {
-    const double hdot = lane_of(hdot_[3 * i], l), by_forces = lane_of(before_[3 * i], l) - hdot;
-    return hdot <= (by_forces > Tolerance::passing_speed ? by_forces : Tolerance::passing_speed);
-  }
-
-  // Whether point i is part of an impact. A corner on which a body that rests comes to stand is not.
-  FAN_FN bool strikes(int l, int i) const {
-    return (steps_[l][i] < Tolerance::steps_of_impact && !rested(l, i)) || closes(l, i);
-  }
-
-  // Whether point i, if it pushes, ends the step as fast as closes its gap.
-  FAN_FN bool closes(int l, int i) const { return -parting_[l][i] > Tolerance::closing_speed; }
-
   // Adds what the friction of point i takes, at the velocity after the step.
   FAN_FN void book_friction(int l, int i) {
     for (int d = 3 * i; d < 3 * i + 3; ++d) {
-      const double x = lane_of(x_[d], l);
-      lane_of(work, l) += x * lane_of(points_.rate_K[i][d - 3 * i], l);
-      if (d != 3 * i) lane_of(friction, l) += x * after(l, d);
+      const double x = lane_of(state_.x[d], l);
+      lane_of(work, l) += x * lane_of(state_.points.rate_K[i][d - 3 * i], l);
+      if (d != 3 * i) lane_of(friction, l) += x * state_.after(l, d);
     }
   }
 
@@ -361,14 +341,17 @@ class ContactStep : public ContactAims<Model, Real> {
   // takes at the mean of the velocities before and after the step.
   FAN_FN void book_impact(int l, int i) {
     for (int d = 3 * i; d < 3 * i + 3; ++d) {
-      const double x = lane_of(x_[d], l), end = after(l, d);
-      const double rubs = d == 3 * i || strikes(l, i) ? 0.0 : x * end;
-      lane_of(work, l) += x * lane_of(points_.rate_K[i][d - 3 * i], l);
+      const double x = lane_of(state_.x[d], l), end = state_.after(l, d);
+      const double rubs = d == 3 * i || state_.strikes(l, i) ? 0.0 : x * end;
+      lane_of(work, l) += x * lane_of(state_.points.rate_K[i][d - 3 * i], l);
       lane_of(friction, l) += rubs;
-      lane_of(impact, l) += 0.5 * x * (lane_of(hdot_[d], l) + end) - rubs;
+      lane_of(impact, l) += 0.5 * x * (lane_of(state_.hdot[d], l) + end) - rubs;
     }
   }
 
+  State state_;
+  ContactPatches<Model, Real> patches_;
+  ContactProblem<Model, Real> problem_;
   int looks_ = 0;                  // how often was looked again
   // Of each lane's last solve in the step: how many rows and points took part, whether it went well;
   // impulses and s of the rows.
