@@ -2,13 +2,12 @@
 // contact are differenced from.
 #pragma once
 
-#include "fantoccini/collision/placed_links.hpp"
+#include "fantoccini/collision/touch.hpp"
 
 namespace fan {
 
 template <class Model>
-class TouchPoses : private PlacedLinks<Model, double> {
- public:
+struct TouchPoses {
   static constexpr int width = 8;  // numbers of a point: feature, gap, point, normal
 
   // Points (n, max_touches, width) with a gap below `margin` at poses (n, 12) of the first solid's
@@ -20,9 +19,9 @@ class TouchPoses : private PlacedLinks<Model, double> {
     if constexpr (Model::n_contacts > 0) {
       const Solid &a = in.solids[in.pairs[2 * pair]], &b = in.solids[in.pairs[2 * pair + 1]];
       Solid first, second = b;
-      if (b.link >= 0) TouchPoses::placed(b, other, other + 9, second);
+      if (b.link >= 0) place_solid(b, other, other + 9, second);
       for (int i = 0; i < n; ++i, poses += 12) {
-        TouchPoses::placed(a, poses, poses + 9, first);
+        place_solid(a, poses, poses + 9, first);
         Touch found[max_touches];
         const int n_found = touches(first, second, margin, found);
         for (int k = 0; k < max_touches; ++k, out += width) {

@@ -114,6 +114,25 @@ FAN_FN double flatness(double sine) {
   return t * t * (3.0 - 2.0 * t);
 }
 
+// A solid of a link with the axes R and the origin r.
+FAN_FN void place_solid(const Solid& from, const double* R, const double* r, Solid& to) {
+  to.kind = from.kind;
+  to.link = from.link;
+  to.mesh = from.mesh;
+  to.radius = from.radius;
+  to.hull = from.hull;
+  FAN_UNROLL for (int c = 0; c < 3; ++c) {
+    to.half[c] = from.half[c];
+    to.a[c] = r[c] + R[c] * from.a[0] + R[3 + c] * from.a[1] + R[6 + c] * from.a[2];
+    to.b[c] = r[c] + R[c] * from.b[0] + R[3 + c] * from.b[1] + R[6 + c] * from.b[2];
+  }
+  if (from.kind == SEGMENT && !is_ellipsoid(from)) return;
+  FAN_UNROLL for (int c = 0; c < 3; ++c)
+    FAN_UNROLL for (int j = 0; j < 3; ++j)
+      to.R[3 * j + c] = R[c] * from.R[3 * j] + R[3 + c] * from.R[3 * j + 1] +
+                        R[6 + c] * from.R[3 * j + 2];
+}
+
 // The contact points of a pair as they are found, in order of feature.
 struct Touches {
   Touch* out;

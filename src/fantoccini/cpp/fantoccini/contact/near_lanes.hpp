@@ -8,19 +8,19 @@
 namespace fan {
 
 template <class Model, class Real>
-class NearLanes : public PlacedLinks<Model, Real> {
+class NearLanes {
   using Links = PlacedLinks<Model, Real>;
 
  public:
-  static constexpr int N = Links::N, width = Links::width;
+  static constexpr int L = Links::L, N = Links::N, width = Links::width;
   using Mask = typename Traits<Real>::Mask;
   using Tolerance = ContactPointTolerances;
   using Near = NearPairs<Links::L, 4 * Links::L>;
 
   // Takes the solids; nothing is known of where they are.
   FAN_FN void begin(const ContactArrays& in) {
-    Links::begin(in);
-    slack_ = Links::slack();
+    links_.begin(in);
+    slack_ = links_.slack();
     for (int l = 0; l < width; ++l) near_[l].forget();
     known_ = Real(0.0) > Real(1.0);
     is_listed_anew_ = true;
@@ -31,7 +31,7 @@ class NearLanes : public PlacedLinks<Model, Real> {
   FAN_FN void place_at(
       const ContactArrays& in, const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
       const Real* p, double dt) {
-    Call<Model, Real>::screws(q_D, q_K, p, links_);
+    links_.locate(q_D, q_K, p);
     move_all(v_D, v_K);
     place_all();
     good_ = known_ && hold(dt);
@@ -56,7 +56,7 @@ class NearLanes : public PlacedLinks<Model, Real> {
       if (ground.takes(in, k)) {
         const Solid &x = in.solids[own], &y = in.solids[in.pairs[2 * k + 1]];
         touch_plane_lanes(
-            x, links_.poses + 12 * x.link, y, margin, near,
+            x, links_.of_lanes.poses + 12 * x.link, y, margin, near,
             [&](int feature, const Real* at, const Real& gap, const Mask& where) {
               ground.add(own, feature, at, gap, where);
             });
@@ -72,10 +72,10 @@ class NearLanes : public PlacedLinks<Model, Real> {
 
   // Lists the near pairs of lane l.
   FAN_FN void list_anew(const ContactArrays& in, const Real* v_D, const Real* v_K, int l) {
-    Links::load(l, v_D, v_K);
-    Links::move();
-    Links::place();
-    Links::list_near(in, near_[l], slack_);
+    links_.load(l, v_D, v_K);
+    links_.move();
+    links_.place();
+    links_.list_near(in, near_[l], slack_);
     learn(l);
   }
 
@@ -87,7 +87,7 @@ class NearLanes : public PlacedLinks<Model, Real> {
     known_.set(l, near_[l].is_known());
     is_listed_anew_ = true;
     for (int link = 0; link < L && near_[l].is_known(); ++link) {
-      if (!has_solids(link)) continue;
+      if (!links_.has_solids(link)) continue;
       for (int k = 0; k < 9; ++k) lane_of(old_[12 * link + k], l) = near_[l].turned(link)[k];
       for (int c = 0; c < 3; ++c) lane_of(old_[12 * link + 9 + c], l) = near_[l].centre(link)[c];
     }
@@ -96,25 +96,23 @@ class NearLanes : public PlacedLinks<Model, Real> {
   // The lanes in which some link may go farther than the margins allow for, if the step dt changes
   // the velocities by dv_D.
   FAN_FN Mask outruns(const Real* dv_D, double dt) const {
-    return Links::outruns(dv_D, dt, speed_at_start_, Tolerance::margin, Tolerance::travel);
+    return links_.outruns(dv_D, dt, speed_at_start_, Tolerance::margin, Tolerance::travel);
   }
 
   // A link's twist at the velocities of the step's start; the screw of a velocity; the twist of a link
   // that nothing drives at other velocities.
   FAN_FN const Real* twist(int link) const { return twist_of_ + 6 * link; }
-  FAN_FN const Real* screw(int k) const { return links_.screw_D + 6 * k; }
+  FAN_FN const Real* screw(int k) const { return links_.of_lanes.screw_D + 6 * k; }
   FAN_FN void twist_at(int link, const Real* v_D, Real* out) const {
     for (int c = 0; c < 6; ++c) out[c] = Real(0.0);
     for (int j = Model::moved_D_begin[link]; j < Model::moved_D_begin[link + 1]; ++j) {
       const int k = Model::moved_D_entry[j];
-      FAN_UNROLL for (int c = 0; c < 6; ++c) out[c] += links_.screw_D[6 * k + c] * v_D[k];
+      FAN_UNROLL for (int c = 0; c < 6; ++c) out[c] += links_.of_lanes.screw_D[6 * k + c] * v_D[k];
     }
   }
 
  private:
-  using Links::L, Links::links_, Links::around_, Links::ball_, Links::placed_, Links::has_solids;
-
-  // As PlacedLinks::move().
+  // As Placedlinks_.move().
   FAN_FN void move_all(const Real* v_D, const Real* v_K) {
     for (int i = 0; i < L; ++i) {
       const int up = Model::link_parent[i];
@@ -127,25 +125,26 @@ class NearLanes : public PlacedLinks<Model, Real> {
           FAN_UNROLL for (int c = 0; c < 6; ++c) to[c] += of[c] * speed;
         }
       };
-      add(Model::moved_D_begin, Model::moved_D_entry, links_.screw_D, v_D);
-      add(Model::moved_K_begin, Model::moved_K_entry, links_.screw_K, v_K);
+      add(Model::moved_D_begin, Model::moved_D_entry, links_.of_lanes.screw_D, v_D);
+      add(Model::moved_K_begin, Model::moved_K_entry, links_.of_lanes.screw_K, v_K);
     }
   }
 
-  // As PlacedLinks::place().
+  // As Placedlinks_.place().
   FAN_FN void place_all() {
     using std::sqrt;
     for (int link = 0; link < L; ++link) {
       speed_at_start_[link] = Real(0.0);
-      if (!has_solids(link)) continue;
-      const Real *R = links_.poses + 12 * link, *t = twist_of_ + 6 * link;
-      const double* own = around_[link].at;
+      if (!links_.has_solids(link)) continue;
+      const Real *R = links_.of_lanes.poses + 12 * link, *t = twist_of_ + 6 * link;
+      const double* own = links_.around[link].at;
       Real *at = centre_ + 3 * link, v[3];
       FAN_UNROLL for (int c = 0; c < 3; ++c)
         at[c] = R[9 + c] + R[c] * own[0] + R[3 + c] * own[1] + R[6 + c] * own[2];
       cross(t + 3, at, v);
       FAN_UNROLL for (int c = 0; c < 3; ++c) v[c] += t[c];
-      speed_at_start_[link] = sqrt(dot3(v, v)) + sqrt(dot3(t + 3, t + 3)) * around_[link].radius;
+      speed_at_start_[link] =
+          sqrt(dot3(v, v)) + sqrt(dot3(t + 3, t + 3)) * links_.around[link].radius;
     }
   }
 
@@ -153,17 +152,17 @@ class NearLanes : public PlacedLinks<Model, Real> {
   FAN_FN Mask hold(double dt) const {
     Mask all = Real(0.0) < Real(1.0);
     for (int link = 0; link < L; ++link) {
-      if (!has_solids(link)) continue;
+      if (!links_.has_solids(link)) continue;
       const Real left = (0.5 * slack_ - 0.5 * Tolerance::margin) -
                         Tolerance::travel * dt * speed_at_start_[link];
-      const Real *R = links_.poses + 12 * link, *old = old_ + 12 * link;
+      const Real *R = links_.of_lanes.poses + 12 * link, *old = old_ + 12 * link;
       Real turned = Real(0.0), moved_by = Real(0.0);
       FAN_UNROLL for (int k = 0; k < 9; ++k) turned += (R[k] - old[k]) * (R[k] - old[k]);
       FAN_UNROLL for (int c = 0; c < 3; ++c) {
         const Real by = centre_[3 * link + c] - old[9 + c];
         moved_by += by * by;
       }
-      const double radius = around_[link].radius;
+      const double radius = links_.around[link].radius;
       const Real square = 2.0 * (moved_by + radius * radius * turned);
       all = all && left > Real(0.0) && square < left * left;
     }
@@ -211,13 +210,13 @@ class NearLanes : public PlacedLinks<Model, Real> {
     if (y.kind == HALF_SPACE) {
       Real height = Real(0.0);
       for (int c = 0; c < 3; ++c) height += (middle[c] - y.a[c]) * y.b[c];
-      return lanes && height - ball_[first].radius < margin;
+      return lanes && height - links_.ball[first].radius < margin;
     }
     Real other[3], square = Real(0.0);
     place_middle(y, other);
     for (int c = 0; c < 3; ++c) square += (middle[c] - other[c]) * (middle[c] - other[c]);
-    const double own = y.link >= 0 ? ball_[second].radius : bounding_radius(y);
-    const Real reach = margin + (ball_[first].radius + own);
+    const double own = y.link >= 0 ? links_.ball[second].radius : bounding_radius(y);
+    const Real reach = margin + (links_.ball[first].radius + own);
     return lanes && square < reach * reach;
   }
 
@@ -227,14 +226,14 @@ class NearLanes : public PlacedLinks<Model, Real> {
     Touch found[max_touches];
     place_in(in, first, l);
     if (in.solids[second].link >= 0) place_in(in, second, l);
-    return this->touch(in, k, margin, found) > 0;
+    return links_.touch(in, k, margin, found) > 0;
   }
 
   // The middle of a solid in the world.
   FAN_FN void place_middle(const Solid& x, Real* out) const {
     double own[3];
     for (int c = 0; c < 3; ++c) own[c] = 0.5 * (x.a[c] + x.b[c]);
-    if (x.link >= 0) return carry_in_lanes(links_.poses + 12 * x.link, own, out);
+    if (x.link >= 0) return carry_in_lanes(links_.of_lanes.poses + 12 * x.link, own, out);
     for (int c = 0; c < 3; ++c) out[c] = Real(own[c]);
   }
 
@@ -242,12 +241,13 @@ class NearLanes : public PlacedLinks<Model, Real> {
   FAN_FN void place_in(const ContactArrays& in, int solid, int l) {
     const Solid& x = in.solids[solid];
     double pose[12];
-    for (int k = 0; k < 12; ++k) pose[k] = lane_of(links_.poses[12 * x.link + k], l);
-    Links::placed(x, pose, pose + 9, this->placed_[solid]);
+    for (int k = 0; k < 12; ++k) pose[k] = lane_of(links_.of_lanes.poses[12 * x.link + k], l);
+    place_solid(x, pose, pose + 9, links_.placed[solid]);
     for (int c = 0; c < 3; ++c)
-      ball_[solid].at[c] = 0.5 * (this->placed_[solid].a[c] + this->placed_[solid].b[c]);
+      links_.ball[solid].at[c] = 0.5 * (links_.placed[solid].a[c] + links_.placed[solid].b[c]);
   }
 
+  Links links_;
   Near near_[width];
   double slack_ = 0.0;            // m: of the lists of near pairs
   Real speed_at_start_[room(L)];  // m/s: by which the margins are chosen

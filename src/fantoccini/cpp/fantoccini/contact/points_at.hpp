@@ -10,46 +10,62 @@ FAN_LOOPS_BEGIN
 namespace fan {
 
 template <class Model>
-class ContactPointsAt : public ContactPoints<Model, double> {
-  using Base = ContactPoints<Model, double>;
-  using Twist = typename PlacedLinks<Model, double>::Twist;
+class ContactPointsAt {
+  using Points = ContactPoints<Model, double>;
+  using Links = PlacedLinks<Model, double>;
+  using Twist = typename Links::Twist;
 
  public:
-  using Base::C, Base::n, Base::most, Base::point, Base::row, Base::too_many;
-  using typename Base::Point, typename Base::Tolerance;
+  static constexpr int C = Points::C;
+  using Point = typename Points::Point;
+  using Tolerance = typename Points::Tolerance;
 
-  // The points with a gap below `margin` where lane 0 is posed.
+  // The points that were found last, and the one put behind them; their rows, once they are made.
+  int n() const { return points_.n[0]; }
+  const Point& point(int i) const { return points_.point[0][i]; }
+  const Triple<double>* row(int i) const { return points_.row[i]; }
+  const Triple<double>& rate_K(int i) const { return points_.rate_K[i]; }
+  bool too_many() const { return points_.too_many[0]; }
+
+  // Poses the links at a configuration and velocity.
+  void pose(
+      const ContactArrays& in, const double* q_D, const double* v_D, const double* q_K,
+      const double* v_K, const double* p) {
+    points_.pose(in, q_D, v_D, q_K, v_K, p);
+  }
+
+  // The points with a gap below `margin` where the links are posed.
   void look_within(const ContactArrays& in, double margin) {
-    n[0] = 0;
-    too_many[0] = false;  // a state that an integrator only tried may have had too many
+    points_.n[0] = 0;
+    points_.too_many[0] = false;  // a state that an integrator only tried may have had too many
     for (int g = 0, k = 0; g < in.n_groups; ++g) {
       const int end = in.groups[3 * g + 2];
-      if (separation(in, g) >= margin) k = end;
-      for (; k < end; ++k) look(in, k, margin, 0);
+      if (links().separation(in, g) >= margin) k = end;
+      for (; k < end; ++k) points_.look(in, k, margin, 0);
     }
-    most = n[0];
+    points_.most = points_.n[0];
   }
 
   // Those of one pair alone.
   void look_at_pair(const ContactArrays& in, int pair, double margin) {
-    n[0] = 0;
-    look(in, pair, margin, 0);
+    points_.n[0] = 0;
+    points_.look(in, pair, margin, 0);
   }
 
-  // Which of lane 0's points has a feature of a pair, and a region if that lasts, or -1. Where it is
+  // Which of the points has a feature of a pair, and a region if that lasts, or -1. Where it is
   // none of those that touch, it is made by these alone, and put behind them; `holds`: it is still one.
   int find_feature(const ContactArrays& in, int pair, int feature, int region, bool* holds) {
     *holds = true;
-    for (int i = 0; i < n[0]; ++i)
-      if (is_one(point[0][i], pair, feature, region) && touches_there(i)) return i;
+    for (int i = 0; i < n(); ++i)
+      if (is_one(point(i), pair, feature, region) && touches_there(i)) return i;
     const int a = in.pairs[2 * pair], b = in.pairs[2 * pair + 1];
-    place_pair(in, pair);
+    points_.place_pair(in, pair);
     Touch found;
-    if (n[0] == C) return -1;
-    const Solid &x = placed_[a], &y = b < B ? placed_[b] : in.solids[b];
+    if (n() == C) return -1;
+    const Solid &x = links().placed[a], &y = b < Points::B ? links().placed[b] : in.solids[b];
     if (!follow_touch(x, y, feature, region, &found, holds)) return -1;
-    put(pair, found, point[0][n[0]]);
-    return n[0];
+    Points::put(pair, found, points_.point[0][n()]);
+    return n();
   }
 
   // Whether a point has a feature of a pair, and a region if that lasts.
@@ -59,25 +75,25 @@ class ContactPointsAt : public ContactPoints<Model, double> {
            (point.region == region || (point.region < lasting_regions && region < lasting_regions));
   }
 
-  // Whether it is lane 0's point i that touches, rather than one of other features.
-  bool touches_there(int i) const { return point[0][i].region != BEYOND; }
+  // Whether it is point i that touches, rather than one of other features.
+  bool touches_there(int i) const { return point(i).region != BEYOND; }
 
-  // Makes the rows of lane 0's point i.
+  // Makes the rows of point i.
   void make_rows(const ContactArrays& in, int i) {
-    clear(i);
-    fill(in, 0, i);
-    clear_row(row[i]);  // whoever asks for them reads all entries
-    Base::need_row(in, i);
+    points_.clear(i);
+    points_.fill(in, 0, i);
+    Points::clear_row(points_.row[i]);  // whoever asks for them reads all entries
+    points_.need_row(in, i);
   }
 
-  // The velocity of the first solid against the second at lane 0's point i.
+  // The velocity of the first solid against the second at point i.
   void velocity(const ContactArrays& in, int i, double* u) const {
-    const Point& at = point[0][i];
+    const Point& at = point(i);
     for (int c = 0; c < 3; ++c) u[c] = 0.0;
     for (int side = 0; side < 2; ++side) {
       const int link = in.solids[in.pairs[2 * at.pair + side]].link;
       if (link < 0) continue;
-      const Twist& t = twist_[link];
+      const Twist& t = links().twist[link];
       double by_turning[3];
       cross(t.angular, at.at, by_turning);
       for (int c = 0; c < 3; ++c) u[c] += (side ? -1.0 : 1.0) * (t.linear[c] + by_turning[c]);
@@ -90,15 +106,15 @@ class ContactPointsAt : public ContactPoints<Model, double> {
     double rate = 0.0, least = unbounded;
     for (int side = 0; side < 2; ++side) {
       const Solid& solid = in.solids[in.pairs[2 * pair + side]];
-      if (solid.kind != HALF_SPACE) least = fmin(least, smallest_size(solid));
+      if (solid.kind != HALF_SPACE) least = fmin(least, Links::smallest_size(solid));
       if (solid.link < 0) continue;
-      const double* turning = twist_[solid.link].angular;
+      const double* turning = links().twist[solid.link].angular;
       rate += sqrt(dot3(turning, turning));
     }
     return rate + speed / least;
   }
 
-  // A time in which no solid of lane 0 passes through another, at the velocities it is posed with.
+  // A time in which no solid passes through another, at the velocities the links are posed with.
   double safe_time(const ContactArrays& in) const {
     double least = unbounded;
     for (int g = 0, k = 0; g < in.n_groups; ++g) {
@@ -108,18 +124,19 @@ class ContactPointsAt : public ContactPoints<Model, double> {
       if (b < 0 && in.solids[-1 - b].kind == HALF_SPACE) continue;
       double size = unbounded;
       for (int i = first; i < end; ++i)
-        size = fmin(size, smallest_size(in.solids[in.pairs[2 * i]]) +
-                              smallest_size(in.solids[in.pairs[2 * i + 1]]));
-      const double speed = speed_[a] + (b < 0 ? 0.0 : speed_[b]);
-      const double way = fmax(separation(in, g), 0.0) + Tolerance::share_of_size * size;
+        size = fmin(size, Links::smallest_size(in.solids[in.pairs[2 * i]]) +
+                              Links::smallest_size(in.solids[in.pairs[2 * i + 1]]));
+      const double speed = links().speed[a] + (b < 0 ? 0.0 : links().speed[b]);
+      const double way = fmax(links().separation(in, g), 0.0) + Tolerance::share_of_size * size;
       if (speed * least > way) least = way / speed;
     }
     return least;
   }
 
  private:
-  using Base::B, Base::clear, Base::clear_row, Base::fill, Base::look, Base::place_pair, Base::placed_;
-  using Base::put, Base::separation, Base::smallest_size, Base::speed_, Base::twist_;
+  const Links& links() const { return points_.placed_links(); }
+
+  Points points_;
 };
 
 }  // namespace fan

@@ -85,7 +85,7 @@ class FollowedPoints {
   void look(const F& f, const double* q_D, const double* v_D) {
     points_.pose(*in, q_D, v_D, f.q_K, f.v_K, f.p);
     points_.look_within(*in, Tolerance::margin);
-    too_many = points_.too_many[0];
+    too_many = points_.too_many();
     safe = points_.safe_time(*in);
     overlap = -Tolerance::margin;
     closing = 0.0;
@@ -95,8 +95,8 @@ class FollowedPoints {
       found_[c] = found_[c] && known_[c];
       if (known_[c]) take(i, c, v_D);
     }
-    for (int i = 0; i < points_.n[0]; ++i) {
-      const auto& from = points_.point[0][i];
+    for (int i = 0; i < points_.n(); ++i) {
+      const auto& from = points_.point(i);
       const int c = place(from);
       double over = -from.gap;
       if ((c >= 0 && at[c].mode != PARTED) || !points_.touches_there(i)) continue;
@@ -132,8 +132,8 @@ class FollowedPoints {
   template <class F>
   void take_closed(const F& f, const double* q_D, const double* v_D, double most) {
     bool more = false, full = false;
-    for (int i = 0; i < points_.n[0]; ++i) {
-      const auto& from = points_.point[0][i];
+    for (int i = 0; i < points_.n(); ++i) {
+      const auto& from = points_.point(i);
       if (from.gap > most || place(from) >= 0 || !points_.touches_there(i)) continue;
       full = n == C;
       if (full) break;
@@ -294,11 +294,11 @@ class FollowedPoints {
         }
         bool holds;
         const int i = near_.find_feature(*in, pair, at[c].feature, at[c].region, &holds);
-        all[c] = i >= 0 && near_.point[0][i].region == region_[c];
+        all[c] = i >= 0 && near_.point(i).region == region_[c];
         if (!all[c]) continue;
         double u[3];
         near_.velocity(*in, i, u);
-        sum[3 * c] += by.weight[k] * dot3(u, near_.point[0][i].frame);
+        sum[3 * c] += by.weight[k] * dot3(u, near_.point(i).frame);
         for (int d = 1; d < 3; ++d)
           sum[3 * c + d] += by.weight[k] * dot3(u, frame_[c] + 3 * d);
       }
@@ -315,15 +315,15 @@ class FollowedPoints {
 
   // Takes the place of point c, its rows and its velocity from the point i of `points_`.
   void take(int i, int c, const double* v_D) {
-    const auto& from = points_.point[0][i];
+    const auto& from = points_.point(i);
     gap[c] = from.gap;
     region_[c] = from.region;
     for (int d = 0; d < 3; ++d) point_[c][d] = from.at[d];
     for (int d = 0; d < 9; ++d) frame_[c][d] = from.frame[d];
     points_.make_rows(*in, i);
     for (int d = 0; d < 3; ++d) {
-      for (int k = 0; k < N; ++k) row_[3 * c + d][k] = points_.row[i][k][d];
-      rate_K_[3 * c + d] = points_.rate_K[i][d];
+      for (int k = 0; k < N; ++k) row_[3 * c + d][k] = points_.row(i)[k][d];
+      rate_K_[3 * c + d] = points_.rate_K(i)[d];
       double sum = rate_K_[3 * c + d];
       for (int k = 0; k < N; ++k) sum += row_[3 * c + d][k] * v_D[k];
       hdot[3 * c + d] = sum;
@@ -386,7 +386,7 @@ class FollowedPoints {
       if (at[c].pair != pair) near_.look_at_pair(*in, pair = at[c].pair, Tolerance::margin);
       bool holds;
       const int i = near_.find_feature(*in, pair, at[c].feature, at[c].region, &holds);
-      out[3 * c] = i < 0 ? 0.0 : -near_.point[0][i].gap;
+      out[3 * c] = i < 0 ? 0.0 : -near_.point(i).gap;
     }
   }
 
