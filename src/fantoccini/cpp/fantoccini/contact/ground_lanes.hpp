@@ -14,20 +14,25 @@ FAN_LOOPS_BEGIN
 namespace fan {
 
 template <class Model, class Real>
-class GroundLanes : public GroundSystem<Model, Real> {
+class GroundLanes {
   using System = GroundSystem<Model, Real>;
 
  public:
-  using System::N, System::M, System::width, System::feet;
-  using typename System::Mask, typename System::Feet, typename System::Foot, typename System::Point;
-  using typename System::Tolerance, typename System::StepTolerance;
+  static constexpr int N = System::N, M = System::M, width = System::width;
+  using Mask = typename System::Mask;
+  using Feet = typename System::Feet;
+  using Foot = typename System::Foot;
+  using Point = typename System::Point;
+  using StepTolerance = typename System::StepTolerance;
 
+  Feet feet;
   Mask lanes = Real(0.0) > Real(1.0);  // that are here in this step
   Mask stands = lanes;                 // those of them in which points take part
   Real depth, residual;                // m: of the deepest overlap; of the law
 
   FAN_FN void begin(const ContactArrays& in) {
-    System::begin(in);
+    feet.begin(in);
+    system_.begin(feet);
     lanes = stands = Real(0.0) > Real(1.0);
   }
 
@@ -41,8 +46,8 @@ class GroundLanes : public GroundSystem<Model, Real> {
     depth = residual = exchanged_ = Real(0.0);
     struck_ = stands;
     is_solved_ = false;
-    for (int r = 0; r < M; ++r) joins_[r] = leaves_[r] = Real(0.0) > Real(1.0);
-    dt_ = dt;
+    for (int r = 0; r < M; ++r) system_.joins[r] = system_.leaves[r] = Real(0.0) > Real(1.0);
+    system_.dt = dt;
     for (int j = 0; j < feet.n; ++j) {
       Foot& own = feet.foot[feet.found[j]];
       const Real* twist = links.twist(own.link);
@@ -145,11 +150,6 @@ class GroundLanes : public GroundSystem<Model, Real> {
   }
 
  private:
-  using typename System::Patch;
-  using System::dt_, System::groups_, System::n_rows_, System::n_single_, System::n_feet_;
-  using System::row_, System::single_, System::first_, System::pulls_, System::leaves_;
-  using System::joins_, System::patch_, System::at_start_, System::by_forces_, System::has_;
-  using System::y_, System::w_, System::speed_;
   static constexpr int most_tries = 4;  // of modes; more are for single steps
 
   // Solves the problem of all lanes that stand in the modes at hand; returns those in which the law
@@ -172,7 +172,7 @@ class GroundLanes : public GroundSystem<Model, Real> {
       for (int i = 0; i < own.n; ++i) own.point[own.listed[i]].would_pull = Real(0.0) > Real(1.0);
     }
     Mask held = stands;
-    for (int tree = 0; tree < groups_.trees(); ++tree)
+    for (int tree = 0; tree < system_.trees(); ++tree)
       held = held && solve_some(tree, held, links, eval, rows, near, guess, cap);
     return held;
   }
@@ -193,9 +193,11 @@ class GroundLanes : public GroundSystem<Model, Real> {
       }
     }
     for (int r = 0; r < M; ++r) {
-      const Mask leaves = would_push_[r] && some && !leaves_[r], joins = closes_[r] && some && !joins_[r] && !leaves_[r];
-      leaves_[r] = leaves_[r] || leaves;
-      joins_[r] = joins_[r] || joins;
+      Mask &left = system_.leaves[r], &joined = system_.joins[r];
+      const Mask leaves = would_push_[r] && some && !left;
+      const Mask joins = closes_[r] && some && !joined && !left;
+      left = left || leaves;
+      joined = joined || joins;
       more = more || any(leaves || joins);
     }
     return more;
@@ -216,8 +218,8 @@ class GroundLanes : public GroundSystem<Model, Real> {
       int tree, const Mask& some, const Links& links, const Evaluation<Model, Real>& eval,
       const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess, double cap) {
     if (!any(some)) return some;
-    if (this->list(tree, some, rows, near, guess)) {
-      if (n_rows_ == 0 && n_feet_ == 0) return some;
+    if (system_.list(tree, some, feet, rows, near, guess)) {
+      if (system_.n_rows == 0 && system_.n_feet == 0) return some;
       return solve(some, links, eval, rows, near, guess, cap);
     }
     Mask held = Real(0.0) > Real(1.0);
@@ -225,7 +227,7 @@ class GroundLanes : public GroundSystem<Model, Real> {
       if (!lane_of(some, l)) continue;
       Mask own = Real(0.0) > Real(1.0);
       own.set(l, true);
-      if (this->list(tree, own, rows, near, guess))
+      if (system_.list(tree, own, feet, rows, near, guess))
         held = held || solve(own, links, eval, rows, near, guess, cap);
     }
     return held;
@@ -237,7 +239,7 @@ class GroundLanes : public GroundSystem<Model, Real> {
       const Mask& some, const Links& links, const Evaluation<Model, Real>& eval,
       const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess, double cap) {
     Real share;
-    Mask good = this->solve_listed(some, links, eval, rows, near, guess, share);
+    Mask good = system_.solve_listed(some, links, eval, rows, near, guess, share);
     if (!any(good)) return good;
     residual = select(good, maximum(share, residual), residual);
     check(rows, near, cap, good);
@@ -249,30 +251,31 @@ class GroundLanes : public GroundSystem<Model, Real> {
   FAN_FN void check(const RowSystem<Model, Real>& rows, const Mask* near, double cap, Mask& good) {
     const Mask solved = good;
     Mask struck = Real(0.0) > Real(1.0);
-    for (int i = 0; i < n_single_; ++i) {
-      const int a = single_[i];
-      const Mask within = y_[i] >= rows.problem.lower[a] && y_[i] <= rows.problem.upper[a];
-      would_push_[rows.row[a]] = solved && has_[i] && y_[i] < rows.problem.lower[a];
-      good = good && (!has_[i] || within);
+    for (int i = 0; i < system_.n_single; ++i) {
+      const int a = system_.single[i];
+      const Real& y = system_.y[i];
+      const Mask within = y >= rows.problem.lower[a] && y <= rows.problem.upper[a];
+      would_push_[rows.row[a]] = solved && system_.has[i] && system_.y[i] < rows.problem.lower[a];
+      good = good && (!system_.has[i] || within);
     }
-    for (int i = 0; i < n_rows_; ++i) {
-      const int a = row_[i];
-      const Mask closes = near[rows.row[a]] && !pulls_[a] && !(speed_[a] <= Real(0.0));
+    for (int i = 0; i < system_.n_rows; ++i) {
+      const int a = system_.row[i];
+      const Mask closes = near[rows.row[a]] && !system_.pulls[a] && !(system_.speed[a] <= Real(0.0));
       closes_[rows.row[a]] = closes && solved;
       good = good && !closes;
     }
-    for (int p = 0; p < n_feet_; ++p) {
-      Patch& own = patch_[p];
-      const Real* x = y_ + first_[p];
+    for (int p = 0; p < system_.n_feet; ++p) {
+      auto& own = system_.patch[p];
+      const Real* x = system_.y + system_.first[p];
       Real all[6];
       for (int k = 0; k < 6; ++k) all[k] = k < own.rank ? x[k] : Real(0.0);
       good = good && (!own.here || (own.share(all, feet.frame) && x[0] <= Real(cap)));
       for (int j = 0; j < own.n(); ++j) {
         Point& point = own.point(j);
         point.would_pull = point.would_pull && solved;
-        const Real by_forces = own.normal_rate(j, by_forces_[p]);
+        const Real by_forces = own.normal_rate(j, system_.by_forces[p]);
         const Real most = maximum(by_forces, Real(StepTolerance::passing_speed));
-        point.rests = own.normal_rate(j, at_start_[p]) <= most;
+        point.rests = own.normal_rate(j, system_.at_start[p]) <= most;
         const Mask is_new = !point.pushes || point.steps < Real(StepTolerance::steps_of_impact);
         const Mask strikes = (is_new && !point.rests) || Feet::closes(point);
         struck = struck || (point.joins && strikes);
@@ -283,24 +286,25 @@ class GroundLanes : public GroundSystem<Model, Real> {
 
   // Takes the solution in these lanes.
   FAN_FN void take(const Mask& good, const RowSystem<Model, Real>& rows) {
-    for (int k = 0; k < N; ++k) taken_[k] += select(good, w_[k], Real(0.0));
-    exchanged_ += select(good, this->half_exchanged(), Real(0.0));
-    for (int i = 0; i < n_rows_; ++i) {
-      const int a = row_[i], r = rows.row[a];
-      s_[r] = select(good, select(pulls_[a], Real(0.0), Real(-speed_[a])), s_[r]);
+    for (int k = 0; k < N; ++k) taken_[k] += select(good, system_.taken[k], Real(0.0));
+    exchanged_ += select(good, system_.half_exchanged(), Real(0.0));
+    for (int i = 0; i < system_.n_rows; ++i) {
+      const int a = system_.row[i], r = rows.row[a];
+      s_[r] = select(good, select(system_.pulls[a], Real(0.0), Real(-system_.speed[a])), s_[r]);
     }
-    for (int i = 0; i < n_single_; ++i) {
-      Real& to = found_[rows.row[single_[i]]];
-      to = select(good && has_[i], y_[i], to);
+    for (int i = 0; i < system_.n_single; ++i) {
+      Real& to = found_[rows.row[system_.single[i]]];
+      to = select(good && system_.has[i], system_.y[i], to);
     }
-    for (int p = 0; p < n_feet_; ++p)
-      for (int j = 0; j < patch_[p].n(); ++j) {
-        Point& to = patch_[p].point(j);
+    for (int p = 0; p < system_.n_feet; ++p)
+      for (int j = 0; j < system_.patch[p].n(); ++j) {
+        Point& to = system_.patch[p].point(j);
         for (int c = 0; c < 3; ++c)
-          to.found[c] = select(good && to.joins, patch_[p].impulse(j)[c], to.found[c]);
+          to.found[c] = select(good && to.joins, system_.patch[p].impulse(j)[c], to.found[c]);
       }
   }
 
+  System system_;
   bool is_solved_ = false;
   Real solved_near_;                     // rows that took part in the last solve
   Real taken_[room(N)], exchanged_;      // of the feet: - W x, and half_exchanged()
