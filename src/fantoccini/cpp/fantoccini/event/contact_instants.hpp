@@ -58,20 +58,20 @@ class ContactInstants {
     for (int r = 0; r < M; ++r)
       if (closed[r]) list[n++] = r;
     f.rows.gather(f.eval, f.y + NQ, list, n);
-    f.contacts.differ(f, f.y, f.y + NQ);
-    f.contacts.assemble(f);
+    f.contacts.points.differ(f, f.y, f.y + NQ);
+    f.contacts.rows.assemble(f.contacts.points, f);
   }
 
   // Whether a point that is parted closes.
   bool strikes(const F& f) const {
-    for (int c = 0; c < f.contacts.n; ++c)
+    for (int c = 0; c < f.contacts.points.n; ++c)
       if (is_struck(f, c)) return true;
     return false;
   }
 
   bool is_struck(const F& f, int c) const {
-    return f.contacts.at[c].mode == PARTED && f.contacts.is_found(c) &&
-           f.contacts.hdot[3 * c] > Tolerance::striking_speed * speed_scale(f);
+    return f.contacts.points.at[c].mode == PARTED && f.contacts.points.found[c] &&
+           f.contacts.points.hdot[3 * c] > Tolerance::striking_speed * speed_scale(f);
   }
 
   // Remembers the speeds before an impact, of which there are no impulses yet.
@@ -80,9 +80,9 @@ class ContactInstants {
       impulse[r] = 0.0;
       speed[r] = f.rate_of(r, f.y + NQ);
     }
-    for (int c = 0; c < f.contacts.n; ++c) {
+    for (int c = 0; c < f.contacts.points.n; ++c) {
       point_impulse[c] = 0.0;
-      point_speed[c] = f.contacts.hdot[3 * c];
+      point_speed[c] = f.contacts.points.hdot[3 * c];
     }
   }
 
@@ -102,17 +102,17 @@ class ContactInstants {
     }
     if (status != RUNNING) return status;
     double w[room(N)] = {}, change[room(N)];
-    held.take(cone.x, w);
+    held.rows.take(cone.x, w);
     f.eval.back(w, change);
     for (int a = 0; a < f.rows.n; ++a) {
       const int r = f.rows.row[a];
       impulse[r] = cone.x[a];
       f.y[F::WORK] += cone.x[a] * f.rows.hdot_K[a];
     }
-    for (int c = 0; c < held.n; ++c) {
-      const int i = held.first_of(c);
+    for (int c = 0; c < held.points.n; ++c) {
+      const int i = held.rows.first_of(c);
       point_impulse[c] = cone.x[i];
-      for (int d = 0; d < 3; ++d) f.y[F::WORK] += cone.x[i + d] * held.driven_rate(i + d);
+      for (int d = 0; d < 3; ++d) f.y[F::WORK] += cone.x[i + d] * held.points.rate_K[3 * c + d];
     }
     for (int j = 0; j < N; ++j) {
       f.y[F::WORK] += f.eval.M_DK_v_K[j] * change[j];
@@ -135,19 +135,20 @@ class ContactInstants {
     Rest rest;
     rest.n_single = rest.n_points = 0;
     double asked[room(R)];  // hddot with the tensions of the winches that slip
-    for (int i = 0; i < held.size(); ++i) asked[i] = held.hddot_of(i);
+    for (int i = 0; i < held.rows.n; ++i) asked[i] = held.rows.hddot[i];
     for (int a = 0; a < f.rows.n; ++a) {
       const int r = f.rows.row[a];
       if (fabs(f.rows.hdot[a]) <= still || f.rows.two_sided[a]) {
         rest.single[rest.n_single++] = a;
       } else if (f.winches.slips(r) && f.rows.hdot[a] > 0.0) {
         next[r] = SLIPPING;
-        for (int i = 0; i < held.size(); ++i)
-          asked[i] -= held.influences()[i * held.size() + a] * f.winches.largest(r);
+        for (int i = 0; i < held.rows.n; ++i)
+          asked[i] -= held.rows.G[i * held.rows.n + a] * f.winches.largest(r);
       }
     }
-    for (int c = 0; c < held.n; ++c)
-      if (held.is_found(c) && fabs(held.hdot[3 * c]) <= still) rest.point[rest.n_points++] = c;
+    for (int c = 0; c < held.points.n; ++c)
+      if (held.points.found[c] && fabs(held.points.hdot[3 * c]) <= still)
+        rest.point[rest.n_points++] = c;
     begin(f, rest.single, rest.n_single, rest.point, rest.n_points);
     for (int i = 0; i < rest.n_single; ++i) {
       const int r = f.rows.row[rest.single[i]];
@@ -158,20 +159,21 @@ class ContactInstants {
     for (int i = 0; i < rest.n_points; ++i) {
       const int c = rest.point[i], to = rest.n_single + 3 * i;
       const double mu = cone.mu[i];
-      slides_[i] = mu > 0.0 && held.sliding_speed(c) > Tolerance::sliding_speed * speed_scale(f);
+      slides_[i] =
+          mu > 0.0 && held.points.sliding_speed(c) > Tolerance::sliding_speed * speed_scale(f);
       double along[3] = {0.0, 0.0, 0.0};
-      if (slides_[i]) held.direction(c, along);
+      if (slides_[i]) held.points.direction(c, along);
       for (int d = 0; d < 3; ++d) {
-        cone.b[to + d] = asked[held.first_of(c) + d];
-        cone.x[to + d] = held.at[c].mode == PARTED ? 0.0 : held.x[3 * c + d];
+        cone.b[to + d] = asked[held.rows.first_of(c) + d];
+        cone.x[to + d] = held.points.at[c].mode == PARTED ? 0.0 : held.points.x[3 * c + d];
         along_[i][d] = along[d];
-        if (d > 0) given_[2 * i + d - 1] = dot3(held.frame(c) + 3 * d, along);
+        if (d > 0) given_[2 * i + d - 1] = dot3(held.points.frame[c] + 3 * d, along);
       }
       if (slides_[i] && jams(f, i, to)) return NO_UNIQUE_MOTION;
     }
     if (!cone.solve()) return NO_UNIQUE_MOTION;
     bool slips = false;
-    for (int c = 0; c < held.n; ++c) slips = slips || strained_point[c];
+    for (int c = 0; c < held.points.n; ++c) slips = slips || strained_point[c];
     if (slips) {
       // Of redundant forces those of least norm, which may keep a point that others would let slide.
       share_.find(cone, cone.x + rest.n_single);
@@ -228,19 +230,19 @@ class ContactInstants {
     given_[2 * i] = p;
     given_[2 * i + 1] = q;
     const double force[3] = {0.0, p, q};
-    f.contacts.in_world(rest.point[i], force, along_[i]);
+    f.contacts.points.in_world(rest.point[i], force, along_[i]);
   }
 
   // Fills the matrix and the bounds of some gathered rows and points.
   void begin(F& f, const int* single, int n_single, const int* point, int n_points) {
     auto& cone = f.contacts.cone;
     const Held& held = f.contacts;
-    const double* G = held.influences();
-    const int all = held.size(), n = n_single + 3 * n_points;
+    const double* G = held.rows.G;
+    const int all = held.rows.n, n = n_single + 3 * n_points;
     int of[room(R)];
     for (int i = 0; i < n_single; ++i) of[i] = single[i];
     for (int i = 0; i < n_points; ++i)
-      for (int d = 0; d < 3; ++d) of[n_single + 3 * i + d] = held.first_of(point[i]) + d;
+      for (int d = 0; d < 3; ++d) of[n_single + 3 * i + d] = held.rows.first_of(point[i]) + d;
     cone.resize(n_single, n_points);
     for (int i = 0; i < n; ++i) {
       for (int j = 0; j < n; ++j) cone.G[i * cone.stride + j] = G[of[i] * all + of[j]];
@@ -250,7 +252,7 @@ class ContactInstants {
     }
     for (int i = 0; i < n_points; ++i) {
       slides_[i] = false;
-      cone.mu[i] = held.in->friction[held.at[point[i]].pair];
+      cone.mu[i] = held.points.in->friction[held.points.at[point[i]].pair];
     }
     cone.slides = slides_;
     cone.along = given_;
@@ -262,19 +264,20 @@ class ContactInstants {
     const Held& held = f.contacts;
     int single[room(M)], point[room(C)];
     for (int a = 0; a < f.rows.n; ++a) single[a] = a;
-    for (int c = 0; c < held.n; ++c) point[c] = c;
-    begin(f, single, f.rows.n, point, held.n);
-    const int n = held.size();
+    for (int c = 0; c < held.points.n; ++c) point[c] = c;
+    begin(f, single, f.rows.n, point, held.points.n);
+    const int n = held.rows.n;
     for (int i = 0; i < n; ++i) {
-      const double hdot = held.hdot_of(i);
+      const double hdot = held.rows.hdot[i];
       cone.b[i] = hdot;
       cone.x[i] = 0.0;
       if (i < f.rows.n && f.rows.row[i] < S && hdot > 0.0)
         cone.b[i] += share * f.winches.restitution[f.rows.row[i]] * hdot;
     }
-    for (int c = 0; c < held.n; ++c) {
-      const double hdot = held.hdot[3 * c];
-      if (hdot > 0.0) cone.b[held.first_of(c)] += share * held.in->restitution[held.at[c].pair] * hdot;
+    for (int c = 0; c < held.points.n; ++c) {
+      const double hdot = held.points.hdot[3 * c];
+      const double restitution = held.points.in->restitution[held.points.at[c].pair];
+      if (hdot > 0.0) cone.b[held.rows.first_of(c)] += share * restitution * hdot;
     }
     double asked[room(R)];
     for (int i = 0; i < n; ++i) asked[i] = cone.b[i];
@@ -282,7 +285,7 @@ class ContactInstants {
     lost = 0.0;
     double gross = 0.0;
     for (int i = 0; i < n; ++i) {
-      const double hdot = held.hdot_of(i), after = hdot - cone.s[i] - asked[i];
+      const double hdot = held.rows.hdot[i], after = hdot - cone.s[i] - asked[i];
       lost += 0.5 * cone.x[i] * (hdot + after);
       gross += fabs(cone.x[i] * hdot);
     }
@@ -314,16 +317,16 @@ class ContactInstants {
       if (most_of_winch && (strained[r] || cone.s[i] < -idle)) next[r] = SLIPPING;
       else if (f.rows.two_sided[rest.single[i]] || cone.x[i] > (loose[r] ? none : 0.0)) next[r] = HELD;
       else if (!loose[r] && cone.s[i] <= idle) next[r] = IDLE;
-      held.set_reference(r, cone.x[i]);
+      held.points.tension[r] = cone.x[i];
     }
     bool pushes[room(C)];
-    for (int c = 0; c < held.n; ++c) pushes[c] = false;
+    for (int c = 0; c < held.points.n; ++c) pushes[c] = false;
     for (int i = 0; i < rest.n_points; ++i) {
       const int c = rest.point[i], k = rest.n_single + 3 * i;
-      auto& own = held.at[c];
+      auto& own = held.points.at[c];
       const double* x = cone.x + k;
       const double* s = cone.s + k;
-      held.in_world(c, x, own.force);
+      held.points.in_world(c, x, own.force);
       own.slow = false;
       if (!(x[0] > (loose_point[c] ? none : 0.0))) {
         const bool stays = s[0] <= idle && !(loose_point[c] && own.mode != PARTED);
@@ -342,16 +345,16 @@ class ContactInstants {
         const double size = sqrt(x[1] * x[1] + x[2] * x[2]);
         const double share = size > 0.0 ? 1.0 / size : 0.0;
         const double force[3] = {0.0, share * x[1], share * x[2]};
-        held.in_world(c, force, own.along);
+        held.points.in_world(c, force, own.along);
       } else {
         own.mode = STICKING;
       }
       own.moving = own.mode == SLIDING &&
-                   held.sliding_speed(c) > Tolerance::sliding_speed * speed_scale(f);
+                   held.points.sliding_speed(c) > Tolerance::sliding_speed * speed_scale(f);
       if (!own.moving) own.since = f.t;
     }
-    for (int c = 0; c < held.n; ++c)
-      if (!pushes[c]) held.at[c].mode = PARTED;
+    for (int c = 0; c < held.points.n; ++c)
+      if (!pushes[c]) held.points.at[c].mode = PARTED;
   }
 
   ContactShare<R> share_;

@@ -78,7 +78,12 @@ class FollowedPoints {
   double lawful[room(3 * C)], after_lawful[room(3 * C)];  // likewise, where modes end
   double overlap = -unbounded, closing = 0.0;  // of the point that is deepest, and how fast
   double safe = unbounded;                     // s: until solids might pass through one another
-  double friction = 0.0;                       // W
+
+  bool found[room(C)];  // whether a point is one there
+  double point[room(C)][3], frame[room(C)][9];
+  // Of the rows: A_D, A_K v_K, and gamma.
+  double row[room(3 * C)][room(N)], rate_K[room(3 * C)], gamma[room(3 * C)] = {};
+  double tension[room(M)] = {};  // at the last event
 
   // Evaluates all points near at a state; f's evaluation, but for accelerations, must be that of it.
   template <class F>
@@ -90,9 +95,9 @@ class FollowedPoints {
     overlap = -Tolerance::margin;
     closing = 0.0;
     for (int c = 0; c < n; ++c) {
-      const int i = points_.find_feature(*in, at[c].pair, at[c].feature, at[c].region, found_ + c);
+      const int i = points_.find_feature(*in, at[c].pair, at[c].feature, at[c].region, found + c);
       known_[c] = i >= 0;
-      found_[c] = found_[c] && known_[c];
+      found[c] = found[c] && known_[c];
       if (known_[c]) take(i, c, v_D);
     }
     for (int i = 0; i < points_.n(); ++i) {
@@ -115,8 +120,8 @@ class FollowedPoints {
   void anchor() {
     int kept = 0;
     for (int c = 0; c < n; ++c) {
-      if (at[c].mode == PARTED && (!found_[c] || gap[c] > Tolerance::open_gap)) continue;
-      if (at[c].mode == SLIDING && found_[c] && along(c) > 0.0 &&
+      if (at[c].mode == PARTED && (!found[c] || gap[c] > Tolerance::open_gap)) continue;
+      if (at[c].mode == SLIDING && found[c] && along(c) > 0.0 &&
           sliding_speed(c) > 2.0 * Tolerance::stopped) {
         at[c].moving = true;
         direction(c, at[c].along);
@@ -170,12 +175,20 @@ class FollowedPoints {
     return most;
   }
 
-  bool is_found(int c) const { return found_[c]; }
+  // Lets no point be slow; whether any was.
+  bool forget_slow() {
+    bool any = false;
+    for (int c = 0; c < n; ++c) {
+      any = any || at[c].slow;
+      at[c].slow = false;
+    }
+    return any;
+  }
 
   // The velocity along point c's friction, positive where it slides on.
   double along(int c) const {
     double sum = 0.0;
-    for (int d = 1; d < 3; ++d) sum += hdot[3 * c + d] * dot3(frame_[c] + 3 * d, at[c].along);
+    for (int d = 1; d < 3; ++d) sum += hdot[3 * c + d] * dot3(frame[c] + 3 * d, at[c].along);
     return sum;
   }
 
@@ -187,26 +200,26 @@ class FollowedPoints {
   void direction(int c, double* out) const {
     const double size = sliding_speed(c);
     for (int k = 0; k < 3; ++k)
-      out[k] = (hdot[3 * c + 1] * frame_[c][3 + k] + hdot[3 * c + 2] * frame_[c][6 + k]) / size;
+      out[k] = (hdot[3 * c + 1] * frame[c][3 + k] + hdot[3 * c + 2] * frame[c][6 + k]) / size;
   }
 
   // A force in point c's frame, in the world.
   void in_world(int c, const double* force, double* out) const {
     for (int k = 0; k < 3; ++k)
-      out[k] = force[0] * frame_[c][k] + force[1] * frame_[c][3 + k] + force[2] * frame_[c][6 + k];
+      out[k] = force[0] * frame[c][k] + force[1] * frame[c][3 + k] + force[2] * frame[c][6 + k];
   }
 
   // Remembers the latest forces as those of an event.
   template <class F>
   void keep_forces(const F& f) {
     for (int c = 0; c < n; ++c) in_world(c, x + 3 * c, at[c].force);
-    for (int r = 0; r < M; ++r) tension_[r] = f.tension[r];
+    for (int r = 0; r < M; ++r) tension[r] = f.tension[r];
   }
 
   void forget_forces() {
     for (int c = 0; c < n; ++c)
       for (int k = 0; k < 3; ++k) at[c].force[k] = 0.0;
-    for (int r = 0; r < M; ++r) tension_[r] = 0.0;
+    for (int r = 0; r < M; ++r) tension[r] = 0.0;
   }
 
   // Forces of points and rows, as keep_forces leaves them.
@@ -218,17 +231,15 @@ class FollowedPoints {
     Forces out;
     for (int c = 0; c < n; ++c)
       for (int k = 0; k < 3; ++k) out.point[c][k] = at[c].force[k];
-    for (int r = 0; r < M; ++r) out.row[r] = tension_[r];
+    for (int r = 0; r < M; ++r) out.row[r] = tension[r];
     return out;
   }
 
   void set_forces(const Forces& from) {
     for (int c = 0; c < n; ++c)
       for (int k = 0; k < 3; ++k) at[c].force[k] = from.point[c][k];
-    for (int r = 0; r < M; ++r) tension_[r] = from.row[r];
+    for (int r = 0; r < M; ++r) tension[r] = from.row[r];
   }
-
-  void set_reference(int row, double tension) { tension_[row] = tension; }
 
   // gamma: derivatives of hdot along the motion without accelerations of the puppet, where
   // the driven coordinates have theirs. Where a point is lost ahead or comes to another region, as at
@@ -251,7 +262,20 @@ class FollowedPoints {
       }
   }
 
- protected:
+  // The gaps of the points at a configuration, negated, at out[3 c]; 0 for those that are lost.
+  template <class F>
+  void measure_gaps(const F& f, const double* q_D, double* out) {
+    const double v_D[room(N)] = {}, v_K[room(NK)] = {};
+    near_.pose(*in, q_D, v_D, f.q_K, v_K, f.p);
+    for (int c = 0, pair = -1; c < n; ++c) {
+      if (at[c].pair != pair) near_.look_at_pair(*in, pair = at[c].pair, Tolerance::margin);
+      bool holds;
+      const int i = near_.find_feature(*in, pair, at[c].feature, at[c].region, &holds);
+      out[3 * c] = i < 0 ? 0.0 : -near_.point(i).gap;
+    }
+  }
+
+ private:
   // Places in steps, weights over 12, and the weight of the place itself.
   struct Differences {
     double at[4], weight[4], own;
@@ -300,17 +324,17 @@ class FollowedPoints {
         near_.velocity(*in, i, u);
         sum[3 * c] += by.weight[k] * dot3(u, near_.point(i).frame);
         for (int d = 1; d < 3; ++d)
-          sum[3 * c + d] += by.weight[k] * dot3(u, frame_[c] + 3 * d);
+          sum[3 * c + d] += by.weight[k] * dot3(u, frame[c] + 3 * d);
       }
     }
-    int found = 0;
+    int count = 0;
     for (int c = 0; c < n; ++c) {
       if (!all[c]) continue;
-      for (int d = 0; d < 3; ++d) gamma_[3 * c + d] = -sum[3 * c + d] / (12.0 * step);
+      for (int d = 0; d < 3; ++d) gamma[3 * c + d] = -sum[3 * c + d] / (12.0 * step);
       done[c] = true;
-      ++found;
+      ++count;
     }
-    return found;
+    return count;
   }
 
   // Takes the place of point c, its rows and its velocity from the point i of `points_`.
@@ -318,14 +342,14 @@ class FollowedPoints {
     const auto& from = points_.point(i);
     gap[c] = from.gap;
     region_[c] = from.region;
-    for (int d = 0; d < 3; ++d) point_[c][d] = from.at[d];
-    for (int d = 0; d < 9; ++d) frame_[c][d] = from.frame[d];
+    for (int d = 0; d < 3; ++d) point[c][d] = from.at[d];
+    for (int d = 0; d < 9; ++d) frame[c][d] = from.frame[d];
     points_.make_rows(*in, i);
     for (int d = 0; d < 3; ++d) {
-      for (int k = 0; k < N; ++k) row_[3 * c + d][k] = points_.row(i)[k][d];
-      rate_K_[3 * c + d] = points_.rate_K(i)[d];
-      double sum = rate_K_[3 * c + d];
-      for (int k = 0; k < N; ++k) sum += row_[3 * c + d][k] * v_D[k];
+      for (int k = 0; k < N; ++k) row[3 * c + d][k] = points_.row(i)[k][d];
+      rate_K[3 * c + d] = points_.rate_K(i)[d];
+      double sum = rate_K[3 * c + d];
+      for (int k = 0; k < N; ++k) sum += row[3 * c + d][k] * v_D[k];
       hdot[3 * c + d] = sum;
     }
   }
@@ -355,21 +379,21 @@ class FollowedPoints {
   void copy(int c, int to) {
     if (c == to) return;
     at[to] = at[c];
-    found_[to] = found_[c];
+    found[to] = found[c];
     known_[to] = known_[c];
     gap[to] = gap[c];
     region_[to] = region_[c];
-    for (int k = 0; k < 3; ++k) point_[to][k] = point_[c][k];
-    for (int k = 0; k < 9; ++k) frame_[to][k] = frame_[c][k];
+    for (int k = 0; k < 3; ++k) point[to][k] = point[c][k];
+    for (int k = 0; k < 9; ++k) frame[to][k] = frame[c][k];
     for (int d = 0; d < 3; ++d) {
       hdot[3 * to + d] = hdot[3 * c + d];
       x[3 * to + d] = x[3 * c + d];
       after[3 * to + d] = after[3 * c + d];
       lawful[3 * to + d] = lawful[3 * c + d];
       after_lawful[3 * to + d] = after_lawful[3 * c + d];
-      rate_K_[3 * to + d] = rate_K_[3 * c + d];
-      gamma_[3 * to + d] = gamma_[3 * c + d];
-      for (int k = 0; k < N; ++k) row_[3 * to + d][k] = row_[3 * c + d][k];
+      rate_K[3 * to + d] = rate_K[3 * c + d];
+      gamma[3 * to + d] = gamma[3 * c + d];
+      for (int k = 0; k < N; ++k) row[3 * to + d][k] = row[3 * c + d][k];
     }
   }
 
@@ -377,25 +401,9 @@ class FollowedPoints {
     return fabs(hdot[3 * c]) + fabs(hdot[3 * c + 1]) + fabs(hdot[3 * c + 2]);
   }
 
-  // The gaps of the points at a configuration, negated, at out[3 c]; 0 for those that are lost.
-  template <class F>
-  void measure_gaps(const F& f, const double* q_D, double* out) {
-    const double v_D[room(N)] = {}, v_K[room(NK)] = {};
-    near_.pose(*in, q_D, v_D, f.q_K, v_K, f.p);
-    for (int c = 0, pair = -1; c < n; ++c) {
-      if (at[c].pair != pair) near_.look_at_pair(*in, pair = at[c].pair, Tolerance::margin);
-      bool holds;
-      const int i = near_.find_feature(*in, pair, at[c].feature, at[c].region, &holds);
-      out[3 * c] = i < 0 ? 0.0 : -near_.point(i).gap;
-    }
-  }
-
   Points points_, near_;  // of the latest evaluation; at displaced configurations
-  double tension_[room(M)] = {};  // at the last event
-  bool found_[room(C)], known_[room(C)];  // known: also where its feature alone makes it
+  bool known_[room(C)];  // as found, but also where its feature alone makes it
   int region_[room(C)];
-  double point_[room(C)][3], frame_[room(C)][9];
-  double row_[room(3 * C)][room(N)], rate_K_[room(3 * C)], gamma_[room(3 * C)] = {};
 };
 
 }  // namespace fan

@@ -261,7 +261,7 @@ struct Guards {
       if (side == 1 && g_hi <= met(r)) break;
       double mid = lo - g_lo * (hi - lo) / (g_hi - g_lo);
       if (height && side == 1) {
-        const double rate = r == F::ALL ? flow.contacts.closing
+        const double rate = r == F::ALL ? flow.contacts.points.closing
                                         : flow.rate_of(r, flow.end + NQ) / flow.row_scale(r);
         if (rate > 0.0) mid = hi - (g_hi - 0.5 * Tolerance::catch_root) / rate;
       }

@@ -13,9 +13,13 @@ class HeldContacts;
 template <class Model>
 class HeldContacts<Model, false> {
  public:
-  static constexpr ContactArrays* in = nullptr;
-  static constexpr int n = 0;
-  static constexpr double friction = 0.0, closing = 0.0;
+  struct Points {
+    static constexpr ContactArrays* in = nullptr;
+    static constexpr int n = 0;
+    static constexpr double closing = 0.0;
+  };
+  static constexpr Points points{};
+  static constexpr double friction = 0.0;
 
   static constexpr bool active() { return false; }
   template <class F>

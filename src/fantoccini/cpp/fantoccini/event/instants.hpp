@@ -64,8 +64,10 @@ struct EventInstants : EventWriter<Model> {
 
   // Whether solids touch, or points are followed, at (t, y), the flow's latest evaluation.
   bool in_contact(double most = Tolerance::touching) const {
-    if constexpr (F::touches)
-      return flow.contacts.in && (flow.contacts.n > 0 || flow.contacts.overlap >= -most);
+    if constexpr (F::touches) {
+      const auto& points = flow.contacts.points;
+      return points.in && (points.n > 0 || points.overlap >= -most);
+    }
     return false;
   }
 
@@ -210,8 +212,8 @@ struct EventInstants : EventWriter<Model> {
       auto& held = flow.contacts;
       // Whether or not it ends in an event, so that none go on for ever.
       event_rate.note(flow.t, -1, EventRateTolerances::of_contact);
-      held.take_closed(flow, flow.y, flow.y + NQ, most);
-      if (held.too_many) return TOO_MANY_CONTACTS;
+      held.points.take_closed(flow, flow.y, flow.y + NQ, most);
+      if (held.points.too_many) return TOO_MANY_CONTACTS;
       Situation s = present();
       bool loose[room(C)], strained[room(C)], struck[room(C)], touched[room(C)], strikes[room(M)];
       bool any_struck = false, any_hit = false;  // by a catch; by one that takes impulses
@@ -226,13 +228,13 @@ struct EventInstants : EventWriter<Model> {
         any_struck = any_struck || s.caught[r];
         any_hit = any_hit || (s.caught[r] && strikes[r]);
       }
-      for (int c = 0; c < held.n; ++c) {
+      for (int c = 0; c < held.points.n; ++c) {
         loose[c] = held.is_loose(flow, c);
         strained[c] = held.is_strained(flow, c);
-        touched[c] = held.at[c].mode != PARTED;
+        touched[c] = held.points.at[c].mode != PARTED;
       }
       instants.gather(flow, strikes);
-      for (int c = 0; c < held.n; ++c) {
+      for (int c = 0; c < held.points.n; ++c) {
         struck[c] = instants.is_struck(flow, c);
         any_struck = any_struck || struck[c];
         any_hit = any_hit || struck[c];
@@ -251,7 +253,7 @@ struct EventInstants : EventWriter<Model> {
           s.loose[r] = s.loose[r] && !s.caught[r];
           if (s.caught[r]) note(out, CATCH, r, instants.impulse[r], instants.speed[r]);
         }
-        for (int c = 0; c < held.n; ++c) {
+        for (int c = 0; c < held.points.n; ++c) {
           loose[c] = loose[c] && !struck[c] && !(instants.point_impulse[c] > 0.0);
           strained[c] = false;
         }
@@ -264,7 +266,7 @@ struct EventInstants : EventWriter<Model> {
       const Status chosen = instants.choose(flow, s.loose, s.strained, loose, strained, next);
       if (chosen != RUNNING) return chosen;
       set_active_set(next);
-      const double energy = flow.total_energy() - given(), stopped = held.fastest_normal();
+      const double energy = flow.total_energy() - given(), stopped = held.points.fastest_normal();
       refresh();
       const Status held_there = flow.project(flow.t, flow.y);
       if (held_there != RUNNING) return held_there;
@@ -276,7 +278,7 @@ struct EventInstants : EventWriter<Model> {
       for (int r = 0; r < M; ++r)
         if (next[r] == SLIPPING) guards.armed[r] = flow.lack(r) < -GuardTolerances::min_speed;
       share_forces();
-      held.accept_overlaps();
+      held.points.accept_overlaps();
       bool changed = any_struck;
       for (int r = 0; r < M; ++r) {
         if (!starts) write_changes(s, r, out);
@@ -292,25 +294,25 @@ struct EventInstants : EventWriter<Model> {
       anchor(out);
       guards.remember();
       if (changed) emit(out);
-      return held.too_many ? TOO_MANY_CONTACTS : RUNNING;
+      return held.points.too_many ? TOO_MANY_CONTACTS : RUNNING;
     }
   }
 
   // Redundant forces: those of least norm, where these are legal, else those of the choice.
   void share_forces() {
     auto& held = flow.contacts;
-    const auto chosen = held.forces();
-    held.forget_forces();
+    const auto chosen = held.points.forces();
+    held.points.forget_forces();
     refresh();
     bool legal = true;
     for (int g = 0; g < F::GUARDS && legal; ++g)
       if (g != F::ALL && (g < M || g > F::ALL)) legal = !(guards.guard(g) > 0.0);
     if (!legal) {
-      held.set_forces(chosen);
+      held.points.set_forces(chosen);
       refresh();
       held.redistribute(flow);
     }
-    held.keep_forces(flow);
+    held.points.keep_forces(flow);
     held.redistributed = false;
   }
 
@@ -319,18 +321,19 @@ struct EventInstants : EventWriter<Model> {
     if constexpr (F::touches) {
       auto& held = flow.contacts;
       if (!held.active()) return;
-      if (held.redistributed) held.keep_forces(flow);
+      if (held.redistributed) held.points.keep_forces(flow);
       held.redistributed = false;
-      held.anchor();
-      for (int c = 0; c < held.n; ++c) {
-        auto& own = held.at[c];
-        if (own.told || own.mode != SLIDING || !own.moving || held.in->friction[own.pair] == 0.0)
+      auto& points = held.points;
+      points.anchor();
+      for (int c = 0; c < points.n; ++c) {
+        auto& own = points.at[c];
+        if (own.told || own.mode != SLIDING || !own.moving || points.in->friction[own.pair] == 0.0)
           continue;
         bool first = true;
-        for (int b = 0; b < held.n; ++b)
-          first = first && !(held.at[b].told && held.meet(held.at[b].pair, own.pair));
+        for (int b = 0; b < points.n; ++b)
+          first = first && !(points.at[b].told && points.meet(points.at[b].pair, own.pair));
         own.told = true;
-        if (first) tell(out, own.since, SLIDE, own.pair, 0.0, held.sliding_speed(c));
+        if (first) tell(out, own.since, SLIDE, own.pair, 0.0, points.sliding_speed(c));
       }
     }
   }

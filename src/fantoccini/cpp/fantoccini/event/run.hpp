@@ -33,7 +33,7 @@ struct EventRun : EventInstants<Model> {
     Hold next[room(M)];
     for (int r = 0; r < M; ++r) flow.row_state[r] = SLACK, loosened_[r] = -unbounded;
     flow.slip_time = flow.t;
-    if constexpr (F::touches) flow.contacts.in = flow.opt.contacts;
+    if constexpr (F::touches) flow.contacts.points.in = flow.opt.contacts;
     refresh();
     if (this->in_contact(Tolerance::touching_at_start)) return start_in_contact(out);
     Status status = closed_rows.retreat(flow);
@@ -181,7 +181,7 @@ struct EventRun : EventInstants<Model> {
     const double left = target - flow.t;
     double s = step_size < flow.opt.max_step ? step_size : flow.opt.max_step;
     if constexpr (F::touches)
-      if (flow.contacts.in && flow.contacts.safe < s) s = flow.contacts.safe;
+      if (flow.contacts.points.in && flow.contacts.points.safe < s) s = flow.contacts.points.safe;
     if (left <= guards.resolution()) {
       flow.t = target;
       ++stuck;
@@ -290,11 +290,13 @@ struct EventRun : EventInstants<Model> {
     if (seen == RUNNING) seen = saved;
     if (seen != RUNNING) return seen;
     bool ahead = false;
-    if constexpr (F::touches) ahead = flow.contacts.active() && !event && flow.contacts.choose_slow();
+    if constexpr (F::touches)
+      ahead = flow.contacts.active() && !event &&
+              flow.contacts.rows.choose_slow(flow.contacts.points);
     this->anchor(out);
     if constexpr (F::touches) {
       if (ahead) look_ahead();
-      if (flow.contacts.too_many) return TOO_MANY_CONTACTS;
+      if (flow.contacts.points.too_many) return TOO_MANY_CONTACTS;
     }
     guards.remember();
     if (flow.opt.save_steps) emit(out);
@@ -311,7 +313,7 @@ struct EventRun : EventInstants<Model> {
     for (;;) {
       refresh();
       flow.contacts.redistribute(flow);
-      if (!(guards.worst() > 0.0) || !flow.contacts.forget_slow()) return;
+      if (!(guards.worst() > 0.0) || !flow.contacts.points.forget_slow()) return;
     }
   }
 

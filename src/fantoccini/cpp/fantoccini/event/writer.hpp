@@ -71,46 +71,47 @@ struct EventWriter {
   }
 
   void tell(Record<Model>& out, double t, EventCode kind, int pair, double impulse, double speed) {
-    out.event(t, kind, M + F::D + flow.contacts.in->meetings[pair], impulse, speed);
+    out.event(t, kind, M + F::D + flow.contacts.points.in->meetings[pair], impulse, speed);
     event_rate.note(flow.t, -1);
     ++n_events;
   }
 
   // Whether point c is the first of its two solids among the points.
   bool is_first(int c) const {
+    const auto& points = flow.contacts.points;
     for (int b = 0; b < c; ++b)
-      if (flow.contacts.meet(flow.contacts.at[b].pair, flow.contacts.at[c].pair)) return false;
+      if (points.meet(points.at[b].pair, points.at[c].pair)) return false;
     return true;
   }
 
   // Tells of the impacts of the points that struck, one event for every two solids.
   void tell_touches(const bool* struck, Record<Model>& out) {
-    auto& held = flow.contacts;
-    for (int c = 0; c < held.n; ++c) {
+    auto& points = flow.contacts.points;
+    for (int c = 0; c < points.n; ++c) {
       if (!is_first(c)) continue;
       double impulse = 0.0, speed = 0.0;
       bool any_struck = false;
-      for (int b = c; b < held.n; ++b) {
-        if (!held.meet(held.at[b].pair, held.at[c].pair)) continue;
+      for (int b = c; b < points.n; ++b) {
+        if (!points.meet(points.at[b].pair, points.at[c].pair)) continue;
         impulse += instants.point_impulse[b];
         if (struck[b] && instants.point_speed[b] > speed) speed = instants.point_speed[b];
         any_struck = any_struck || struck[b];
       }
-      if (any_struck) tell(out, flow.t, TOUCH, held.at[c].pair, impulse, speed);
+      if (any_struck) tell(out, flow.t, TOUCH, points.at[c].pair, impulse, speed);
     }
   }
 
   // Tells of solids that came to touch without an impact, have parted, or have come to stick.
   // Whether there is any change.
   bool tell_modes(const bool* touched, const bool* struck, Record<Model>& out) {
-    auto& held = flow.contacts;
+    auto& points = flow.contacts.points;
     bool changed = false;
-    for (int c = 0; c < held.n; ++c) {
+    for (int c = 0; c < points.n; ++c) {
       if (!is_first(c)) continue;
       bool before = false, now = false, hit = false, told = false, slides = false;
-      for (int b = c; b < held.n; ++b) {
-        auto& own = held.at[b];
-        if (!held.meet(own.pair, held.at[c].pair)) continue;
+      for (int b = c; b < points.n; ++b) {
+        auto& own = points.at[b];
+        if (!points.meet(own.pair, points.at[c].pair)) continue;
         before = before || touched[b];
         now = now || own.mode != PARTED;
         hit = hit || struck[b];
@@ -119,7 +120,7 @@ struct EventWriter {
         // A point that has come to rest and slides on begins to slide again.
         if (!own.moving) own.told = false;
       }
-      const int pair = held.at[c].pair;
+      const int pair = points.at[c].pair;
       if (!before && now && !hit) tell(out, flow.t, TOUCH, pair, 0.0, 0.0);
       if ((before || hit) && !now) tell(out, flow.t, LIFT, pair, 0.0, 0.0);
       if (now && told && !slides) tell(out, flow.t, STICK, pair, 0.0, 0.0);
