@@ -64,7 +64,7 @@ class EventBatch {
     in.catches[who] = caught_;
     in.releases[who] = released_;
     double* blame = in.blame + who * F::ALL;
-    for (int r = 0; r < M; ++r) blame[r] = run.blame[r];
+    for (int r = 0; r < M; ++r) blame[r] = run.instants.blame[r];
     flow.motors.blame(status, 0, blame + M);
   }
 

@@ -39,7 +39,7 @@ struct ExternalRun : EventRun<Model> {
 
   // As begin_stretch, but skips a stretch that the clock does not resolve.
   Status stretch(double t_end, double* end, Record<Model>& out) {
-    if (this->at_break_) this->refresh();
+    if (this->at_break_) this->instants.refresh();
     const Status status = this->begin_stretch(t_end, end, out);
     smooth_until_ = *end;
     if (status == RUNNING && *end - flow.t <= guards.resolution()) {
@@ -64,8 +64,8 @@ struct ExternalRun : EventRun<Model> {
 
   // Handles the event at the present state.
   Status react(Record<Model>& out) {
-    this->refresh();
-    return this->instant(out);
+    this->instants.refresh();
+    return this->instants.instant(out);
   }
 
   // Writes the row of the next time to save, at which the step's dense output is y.
@@ -77,14 +77,14 @@ struct ExternalRun : EventRun<Model> {
       if (!is_finite(y[j])) return NOT_FINITE;
     double rate[F::NY];
     flow.evaluate(t, y, rate);
-    this->write(t, y, out);
+    this->instants.writer.write(t, y, out);
     return RUNNING;
   }
 
   // Writes the present state, wherever the flow was evaluated last.
   void present(Record<Model>& out) {
-    this->refresh();
-    this->emit(out);
+    this->instants.refresh();
+    this->instants.writer.emit(out);
   }
 
  private:

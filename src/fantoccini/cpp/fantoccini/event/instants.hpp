@@ -34,22 +34,25 @@ struct EventTolerances {
 };
 
 template <class Model>
-struct EventInstants : EventWriter<Model> {
-  using Base = EventWriter<Model>;
-  using F = typename Base::F;
-  using Situation = typename Base::Situation;
+struct EventInstants {
+  using Writer = EventWriter<Model>;
+  using F = typename Writer::F;
+  using Situation = typename Writer::Situation;
   using Tolerance = EventTolerances;
   static constexpr int N = F::N, NQ = F::NQ, S = F::S, M = F::M, NY = F::NY, C = F::C;
-  using Base::flow, Base::closed_rows, Base::instants, Base::event_rate, Base::impact, Base::n_events;
-  using Base::emit;
 
+  F& flow;
+  Guards<Model>& guards;
+  ClosedRows<Model> closed_rows;
+  typename Writer::Instants contact_instants;
+  Writer writer{flow, closed_rows, contact_instants};
   Accumulation accumulation;
   double blame[room(M)] = {};  // by row, how much it is to blame for the status, 0 to 1
-  Guards<Model> guards{flow};
-  double until = unbounded;  // s: the end of the run, beyond which no event lies
+  double until = unbounded;    // s: the end of the run, beyond which no event lies
+  double loosened[room(M)];    // s: when each row last lost its tension
 
- protected:
-  using Base::note, Base::followed, Base::tell, Base::tell_touches, Base::tell_modes, Base::write_changes;
+  EventInstants(F& flow, Guards<Model>& guards) : flow(flow), guards(guards) {}
+  EventInstants(const EventInstants&) = delete;
 
   // The evaluation, k[0] and accelerations at (t, y).
   void refresh() { flow.evaluate(flow.t, flow.y, flow.k[0]); }
@@ -80,10 +83,10 @@ struct EventInstants : EventWriter<Model> {
       s.before[r] = flow.row_state[r];
       const bool held = s.before[r] == HELD || s.before[r] == PINNED;
       const double none = -flow.tension[r] / flow.weight();
-      if (held && none > -GuardTolerances::negligible_tension) loosened_[r] = flow.t;
+      if (held && none > -GuardTolerances::negligible_tension) loosened[r] = flow.t;
       // Among redundant rows one that has just lost its tension must not take turns with another.
       s.loose[r] = s.before[r] == SLACK ? !guards.armed[r]
-                                        : flow.t - loosened_[r] <= Tolerance::same_instant;
+                                        : flow.t - loosened[r] <= Tolerance::same_instant;
       s.strained[r] = is_strained(r);
       const bool touches = s.before[r] == SLACK && guards.touches(r, FlowTolerances::closed_gap);
       s.caught[r] = touches;
@@ -92,14 +95,14 @@ struct EventInstants : EventWriter<Model> {
     }
     if (caught) {
       accumulation.watch(flow.t);
-      if (!flow.opt.save_steps) emit(out);
+      if (!flow.opt.save_steps) writer.emit(out);
       const Status status = closed_rows.strike(flow, s.closed);
       if (status != RUNNING) return fail(status);
-      impact += closed_rows.lost;
+      writer.impact += closed_rows.lost;
       for (int r = 0; r < M; ++r) {
         s.caught[r] = s.caught[r] || (s.before[r] == SLACK && closed_rows.impulse[r] > 0.0);
         s.loose[r] = s.loose[r] && !s.caught[r];
-        if (s.caught[r]) note(out, CATCH, r, closed_rows.impulse[r], closed_rows.speed[r]);
+        if (s.caught[r]) writer.note(out, CATCH, r, closed_rows.impulse[r], closed_rows.speed[r]);
       }
     }
     return settle_active_set(s, out);
@@ -116,14 +119,14 @@ struct EventInstants : EventWriter<Model> {
     bool jumps = false;
     for (int j = 0; j < Model::n_vK; ++j) jumps = jumps || differ(acc_K[j], flow.acc_K[j]);
     for (int k = 0; k < N; ++k) jumps = jumps || differ(u_D[k], flow.u_D[k]);
-    if (jumps) note(out, BREAKPOINT, -1, 0.0, 0.0);
+    if (jumps) writer.note(out, BREAKPOINT, -1, 0.0, 0.0);
     const long long rows = out.n_samples;
     bool touched = false;
     for (int r = 0; r < M; ++r)
       touched = touched ||
                 (flow.row_state[r] == SLACK && guards.touches(r, FlowTolerances::closed_gap));
     const Status status = touched ? instant(out) : settle_active_set(present(), out);
-    if (jumps && out.n_samples == rows) emit(out);
+    if (jumps && out.n_samples == rows) writer.emit(out);
     return status;
   }
 
@@ -132,6 +135,124 @@ struct EventInstants : EventWriter<Model> {
     return settle_active_set(present(), out);
   }
 
+  // An instant at which solids touch: impacts of strings, limits and solids strike as one, then all
+  // modes are chosen. Points up to `most` apart touch; at the start of a run they have touched before.
+  Status contact_instant(Record<Model>& out, double most, bool starts = false) {
+    if constexpr (!F::touches) return RUNNING;
+    else {
+      auto& held = flow.contacts;
+      // Whether or not it ends in an event, so that none go on for ever.
+      writer.event_rate.note(flow.t, -1, EventRateTolerances::of_contact);
+      held.points.take_closed(flow, flow.y, flow.y + NQ, most);
+      if (held.points.too_many) return TOO_MANY_CONTACTS;
+      Situation s = present();
+      bool loose[room(C)], strained[room(C)], struck[room(C)], touched[room(C)], strikes[room(M)];
+      bool any_struck = false, any_hit = false;  // by a catch; by one that takes impulses
+      for (int r = 0; r < M; ++r) {
+        const double none = -flow.tension[r] / flow.weight();
+        if (s.before[r] == HELD && none > -GuardTolerances::negligible_tension) loosened[r] = flow.t;
+        if (s.before[r] != SLACK) s.loose[r] = flow.t - loosened[r] <= Tolerance::same_instant;
+        s.strained[r] = is_strained(r);
+        s.caught[r] = s.before[r] == SLACK && guards.touches(r, FlowTolerances::closed_gap);
+        s.closed[r] = s.before[r] != SLACK || guards.closed(r, FlowTolerances::closed_gap);
+        strikes[r] = s.closed[r] && !flow.winches.slips(r);
+        any_struck = any_struck || s.caught[r];
+        any_hit = any_hit || (s.caught[r] && strikes[r]);
+      }
+      for (int c = 0; c < held.points.n; ++c) {
+        loose[c] = held.is_loose(flow, c);
+        strained[c] = held.is_strained(flow, c);
+        touched[c] = held.points.at[c].mode != PARTED;
+      }
+      contact_instants.gather(flow, strikes);
+      for (int c = 0; c < held.points.n; ++c) {
+        struck[c] = contact_instants.is_struck(flow, c);
+        any_struck = any_struck || struck[c];
+        any_hit = any_hit || struck[c];
+      }
+      if (any_struck) {
+        accumulation.watch(flow.t);
+        if (starts || !flow.opt.save_steps) writer.emit(out);
+        contact_instants.begin_impact(flow);
+        if (any_hit) {
+          const Status status = contact_instants.strike(flow);
+          if (status != RUNNING) return status;
+          writer.impact += contact_instants.lost;
+        }
+        for (int r = 0; r < M; ++r) {
+          s.caught[r] = s.caught[r] || (s.before[r] == SLACK && contact_instants.impulse[r] > 0.0);
+          s.loose[r] = s.loose[r] && !s.caught[r];
+          if (s.caught[r])
+            writer.note(out, CATCH, r, contact_instants.impulse[r], contact_instants.speed[r]);
+        }
+        for (int c = 0; c < held.points.n; ++c) {
+          loose[c] = loose[c] && !struck[c] && !(contact_instants.point_impulse[c] > 0.0);
+          strained[c] = false;
+        }
+        writer.tell_touches(struck, out);
+        refresh();
+      }
+      flow.grip();
+      if (any_hit || flow.winches.some_slip) contact_instants.gather(flow, s.closed);
+      Hold next[room(M)];
+      const Status chosen = contact_instants.choose(flow, s.loose, s.strained, loose, strained, next);
+      if (chosen != RUNNING) return chosen;
+      set_active_set(next);
+      const double energy = flow.total_energy() - given(), stopped = held.points.fastest_normal();
+      refresh();
+      const Status held_there = flow.project(flow.t, flow.y);
+      if (held_there != RUNNING) return held_there;
+      refresh();
+      held.bring_to_rest(flow, flow.y + NQ, true);
+      refresh();
+      // The corrections of the start are not the run's.
+      if (!starts) writer.impact += energy - (flow.total_energy() - given());
+      for (int r = 0; r < M; ++r)
+        if (next[r] == SLIPPING) guards.armed[r] = flow.lack(r) < -GuardTolerances::min_speed;
+      share_forces();
+      held.points.accept_overlaps();
+      bool changed = any_struck;
+      for (int r = 0; r < M; ++r) {
+        if (!starts) writer.write_changes(s, r, out);
+        changed = changed || next[r] != s.before[r];
+        if (next[r] == SLACK && s.holds(r)) guards.armed[r] = closed_rows.leaves(flow, r);
+      }
+      changed = starts || writer.tell_modes(touched, struck, out) || changed;
+      if (stopped > GuardTolerances::min_speed && accumulation.shrinking()) {
+        out.event(fmin(accumulation.limit(), until), ACCUMULATION, -1, 0.0, stopped);
+        ++writer.n_events;
+        accumulation.forget();
+      }
+      anchor(out);
+      guards.remember();
+      if (changed) writer.emit(out);
+      return held.points.too_many ? TOO_MANY_CONTACTS : RUNNING;
+    }
+  }
+
+  // Follows the directions of sliding points, and tells of pairs that have begun to slide.
+  void anchor(Record<Model>& out) {
+    if constexpr (F::touches) {
+      auto& held = flow.contacts;
+      if (!held.active()) return;
+      if (held.redistributed) held.points.keep_forces(flow);
+      held.redistributed = false;
+      auto& points = held.points;
+      points.anchor();
+      for (int c = 0; c < points.n; ++c) {
+        auto& own = points.at[c];
+        if (own.told || own.mode != SLIDING || !own.moving || points.in->friction[own.pair] == 0.0)
+          continue;
+        bool first = true;
+        for (int b = 0; b < points.n; ++b)
+          first = first && !(points.at[b].told && points.meet(points.at[b].pair, own.pair));
+        own.told = true;
+        if (first) writer.tell(out, own.since, SLIDE, own.pair, 0.0, points.sliding_speed(c));
+      }
+    }
+  }
+
+ private:
   // Whether string r has just reached its winch's largest tension.
   bool is_strained(int r) const {
     return (flow.row_state[r] == HELD || flow.row_state[r] == PINNED) && flow.winches.slips(r) &&
@@ -185,10 +306,10 @@ struct EventInstants : EventWriter<Model> {
     }
     if (held != RUNNING) return fail(held);
     refresh();
-    impact += energy - (flow.total_energy() - given());
+    writer.impact += energy - (flow.total_energy() - given());
     bool changed = false;
     for (int r = 0; r < M; ++r) {
-      write_changes(s, r, out);
+      writer.write_changes(s, r, out);
       changed = changed || next[r] != s.before[r] || s.caught[r];
       if (next[r] == SLIPPING) guards.armed[r] = flow.lack(r) < -GuardTolerances::min_speed;
       // A string that springs back is open soon; one that has lost its tension may stay at its
@@ -196,106 +317,12 @@ struct EventInstants : EventWriter<Model> {
       if (next[r] == SLACK && s.holds(r)) guards.armed[r] = closed_rows.leaves(flow, r);
     }
     if (stopped > GuardTolerances::min_speed && accumulation.shrinking()) {
-      note(out, ACCUMULATION, -1, 0.0, stopped);
+      writer.note(out, ACCUMULATION, -1, 0.0, stopped);
       accumulation.forget();
     }
     guards.remember();
-    if (changed) emit(out);
+    if (changed) writer.emit(out);
     return RUNNING;
-  }
-
-  // An instant at which solids touch: impacts of strings, limits and solids strike as one, then all
-  // modes are chosen. Points up to `most` apart touch; at the start of a run they have touched before.
-  Status contact_instant(Record<Model>& out, double most, bool starts = false) {
-    if constexpr (!F::touches) return RUNNING;
-    else {
-      auto& held = flow.contacts;
-      // Whether or not it ends in an event, so that none go on for ever.
-      event_rate.note(flow.t, -1, EventRateTolerances::of_contact);
-      held.points.take_closed(flow, flow.y, flow.y + NQ, most);
-      if (held.points.too_many) return TOO_MANY_CONTACTS;
-      Situation s = present();
-      bool loose[room(C)], strained[room(C)], struck[room(C)], touched[room(C)], strikes[room(M)];
-      bool any_struck = false, any_hit = false;  // by a catch; by one that takes impulses
-      for (int r = 0; r < M; ++r) {
-        const double none = -flow.tension[r] / flow.weight();
-        if (s.before[r] == HELD && none > -GuardTolerances::negligible_tension) loosened_[r] = flow.t;
-        if (s.before[r] != SLACK) s.loose[r] = flow.t - loosened_[r] <= Tolerance::same_instant;
-        s.strained[r] = is_strained(r);
-        s.caught[r] = s.before[r] == SLACK && guards.touches(r, FlowTolerances::closed_gap);
-        s.closed[r] = s.before[r] != SLACK || guards.closed(r, FlowTolerances::closed_gap);
-        strikes[r] = s.closed[r] && !flow.winches.slips(r);
-        any_struck = any_struck || s.caught[r];
-        any_hit = any_hit || (s.caught[r] && strikes[r]);
-      }
-      for (int c = 0; c < held.points.n; ++c) {
-        loose[c] = held.is_loose(flow, c);
-        strained[c] = held.is_strained(flow, c);
-        touched[c] = held.points.at[c].mode != PARTED;
-      }
-      instants.gather(flow, strikes);
-      for (int c = 0; c < held.points.n; ++c) {
-        struck[c] = instants.is_struck(flow, c);
-        any_struck = any_struck || struck[c];
-        any_hit = any_hit || struck[c];
-      }
-      if (any_struck) {
-        accumulation.watch(flow.t);
-        if (starts || !flow.opt.save_steps) emit(out);
-        instants.begin_impact(flow);
-        if (any_hit) {
-          const Status status = instants.strike(flow);
-          if (status != RUNNING) return status;
-          impact += instants.lost;
-        }
-        for (int r = 0; r < M; ++r) {
-          s.caught[r] = s.caught[r] || (s.before[r] == SLACK && instants.impulse[r] > 0.0);
-          s.loose[r] = s.loose[r] && !s.caught[r];
-          if (s.caught[r]) note(out, CATCH, r, instants.impulse[r], instants.speed[r]);
-        }
-        for (int c = 0; c < held.points.n; ++c) {
-          loose[c] = loose[c] && !struck[c] && !(instants.point_impulse[c] > 0.0);
-          strained[c] = false;
-        }
-        tell_touches(struck, out);
-        refresh();
-      }
-      flow.grip();
-      if (any_hit || flow.winches.some_slip) instants.gather(flow, s.closed);
-      Hold next[room(M)];
-      const Status chosen = instants.choose(flow, s.loose, s.strained, loose, strained, next);
-      if (chosen != RUNNING) return chosen;
-      set_active_set(next);
-      const double energy = flow.total_energy() - given(), stopped = held.points.fastest_normal();
-      refresh();
-      const Status held_there = flow.project(flow.t, flow.y);
-      if (held_there != RUNNING) return held_there;
-      refresh();
-      held.bring_to_rest(flow, flow.y + NQ, true);
-      refresh();
-      // The corrections of the start are not the run's.
-      if (!starts) impact += energy - (flow.total_energy() - given());
-      for (int r = 0; r < M; ++r)
-        if (next[r] == SLIPPING) guards.armed[r] = flow.lack(r) < -GuardTolerances::min_speed;
-      share_forces();
-      held.points.accept_overlaps();
-      bool changed = any_struck;
-      for (int r = 0; r < M; ++r) {
-        if (!starts) write_changes(s, r, out);
-        changed = changed || next[r] != s.before[r];
-        if (next[r] == SLACK && s.holds(r)) guards.armed[r] = closed_rows.leaves(flow, r);
-      }
-      changed = starts || tell_modes(touched, struck, out) || changed;
-      if (stopped > GuardTolerances::min_speed && accumulation.shrinking()) {
-        out.event(fmin(accumulation.limit(), until), ACCUMULATION, -1, 0.0, stopped);
-        ++n_events;
-        accumulation.forget();
-      }
-      anchor(out);
-      guards.remember();
-      if (changed) emit(out);
-      return held.points.too_many ? TOO_MANY_CONTACTS : RUNNING;
-    }
   }
 
   // Redundant forces: those of least norm, where these are legal, else those of the choice.
@@ -316,32 +343,8 @@ struct EventInstants : EventWriter<Model> {
     held.redistributed = false;
   }
 
-  // Follows the directions of sliding points, and tells of pairs that have begun to slide.
-  void anchor(Record<Model>& out) {
-    if constexpr (F::touches) {
-      auto& held = flow.contacts;
-      if (!held.active()) return;
-      if (held.redistributed) held.points.keep_forces(flow);
-      held.redistributed = false;
-      auto& points = held.points;
-      points.anchor();
-      for (int c = 0; c < points.n; ++c) {
-        auto& own = points.at[c];
-        if (own.told || own.mode != SLIDING || !own.moving || points.in->friction[own.pair] == 0.0)
-          continue;
-        bool first = true;
-        for (int b = 0; b < points.n; ++b)
-          first = first && !(points.at[b].told && points.meet(points.at[b].pair, own.pair));
-        own.told = true;
-        if (first) tell(out, own.since, SLIDE, own.pair, 0.0, points.sliding_speed(c));
-      }
-    }
-  }
-
   // Net work of inputs and winches so far.
   double given() const { return flow.y[F::WORK] - flow.y[F::SLIP_LOSS]; }
-
-  double loosened_[room(M)];  // s: when each row last lost its tension
 };
 
 }  // namespace fan

@@ -10,16 +10,16 @@
 namespace fan {
 
 template <class Model>
-struct EventRun : EventInstants<Model> {
-  using Base = EventInstants<Model>;
-  using F = typename Base::F;
+struct EventRun {
+  using F = Flow<Model>;
   using Tolerance = EventTolerances;
-  using Base::flow, Base::closed_rows, Base::accumulation, Base::event_rate, Base::impact, Base::blame;
-  using Base::guards, Base::n_events, Base::emit;
   static constexpr int N = F::N, NQ = F::NQ, S = F::S, M = F::M, NY = F::NY;
   static constexpr int rows_per_step = Tolerance::max_saves_per_step + 4;
   static constexpr int events_per_step = 6 * M + 2 * F::D + 4 * F::C + 8;
 
+  F flow;
+  Guards<Model> guards{flow};
+  EventInstants<Model> instants{flow, guards};
   Detector<Model> detector;
   double step_size = 0.0;
   long long n_steps = 0, stuck = 0;
@@ -31,16 +31,20 @@ struct EventRun : EventInstants<Model> {
     flow.drive.start_at(flow.t);
     const bool none[room(M)] = {};
     Hold next[room(M)];
-    for (int r = 0; r < M; ++r) flow.row_state[r] = SLACK, loosened_[r] = -unbounded;
+    for (int r = 0; r < M; ++r) {
+      flow.row_state[r] = SLACK;
+      instants.loosened[r] = -unbounded;
+    }
     flow.slip_time = flow.t;
     if constexpr (F::touches) flow.contacts.points.in = flow.opt.contacts;
-    refresh();
-    if (this->in_contact(Tolerance::touching_at_start)) return start_in_contact(out);
-    Status status = closed_rows.retreat(flow);
-    if (status == RUNNING) status = closed_rows.choose(flow, none, none, next, Tolerance::start_gap);
+    instants.refresh();
+    if (instants.in_contact(Tolerance::touching_at_start)) return start_in_contact(out);
+    Status status = instants.closed_rows.retreat(flow);
+    if (status == RUNNING)
+      status = instants.closed_rows.choose(flow, none, none, next, Tolerance::start_gap);
     if (status == RUNNING) {
-      set_active_set(next);
-      refresh();
+      instants.set_active_set(next);
+      instants.refresh();
       status = flow.project(flow.t, flow.y);
     }
     if (status == RUNNING) {
@@ -48,17 +52,17 @@ struct EventRun : EventInstants<Model> {
       // starts after that.
       double kept[NY];
       for (int j = 0; j < NY; ++j) kept[j] = flow.y[j];
-      refresh();
-      const bool held = closed_rows.hold(flow, Attempts::list[0]) == RUNNING;
+      instants.refresh();
+      const bool held = instants.closed_rows.hold(flow, Attempts::list[0]) == RUNNING;
       for (int j = held ? F::WORK : 0; j < NY; ++j) flow.y[j] = kept[j];
     }
     step_size = flow.opt.first_step;
-    refresh();
+    instants.refresh();
     flow.motors.begin(flow.y, flow.q_K, flow.p);
     if (status == RUNNING) status = watch();
-    else accuse(closed_rows.blame);
+    else instants.accuse(instants.closed_rows.blame);
     tell_slips(out);
-    emit(out);
+    instants.writer.emit(out);
     skip_saved();
     return status;
   }
@@ -67,10 +71,10 @@ struct EventRun : EventInstants<Model> {
   Status start_in_contact(Record<Model>& out) {
     step_size = flow.opt.first_step;
     flow.motors.begin(flow.y, flow.q_K, flow.p);
-    for (int r = 0; r < M; ++r) closed_rows.blame[r] = 0.0;
-    Status status = this->contact_instant(out, Tolerance::touching_at_start, true);
+    for (int r = 0; r < M; ++r) instants.closed_rows.blame[r] = 0.0;
+    Status status = instants.contact_instant(out, Tolerance::touching_at_start, true);
     tell_slips(out);
-    if (status != RUNNING) emit(out);
+    if (status != RUNNING) instants.writer.emit(out);
     if (status == RUNNING) status = watch();
     skip_saved();
     return status;
@@ -79,7 +83,7 @@ struct EventRun : EventInstants<Model> {
   // Tells of the winches that slip.
   void tell_slips(Record<Model>& out) {
     for (int r = 0; r < S; ++r)
-      if (flow.row_state[r] == SLIPPING) note(out, SLIP, r, 0.0, flow.slip_rate[r]);
+      if (flow.row_state[r] == SLIPPING) instants.writer.note(out, SLIP, r, 0.0, flow.slip_rate[r]);
   }
 
   // To be called after the inputs were replaced, at the present time.
@@ -91,7 +95,7 @@ struct EventRun : EventInstants<Model> {
   // Runs until t_end, for at most `budget` steps.
   Status run(double t_end, long long budget, Record<Model>& out) {
     const long long last_step = n_steps + budget;
-    this->until = t_end;
+    instants.until = t_end;
     while (flow.t < t_end) {
       if (n_steps >= last_step || !out.room_for(rows_per_step, events_per_step)) return RUNNING;
       double smooth;
@@ -110,7 +114,7 @@ struct EventRun : EventInstants<Model> {
     // A row that closes at the very end is caught, so that a run can begin at the last state.
     if (closes()) {
       if (!out.room_for(rows_per_step, events_per_step)) return RUNNING;
-      const Status status = instant(out);
+      const Status status = instants.instant(out);
       if (status != RUNNING) return status;
     }
     return flow.motors.verdict(0);
@@ -118,28 +122,28 @@ struct EventRun : EventInstants<Model> {
 
   void remember(Snapshot& memory) {
     memory.keep(flow.t, flow.y, flow.row_state, flow.slip, flow.slip_time, flow.motors);
-    memory.keep(closed_rows, detector, accumulation, event_rate, impact, blame, step_size);
-    memory.keep(n_steps, n_events, stuck, at_break_, loosened_);
+    auto& writer = instants.writer;
+    memory.keep(instants.closed_rows, detector, instants.accumulation);
+    memory.keep(writer.event_rate, writer.impact, instants.blame, step_size);
+    memory.keep(n_steps, writer.n_events, stuck, at_break_, instants.loosened);
     flow.contacts.remember(memory);
     guards.remember(memory);
   }
 
  protected:
-  using Base::loosened_, Base::refresh, Base::set_active_set, Base::accuse, Base::note, Base::write;
-  using Base::instant, Base::another_basis;
 
   // Handles a break of the inputs at the present time, and finds until when the flow is smooth,
   // `end`.
   Status begin_stretch(double t_end, double* end, Record<Model>& out) {
     if (n_steps >= flow.opt.max_steps) return TOO_MANY_STEPS;
-    if (n_events >= flow.opt.max_events || stuck > Tolerance::max_standstill_steps ||
-        event_rate.crowded()) {
-      event_rate.shares(blame);
+    if (instants.writer.n_events >= flow.opt.max_events || stuck > Tolerance::max_standstill_steps ||
+        instants.writer.event_rate.crowded()) {
+      instants.writer.event_rate.shares(instants.blame);
       return TOO_MANY_EVENTS;
     }
     if (at_break_) {
       at_break_ = false;
-      const Status changed = this->breakpoint(out);
+      const Status changed = instants.breakpoint(out);
       if (changed != RUNNING) return changed;
     }
     const double brk = flow.drive.next_break(flow.t, t_end);
@@ -148,7 +152,7 @@ struct EventRun : EventInstants<Model> {
     if (rewound < *end) *end = rewound > flow.t ? rewound : flow.t;
     const double emptied = runs_out();
     if (emptied <= flow.t) {
-      for (int r = 0; r < M; ++r) blame[r] = r == emptying_ ? 1.0 : 0.0;
+      for (int r = 0; r < M; ++r) instants.blame[r] = r == emptying_ ? 1.0 : 0.0;
       return LENGTH_NOT_POSITIVE;
     }
     if (emptied < *end) *end = emptied;
@@ -173,7 +177,7 @@ struct EventRun : EventInstants<Model> {
     // A string may be wedged in with the points that friction jams.
     const bool bursts = status == TENSION_CAP && step_size < Tolerance::min_failing_step;
     if (bursts && flow.contacts.jamming(flow)) return NO_UNIQUE_MOTION;
-    accuse(detector.blame);
+    instants.accuse(detector.blame);
     return status;
   }
 
@@ -235,7 +239,7 @@ struct EventRun : EventInstants<Model> {
         continue;
       }
       const Status status = accept(at, at == left ? target : flow.t + at, out);
-      return status == RUNNING ? instant(out) : status;
+      return status == RUNNING ? instants.instant(out) : status;
     }
   }
 
@@ -243,14 +247,14 @@ struct EventRun : EventInstants<Model> {
   bool closes() const {
     for (int r = 0; r < M; ++r)
       if (flow.row_state[r] == SLACK && guards.touches(r, FlowTolerances::closed_gap) &&
-          flow.rate_of(r, flow.y + NQ) > closed_rows.rest_speed(flow))
+          flow.rate_of(r, flow.y + NQ) > instants.closed_rows.rest_speed(flow))
         return true;
     return false;
   }
 
   // The status of a step below the clock's resolution, whose trial has left the flow where it may.
   Status too_small() {
-    refresh();
+    instants.refresh();
     return flow.contacts.jamming(flow) ? NO_UNIQUE_MOTION : STEP_TOO_SMALL;
   }
 
@@ -283,9 +287,9 @@ struct EventRun : EventInstants<Model> {
     flow.motors.look(flow.y, flow.y + NQ, flow.q_K, flow.v_K, flow.acc_K, flow.p, true);
     const long long before = out.n_events;
     flow.motors.tell(flow.t, out);
-    n_events += out.n_events - before;
+    instants.writer.n_events += out.n_events - before;
     const bool event = guards.worst() > 0.0;
-    Status seen = flow.frail() && !event ? another_basis(out) : RUNNING;
+    Status seen = flow.frail() && !event ? instants.another_basis(out) : RUNNING;
     if (seen == RUNNING) seen = watch();
     if (seen == RUNNING) seen = saved;
     if (seen != RUNNING) return seen;
@@ -293,15 +297,15 @@ struct EventRun : EventInstants<Model> {
     if constexpr (F::touches)
       ahead = flow.contacts.active() && !event &&
               flow.contacts.rows.choose_slow(flow.contacts.points);
-    this->anchor(out);
+    instants.anchor(out);
     if constexpr (F::touches) {
       if (ahead) look_ahead();
       if (flow.contacts.points.too_many) return TOO_MANY_CONTACTS;
     }
     guards.remember();
-    if (flow.opt.save_steps) emit(out);
+    if (flow.opt.save_steps) instants.writer.emit(out);
     while (next_save < n_save && save_at[next_save] <= flow.t) {
-      if (!flow.opt.save_steps) emit(out);
+      if (!flow.opt.save_steps) instants.writer.emit(out);
       ++next_save;
     }
     return flow.motors.gone ? RUNAWAY : RUNNING;
@@ -311,7 +315,7 @@ struct EventRun : EventInstants<Model> {
   // would end a mode.
   void look_ahead() {
     for (;;) {
-      refresh();
+      instants.refresh();
       flow.contacts.redistribute(flow);
       if (!(guards.worst() > 0.0) || !flow.contacts.points.forget_slow()) return;
     }
@@ -330,7 +334,7 @@ struct EventRun : EventInstants<Model> {
       if (status != RUNNING) return status;
       flow.evaluate(at, state, rate);
       flow.contacts.redistribute(flow);
-      write(at, state, out);
+      instants.writer.write(at, state, out);
     }
     return RUNNING;
   }

@@ -13,17 +13,18 @@ struct EventWriter {
   using F = Flow<Model>;
   static constexpr int NQ = F::NQ, S = F::S, M = F::M, C = F::C;
 
-  F flow;
-  ClosedRows<Model> closed_rows;
-  std::conditional_t<F::touches, ContactInstants<Model>, NoContacts> instants;
+  using Instants = std::conditional_t<F::touches, ContactInstants<Model>, NoContacts>;
+
+  F& flow;
+  ClosedRows<Model>& closed_rows;
+  const Instants& contact_instants;
   EventRate<M> event_rate;
   double impact = 0.0;  // energy lost in catches so far
   long long n_events = 0;
 
-  // Writes the present state.
-  void emit(Record<Model>& out) { write(flow.t, flow.y, out); }
+  EventWriter(F& flow, ClosedRows<Model>& closed_rows, const Instants& contact_instants)
+      : flow(flow), closed_rows(closed_rows), contact_instants(contact_instants) {}
 
- protected:
   // The rows at an event: their state before it; which are closed, which have just been caught,
   // which have just lost their tension (or are not armed), and which have just reached their
   // winch's largest.
@@ -35,6 +36,10 @@ struct EventWriter {
     bool holds(int r) const { return before[r] != SLACK || caught[r]; }
   };
 
+  // Writes the present state.
+  void emit(Record<Model>& out) { write(flow.t, flow.y, out); }
+
+  // Writes a state, at which the flow was evaluated last.
   void write(double t, const double* y, Record<Model>& out) {
     double tension[room(M)];
     double slip[room(S)];  // without the error of up to max_length_error (model/winch.hpp)
@@ -93,8 +98,9 @@ struct EventWriter {
       bool any_struck = false;
       for (int b = c; b < points.n; ++b) {
         if (!points.meet(points.at[b].pair, points.at[c].pair)) continue;
-        impulse += instants.point_impulse[b];
-        if (struck[b] && instants.point_speed[b] > speed) speed = instants.point_speed[b];
+        impulse += contact_instants.point_impulse[b];
+        const double own = contact_instants.point_speed[b];
+        if (struck[b] && own > speed) speed = own;
         any_struck = any_struck || struck[b];
       }
       if (any_struck) tell(out, flow.t, TOUCH, points.at[c].pair, impulse, speed);

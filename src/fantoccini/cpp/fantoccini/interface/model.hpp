@@ -23,7 +23,7 @@ using AnyRun = ModelRun<Model>;
 // (Guards::afield).
 FAN_EXPORT void fan_set_noise(void* handle, double noise, double afield) {
   auto& run = static_cast<fan::AnyRun*>(handle)->event;
-  run.guards.noise = run.closed_rows.hop = noise;
+  run.guards.noise = run.instants.closed_rows.hop = noise;
   run.guards.afield = afield;
 }
 

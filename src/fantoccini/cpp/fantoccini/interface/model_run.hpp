@@ -46,7 +46,7 @@ struct ModelRun {
   void tell_blame(Status status, double* out) const {
     const auto& motors = event_driven ? event.flow.motors : fixed.trajectory.motors;
     motors.blame(status, 0, out + Model::n_rows);
-    const double* rows = event_driven ? event.blame : fixed.trajectory.blame[0];
+    const double* rows = event_driven ? event.instants.blame : fixed.trajectory.blame[0];
     for (int r = 0; r < Model::n_rows; ++r) out[r] = rows[r];
   }
 
