@@ -39,10 +39,11 @@ class PlacedLinks {
   struct {
     Real poses[room(12 * L)], screw_D[6 * N + 1], screw_K[6 * NK + 1];  // one more is read
   } of_lanes;
-  const double *poses, *screw_D, *screw_K, *v_D, *v_K;  // of the lane that is looked at
+  // Of the lane that is looked at.
+  const double *poses, *screw_D, *screw_K, *v_D, *v_K;
   Twist twist[room(L)];
-  double speed[room(L)];
-  Solid placed[room(B)];
+  double speed[room(L)];                 // m/s: at most, of any point of a link's solids
+  Solid placed[room(B)];                 // in the world, those of links with is_placed
   Ball ball[room(B)], ball_of[room(L)];  // around solids, and around all of a link
   Ball around[room(L)];                  // likewise, in the link's frame
   bool is_placed[room(L)];
