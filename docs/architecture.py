@@ -92,7 +92,8 @@ TASKS = (
         ("schema: its keys, and which of them exclude each other", ("puppet/schema.py",)),
         ("its row", ("tree/structure.py", "tree/construction.py", "equations/rows.py")),
         ("a flag of the generated model, which the solvers read",
-         ("codegen/model.py", "cpp/fantoccini/evaluation.hpp", "cpp/fantoccini/active_set.hpp")),
+         ("codegen/model.py", "cpp/fantoccini/model/evaluation.hpp",
+          "cpp/fantoccini/solvers/active_set.hpp")),
         ("bounds on its tension for the functions of a state", ("marionette/model.py",)),
         ("show it, translate it or refuse it", ("cli/info.py", "exchange/mjcf_model.py")),
     )),
@@ -106,7 +107,7 @@ TASKS = (
     )),
     Task("a method of integration", (
         ("the step, and a header that exports it to Python",
-         ("cpp/fantoccini/variational.hpp", "cpp/fantoccini/variational_abi.hpp")),
+         ("cpp/fantoccini/variational/step.hpp", "cpp/fantoccini/interface/variational.hpp")),
         ("a library of its own", ("codegen/libraries.py", "marionette/compiled.py")),
         ("its options", ("marionette/methods.py",)),
         ("validation of the start state", ("marionette/checks.py",)),
@@ -215,8 +216,11 @@ called.
 |---|---|---|
 {packages}
 
-`cpp/` holds the C++ headers. `tests/`, `docs/`, `examples/` and `benchmarks/` lie outside the
-package.
+`cpp/fantoccini` holds the C++ headers. Each folder includes only from itself and from those before
+it: `math`, `contract.hpp`, `solvers`, `model`, `collision`, `contact`, `runs`, `event`,
+`timestepping`, `variational`, `derivatives`, `search`, `interface`.
+`tests/cpp/test_include_order.py` enforces that. `tests/`, `docs/`, `examples/` and `benchmarks/`
+lie outside the package.
 
 ## What to touch to add ...
 

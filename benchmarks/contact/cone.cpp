@@ -6,7 +6,7 @@
 #include <cstdlib>
 #include <ctime>
 
-#include "fantoccini/cone.hpp"
+#include "fantoccini/solvers/cone.hpp"
 
 #ifndef CAPACITY
 #define CAPACITY 900

@@ -8,7 +8,7 @@
 // groups, friction, restitution and meetings, each behind their number.
 // stdout: one line a time, seconds of the processor for one step; then how many points push, the
 // normal force on them [N], the largest overlap [m], the largest residual of the law.
-#include "fantoccini/touch_unit.hpp"
+#include "fantoccini/collision/touch_unit.hpp"
 
 #include "main.cpp"
 #include "../speed/given.hpp"

@@ -219,7 +219,7 @@ def test_describe_tells_what_is_wrong(tmp_path, monkeypatch):
 
 SHARED = """
 #define FAN_TOUCH_EXTERNAL
-#include "fantoccini/touch.hpp"
+#include "fantoccini/collision/touch.hpp"
 extern "C" __attribute__((visibility("default"))) int answer() {
   fan::PlacedSolid ball{};
   ball.kind = fan::SEGMENT;
@@ -237,7 +237,7 @@ def test_a_shared_unit_is_compiled_once_for_several_libraries(cache, damaged):
 
     def compiled_units(value: int) -> int:
         files, told = {"main.cpp": SHARED.replace("VALUE", str(value))}, []
-        source = build.Source(files, "main.cpp", shared_units=("touch_unit",))
+        source = build.Source(files, "main.cpp", shared_units=("collision/touch_unit",))
         entry = build.obtain(
             str(value) * 64, lambda: source, flags=("-O0",), progress=told.append
         )

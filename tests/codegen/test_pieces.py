@@ -26,7 +26,7 @@ PROGRAM = """
 #include <cstdio>
 #include <cstring>
 #include <vector>
-#include "fantoccini/elementary.hpp"
+#include "fantoccini/math/elementary.hpp"
 #define casadi_real double
 using namespace fan;
 namespace whole {

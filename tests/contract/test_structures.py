@@ -63,9 +63,9 @@ def test_the_header_has_the_constants_of_python():
 def test_no_other_header_repeats_them():
     """The size of forces in the runtime undid the 1e5 of Python with a 1e-5 of its own."""
     owners = {
-        "flow.hpp": ("closed_gap", "least_length", "tension_cap"),
-        "event_instants.hpp": ("start_gap",), "attempts.hpp": ("rest_speed",),
-        "winch.hpp": ("winch_deceleration",), "touch_hull.hpp": ("hull_vertices",),
+        "event/flow.hpp": ("closed_gap", "least_length", "tension_cap"),
+        "event/instants.hpp": ("start_gap",), "event/attempts.hpp": ("rest_speed",),
+        "model/winch.hpp": ("winch_deceleration",), "collision/hull.hpp": ("hull_vertices",),
     }  # fmt: skip
     assert sorted(name for names in owners.values() for name in names) == sorted(CONSTANTS)
     for file, names in owners.items():

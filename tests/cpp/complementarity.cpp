@@ -11,10 +11,10 @@
 #include <cstdio>
 #include <vector>
 
-#include "fantoccini/lanes.hpp"
+#include "fantoccini/math/lanes.hpp"
 
-#include "fantoccini/closed_rows.hpp"
-#include "fantoccini/timestepping.hpp"
+#include "fantoccini/event/closed_rows.hpp"
+#include "fantoccini/timestepping/step.hpp"
 
 namespace {
 

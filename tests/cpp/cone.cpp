@@ -8,7 +8,7 @@
 #include <cstdio>
 #include <initializer_list>
 
-#include "fantoccini/cone.hpp"
+#include "fantoccini/solvers/cone.hpp"
 
 namespace {
 

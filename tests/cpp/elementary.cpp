@@ -6,8 +6,8 @@
 #include <cmath>
 #include <cstdio>
 
-#include "fantoccini/elementary.hpp"
-#include "fantoccini/lanes.hpp"
+#include "fantoccini/math/elementary.hpp"
+#include "fantoccini/math/lanes.hpp"
 
 namespace {
 

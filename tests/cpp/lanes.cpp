@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "model_of.hpp"
-#include "fantoccini/timestepping.hpp"
+#include "fantoccini/timestepping/step.hpp"
 
 namespace {
 

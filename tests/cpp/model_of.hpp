@@ -3,9 +3,9 @@
 
 #include <cmath>
 
-#include "fantoccini/elementary.hpp"
+#include "fantoccini/math/elementary.hpp"
 #ifdef FAN_LANES
-#include "fantoccini/lanes.hpp"
+#include "fantoccini/math/lanes.hpp"
 #endif
 #include "model.hpp"
 

@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <random>
 
-#include "fantoccini/near_pairs.hpp"
+#include "fantoccini/collision/near_pairs.hpp"
 
 namespace {
 

@@ -4,8 +4,8 @@
 // acceleration of a feedback without reach, at its equilibrium and off it.
 #include <cstdio>
 
-#include "fantoccini/correct.hpp"
-#include "fantoccini/feedback.hpp"
+#include "fantoccini/model/correct.hpp"
+#include "fantoccini/search/feedback.hpp"
 
 namespace {
 

@@ -6,7 +6,7 @@
 // blame, and the last row.
 #include "model_of.hpp"
 
-#include "fantoccini/abi.hpp"
+#include "fantoccini/interface/model.hpp"
 
 #include <cstdio>
 #include <vector>

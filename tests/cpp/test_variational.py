@@ -52,7 +52,7 @@ def test_a_node_without_solution_stops_its_lane(tmp_path):
     """Pivoting is given a single round, too few at a catch, which once passed in silence."""
     write_files("string_pendulum", tmp_path)
     shutil.copytree(runtime_folder() / "fantoccini", tmp_path / "fantoccini")
-    header = tmp_path / "fantoccini" / "complementarity.hpp"
+    header = tmp_path / "fantoccini" / "solvers" / "complementarity.hpp"
     text = header.read_text(encoding="utf-8")
     assert text.count("return 50 + 4 * n;") == 1
     header.write_text(text.replace("return 50 + 4 * n;", "return 1;"), encoding="utf-8")

@@ -12,7 +12,7 @@
 #include <list>
 #include <vector>
 
-#include "fantoccini/touch.hpp"
+#include "fantoccini/collision/touch.hpp"
 
 namespace {
 

@@ -10,8 +10,8 @@
 #include <memory>
 #include <vector>
 
-#include "fantoccini/elementary.hpp"
-#include "fantoccini/lanes.hpp"
+#include "fantoccini/math/elementary.hpp"
+#include "fantoccini/math/lanes.hpp"
 #include "model.hpp"
 
 namespace fan {
@@ -51,7 +51,7 @@ struct Model : ModelTables {
 };
 }  // namespace fan
 
-#include "fantoccini/variational_trajectory.hpp"
+#include "fantoccini/variational/trajectory.hpp"
 
 namespace {
 

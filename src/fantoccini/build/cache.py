@@ -209,7 +209,7 @@ def _make(
     """
     compiler = find_compiler()
     shared = {
-        f"{name}.o": _shared_object(root, name, flags, tell, afresh=replace)
+        f"{Path(name).name}.o": _shared_object(root, name, flags, tell, afresh=replace)
         for name in source.shared_units
     }
     with _writing(root):

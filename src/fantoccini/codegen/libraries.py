@@ -15,7 +15,7 @@ from fantoccini.equations import (
     VariationalDerivatives,
 )
 
-WIDE = Real("fan::Wide", "wide", "fantoccini/wide.hpp")
+WIDE = Real("fan::Wide", "wide", "fantoccini/math/wide.hpp")
 """As many doubles as a processor's vector holds: one trajectory or configuration for each lane."""
 
 _BESIDE = replace(WIDE, stem="wide")
@@ -31,7 +31,7 @@ class _Kind:
     """Properties of a library.
 
     Attributes:
-        header: its C interface in the runtime, without the ending.
+        header: its C interface in the runtime's folder `interface`, without the ending.
         real: the type that its functions compute with.
         mapped: whether Python calls its functions over arrays.
         columns: whether it has ``column``.
@@ -50,19 +50,19 @@ class _Kind:
 
 
 _KINDS = {
-    "model": _Kind("abi", Real(), mapped=True, touches=True),
-    "lanes": _Kind("lane_abi", WIDE, touches=True),
-    "clearance": _Kind("clearance_abi", WIDE, columns=False),
-    "rollouts": _Kind("rollouts_abi", WIDE, touches=True),
-    "variational": _Kind("variational_abi", Real()),
-    "variational_lanes": _Kind("variational_lane_abi", WIDE),
+    "model": _Kind("model", Real(), mapped=True, touches=True),
+    "lanes": _Kind("lanes", WIDE, touches=True),
+    "clearance": _Kind("clearance", WIDE, columns=False),
+    "rollouts": _Kind("rollouts", WIDE, touches=True),
+    "variational": _Kind("variational", Real()),
+    "variational_lanes": _Kind("variational_lanes", WIDE),
     "derivatives": _Kind(
-        "derivatives_abi", Real(), mapped=True, several=True, with_lanes=True
+        "derivatives", Real(), mapped=True, several=True, with_lanes=True
     ),
-    "step_derivatives": _Kind("step_derivatives_abi", Real(), several=True, with_lanes=True),
-    "gradients": _Kind("gradients_abi", Real(), touches=True),
-    "variational_derivatives": _Kind("map_abi", Real(), mapped=True, columns=False),
-    "reach": _Kind("reach_abi", Real(), columns=False),
+    "step_derivatives": _Kind("step_derivatives", Real(), several=True, with_lanes=True),
+    "gradients": _Kind("gradients", Real(), touches=True),
+    "variational_derivatives": _Kind("map", Real(), mapped=True, columns=False),
+    "reach": _Kind("reach", Real(), columns=False),
 }
 
 
@@ -113,7 +113,8 @@ def generate(equations: Equations, library: str = "model") -> Generated:
     )
     files = {f"{STEM}.hpp": tables_text(equations, sizes), "main.cpp": main}
     generated = assembled(parts | ({_SINGLE: made} if singly else {}), files)
-    return replace(generated, shared_units=("touch_unit",) if equations.tree.n_contacts else ())
+    shared_units = ("collision/touch_unit",) if equations.tree.n_contacts else ()
+    return replace(generated, shared_units=shared_units)
 
 
 def _programs(
@@ -227,7 +228,7 @@ struct Model : ModelTables {{
 }};
 }}  // namespace fan
 
-#include "fantoccini/{abi}.hpp"
+#include "fantoccini/interface/{abi}.hpp"
 
 FAN_EXPORT void fan_identity(long long* out) {{ fan::identity<fan::Model>({width}, out); }}
 {maps}"""

@@ -75,7 +75,7 @@ class Real:
 
     type: str = "double"
     space: str = "scalar"
-    header: str = "fantoccini/elementary.hpp"
+    header: str = "fantoccini/math/elementary.hpp"
     stem: str = STEM
 
 

@@ -143,7 +143,7 @@ _HEADER = """\
 // fantoccini/contract/*.py: change it there.
 #pragma once
 
-#include "real.hpp"
+#include "fantoccini/math/real.hpp"
 
 namespace fan {{
 

@@ -99,7 +99,7 @@ SEARCHES: tuple[Structure, ...] = (
         Field("changes_at", OUT, "(n_times, 2 n_vD, m)"),
         Field("status", "int", "Status"),
     )),
-    Structure("StageProgramArrays", "A quadratic program of stages (stage_program.hpp).", (
+    Structure("StageProgramArrays", "A quadratic program of stages (search/stage_program.hpp).", (
         Field("N", MANY, "stages"),
         Field("n_z", "int", "states of a stage"),
         Field("k", "int", "inputs"),
@@ -133,7 +133,7 @@ SEARCHES: tuple[Structure, ...] = (
         Field("dual", "double", "residual of stationarity, relative to g"),
         Field("gap", "double", "mean product of slacks and multipliers"),
     )),
-    Structure("StageStepArrays", "A time step in every interval (stage_dynamics.hpp).", (
+    Structure("StageStepArrays", "A time step in every interval (search/stage_dynamics.hpp).", (
         Field("N", MANY, "intervals"),
         Field("n_d", "int", "2 n_vD"),
         Field("k", "int", "n_vK"),
@@ -143,7 +143,7 @@ SEARCHES: tuple[Structure, ...] = (
         Field("driven", "Shared",
               "(2 k, 3 k) of (dq_K, v_K) before it by q_K, v_K and acc_K at the start"),
     )),
-    Structure("StageClampArrays", "A program of stages in real time (stage_clamped.hpp).", (
+    Structure("StageClampArrays", "A program of stages in real time (search/stage_clamped.hpp).", (
         Field("N", MANY, "stages"),
         Field("n_d", "int", "2 n_vD"),
         Field("n_inputs", "int", "n_vK; n_z = n_d + 2 n_vK"),

@@ -6,7 +6,7 @@ all that follows it:
     l_k = dC/dx_k at fixed steps + (df/dx)^T l_k+1,   dC/da_k = (df/da)^T l_k+1
 
 No derivative df is formed: every step takes one product with the transposed matrix of its own
-equations (``cpp/fantoccini/rollout_gradient.hpp``). Points of contact that push are held in their
+equations (``derivatives/rollout_gradient.hpp``). Points of contact that push are held in their
 modes beside the strings and limits, as in :mod:`fantoccini.marionette.step_linearisation`.
 """
 

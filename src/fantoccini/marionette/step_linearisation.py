@@ -1,7 +1,7 @@
 """Linearisation of one step of the time-stepper, with the active set that the step finds.
 
 With rate = dq_K/dt and mean = dv_K/dt over the step, damping and drag F implicit, and the rows in
-Lambda > 0 (``cpp/fantoccini/timestepping.hpp``):
+Lambda > 0 (``cpp/fantoccini/timestepping/step.hpp``):
 
     (M + dt F) (v+ - v) + dt (c(q, v, q_K, rate) + M_DK mean - u_D) + A_D^T Lambda = 0
     A_D v+ + A_K rate + min(h/dt, recovery speed) = 0,      q+ = q moved by dt v+

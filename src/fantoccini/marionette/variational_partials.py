@@ -1,7 +1,7 @@
 """Derivatives of many steps of the variational integrator, by the implicit function theorem.
 
 With Lambda over the rows that end the step at their bound, and mu over those that are held at its
-end (``cpp/fantoccini/variational.hpp``, ``variational_node.hpp``):
+end (``cpp/fantoccini/variational/step.hpp``, ``variational/node.hpp``):
 
     M v + M_DK v_K - A_D(q)^T Lambda = p_k(xi),          h(q_k+1, q_K) = 0
     M v + M_DK v_K + A_D^T mu = p_k+1(xi)  at the end,   hdot = 0

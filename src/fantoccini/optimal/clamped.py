@@ -3,7 +3,7 @@
     min over u  of the program of :class:`Objective` along a motion,
     accelerations, speeds and positions of the driven coordinates within their bounds
 
-The compiled method is ``cpp/fantoccini/stage_clamped.hpp``. Its motions keep the bounds after every
+The compiled method is ``search/stage_clamped.hpp``. Its motions keep the bounds after every
 factorisation, so that it may end after any.
 """
 

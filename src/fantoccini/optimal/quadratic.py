@@ -4,7 +4,7 @@
     z_{i+1} = A_i z_i + B_i u_i + e_i,   z_0 = 0,   bounds on all variables,
     low <= C_i [u_{i-1}; z_i; u_i; z_{i+1}] + elastic <= high
 
-The compiled method is ``cpp/fantoccini/stage_program.hpp``.
+The compiled method is ``cpp/fantoccini/search/stage_program.hpp``.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Many trajectories at once, on any number of threads (``cpp/fantoccini/batch.hpp``)."""
+"""Many trajectories at once, on any number of threads (``cpp/fantoccini/runs/batch.hpp``)."""
 
 from __future__ import annotations
 

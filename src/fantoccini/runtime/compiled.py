@@ -30,7 +30,7 @@ from fantoccini.tree import Tree
 _RUNS = (Status.RUNNING, *ARRIVED)
 """Statuses of runs that can go on."""
 MOST_TOUCHES = 8
-"""Contact points that a pair has at most (``max_touches`` in touch_solids.hpp)."""
+"""Contact points that a pair has at most (``max_touches`` in collision/solids.hpp)."""
 
 
 class Library(Functions):

@@ -1,4 +1,4 @@
-"""An event-driven run whose steps an external solver makes (``external_integrator.hpp``).
+"""An event-driven run whose steps an external solver makes (``event/external_run.hpp``).
 
     ydot = f(t, y),   y = (q_D, v_D, work, loss, slip loss),   with the active set frozen
 

@@ -1,4 +1,4 @@
-"""Changes along smooth pieces of event-driven runs (``cpp/fantoccini/flow_derivatives.hpp``)."""
+"""Changes along smooth pieces of event-driven runs (``derivatives/flow_derivatives.hpp``)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Gradients of costs of rollouts (``cpp/fantoccini/rollout_gradient.hpp``)."""
+"""Gradients of costs of rollouts (``cpp/fantoccini/derivatives/rollout_gradient.hpp``)."""
 
 from __future__ import annotations
 

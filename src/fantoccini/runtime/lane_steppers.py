@@ -1,4 +1,4 @@
-"""Trajectories in lanes that are advanced piece by piece (``cpp/fantoccini/lane_stepper.hpp``)."""
+"""Trajectories in lanes that are advanced piece by piece (``timestepping/lane_stepper.hpp``)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hanging poses nearest to places (``cpp/fantoccini/reach.hpp``)."""
+"""Hanging poses nearest to places (``cpp/fantoccini/search/reach.hpp``)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fantoccini.runtime.functions import AnyArray, Loaded, pointer
 from fantoccini.runtime.structures import UNLIMITED, structures
 
 MAX_TARGETS = 64
-"""Points and coordinates with a place in one pose (``max_targets`` in reach.hpp)."""
+"""Points and coordinates with a place in one pose (``max_targets`` in search/reach.hpp)."""
 
 
 class Reached(NamedTuple):

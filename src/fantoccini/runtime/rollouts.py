@@ -1,4 +1,4 @@
-"""A planner's rollouts, by the compiled library: the Python side of ``rollouts.hpp``."""
+"""A planner's rollouts, by the compiled library: the Python side of ``search/rollouts.hpp``."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _GoalArrays, _FunnelArrays, _BoundArrays, _SegmentArrays, _RolloutArrays, _Rollo
 
 @dataclass(frozen=True, eq=False)
 class GoalNumbers:
-    """A goal as numbers for the compiled library; see ``goal.hpp``.
+    """A goal as numbers for the compiled library; see ``search/goal.hpp``.
 
     Attributes:
         kind: ``UNKNOWN``, ``POSE`` or ``POINT``.
@@ -86,7 +86,7 @@ class GoalNumbers:
 
 @dataclass(frozen=True, eq=False)
 class Funnel:
-    """An equilibrium and the feedback law that leads there; see ``feedback.hpp``.
+    """An equilibrium and the feedback law that leads there; see ``search/feedback.hpp``.
 
     Attributes:
         q_D, q_K: (n_qD,), (n_qK,) the equilibrium.

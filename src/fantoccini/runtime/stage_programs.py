@@ -1,4 +1,4 @@
-"""Quadratic programs of stages, solved by compiled code (``cpp/fantoccini/stage_program.hpp``)."""
+"""Quadratic programs of stages, solved by compiled code (``search/stage_program.hpp``)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fantoccini.contract import digest
 from fantoccini.runtime.functions import pointer
 from fantoccini.runtime.structures import structures
 
-_MAIN = '#include "fantoccini/stage_abi.hpp"\n'
+_MAIN = '#include "fantoccini/interface/stages.hpp"\n'
 
 
 class StageOutcome(NamedTuple):

@@ -1,4 +1,4 @@
-"""Derivatives of many time steps at once (``cpp/fantoccini/step_derivatives.hpp``)."""
+"""Derivatives of many time steps at once (``cpp/fantoccini/derivatives/step_derivatives.hpp``)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""First time steps with contact from many states (``cpp/fantoccini/step_touches.hpp``)."""
+"""First time steps with contact from many states (``derivatives/step_touches.hpp``)."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 // fantoccini/contract/*.py: change it there.
 #pragma once
 
-#include "real.hpp"
+#include "fantoccini/math/real.hpp"
 
 namespace fan {
 
@@ -408,7 +408,7 @@ struct FlowDerivativeArrays {
   int status;  // Status
 };
 
-// A quadratic program of stages (stage_program.hpp).
+// A quadratic program of stages (search/stage_program.hpp).
 struct StageProgramArrays {
   long long N;  // stages
   int n_z;  // states of a stage
@@ -444,7 +444,7 @@ struct StageProgramArrays {
   double gap;  // mean product of slacks and multipliers
 };
 
-// A time step in every interval (stage_dynamics.hpp).
+// A time step in every interval (search/stage_dynamics.hpp).
 struct StageStepArrays {
   long long N;  // intervals
   int n_d;  // 2 n_vD
@@ -455,7 +455,7 @@ struct StageStepArrays {
   Shared driven;  // (2 k, 3 k) of (dq_K, v_K) before it by q_K, v_K and acc_K at the start
 };
 
-// A program of stages in real time (stage_clamped.hpp).
+// A program of stages in real time (search/stage_clamped.hpp).
 struct StageClampArrays {
   long long N;  // stages
   int n_d;  // 2 n_vD

@@ -1,0 +1,208 @@
+// Points of a bundle of lanes on one half-space that stands: the corners of boxes and the ends of
+// capsules, kept by solid and feature in all lanes at once, with what they remember from step to
+// step.
+#pragma once
+
+#include "fantoccini/collision/plane_lanes.hpp"
+#include "fantoccini/contact/push.hpp"
+#include "fantoccini/contract.hpp"
+#include "fantoccini/math/lane_of.hpp"
+#include "fantoccini/math/space.hpp"
+
+namespace fan {
+
+template <class Model, class Real>
+class GroundFeet {
+ public:
+  static constexpr int B = room(Model::n_solids), width = Traits<Real>::width;
+  static constexpr int features = 8;  // corners of a box; a capsule has two
+  using Mask = typename Traits<Real>::Mask;
+  using Push = ContactPush;
+
+  struct Point {
+    // Lanes in which it is found in this step, takes part, and pushed in the step before.
+    Mask here, joins, pushes;
+    // Lanes in which it would have to pull in the last solution, and in which it does no longer take part
+    // for that.
+    Mask would_pull, dropped;
+    Real at[3], gap;
+    Real asked;                // m/s: the speed at which it is to part beyond stopping
+    Mask rested;               // as in ContactPush; this and the next ones of the last step that ended
+    Real steps, impulse[3];
+    Mask rests;                // the same of this step
+    Real found[3];
+  };
+
+  // A solid that may stand on the ground, alone or with others of its link.
+  struct Foot {
+    int pair = -1, link;  // -1: it may not
+    double friction, restitution;
+    int n = 0, listed[features];  // features that are found in some lane
+    Mask carried;                 // lanes in which it pushed in the step before
+    Point point[features];
+  };
+
+  Mask kept;  // lanes whose points of the step before are here
+
+  // Takes the solids; nothing has touched anything yet. Feet stand on the first half-space.
+  FAN_FN void begin(const ContactArrays& in) {
+    const Mask none = Real(0.0) > Real(1.0);
+    kept = none;
+    n = n_known_ = 0;
+    int plane = -1;
+    for (int i = 0; i < B; ++i) foot[i].pair = -1;
+    for (int k = 0; k < in.n_pairs; ++k) {
+      const int own = in.pairs[2 * k], other = in.pairs[2 * k + 1];
+      const Solid &x = in.solids[own], &y = in.solids[other];
+      if (y.kind != HALF_SPACE || y.link >= 0 || !has_points_in_lanes(x)) continue;
+      if (plane < 0) {
+        plane = other;
+        for (int c = 0; c < 3; ++c) frame[c] = y.b[c];
+        add_tangents(frame);
+      }
+      const int *moves = Model::moved_D_begin + x.link, *drives = Model::moved_K_begin + x.link;
+      if (other != plane || moves[0] == moves[1] || drives[0] != drives[1]) continue;
+      Foot& to = foot[own];
+      to.pair = k;
+      to.link = x.link;
+      to.friction = in.friction[k];
+      to.restitution = in.restitution[k];
+      for (Point& p : to.point) p.here = p.joins = p.pushes = p.would_pull = p.dropped = p.rested = none;
+    }
+  }
+
+  // Whether the points of pair k are kept here.
+  FAN_FN bool takes(const ContactArrays& in, int k) const { return foot[in.pairs[2 * k]].pair == k; }
+
+  // Takes what pushed in lane l in the step before; whether all of it is here.
+  FAN_FN bool take(const ContactArrays& in, int l, const Push* push, int n_push) {
+    kept.set(l, false);
+    for (int i = 0; i < n_push; ++i)
+      if (!takes(in, push[i].pair)) return false;
+    for (int j = 0; j < n_known_; ++j)
+      for (Point& p : foot[known_[j]].point) p.pushes.set(l, false);
+    for (int i = 0; i < n_push; ++i) {
+      const int own = in.pairs[2 * push[i].pair];
+      know(own);
+      Point& to = foot[own].point[push[i].feature];
+      to.pushes.set(l, true);
+      to.rested.set(l, push[i].rested);
+      lane_of(to.steps, l) = push[i].steps;
+      lane_of(to.gap, l) = push[i].gap;
+      lane_of(to.asked, l) = dot3(push[i].velocity, push[i].normal);
+      for (int c = 0; c < 3; ++c) {
+        lane_of(to.at[c], l) = push[i].at[c];
+        lane_of(to.impulse[c], l) = push[i].impulse[c];
+      }
+    }
+    kept.set(l, true);
+    return true;
+  }
+
+  // Writes what pushed in lane l in order, and returns how many there are. They stand still.
+  FAN_FN int give(int l, Push* push) const {
+    int n_push = 0;
+    each_push(l, [&](const Foot& from, int feature) {
+      const Point& p = from.point[feature];
+      int place = n_push++;
+      for (; place > 0 && push[place - 1].pair > from.pair; --place) push[place] = push[place - 1];
+      Push& out = push[place];
+      out.pair = from.pair;
+      out.feature = feature;
+      out.steps = int(lane_of(p.steps, l));
+      out.wait = 0;
+      out.rested = lane_of(p.rested, l);
+      out.gap = lane_of(p.gap, l);
+      for (int c = 0; c < 3; ++c) {
+        out.at[c] = lane_of(p.at[c], l);
+        out.normal[c] = frame[c];
+        out.impulse[c] = lane_of(p.impulse[c], l);
+        out.velocity[c] = lane_of(p.asked, l) * frame[c];
+      }
+    });
+    return n_push;
+  }
+
+  // Calls f with the foot and the feature of every point that pushed in lane l.
+  template <class F>
+  FAN_FN void each_push(int l, const F& f) const {
+    for (int j = 0; j < n_known_; ++j)
+      for (int k = 0; k < features; ++k)
+        if (lane_of(foot[known_[j]].point[k].pushes, l)) f(foot[known_[j]], k);
+  }
+
+  // Begins a step: nothing is found yet.
+  FAN_FN void clear() {
+    const Mask none = Real(0.0) > Real(1.0);
+    n = 0;
+    for (int j = 0; j < n_known_; ++j) {
+      Foot& own = foot[known_[j]];
+      own.n = 0;
+      own.carried = none;
+      for (Point& p : own.point) {
+        p.here = p.joins = p.would_pull = p.dropped = none;
+        own.carried = own.carried || p.pushes;
+      }
+    }
+  }
+
+  // A point is found in these lanes. Features of a solid come in order.
+  FAN_FN void add(int solid, int feature, const Real* at, const Real& gap, const Mask& lanes) {
+    Foot& own = foot[solid];
+    if (know(solid)) {
+      own.n = 0;
+      own.carried = Real(0.0) > Real(1.0);
+    }
+    if (own.n == 0) found[n++] = solid;
+    Point& to = own.point[feature];
+    own.listed[own.n++] = feature;
+    to.here = lanes;
+    to.gap = gap;
+    for (int c = 0; c < 3; ++c) to.at[c] = at[c];
+  }
+
+  // What takes part in these lanes and pushes is what is remembered; all else has not pushed.
+  FAN_FN void keep(const Mask& lanes) {
+    int n_known = 0;
+    kept = lanes;
+    for (int j = 0; j < n_known_; ++j) {
+      Foot& own = foot[known_[j]];
+      Mask some = Real(0.0) > Real(1.0);
+      for (Point& p : own.point) {
+        p.steps = select(p.pushes, p.steps, Real(0.0));
+        p.pushes = p.joins && lanes;
+        p.rested = p.rests;
+        p.steps += select(p.steps <= Real(ContactStepTolerances::steps_of_impact), Real(1.0), Real(0.0));
+        p.steps = select(closes(p), Real(1.0), p.steps);
+        for (int c = 0; c < 3; ++c) p.impulse[c] = p.found[c];
+        some = some || p.pushes;
+      }
+      if (any(some)) known_[n_known++] = known_[j];
+    }
+    n_known_ = n_known;
+  }
+
+  // Lanes in which a point that pushes ends the step as fast as closes its gap.
+  FAN_FN static Mask closes(const Point& p) {
+    return -p.asked > Real(ContactStepTolerances::closing_speed);
+  }
+
+  Foot foot[B];
+  double frame[9];       // the ground's normal, and two tangents
+  int n = 0, found[B];   // feet with points in some lane
+
+ private:
+  // Lists a foot that may have pushed; whether it was not listed.
+  FAN_FN bool know(int solid) {
+    for (int j = 0; j < n_known_; ++j)
+      if (known_[j] == solid) return false;
+    known_[n_known_++] = solid;
+    const Mask none = Real(0.0) > Real(1.0);
+    for (Point& p : foot[solid].point) p.here = p.joins = p.pushes = p.would_pull = p.dropped = none;
+    return true;
+  }
+
+  int n_known_ = 0, known_[B];  // feet that pushed in some lane in the step before, or are found
+};
+
+}  // namespace fan

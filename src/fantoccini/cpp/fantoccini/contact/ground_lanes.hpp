@@ -1,0 +1,318 @@
+// Bundles of lanes that stand: where all that touches are feet on the ground (ground_feet.hpp) that
+// stick, the law of patches.hpp is solved in all lanes at once, by the equations of
+// ground_system.hpp over the strings and limits that pulled in the step before and the feet.
+//
+// Where a foot's force would have to act beyond an edge, only the points on that edge go on taking part;
+// rows that would push leave, and rows and points that close join. Lanes in which the solution still is
+// not that of the law make their steps by themselves. No lane's result depends on its neighbours.
+#pragma once
+
+#include "fantoccini/contact/ground_system.hpp"
+
+FAN_LOOPS_BEGIN
+
+namespace fan {
+
+template <class Model, class Real>
+class GroundLanes {
+  using System = GroundSystem<Model, Real>;
+
+ public:
+  static constexpr int N = System::N, M = System::M, width = System::width;
+  using Mask = typename System::Mask;
+  using Feet = typename System::Feet;
+  using Foot = typename System::Foot;
+  using Point = typename System::Point;
+  using StepTolerance = typename System::StepTolerance;
+
+  Feet feet;
+  Mask lanes = Real(0.0) > Real(1.0);  // that are here in this step
+  Mask stands = lanes;                 // those of them in which points take part
+  Real depth, residual;                // m: of the deepest overlap; of the law
+
+  FAN_FN void begin(const ContactArrays& in) {
+    feet.begin(in);
+    system_.begin(feet);
+    lanes = stands = Real(0.0) > Real(1.0);
+  }
+
+  // Takes the points of feet.found at the start of a step in these lanes; those that are not for here
+  // are left out of `lanes`.
+  template <class Links>
+  FAN_FN void start(
+      const Links& links, const Mask& some, double dt, double whole, double recovery_speed) {
+    lanes = some;
+    stands = Real(0.0) > Real(1.0);
+    depth = residual = exchanged_ = Real(0.0);
+    struck_ = stands;
+    is_solved_ = false;
+    for (int r = 0; r < M; ++r) system_.joins[r] = system_.leaves[r] = Real(0.0) > Real(1.0);
+    system_.dt = dt;
+    for (int j = 0; j < feet.n; ++j) {
+      Foot& own = feet.foot[feet.found[j]];
+      const Real* twist = links.twist(own.link);
+      Mask takes_part = Real(0.0) > Real(1.0);
+      for (int i = 0; i < own.n; ++i) {
+        Point& p = own.point[own.listed[i]];
+        p.joins = p.here && p.pushes;
+        takes_part = takes_part || p.joins;
+        depth = select(p.here && lanes, maximum(Real(-p.gap), depth), depth);
+        const Real h = -p.gap, hdot = rate(twist, p.at);
+        const Real back = h / select(h > Real(0.0), Real(whole > dt ? whole : dt), Real(dt));
+        p.asked = minimum(back, Real(recovery_speed));
+        const Mask may_bounce = hdot > Real(own.restitution > 0.0 ? 0.0 : unbounded);
+        lanes = lanes && (!p.here || p.joins || !may_bounce);
+      }
+      if (!(own.friction > 0.0)) lanes = lanes && !takes_part;
+      stands = stands || takes_part;
+    }
+    stands = stands && lanes;
+  }
+
+  // Leaves these lanes.
+  FAN_FN void leave(const Mask& failed) {
+    lanes = lanes && !failed;
+    stands = stands && !failed;
+  }
+
+  // Solves the law in the lanes that stand, for impulses and s of the gathered rows. Returns the lanes
+  // in which that is none of its solutions.
+  template <class Links>
+  FAN_FN Mask settle(
+      const Links& links, const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
+      const Mask* near, const Real* guess, double cap) {
+    Real n_near = Real(0.0);
+    for (int a = 0; a < rows.n; ++a) n_near += select(near[rows.row[a]], Real(1.0), Real(0.0));
+    if (is_solved_ && !any(stands && n_near != solved_near_)) return Real(0.0) > Real(1.0);
+    is_solved_ = true;
+    solved_near_ = n_near;
+    Mask held;
+    int tries = 0;
+    do held = solve_trees(links, eval, rows, near, guess, cap);
+    while (++tries < most_tries && change_modes(stands && !held));
+    return stands && !held;
+  }
+
+  // What was found for row r: its impulse and its s.
+  FAN_FN const Real& impulse(int r) const { return found_[r]; }
+  FAN_FN const Real& s(int r) const { return s_[r]; }
+
+  // w <- w - W x over the feet.
+  FAN_FN void add(Real* w) const {
+    if (!any(stands)) return;
+    for (int k = 0; k < N; ++k) w[k] += select(stands, taken_[k], Real(0.0));
+  }
+
+  // What the feet take from hdot of gathered row a.
+  FAN_FN Real rate_by_impulses(const RowSystem<Model, Real>& rows, int a) const {
+    if (!any(stands)) return Real(0.0);
+    Real rate[room(M)];
+    rows.along(taken_, rate);
+    return select(stands, Real(-rate[a]), Real(0.0));
+  }
+
+  // Adds the points that would be passed at the velocity v; whether there are any. `failed` takes the
+  // lanes in which one closes that would have had to pull.
+  template <class Links>
+  FAN_FN bool watch(const Links& links, const Real* v, Mask& failed) {
+    bool more = false;
+    for (int j = 0; j < feet.n; ++j) {
+      Foot& own = feet.foot[feet.found[j]];
+      Mask rest = Real(0.0) > Real(1.0);
+      for (int i = 0; i < own.n; ++i) {
+        const Point& p = own.point[own.listed[i]];
+        rest = rest || (p.here && !p.joins && lanes);
+      }
+      if (!any(rest)) continue;
+      Real twist[6];
+      links.twist_at(own.link, v, twist);
+      for (int i = 0; i < own.n; ++i) {
+        Point& p = own.point[own.listed[i]];
+        const Mask closes = p.here && !p.joins && lanes &&
+                            rate(twist, p.at) + p.asked > Real(StepTolerance::passing_speed);
+        if (!any(closes)) continue;
+        more = true;
+        failed = failed || (closes && (p.dropped || Mask(!(Real(own.friction) > Real(0.0)))));
+        p.joins = p.joins || (closes && !p.dropped);
+        stands = stands || (closes && !p.dropped);
+        is_solved_ = false;
+      }
+    }
+    return more;
+  }
+
+  // Remembers what pushes at the end of the step, by what was found, and books impacts. Returns the
+  // lanes in which there are any.
+  FAN_FN Mask keep(Real& impact) {
+    impact = select(struck_ && stands, exchanged_, Real(0.0));
+    feet.keep(lanes);
+    return struck_ && stands;
+  }
+
+ private:
+  static constexpr int most_tries = 4;  // of modes; more are for single steps
+
+  // Solves the problem of all lanes that stand in the modes at hand; returns those in which the law
+  // holds.
+  template <class Links>
+  FAN_FN Mask solve_trees(
+      const Links& links, const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
+      const Mask* near, const Real* guess, double cap) {
+    for (int k = 0; k < N; ++k) taken_[k] = Real(0.0);
+    for (int a = 0; a < rows.n; ++a) {
+      const int r = rows.row[a];
+      found_[r] = Real(0.0);
+      s_[r] = -rows.problem.b[a];
+      would_push_[r] = closes_[r] = Real(0.0) > Real(1.0);
+    }
+    residual = exchanged_ = Real(0.0);
+    struck_ = Real(0.0) > Real(1.0);
+    for (int j = 0; j < feet.n; ++j) {
+      Foot& own = feet.foot[feet.found[j]];
+      for (int i = 0; i < own.n; ++i) own.point[own.listed[i]].would_pull = Real(0.0) > Real(1.0);
+    }
+    Mask held = stands;
+    for (int tree = 0; tree < system_.trees(); ++tree)
+      held = held && solve_some(tree, held, links, eval, rows, near, guess, cap);
+    return held;
+  }
+
+  // In these lanes points that would have to pull and rows that would have to push take part no
+  // longer, and rows that close do; whether there are any.
+  FAN_FN bool change_modes(const Mask& some) {
+    bool more = false;
+    if (!any(some)) return more;
+    for (int j = 0; j < feet.n; ++j) {
+      Foot& own = feet.foot[feet.found[j]];
+      for (int i = 0; i < own.n; ++i) {
+        Point& p = own.point[own.listed[i]];
+        const Mask leaves = p.would_pull && p.joins && some;
+        p.joins = p.joins && !leaves;
+        p.dropped = p.dropped || leaves;
+        more = more || any(leaves);
+      }
+    }
+    for (int r = 0; r < M; ++r) {
+      Mask &left = system_.leaves[r], &joined = system_.joins[r];
+      const Mask leaves = would_push_[r] && some && !left;
+      const Mask joins = closes_[r] && some && !joined && !left;
+      left = left || leaves;
+      joined = joined || joins;
+      more = more || any(leaves || joins);
+    }
+    return more;
+  }
+
+  // hdot of the normal of a point of a link with this twist.
+  FAN_FN Real rate(const Real* twist, const Real* at) const {
+    Real v[3];
+    cross(twist + 3, at, v);
+    const double* n = feet.frame;
+    return -((twist[0] + v[0]) * n[0] + (twist[1] + v[1]) * n[1] + (twist[2] + v[2]) * n[2]);
+  }
+
+  // Solves a tree's part of the problem in these lanes, all at once or, where what takes part in them
+  // is too much, one after the other. Returns those in which the law holds.
+  template <class Links>
+  FAN_FN Mask solve_some(
+      int tree, const Mask& some, const Links& links, const Evaluation<Model, Real>& eval,
+      const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess, double cap) {
+    if (!any(some)) return some;
+    if (system_.list(tree, some, feet, rows, near, guess)) {
+      if (system_.n_rows == 0 && system_.n_feet == 0) return some;
+      return solve(some, links, eval, rows, near, guess, cap);
+    }
+    Mask held = Real(0.0) > Real(1.0);
+    for (int l = 0; l < width; ++l) {
+      if (!lane_of(some, l)) continue;
+      Mask own = Real(0.0) > Real(1.0);
+      own.set(l, true);
+      if (system_.list(tree, own, feet, rows, near, guess))
+        held = held || solve(own, links, eval, rows, near, guess, cap);
+    }
+    return held;
+  }
+
+  // Solves what is listed in these lanes. Returns those in which the law holds.
+  template <class Links>
+  FAN_FN Mask solve(
+      const Mask& some, const Links& links, const Evaluation<Model, Real>& eval,
+      const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess, double cap) {
+    Real share;
+    Mask good = system_.solve_listed(some, links, eval, rows, near, guess, share);
+    if (!any(good)) return good;
+    residual = select(good, maximum(share, residual), residual);
+    check(rows, near, cap, good);
+    take(good, rows);
+    return good;
+  }
+
+  // Narrows `good` to the lanes in which what was found obeys the law.
+  FAN_FN void check(const RowSystem<Model, Real>& rows, const Mask* near, double cap, Mask& good) {
+    const Mask solved = good;
+    Mask struck = Real(0.0) > Real(1.0);
+    for (int i = 0; i < system_.n_single; ++i) {
+      const int a = system_.single[i];
+      const Real& y = system_.y[i];
+      const Mask within = y >= rows.problem.lower[a] && y <= rows.problem.upper[a];
+      would_push_[rows.row[a]] = solved && system_.has[i] && system_.y[i] < rows.problem.lower[a];
+      good = good && (!system_.has[i] || within);
+    }
+    for (int i = 0; i < system_.n_rows; ++i) {
+      const int a = system_.row[i];
+      const Mask closes = near[rows.row[a]] && !system_.pulls[a] && !(system_.speed[a] <= Real(0.0));
+      closes_[rows.row[a]] = closes && solved;
+      good = good && !closes;
+    }
+    for (int p = 0; p < system_.n_feet; ++p) {
+      auto& own = system_.patch[p];
+      const Real* x = system_.y + system_.first[p];
+      Real all[6];
+      for (int k = 0; k < 6; ++k) all[k] = k < own.rank ? x[k] : Real(0.0);
+      good = good && (!own.here || (own.share(all, feet.frame) && x[0] <= Real(cap)));
+      for (int j = 0; j < own.n(); ++j) {
+        Point& point = own.point(j);
+        point.would_pull = point.would_pull && solved;
+        const Real by_forces = own.normal_rate(j, system_.by_forces[p]);
+        const Real most = maximum(by_forces, Real(StepTolerance::passing_speed));
+        point.rests = own.normal_rate(j, system_.at_start[p]) <= most;
+        const Mask is_new = !point.pushes || point.steps < Real(StepTolerance::steps_of_impact);
+        const Mask strikes = (is_new && !point.rests) || Feet::closes(point);
+        struck = struck || (point.joins && strikes);
+      }
+    }
+    struck_ = struck_ || (good && struck);
+  }
+
+  // Takes the solution in these lanes.
+  FAN_FN void take(const Mask& good, const RowSystem<Model, Real>& rows) {
+    for (int k = 0; k < N; ++k) taken_[k] += select(good, system_.taken[k], Real(0.0));
+    exchanged_ += select(good, system_.half_exchanged(), Real(0.0));
+    for (int i = 0; i < system_.n_rows; ++i) {
+      const int a = system_.row[i], r = rows.row[a];
+      s_[r] = select(good, select(system_.pulls[a], Real(0.0), Real(-system_.speed[a])), s_[r]);
+    }
+    for (int i = 0; i < system_.n_single; ++i) {
+      Real& to = found_[rows.row[system_.single[i]]];
+      to = select(good && system_.has[i], system_.y[i], to);
+    }
+    for (int p = 0; p < system_.n_feet; ++p)
+      for (int j = 0; j < system_.patch[p].n(); ++j) {
+        Point& to = system_.patch[p].point(j);
+        for (int c = 0; c < 3; ++c)
+          to.found[c] = select(good && to.joins, system_.patch[p].impulse(j)[c], to.found[c]);
+      }
+  }
+
+  System system_;
+  bool is_solved_ = false;
+  Real solved_near_;                     // rows that took part in the last solve
+  Real taken_[room(N)], exchanged_;      // of the feet: - W x, and half_exchanged()
+  Mask struck_;                          // lanes with an impact
+  Real found_[room(M)], s_[room(M)];     // of the rows
+  Mask would_push_[room(M)], closes_[room(M)];  // lanes in which a row does so in the last solution
+};
+
+}  // namespace fan
+
+FAN_LOOPS_END

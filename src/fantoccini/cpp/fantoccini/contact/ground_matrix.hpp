@@ -1,0 +1,81 @@
+// math/dense_ldl.hpp for a bundle of lanes: A = U^T D U of symmetric positive definite matrices,
+// without pivoting, a right side beside A. Rows of a lane that depend on those before are left out
+// there.
+#pragma once
+
+#include "fantoccini/math/lanes.hpp"
+
+FAN_LOOPS_BEGIN
+
+namespace fan {
+
+template <class Real>
+class GroundMatrix {
+ public:
+  using Mask = typename Traits<Real>::Mask;
+  static constexpr int most = 64;
+
+  FAN_FN void resize(int n) { n_ = n; }
+
+  // Entry (i, j) of A, j >= i; the right side at j = n.
+  FAN_FN Real& at(int i, int j) { return A_[i * (n_ + 1) + j]; }
+
+  // Replaces A by D U. Rows whose pivot falls to the share `least` of their diagonal entry are left
+  // out; returns the lanes that have any.
+  FAN_FN Mask factorise(int n, double least) {
+    const int stride = n + 1;
+    Mask some = Real(0.0) > Real(1.0);
+    Real low[most];
+    for (int i = 0; i < n; ++i) low[i] = least * A_[i * stride + i];
+    for (int k = 0; k < n; ++k) {
+      const Real* top = A_ + k * stride;
+      const Mask firm = top[k] > low[k] && top[k] < Real(unbounded);
+      some = some || !firm;
+      out_[k] = !firm;
+      const Real by = inverse_[k] = select(firm, Real(1.0) / select(firm, top[k], Real(1.0)), Real(0.0));
+      for (int i = k + 1; i < n; ++i) {
+        const Real share = top[i] * by;
+        Real* own = A_ + i * stride;
+        for (int j = i; j <= n; ++j) own[j] -= share * top[j];
+      }
+    }
+    return some;
+  }
+
+  // r = A^-1 b of the right side beside A, with numbers that are given for the rows left out.
+  FAN_FN void take_column(Real* r, const Real* given) const {
+    for (int i = 0; i < n_; ++i) r[i] = A_[i * (n_ + 1) + n_];
+    back(r, given);
+  }
+
+  // r <- A^-1 r, with 0 for the rows left out.
+  FAN_FN void substitute(Real* r) const {
+    const int stride = n_ + 1;
+    for (int k = 0; k < n_; ++k) {
+      const Real part = r[k] * inverse_[k];
+      for (int j = k + 1; j < n_; ++j) r[j] -= part * A_[k * stride + j];
+    }
+    back(r, nullptr);
+  }
+
+  // The lanes in which row i was left out.
+  FAN_FN const Mask& is_left_out(int i) const { return out_[i]; }
+
+ private:
+  FAN_FN void back(Real* r, const Real* given) const {
+    const int stride = n_ + 1;
+    for (int i = n_ - 1; i >= 0; --i) {
+      Real sum = r[i];
+      for (int j = i + 1; j < n_; ++j) sum -= A_[i * stride + j] * r[j];
+      r[i] = select(out_[i], given ? given[i] : Real(0.0), Real(sum * inverse_[i]));
+    }
+  }
+
+  int n_ = 0;
+  Mask out_[most];
+  Real A_[most * (most + 1)], inverse_[most];
+};
+
+}  // namespace fan
+
+FAN_LOOPS_END

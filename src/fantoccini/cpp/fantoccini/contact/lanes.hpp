@@ -1,0 +1,168 @@
+// Contacts of a time step of a bundle of lanes, with the interface of step.hpp: those of lanes
+// that stand on the ground alone are solved here, all at once (ground_lanes.hpp). Other lanes are
+// `apart`: they take no part here, and make their steps one by one (timestepping/single_lanes.hpp).
+#pragma once
+
+#include "fantoccini/contact/ground_lanes.hpp"
+#include "fantoccini/contact/near_lanes.hpp"
+#include "fantoccini/contact/step.hpp"
+
+namespace fan {
+
+template <class Model, class Real>
+class ContactLanes {
+ public:
+  static constexpr int N = Model::n_vD, M = Model::n_rows, C = Model::n_contacts;
+  static constexpr int width = Traits<Real>::width;
+  using Mask = typename Traits<Real>::Mask;
+  using Push = ContactPush;
+
+  Real violation, work, impact, friction;  // depth; energies of the step
+  Real residual = Real(0.0);               // of the law, in the last step
+  Mask apart = Real(0.0) > Real(1.0);      // lanes that are not solved here
+
+  // Nothing has touched anything yet.
+  FAN_FN void begin(const ContactArrays& in) {
+    links_.begin(in);
+    ground_.begin(in);
+    for (int l = 0; l < width; ++l) {
+      n_[l] = 0;
+      too_many_[l] = false;
+    }
+  }
+
+  bool too_many(int lane) const { return too_many_[lane]; }
+
+  template <class Memory>
+  FAN_FN void remember(Memory& memory) {
+    list_pushes();
+    memory.keep_of_lanes(n_);
+    memory.keep_of_lanes(push_);
+    memory.keep_of_lanes(too_many_);
+  }
+
+  // As ContactStep's, of the lanes that are not apart.
+  FAN_FN void take_as_resting() {
+    list_pushes();
+    for (int l = 0; l < width; ++l) n_[l] = keep_resting(push_[l], n_[l]);
+  }
+
+  FAN_FN void find(
+      const ContactArrays& in, const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
+      const Real* p, double dt, double whole, double recovery_speed, const Mask& idle) {
+    work = impact = friction = residual = Real(0.0);
+    links_.place_at(in, q_D, v_D, q_K, v_K, p, dt);
+    auto& feet = ground_.feet;
+    fresh_ = !feet.kept;
+    for (int l = 0; l < width; ++l)
+      if (!lane_of(feet.kept, l) && !lane_of(idle, l)) feet.take(in, l, push_[l], n_[l]);
+    const Mask alone = links_.find_on(in, dt, feet.kept && !idle, feet);
+    ground_.start(links_, alone, dt, whole, recovery_speed);
+    violation = ground_.depth;
+    apart = !idle && !ground_.lanes;
+  }
+
+  // Leaves lanes whose links impulses have made faster than the margins of find() allow for; whether
+  // there are any.
+  FAN_FN bool look_again(const Real* acc, double dt) {
+    const Mask fast = ground_.lanes && links_.outruns(acc, dt);
+    leave(fast);
+    return any(fast);
+  }
+
+  // Whether points take part in all lanes but these.
+  FAN_FN bool take_part(const Mask& idle) const { return !any(!(ground_.stands || idle)); }
+
+  // Adds the points that would be passed at the velocity v; whether there are any.
+  FAN_FN bool watch(const Real* v) {
+    Mask failed = Real(0.0) > Real(1.0);
+    const bool more = ground_.watch(links_, v, failed);
+    leave(failed);
+    return more;
+  }
+
+  // As ContactStep's.
+  FAN_FN void settle(
+      const Evaluation<Model, Real>& eval, RowSystem<Model, Real>& rows, const Mask* near,
+      Real* guess, double cap, Mask& settled) {
+    if (!any(ground_.stands)) return;
+    leave(ground_.settle(links_, eval, rows, near, guess, cap));
+    const Mask& here = ground_.stands;
+    auto& problem = rows.problem;
+    settled = settled || here;
+    for (int a = 0; a < rows.n; ++a) {
+      const int r = rows.row[a];
+      problem.x[a] = select(here, ground_.impulse(r), problem.x[a]);
+      problem.s[a] = select(here, ground_.s(r), problem.s[a]);
+      problem.high[a] = problem.high[a] && !here;
+    }
+  }
+
+  // w <- w - W x over the points.
+  FAN_FN void add(Real* w) const { ground_.add(w); }
+
+  // What the impulses take from hdot of gathered row a.
+  FAN_FN Real rate_by_impulses(const RowSystem<Model, Real>& rows, int a) const {
+    return ground_.rate_by_impulses(rows, a);
+  }
+
+  // The energies of the step, and what pushes at its end. Returns 1 in lanes with an impact, else 0.
+  FAN_FN Real account() {
+    residual = select(ground_.stands, ground_.residual, Real(0.0));
+    const Mask struck = ground_.keep(impact);
+    for (int l = 0; l < width; ++l)
+      if (!lane_of(apart, l)) n_[l] = 0;
+    return select(struck, Real(1.0), Real(0.0));
+  }
+
+  // Calls f with the lane and the pair of every point that pushes.
+  template <class F>
+  void each_push(const F& f) const {
+    for (int l = 0; l < width; ++l) {
+      if (lane_of(ground_.feet.kept, l))
+        ground_.feet.each_push(l, [&](const auto& foot, int) { f(l, foot.pair); });
+      else
+        for (int i = 0; i < n_[l]; ++i) f(l, push_[l][i].pair);
+    }
+  }
+
+  // Gives the contacts of a lane that is apart to a step of its own, and takes what that makes of
+  // them.
+  FAN_FN void give(int l, ContactStep<Model, double>& to) {
+    to.take(push_[l], n_[l], links_.near(l));
+  }
+  FAN_FN void take(int l, ContactStep<Model, double>& from) {
+    n_[l] = from.give(push_[l], links_.near(l));
+    too_many_[l] = from.too_many(0);
+    lane_of(residual, l) = from.residual;
+    links_.learn(l);
+  }
+
+ private:
+  // These lanes go on apart.
+  FAN_FN void leave(const Mask& lanes) {
+    if (!any(lanes)) return;
+    for (int l = 0; l < width; ++l)
+      if (lane_of(lanes && !fresh_, l)) n_[l] = ground_.feet.give(l, push_[l]);
+    ground_.leave(lanes);
+    apart = apart || lanes;
+  }
+
+  // Lists what pushes of lanes on the ground, too, as the others' is.
+  FAN_FN void list_pushes() {
+    auto& feet = ground_.feet;
+    for (int l = 0; l < width; ++l)
+      if (lane_of(feet.kept, l)) n_[l] = feet.give(l, push_[l]);
+    feet.kept = Real(0.0) > Real(1.0);
+  }
+
+  NearLanes<Model, Real> links_;
+  GroundLanes<Model, Real> ground_;
+  Mask fresh_;  // lanes that were not kept by the feet at the start of the step
+  // Of these: what pushes.
+  int n_[width];
+  Push push_[width][room(C)];
+  bool too_many_[width];
+};
+
+}  // namespace fan

@@ -1,0 +1,264 @@
+// Points of one pair that stand flat on one another and stick: together they hold a relative twist,
+// so that six rows at most take the place of three for each,
+//
+//   F = sum of x_i,   T = sum of d_i x x_i          (d_i from the middle of the points)
+//
+// in a frame of the normal and two tangents: F alone for one point; for two, which do not hold the
+// turn about the line between them, F and two parts of T. Any impulses within the cones that add up
+// to F and T give the same motion; these do, with c the centre of pressure:
+//
+//   n_i = N times the polygon's coordinates of c (Wachspress),
+//   t_i = n_i (F_t / N + alpha (d_i - c) turned by a right angle)
+#pragma once
+
+#include "fantoccini/collision/touch.hpp"
+#include "fantoccini/contact/push.hpp"
+#include "fantoccini/math/real.hpp"
+
+FAN_LOOPS_BEGIN
+
+namespace fan {
+
+struct ContactPatchTolerances {
+  // How far points may lie off a plane, relative to their distance from the middle, and normals turn.
+  // How far they must lie off a line, likewise, squared.
+  static constexpr double flat = 1e-10;
+  static constexpr double line = 1e-6;
+};
+
+class ContactPatch {
+ public:
+  using Tolerance = ContactPatchTolerances;
+
+  int pair, n = 0;
+  int point[max_touches];  // of the step
+  int rank = 0;            // rows: three of F, then those of T
+  double middle[3], frame[9];  // normal and tangents
+  double size = 1.0;           // m: rows of T are this times a turn
+  double b[6];                 // the rows' hdot and what is asked for beyond
+  double misfit = 0.0;         // m/s: of b and the points
+
+  // How many of F and T it has.
+  FAN_FN int parts() const { return rank > 3 ? 2 : 1; }
+
+  // Takes the points listed, with their hdot (three numbers each, by point) and what their normals
+  // ask for beyond. Whether they are flat, and at most two where they lie on a line.
+  template <class Point>
+  FAN_FN bool make(const Point* at, const double* hdot, const double* asked) {
+    const double* own = at[point[0]].frame;
+    for (int k = 0; k < 9; ++k) frame[k] = own[k];
+    for (int c = 0; c < 3; ++c) middle[c] = 0.0;
+    for (int i = 0; i < n; ++i)
+      for (int c = 0; c < 3; ++c) middle[c] += at[point[i]].at[c] * (1.0 / n);
+    misfit = 0.0;
+    rank = 3;
+    size = 1.0;
+    if (n == 1) {
+      d_[0][0] = d_[0][1] = sine_[0] = 0.0;
+      cosine_[0] = 1.0;
+      for (int k = 0; k < 3; ++k) b[k] = hdot[3 * point[0] + k];
+      b[0] += asked[point[0]];
+      return true;
+    }
+    return is_flat(at) && fit(hdot, asked);
+  }
+
+  // F and T of impulses of the step's points, three each.
+  FAN_FN void add_up(const double* impulses, double* x) const {
+    double turn[3] = {};
+    for (int k = 0; k < 3; ++k) x[k] = 0.0;
+    for (int i = 0; i < n; ++i) {
+      const double *own = impulses + 3 * point[i], *d = d_[i];
+      const double p = cosine_[i] * own[1] - sine_[i] * own[2];
+      const double q = sine_[i] * own[1] + cosine_[i] * own[2];
+      x[0] += own[0];
+      x[1] += p;
+      x[2] += q;
+      turn[0] += d[0] * q - d[1] * p;
+      turn[1] += d[1] * own[0];
+      turn[2] -= d[0] * own[0];
+    }
+    for (int k = 3; k < rank; ++k) x[k] = turn[k - 3] / size;
+  }
+
+  // The normal's part at its point i of rates of the patch's rows.
+  FAN_FN double normal_rate(int i, const double* rate) const {
+    double out = rate[0];
+    if (rank > 3) out += d_[i][1] * rate[4] / size;
+    if (rank > 5) out -= d_[i][0] * rate[5] / size;
+    return out;
+  }
+
+  // The impulses of the points, three each, from F and T; false where these leave a cone.
+  FAN_FN bool share(const double* x, double mu, double* impulses) const {
+    const double N = x[0];
+    if (!(N > 0.0)) return false;
+    const double c[2] = {rank > 5 ? -size / N * x[5] : 0.0, rank > 3 ? size / N * x[4] : 0.0};
+    double weight[max_touches];
+    if (!weigh(c, weight)) return false;
+    const double F[2] = {x[1] / N, x[2] / N};
+    double alpha = 0.0;
+    if (rank > 3) {
+      double inertia = 0.0;
+      for (int i = 0; i < n; ++i) {
+        const double p = d_[i][0] - c[0], q = d_[i][1] - c[1];
+        inertia += weight[i] * (p * p + q * q);
+      }
+      alpha = (size * x[3] / N - (c[0] * F[1] - c[1] * F[0])) / inertia;
+    }
+    for (int i = 0; i < n; ++i) {
+      const double p = F[0] - alpha * (d_[i][1] - c[1]), q = F[1] + alpha * (d_[i][0] - c[0]);
+      if (!(p * p + q * q <= mu * mu)) return false;
+      const double own = N * weight[i];
+      impulses[3 * i] = own;
+      impulses[3 * i + 1] = own * (cosine_[i] * p + sine_[i] * q);
+      impulses[3 * i + 2] = own * (cosine_[i] * q - sine_[i] * p);
+    }
+    return true;
+  }
+
+ private:
+  // Where points lie along the tangents, which are turned for two points: the second then is along
+  // the line between them.
+  template <class Point>
+  FAN_FN bool is_flat(const Point* at) {
+    double square = 0.0, off = 0.0, bend = 0.0;
+    for (int i = 0; i < n; ++i) {
+      const auto& own = at[point[i]];
+      double d[3], turned = 0.0;
+      for (int c = 0; c < 3; ++c) {
+        d[c] = own.at[c] - middle[c];
+        turned += fabs(own.frame[c] - frame[c]);
+      }
+      d_[i][0] = dot3(frame + 3, d);
+      d_[i][1] = dot3(frame + 6, d);
+      const double away = d_[i][0] * d_[i][0] + d_[i][1] * d_[i][1];
+      const double height = fabs(dot3(frame, d));
+      square = away > square ? away : square;
+      off = height > off ? height : off;
+      bend = turned > bend ? turned : bend;
+    }
+    size = sqrt(square);
+    if (!(size > 0.0) || off > Tolerance::flat * size || bend > Tolerance::flat) return false;
+    if (n == 2) {
+      // The first tangent becomes (y, -x), the second (x, y).
+      const double x = d_[0][0] / size, y = d_[0][1] / size;
+      for (int c = 3; c < 6; ++c) {
+        const double first = frame[c], second = frame[c + 3];
+        frame[c] = y * first - x * second;
+        frame[c + 3] = x * first + y * second;
+      }
+      for (int i = 0; i < 2; ++i) {
+        const double along = x * d_[i][0] + y * d_[i][1];
+        d_[i][0] = 0.0;
+        d_[i][1] = along;
+      }
+    }
+    for (int i = 0; i < n; ++i) {
+      cosine_[i] = dot3(frame + 3, at[point[i]].frame + 3);
+      sine_[i] = -dot3(frame + 3, at[point[i]].frame + 6);
+    }
+    return true;
+  }
+
+  // b, from all points alike; false where more than two lie on a line. The rates of the points:
+  //   h_n + (d_2 theta_1 - d_1 theta_2, - d_2 theta_n, d_1 theta_n)
+  FAN_FN bool fit(const double* hdot, const double* asked) {
+    double own[max_touches][3], mean[3] = {}, turn = 0.0, first = 0.0, second = 0.0;
+    double s11 = 0.0, s12 = 0.0, s22 = 0.0;
+    for (int i = 0; i < n; ++i) {
+      const double *w = hdot + 3 * point[i], *d = d_[i];
+      own[i][0] = w[0] + asked[point[i]];
+      own[i][1] = cosine_[i] * w[1] - sine_[i] * w[2];
+      own[i][2] = sine_[i] * w[1] + cosine_[i] * w[2];
+      for (int k = 0; k < 3; ++k) mean[k] += own[i][k] * (1.0 / n);
+      turn += d[0] * own[i][2] - d[1] * own[i][1];
+      first += d[1] * own[i][0];
+      second -= d[0] * own[i][0];
+      s11 += d[0] * d[0];
+      s12 += d[0] * d[1];
+      s22 += d[1] * d[1];
+    }
+    double theta[3] = {turn / (s11 + s22), first / s22, 0.0};
+    rank = 5;
+    if (n > 2) {
+      const double det = s11 * s22 - s12 * s12;
+      if (!(det > Tolerance::line * (s11 + s22) * (s11 + s22))) return false;
+      theta[1] = (s11 * first + s12 * second) / det;
+      theta[2] = (s12 * first + s22 * second) / det;
+      rank = 6;
+    }
+    for (int k = 0; k < 3; ++k) {
+      b[k] = mean[k];
+      b[3 + k] = size * theta[k];
+    }
+    for (int i = 0; i < n; ++i) {
+      const double *d = d_[i];
+      const double off[3] = {d[1] * theta[1] - d[0] * theta[2], -d[1] * theta[0], d[0] * theta[0]};
+      for (int k = 0; k < 3; ++k) {
+        const double left = fabs(own[i][k] - mean[k] - off[k]);
+        misfit = left > misfit ? left : misfit;
+      }
+    }
+    return true;
+  }
+
+  // The points' shares of the normal impulse with its centre at c; false where c lies outside.
+  FAN_FN bool weigh(const double* c, double* weight) const {
+    if (n == 1) {
+      weight[0] = 1.0;
+      return true;
+    }
+    if (n == 2) {
+      weight[0] = 0.5 + 0.5 * c[1] / d_[0][1];
+      weight[1] = 1.0 - weight[0];
+      return weight[0] >= 0.0 && weight[1] >= 0.0;
+    }
+    int round[max_touches];
+    go_round(round);
+    // From c; twice the areas of the triangles of c and an edge.
+    double e[max_touches + 2][2], area[max_touches + 1], sum = 0.0;
+    for (int j = 0; j < n; ++j)
+      for (int k = 0; k < 2; ++k) e[j + 1][k] = d_[round[j]][k] - c[k];
+    for (int k = 0; k < 2; ++k) {
+      e[0][k] = e[n][k];
+      e[n + 1][k] = e[1][k];
+    }
+    const auto twice = [&](int i, int j) { return e[i][0] * e[j][1] - e[i][1] * e[j][0]; };
+    for (int j = 0; j <= n; ++j) {
+      area[j] = twice(j, j + 1);
+      if (!(area[j] > 0.0)) return false;
+    }
+    for (int j = 1; j <= n; ++j) {
+      // The triangle of a point and its neighbours over those with c: negative where not convex.
+      const double own = (area[j - 1] + area[j] - twice(j - 1, j + 1)) / (area[j - 1] * area[j]);
+      if (!(own >= 0.0)) return false;
+      weight[round[j - 1]] = own;
+      sum += own;
+    }
+    for (int i = 0; i < n; ++i) weight[i] *= 1.0 / sum;
+    return true;
+  }
+
+  // The points in their order around the middle.
+  FAN_FN void go_round(int* round) const {
+    const auto is_upper = [&](int i) { return d_[i][1] > 0.0 || (d_[i][1] == 0.0 && d_[i][0] > 0.0); };
+    const auto comes_first = [&](int i, int j) {
+      if (is_upper(i) != is_upper(j)) return is_upper(i);
+      return d_[i][0] * d_[j][1] - d_[i][1] * d_[j][0] > 0.0;
+    };
+    for (int i = 0; i < n; ++i) {
+      int place = i;
+      for (; place > 0 && comes_first(i, round[place - 1]); --place) round[place] = round[place - 1];
+      round[place] = i;
+    }
+  }
+
+  double d_[max_touches][2];  // from the middle, along the tangents
+  // Of the tangents in those of the points, which rounding may turn.
+  double cosine_[max_touches], sine_[max_touches];
+};
+
+}  // namespace fan
+
+FAN_LOOPS_END

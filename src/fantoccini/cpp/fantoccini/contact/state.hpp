@@ -1,0 +1,195 @@
+// The contact points of a time step: where they are, which of them take part, what their normals are
+// asked for, and the impulses, which begin with those of the step before.
+#pragma once
+
+#include "fantoccini/contact/points.hpp"
+#include "fantoccini/contact/push.hpp"
+#include "fantoccini/model/evaluation.hpp"
+
+FAN_LOOPS_BEGIN
+
+namespace fan {
+
+template <class Model, class Real>
+struct ContactState {
+  static constexpr int C = Model::n_contacts, N = Model::n_vD, M = Model::n_rows;
+  static constexpr int width = Traits<Real>::width;
+  using Points = ContactPoints<Model, Real>;
+  using Tolerance = ContactStepTolerances;
+  using Push = ContactPush;
+
+  Points points;
+  const ContactArrays* in = nullptr;
+  double dt = 0.0;                 // s: of the step
+  bool near[width][room(C)];       // whether a point takes part
+  int chosen[width] = {};          // how many do
+  int steps[width][room(C)];       // for which a point has pushed
+  bool is_carried[width][room(C)];  // whether a point of the same pair pushed in the step before
+  int wait[width][room(C)];        // steps for which a point's group is not tried as patches
+  bool pulls[width][room(M)];      // whether a row that takes part may pull
+  // Of one trajectory: the points and rows that are solved as patches (patches.hpp), and the
+  // residual of these.
+  bool held[room(C)] = {}, row_held[room(M)] = {};
+  double held_residual = 0.0;
+  // m/s: e u_n- of new contacts, 0 of others; how fast solids part without it.
+  double rebound[width][room(C)], parting[width][room(C)];
+  bool bounces[width];  // whether any contact bounces
+  double scale[width];  // of the restitutions of the step
+  Real x[room(3 * C)], s[room(3 * C)], b[room(3 * C)];
+  // hdot after the step without impulses; at its start; b - before of the normals. is_before_known
+  // is false while nothing has asked for `before`, nor for b.
+  Real before[room(3 * C)], hdot[room(3 * C)], asked[room(C)];
+  bool is_before_known = true;
+
+  // Whether point i takes part in the law as it is solved point by point.
+  FAN_FN bool takes_part(int l, int i) const { return near[l][i] && !held[i]; }
+
+  // v+ - v without impulses.
+  FAN_FN void unhindered(const Evaluation<Model, Real>& eval, Real* dv) const {
+    Real w[room(N)];
+    for (int k = 0; k < N; ++k) w[k] = dt * eval.w0[k];
+    eval.back(w, dv);
+  }
+
+  // `before` of all points.
+  FAN_FN void know_before(const Evaluation<Model, Real>& eval) {
+    Real dv[room(N)];
+    unhindered(eval, dv);
+    typename Points::Rates free(points, dv);
+    for (int i = 0; i < points.most; ++i) {
+      const Triple<Real> by_forces = free.change(i);
+      for (int d = 0; d < 3; ++d) before[3 * i + d] = hdot[3 * i + d] + by_forces[d];
+    }
+    is_before_known = true;
+  }
+
+  // b of all points.
+  FAN_FN void know_aims() {
+    for (int i = 0; i < points.most; ++i) {
+      b[3 * i] = before[3 * i] + asked[i];
+      for (int d = 1; d < 3; ++d) b[3 * i + d] = before[3 * i + d];
+    }
+  }
+
+  FAN_FN void need_before(const Evaluation<Model, Real>& eval) {
+    if (is_before_known) return;
+    know_before(eval);
+    know_aims();
+  }
+
+  // Whether all points pushed in the step before, or others of their pairs did, or they stay away at
+  // the velocities of the start, and none can bounce: what takes part then is left to
+  // ContactStep::watch(). Of one trajectory.
+  FAN_FN bool all_pushed() const {
+    bool all = true;
+    for (int i = 0; i < points.n[0]; ++i) {
+      const double closing = lane_of(hdot[3 * i], 0), way = -parting[0][i];
+      const bool stays_away = closing < Tolerance::share_of_way * way;
+      const bool may_bounce = steps[0][i] == 0 && closing > 0.0 &&
+                              in->restitution[points.point[0][i].pair] > 0.0;
+      all = all && (is_carried[0][i] || stays_away) && !may_bounce;
+    }
+    return all;
+  }
+
+  // The speed at which a point is asked to part beyond stopping: minus the gap over the step.
+  FAN_FN void ask(int l, int i, double whole, double recovery_speed) {
+    const double h = -points.point[l][i].gap;
+    const double back = h / (h > 0.0 && whole > dt ? whole : dt);
+    parting[l][i] = lane_of(asked[i], l) = back < recovery_speed ? back : recovery_speed;
+    rebound[l][i] = 0.0;
+  }
+
+  // Whether a point takes part, and its rebound.
+  FAN_FN void aim(int l, int i) {
+    if (!is_before_known) {
+      chosen[l] += near[l][i];
+      return;
+    }
+    const double closing = lane_of(hdot[3 * i], l), free = lane_of(before[3 * i], l);
+    const double back = in->restitution[points.point[l][i].pair] * closing;
+    const bool is_new = steps[l][i] == 0 && free + parting[l][i] > 0.0;
+    const bool springs = is_new && back > parting[l][i] && back > free - closing;
+    if (springs) rebound[l][i] = lane_of(asked[i], l) = back;
+    bounces[l] = bounces[l] || springs;
+    // Where other points of the pair carried it before, they are tried first; see
+    // ContactStep::watch().
+    const bool waits = is_carried[l][i] && !springs;
+    near[l][i] = near[l][i] || (!waits && free + lane_of(asked[i], l) > 0.0);
+    chosen[l] += near[l][i];
+  }
+
+  // Sets the rebound velocities of lane l, scaled by the factor.
+  FAN_FN void set_rebounds(int l) {
+    for (int i = 0; i < points.n[l]; ++i) {
+      if (rebound[l][i] == 0.0) continue;
+      const double back = scale[l] * rebound[l][i], least = parting[l][i];
+      lane_of(asked[i], l) = back > least ? back : least;
+      lane_of(b[3 * i], l) = lane_of(before[3 * i], l) + lane_of(asked[i], l);
+    }
+  }
+
+  // Tells the points of a lane, in order, which of them pushed in the step before.
+  FAN_FN void recognise(int l, const Push* pushes, int n_pushes) {
+    int j = 0;
+    const auto is_of = [&](int k, int pair) {
+      return k >= 0 && k < n_pushes && pushes[k].pair == pair;
+    };
+    for (int i = 0; i < points.n[l]; ++i) {
+      auto& p = points.point[l][i];
+      while (j < n_pushes && is_before(pushes[j], p)) ++j;
+      p.before = is_of(j, p.pair) && pushes[j].feature == p.feature ? j : -1;
+      p.carried = is_of(j, p.pair) || is_of(j - 1, p.pair);
+      p.slid = false;
+      for (int k = j; is_of(k, p.pair); ++k) p.slid = p.slid || slides(pushes[k]);
+      for (int k = j - 1; is_of(k, p.pair); --k) p.slid = p.slid || slides(pushes[k]);
+    }
+  }
+
+  // What pushed in the step before takes part, with its impulses as the first guess.
+  FAN_FN void recall(int l, const Push* pushes) {
+    for (int i = 0; i < points.n[l]; ++i) {
+      const auto& p = points.point[l][i];
+      const bool pushed = near[l][i] = points.has(l, i) && p.before >= 0;
+      is_carried[l][i] = points.has(l, i) && p.carried;
+      rebound[l][i] = 0.0;
+      steps[l][i] = wait[l][i] = 0;
+      if (!pushed) continue;
+      const Push& own = pushes[p.before];
+      steps[l][i] = own.steps;
+      wait[l][i] = own.wait > 0 ? own.wait - 1 : 0;
+      for (int d = 0; d < 3; ++d)
+        lane_of(x[3 * i + d], l) = dot3(p.frame + 3 * d, own.impulse);
+    }
+  }
+
+  // hdot of row i after the step.
+  FAN_FN double after(int l, int i) const {
+    return -lane_of(s[i], l) - (i % 3 == 0 ? lane_of(asked[i / 3], l) : 0.0);
+  }
+
+  // Whether the forces of one step alone have closed point i as fast as it closes at the start.
+  FAN_FN bool rested(int l, int i) const {
+    const double closing = lane_of(hdot[3 * i], l);
+    const double by_forces = lane_of(before[3 * i], l) - closing;
+    return closing <= (by_forces > Tolerance::passing_speed ? by_forces : Tolerance::passing_speed);
+  }
+
+  // Whether point i is part of an impact. A corner on which a body that rests comes to stand is not.
+  FAN_FN bool strikes(int l, int i) const {
+    return (steps[l][i] < Tolerance::steps_of_impact && !rested(l, i)) || closes(l, i);
+  }
+
+  // Whether point i, if it pushes, ends the step as fast as closes its gap.
+  FAN_FN bool closes(int l, int i) const { return -parting[l][i] > Tolerance::closing_speed; }
+
+ private:
+  FAN_FN static bool slides(const Push& push) {
+    const double *v = push.velocity, along = dot3(v, push.normal);
+    return dot3(v, v) - along * along > Tolerance::sliding_speed * Tolerance::sliding_speed;
+  }
+};
+
+}  // namespace fan
+
+FAN_LOOPS_END

@@ -1,0 +1,365 @@
+// Contacts of a time step, solved as one problem with the strings and limits that take part:
+//
+//   gap/dt + u_n >= 0, complementary to x_n >= 0;   |x_t| <= mu x_n,
+//   x_t = -mu x_n u_t/|u_t| where u_t != 0                    (Signorini, Coulomb; solvers/cone.hpp)
+//
+// with u the velocity of the first solid against the second after the step, x the impulse on the
+// first. As for strings, solids that overlap part at the recovery speed at most. A new contact with
+// restitution e leaves with u_n+ = -e u_n- at least, unless the forces of one step would take the
+// rebound back. With friction, or unequal e, that may add energy; all are then scaled down until
+// none is added. Of one trajectory; for bundles of lanes see lanes.hpp.
+#pragma once
+
+#include "fantoccini/contact/patches.hpp"
+#include "fantoccini/contact/problem.hpp"
+#include "fantoccini/contact/share.hpp"
+#include "fantoccini/contact/state.hpp"
+
+FAN_LOOPS_BEGIN
+
+namespace fan {
+
+template <class Model, class Real>
+class ContactStep {
+  using State = ContactState<Model, Real>;
+  using Points = typename State::Points;
+
+ public:
+  static constexpr int C = Model::n_contacts, N = Model::n_vD, M = Model::n_rows;
+  static constexpr int width = Traits<Real>::width;
+  using Mask = typename Traits<Real>::Mask;
+  using Tolerance = ContactStepTolerances;
+  using Push = ContactPush;
+  using Rates = typename Points::Rates;
+
+  int n[width] = {};  // points that push
+  Push push[width][room(C)];
+  Real violation, work, impact, friction;  // depth; energies of the step
+  Real residual = Real(0.0);               // of the law, in the last step
+
+  // The points that the last step looked at.
+  const Points& candidates() const { return state_.points; }
+
+  // Whether patches hold in the last step.
+  bool has_patches() const { return patches_.holds_some(); }
+
+  bool too_many(int lane) const { return state_.points.too_many[lane]; }
+
+  // Nothing has touched anything yet.
+  FAN_FN void begin(const ContactArrays& in) {
+    state_.points.begin(in);
+    for (int l = 0; l < width; ++l) {
+      n[l] = 0;
+      state_.points.too_many[l] = false;
+    }
+    state_.points.most = 0;
+  }
+
+  template <class Memory>
+  FAN_FN void remember(Memory& memory) {
+    memory.keep_of_lanes(n);
+    memory.keep_of_lanes(push);
+    memory.keep_of_lanes(state_.points.too_many);
+  }
+
+  // What pushes now and was at rest has pushed for long; all else has touched nothing yet.
+  FAN_FN void take_as_resting() { n[0] = keep_resting(push[0], n[0]); }
+
+  // Takes what pushed in the step before, and the list of near pairs; and what becomes of them.
+  template <class Near>
+  FAN_FN void take(const Push* pushes, int n_pushes, const Near& near) {
+    n[0] = n_pushes;
+    for (int i = 0; i < n_pushes; ++i) push[0][i] = pushes[i];
+    state_.points.near() = near;
+    state_.points.too_many[0] = false;
+  }
+  template <class Near>
+  FAN_FN int give(Push* pushes, Near& near) {
+    for (int i = 0; i < n[0]; ++i) pushes[i] = push[0][i];
+    near = state_.points.near();
+    return n[0];
+  }
+
+  // Finds the points at the start of a step of length dt and their speeds without impulses; eval is
+  // that of the step.
+  FAN_FN void find(
+      const ContactArrays& in, const Evaluation<Model, Real>& eval, const Real* q_D,
+      const Real* v_D, const Real* q_K, const Real* v_K, const Real* p, double dt, double whole,
+      double recovery_speed, const Mask& idle) {
+    state_.in = &in;
+    state_.dt = dt;
+    state_.points.find(in, q_D, v_D, q_K, v_K, p, dt, idle, [&](int l) {
+      state_.recognise(l, push[l], n[l]);
+    });
+    violation = work = impact = friction = residual = Real(0.0);
+    for (int l = 0; l < width; ++l) {
+      state_.chosen[l] = 0;
+      for (int i = 0; i < state_.points.n[l]; ++i) {
+        if (!state_.points.has(l, i)) continue;
+        const double depth = -state_.points.point[l][i].gap;
+        if (depth > lane_of(violation, l)) lane_of(violation, l) = depth;
+      }
+    }
+    for (int r = 0; r < M; ++r) row_x_[r] = row_s_[r] = Real(0.0);
+    problem_.begin();
+    looks_ = 0;
+    for (int l = 0; l < width; ++l) {
+      for (int r = 0; r < M; ++r) state_.pulls[l][r] = false;
+      state_.bounces[l] = false;
+      state_.scale[l] = 1.0;
+      solved_with_[l] = 0;
+    }
+    patches_.let_go(state_);
+    if (state_.points.most == 0) return;
+    for (int i = 0; i < state_.points.most; ++i) {
+      const Triple<Real> start = state_.points.rate(i, v_D);
+      for (int d = 0; d < 3; ++d) {
+        state_.x[3 * i + d] = Real(0.0);
+        state_.hdot[3 * i + d] = start[d];
+      }
+    }
+    for (int l = 0; l < width; ++l) state_.recall(l, push[l]);
+    for (int i = 0; i < state_.points.n[0]; ++i) state_.ask(0, i, whole, recovery_speed);
+    state_.is_before_known = !state_.all_pushed();
+    if (state_.is_before_known) state_.know_before(eval);
+    for (int i = 0; i < state_.points.n[0]; ++i) state_.aim(0, i);
+    if (state_.is_before_known) state_.know_aims();
+  }
+
+  // Looks again where impulses have made links faster, by acc over the step from v_D, than the
+  // margins of find() allow for, and adds the points that would be passed; whether there are any.
+  FAN_FN bool look_again(
+      const Evaluation<Model, Real>& eval, const Real* v_D, const Real* acc, const Real* v_K,
+      double dt, double whole, double recovery_speed, const Mask& idle) {
+    const Mask lanes = !idle && state_.points.outruns(acc, dt);
+    if (!any(lanes) || looks_ == Tolerance::looks) return false;
+    ++looks_;
+    Real v[room(N)];
+    int known[width];
+    const int most = state_.points.most;
+    for (int l = 0; l < width; ++l) known[l] = state_.points.n[l];
+    for (int k = 0; k < N; ++k) v[k] = v_D[k] + acc[k];
+    if (!state_.points.find_more(*state_.in, v, v_K, dt, lanes)) return false;
+    for (int i = 3 * most; i < 3 * state_.points.most; ++i) state_.x[i] = Real(0.0);
+    state_.need_before(eval);
+    Real dv[room(N)];
+    state_.unhindered(eval, dv);
+    Rates free(state_.points, dv), now_at(state_.points, v_D);
+    for (int l = 0; l < width; ++l)
+      for (int i = known[l]; i < state_.points.n[l]; ++i) {
+        problem_.renew(i);
+        const Triple<Real> start = now_at(i), by_forces = free.change(i);
+        for (int d = 0; d < 3; ++d) {
+          lane_of(state_.hdot[3 * i + d], l) = lane_of(start[d], l);
+          lane_of(state_.b[3 * i + d], l) = lane_of(state_.before[3 * i + d], l) =
+              lane_of(start[d], l) + lane_of(by_forces[d], l);
+        }
+        state_.steps[l][i] = state_.wait[l][i] = 0;
+        state_.near[l][i] = true;
+        state_.is_carried[l][i] = false;
+        state_.ask(l, i, whole, recovery_speed);
+        state_.aim(l, i);
+        lane_of(state_.b[3 * i], l) += lane_of(state_.asked[i], l);
+      }
+    return true;
+  }
+
+  // Whether points take part in all lanes but these.
+  FAN_FN bool take_part(const Mask& idle) const {
+    for (int l = 0; l < width; ++l)
+      if (state_.chosen[l] == 0 && !lane_of(idle, l)) return false;
+    return true;
+  }
+
+  // Adds the points that would be passed at the velocity v; whether there are any.
+  FAN_FN bool watch(const Real* v) {
+    bool more = false;
+    Rates rates(state_.points, v);
+    for (int i = 0; i < state_.points.most; ++i) {
+      const Real now = rates(i)[0];
+      for (int l = 0; l < width; ++l) {
+        if (!state_.points.has(l, i) || state_.near[l][i]) continue;
+        const double closing = lane_of(now, l) + lane_of(state_.asked[i], l);
+        if (!(closing > Tolerance::passing_speed)) continue;
+        state_.near[l][i] = more = true;
+        ++state_.chosen[l];
+      }
+    }
+    return more;
+  }
+
+  // Solves for the impulses of the points and of the gathered rows that take part, in the lanes in
+  // which points do; the rows' problem holds their bounds, and then their impulses x and s. near
+  // tells which rows take part; a lane to which none were added since keeps its solution. `guess` (n_rows) are impulses of the rows to begin with, `before`
+  // is the gathered rows' hdot after the step without impulses.
+  FAN_FN void settle(
+      const Evaluation<Model, Real>& eval, RowSystem<Model, Real>& rows, const Mask* near,
+      Real* guess, const Real* before, double cap, Mask& settled) {
+    Real found[room(M)], s[room(M)], of_lane = Real(0.0), well = Real(0.0);
+    int taking_part[width];
+    Real n_near = Real(0.0);
+    for (int a = 0; a < rows.n; ++a) n_near += select(near[rows.row[a]], Real(1.0), Real(0.0));
+    for (int l = 0; l < width; ++l) taking_part[l] = state_.chosen[l] + int(lane_of(n_near, l));
+    bool held = false;  // all of it by patches
+    if (state_.chosen[0] != 0 && taking_part[0] != solved_with_[0])
+      held = patches_.hold(state_, eval, rows, near, guess, cap, found, s);
+    if (!held) state_.need_before(eval);
+    if (!held) problem_.make_columns(state_, eval, rows, near, guess);
+    for (int l = 0; l < width; ++l) {
+      if (state_.chosen[l] == 0) continue;
+      if (taking_part[l] != solved_with_[l]) {
+        solved_with_[l] = taking_part[l];
+        well_[l] = held || problem_.bounce(state_, l, rows, near, guess, before, cap, found, s);
+        lane_of(residual, l) = held ? state_.held_residual : lane_of(problem_.residual, l);
+        for (int a = 0; a < rows.n; ++a) {
+          lane_of(row_x_[rows.row[a]], l) = lane_of(found[a], l);
+          lane_of(row_s_[rows.row[a]], l) = lane_of(s[a], l);
+        }
+      }
+      lane_of(of_lane, l) = 1.0;
+      if (well_[l]) lane_of(well, l) = 1.0;
+    }
+    const Mask here = of_lane > Real(0.5);
+    settled = (settled && !here) || (here && well > Real(0.5));
+    auto& problem = rows.problem;
+    for (int a = 0; a < rows.n; ++a) {
+      const Real x = row_x_[rows.row[a]];
+      problem.x[a] = select(here, x, problem.x[a]);
+      problem.s[a] = select(here, row_s_[rows.row[a]], problem.s[a]);
+      problem.high[a] = (problem.high[a] && !here) || (here && !(x < problem.upper[a] * (1.0 - Tolerance::at_bound)));
+    }
+  }
+
+  // w <- w - W x over the points.
+  FAN_FN void add(Real* w) const {
+    for (int i = 0; i < state_.points.most; ++i)
+      if (pushes(i)) problem_.columns().take(i, state_.x + 3 * i, state_.points.moved[i], w);
+    patches_.add(w);
+  }
+
+  // What the impulses take from hdot of gathered row a.
+  FAN_FN Real rate_by_impulses(const RowSystem<Model, Real>& rows, int a) const {
+    Real sum = Real(0.0);
+    for (int i = 0; i < state_.points.most; ++i) {
+      if (!pushes(i)) continue;
+      const Triple<Real>& by = problem_.columns().across[i][a];
+      sum += by[0] * state_.x[3 * i] + by[1] * state_.x[3 * i + 1] + by[2] * state_.x[3 * i + 2];
+    }
+    sum += patches_.rate_by_impulses(rows, a);
+    return sum;
+  }
+
+  // The energies of the step, and what pushes at its end. Returns 1 in lanes with an impact, else
+  // 0.
+  FAN_FN Real account() {
+    Real struck = Real(0.0);
+    for (int l = 0; l < width; ++l)
+      for (int i = 0; i < state_.points.n[l]; ++i)
+        if (lane_of(state_.x[3 * i], l) > 0.0 && state_.strikes(l, i)) lane_of(struck, l) = 1.0;
+    for (int l = 0; l < width; ++l) {
+      int pushes = 0;
+      for (int i = 0; i < state_.points.n[l]; ++i)
+        if (lane_of(state_.x[3 * i], l) > 0.0) {
+          const double x[3] = {
+              lane_of(state_.x[3 * i], l), lane_of(state_.x[3 * i + 1], l),
+              lane_of(state_.x[3 * i + 2], l)};
+          add_push(l, i, x, push[l], pushes);
+          if (lane_of(struck, l) > 0.5) book_impact(l, i);
+          else book_friction(l, i);
+        }
+      n[l] = pushes;
+    }
+    return struck;
+  }
+
+  // What pushes at the end of the step as it is reported: where points share what they carry, the
+  // impulses of least norm. Of one trajectory, not of lanes. Returns how many there are.
+  int shared(
+      const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
+      ContactShare<M + 3 * C>& share, Push* out) {
+    int found = 0, n_out = 0;
+    for (int i = 0; i < state_.points.n[0]; ++i) found += lane_of(state_.x[3 * i], 0) > 0.0;
+    if (state_.chosen[0] == 0 || found != n[0]) {
+      for (int i = 0; i < n[0]; ++i) out[i] = push[0][i];
+      return n[0];
+    }
+    patches_.let_go(state_);
+    state_.need_before(eval);
+    problem_.take_all(state_, eval, rows);
+    for (int g = 0; g < problem_.groups(); ++g) {
+      if (!problem_.restore(state_, g, rows)) continue;
+      double x[room(3 * C)];
+      share.find(problem_.cone(), x);
+      for (int k = 0; k < problem_.points(); ++k) {
+        if (!(x[3 * k] > 0.0)) continue;
+        add_push(0, problem_.point(k), x + 3 * k, out, n_out);
+      }
+    }
+    return n_out;
+  }
+
+ private:
+  // Whether point i has an impulse of its own in some lane.
+  FAN_FN bool pushes(int i) const {
+    const Real* x = state_.x + 3 * i;
+    return !state_.held[i] && any(x[0] != Real(0.0) || x[1] != Real(0.0) || x[2] != Real(0.0));
+  }
+
+  // Adds point i of lane l as it pushes with the impulse x to a list, in order.
+  FAN_FN void add_push(int l, int i, const double* x, Push* list, int& n_list) const {
+    const auto& from = state_.points.point[l][i];
+    int place = n_list++;
+    for (; place > 0 && !is_before(list[place - 1], from); --place) list[place] = list[place - 1];
+    Push& out = list[place];
+    out.pair = from.pair;
+    out.feature = from.feature;
+    const int steps = state_.steps[l][i];
+    out.steps = state_.closes(l, i) ? 1 : steps + (steps <= Tolerance::steps_of_impact);
+    out.wait = state_.wait[l][i];
+    out.rested = state_.rested(l, i);
+    out.gap = from.gap;
+    const double u[3] = {
+        state_.after(l, 3 * i), state_.after(l, 3 * i + 1), state_.after(l, 3 * i + 2)};
+    for (int c = 0; c < 3; ++c) {
+      out.at[c] = from.at[c];
+      out.normal[c] = from.frame[c];
+      out.impulse[c] = x[0] * from.frame[c] + x[1] * from.frame[3 + c] + x[2] * from.frame[6 + c];
+      out.velocity[c] = -u[0] * from.frame[c] - u[1] * from.frame[3 + c] - u[2] * from.frame[6 + c];
+    }
+  }
+
+  // Adds what the friction of point i takes, at the velocity after the step.
+  FAN_FN void book_friction(int l, int i) {
+    for (int d = 3 * i; d < 3 * i + 3; ++d) {
+      const double x = lane_of(state_.x[d], l);
+      lane_of(work, l) += x * lane_of(state_.points.rate_K[i][d - 3 * i], l);
+      if (d != 3 * i) lane_of(friction, l) += x * state_.after(l, d);
+    }
+  }
+
+  // The same in a step with an impact, whose impulses also act where solids rest: each takes what it
+  // takes at the mean of the velocities before and after the step.
+  FAN_FN void book_impact(int l, int i) {
+    for (int d = 3 * i; d < 3 * i + 3; ++d) {
+      const double x = lane_of(state_.x[d], l), end = state_.after(l, d);
+      const double rubs = d == 3 * i || state_.strikes(l, i) ? 0.0 : x * end;
+      lane_of(work, l) += x * lane_of(state_.points.rate_K[i][d - 3 * i], l);
+      lane_of(friction, l) += rubs;
+      lane_of(impact, l) += 0.5 * x * (lane_of(state_.hdot[d], l) + end) - rubs;
+    }
+  }
+
+  State state_;
+  ContactPatches<Model, Real> patches_;
+  ContactProblem<Model, Real> problem_;
+  int looks_ = 0;                  // how often was looked again
+  // Of each lane's last solve in the step: how many rows and points took part, whether it went well;
+  // impulses and s of the rows.
+  int solved_with_[width];
+  bool well_[width];
+  Real row_x_[room(M)], row_s_[room(M)];
+};
+
+}  // namespace fan
+
+FAN_LOOPS_END

@@ -1,0 +1,173 @@
+// The points that push in a step, held in their modes beside the strings and limits, and what that
+// makes of the step's derivatives.
+#pragma once
+
+#include "fantoccini/contact/push.hpp"
+#include "fantoccini/derivatives/contact_partials.hpp"
+#include "fantoccini/derivatives/step_columns.hpp"
+#include "fantoccini/model/evaluation.hpp"
+#include "fantoccini/solvers/mode_system.hpp"
+
+FAN_LOOPS_BEGIN
+
+namespace fan {
+
+struct ModesOfStepTolerances {
+  // Force that is shared otherwise, relative to the largest, to see whether motions depend on it.
+  static constexpr double shift = 0.1;
+  // Change of a derivative by which it depends on that, relative to the largest by its quantity, and
+  // derivatives by one quantity that are rounding, relative to the largest of all.
+  static constexpr double depends = 1e-6, rounding = 1e-8;
+};
+
+template <class Model>
+class ModesOfStep {
+ public:
+  static constexpr int N = Model::n_vD, K = Model::n_vK, P = Model::n_p, E = N + K;
+  static constexpr int M = Model::n_rows, C = Model::n_contacts, R = M + 3 * C;
+  using Eval = Evaluation<Model, double>;
+  using Columns = StepColumns<Model>;
+
+  void begin(
+      const StepContact* points, int n, const double* screws, const double* by_p, double dt) {
+    n_ = n < C ? n : C;
+    for (int i = 0; i < n_; ++i) point_[i] = points[i];
+    screws_ = screws;
+    by_p_ = by_p;
+    dt_ = dt;
+  }
+
+  // w <- w + F^-T Q with the generalised forces Q of all points.
+  void push(const Eval& eval, double* w) {
+    double Q[room(N)] = {}, out[room(N)];
+    partials_.begin(screws_, Q, Q, none_, by_p_, dt_);
+    for (int i = 0; i < n_; ++i) partials_.push(point_[i], Q);
+    Model::forth_of(eval.L, Q, out);
+    for (int k = 0; k < N; ++k) w[k] += out[k];
+  }
+
+  // The velocities before and after the step.
+  void move(const double* v_D, const double* v_next, const double* rate) {
+    partials_.begin(screws_, v_D, v_next, rate, by_p_, dt_);
+  }
+
+  // Finds dt dacc and, unless null, writes the changes `pull` of the tensions, with the held rows and
+  // their changes `rate_by` and the changes `force` of the residual, all in bundles. Returns why these
+  // are no derivatives.
+  int solve(
+      const Eval& eval, const RowSystem<Model, double>& rows, const Columns& columns, Wide* force,
+      const Wide* rate_by, Wide* pull) {
+    columns_ = &columns;
+    n_held_ = rows.n;
+    for (int a = 0; a < rows.n; ++a) {
+      for (int k = 0; k < N; ++k) system_.C[a][k] = system_.B[a][k] = rows.column[a][k];
+      for (int b = 0; b < columns.n_bundles; ++b) rate_[b * R + a] = rate_by[b * M + a];
+    }
+    assemble(eval, force);
+    const bool jams = !system_.factorise();
+    solve(eval, force, found_, pull);
+    if (jams) return JAMS;
+    bool slides = false;
+    for (int i = 0; i < n_; ++i) slides = slides || !point_[i].sticks;
+    double idle[room(R)];
+    const bool shares = slides && system_.idle(idle);
+    if (shares && depends(eval, force, idle)) return OPEN_SHARES;
+    return 0;
+  }
+
+  // dt dacc, in bundles.
+  Wide* found() { return found_; }
+
+ private:
+  using Tolerance = ModesOfStepTolerances;
+  using Partials = ContactPartials<Model>;
+
+  // The rows of the points; their changes, and those of `force`.
+  void assemble(const Eval& eval, Wide* force) {
+    for (int i = 0; i < Partials::n_columns * N; ++i) by_[i] = 0.0;
+    int n = n_held_, n_turning = 0;
+    for (int i = 0; i < n_; ++i) {
+      double rows[3][room(N)], forces[3][room(N)], drag[room(N)];
+      int held;
+      const bool turns = partials_.take(point_[i], &held, rows, forces, change_, drag, by_);
+      for (int d = 0; d < held; ++d, ++n) {
+        Model::forth_of(eval.L, rows[d], system_.C[n]);
+        Model::forth_of(eval.L, forces[d], system_.B[n]);
+        for (int b = 0; b < columns_->n_bundles; ++b) rate_[b * R + n] = Wide(0.0);
+        for (int c = 0; c < Partials::n_columns; ++c)
+          Columns::at(rate_, R, place(c), n) = change_[d][c];
+      }
+      if (turns) Model::forth_of(eval.L, drag, system_.Z[n_turning++]);
+    }
+    system_.n_rows = n;
+    system_.n_turning = n_turning;
+    for (int c = 0; c < Partials::n_columns; ++c)
+      for (int k = 0; k < N; ++k) Columns::at(force, N, place(c), k) += by_[c * N + k];
+  }
+
+  // Where a column of ContactPartials is among those of the step: q_D, v_D, q_K, dq_K/dt, and p last.
+  int place(int c) const {
+    if (c < N) return c;
+    if (c < E) return N + c;
+    if (c < E + N) return c - K;
+    if (c < 2 * E) return c;
+    return columns_->n - P + (c - 2 * E);
+  }
+
+  // dt dacc and, unless null, the changes `pull` of the tensions.
+  void solve(const Eval& eval, const Wide* force, Wide* found, Wide* pull) {
+    for (int b = 0; b < columns_->n_bundles; ++b) {
+      if (!Columns::acts(b)) continue;
+      const Wide* rate = rate_ + b * R;
+      Wide x[room(N)], w[room(N)], y[room(R)];
+      for (int k = 0; k < N; ++k) x[k] = -force[b * N + k];
+      Model::forth_of(eval.L, x, w);
+      system_.solve(w, rate, y);
+      Model::back_of(eval.L, w, x);
+      for (int k = 0; k < N; ++k) found[b * N + k] = dt_ * x[k];
+      for (int a = 0; pull && a < n_held_; ++a) pull[b * M + a] = y[a];
+    }
+  }
+
+  // Whether the motion depends on how redundant points share their force: shares that do nothing,
+  // `idle`, are added to it.
+  bool depends(const Eval& eval, Wide* force, const double* idle) {
+    for (int c = 0; c < Partials::n_columns; ++c)
+      for (int k = 0; k < N; ++k) Columns::at(force, N, place(c), k) -= by_[c * N + k];
+    share_otherwise(point_, n_, n_held_, idle, Tolerance::shift);
+    assemble(eval, force);
+    if (!system_.factorise()) return true;
+    solve(eval, force, other_, nullptr);
+    Wide all = Wide(0.0), size[room(Columns::most)];
+    for (int b = 0; b < columns_->n_bundles; ++b) {
+      size[b] = Wide(0.0);
+      if (!Columns::acts(b)) continue;
+      for (int k = 0; k < N; ++k) size[b] = maximum(fabs(found_[b * N + k]), size[b]);
+      all = maximum(size[b], all);
+    }
+    double most = 0.0;
+    for (int l = 0; l < Columns::width; ++l) most = maximum(lane_of(all, l), most);
+    for (int b = 0; b < columns_->n_bundles; ++b) {
+      if (!Columns::acts(b)) continue;
+      const Wide bound = Tolerance::depends * maximum(size[b], Wide(Tolerance::rounding * most));
+      for (int k = 0; k < N; ++k)
+        if (any(fabs(other_[b * N + k] - found_[b * N + k]) > bound)) return true;
+    }
+    return false;
+  }
+
+  StepContact point_[room(C)];
+  int n_ = 0, n_held_ = 0;
+  const Columns* columns_ = nullptr;
+  const double *screws_, *by_p_;
+  double dt_, none_[room(K)] = {};
+  Partials partials_;
+  ModeSystem<R, C, N> system_;
+  double change_[3][room(Partials::n_columns)], by_[room(Partials::n_columns * N)];
+  Wide rate_[room(Columns::most * R)], found_[room(Columns::most * N)];  // in bundles
+  Wide other_[room(Columns::most * N)];
+};
+
+}  // namespace fan
+
+FAN_LOOPS_END

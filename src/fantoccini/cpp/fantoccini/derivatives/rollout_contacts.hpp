@@ -1,0 +1,119 @@
+// What touches in the steps of a rollout: kept while it is made, and held in the sweep backward
+// (rollout_gradient.hpp) in the modes of each step.
+#pragma once
+
+#include <vector>
+
+#include "fantoccini/derivatives/contact_partials.hpp"
+#include "fantoccini/derivatives/contact_pull.hpp"
+#include "fantoccini/derivatives/step_modes.hpp"
+#include "fantoccini/solvers/mode_system.hpp"
+
+namespace fan {
+
+template <class Model>
+class RolloutContacts {
+ public:
+  static constexpr int NQ = Model::n_qD, N = Model::n_vD, NQK = Model::n_qK, K = Model::n_vK;
+  static constexpr int P = Model::n_p, M = Model::n_rows, C = Model::n_contacts, R = M + 3 * C;
+  static constexpr int L = Model::n_links, E = N + K, n_columns = 2 * E + P;
+
+  void clear() {
+    points_.clear();
+    first_.assign(1, 0);
+  }
+
+  // Keeps what touches in step k, which `run` has made.
+  void keep(const GradientArrays& in, long long k, TimeSteppingTrajectory<Model, double>& run) {
+    if (run.opt.contacts) {
+      begin_at(in, k);
+      in.n_points[k] = modes_.find(run, in.reference_force, point_);
+      in.edges[k] = modes_.edges;
+      in.pairs[k] = modes_.pair;
+      in.n_sliding[k] = 0;
+      for (int i = 0; i < in.n_points[k]; ++i) in.n_sliding[k] += !point_[i].sticks;
+      points_.insert(points_.end(), point_, point_ + in.n_points[k]);
+    }
+    first_.push_back(points_.size());
+  }
+
+  // Takes the points of step k again, which moves on with v_next; whether there are any.
+  bool take(const GradientArrays& in, long long k, const double* v_next) {
+    n_ = int(first_[k + 1] - first_[k]);
+    if (n_ == 0) return false;
+    for (int i = 0; i < n_; ++i) point_[i] = points_[first_[k] + i];
+    begin_at(in, k);
+    modes_.screws(screws_, by_p_);
+    partials_.begin(screws_, in.v_D + k * N, v_next, in.rate + k * K, by_p_, in.options.dt);
+    pull_.begin(screws_, in.v_D + k * N, v_next, in.rate + k * K, by_p_, in.options.dt);
+    return true;
+  }
+
+  // Holds the points beside the gathered rows; false where friction jams.
+  bool hold(const Evaluation<Model, double>& eval, const RowSystem<Model, double>& rows) {
+    int n = n_held_ = rows.n, n_turning = 0;
+    for (int a = 0; a < n; ++a)
+      for (int k = 0; k < N; ++k) system_.C[a][k] = system_.B[a][k] = rows.column[a][k];
+    for (int i = 0; i < n_; ++i) {
+      double own[3][room(N)], forces[3][room(N)], drag[room(N)];
+      int held;
+      const bool turns = partials_.hold(point_[i], &held, own, forces, drag);
+      for (int d = 0; d < held; ++d, ++n) {
+        Call<Model, double>::forth(eval.L, own[d], system_.C[n]);
+        Call<Model, double>::forth(eval.L, forces[d], system_.B[n]);
+      }
+      if (turns) Call<Model, double>::forth(eval.L, drag, system_.Z[n_turning++]);
+    }
+    system_.n_rows = n;
+    system_.n_turning = n_turning;
+    return system_.factorise();
+  }
+
+  const ModeSystem<R, C, N>& system() const { return system_; }
+
+  bool slides() const {
+    for (int i = 0; i < n_; ++i)
+      if (!point_[i].sticks) return true;
+    return false;
+  }
+
+  // Adds what the points give to a sum's derivatives by q_D, q_K, v_D, rate and p (n_columns,), from z
+  // and the y of all rows.
+  void pull_back(const double* z, const double* y, double* out) {
+    pull_.take(z);
+    for (int i = 0, a = n_held_; i < n_; ++i) {
+      double by[3] = {};
+      for (int d = 0; d < (point_[i].sticks ? 3 : 1); ++d, ++a) by[d] = -y[a];
+      pull_.add(point_[i], by, out);
+    }
+  }
+
+  // Adds forces `idle` of all rows, in parts of the largest force, to those of the points.
+  void share_otherwise(const double* idle, double part) {
+    fan::share_otherwise(point_, n_, n_held_, idle, part);
+  }
+
+  // The pair of the first point that slides.
+  int sliding_pair() const {
+    for (int i = 0; i < n_; ++i)
+      if (!point_[i].sticks) return point_[i].pair;
+    return point_[0].pair;
+  }
+
+ private:
+  void begin_at(const GradientArrays& in, long long k) {
+    modes_.begin(in.q_D + k * NQ, in.v_D + k * N, in.q_K + k * NQK, in.rate + k * K, in.p);
+  }
+
+  std::vector<StepContact> points_;  // of all steps
+  std::vector<size_t> first_;        // (steps + 1,) of each
+  StepModes<Model> modes_;
+  StepContact point_[room(C)];  // of one step
+  int n_ = 0, n_held_ = 0;      // those, and the rows before theirs
+  double screws_[room(6 * E)], by_p_[room((L + E) * 6 * P)];
+  ContactPartials<Model> partials_;
+  ContactPull<Model> pull_;
+  ModeSystem<R, C, N> system_;
+};
+
+}  // namespace fan

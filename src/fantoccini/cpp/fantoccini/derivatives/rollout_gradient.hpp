@@ -1,0 +1,329 @@
+// A rollout of the time-stepper, and the gradient of a cost of it by one sweep backward. With l the
+// cost's derivatives by what a step ends with, and g = dt l_v+ + l_a by its mean acceleration,
+//
+//   [M + dt F, A_D^T; A_D, 0] (z, y) = (g, l_tension),   l <- l+ - d(z . r + y/dt . R)
+//
+// where r is the residual of Eq. 10 with the velocity products of v_ahead (timestepping/step.hpp) and
+// R = A_D v+ + A_K rate + min(h/dt, recovery speed) that of the rows that the step holds. The matrix
+// is that of the step itself, so that a sweep costs a factorisation and a gradient of a scalar a step.
+//
+// Where solids touch, A_D is C, the rows that the step holds and those of its points in their modes, in
+// the second equation, and B, the forces that hold them, transposed in the first; M has Z^T Z beside
+// it (solvers/mode_system.hpp). What makes such a step one without derivative is looked for on the way.
+#pragma once
+
+#include "fantoccini/derivatives/rollout_contacts.hpp"
+#include "fantoccini/derivatives/step_turn.hpp"
+#include "fantoccini/model/evaluation.hpp"
+#include "fantoccini/solvers/held_factor.hpp"
+#include "fantoccini/timestepping/trajectory.hpp"
+
+namespace fan {
+
+template <class Model>
+class RolloutGradient {
+ public:
+  static constexpr int NQ = Model::n_qD, N = Model::n_vD, NQK = Model::n_qK, K = Model::n_vK;
+  static constexpr int P = Model::n_p, S = Model::n_strings, M = Model::n_rows;
+  static constexpr bool touches = Model::n_contacts > 0;
+
+  // The rollout from the first node.
+  void roll(GradientArrays& in) {
+    begin(in);
+    in.slip = 0.0;
+    in.shortened = in.n;
+    long long k = 0;
+    for (; k < in.n; ++k) {
+      inputs(in, k + 1, run_.coming());
+      const bool steady = run_.at.steady, steadier = run_.at.steadier;
+      const double dt = in.options.dt, half = steady ? 0.5 * dt : 0.0;
+      in.ahead[2 * k] = half;
+      in.ahead[2 * k + 1] = steady && steadier ? 0.25 * dt : 0.0;
+      run_.advance(dt);
+      if (Status(int(run_.status)) != RUNNING) break;
+      if constexpr (touches) contacts_.keep(in, k, run_);
+      const auto& state = run_.state();
+      const double* v = in.v_D + k * N;
+      double apart = 0.0, size = 1.0;
+      for (int j = 0; j < N; ++j) {
+        in.acc_D[k * N + j] = run_.at.acc()[j];
+        in.v_D[(k + 1) * N + j] = state.v_D[j];
+        apart = fmax(apart, fabs(v[j] + dt * run_.at.acc()[j] - state.v_D[j]));
+        size = fmax(size, 1.0 + fabs(state.v_D[j]));
+      }
+      if (apart > shortened * size && k < in.shortened) in.shortened = k;
+      for (int j = 0; j < NQ; ++j) in.q_D[(k + 1) * NQ + j] = state.q_D[j];
+      for (int r = 0; r < M; ++r) in.tension[k * M + r] = run_.at.tension[r];
+      for (int i = 0; i < S; ++i) in.slip = fmax(in.slip, run_.at.slip[i]);
+    }
+    in.made = k;
+    const Status status = Status(int(run_.status));
+    in.status = status == RUNNING ? run_.motors.verdict(0) : status;
+  }
+
+  // The gradient of a rollout that was made; it ends at a step that has no derivative.
+  void sweep(const GradientArrays& in) {
+    const double dt = in.options.dt;
+    double l_a[2][room(N)] = {};  // by the accelerations of the step before, and of the one before it
+    for (int j = 0; j < N; ++j) {
+      l_q_[j] = in.l_q[in.n * N + j];
+      l_v_[j] = in.l_v[in.n * N + j];
+    }
+    for (int j = 0; j < P; ++j) in.g_p[j] = 0.0;
+    for (long long k = in.n - 1; k >= 0; --k) {
+      double w[room(N)], z[room(N)], y[room(rows)];
+      evaluate(in, k);
+      turn_back(in.v_D + (k + 1) * N, dt);
+      for (int j = 0; j < N; ++j) l_a[0][j] += dt * l_v_[j];
+      Call<Model, double>::forth(eval_.L, l_a[0], w);
+      if (take_contacts(in, k)) {
+        in.edges[k] |= fault(in, k);
+        if (in.edges[k] >= LEAVES_LAW) return;
+        for (int a = 0; a < rows; ++a)
+          y[a] = in.l_tension && a < rows_.n ? -in.l_tension[k * M + rows_.row[a]] : 0.0;
+        solve_contacts(w, y);
+        eval_.back(w, z);
+      } else {
+        rows_.along(w, y);
+        for (int a = 0; in.l_tension && a < rows_.n; ++a)
+          y[a] -= in.l_tension[k * M + rows_.row[a]];
+        factor_.factorise(rows_.problem.G, Complementarity<double, M>::N, rows_.n);
+        factor_.solve(y);
+        double less[room(M)];
+        for (int a = 0; a < rows_.n; ++a) less[a] = -y[a];
+        rows_.add(less, w);
+        eval_.back(w, z);
+      }
+      take_back(in, k, z, y, l_a);
+    }
+    for (int j = 0; j < N; ++j) {
+      in.g_q[j] = l_q_[j];
+      in.g_v[j] = l_v_[j];
+    }
+  }
+
+ private:
+  // Relative difference between a step's velocity and its equations' at which it was cut short.
+  static constexpr double shortened = 1e-9;
+  // Force that is shared otherwise, relative to the largest, to see whether motions depend on it;
+  // change of a derivative by which it does, relative to itself; and what is rounding, relative to the
+  // largest.
+  static constexpr double shift = 0.1, depends = 1e-6, rounding = 1e-4;
+
+  // Those that a step may hold, and numbers that it is differentiated by.
+  static constexpr int rows = M + 3 * Model::n_contacts, n_by = 2 * N + 3 * K + P;
+
+  // d(z . r + y/dt . R) by the quantities of a step, of which v_D has parts.
+  struct Products {
+    double g_q[room(N)], g_v[room(N)], g_ahead[room(N)], g_next[room(N)], g_p[room(P)];
+    double *g_qK, *g_vK, *g_aK;
+
+    double by_v(int j) const { return g_v[j] + g_ahead[j] + g_next[j]; }
+  };
+
+  void begin(const GradientArrays& in) {
+    run_.opt = in.options;
+    run_.winches.set(in.winches);
+    for (int k = 0; k < P; ++k) run_.p[k] = in.p[k];
+    for (int k = 0; k < NQ; ++k) run_.state().q_D[k] = in.q_D[k];
+    for (int k = 0; k < N; ++k) run_.state().v_D[k] = in.v_D[k];
+    for (int i = 0; i < S; ++i) run_.at.slip[i] = 0.0;
+    inputs(in, 0, run_.inputs());
+    run_.begin();
+    if constexpr (touches) contacts_.clear();
+  }
+
+  // Those of node k, with the forces and accelerations of the step that begins there.
+  template <class Inputs>
+  static void inputs(const GradientArrays& in, long long k, Inputs& out) {
+    const long long step = k < in.n ? k : in.n - 1;
+    for (int j = 0; j < NQK; ++j) out.q_K[j] = in.q_K[k * NQK + j];
+    for (int j = 0; j < K; ++j) {
+      out.v_K[j] = in.v_K[k * K + j];
+      out.acc_K[j] = in.mean[step * K + j];
+    }
+    const double* force = in.u_D.first ? in.u_D.first + step * in.u_D.stride : nullptr;
+    for (int j = 0; j < N; ++j) out.u_D[j] = force ? force[j] : 0.0;
+  }
+
+  // The equations of step k and the rows that it holds.
+  void evaluate(const GradientArrays& in, long long k) {
+    const double *v = in.v_D + k * N, *half = in.ahead + 2 * k;
+    const double* force = in.u_D.first ? in.u_D.first + k * in.u_D.stride : nullptr;
+    double u_D[room(N)];
+    for (int j = 0; j < N; ++j) {
+      u_D[j] = force ? force[j] : 0.0;
+      const double a = k > 0 ? in.acc_D[(k - 1) * N + j] : 0.0;
+      const double before = k > 1 ? in.acc_D[(k - 2) * N + j] : 0.0;
+      v_ahead_[j] = v[j] + (half[0] * a + half[1] * (a - before));
+    }
+    eval_.at(
+        in.q_D + k * NQ, v, in.q_K + k * NQK, in.rate + k * K, in.mean + k * K, u_D, v_ahead_,
+        in.options.dt, in.p);
+    const unsigned char* held = in.held + k * M;
+    int list[room(M)], n = 0;
+    for (int r = 0; r < M; ++r)
+      if (held[r]) list[n++] = r;
+    rows_.gather(eval_, v, list, n);
+  }
+
+  // l by q+ becomes that by q at a fixed v+, and adds to l by v+.
+  void turn_back(const double* v_next, double dt) {
+    using Space = typename Model::Dynamic;
+    for (int i = 0; i < Space::n_scalars; ++i) {
+      const int k = Space::scalar_v[i];
+      l_v_[k] += dt * l_q_[k];
+    }
+    for (int i = 0; i < Space::n_quaternions; ++i) {
+      const int k = Space::quaternion_v[i];
+      double phi[3], J[9], R[9], l[3];
+      for (int c = 0; c < 3; ++c) {
+        phi[c] = dt * v_next[k + c];
+        l[c] = l_q_[k + c];
+      }
+      step_turn(phi, J, R);
+      for (int c = 0; c < 3; ++c) {
+        l_v_[k + c] += dt * (J[c] * l[0] + J[3 + c] * l[1] + J[6 + c] * l[2]);
+        l_q_[k + c] = R[c] * l[0] + R[3 + c] * l[1] + R[6 + c] * l[2];
+      }
+    }
+  }
+
+  // From step k to the node before it.
+  void take_back(
+      const GradientArrays& in, long long k, const double* z, const double* y,
+      double (*l_a)[room(N)]) {
+    Products to;
+    to.g_qK = in.g_qK + k * K;
+    to.g_vK = in.g_rate + k * K;
+    to.g_aK = in.g_mean + k * K;
+    multiply(in, k, z, y, to);
+    const double* half = in.ahead + 2 * k;
+    for (int j = 0; j < K; ++j) {
+      to.g_qK[j] = -to.g_qK[j];
+      to.g_vK[j] = -to.g_vK[j];
+      to.g_aK[j] = -to.g_aK[j];
+    }
+    for (int j = 0; j < P; ++j) in.g_p[j] -= to.g_p[j];
+    for (int j = 0; j < N; ++j) {
+      in.g_u[k * N + j] = z[j];
+      l_q_[j] += in.l_q[k * N + j] - to.g_q[j];
+      l_v_[j] += in.l_v[k * N + j] - to.by_v(j);
+      l_a[0][j] = l_a[1][j] - (half[0] + half[1]) * to.g_ahead[j];
+      l_a[1][j] = half[1] * to.g_ahead[j];
+    }
+  }
+
+  // The products of step k.
+  void multiply(
+      const GradientArrays& in, long long k, const double* z, const double* y, Products& to) {
+    const double *v = in.v_D + k * N, dt = in.options.dt;
+    double pull[room(M)], pull_h[room(M)], v_next[room(N)];
+    for (int r = 0; r < M; ++r) pull[r] = pull_h[r] = 0.0;
+    for (int a = 0; a < rows_.n; ++a) {
+      const int r = rows_.row[a];
+      const double h = eval_.height(r), size = rows_.two_sided[a] ? fabs(h) : h;
+      pull[r] = y[a] / dt;
+      pull_h[r] = size < dt * in.options.recovery_speed ? pull[r] / dt : 0.0;
+    }
+    meant(in, k, v_next);
+    Call<Model, double>::step_back(
+        in.q_D + k * NQ, v, v_ahead_, v_next, in.acc_D + k * N, in.q_K + k * NQK, in.rate + k * K,
+        in.mean + k * K, in.tension + k * M, z, pull, pull_h, dt, in.p, to);
+    if constexpr (touches) {
+      if (in.n_points[k] == 0) return;
+      double own[RolloutContacts<Model>::n_columns] = {};
+      contacts_.pull_back(z, y, own);
+      const double* from = own;
+      for (int j = 0; j < N; ++j) to.g_q[j] -= *from++;
+      for (int j = 0; j < K; ++j) to.g_qK[j] -= *from++;
+      for (int j = 0; j < N; ++j) to.g_v[j] -= *from++;
+      for (int j = 0; j < K; ++j) to.g_vK[j] -= *from++;
+      for (int j = 0; j < P; ++j) to.g_p[j] -= *from++;
+    }
+  }
+
+  // The same, one number after the other (n_by,).
+  void list_products(
+      const GradientArrays& in, long long k, const double* z, const double* y, double* out) {
+    Products to;
+    to.g_qK = out + 2 * N;
+    to.g_vK = to.g_qK + K;
+    to.g_aK = to.g_vK + K;
+    multiply(in, k, z, y, to);
+    for (int j = 0; j < N; ++j) {
+      out[j] = to.g_q[j];
+      out[N + j] = to.by_v(j);
+    }
+    for (int j = 0; j < P; ++j) out[2 * N + 3 * K + j] = to.g_p[j];
+  }
+
+  // v+ of the equations of step k: where a step is cut short it is none, and the caller knows.
+  void meant(const GradientArrays& in, long long k, double* v_next) const {
+    for (int j = 0; j < N; ++j)
+      v_next[j] = in.v_D[k * N + j] + in.options.dt * in.acc_D[k * N + j];
+  }
+
+  // Whether solids push in step k, whose points are then at hand.
+  bool take_contacts(const GradientArrays& in, long long k) {
+    if constexpr (touches) {
+      double v_next[room(N)];
+      meant(in, k, v_next);
+      return contacts_.take(in, k, v_next);
+    }
+    return false;
+  }
+
+  void solve_contacts(double* w, double* y) const {
+    if constexpr (touches) contacts_.system().solve_transposed(w, y);
+  }
+
+  // Holds the rows and points of step k; what makes it one without derivative, and the pair.
+  int fault(const GradientArrays& in, long long k) {
+    if constexpr (touches) {
+      if (!contacts_.hold(eval_, rows_)) {
+        in.pairs[k] = contacts_.sliding_pair();
+        return JAMS;
+      }
+      double idle[room(rows)];
+      if (!contacts_.slides() || !contacts_.system().idle(idle)) return 0;
+      if (depends_on(in, k, idle)) {
+        in.pairs[k] = contacts_.sliding_pair();
+        return OPEN_SHARES;
+      }
+    }
+    return 0;
+  }
+
+  // Whether the motion after step k depends on how its points share their force, `idle` of which do
+  // nothing; looked for in a sum of all velocities that hides none.
+  bool depends_on(const GradientArrays& in, long long k, const double* idle) {
+    double by[2][room(n_by)];
+    for (int shifted = 0; shifted < 2; ++shifted) {
+      if (shifted) contacts_.share_otherwise(idle, shift);
+      if (shifted && !contacts_.hold(eval_, rows_)) return true;
+      double sum[room(N)], w[room(N)], y[room(rows)] = {}, z[room(N)];
+      for (int j = 0; j < N; ++j) sum[j] = cos(double(j));
+      Call<Model, double>::forth(eval_.L, sum, w);
+      solve_contacts(w, y);
+      eval_.back(w, z);
+      list_products(in, k, z, y, by[shifted]);
+    }
+    take_contacts(in, k);
+    contacts_.hold(eval_, rows_);
+    double most = 0.0;
+    for (int j = 0; j < n_by; ++j) most = fmax(fabs(by[0][j]), most);
+    for (int j = 0; j < n_by; ++j)
+      if (fabs(by[1][j] - by[0][j]) > depends * fmax(fabs(by[0][j]), rounding * most)) return true;
+    return false;
+  }
+
+  TimeSteppingTrajectory<Model, double> run_;
+  Evaluation<Model, double> eval_;
+  RowSystem<Model, double> rows_;
+  HeldFactor<M> factor_;
+  std::conditional_t<touches, RolloutContacts<Model>, NoContacts> contacts_;
+  double l_q_[room(N)], l_v_[room(N)], v_ahead_[room(N)];
+};
+
+}  // namespace fan

@@ -1,0 +1,226 @@
+// Derivatives of a time step (timestepping/step.hpp, without extrapolation) by its start, its inputs,
+// the user's forces and the parameters, with the rows that it holds:
+//
+//   (M + dt F) dacc + A_D^T dtension = -r_d
+//   A_D dacc = -(A_D v+ + A_K rate + min(h/dt, recovery speed))_d / dt
+//
+//   dv+ = dv + dt dacc,   dq+ = Exp(-dt v+) dq + J_r(dt v+) dt dv+
+//
+// r is the residual of Eq. 10 with the velocity products of the start, d any of the above. Its
+// derivatives are evaluated at several nodes at once (step_bundles.hpp); columns are solved for in
+// bundles, as many as a vector holds. Where solids touch, the points that push are held
+// in their modes beside the rows (modes_of_step.hpp).
+#pragma once
+
+#include <type_traits>
+
+#include "fantoccini/derivatives/in_lanes.hpp"
+#include "fantoccini/derivatives/modes_of_step.hpp"
+#include "fantoccini/derivatives/step_columns.hpp"
+#include "fantoccini/derivatives/step_turn.hpp"
+#include "fantoccini/math/wide.hpp"
+#include "fantoccini/model/evaluation.hpp"
+#include "fantoccini/solvers/held_factor.hpp"
+
+namespace fan {
+
+template <class Model>
+class StepDerivatives {
+ public:
+  static constexpr int NQ = Model::n_qD, N = Model::n_vD, K = Model::n_vK, P = Model::n_p;
+  static constexpr int S = Model::n_strings, M = Model::n_rows, width = Traits<Wide>::width;
+
+  using Columns = StepColumns<Model>;
+
+  Columns columns;
+
+  // Begins with node i of the arrays; its place among the states is a lane's.
+  void begin(const StepDerivativeArrays& in, long long i, int lane, StatesInLanes<Model>* states) {
+    columns.set(in.forces != 0);
+    evaluate(in, i);
+    hold(in, i);
+    states->place(lane, q_D_, states->q_D, NQ);
+    states->place(lane, v_D_, states->v_D, N);
+    states->place(lane, acc_, states->acc, N);
+    states->place(lane, q_K_, states->q_K, Model::n_qK);
+    states->place(lane, rate_, states->v_K, K);
+    states->place(lane, mean_, states->acc_K, K);
+    states->place(lane, tension_, states->tension, M);
+    states->place(lane, p_, states->p, P);
+  }
+
+  // In bundles: for the derivatives of r, and for those of the held rows, A_D v+ + A_K rate + ...
+  Wide* force() { return change_; }
+  Wide* rate() { return rate_by_; }
+
+  const double* v_next() const { return v_next_; }
+  // Where a row is among those that are held; -1 where it is not.
+  int place(int row) const { return place_[row]; }
+  // The derivative of min(h/dt, recovery speed) by h, of a row that is held.
+  double gap(int row, double per_step, double recovery_speed) const {
+    const double h = eval_.height(row), size = rows_.two_sided[place_[row]] ? fabs(h) : h;
+    return size * per_step < recovery_speed ? per_step : 0.0;
+  }
+
+  // Ends with it, given these derivatives.
+  void end(const StepDerivativeArrays& in, long long i) {
+    double* motion = in.motion + i * 2 * N * columns.n;
+    double* pull = in.pull ? in.pull + i * M * columns.n : nullptr;
+    // Solved for where it stays near: the results of many nodes are larger than a cache.
+    Wide* dv = solve_in_modes(in, i, pull);
+    if (!dv) {
+      dv = change_;
+      for (int b = 0; b < columns.n_bundles; ++b)
+        if (columns.acts(b)) solve(in.dt, b, pull);
+    }
+    chain(in.dt, dv, N, N);
+    for (int k = 0; k < N; ++k) columns.at(dv, N, N + k, k) += 1.0;
+    for (int k = 0; k < N; ++k)
+      columns.write(motion + (N + k) * columns.n, [&](int b) FAN_INLINE { return dv[b * N + k]; });
+    move(in.dt, dv, motion);
+    if (pull) write_pull(in.dt, pull);
+  }
+
+ private:
+  static constexpr bool touches = Model::n_contacts > 0;
+
+  void evaluate(const StepDerivativeArrays& in, long long i) {
+    q_D_ = in.q_D + i * NQ;
+    v_D_ = in.v_D + i * N;
+    q_K_ = in.q_K + i * Model::n_qK;
+    rate_ = in.rate + i * K;
+    mean_ = in.mean + i * K;
+    tension_ = in.tension + i * M;
+    p_ = in.p.first + i * in.p.stride;
+    const double* force = in.u_D.first ? in.u_D.first + i * in.u_D.stride : nullptr;
+    double u_D[room(N)];
+    for (int k = 0; k < N; ++k) u_D[k] = force ? force[k] : 0.0;
+    eval_.at(q_D_, v_D_, q_K_, rate_, mean_, u_D, v_D_, in.dt, p_);
+  }
+
+  // The rows that are held, their factor, and acc_D under the tensions.
+  void hold(const StepDerivativeArrays& in, long long i) {
+    const unsigned char* held = in.held + i * M;
+    int list[room(M)], n = 0;
+    for (int r = 0; r < M; ++r)
+      if (held[r] || tension_[r] != 0.0) list[n++] = r;
+    rows_.gather(eval_, v_D_, list, n);
+    double pull[room(M)], w[room(N)];
+    for (int k = 0; k < N; ++k) w[k] = eval_.w0[k];
+    for (int a = 0; a < n; ++a) pull[a] = -tension_[rows_.row[a]];
+    rows_.add(pull, w);
+    if constexpr (touches)
+      if (in.n_points) {
+        constexpr int E = N + K;
+        modes_.begin(
+            in.points + i * in.room, in.n_points[i], in.screws + i * 6 * E,
+            P > 0 ? in.by_p + i * (Model::n_links + E) * 6 * P : nullptr, in.dt);
+        modes_.push(eval_, w);
+      }
+    acc_ = in.acc_D + i * N;
+    eval_.back(w, acc_);
+    for (int k = 0; k < N; ++k) v_next_[k] = v_D_[k] + in.dt * acc_[k];
+    n = 0;
+    for (int a = 0; a < rows_.n; ++a)
+      if (held[rows_.row[a]]) list[n++] = rows_.row[a];
+    rows_.gather_more(eval_, v_D_, list, n);
+    if constexpr (touches)
+      if (in.n_points) modes_.move(v_D_, v_next_, rate_);
+    for (int r = 0; r < M; ++r) place_[r] = -1;
+    for (int a = 0; a < rows_.n; ++a) place_[rows_.row[a]] = a;
+    factor_.factorise(rows_.problem.G, Complementarity<double, M>::N, rows_.n);
+  }
+
+  // dt dacc where solids touch; null where none do.
+  Wide* solve_in_modes(const StepDerivativeArrays& in, long long i, double* pull) {
+    if constexpr (touches) {
+      if (!in.n_points || in.n_points[i] == 0) return nullptr;
+      in.edges[i] |=
+          modes_.solve(eval_, rows_, columns, change_, rate_by_, pull ? pull_ : nullptr);
+      return modes_.found();
+    }
+    return nullptr;
+  }
+
+  // Replaces the derivatives of r in a bundle by dt dacc.
+  void solve(double dt, int b, const double* pull) {
+    Wide *x = change_ + b * N, w[room(N)], y[room(M)];
+    for (int k = 0; k < N; ++k) x[k] = -x[k];
+    Model::forth_of(eval_.L, x, w);
+    // G y = W^T w + the rows' part
+    rows_.along(w, y);
+    for (int a = 0; a < rows_.n; ++a) y[a] += rate_by_[b * M + a];
+    factor_.solve(y);
+    for (int a = 0; pull && a < rows_.n; ++a) pull_[b * M + a] = y[a];
+    for (int a = 0; a < rows_.n; ++a) y[a] = -y[a];
+    rows_.add(y, w);
+    Model::back_of(eval_.L, w, x);
+    for (int k = 0; k < N; ++k) x[k] = dt * x[k];
+  }
+
+  // From rate and mean to v_K and acc_K of scalars, in n numbers of bundles of `height`:
+  // rate = v_K + dt/2 acc_K, mean = acc_K.
+  void chain(double dt, Wide* bundles, int height, int n) const {
+    using Space = typename Model::Driven;
+    Wide half[room(Columns::bundles_of(K))] = {};
+    for (int i = 0; i < Space::n_scalars; ++i)
+      lane_of(half[Space::scalar_v[i] / width], Space::scalar_v[i] % width) = 0.5 * dt;
+    for (int j = 0; j < Columns::bundles_of(K); ++j) {
+      const Wide* rate = bundles + (Columns::bundle[Columns::BY_V_K] + j) * height;
+      Wide* mean = bundles + (Columns::bundle[Columns::BY_ACC_K] + j) * height;
+      for (int k = 0; k < n; ++k)
+        mean[k] = Model::accelerated ? mean[k] + half[j] * rate[k] : half[j] * rate[k];
+    }
+  }
+
+  // The rows of the tensions; 0 for those that are not held.
+  void write_pull(double dt, double* pull) {
+    chain(dt, pull_, M, rows_.n);
+    for (int r = 0; r < M; ++r) {
+      double* out = pull + r * columns.n;
+      if (place_[r] < 0)
+        for (int c = 0; c < columns.n; ++c) out[c] = 0.0;
+      else
+        columns.write(out, [&](int b) FAN_INLINE { return pull_[b * M + place_[r]]; });
+    }
+  }
+
+  // dq (N, m).
+  void move(double dt, const Wide* dv, double* dq) const {
+    using Space = typename Model::Dynamic;
+    const int m = columns.n;
+    for (int i = 0; i < Space::n_scalars; ++i) {
+      const int k = Space::scalar_v[i];
+      columns.write(dq + k * m, [&](int b) FAN_INLINE { return dt * dv[b * N + k]; });
+      dq[k * m + k] += 1.0;
+    }
+    for (int i = 0; i < Space::n_quaternions; ++i) {
+      const int k = Space::quaternion_v[i];
+      double phi[3], J[9], R[9];
+      for (int c = 0; c < 3; ++c) phi[c] = dt * v_next_[k + c];
+      step_turn(phi, J, R);
+      for (int r = 0; r < 3; ++r) {
+        columns.write(dq + (k + r) * m, [&](int b) FAN_INLINE {
+          const Wide* turn = dv + b * N + k;
+          return J[3 * r] * (dt * turn[0]) + J[3 * r + 1] * (dt * turn[1]) +
+                 J[3 * r + 2] * (dt * turn[2]);
+        });
+        for (int c = 0; c < 3; ++c) dq[(k + r) * m + k + c] += R[3 * r + c];
+      }
+    }
+  }
+
+  const double *q_D_, *v_D_, *q_K_, *rate_, *mean_, *tension_, *p_;
+  double* acc_;
+  double v_next_[room(N)];
+  int place_[room(M)];
+  Evaluation<Model, double> eval_;
+  RowSystem<Model, double> rows_;
+  HeldFactor<M> factor_;
+  // In bundles: the derivatives of r and then dt dacc, those of the rows, and those of the tensions.
+  Wide change_[room(Columns::most * N)], rate_by_[room(Columns::most * M)];
+  Wide pull_[room(Columns::most * M)];
+  std::conditional_t<touches, ModesOfStep<Model>, NoContacts> modes_;
+};
+
+}  // namespace fan

@@ -1,0 +1,94 @@
+// First time steps from many states, with what touches in them (step_modes.hpp).
+#pragma once
+
+#include <new>
+
+#include "fantoccini/derivatives/step_modes.hpp"
+
+namespace fan {
+
+template <class Model>
+class StepTouches {
+ public:
+  static constexpr int NQ = Model::n_qD, N = Model::n_vD, NQK = Model::n_qK, K = Model::n_vK;
+  static constexpr int P = Model::n_p, S = Model::n_strings, M = Model::n_rows;
+  static constexpr int C = Model::n_contacts, L = Model::n_links, E = N + K;
+
+  // Node i of the arrays.
+  void find(const TouchingStepArrays& in, long long i) {
+    step(in, i);
+    int edges = 0, n = 0;
+    if (Status(int(trajectory_.status)) == RUNNING) {
+      n = modes_.find(trajectory_, in.reference_force, found_);
+      edges = modes_.edges;
+      if (n > in.room) edges = CROWDED, n = 0;
+    }
+    for (int k = 0; k < n; ++k) in.points[i * in.room + k] = found_[k];
+    in.n_points[i] = n;
+    in.edges[i] = edges;
+    write(in, i);
+  }
+
+ private:
+  void step(const TouchingStepArrays& in, long long i) {
+    auto& run = trajectory_;
+    run.opt = in.options;
+    run.winches.set(in.winches);
+    const double dt = in.options.dt, *p = of(in.p, i);
+    const double *q_D = in.q_D + i * NQ, *v_D = in.v_D + i * N, *q_K = in.q_K + i * NQK;
+    const double* rate = in.rate + i * K;
+    modes_.begin(q_D, v_D, q_K, rate, p);
+    for (int k = 0; k < P; ++k) run.p[k] = p[k];
+    for (int k = 0; k < NQ; ++k) run.state().q_D[k] = q_D[k];
+    for (int k = 0; k < N; ++k) run.state().v_D[k] = v_D[k];
+    for (int k = 0; k < S; ++k) run.at.slip[k] = 0.0;
+    auto &now = run.inputs(), &then = run.coming();
+    const double *v_K = in.v_K + i * K, *acc_K = of(in.acc_K, i), *mean = in.mean + i * K;
+    const double* force = of(in.u_D, i);
+    for (int k = 0; k < NQK; ++k) now.q_K[k] = q_K[k];
+    retract<typename Model::Driven>(q_K, rate, dt, then.q_K);
+    for (int k = 0; k < K; ++k) {
+      now.v_K[k] = v_K[k];
+      now.acc_K[k] = then.acc_K[k] = acc_K[k];
+      then.v_K[k] = v_K[k] + dt * mean[k];
+    }
+    for (int k = 0; k < N; ++k) now.u_D[k] = then.u_D[k] = force ? force[k] : 0.0;
+    run.begin();
+    run.advance(dt);
+  }
+
+  static const double* of(const Shared& all, long long i) {
+    return all.first ? all.first + i * all.stride : nullptr;
+  }
+
+  void write(const TouchingStepArrays& in, long long i) {
+    auto& run = trajectory_;
+    for (int k = 0; k < NQ; ++k) in.q_D_next[i * NQ + k] = run.state().q_D[k];
+    for (int k = 0; k < N; ++k) in.v_D_next[i * N + k] = run.state().v_D[k];
+    for (int k = 0; k < NQK; ++k) in.q_K_next[i * NQK + k] = run.inputs().q_K[k];
+    for (int k = 0; k < K; ++k) in.v_K_next[i * K + k] = run.inputs().v_K[k];
+    for (int r = 0; r < M; ++r) in.tension[i * M + r] = run.at.tension[r];
+    const Status status = Status(int(run.status));
+    in.status[i] = status == RUNNING ? run.motors.verdict(0) : status;
+    modes_.screws(in.screws + i * 6 * E, P > 0 ? in.by_p + i * (L + E) * 6 * P : nullptr);
+  }
+
+  TimeSteppingTrajectory<Model, double> trajectory_;
+  StepModes<Model> modes_;
+  StepContact found_[room(C)];
+};
+
+// The C interface of StepTouches: the nodes [first, last) of the arrays; 1 where there was no memory,
+// else 0.
+template <class Model>
+int find_step_touches(const TouchingStepArrays& in, long long first, long long last) {
+  if constexpr (Model::n_contacts > 0) {
+    auto* made = new (std::nothrow) StepTouches<Model>();
+    if (!made) return 1;
+    for (long long i = first; i < last; ++i) made->find(in, i);
+    delete made;
+  }
+  return 0;
+}
+
+}  // namespace fan

@@ -1,0 +1,95 @@
+// A batch of event-driven runs, one trajectory at a time.
+#pragma once
+
+#include <optional>
+
+#include "fantoccini/event/run.hpp"
+#include "fantoccini/runs/batch.hpp"
+
+namespace fan {
+
+template <class Model>
+class EventBatch {
+ public:
+  void work(Pool& pool) {
+    long long first, last;
+    while (pool.take(1, &first, &last)) run(pool, first);
+  }
+
+ private:
+  using Row = Record<Model>;
+  using Layout = SampleLayout<Model>;
+  using F = Flow<Model>;
+  static constexpr int N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;
+  static constexpr int row_capacity = 256;
+  static constexpr int event_capacity = 1024 > 4 * EventRun<Model>::events_per_step
+                                            ? 1024
+                                            : 4 * EventRun<Model>::events_per_step;
+  static constexpr int contact_capacity = row_capacity * Model::n_contacts;
+  static constexpr long long steps_per_report = 200;  // between two looks at the pool
+
+  void run(Pool& pool, long long who) {
+    const BatchArrays& in = pool.arrays;
+    EventRun<Model>& run = run_.emplace();
+    auto& flow = run.flow;
+    flow.opt = in.options;
+    flow.drive.set(input_of(in, who));
+    flow.t = in.t;
+    for (int i = 0; i < Model::n_p; ++i) flow.p[i] = of(in.p, who)[i];
+    for (int j = 0; j < run.NY; ++j) flow.y[j] = 0.0;
+    for (int i = 0; i < Model::n_qD; ++i) flow.y[i] = of(in.q_D, who)[i];
+    for (int k = 0; k < N; ++k) flow.y[Model::n_qD + k] = of(in.v_D, who)[k];
+    for (int i = 0; i < S; ++i) flow.slip[i] = of(in.slip, who)[i];
+    flow.winches.set(in.winches);
+    run.save_at = in.save_at;
+    run.n_save = in.n_samples;
+    Row out{{rows_, row_capacity, 0, events_, event_capacity, 0, contacts_, contact_capacity, 0}};
+    caught_ = released_ = 0;
+    row_ = 0;
+    Status status = run.start(out);
+    hand_over(in, who, out);
+    double reported = in.t;
+    while (status == RUNNING) {
+      status = run.run(in.t_end, steps_per_report, out);
+      hand_over(in, who, out);
+      pool.advance((flow.t - reported) / (in.t_end - in.t));
+      reported = flow.t;
+      if (status == RUNNING && pool.stopped()) status = STOPPED;
+    }
+    in.status[who] = status;
+    in.reached[who] = flow.t;
+    in.violation[who] = 0.0;
+    for (int i = 0; i < Model::n_qD; ++i) in.end_q_D[who * Model::n_qD + i] = flow.y[i];
+    for (int k = 0; k < N; ++k) in.end_v_D[who * N + k] = flow.y[Model::n_qD + k];
+    in.catches[who] = caught_;
+    in.releases[who] = released_;
+    double* blame = in.blame + who * F::ALL;
+    for (int r = 0; r < M; ++r) blame[r] = run.instants.blame[r];
+    flow.motors.blame(status, 0, blame + M);
+  }
+
+  // Copies the samples at the requested times to their rows. Of several at one time the last one
+  // stays, which is that after the event.
+  void hand_over(const BatchArrays& in, long long who, Row& out) {
+    for (long long i = 0; i < out.n_samples; ++i) {
+      const double* row = out.samples + i * Layout::width;
+      const double t = row[Layout::t];
+      while (row_ + 1 < in.n_samples && in.save_at[row_ + 1] <= t) ++row_;
+      if (in.save_at[row_] != t) continue;
+      put_row<Model>(in, who, row_, row + Layout::q_D);
+    }
+    for (long long i = 0; i < out.n_events; ++i) {
+      const int kind = int(out.events[i * EventLayout::width + EventLayout::kind]);
+      caught_ += kind == CATCH;
+      released_ += kind == RELEASE;
+    }
+    out.n_samples = out.n_events = out.n_contacts = 0;
+  }
+
+  std::optional<EventRun<Model>> run_;
+  double rows_[row_capacity * Layout::width], events_[event_capacity * EventLayout::width];
+  double contacts_[room(contact_capacity * ContactLayout::width)];  // not handed over
+  long long caught_ = 0, released_ = 0, row_ = 0;
+};
+
+}  // namespace fan

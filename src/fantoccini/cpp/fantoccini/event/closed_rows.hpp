@@ -1,0 +1,401 @@
+// An instant: catches with their impulse, and the choice of the next active set.
+//
+//   v_D+ = v_D- - M_DD^-1 A_D^T Lambda,   Lambda >= 0,   hdot+ <= -e max(hdot-, 0),
+//   complementary                                                                   (Eqs. 13-15)
+//   tau >= 0, hddot <= 0, tau . hddot = 0   over the rows with h = 0 and hdot = 0       (Sec. IV)
+//
+// A string on a slipping winch takes no impulse: where it is caught it begins to slip, and where
+// its tension would pass the winch's largest it slips with that.
+#pragma once
+
+#include "fantoccini/event/attempts.hpp"
+#include "fantoccini/event/flow.hpp"
+#include "fantoccini/solvers/least_norm.hpp"
+
+namespace fan {
+
+template <class Model>
+struct ClosedRows {
+  using F = Flow<Model>;
+  using Tolerance = ClosedRowTolerances;
+  static constexpr int N = F::N, NQ = F::NQ, S = F::S, M = F::M;
+  using Set = ActiveSet<M, N>;
+
+  double impulse[room(M)];  // of the last catch, by row
+  double speed[room(M)];    // hdot before it
+  double lost = 0.0;        // kinetic energy lost in it
+  double stopped = 0.0;     // largest |hdot| of a held row before the last hold
+  bool brought = false;     // whether that hold also had to stop a closed row that is not held
+  double blame[room(M)];    // rows that no motion satisfies together, after IMPOSSIBLE_INPUT
+  // A string that springs back and would open by less than this, relative to its length, is at
+  // rest: an external integrator cannot tell it from its errors.
+  double hop = 0.0;
+
+  // Brings the held rows to h = 0 and all others nearby to h <= 0, with the smallest change of the
+  // configuration at (t, y) in the metric of M_DD. The flow's evaluation must be that of (t, y).
+  Status retreat(F& f) {
+    int list[room(M)] = {}, n = 0;
+    for (int r = 0; r < M; ++r)
+      if (f.row_state[r] == HELD || f.eval.height(r) > -Tolerance::nearby_gap * f.row_scale(r))
+        list[n++] = r;
+    f.rows.gather(f.eval, f.y + NQ, list, n);
+    double h[room(M)];
+    for (int r = 0; r < M; ++r) 
+      h[r] = f.row_state[r] == SLIPPING ? -WinchTolerances::max_length_error - f.slip_now[r]
+                                        : f.eval.height(r);
+    const auto left = [&] {
+      double worst = 0.0;
+      for (int a = 0; a < n; ++a) {
+        const bool held = f.row_state[list[a]] == HELD;
+        const double off = (held ? fabs(h[list[a]]) : h[list[a]]) / f.row_scale(list[a]);
+        const double beyond = off - (held ? Tolerance::held_gap : FlowTolerances::closed_gap);
+        if (!(beyond <= worst) && worst == worst) worst = beyond;  // once NaN, always NaN
+      }
+      return worst;
+    };
+    return correct<NQ>(f.y, left, [&] {
+      begin(Tolerance::contradiction);
+      for (int a = 0; a < n; ++a) {
+        const bool held = f.row_state[list[a]] == HELD;
+        f.rows.two_sided[a] = f.rows.two_sided[a] || held;
+        if (f.row_state[list[a]] == SLIPPING) add_floor(f, a, h[list[a]]);
+        else add_row(f, a, h[list[a]], unbounded, held ? Set::BASIC : Set::LOW);
+      }
+      const Status status = settle(f);
+      if (status != RUNNING) return status;
+      double move[room(N)];
+      push(f, move);
+      retract<typename Model::Dynamic>(f.y, move, f.y);
+      f.heights(f.y, h, true);
+      return RUNNING;
+    });
+  }
+
+  // Applies the impulse over the rows `closed` at (t, y) and adds its work. The flow's evaluation
+  // must be that of (t, y).
+  Status strike(F& f, const bool* closed) {
+    int list[room(M)], n = 0;
+    for (int r = 0; r < M; ++r) {
+      impulse[r] = speed[r] = 0.0;
+      if (!closed[r]) continue;
+      speed[r] = f.rate_of(r, f.y + NQ);
+      if (!f.winches.slips(r)) list[n++] = r;
+    }
+    f.rows.gather(f.eval, f.y + NQ, list, n);
+    Status status = bounce(f, 1.0);
+    // Unequal restitutions may add energy; all are then scaled down until none is added.
+    if (status == RUNNING && lost < 0.0) {
+      double low = 0.0, high = 1.0;
+      for (int halving = 0; halving < Tolerance::restitution_halvings; ++halving) {
+        const double mid = 0.5 * (low + high);
+        if (bounce(f, mid) != RUNNING || lost < 0.0) high = mid;
+        else low = mid;
+      }
+      status = bounce(f, low);
+    }
+    if (status != RUNNING) return status;
+    // Redundant rows share their impulse as they share a tension.
+    bool every[room(M)];
+    for (int a = 0; a < n; ++a) every[a] = true;
+    set_.complete(every);
+    least_.apply(set_);
+    for (int a = 0; a < n; ++a) impulse[list[a]] = set_.x[a];
+    apply(f);
+    return RUNNING;
+  }
+
+  // Chooses the active set `next` at (t, y) among the rows that are closed and at rest, and leaves
+  // the flow's own SLACK: the caller sets it. Rows in `loose` have just lost their tension and stay
+  // held only if they pull. Strings in `strained` have just reached their winch's largest tension
+  // and stay held only below it. An implicit step (attempts.hpp) treats closed strings on winches
+  // as exactly closed: their slips absorb up to WinchTolerances::max_length_error of either sign.
+  Status choose(
+      F& f, const bool* loose, const bool* strained, Hold* next,
+      double closeness = FlowTolerances::closed_gap,
+      const Attempt& how = Attempts::list[0]) {
+    const double ahead = how.ahead;
+    double rate[F::NY];
+    f.settle_slip(f.t);
+    for (int r = 0; r < M; ++r) f.row_state[r] = next[r] = SLACK;
+    f.evaluate(f.t, f.y, rate);
+    const double still = how.stillness * speed_scale(f);
+    const double hop_time = Tolerance::max_rest_hop * (how.stillness / Tolerance::max_rest_speed);
+    double own[room(S)];
+    for (int i = 0; i < S; ++i) own[i] = f.slip[i];
+    if (ahead > 0.0) {
+      for (int i = 0; i < S; ++i)
+        if (f.winches.slips(i) && fabs(f.eval.h[i]) <= WinchTolerances::max_length_error &&
+            fabs(f.eval.hdot[i]) <= still)
+          f.slip[i] += f.eval.h[i];
+      f.evaluate(f.t, f.y, rate);
+    }
+    int all[room(M)] = {}, list[room(M)] = {}, n_all = 0, n = 0;
+    for (int r = 0; r < M; ++r)
+      if (f.eval.height(r) >= -closeness * f.row_scale(r) || (r < S && Model::wire[r]))
+        all[n_all++] = r;
+    f.rows.gather(f.eval, f.y + NQ, all, n_all);
+    for (int a = 0; a < n_all; ++a) {
+      const int r = all[a];
+      const double hdot = f.rows.hdot[a];
+      const bool low = hdot * hdot <= 2.0 * hop * f.row_scale(r) * f.rows.hddot[a];
+      const bool hops = hdot < 0.0 && (low || -2.0 * hdot <= hop_time * f.rows.hddot[a]);
+      const bool rests = ahead > 0.0 || fabs(hdot) <= still || hops || f.rows.two_sided[a];
+      if (!rests && f.winches.slips(r) && f.rows.hdot[a] > 0.0) next[r] = SLIPPING;
+      if (rests || next[r] == SLIPPING) list[n++] = r;
+    }
+    f.rows.gather(f.eval, f.y + NQ, list, n);
+    begin(Tolerance::contradiction * f.hddot_scale());
+    for (int a = 0; a < n; ++a)
+      if (next[list[a]] != SLIPPING) {
+        add_pull(f, next, a, Set::BASIC);
+        if (!(ahead > 0.0)) continue;
+        // hdot <= 0 must hold at the start of the step, too, where the winch has not braked yet.
+        const double hdot = f.rows.hdot[a];
+        set_.b[set_.n - 1] += hdot / ahead + (hdot > 0.0 ? f.braking(list[a]) : 0.0);
+      }
+    Status status = settle(f);
+    if (ahead > 0.0 && status == IMPOSSIBLE_INPUT) {
+      // Rates of strings on winches that cannot slip may disagree: up to this they count as equal.
+      set_.noise += Tolerance::strict_rest_speed * speed_scale(f) / ahead;
+      status = settle(f);
+    }
+    if (status != RUNNING) return status;
+    bool stays[room(M)];
+    for (int i = 0; i < set_.n; ++i) stays[i] = !loose[row_[i]];
+    set_.complete(stays);
+    double most = 0.0;
+    for (int i = 0; i < set_.n; ++i)
+      if (fabs(set_.x[i]) > most) most = fabs(set_.x[i]);
+    for (int i = 0; i < set_.n; ++i) {
+      const int r = row_[i];
+      next[r] = state_of(i);
+      if (next[r] != HELD || set_.two_sided[i]) continue;
+      // A tension that has just reached its bound, and is there up to rounding, will pass it.
+      if (loose[r] && set_.x[i] <= Tolerance::tension_at_bound * most + rounding(f, i)) next[r] = SLACK;
+      if (strained[r] && set_.x[i] >= set_.upper[i] - Tolerance::tension_at_bound * most)
+        next[r] = SLIPPING;
+    }
+    // The slip of a slack string absorbs no gap.
+    for (int i = 0; i < S; ++i) {
+      if (next[i] == SLACK && f.slip[i] < own[i]) f.slip[i] = own[i];
+      if (next[i] == SLACK && f.slip[i] < 0.0) f.slip[i] = 0.0;
+    }
+    return RUNNING;
+  }
+
+  // Brings the held rows to h = 0 and hdot = 0 at (t, y), without setting other closed rows in
+  // motion past their bounds: hdot = 0 on the held rows, hdot <= 0 on the rest, and a string that
+  // begins to slip is not wound back faster than its winch winds. Adds to the work. Bringing nearly
+  // dependent rows to rest may take much energy: NOT_SETTLED if it adds more than how.gain, with
+  // the configuration corrected already. The flow's evaluation must be that of (t, y).
+  Status hold(F& f, const Attempt& how) {
+    double rate[F::NY];
+    stopped = 0.0;
+    brought = false;
+    for (int a = 0; a < f.rows.n; ++a)
+      if (f.row_state[f.rows.row[a]] == HELD && fabs(f.rows.hdot[a]) > stopped)
+        stopped = fabs(f.rows.hdot[a]);
+    const Status status = retreat(f);
+    if (status != RUNNING) return status;
+    f.evaluate(f.t, f.y, rate);
+    int list[room(M)] = {}, n = 0;
+    for (int r = 0; r < M; ++r) {
+      // A row that closes faster is about to be caught, or to slip. At a lower speed the winch
+      // would grip at once, and its string would close again.
+      const bool closed = f.eval.height(r) >= -FlowTolerances::closed_gap * f.row_scale(r) &&
+                          f.row_state[r] != SLIPPING &&
+                          f.rate_of(r, f.y + NQ) <= rest_speed(f);
+      if (f.row_state[r] == HELD || f.row_state[r] == SLIPPING || closed) list[n++] = r;
+    }
+    f.rows.gather(f.eval, f.y + NQ, list, n);
+    begin(how.disagreement * speed_scale(f));
+    for (int a = 0; a < n; ++a) {
+      const bool held = f.row_state[list[a]] == HELD;
+      f.rows.two_sided[a] = f.rows.two_sided[a] || held;
+      if (f.row_state[list[a]] == SLIPPING) add_floor(f, a, f.lack(list[a]));
+      else add_row(f, a, f.rows.hdot[a], unbounded, held ? Set::BASIC : Set::LOW);
+    }
+    const Status settled = settle(f);
+    if (settled != RUNNING) return settled;
+    double gain = 0.0;
+    for (int a = 0; a < n; ++a) gain -= 0.5 * set_.x[a] * (set_.b[a] - set_.s[a]);
+    if (f.winches.some_slip) gain = fabs(gain);
+    if (gain > how.gain * f.weight()) return NOT_SETTLED;
+    for (int a = 0; a < n; ++a)
+      brought = brought || (f.row_state[list[a]] == SLACK && set_.place[a] == Set::BASIC);
+    apply(f);
+    return RUNNING;
+  }
+
+  // Whether row r opens at the flow's latest evaluation, faster than a row at rest.
+  bool leaves(const F& f, int r) const { return f.rate_of(r, f.y + NQ) < -rest_speed(f); }
+
+  // |hdot| up to which a closed row is at rest.
+  double rest_speed(const F& f) const { return Tolerance::max_rest_speed * speed_scale(f); }
+
+  // The tensions of the flow's latest evaluation, by row. If rows are redundant, those of least
+  // norm among all that give the same motion.
+  void tensions(const F& f, double* out) {
+    bool redundant = false;
+    for (int r = 0; r < M; ++r) {
+      out[r] = f.tension[r];
+      redundant = redundant || f.row_state[r] == IDLE || f.row_state[r] == PINNED;
+    }
+    if (!redundant) return;
+    begin(0.0);
+    for (int a = 0; a < f.rows.n; ++a) {
+      const Hold mode = f.row_state[f.rows.row[a]];
+      if (mode == SLIPPING) continue;
+      const auto place = mode == HELD ? Set::BASIC : (mode == IDLE ? Set::IDLE : Set::PINNED);
+      add_pull(f, f.row_state, a, place);
+      set_.x[set_.n - 1] = f.tension[f.rows.row[a]];
+    }
+    set_.adopt();
+    least_.apply(set_);
+    for (int i = 0; i < set_.n; ++i) out[row_[i]] = set_.x[i];
+  }
+
+ private:
+  void begin(double noise) {
+    set_.n = 0;
+    set_.noise = noise;
+  }
+
+  void add_row(const F& f, int a, double b, double most, typename Set::Place guess) {
+    const int i = set_.n++;
+    row_[i] = f.rows.row[a];
+    set_.column[i] = f.rows.column[a];
+    set_.b[i] = b;
+    set_.upper[i] = most;
+    sign_[i] = 1.0;
+    set_.two_sided[i] = f.rows.two_sided[a];
+    set_.place[i] = guess;
+  }
+
+  // Adds gathered row a, of a string that slips, with the opposite sign: its slip, or the rate of
+  // it, must rise by at least b.
+  void add_floor(const F& f, int a, double b) {
+    const int i = set_.n;
+    add_row(f, a, b, unbounded, Set::LOW);
+    for (int j = 0; j < N; ++j) turned_[a][j] = -f.rows.column[a][j];
+    set_.column[i] = turned_[a];
+    set_.two_sided[i] = false;
+    sign_[i] = -1.0;
+  }
+
+  // Adds gathered row a to the rows whose tension is unknown; the tensions of slipping ones are
+  // known.
+  void add_pull(const F& f, const Hold* mode, int a, typename Set::Place guess) {
+    constexpr int stride = Complementarity<double, M>::N;
+    double hddot = f.rows.hddot[a];
+    for (int b = 0; b < f.rows.n; ++b)
+      if (mode[f.rows.row[b]] == SLIPPING)
+        hddot -= f.rows.problem.G[a * stride + b] * f.winches.max_tension[f.rows.row[b]];
+    const int r = f.rows.row[a];
+    add_row(f, a, hddot, f.winches.largest(r), guess);
+  }
+
+  // The error of row i's tension that the rounding of its hddot causes.
+  double rounding(const F& f, int i) const {
+    double own = 0.0;
+    for (int j = 0; j < N; ++j) own += set_.column[i][j] * set_.column[i][j];
+    return Tolerance::acceleration_rounding * f.hddot_scale() / own;
+  }
+
+  // The impulses with every restitution times `scale`, and the energy they take.
+  Status bounce(F& f, double scale) {
+    begin(Tolerance::contradiction * speed_scale(f));
+    for (int a = 0; a < f.rows.n; ++a) {
+      const int r = f.rows.row[a];
+      const double hdot = f.rows.hdot[a];
+      const double back = r < S && hdot > 0.0 ? scale * f.winches.restitution[r] * hdot : 0.0;
+      const bool pulls = hdot > 0.0 || f.row_state[r] == HELD;
+      add_row(f, a, hdot + back, unbounded, pulls ? Set::BASIC : Set::LOW);
+    }
+    const Status status = settle(f);
+    if (status != RUNNING) return status;
+    lost = 0.0;
+    double gross = 0.0;
+    for (int i = 0; i < set_.n; ++i) {
+      const double after = f.rows.hdot[i] - set_.s[i] - set_.b[i];
+      lost += set_.x[i] * 0.5 * (f.rows.hdot[i] + after);
+      gross += fabs(set_.x[i] * f.rows.hdot[i]);
+    }
+    if (fabs(lost) < Tolerance::loss_rounding * gross) lost = 0.0;
+    return RUNNING;
+  }
+
+  Hold state_of(int i) const {
+    switch (set_.place[i]) {
+      case Set::BASIC: return HELD;
+      case Set::IDLE: return IDLE;
+      case Set::PINNED: return PINNED;
+      case Set::HIGH: return SLIPPING;
+      default: return SLACK;
+    }
+  }
+
+  double speed_scale(const F& f) const {
+    double top = 1.0;
+    for (int j = 0; j < N; ++j)
+      if (fabs(f.y[NQ + j]) > top) top = fabs(f.y[NQ + j]);
+    return top;
+  }
+
+  // Solves; where the inputs are impossible, `blame` gives the rows that cannot hold together.
+  Status settle(const F& f) {
+    for (int i = 0; i < set_.n; ++i)
+      if (!is_finite(set_.b[i])) return NOT_FINITE;
+    const Solved solved = set_.solve();
+    double most = 0.0;
+    for (int i = 0; i < set_.n; ++i)
+      if (!(fabs(set_.x[i]) <= most) && most == most) most = fabs(set_.x[i]);
+    if (solved == Solved::YES && most <= f.opt.tension_cap) return RUNNING;
+    for (int r = 0; r < M; ++r) blame[r] = 0.0;
+    for (int i = 0; i < set_.n; ++i)
+      blame[row_[i]] = solved == Solved::YES ? fabs(set_.x[i]) / most : ray_share(i, solved);
+    return solved == Solved::UNSETTLED ? NOT_SETTLED : IMPOSSIBLE_INPUT;
+  }
+
+  // The part of row i in the ray that shows that the rows contradict one another.
+  double ray_share(int i, Solved solved) const {
+    if (solved != Solved::INFEASIBLE) return 0.0;
+    double most = 0.0;
+    for (int j = 0; j < set_.n; ++j)
+      if (fabs(set_.ray[j]) > most) most = fabs(set_.ray[j]);
+    return (set_.two_sided[i] ? fabs(set_.ray[i]) : set_.ray[i]) / most;
+  }
+
+  // Applies the impulses solved for and adds the inputs' work in them. All gathered rows must be in
+  // the set, in order.
+  void apply(F& f) {
+    double change[room(N)];
+    push(f, change);
+    for (int a = 0; a < f.rows.n; ++a) {
+      const int r = f.rows.row[a];
+      const double x = sign_[a] * set_.x[a];
+      f.y[F::WORK] += x * f.rows.hdot_K[a];
+      if (f.winches.slips(r)) f.y[F::SLIP_LOSS] += x * f.slip_rate[r];
+    }
+    for (int j = 0; j < N; ++j) {
+      f.y[F::WORK] += f.eval.M_DK_v_K[j] * change[j];
+      f.y[NQ + j] += change[j];
+    }
+  }
+
+  // -M^-1 A^T x over the gathered rows, all of which must be in the set, in order.
+  void push(const F& f, double* change) const {
+    double w[room(N)], pull[room(M)] = {};
+    for (int j = 0; j < N; ++j) w[j] = 0.0;
+    for (int a = 0; a < f.rows.n; ++a) pull[a] = -sign_[a] * set_.x[a];
+    f.rows.add(pull, w);
+    f.eval.back(w, change);
+  }
+
+  Set set_;
+  int row_[room(M)];  // of each of the set's columns
+  double sign_[room(M)], turned_[room(M)][room(N)];  // of floors: sign -1, and the negated column
+  LeastNorm<Set> least_;
+};
+
+}  // namespace fan

@@ -1,0 +1,409 @@
+// The points of contact that an event-driven run follows: those that touch, or have just parted.
+// Where they are, how they move, and
+//
+//   gamma, the part of hddot without accelerations of the puppet,
+//
+// the derivative of the points' velocities along the motion with velocities frozen, by central
+// differences of order 4 over the narrow phase. Signs are those of contact/points.hpp: hdot = -u.
+#pragma once
+
+#include "fantoccini/contact/points_at.hpp"
+
+namespace fan {
+
+enum ContactMode { PARTED, RESTING, STICKING, SLIDING };
+
+struct HeldContactTolerances {
+  // Part of a turn, or of a solid's size, over which differences are taken: errors of 1e-13.
+  static constexpr double turn = 1e-3;
+  static constexpr double slowest = 1.0;  // 1/s: rates below count as this
+  // Near a point's end they are taken over `finer` times less and so on, down to this.
+  static constexpr double finer = 0.1, least_turn = 1e-6;
+  // Gap within which points are looked at [m].
+  static constexpr double margin = 1e-3;
+  // m: overlap above which a point that has just parted touches again, and distance at which one
+  // without force no longer rests.
+  static constexpr double caught = 1e-13, strayed = 1e-11;
+  // m: rounding of a gap.
+  static constexpr double rounding = 1e-15;
+  // m: gap above which a parted point is an open one.
+  static constexpr double open_gap = 1e-14;
+  // m/s: a parted point that opens faster is open soon.
+  static constexpr double leaving_speed = 1e-8;
+  // m/s: a point slides no longer where u falls to this along its direction, which is far above the
+  // error of integration: at lower speeds the direction of friction would be that of the error.
+  static constexpr double stopped = 3e-9;
+  // Least normal influence of a sliding point's force, relative to that without friction: below,
+  // friction jams (Painleve).
+  static constexpr double least_influence = 1e-6;
+  // Likewise, where steps that get too small are said to end by that; and the force of a sliding point
+  // there, relative to the weight.
+  static constexpr double jamming_influence = 1e-2, jamming_force = 100.0;
+  // |hddot| of a resting point, relative to Flow::hddot_scale; a force that is none, to the weight.
+  static constexpr double parting_acceleration = 1e-8, negligible_force = 1e-12;
+};
+
+template <class Model>
+class FollowedPoints {
+ public:
+  static constexpr int C = Model::n_contacts, N = Model::n_vD, M = Model::n_rows;
+  static constexpr int NQ = Model::n_qD, NQK = Model::n_qK, NK = Model::n_vK;
+  using Tolerance = HeldContactTolerances;
+  using Points = ContactPointsAt<Model>;
+
+  struct Contact {
+    int pair, feature, region;  // as ContactPoints::is_one tells them apart
+    ContactMode mode;
+    bool moving;       // slides faster than Tolerance::stopped
+    bool told;         // its sliding is among the events
+    bool fresh;        // touches since this instant
+    bool leaves;       // springs back from it
+    double along[3];   // of friction on the first solid where it slides, in the world
+    double force[3];   // at the last event, in the world
+    double over;       // m: overlap that a parted point has from the start
+    double back;       // m/s: how fast one that begins to slide still goes the other way
+    double since;      // s: when it began to slide
+    bool slow;         // slides so slowly that its friction looks ahead (held_rows.hpp)
+    double brake;      // m/s^2: by which it slows down then
+  };
+
+  const ContactArrays* in = nullptr;
+  int n = 0;
+  Contact at[room(C)];
+  bool too_many = false;
+
+  // Of the latest evaluation.
+  double gap[room(C)];
+  double hdot[room(3 * C)], x[room(3 * C)], after[room(3 * C)];  // after: hddot with all forces
+  double lawful[room(3 * C)], after_lawful[room(3 * C)];  // likewise, where modes end
+  double overlap = -unbounded, closing = 0.0;  // of the point that is deepest, and how fast
+  double safe = unbounded;                     // s: until solids might pass through one another
+
+  bool found[room(C)];  // whether a point is one there
+  double point[room(C)][3], frame[room(C)][9];
+  // Of the rows: A_D, A_K v_K, and gamma.
+  double row[room(3 * C)][room(N)], rate_K[room(3 * C)], gamma[room(3 * C)] = {};
+  double tension[room(M)] = {};  // at the last event
+
+  // Evaluates all points near at a state; f's evaluation, but for accelerations, must be that of it.
+  template <class F>
+  void look(const F& f, const double* q_D, const double* v_D) {
+    points_.pose(*in, q_D, v_D, f.q_K, f.v_K, f.p);
+    points_.look_within(*in, Tolerance::margin);
+    too_many = points_.too_many();
+    safe = points_.safe_time(*in);
+    overlap = -Tolerance::margin;
+    closing = 0.0;
+    for (int c = 0; c < n; ++c) {
+      const int i = points_.find_feature(*in, at[c].pair, at[c].feature, at[c].region, found + c);
+      known_[c] = i >= 0;
+      found[c] = found[c] && known_[c];
+      if (known_[c]) take(i, c, v_D);
+    }
+    for (int i = 0; i < points_.n(); ++i) {
+      const auto& from = points_.point(i);
+      const int c = place(from);
+      double over = -from.gap;
+      if ((c >= 0 && at[c].mode != PARTED) || !points_.touches_there(i)) continue;
+      if (c >= 0) over -= at[c].over + (at[c].leaves ? Tolerance::rounding : Tolerance::caught);
+      if (over > overlap) {
+        overlap = over;
+        double u[3];
+        points_.velocity(*in, i, u);
+        closing = -dot3(u, from.frame);
+      }
+    }
+  }
+
+  // What parted points become once they are open, and the directions that sliding ones keep over
+  // zero in the next step. The latest evaluation must be that of the present state.
+  void anchor() {
+    int kept = 0;
+    for (int c = 0; c < n; ++c) {
+      if (at[c].mode == PARTED && (!found[c] || gap[c] > Tolerance::open_gap)) continue;
+      if (at[c].mode == SLIDING && found[c] && along(c) > 0.0 &&
+          sliding_speed(c) > 2.0 * Tolerance::stopped) {
+        at[c].moving = true;
+        direction(c, at[c].along);
+      }
+      at[c].fresh = false;
+      copy(c, kept++);
+    }
+    n = kept;
+  }
+
+  // Adds all points with a gap of at most `most` at the latest evaluation, as parted ones, or as many
+  // as there is room for (too_many).
+  template <class F>
+  void take_closed(const F& f, const double* q_D, const double* v_D, double most) {
+    bool more = false, full = false;
+    for (int i = 0; i < points_.n(); ++i) {
+      const auto& from = points_.point(i);
+      if (from.gap > most || place(from) >= 0 || !points_.touches_there(i)) continue;
+      full = n == C;
+      if (full) break;
+      bool told = false;
+      for (int c = 0; c < n; ++c) told = told || (meet(at[c].pair, from.pair) && at[c].told);
+      at[n++] = {from.pair, from.feature, from.region, PARTED, false, told, true, false, {0.0, 0.0, 0.0},
+                 {0.0, 0.0, 0.0}, from.gap < 0.0 ? -from.gap : 0.0, 0.0, f.t, false, 0.0};
+      more = true;
+    }
+    if (more) {
+      sort();
+      look(f, q_D, v_D);
+    }
+    too_many = too_many || full;
+  }
+
+  // Points without force may keep the distance that they have after an event.
+  void accept_overlaps() {
+    for (int c = 0; c < n; ++c) {
+      at[c].over = at[c].mode == RESTING ? fabs(gap[c]) : fmax(-gap[c], 0.0);
+      at[c].back = at[c].mode == SLIDING ? fmax(-along(c), 0.0) : 0.0;
+      at[c].leaves = hdot[3 * c] < -Tolerance::leaving_speed;
+    }
+  }
+
+  // Whether two pairs are of the same two names (ContactArrays::meetings).
+  bool meet(int pair, int other) const { return in->meetings[pair] == in->meetings[other]; }
+
+  // |hdot| of the fastest normal of points that are held.
+  double fastest_normal() const {
+    double most = 0.0;
+    for (int c = 0; c < n; ++c)
+      if (at[c].mode == STICKING || at[c].mode == SLIDING) most = fmax(most, fabs(hdot[3 * c]));
+    return most;
+  }
+
+  // Lets no point be slow; whether any was.
+  bool forget_slow() {
+    bool any = false;
+    for (int c = 0; c < n; ++c) {
+      any = any || at[c].slow;
+      at[c].slow = false;
+    }
+    return any;
+  }
+
+  // The velocity along point c's friction, positive where it slides on.
+  double along(int c) const {
+    double sum = 0.0;
+    for (int d = 1; d < 3; ++d) sum += hdot[3 * c + d] * dot3(frame[c] + 3 * d, at[c].along);
+    return sum;
+  }
+
+  double sliding_speed(int c) const {
+    return sqrt(hdot[3 * c + 1] * hdot[3 * c + 1] + hdot[3 * c + 2] * hdot[3 * c + 2]);
+  }
+
+  // The direction of hdot_T at point c, in the world.
+  void direction(int c, double* out) const {
+    const double size = sliding_speed(c);
+    for (int k = 0; k < 3; ++k)
+      out[k] = (hdot[3 * c + 1] * frame[c][3 + k] + hdot[3 * c + 2] * frame[c][6 + k]) / size;
+  }
+
+  // A force in point c's frame, in the world.
+  void in_world(int c, const double* force, double* out) const {
+    for (int k = 0; k < 3; ++k)
+      out[k] = force[0] * frame[c][k] + force[1] * frame[c][3 + k] + force[2] * frame[c][6 + k];
+  }
+
+  // Remembers the latest forces as those of an event.
+  template <class F>
+  void keep_forces(const F& f) {
+    for (int c = 0; c < n; ++c) in_world(c, x + 3 * c, at[c].force);
+    for (int r = 0; r < M; ++r) tension[r] = f.tension[r];
+  }
+
+  void forget_forces() {
+    for (int c = 0; c < n; ++c)
+      for (int k = 0; k < 3; ++k) at[c].force[k] = 0.0;
+    for (int r = 0; r < M; ++r) tension[r] = 0.0;
+  }
+
+  // Forces of points and rows, as keep_forces leaves them.
+  struct Forces {
+    double point[room(C)][3], row[room(M)];
+  };
+
+  Forces forces() const {
+    Forces out;
+    for (int c = 0; c < n; ++c)
+      for (int k = 0; k < 3; ++k) out.point[c][k] = at[c].force[k];
+    for (int r = 0; r < M; ++r) out.row[r] = tension[r];
+    return out;
+  }
+
+  void set_forces(const Forces& from) {
+    for (int c = 0; c < n; ++c)
+      for (int k = 0; k < 3; ++k) at[c].force[k] = from.point[c][k];
+    for (int r = 0; r < M; ++r) tension[r] = from.row[r];
+  }
+
+  // gamma: derivatives of hdot along the motion without accelerations of the puppet, where
+  // the driven coordinates have theirs. Where a point is lost ahead or comes to another region, as at
+  // a corner that it is about to reach, they are taken from behind, or over less; one that is lost
+  // here keeps its latest.
+  template <class F>
+  void differ(const F& f, const double* q_D, const double* v_D) {
+    double rate = Tolerance::slowest;
+    for (int c = 0; c < n; ++c) rate = fmax(rate, points_.rate_of_turning(*in, at[c].pair, speed(c)));
+    bool done[room(C)];
+    int left = n;
+    for (int c = 0; c < n; ++c) {
+      done[c] = !known_[c];
+      left -= done[c];
+    }
+    for (double step = Tolerance::turn / rate; left > 0 && step * rate > Tolerance::least_turn;
+         step *= Tolerance::finer)
+      for (const Differences& by : ways_) {
+        if (left > 0) left -= differ(f, q_D, v_D, by, step, done);
+      }
+  }
+
+  // The gaps of the points at a configuration, negated, at out[3 c]; 0 for those that are lost.
+  template <class F>
+  void measure_gaps(const F& f, const double* q_D, double* out) {
+    const double v_D[room(N)] = {}, v_K[room(NK)] = {};
+    near_.pose(*in, q_D, v_D, f.q_K, v_K, f.p);
+    for (int c = 0, pair = -1; c < n; ++c) {
+      if (at[c].pair != pair) near_.look_at_pair(*in, pair = at[c].pair, Tolerance::margin);
+      bool holds;
+      const int i = near_.find_feature(*in, pair, at[c].feature, at[c].region, &holds);
+      out[3 * c] = i < 0 ? 0.0 : -near_.point(i).gap;
+    }
+  }
+
+ private:
+  // Places in steps, weights over 12, and the weight of the place itself.
+  struct Differences {
+    double at[4], weight[4], own;
+  };
+
+  // Of order 4: about the present, from behind and from ahead.
+  static constexpr Differences ways_[] = {
+      {{-2, -1, 1, 2}, {1, -8, 8, -1}, 0},
+      {{-4, -3, -2, -1}, {3, -16, 36, -48}, 25},
+      {{1, 2, 3, 4}, {48, -36, 16, -3}, -25},
+  };
+
+  // Differences for the points that are not done and found at all places; how many those are.
+  template <class F>
+  int differ(
+      const F& f, const double* q_D, const double* v_D, const Differences& by, double step,
+      bool* done) {
+    double sum[room(3 * C)];
+    bool all[room(C)];
+    for (int c = 0; c < n; ++c) {
+      all[c] = !done[c];
+      for (int d = 0; d < 3; ++d) sum[3 * c + d] = -by.own * hdot[3 * c + d];
+    }
+    for (int k = 0; k < 4; ++k) {
+      const double tau = by.at[k] * step;
+      double there[room(NQ)], there_K[room(NQK)], move[room(N)], move_K[room(NK)], v_K[room(NK)];
+      for (int j = 0; j < N; ++j) move[j] = tau * v_D[j];
+      for (int j = 0; j < NK; ++j) {
+        move_K[j] = tau * f.v_K[j];
+        v_K[j] = f.v_K[j] + tau * f.acc_K[j];
+      }
+      retract<typename Model::Dynamic>(q_D, move, there);
+      retract<typename Model::Driven>(f.q_K, move_K, there_K);
+      near_.pose(*in, there, v_D, there_K, v_K, f.p);
+      for (int c = 0, pair = -1; c < n; ++c) {
+        if (!all[c]) continue;
+        if (at[c].pair != pair) {
+          pair = at[c].pair;
+          near_.look_at_pair(*in, pair, 2.0 * Tolerance::margin + 2.0 * fabs(tau) * speed(c));
+        }
+        bool holds;
+        const int i = near_.find_feature(*in, pair, at[c].feature, at[c].region, &holds);
+        all[c] = i >= 0 && near_.point(i).region == region_[c];
+        if (!all[c]) continue;
+        double u[3];
+        near_.velocity(*in, i, u);
+        sum[3 * c] += by.weight[k] * dot3(u, near_.point(i).frame);
+        for (int d = 1; d < 3; ++d)
+          sum[3 * c + d] += by.weight[k] * dot3(u, frame[c] + 3 * d);
+      }
+    }
+    int count = 0;
+    for (int c = 0; c < n; ++c) {
+      if (!all[c]) continue;
+      for (int d = 0; d < 3; ++d) gamma[3 * c + d] = -sum[3 * c + d] / (12.0 * step);
+      done[c] = true;
+      ++count;
+    }
+    return count;
+  }
+
+  // Takes the place of point c, its rows and its velocity from the point i of `points_`.
+  void take(int i, int c, const double* v_D) {
+    const auto& from = points_.point(i);
+    gap[c] = from.gap;
+    region_[c] = from.region;
+    for (int d = 0; d < 3; ++d) point[c][d] = from.at[d];
+    for (int d = 0; d < 9; ++d) frame[c][d] = from.frame[d];
+    points_.make_rows(*in, i);
+    for (int d = 0; d < 3; ++d) {
+      for (int k = 0; k < N; ++k) row[3 * c + d][k] = points_.row(i)[k][d];
+      rate_K[3 * c + d] = points_.rate_K(i)[d];
+      double sum = rate_K[3 * c + d];
+      for (int k = 0; k < N; ++k) sum += row[3 * c + d][k] * v_D[k];
+      hdot[3 * c + d] = sum;
+    }
+  }
+
+  int place(const typename Points::Point& point) const {
+    for (int c = 0; c < n; ++c)
+      if (Points::is_one(at[c], point.pair, point.feature, point.region)) return c;
+    return -1;
+  }
+
+  // The order in which points are kept.
+  static bool is_before(const Contact& a, const Contact& b) {
+    if (a.pair != b.pair) return a.pair < b.pair;
+    return a.feature != b.feature ? a.feature < b.feature : a.region < b.region;
+  }
+
+  void sort() {
+    for (int c = 1; c < n; ++c)
+      for (int b = c; b > 0 && is_before(at[b], at[b - 1]); --b) {
+        const Contact held = at[b];
+        at[b] = at[b - 1];
+        at[b - 1] = held;
+      }
+  }
+
+  // Point c's entries of the latest evaluation to those of an earlier one.
+  void copy(int c, int to) {
+    if (c == to) return;
+    at[to] = at[c];
+    found[to] = found[c];
+    known_[to] = known_[c];
+    gap[to] = gap[c];
+    region_[to] = region_[c];
+    for (int k = 0; k < 3; ++k) point[to][k] = point[c][k];
+    for (int k = 0; k < 9; ++k) frame[to][k] = frame[c][k];
+    for (int d = 0; d < 3; ++d) {
+      hdot[3 * to + d] = hdot[3 * c + d];
+      x[3 * to + d] = x[3 * c + d];
+      after[3 * to + d] = after[3 * c + d];
+      lawful[3 * to + d] = lawful[3 * c + d];
+      after_lawful[3 * to + d] = after_lawful[3 * c + d];
+      rate_K[3 * to + d] = rate_K[3 * c + d];
+      gamma[3 * to + d] = gamma[3 * c + d];
+      for (int k = 0; k < N; ++k) row[3 * to + d][k] = row[3 * c + d][k];
+    }
+  }
+
+  double speed(int c) const {
+    return fabs(hdot[3 * c]) + fabs(hdot[3 * c + 1]) + fabs(hdot[3 * c + 2]);
+  }
+
+  Points points_, near_;  // of the latest evaluation; at displaced configurations
+  bool known_[room(C)];  // as found, but also where its feature alone makes it
+  int region_[room(C)];
+};
+
+}  // namespace fan

@@ -1,0 +1,350 @@
+// The instants of an event-driven run: catches strike, the active set is chosen again, and the events
+// and the state after them are written (writer.hpp).
+#pragma once
+
+#include "fantoccini/event/accumulation.hpp"
+#include "fantoccini/event/guards.hpp"
+#include "fantoccini/event/writer.hpp"
+
+namespace fan {
+
+struct EventTolerances {
+  // -h up to which a row counts as closed where a run begins, relative to its scale: starts come
+  // from files and solvers. The rows held are then brought to h = 0.
+  static constexpr double start_gap = Constants::start_gap;
+  // s: a row whose tension fell to zero no longer ago than this has just lost it.
+  static constexpr double same_instant = 1e-10;
+  // s: shorter steps count as standstill, and so many in a row end the run.
+  static constexpr double standstill = 1e-12;
+  static constexpr int max_standstill_steps = 200;
+  // s: a step shorter than this that fails ends the run instead of being shortened.
+  static constexpr double min_failing_step = 1e-10;
+  // Step control (Hairer): order of the error, safety factor, least and largest factor of a step.
+  static constexpr double order = 8.0, safety = 0.9, min_factor = 0.2, max_factor = 8.0;
+  static constexpr double overflow_factor = 0.1;  // of a step whose error is not finite
+  // Of the time left to the target: a step of at least `whole` takes all of it, one of more than
+  // `sliver` takes just that share, so that the last step is not tiny.
+  static constexpr double whole = 1 - 1e-12, sliver = 0.5;
+  // Difference at which an acceleration or a force jumps at a break, relative to 1 + |before| +
+  // |after|.
+  static constexpr double jump = 1e-9;
+  static constexpr int max_saves_per_step = 64;  // the record must have room for all of them
+  // m: gap up to which points of contact touch, and where a run begins.
+  static constexpr double touching = 1e-12, touching_at_start = 1e-6;
+};
+
+template <class Model>
+struct EventInstants {
+  using Writer = EventWriter<Model>;
+  using F = typename Writer::F;
+  using Situation = typename Writer::Situation;
+  using Tolerance = EventTolerances;
+  static constexpr int N = F::N, NQ = F::NQ, S = F::S, M = F::M, NY = F::NY, C = F::C;
+
+  F& flow;
+  Guards<Model>& guards;
+  ClosedRows<Model> closed_rows;
+  typename Writer::Instants contact_instants;
+  Writer writer{flow, closed_rows, contact_instants};
+  Accumulation accumulation;
+  double blame[room(M)] = {};  // by row, how much it is to blame for the status, 0 to 1
+  double until = unbounded;    // s: the end of the run, beyond which no event lies
+  double loosened[room(M)];    // s: when each row last lost its tension
+
+  EventInstants(F& flow, Guards<Model>& guards) : flow(flow), guards(guards) {}
+  EventInstants(const EventInstants&) = delete;
+
+  // The evaluation, k[0] and accelerations at (t, y).
+  void refresh() { flow.evaluate(flow.t, flow.y, flow.k[0]); }
+
+  void set_active_set(const Hold* mode) {
+    for (int r = 0; r < M; ++r) flow.row_state[r] = mode[r];
+  }
+
+  void accuse(const double* rows) {
+    for (int r = 0; r < M; ++r) blame[r] = rows[r];
+  }
+
+  // Whether solids touch, or points are followed, at (t, y), the flow's latest evaluation.
+  bool in_contact(double most = Tolerance::touching) const {
+    if constexpr (F::touches) {
+      const auto& points = flow.contacts.points;
+      return points.in && (points.n > 0 || points.overlap >= -most);
+    }
+    return false;
+  }
+
+  // An event at (t, y): catches strike, then the next active set is chosen.
+  Status instant(Record<Model>& out) {
+    if (in_contact()) return contact_instant(out, Tolerance::touching);
+    Situation s;
+    bool caught = false;
+    for (int r = 0; r < M; ++r) {
+      s.before[r] = flow.row_state[r];
+      const bool held = s.before[r] == HELD || s.before[r] == PINNED;
+      const double none = -flow.tension[r] / flow.weight();
+      if (held && none > -GuardTolerances::negligible_tension) loosened[r] = flow.t;
+      // Among redundant rows one that has just lost its tension must not take turns with another.
+      s.loose[r] = s.before[r] == SLACK ? !guards.armed[r]
+                                        : flow.t - loosened[r] <= Tolerance::same_instant;
+      s.strained[r] = is_strained(r);
+      const bool touches = s.before[r] == SLACK && guards.touches(r, FlowTolerances::closed_gap);
+      s.caught[r] = touches;
+      s.closed[r] = s.before[r] != SLACK || guards.closed(r, FlowTolerances::closed_gap);
+      caught = caught || touches;
+    }
+    if (caught) {
+      accumulation.watch(flow.t);
+      if (!flow.opt.save_steps) writer.emit(out);
+      const Status status = closed_rows.strike(flow, s.closed);
+      if (status != RUNNING) return fail(status);
+      writer.impact += closed_rows.lost;
+      for (int r = 0; r < M; ++r) {
+        s.caught[r] = s.caught[r] || (s.before[r] == SLACK && closed_rows.impulse[r] > 0.0);
+        s.loose[r] = s.loose[r] && !s.caught[r];
+        if (s.caught[r]) writer.note(out, CATCH, r, closed_rows.impulse[r], closed_rows.speed[r]);
+      }
+    }
+    return settle_active_set(s, out);
+  }
+
+  // At a break of the inputs the tensions may jump: choose the active set again, and write a second
+  // row where the inputs' accelerations or the forces jump.
+  Status breakpoint(Record<Model>& out) {
+    double acc_K[room(Model::n_vK)], u_D[room(N)];
+    for (int j = 0; j < Model::n_vK; ++j) acc_K[j] = flow.acc_K[j];
+    for (int k = 0; k < N; ++k) u_D[k] = flow.u_D[k];
+    flow.drive.start_at(flow.t);
+    refresh();
+    bool jumps = false;
+    for (int j = 0; j < Model::n_vK; ++j) jumps = jumps || differ(acc_K[j], flow.acc_K[j]);
+    for (int k = 0; k < N; ++k) jumps = jumps || differ(u_D[k], flow.u_D[k]);
+    if (jumps) writer.note(out, BREAKPOINT, -1, 0.0, 0.0);
+    const long long rows = out.n_samples;
+    bool touched = false;
+    for (int r = 0; r < M; ++r)
+      touched = touched ||
+                (flow.row_state[r] == SLACK && guards.touches(r, FlowTolerances::closed_gap));
+    const Status status = touched ? instant(out) : settle_active_set(present(), out);
+    if (jumps && out.n_samples == rows) writer.emit(out);
+    return status;
+  }
+
+  // Chooses anew which of the redundant rows are held: the present ones are nearly dependent.
+  Status another_basis(Record<Model>& out) {
+    return settle_active_set(present(), out);
+  }
+
+  // An instant at which solids touch: impacts of strings, limits and solids strike as one, then all
+  // modes are chosen. Points up to `most` apart touch; at the start of a run they have touched before.
+  Status contact_instant(Record<Model>& out, double most, bool starts = false) {
+    if constexpr (!F::touches) return RUNNING;
+    else {
+      auto& held = flow.contacts;
+      // Whether or not it ends in an event, so that none go on for ever.
+      writer.event_rate.note(flow.t, -1, EventRateTolerances::of_contact);
+      held.points.take_closed(flow, flow.y, flow.y + NQ, most);
+      if (held.points.too_many) return TOO_MANY_CONTACTS;
+      Situation s = present();
+      bool loose[room(C)], strained[room(C)], struck[room(C)], touched[room(C)], strikes[room(M)];
+      bool any_struck = false, any_hit = false;  // by a catch; by one that takes impulses
+      for (int r = 0; r < M; ++r) {
+        const double none = -flow.tension[r] / flow.weight();
+        if (s.before[r] == HELD && none > -GuardTolerances::negligible_tension) loosened[r] = flow.t;
+        if (s.before[r] != SLACK) s.loose[r] = flow.t - loosened[r] <= Tolerance::same_instant;
+        s.strained[r] = is_strained(r);
+        s.caught[r] = s.before[r] == SLACK && guards.touches(r, FlowTolerances::closed_gap);
+        s.closed[r] = s.before[r] != SLACK || guards.closed(r, FlowTolerances::closed_gap);
+        strikes[r] = s.closed[r] && !flow.winches.slips(r);
+        any_struck = any_struck || s.caught[r];
+        any_hit = any_hit || (s.caught[r] && strikes[r]);
+      }
+      for (int c = 0; c < held.points.n; ++c) {
+        loose[c] = held.is_loose(flow, c);
+        strained[c] = held.is_strained(flow, c);
+        touched[c] = held.points.at[c].mode != PARTED;
+      }
+      contact_instants.gather(flow, strikes);
+      for (int c = 0; c < held.points.n; ++c) {
+        struck[c] = contact_instants.is_struck(flow, c);
+        any_struck = any_struck || struck[c];
+        any_hit = any_hit || struck[c];
+      }
+      if (any_struck) {
+        accumulation.watch(flow.t);
+        if (starts || !flow.opt.save_steps) writer.emit(out);
+        contact_instants.begin_impact(flow);
+        if (any_hit) {
+          const Status status = contact_instants.strike(flow);
+          if (status != RUNNING) return status;
+          writer.impact += contact_instants.lost;
+        }
+        for (int r = 0; r < M; ++r) {
+          s.caught[r] = s.caught[r] || (s.before[r] == SLACK && contact_instants.impulse[r] > 0.0);
+          s.loose[r] = s.loose[r] && !s.caught[r];
+          if (s.caught[r])
+            writer.note(out, CATCH, r, contact_instants.impulse[r], contact_instants.speed[r]);
+        }
+        for (int c = 0; c < held.points.n; ++c) {
+          loose[c] = loose[c] && !struck[c] && !(contact_instants.point_impulse[c] > 0.0);
+          strained[c] = false;
+        }
+        writer.tell_touches(struck, out);
+        refresh();
+      }
+      flow.grip();
+      if (any_hit || flow.winches.some_slip) contact_instants.gather(flow, s.closed);
+      Hold next[room(M)];
+      const Status chosen = contact_instants.choose(flow, s.loose, s.strained, loose, strained, next);
+      if (chosen != RUNNING) return chosen;
+      set_active_set(next);
+      const double energy = flow.total_energy() - given(), stopped = held.points.fastest_normal();
+      refresh();
+      const Status held_there = flow.project(flow.t, flow.y);
+      if (held_there != RUNNING) return held_there;
+      refresh();
+      held.bring_to_rest(flow, flow.y + NQ, true);
+      refresh();
+      // The corrections of the start are not the run's.
+      if (!starts) writer.impact += energy - (flow.total_energy() - given());
+      for (int r = 0; r < M; ++r)
+        if (next[r] == SLIPPING) guards.armed[r] = flow.lack(r) < -GuardTolerances::min_speed;
+      share_forces();
+      held.points.accept_overlaps();
+      bool changed = any_struck;
+      for (int r = 0; r < M; ++r) {
+        if (!starts) writer.write_changes(s, r, out);
+        changed = changed || next[r] != s.before[r];
+        if (next[r] == SLACK && s.holds(r)) guards.armed[r] = closed_rows.leaves(flow, r);
+      }
+      changed = starts || writer.tell_modes(touched, struck, out) || changed;
+      if (stopped > GuardTolerances::min_speed && accumulation.shrinking()) {
+        out.event(fmin(accumulation.limit(), until), ACCUMULATION, -1, 0.0, stopped);
+        ++writer.n_events;
+        accumulation.forget();
+      }
+      anchor(out);
+      guards.remember();
+      if (changed) writer.emit(out);
+      return held.points.too_many ? TOO_MANY_CONTACTS : RUNNING;
+    }
+  }
+
+  // Follows the directions of sliding points, and tells of pairs that have begun to slide.
+  void anchor(Record<Model>& out) {
+    if constexpr (F::touches) {
+      auto& held = flow.contacts;
+      if (!held.active()) return;
+      if (held.redistributed) held.points.keep_forces(flow);
+      held.redistributed = false;
+      auto& points = held.points;
+      points.anchor();
+      for (int c = 0; c < points.n; ++c) {
+        auto& own = points.at[c];
+        if (own.told || own.mode != SLIDING || !own.moving || points.in->friction[own.pair] == 0.0)
+          continue;
+        bool first = true;
+        for (int b = 0; b < points.n; ++b)
+          first = first && !(points.at[b].told && points.meet(points.at[b].pair, own.pair));
+        own.told = true;
+        if (first) writer.tell(out, own.since, SLIDE, own.pair, 0.0, points.sliding_speed(c));
+      }
+    }
+  }
+
+ private:
+  // Whether string r has just reached its winch's largest tension.
+  bool is_strained(int r) const {
+    return (flow.row_state[r] == HELD || flow.row_state[r] == PINNED) && flow.winches.slips(r) &&
+           flow.tension[r] >= flow.winches.max_tension[r] -
+                                  GuardTolerances::negligible_tension * flow.weight();
+  }
+
+  // The rows when no event has happened.
+  Situation present() const {
+    Situation s;
+    for (int r = 0; r < M; ++r) {
+      s.before[r] = flow.row_state[r];
+      s.closed[r] = flow.taut(r);
+      s.caught[r] = s.strained[r] = false;
+      s.loose[r] = !flow.taut(r) && !guards.armed[r];
+    }
+    return s;
+  }
+
+  Status fail(Status status) {
+    accuse(closed_rows.blame);
+    return status;
+  }
+
+  static bool differ(double a, double b) {
+    return fabs(a - b) > Tolerance::jump * (1.0 + fabs(a) + fabs(b));
+  }
+
+  Status settle_active_set(const Situation& s, Record<Model>& out) {
+    if (in_contact()) return contact_instant(out, Tolerance::touching);
+    Hold next[room(M)];
+    const double energy = flow.total_energy() - given();
+    double stopped = 0.0;
+    Status held = RUNNING;
+    for (const Attempt& how : Attempts::list) {
+      if (how.ahead > 0.0 && !flow.winches.some_slip) continue;
+      // Repeated, as rows that the hold has brought to rest take part in the choice. A hold that is
+      // refused has left velocities and books alone; that closed rows are at h = 0 now, which were
+      // there but for max_length_error, helps whatever is tried next.
+      for (int round = 0; round <= M; ++round) {
+        held = closed_rows.choose(flow, s.loose, s.strained, next, FlowTolerances::closed_gap, how);
+        if (held != RUNNING) { if (flow.winches.some_slip) break; else return fail(held); }
+        set_active_set(next);
+        refresh();
+        held = closed_rows.hold(flow, how);
+        if (closed_rows.stopped > stopped) stopped = closed_rows.stopped;
+        if (held != RUNNING || !closed_rows.brought) break;
+      }
+      if (held == RUNNING) refresh();
+      if (held == RUNNING && !guards.contradicted()) break;
+    }
+    if (held != RUNNING) return fail(held);
+    refresh();
+    writer.impact += energy - (flow.total_energy() - given());
+    bool changed = false;
+    for (int r = 0; r < M; ++r) {
+      writer.write_changes(s, r, out);
+      changed = changed || next[r] != s.before[r] || s.caught[r];
+      if (next[r] == SLIPPING) guards.armed[r] = flow.lack(r) < -GuardTolerances::min_speed;
+      // A string that springs back is open soon; one that has lost its tension may stay at its
+      // bound.
+      if (next[r] == SLACK && s.holds(r)) guards.armed[r] = closed_rows.leaves(flow, r);
+    }
+    if (stopped > GuardTolerances::min_speed && accumulation.shrinking()) {
+      writer.note(out, ACCUMULATION, -1, 0.0, stopped);
+      accumulation.forget();
+    }
+    guards.remember();
+    if (changed) writer.emit(out);
+    return RUNNING;
+  }
+
+  // Redundant forces: those of least norm, where these are legal, else those of the choice.
+  void share_forces() {
+    auto& held = flow.contacts;
+    const auto chosen = held.points.forces();
+    held.points.forget_forces();
+    refresh();
+    bool legal = true;
+    for (int g = 0; g < F::GUARDS && legal; ++g)
+      if (g != F::ALL && (g < M || g > F::ALL)) legal = !(guards.guard(g) > 0.0);
+    if (!legal) {
+      held.points.set_forces(chosen);
+      refresh();
+      held.redistribute(flow);
+    }
+    held.points.keep_forces(flow);
+    held.redistributed = false;
+  }
+
+  // Net work of inputs and winches so far.
+  double given() const { return flow.y[F::WORK] - flow.y[F::SLIP_LOSS]; }
+};
+
+}  // namespace fan

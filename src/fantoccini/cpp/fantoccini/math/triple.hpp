@@ -1,0 +1,61 @@
+// Three numbers of a contact point: of its normal and its two tangents. Three doubles fill one
+// register, whose last part is 0.
+#pragma once
+
+#include "fantoccini/math/dense_lu.hpp"
+
+namespace fan {
+
+template <class Real>
+struct Triple {
+  Real of[3];
+
+  FAN_FN Real operator[](int d) const { return of[d]; }
+  FAN_FN void clear() { of[0] = of[1] = of[2] = Real(0.0); }
+
+  // this <- this + by x.
+  FAN_FN void add(const Real& by, const Triple& x) {
+    FAN_UNROLL for (int d = 0; d < 3; ++d) of[d] += by * x.of[d];
+  }
+
+  // Writes those of one lane.
+  FAN_FN void put(int lane, QuadInPlace& out) const {
+    out = Quad{of[0][lane], of[1][lane], of[2][lane], 0.0};
+  }
+
+  // this <- this + by x in one lane.
+  FAN_FN void add_in(int lane, double by, const Quad& x) {
+    FAN_UNROLL for (int d = 0; d < 3; ++d) of[d][lane] += by * x[d];
+  }
+
+  // For generated functions that take several vectors at once.
+  FAN_ALWAYS_INLINE friend Triple operator+(const Triple& a, const Triple& b) {
+    return {{a.of[0] + b.of[0], a.of[1] + b.of[1], a.of[2] + b.of[2]}};
+  }
+  FAN_ALWAYS_INLINE friend Triple operator-(const Triple& a, const Triple& b) {
+    return {{a.of[0] - b.of[0], a.of[1] - b.of[1], a.of[2] - b.of[2]}};
+  }
+  FAN_ALWAYS_INLINE friend Triple operator-(const Triple& a) {
+    return {{-a.of[0], -a.of[1], -a.of[2]}};
+  }
+  FAN_ALWAYS_INLINE friend Triple operator+(const Triple& a, const Real& b) {
+    return {{a.of[0] + b, a.of[1] + b, a.of[2] + b}};
+  }
+  FAN_ALWAYS_INLINE friend Triple operator*(const Real& a, const Triple& b) {
+    return {{a * b.of[0], a * b.of[1], a * b.of[2]}};
+  }
+  FAN_ALWAYS_INLINE friend Triple operator*(const Triple& a, const Real& b) { return b * a; }
+};
+
+template <>
+struct Triple<double> {
+  Quad of;
+
+  FAN_FN double operator[](int d) const { return of[d]; }
+  FAN_FN void clear() { of = Quad{}; }
+  FAN_FN void add(double by, const Triple& x) { of += by * x.of; }
+  FAN_FN void put(int, QuadInPlace& out) const { out = of; }
+  FAN_FN void add_in(int, double by, const Quad& x) { of += by * x; }
+};
+
+}  // namespace fan

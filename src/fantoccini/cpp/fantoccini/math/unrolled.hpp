@@ -1,0 +1,68 @@
+// Short loops as straight-line code. g++ -O2 leaves loops of constant length as they are.
+#pragma once
+
+#include <type_traits>
+
+#include "fantoccini/math/real.hpp"
+
+namespace fan {
+
+// Calls f(from), ..., f(to - 1) with each index as a type, so that it is a constant in f. A lambda
+// is to be FAN_INLINE: what it does is then optimised as one piece.
+template <int from, int to, class F>
+FAN_ALWAYS_INLINE void unrolled(const F& f) {
+  if constexpr (from < to) {
+    f(std::integral_constant<int, from>());
+    unrolled<from + 1, to>(f);
+  }
+}
+
+// Calls f(0), ..., f(n - 1). None of the calls may read what another one writes: the compiler may
+// compute several at once.
+template <int n, class F>
+FAN_ALWAYS_INLINE void each(const F& f) {
+  constexpr int whole = n / 8 * 8;
+  FAN_INDEPENDENT
+  for (int k = 0; k < whole; ++k) f(k);
+  unrolled<whole, n>(f);
+}
+
+// Calls f(k, j) for k from 0 to n - 1 with j = k % step, a constant: for as many sums at a time, as
+// each addition waits for the one before.
+template <int step, int n, class F>
+FAN_ALWAYS_INLINE void unrolled_by(const F& f) {
+  constexpr int whole = n / step * step;
+  for (int k = 0; k < whole; k += step)
+    unrolled<0, step>([&](auto j) FAN_INLINE { f(k + j, j); });
+  unrolled<0, n - whole>([&](auto j) FAN_INLINE { f(whole + j, j); });
+}
+
+// The largest of f(0), ..., f(n - 1); -unbounded where there is none.
+template <int n, class F>
+FAN_ALWAYS_INLINE auto largest_of(const F& f) {
+  using Real = std::decay_t<decltype(f(0))>;
+  Real most[4] = {Real(-unbounded), Real(-unbounded), Real(-unbounded), Real(-unbounded)};
+  unrolled_by<4, n>([&](int k, auto j) FAN_INLINE { most[j] = maximum(f(k), most[j]); });
+  return maximum(maximum(most[0], most[1]), maximum(most[2], most[3]));
+}
+
+// The sum of n squares.
+template <int n, class Real>
+FAN_FN Real squares(const Real* x) {
+  Real sum[4] = {Real(0.0), Real(0.0), Real(0.0), Real(0.0)};
+  unrolled_by<4, n>([&](int k, auto j) FAN_INLINE { sum[j] += x[k] * x[k]; });
+  return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
+// The sum of n squares of weight x.
+template <int n, class Real>
+FAN_FN Real weighted_squares(const Real* x, const double* weight) {
+  Real sum[4] = {Real(0.0), Real(0.0), Real(0.0), Real(0.0)};
+  unrolled_by<4, n>([&](int k, auto j) FAN_INLINE {
+    const Real part = x[k] * weight[k];
+    sum[j] += part * part;
+  });
+  return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
+}  // namespace fan

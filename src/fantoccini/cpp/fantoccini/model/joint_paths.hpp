@@ -1,0 +1,102 @@
+// Bounds of joint motion about a configuration, and of the paths of a puppet's points:
+//
+//   path(x) = sum over the links i from x's own up to the world of slide_i + turn_i (|x - r_i| + path below i)
+//
+// with r_i the origin of link i, about which its joint turns, slide_i the path of r_i in the frame of its
+// parent and turn_i the angle that its joint turns on the way.
+#pragma once
+
+#include "fantoccini/contract.hpp"
+#include "fantoccini/math/manifold.hpp"
+#include "fantoccini/model/string_length.hpp"
+
+namespace fan {
+
+struct JointPathTolerances {
+  static constexpr double arcsine = 0.5708;  // asin(x) <= x + 0.5708 x^3 for 0 <= x <= 1
+  static constexpr double parabola = 0.375;  // (sag of a string)^2 per length and excess of the length
+};
+
+template <class Model, class Real>
+struct JointPaths {
+  using Tol = JointPathTolerances;
+  static constexpr int L = Model::n_links, S = Model::n_strings;
+
+  Real slide[room(L)], turn[room(L)], wound[room(S)];  // of links, and of the strings' lengths
+  Real loose[room(S)];  // 1.0 for strings that may go slack on the way although they are straight now
+  // If known, bounds of a string's length less its span; else they follow from the paths.
+  bool known = false;
+  Real least_excess[room(S)], most_excess[room(S)];
+
+  FAN_FN void clear() {
+    known = false;
+    for (int i = 0; i < L; ++i) slide[i] = turn[i] = Real(0.0);
+    for (int i = 0; i < S; ++i) wound[i] = loose[i] = Real(0.0);
+  }
+
+  // Adds a share of the way on which everything moves evenly from one configuration to another.
+  FAN_FN void add(
+      const ClearanceArrays& in, const Real* q_D, const Real* q_K, const Real* to_D,
+      const Real* to_K, double share = 1.0) {
+    using std::abs;
+    using std::sqrt;
+    for (int i = 0; i < L; ++i) {
+      const JointPlace& joint = in.joints[i];
+      if (joint.role == 0) continue;
+      const Real* from = (joint.role == 1 ? q_D : q_K) + joint.q;
+      const Real* to = (joint.role == 1 ? to_D : to_K) + joint.q;
+      Real square = Real(0.0);
+      for (int k = 0; k < joint.slides; ++k) square += (to[k] - from[k]) * (to[k] - from[k]);
+      if (joint.slides) slide[i] += share * sqrt(square);
+      from += joint.slides;
+      to += joint.slides;
+      if (joint.turns == 1) turn[i] += share * abs(to[0] - from[0]);
+      if (joint.turns == 4) turn[i] += share * angle(from, to);
+    }
+    for (int i = 0; i < S; ++i)
+      wound[i] += share * abs(string_length<Model, Real>(i, to_D, to_K) -
+                              string_length<Model, Real>(i, q_D, q_K));
+  }
+
+  // The longest path of what lies up to `beyond` from a point x of a link, which is -1 for the world.
+  FAN_FN Real path(
+      const ClearanceArrays& in, const Real* poses, int link, const Real* x,
+      double beyond = 0.0) const {
+    using std::sqrt;
+    Real moved = Real(0.0);
+    for (; link >= 0; link = in.joints[link].parent) {
+      if (in.joints[link].role == 0) continue;
+      moved += slide[link];
+      if (!in.joints[link].turns) continue;
+      const Real* r = poses + 12 * link + 9;
+      Real square = Real(0.0);
+      for (int c = 0; c < 3; ++c) square += (x[c] - r[c]) * (x[c] - r[c]);
+      moved += turn[link] * (sqrt(square) + beyond + moved);
+    }
+    return moved;
+  }
+
+  // Bound of the change of a string's sag if its excess (length less span) changes by `x`: a parabola
+  // sags by sqrt(3/8 length excess), and a steep string by half of x.
+  FAN_FN static Real sag(const Real& length, const Real& span, const Real& x) {
+    using std::sqrt;
+    const Real none = Real(0.0), excess = length - span, scale = Tol::parabola * maximum(Real(length + x), none);
+    const Real most = maximum(excess + x, none), least = maximum(excess - x, none);
+    return select(most > none, Real(sqrt(scale * most) - sqrt(scale * least) + x), none);
+  }
+
+ private:
+  // Between two orientations: |a - b| = 2 sin(angle / 4) for unit quaternions of one sign.
+  FAN_FN static Real angle(const Real* a, const Real* b) {
+    using std::sqrt;
+    Real less = Real(0.0), more = Real(0.0);
+    for (int k = 0; k < 4; ++k) {
+      less += (a[k] - b[k]) * (a[k] - b[k]);
+      more += (a[k] + b[k]) * (a[k] + b[k]);
+    }
+    const Real half = 0.5 * sqrt(minimum(less, more));
+    return 4.0 * (half + Tol::arcsine * half * half * half);
+  }
+};
+
+}  // namespace fan

@@ -1,0 +1,107 @@
+// What a string's winch does beyond its commands (it slips and rewinds), and the restitution of
+// catches.
+//
+// A winch with a largest tension slips: the string's length is L + slip with slip >= 0, and
+//
+//   0 <= tension < max:  the slip is wound back;   tension = max:  its rate is larger than that
+//
+// It is wound back at rewind_speed and braked evenly to rest at no slip, or not at all:
+//
+//   rate of slip = -min(rewind_speed, sqrt(2 Tolerance::brake slip))
+#pragma once
+
+#include "fantoccini/contract.hpp"
+
+namespace fan {
+
+struct WinchTolerances {
+  static constexpr double brake = Constants::winch_deceleration;  // m/s^2
+  // m: a smaller slip counts as 0.
+  static constexpr double negligible_slip = 1e-20;
+  // m: a smaller slip is not wound back, which would take less than sqrt(2 slip / brake) = 2 us:
+  // rounding alone would start the winch.
+  static constexpr double max_resting_slip = 2e-12;
+  // m: how far a slip may be negative, or differ from its string's gap, where redundant strings
+  // contradict one another.
+  static constexpr double max_length_error = 1e-10;
+  // Braking begins at a slip larger by this share, so that the end of a stretch lies in the next
+  // one.
+  static constexpr double braking_margin = 1e-9;
+  static constexpr double clock = 1e-15;  // resolution of the time, relative to it or 1 s
+};
+
+// Slip while it is wound back [m, m/s, m/s^2].
+struct Wound {
+  double slip, rate, acc;
+};
+
+// Three numbers per string (WinchLayout), which Python sets.
+template <int S>
+struct Winches {
+  using Tolerance = WinchTolerances;
+
+  double max_tension[room(S)];   // N; unbounded for none
+  double rewind_speed[room(S)];  // m/s; 0 for none
+  double restitution[room(S)];   // of catches, 0 to 1
+  bool some_slip = false;        // whether any has a largest tension
+
+  void set(const double* table) {
+    some_slip = false;
+    for (int i = 0; i < S; ++i) {
+      const double* own = table + WinchLayout::width * i;
+      max_tension[i] = own[WinchLayout::max_tension];
+      rewind_speed[i] = own[WinchLayout::rewind_speed];
+      restitution[i] = own[WinchLayout::restitution];
+      some_slip = some_slip || slips(i);
+    }
+  }
+
+  bool slips(int row) const { return row < S && max_tension[row] < unbounded; }
+
+  // N: the largest tension or force of a row.
+  double largest(int row) const { return row < S ? max_tension[row] : unbounded; }
+
+  // The rate at which a slip is wound back.
+  double winding(int i, double slip) const {
+    if (!(slip > 0.0)) return 0.0;
+    const double braked = sqrt(2.0 * Tolerance::brake * slip);
+    return braked < rewind_speed[i] ? -braked : -rewind_speed[i];
+  }
+
+  // The slip a time after it was `slip`; valid for times up to `stretch`.
+  Wound wound(int i, double slip, double time) const {
+    const double speed = rewind_speed[i];
+    if (!(slip > Tolerance::max_resting_slip && speed > 0.0)) return {slip, 0.0, 0.0};
+    if (slip > braking(i)) return {slip - speed * time, -speed, 0.0};
+    const double left = sqrt(2.0 * slip / Tolerance::brake) - time;
+    return {0.5 * Tolerance::brake * left * left, -Tolerance::brake * left, Tolerance::brake};
+  }
+
+  // s: how long the winch keeps its acceleration: until it brakes, or until it stops; 0 if it
+  // rests.
+  double stretch(int i, double slip) const {
+    const double speed = rewind_speed[i];
+    if (!(slip > Tolerance::max_resting_slip && speed > 0.0)) return 0.0;
+    return slip > braking(i) ? (slip - 0.5 * speed * speed / Tolerance::brake) / speed
+                             : sqrt(2.0 * slip / Tolerance::brake);
+  }
+
+  // A slip at `time`: that at the end of its stretch, if the clock does not resolve the rest of it;
+  // 0 if it is negligible.
+  double resolved(int i, double slip, double time) const {
+    if (!(slip > Tolerance::negligible_slip))
+      return slip < 0.0 && slip >= -Tolerance::max_length_error ? slip : 0.0;
+    const double left = stretch(i, slip);
+    const double finest = Tolerance::clock * (fabs(time) > 1.0 ? fabs(time) : 1.0);
+    if (left == 0.0 || left > finest) return slip;
+    return slip > braking(i) ? 0.5 * rewind_speed[i] * rewind_speed[i] / Tolerance::brake : 0.0;
+  }
+
+ private:
+  // m: the slip at which braking begins.
+  double braking(int i) const {
+    return 0.5 * rewind_speed[i] * rewind_speed[i] / Tolerance::brake * (1.0 + Tolerance::braking_margin);
+  }
+};
+
+}  // namespace fan

@@ -1,0 +1,273 @@
+// A batch in bundles of lanes, a trajectory a lane, all on one clock.
+#pragma once
+
+#include "fantoccini/math/lane_of.hpp"
+#include "fantoccini/model/segments.hpp"
+#include "fantoccini/runs/batch.hpp"
+#include "fantoccini/runs/step_grid.hpp"
+
+namespace fan {
+
+// The inputs of a bundle: for every lane the polynomials of the piece it is in.
+template <class Space, int n_vD, class Real>
+class LaneDrive {
+ public:
+  static constexpr int width = Traits<Real>::width;
+
+  void set(int lane, const InputArrays& input) {
+    input_[lane] = input;
+    piece_[lane] = -1;
+    forced_ = input.force != nullptr;
+  }
+
+  // The inputs at t: at a break inside, those of the piece that begins there.
+  template <class Inputs>
+  void at(const Real& t, Inputs& in) {
+    find(t, false);
+    motion(in);
+    force(in.u_D);
+  }
+
+  // The same of a run that steps from inputs to inputs; those that hold still are written once.
+  template <class Inputs>
+  void fill(const Real& t, Inputs& in) {
+    find(t, false);
+    if (still_number_ != 0 && in.still == still_number_) return;
+    motion(in);
+    force(in.u_D);
+    in.still = still_number_;
+  }
+
+  // The same at the start of a run: nothing moves from the last break on.
+  template <class Inputs>
+  void start(const Real& t, Inputs& in) {
+    find(t, true);
+    motion(in);
+    force(in.u_D);
+  }
+
+  // u_D alone.
+  void force(const Real& t, Real* u) {
+    find(t, false);
+    force(u);
+  }
+
+ private:
+  // Which piece every lane is in, and how far.
+  void find(const Real& times, bool starts) {
+    bool entered = false, changed = false;
+    for (int l = 0; l < width; ++l) {
+      const InputArrays& in = input_[l];
+      const int n = in.n_segments;
+      const double t = lane_of(times, l);
+      int i = piece_[l] < 0 ? 0 : piece_[l];
+      while (i > 0 && t < in.breaks[i]) --i;
+      while (i < n - 1 && t >= in.breaks[i + 1]) ++i;
+      if (i != piece_[l]) {
+        load(l, i);
+        entered = true;
+      }
+      const bool after = starts ? t >= in.breaks[n] : t > in.breaks[n], before = t < in.breaks[0];
+      const double at = before ? in.breaks[0] : (after ? in.breaks[n] : t);
+      lane_of(s_, l) = at - in.breaks[i];
+      const double moves = before || after ? 0.0 : 1.0;
+      changed = changed || entered || moves != lane_of(moves_, l);
+      lane_of(moves_, l) = moves;
+    }
+    if (entered)
+      for (int j = 0; j < Space::n_v; ++j) still_[j] = is_constant(coef_ + n_powers * j);
+    if (changed) number();
+  }
+
+  // Inputs that hold still in all lanes get a number of their own.
+  void number() {
+    bool still = !forced_;
+    for (int j = 0; j < Space::n_v; ++j) still = still && still_[j];
+    still_number_ = still || !any(moves_ != Real(0.0)) ? ++numbers_ : 0;
+  }
+
+  template <class Inputs>
+  void motion(Inputs& in) const {
+    motion_of<Space>(coef_, base_, still_, s_, in.q_K, in.v_K, in.acc_K);
+    for (int j = 0; j < Space::n_v; ++j) {
+      in.v_K[j] *= moves_;
+      in.acc_K[j] *= moves_;
+    }
+  }
+
+  void force(Real* u) const {
+    for (int k = 0; k < n_vD; ++k) {
+      Real rate, second;
+      if (!forced_) {
+        u[k] = Real(0.0);
+        continue;
+      }
+      polynomial(force_ + n_powers * k, s_, u[k], rate, second);
+      u[k] *= moves_;
+    }
+  }
+
+  void load(int lane, int piece) {
+    const InputArrays& in = input_[lane];
+    piece_[lane] = piece;
+    const double* coef = in.coef + (long long)piece * Space::n_v * n_powers;
+    const double* base = in.base + (long long)piece * Space::n_q;
+    for (int k = 0; k < Space::n_v * n_powers; ++k) lane_of(coef_[k], lane) = coef[k];
+    for (int k = 0; k < Space::n_q; ++k) lane_of(base_[k], lane) = base[k];
+    if (!forced_) return;
+    const double* force = in.force + (long long)piece * n_vD * n_powers;
+    for (int k = 0; k < n_vD * n_powers; ++k) lane_of(force_[k], lane) = force[k];
+  }
+
+  InputArrays input_[width];
+  int piece_[width];
+  bool forced_ = false, still_[room(Space::n_v)];
+  long long still_number_ = 0, numbers_ = 0;
+  Real s_, moves_ = Real(0.0);  // s: time since the piece began; 1 within the input, 0 before and after it
+  Real coef_[room(Space::n_v * n_powers)], base_[room(Space::n_q)], force_[room(n_vD * n_powers)];
+};
+
+// Bundle advances one trajectory per lane: FixedLanes or VariationalTrajectory.
+template <class Bundle>
+class LaneBatch {
+  using Model = typename Bundle::Model;
+  using Real = typename Bundle::Real;
+
+ public:
+  static constexpr int width = Traits<Real>::width;
+
+  void work(Pool& pool) {
+    long long first, last;
+    while (pool.take(width, &first, &last)) {
+      begin(pool.arrays, first, int(last - first));
+      run(pool);
+    }
+  }
+
+ private:
+  static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings;
+  static constexpr int M = Model::n_rows, D = Model::n_watched;
+  static constexpr int steps_per_report = 64;  // between two looks at the pool
+
+  // Lanes beyond the last trajectory repeat it and are not written.
+  void begin(const BatchArrays& in, long long first, int n) {
+    first_ = first;
+    n_ = n;
+    bundle_.set(in.t, in.options, in.winches);
+    for (int l = 0; l < width; ++l) {
+      const long long who = first + (l < n ? l : n - 1);
+      put(bundle_.q_D(), NQ, l, of(in.q_D, who));
+      put(bundle_.v_D(), N, l, of(in.v_D, who));
+      put(bundle_.slip(), S, l, of(in.slip, who));
+      put(bundle_.p(), Model::n_p, l, of(in.p, who));
+      drive_.set(l, input_of(in, who));
+      caught_[l] = released_[l] = 0;
+      reached_[l] = in.t;
+    }
+    bundle_.begin(drive_);
+  }
+
+  void run(Pool& pool) {
+    const BatchArrays& in = pool.arrays;
+    const StepGrid grid{in.t, in.t_end, in.options.dt};
+    double t = in.t;
+    double reported = t;
+    long long row = 0;
+    bool too_many = false;
+    write(in, row++);
+    for (long long step = 1; t < grid.end(); ++step) {
+      too_many = step > in.options.max_steps;
+      if (too_many) break;
+      const double next = grid.at(step);
+      bundle_.advance(drive_, t, next);
+      t = next;
+      count();
+      if (step % in.save_every == 0 || t >= in.t_end) write(in, row++);
+      if (step % steps_per_report != 0) continue;
+      pool.advance(n_ * (t - reported) / (in.t_end - in.t));
+      reported = t;
+      if (pool.stopped() || !any(bundle_.runs())) break;
+    }
+    if (!pool.stopped()) pool.advance(n_ * (in.t_end - reported) / (in.t_end - in.t));
+    for (int l = 0; l < n_; ++l) {
+      Status status = Status(int(lane_of(bundle_.status, l)));
+      const long long who = first_ + l;
+      if (status == RUNNING && t >= in.t_end) status = bundle_.motors().verdict(l);
+      if (status == RUNNING) status = too_many ? TOO_MANY_STEPS : STOPPED;
+      in.status[who] = status;
+      in.reached[who] = reached_[l];
+      for (int i = 0; i < NQ; ++i) in.end_q_D[who * NQ + i] = lane_of(bundle_.q_D()[i], l);
+      for (int k = 0; k < N; ++k) in.end_v_D[who * N + k] = lane_of(bundle_.v_D()[k], l);
+      in.violation[who] = lane_of(bundle_.worst_violation, l);
+      in.catches[who] = caught_[l];
+      in.releases[who] = released_[l];
+      for (int r = 0; r < M; ++r) in.blame[who * (M + D) + r] = bundle_.blame_of(l)[r];
+      bundle_.motors().blame(status, l, in.blame + who * (M + D) + M);
+    }
+  }
+
+  // Counts what was caught and released in the last step.
+  void count() {
+    bool went[width];
+    for (int l = 0; l < n_; ++l) {
+      went[l] = lane_of(bundle_.t, l) > reached_[l];
+      reached_[l] = lane_of(bundle_.t, l);
+    }
+    for (int r = 0; r < M; ++r) {
+      const auto caught = bundle_.caught(r), released = bundle_.released(r);
+      if (!any(caught || released)) continue;
+      for (int l = 0; l < n_; ++l) {
+        caught_[l] += went[l] && lane_of(caught, l);
+        released_[l] += went[l] && lane_of(released, l);
+      }
+    }
+  }
+
+  // The row of all lanes that still run.
+  void write(const BatchArrays& in, long long row) {
+    const auto& inputs = bundle_.inputs();
+    put_lanes(in, Part::q_D, row, bundle_.q_D());
+    put_lanes(in, Part::v_D, row, bundle_.v_D());
+    put_lanes(in, Part::acc_D, row, bundle_.acc());
+    put_lanes(in, Part::q_K, row, inputs.q_K);
+    put_lanes(in, Part::v_K, row, inputs.v_K);
+    put_lanes(in, Part::acc_K, row, inputs.acc_K);
+    put_lanes(in, Part::force, row, bundle_.tension());
+    put_lanes(in, Part::taut, row, bundle_.taut());
+    put_lanes(in, Part::slip, row, bundle_.slip());
+    const Real residual = bundle_.contact_residual();
+    put_lanes(in, Part::contact_residual, row, &residual);
+    if (!in.parts[Part::books]) return;
+    Real books[7];
+    struct {
+      Real *T, *V;
+    } energy{books, books + 1};
+    Call<Model, Real>::energy(
+        bundle_.q_D(), bundle_.v_D(), inputs.q_K, inputs.v_K, bundle_.p(), energy);
+    bundle_.books(books + 2);
+    put_lanes(in, Part::books, row, books);
+  }
+
+  template <class Number>
+  void put_lanes(const BatchArrays& in, int part, long long row, const Number* values) {
+    if (!in.parts[part]) return;
+    const auto runs = bundle_.runs();
+    for (int l = 0; l < n_; ++l)
+      if (lane_of(runs, l))
+        put_part(in, part, part_width<Model>(part), first_ + l, row, [&](int k) {
+          return double(lane_of(values[k], l));
+        });
+  }
+
+  static void put(Real* to, int n, int lane, const double* from) {
+    for (int k = 0; k < n; ++k) lane_of(to[k], lane) = from[k];
+  }
+
+  Bundle bundle_;
+  LaneDrive<typename Model::Driven, N, Real> drive_;
+  long long first_ = 0, caught_[width], released_[width];
+  int n_ = 0;
+  double reached_[width];
+};
+
+}  // namespace fan

@@ -1,0 +1,448 @@
+// The hanging pose nearest to places:
+//
+//   min over u of 1/2 sum_i w_i |place_i(q_D, q_K, p) - target_i|^2,
+//   q_D and T hang by u (hanging.hpp),
+//   low <= u <= high,   T_low <= T <= T_high where a row pulls,   h <= 0 where it does not,
+//   low <= q_D <= high
+//
+// by Gauss-Newton steps within the linearised bounds (solvers/bounded_step.hpp), damped as Levenberg and
+// Marquardt do. After each step Newton's method hangs the puppet again. Where a bound of a row stops
+// the step, the row begins to pull or goes slack, if it may, and the search goes on from there. Where
+// nothing helps any more, slack strings are wound in first: what hangs loose moves nothing. Every pose
+// begins at the one found before whose place is nearest: on a path, the last.
+#pragma once
+
+#include <cmath>
+#include <cstring>
+
+#include "fantoccini/search/hanging.hpp"
+#include "fantoccini/search/reach_cost.hpp"
+#include "fantoccini/search/reach_poses.hpp"
+#include "fantoccini/solvers/bounded_step.hpp"
+
+namespace fan {
+
+struct ReachTolerances {
+  static constexpr double first_damping = 1e-8;  // of the steps, relative to the largest curvature
+  static constexpr double least_damping = 1e-12;
+  static constexpr double most_damping = 1e8;
+  static constexpr double first_step = 0.1;  // the longest at first, of what is chosen [m or rad]
+  static constexpr double little = 1e-3;  // share of the cost that the next step of a path saves
+  static constexpr double hangs = 1e-3;   // and move that hangs the puppet, at which it ends
+  static constexpr double damping_ahead = 1e-4;  // of steps along paths
+  static constexpr double max_turn = 0.5;    // of the pose [m or rad]
+  static constexpr double least_gain = 1e-3;  // of a step, in tolerances: else it is nearest
+  static constexpr double at_bound = 1e-7;    // relative tension, or gap, of a row on the edge
+  static constexpr double passed = 1e-6;      // of bounds: relative tension, gap or joint
+  static constexpr double push = 0.02;        // by which strings are shortened to look farther [m]
+  static constexpr int changes = 3;           // of one row on the way
+  static constexpr int rounds = 30;           // of bounds that join
+};
+
+template <class Model>
+class Reach {
+ public:
+  using Tolerance = ReachTolerances;
+  using Hang = Hanging<Model>;
+  static constexpr int N = Hang::N, K = Hang::K, P = Hang::P, M = Hang::M, U = Hang::U;
+  static constexpr int NQ = Hang::NQ, KQ = Hang::KQ, NP = Hang::NP;
+
+  void find(const ReachArrays& given) {
+    in = poses_.in = cost_.in = &given;
+    hang_.weight = in->weight;
+    hang_.may_change = in->may_change;
+    n_ = 0;
+    for (int u = 0; u < U; ++u)
+      if (in->moved[u]) chosen_[n_++] = u;
+    begin();
+    const bool hangs = hang_.balance();
+    const auto first = hang_.at;
+    for (long long i = 0; i < in->n; ++i) {
+      if (!hangs) {
+        write(i, int(ReachEnd::LOST), 0);
+        continue;
+      }
+      const long long near = in->once ? i - 1 : poses_.nearest(i);
+      if (near >= 0 && near != i - 1) {
+        poses_.read(near, hang_.at);
+        if (!hang_.balance()) hang_at(first);
+      }
+      int count = 0;
+      if (in->once) {
+        const int end = along(i, count);
+        write(i, end, count);
+        continue;
+      }
+      int end = search(i, count);
+      if (end != int(ReachEnd::REACHED) && i > 0) {  // again from the start
+        const auto kept = hang_.at;
+        const double before = cost_.value;
+        hang_at(first);
+        end = search(i, count);
+        if (cost_.value > before) end = again(kept, i, count);
+      }
+      if (end == int(ReachEnd::NEAREST)) end = pushed(i, end, count);
+      write(i, end, count);
+    }
+  }
+
+ private:
+  bool hang_at(const typename Hang::Pose& pose) {
+    hang_.at = pose;
+    return hang_.balance();
+  }
+
+  // Goes on from a pose that hangs.
+  int again(const typename Hang::Pose& from, long long i, int& count) {
+    hang_at(from);
+    return search(i, count);
+  }
+
+  // A limb that hangs straight moves at right angles to its string at first: the search is repeated
+  // with all strings shorter, and the better pose kept.
+  int pushed(long long i, int end, int& count) {
+    const auto kept = hang_.at;
+    const double before = cost_.value;
+    bool some = false;
+    for (int j = 0; j < M; ++j) {
+      const int v = in->lengths[j];
+      if (v < 0 || !in->moved[v]) continue;
+      double& length = hang_.at.q_K[driven_q_[v]];
+      const double shorter = length - Tolerance::push + (hang_.at.held[j] ? 0.0 : hang_.h[j]);
+      if (shorter < in->low[v] || shorter > in->high[v]) continue;
+      length = shorter;
+      some = true;
+    }
+    if (!some) return end;
+    if (hang_.balance()) {
+      const int other = search(i, count);
+      if (cost_.value < before && passed_ <= Tolerance::passed) return other;
+    }
+    return again(kept, i, count);
+  }
+
+  static double larger(double a, double b) { return a > b ? a : b; }
+
+  void begin() {
+    auto& at = hang_.at;
+    std::memcpy(at.q_D, in->q_D, NQ * sizeof(double));
+    std::memcpy(at.q_K, in->q_K, KQ * sizeof(double));
+    std::memcpy(at.p, in->p, P * sizeof(double));
+    for (int j = 0; j < M; ++j) {
+      at.held[j] = in->held[j];
+      at.tension[j] = in->held[j] ? in->tension[j] : 0.0;
+    }
+    scalars<typename Model::Dynamic>(joint_q_, N);
+    scalars<typename Model::Driven>(driven_q_, K);
+    cost_.joint_q = joint_q_;
+    cost_.driven_q = driven_q_;
+  }
+
+  // Places in q of scalars by velocity; -1 of rotations.
+  template <class Space>
+  static void scalars(int* place, int n) {
+    for (int k = 0; k < n; ++k) place[k] = -1;
+    for (int i = 0; i < Space::n_scalars; ++i) place[Space::scalar_v[i]] = Space::scalar_q[i];
+  }
+
+  // ReachEnd of the next pose of a path: steps in which the puppet hangs at first order only, and
+  // which are all made. It is hung in the end; where it does not hang there, by search().
+  int along(long long i, int& count) {
+    const auto kept = hang_.at;
+    int changes[room(M)] = {}, end = int(ReachEnd::STALLED);
+    longest_ = Tolerance::first_step;
+    look(i);
+    const double before = cost_.value;
+    ahead_ = true;
+    for (int taken = 0; taken < in->max_iterations && end == int(ReachEnd::STALLED); ++taken) {
+      if (!hang_.aim()) break;
+      hang_.differentiate(chosen_, n_);
+      cost_.look(i, chosen_, n_, hang_.move);
+      if (!step(Tolerance::damping_ahead)) break;
+      ++count;
+      double off = 0.0;
+      for (int k = 0; k < N; ++k) off = larger(fabs(hang_.move[k]), off);
+      const bool little = promised() < Tolerance::little * cost_.value && off < Tolerance::hangs;
+      const double size = advance();
+      if ((!flip(changes) && size < in->tolerance) || little) end = int(ReachEnd::NEAREST);
+    }
+    ahead_ = false;
+    const bool hangs = hang_.balance();
+    if (hangs) {
+      look(i);
+      passed_ = passed();
+    }
+    if (!hangs || cost_.value > before) {  // the steps went astray
+      if (hang_at(kept)) return search(i, count);
+      hang_.at = kept;  // on the edge of hanging: it stays as it was found
+      return int(ReachEnd::TIPS);
+    }
+    return is_there() ? int(ReachEnd::REACHED) : end;
+  }
+
+  // Whether the places are reached within the bounds.
+  bool is_there() const {
+    return cost_.apart <= in->tolerance * in->tolerance && passed_ <= Tolerance::passed;
+  }
+
+  // Makes the step, on paths along with the move that hangs the puppet, or part of a long one; how
+  // long it is.
+  double advance() {
+    auto& at = hang_.at;
+    double pose[NP], driven[room(K)] = {}, most = 0.0, turn = 0.0;
+    for (int k = 0; k < NP; ++k) pose[k] = ahead_ && k < N ? hang_.move[k] : 0.0;
+    for (int a = 0; a < n_; ++a) {
+      most = larger(fabs(qp_.d[a]), most);
+      for (int k = 0; k < N; ++k) pose[k] += hang_.by_u[chosen_[a] * NP + k] * qp_.d[a];
+    }
+    for (int k = 0; k < N; ++k) turn = larger(fabs(pose[k]), turn);
+    const double share = 1.0 / larger(1.0, larger(most / longest_, turn / Tolerance::max_turn));
+    at_longest_ = most >= longest_;
+    for (int j = 0; j < M; ++j) {
+      if (!at.held[j]) continue;
+      double change = ahead_ ? hang_.row_move[j] : 0.0;
+      for (int a = 0; a < n_; ++a) change += hang_.row_by_u[chosen_[a] * M + j] * qp_.d[a];
+      at.tension[j] += share * change;
+    }
+    for (int a = 0; a < n_; ++a) {
+      const int u = chosen_[a];
+      if (u < K) driven[u] = qp_.d[a];
+      else at.p[u - K] += share * qp_.d[a];
+    }
+    retract<typename Model::Dynamic>(at.q_D, pose, share, at.q_D);
+    retract<typename Model::Driven>(at.q_K, driven, share, at.q_K);
+    return larger(most, turn);
+  }
+
+  // The row whose bound stops the step most begins to pull or goes slack; whether one did.
+  bool flip(int* changes) {
+    int worst = -1;
+    double most = 0.0;
+    for (int j = 0; j < M; ++j) {
+      const double x = price_[U + j];
+      const bool held = hang_.at.held[j];
+      if (!in->may_change[j] || changes[j] >= Tolerance::changes) continue;
+      if (held ? !(x < 0.0 && in->tension_low[j] <= 0.0) : !(x > 0.0)) continue;
+      const double size = held ? -x * in->weight : x;
+      if (size > most) most = size, worst = j;
+    }
+    if (worst < 0) return false;
+    ++changes[worst];
+    hang_.at.held[worst] = !hang_.at.held[worst];
+    hang_.at.tension[worst] = 0.0;
+    return true;
+  }
+
+  // ReachEnd of one pose, from where the last one ended, which hangs.
+  int search(long long i, int& count) {
+    double damping = Tolerance::first_damping;
+    int changes[room(M)] = {}, end = int(ReachEnd::STALLED), taken = 0;
+    bool fresh = true, tightened = false;
+    longest_ = Tolerance::first_step;
+    for (; taken < in->max_iterations; ++taken) {
+      if (fresh) {
+        look(i);
+        passed_ = passed();
+      }
+      fresh = false;
+      if (is_there()) {
+        end = int(ReachEnd::REACHED);
+        for (double& x : price_) x = 0.0;
+        break;
+      }
+      const bool feasible = step(damping);
+      const double gain = promised(), left = std::sqrt(2.0 * cost_.value);
+      const double least = Tolerance::least_gain * in->tolerance * larger(left, in->tolerance);
+      if (!(gain > least) && passed_ <= Tolerance::passed && damping <= 1e-2) {
+        if (change_row(changes)) {
+          fresh = true;
+          continue;
+        }
+        if (!tightened && tighten()) {
+          tightened = fresh = true;
+          continue;
+        }
+        if (feasible) end = int(ReachEnd::NEAREST);
+        break;
+      }
+      const auto kept = hang_.at;
+      const double cost = cost_.value, beyond = passed_;
+      double price = 0.0;
+      for (double x : price_) price = larger(2.0 * fabs(x), price);
+      const bool hangs = move();
+      if (hangs) {
+        look(i);
+        passed_ = passed();
+      }
+      if (hangs && cost_.value + price * passed_ < cost + price * beyond) {
+        damping = larger(0.1 * damping, Tolerance::least_damping);
+        end = int(ReachEnd::STALLED);
+        if (at_longest_) longest_ *= 2.0;
+        change_row(changes);
+        continue;
+      }
+      if (!hang_at(kept)) break;
+      look(i);
+      passed_ = passed();
+      end = hangs ? int(ReachEnd::STALLED) : int(ReachEnd::TIPS);
+      damping = larger(10.0 * damping, 1e-4);
+      longest_ = larger(0.5 * longest_, Tolerance::first_step);
+      if (damping > Tolerance::most_damping) break;
+    }
+    count += taken;
+    return end;
+  }
+
+  // The cost, and its derivatives by what is chosen.
+  void look(long long i) {
+    hang_.differentiate(chosen_, n_);
+    cost_.look(i, chosen_, n_);
+  }
+
+  // The step within the bounds; false where they contradict one another.
+  bool step(double damping) {
+    const double raise = damping * larger(cost_.top, 1e-12);
+    qp_.n = n_;
+    for (int a = 0; a < n_; ++a) {
+      qp_.g[a] = cost_.g[a];
+      for (int b = 0; b < n_; ++b) qp_.Q[a * n_ + b] = cost_.H[a * n_ + b] + (a == b ? raise : 0.0);
+    }
+    for (double& x : price_) x = 0.0;
+    if (!qp_.begin()) return false;
+    bool solved = true;
+    for (int round = 0; round < Tolerance::rounds; ++round) {
+      if (!bound()) break;
+      solved = qp_.solve();
+    }
+    for (int c = 0; c < U + M + N; ++c) price_[c] = qp_.x[c];
+    return solved;
+  }
+
+  // Adds the bounds that the step passes. Whether any were.
+  bool bound() {
+    constexpr double far = 1e299;
+    bool some = false;
+    double row[room(U)];
+    for (int a = 0; a < n_; ++a) {
+      const int u = chosen_[a];
+      if (u < K && driven_q_[u] < 0) continue;
+      for (int b = 0; b < n_; ++b) row[b] = a == b;
+      const double now = u < K ? hang_.at.q_K[driven_q_[u]] : hang_.at.p[u - K];
+      some |= qp_.add(u, row, in->low[u] - now, in->high[u] - now, 1e-12);
+    }
+    for (int j = 0; j < M; ++j) {
+      for (int a = 0; a < n_; ++a) row[a] = hang_.row_by_u[chosen_[a] * M + j];
+      const double moved = ahead_ ? hang_.row_move[j] : 0.0;
+      const double T = hang_.at.tension[j] + moved;
+      const bool held = hang_.at.held[j];
+      const double low = held ? in->tension_low[j] - T : -far;
+      const double high = held ? in->tension_high[j] - T : -hang_.h[j] - moved;
+      some |= qp_.add(U + j, row, low, high, held ? 1e-10 * in->weight : 1e-11);
+    }
+    for (int k = 0; k < N; ++k) {
+      if (joint_q_[k] < 0 || (in->joint_low[k] < -far && in->joint_high[k] > far)) continue;
+      for (int a = 0; a < n_; ++a) row[a] = hang_.by_u[chosen_[a] * NP + k];
+      const double q = hang_.at.q_D[joint_q_[k]] + (ahead_ ? hang_.move[k] : 0.0);
+      some |= qp_.add(U + M + k, row, in->joint_low[k] - q, in->joint_high[k] - q, 1e-11);
+    }
+    return some;
+  }
+
+  // By which the step lowers the cost, if all is as linear as it looks.
+  double promised() const {
+    double gain = 0.0;
+    for (int a = 0; a < n_; ++a) {
+      double sum = cost_.g[a];
+      for (int b = 0; b < n_; ++b) sum += 0.5 * cost_.H[a * n_ + b] * qp_.d[b];
+      gain -= qp_.d[a] * sum;
+    }
+    return gain;
+  }
+
+  // Makes the step, or part of a long one, and hangs the puppet; false where it does not hang.
+  bool move() {
+    advance();
+    return hang_.balance();
+  }
+
+  // Where its own bound stops the step and a row is on its edge, it begins to pull or goes slack.
+  bool change_row(int* changes) {
+    int worst = -1;
+    double most = 0.0;
+    for (int j = 0; j < M; ++j) {
+      const double x = price_[U + j];
+      const bool held = hang_.at.held[j];
+      if (!in->may_change[j] || changes[j] >= Tolerance::changes) continue;
+      const bool edge = held ? x < 0.0 && in->tension_low[j] <= 0.0 &&
+                                   hang_.at.tension[j] < Tolerance::at_bound * in->weight
+                             : x > 0.0 && hang_.h[j] > -Tolerance::at_bound;
+      // Prices of tensions and of gaps compare by the weight over a metre.
+      const double size = held ? -x * in->weight : x;
+      if (edge && size > most) most = size, worst = j;
+    }
+    if (worst < 0) return false;
+    ++changes[worst];
+    hang_.at.held[worst] = !hang_.at.held[worst];
+    hang_.at.tension[worst] = 0.0;
+    if (!hang_.factorise()) return false;
+    hang_.differentiate(chosen_, n_);
+    return true;
+  }
+
+  // Winds slack strings in until they just reach: their lengths then move the pose.
+  bool tighten() {
+    bool some = false;
+    for (int j = 0; j < M; ++j) {
+      const int v = in->lengths[j];
+      if (v < 0 || hang_.at.held[j] || !in->may_change[j] || !in->moved[v]) continue;
+      double& length = hang_.at.q_K[driven_q_[v]];
+      if (length + hang_.h[j] < in->low[v]) continue;
+      length += hang_.h[j];
+      hang_.at.held[j] = some = true;
+      hang_.at.tension[j] = 0.0;
+    }
+    return some && hang_.balance();
+  }
+
+  // How far the pose is beyond its bounds of tensions (relative to the weight), joints and rows.
+  double passed() const {
+    double most = 0.0;
+    const auto& at = hang_.at;
+    for (int j = 0; j < M; ++j) {
+      if (at.held[j]) {
+        const double T = at.tension[j];
+        const double over = larger(in->tension_low[j] - T, T - in->tension_high[j]);
+        most = larger(over / in->weight, most);
+      } else {
+        most = larger(hang_.h[j], most);
+      }
+    }
+    for (int k = 0; k < N; ++k)
+      if (joint_q_[k] >= 0) {
+        const double q = at.q_D[joint_q_[k]];
+        most = larger(larger(in->joint_low[k] - q, q - in->joint_high[k]), most);
+      }
+    return most;
+  }
+
+  void write(long long i, int end, int count) {
+    poses_.write(i, hang_, end, count);
+    if (end == int(ReachEnd::LOST)) return;
+    std::memcpy(in->price + i * (U + M + N), price_, (U + M + N) * sizeof(double));
+    for (int a = 0; a < n_; ++a)
+      for (int k = 0; k < N; ++k)
+        in->by[(i * U + chosen_[a]) * N + k] = hang_.by_u[chosen_[a] * NP + k];
+  }
+
+  const ReachArrays* in = nullptr;
+  Hang hang_;
+  ReachPoses<Model> poses_;
+  int n_ = 0, chosen_[room(U)], joint_q_[room(N)], driven_q_[room(K)];
+  bool at_longest_ = false;
+  bool ahead_ = false;  // whether the step is taken along with the move that hangs the puppet
+  double longest_ = 0.0, passed_ = 0.0, price_[room(U + M + N)] = {};
+  ReachCost<Model> cost_{hang_};
+  BoundedStep<U, U + M + N> qp_;
+};
+
+}  // namespace fan

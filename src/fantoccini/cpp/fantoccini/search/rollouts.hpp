@@ -1,0 +1,375 @@
+// A planner's rollouts: segments of constant driven accelerations, given or by a feedback law, checked
+// at equal intervals ("looks") until the rollout is complete, reaches the goal, collides or leaves its
+// bounds. Between looks, coordinates are interpolated linearly from step to step; a step that may come
+// nearer than the margin is halved until it is known to be clear or not (conservative advancement).
+// One rollout a lane; a free lane takes the next one. No rollout depends on its neighbours.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "fantoccini/collision/clearance.hpp"
+#include "fantoccini/search/feedback.hpp"
+#include "fantoccini/search/goal.hpp"
+#include "fantoccini/timestepping/trajectory.hpp"
+
+namespace fan {
+
+// Takes the next rollout.
+inline long long take(RolloutProgress& progress) {
+  return __atomic_fetch_add(&progress.next, 1, __ATOMIC_RELAXED);
+}
+
+inline long long reached(const RolloutProgress& progress) {
+  return __atomic_load_n(&progress.reached, __ATOMIC_RELAXED);
+}
+
+// Records that rollout i has reached the goal. Rollouts after the first one that has are abandoned,
+// so that the result does not depend on the threads.
+inline void reach(RolloutProgress& progress, long long i) {
+  long long known = reached(progress);
+  while (i < known && !__atomic_compare_exchange_n(
+                          &progress.reached, &known, i, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {
+  }
+}
+
+struct RolloutTolerances {
+  static constexpr double speed_slack = 1e-12;  // of a bound on a speed: rounding above it
+  // m or rad by which strings may be overstepped before they count as jammed against what the puppet
+  // touches: half of what a sound run may have.
+  static constexpr double jam = 0.01;
+  static constexpr double no_distance = 1e300;  // of a goal that only Python can measure
+  static constexpr double min_move = 1e-5;  // m: paths between looks this short are not halved
+  static constexpr int max_halvings = 30;     // of a step
+};
+
+template <class Model, class Real>
+class Rollouts {
+ public:
+  static constexpr int width = Traits<Real>::width;
+
+  // Simulates rollouts until none is left.
+  void work(const RolloutArrays& in, RolloutProgress& progress) {
+    placed_.resize(in.solids->n_moving);
+    led_.opt = in.options;
+    led_.winches.set(in.winches);
+    for (int i = 0; i < Model::n_p; ++i) clearance_.p[i] = led_.p[i] = Real(in.p[i]);
+    for (int l = 0; l < width; ++l) rollout_[l] = -1;
+    while (fill(in, progress)) segment(in, progress);
+  }
+
+ private:
+  static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings;
+  static constexpr int M = Model::n_rows, QK = Model::n_qK, NK = Model::n_vK;
+  using Mask = typename Traits<Real>::Mask;
+
+  // Gives free lanes rollouts; false when none is left. Lanes without one repeat another's state.
+  bool fill(const RolloutArrays& in, RolloutProgress& progress) {
+    int some = -1;
+    for (int l = 0; l < width; ++l) {
+      if (rollout_[l] >= 0 && rollout_[l] > reached(progress)) rollout_[l] = -1;
+      if (rollout_[l] < 0) {
+        const long long i = take(progress);
+        if (i < in.n && i <= reached(progress)) {
+          rollout_[l] = i;
+          segment_[l] = 0;
+          const long long start = in.start[i];
+          each_part(
+              [&](Real* x, int n, const double* from, double*) { put(x, n, l, from + start * n); },
+              in);
+        }
+      }
+      if (rollout_[l] >= 0) some = l;
+    }
+    if (some < 0) return false;
+    for (int l = 0; l < width; ++l) {
+      if (rollout_[l] >= 0) continue;
+      each_part(
+          [&](Real* x, int n, const double*, double*) {
+            for (int k = 0; k < n; ++k) lane_of(x[k], l) = lane_of(x[k], some);
+          },
+          in);
+    }
+    return true;
+  }
+
+  // Simulates the next segment of all lanes.
+  void segment(const RolloutArrays& in, RolloutProgress& progress) {
+    const double dt = in.options.dt;
+    for (int l = 0; l < width; ++l) {
+      set_accelerations(in, l);
+      active_[l] = rollout_[l] >= 0;
+      caught_[l] = 0;
+      slackened_[l] = strayed_[l] = false;
+    }
+    for (int j = 0; j < NK; ++j) still_[j] = is_constant(coef_ + n_powers * j);
+    set_inputs(0.0);
+    led_.take_inputs();
+    led_.begin();
+    int look = 0;
+    bool running = true;
+    while (running && look < in.looks) {
+      way_.clear();
+      record_configuration();
+      clearance_.moves.clear();
+      for (int s = 1; s <= in.steps; ++s) {
+        if (reached(progress) < 0) return;
+        Mask was[room(M)];
+        for (int r = 0; r < M; ++r) was[r] = led_.at.taut[r];
+        set_inputs(dt * (double(look) * in.steps + s));
+        led_.advance(dt);
+        count_catches(was);
+        if (in.kept_off) watch_touches(in);
+        record_configuration();
+        const Real *before = place(s - 1), *now = place(s);
+        clearance_.moves.add(*in.solids, before, before + NQ, now, now + NQ);
+      }
+      ++look;
+      running = check(in, progress, look);
+    }
+  }
+
+  // Sets the accelerations of a lane's segment and their polynomials.
+  void set_accelerations(const RolloutArrays& in, int l) {
+    double q_D[room(NQ)], v_D[room(N)], q_K[room(QK)], v_K[room(NK)], acc[room(NK)] = {};
+    get(led_.state().q_D, NQ, l, q_D);
+    get(led_.state().v_D, N, l, v_D);
+    get(led_.inputs().q_K, QK, l, q_K);
+    get(led_.inputs().v_K, NK, l, v_K);
+    if (rollout_[l] >= 0) {
+      const long long i = rollout_[l];
+      double* acc_K = in.acc_K + (i * in.segments + segment_[l]) * NK;
+      if (segment_[l] >= in.n_given[i])
+        equilibrium_feedback<Model>(
+            in.funnels[in.funnel[i]], in.bounds, in.lead_time[i],
+            double(in.looks) * in.steps * in.options.dt, q_D, v_D, q_K, v_K, acc_K);
+      for (int k = 0; k < NK; ++k) acc[k] = acc_K[k];
+    }
+    using Space = typename Model::Driven;
+    put(base_, QK, l, q_K);
+    for (int j = 0; j < NK; ++j) {
+      for (int k = 0; k < n_powers; ++k) lane_of(coef_[n_powers * j + k], l) = 0.0;
+      lane_of(coef_[n_powers * j + 1], l) = v_K[j];
+      lane_of(coef_[n_powers * j + 2], l) = 0.5 * acc[j];
+    }
+    for (int k = 0; k < Space::n_scalars; ++k)
+      lane_of(coef_[n_powers * Space::scalar_v[k]], l) = q_K[Space::scalar_q[k]];
+  }
+
+  // Sets the coming inputs to those s seconds after the segment began.
+  void set_inputs(double s) {
+    auto& to = led_.coming();
+    motion_of<typename Model::Driven>(coef_, base_, still_, Real(s), to.q_K, to.v_K, to.acc_K);
+  }
+
+  void count_catches(const Mask* was) {
+    for (int r = 0; r < M; ++r) {
+      if (!any(led_.at.taut[r] != was[r])) continue;
+      for (int l = 0; l < width; ++l) {
+        const bool before = lane_of(was[r], l), after = lane_of(led_.at.taut[r], l);
+        caught_[l] += active_[l] && after && !before;
+        slackened_[l] = slackened_[l] || (r < S && before && !after);
+      }
+    }
+  }
+
+  // Marks the lanes in which something pushes that is kept off.
+  void watch_touches(const RolloutArrays& in) {
+    each_push([&](int l, int pair) { strayed_[l] = strayed_[l] || in.kept_off[pair]; });
+  }
+
+  // Whether strings are overstepped, as they are where they pull against what the puppet touches.
+  bool jammed(int lane) {
+    return led_.opt.contacts && lane_of(led_.worst_violation, lane) > RolloutTolerances::jam;
+  }
+
+  // Whether all touches that the goal asks for push in a lane.
+  bool touching(const GoalArrays& goal, int lane) {
+    int closed = 0;
+    for (int k = 0; k < goal.n_touches; ++k) {
+      bool pushes = false;
+      each_push([&](int l, int pair) { pushes = pushes || (l == lane && goal.touches[pair] == k); });
+      closed += pushes;
+    }
+    return closed == goal.n_touches;
+  }
+
+  // Calls `f` with the lane and the pair of every point that pushes.
+  template <class F>
+  void each_push(const F& f) {
+    if constexpr (TimeStep<Model, Real>::touches) led_.at.contacts.each_push(f);
+  }
+
+  // Checks every lane; whether any is still in its segment.
+  bool check(const RolloutArrays& in, RolloutProgress& progress, int look) {
+    auto& state = led_.state();
+    auto& inputs = led_.inputs();
+    for (int i = 0; i < NQ; ++i) clearance_.q_D[i] = state.q_D[i];
+    for (int i = 0; i < QK; ++i) clearance_.q_K[i] = inputs.q_K[i];
+    Real counts = Real(0.0);
+    for (int l = 0; l < width; ++l) lane_of(counts, l) = active_[l];
+    for (int s = 0; s <= in.steps; ++s) clearance_.include_excess(place(s), place(s) + NQ);
+    clearance_.measure(*in.solids, placed_.data(), counts > Real(0.5), in.margin, true);
+    const Real least = clearance_.least;
+    Real pose_of_goal[12] = {};
+    if (in.goal.kind == POINT)
+      for (int k = 0; k < 12; ++k) pose_of_goal[k] = clearance_.pose(in.goal.link)[k];
+    bool doubtful = false;
+    for (int l = 0; l < width; ++l) {
+      passed_[l] = false;
+      const bool clear = lane_of(least, l) >= in.margin;
+      lane_of(counts, l) = active_[l] && clear && !(lane_of(clearance_.lower, l) >= in.margin);
+      doubtful = doubtful || lane_of(counts, l) > 0.5;
+    }
+    for (int s = 0; s < in.steps && doubtful; ++s)
+      check_between(in, place(s), place(s + 1), counts, 0);
+    bool running = false;
+    for (int l = 0; l < width; ++l) {
+      if (!active_[l]) continue;
+      double q_D[room(NQ)], v_D[room(N)], v_K[room(NK)], pose[12];
+      get(state.q_D, NQ, l, q_D);
+      get(state.v_D, N, l, v_D);
+      get(inputs.v_K, NK, l, v_K);
+      const double clear = lane_of(least, l);
+      const bool slack = slackened_[l] && !in.may_slacken;
+      const bool weak = led_.motors.verdict(l) != DONE;
+      const bool touches_wrongly = strayed_[l] || jammed(l);
+      if (lane_of(led_.status, l) > RUNNING + 0.5 || slack || weak || touches_wrongly ||
+          !(clear >= in.margin) || passed_[l] || !within_bounds(in, l)) {
+        release(l);
+        continue;
+      }
+      double distance = RolloutTolerances::no_distance;
+      if (in.goal.kind != UNKNOWN) {
+        get(pose_of_goal, 12, l, pose);
+        distance = goal_distance<Model>(in.goal, q_D, v_D, v_K, pose);
+        if (in.goal.n_touches && !touching(in.goal, l)) distance += in.goal.open;
+      }
+      const bool there = distance <= in.goal.tolerance;
+      if (!there && look < in.looks) {
+        running = true;
+        continue;
+      }
+      write(in, l, look, distance);
+      if (there) reach(progress, rollout_[l]);
+      if (there || ++segment_[l] == in.n_segments[rollout_[l]]) release(l);
+    }
+    return running;
+  }
+
+  // Marks the lanes among those asked for (1.0) that may come nearer than the margin on the even way
+  // between two configurations.
+  void check_between(
+      const RolloutArrays& in, const Real* from, const Real* to, const Real& asked, int halvings) {
+    Real middle[room(NQ + QK)];
+    mean<typename Model::Dynamic>(from, to, middle);
+    mean<typename Model::Driven>(from + NQ, to + NQ, middle + NQ);
+    for (int i = 0; i < NQ; ++i) clearance_.q_D[i] = middle[i];
+    for (int i = 0; i < QK; ++i) clearance_.q_K[i] = middle[NQ + i];
+    clearance_.moves.clear();
+    clearance_.moves.add(*in.solids, from, from + NQ, to, to + NQ, 0.5);
+    clearance_.include_excess(from, from + NQ);
+    clearance_.include_excess(to, to + NQ);
+    clearance_.measure(*in.solids, placed_.data(), asked > Real(0.5), in.margin, true);
+    Real unsure = Real(0.0);
+    bool some = false;
+    for (int l = 0; l < width; ++l) {
+      if (lane_of(asked, l) < 0.5 || passed_[l]) continue;
+      const double least = lane_of(clearance_.least, l), lower = lane_of(clearance_.lower, l);
+      if (lower >= in.margin) continue;
+      using Tol = RolloutTolerances;
+      // Short moves may violate the margin slightly, but must not touch anything.
+      const bool last = !(least - lower > Tol::min_move) || halvings == Tol::max_halvings;
+      passed_[l] = !(least >= in.margin) || (last && !(lower >= 0.0));
+      if (last || passed_[l]) continue;
+      lane_of(unsure, l) = 1.0;
+      some = true;
+    }
+    if (!some) return;
+    check_between(in, from, middle, unsure, halvings + 1);
+    check_between(in, middle, to, unsure, halvings + 1);
+  }
+
+  // Half way between two configurations.
+  template <class Space>
+  static void mean(const Real* a, const Real* b, Real* out) {
+    for (int i = 0; i < Space::n_scalars; ++i) {
+      const int k = Space::scalar_q[i];
+      out[k] = 0.5 * (a[k] + b[k]);
+    }
+    for (int i = 0; i < Space::n_quaternions; ++i) {
+      const Real *p = a + Space::quaternion_q[i], *q = b + Space::quaternion_q[i];
+      const Real along = p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3];
+      const Real sign = select(along < Real(0.0), Real(-1.0), Real(1.0));
+      Real* to = out + Space::quaternion_q[i];
+      for (int k = 0; k < 4; ++k) to[k] = p[k] + sign * q[k];
+      normalise(to);
+    }
+  }
+
+  // Records the present configuration for the check between two looks.
+  void record_configuration() {
+    for (int i = 0; i < NQ; ++i) way_.push_back(led_.state().q_D[i]);
+    for (int i = 0; i < QK; ++i) way_.push_back(led_.inputs().q_K[i]);
+  }
+
+  const Real* place(int step) const { return way_.data() + std::size_t(step) * (NQ + QK); }
+
+  bool within_bounds(const RolloutArrays& in, int l) {
+    const auto& at = led_.inputs();
+    constexpr double fastest = 1.0 + RolloutTolerances::speed_slack;
+    bool inside = true;
+    for (int k = 0; k < QK; ++k) {
+      const double q = lane_of(at.q_K[k], l);
+      inside = inside && q >= in.bounds.low[k] && q <= in.bounds.high[k];
+    }
+    for (int k = 0; k < NK; ++k)
+      inside = inside && std::abs(lane_of(at.v_K[k], l)) <= in.bounds.speed[k] * fastest;
+    return inside;
+  }
+
+  // Frees the lane, whose state does not change until the segment's end.
+  void release(int l) {
+    rollout_[l] = -1;
+    active_[l] = false;
+    lane_of(led_.status, l) = STOPPED;
+  }
+
+  void write(const RolloutArrays& in, int l, int look, double distance) {
+    const long long at = rollout_[l] * in.segments + segment_[l];
+    each_part([&](const Real* x, int n, const double*, double* to) { get(x, n, l, to + at * n); }, in);
+    in.out.distance[at] = distance;
+    in.out.looks[at] = look;
+    in.out.catches[at] = caught_[l];
+  }
+
+  // Calls `f` with every part of the state: its values, width, starts and output.
+  template <class F>
+  void each_part(const F& f, const RolloutArrays& in) {
+    f(led_.state().q_D, NQ, in.q_D, in.out.q_D);
+    f(led_.state().v_D, N, in.v_D, in.out.v_D);
+    f(led_.at.slip, S, in.slip, in.out.slip);
+    f(led_.inputs().q_K, QK, in.q_K, in.out.q_K);
+    f(led_.inputs().v_K, NK, in.v_K, in.out.v_K);
+  }
+
+  static void put(Real* to, int n, int lane, const double* from) {
+    for (int k = 0; k < n; ++k) lane_of(to[k], lane) = from[k];
+  }
+
+  static void get(const Real* from, int n, int lane, double* to) {
+    for (int k = 0; k < n; ++k) to[k] = lane_of(from[k], lane);
+  }
+
+  TimeSteppingTrajectory<Model, Real> led_;
+  Clearance<Model, Real> clearance_;
+  std::vector<Placed<Real>> placed_;
+  std::vector<Real> way_;  // configurations since the last look: q_D and q_K after every step
+  Real coef_[room(NK * n_powers)], base_[room(QK)];
+  bool still_[room(NK)], active_[width], slackened_[width], strayed_[width],
+      passed_[width];
+  long long rollout_[width];
+  int segment_[width], caught_[width];
+};
+
+}  // namespace fan

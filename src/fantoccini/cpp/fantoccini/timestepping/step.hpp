@@ -1,0 +1,449 @@
+// Time-stepping: a fixed step with complementarity on velocities and the position term,
+//
+//   (M + dt D) (v+ - v) = dt (u - c(q, v_ahead) - D v) - A_D^T Lambda,   Lambda >= 0
+//   h/dt + A_D v+ + A_K dq_K/dt <= 0, complementary to Lambda;          q+ = q moved by dt v+
+//
+// with dq_K the exact increment of the inputs, damping and drag D implicit, and Lambda capped, so
+// that every step has a solution. The speed at which a violated row recovers is limited, and is at
+// most h over a whole step: over a short last step it would be a blow. The velocity products in c
+// are taken half a step ahead, extrapolated from the accelerations a of the two steps before,
+//
+//   v_ahead = v + dt (a/2 + (a - a-)/4)
+//
+// At v they would add energy to whatever spins, by exp((w dt)^2 t/dt); with a/2 alone by exp((w
+// dt)^4 t/2dt), which the quarter removes. At the start and after a catch or slow_down() there is
+// nothing to extrapolate from, and v_ahead is v. Without `extrapolates` it always is, and a step
+// depends on its state alone.
+//
+// A slipping winch caps Lambda at its largest tension times dt; the speed that remains lengthens
+// its slip. Once a row was overstepped by stirred_violation, all velocities are scaled down where a
+// step would turn a coordinate by more than max_turn_per_step or move one by more than
+// max_move_per_step; before, by unstirred_factor times as much. Written for any Real: lanes step
+// together, each with its own rows.
+#pragma once
+
+#include <type_traits>
+
+#include "fantoccini/model/evaluation.hpp"
+#include "fantoccini/model/winch.hpp"
+#include "fantoccini/timestepping/position_term.hpp"
+#include "fantoccini/timestepping/single_lanes.hpp"
+#include "fantoccini/timestepping/speed_limit.hpp"
+#include "fantoccini/timestepping/tolerances.hpp"
+
+namespace fan {
+
+template <class Model, class Real>
+struct TimeStep {
+  static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings;
+  static constexpr int M = Model::n_rows;
+  using Mask = typename Traits<Real>::Mask;
+  using Tolerance = TimeSteppingTolerances;
+  static constexpr bool touches = Model::n_contacts > 0;
+  using Rows = RowSystem<Model, Real>;
+
+  Evaluation<Model, Real> eval;
+  Rows rows;
+  // Whether lanes may make steps of their own, for their contacts.
+  static constexpr bool some_singly = touches && (Traits<Real>::width > 1);
+  using Contacts = std::conditional_t<some_singly, ContactLanes<Model, Real>, ContactStep<Model, Real>>;
+  std::conditional_t<touches, Contacts, NoContacts> contacts;
+  const ContactArrays* solids = nullptr;  // null: nothing touches anything
+  double whole = 0.0;        // s: the run's step; the last one may be shorter
+  bool forced = true;        // otherwise u_D is 0
+  bool extrapolates = true;  // otherwise v_ahead is v: a step depends on its state alone
+  // Whether the next step may extrapolate the last one, and whether the last might the one before.
+  Mask steady = Real(0.0) > Real(1.0), steadier = steady;
+  Real tension[room(M)];  // Lambda / dt
+  Mask taut[room(M)];    // rows that pulled in the last step; to be set by set_row()
+  Mask pulled[room(M)];  // the same, but for rows that the first step of a run catches
+  Mask held[room(M)];    // rows that pulled in the last step and in the one before it
+  Real slip[room(S)];    // m, >= 0
+  Mask slips[room(S)];   // in the last step
+  Real work, impact, slip_loss, friction, violation;
+  Real speed_bound;  // at least |v|^2 after the last step
+  Mask settled;  // whether the last step's complementarity was solved
+  Mask idle = Real(0.0) > Real(1.0);  // lanes that have stopped: no row takes part in them
+  // Whether a row was ever overstepped by more than stirred_violation.
+  Mask stirred = Real(0.0) > Real(1.0);
+
+  // Takes the options of a run; nothing has touched anything yet.
+  FAN_FN void ready(const Options& options) {
+    extrapolates = options.extrapolate != 0;
+    whole = options.dt;
+    solids = options.contacts;
+    some_near_ = limits_pull_ = limits_pulled_ = true;
+    if constexpr (touches)
+      if (solids) contacts.begin(*solids);
+    if constexpr (some_singly)
+      if (solids) singles_.ready(options);
+  }
+
+  // Steps from q_D, v_D to q_next, v_next, which are other arrays. (q_K, v_K, acc_K) are the inputs
+  // at the start of the step with v_K = dq_K/dt and acc_K the mean acceleration; `taut` is the active
+  // set of the step before.
+  FAN_FN void step(
+      const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
+      const Real* u_D, double dt, double recovery_speed, double cap, const Winches<S>& winches,
+      const Real* p, Real* q_next, Real* v_next) {
+    if constexpr (some_singly)
+      if (solids) singles_.save(*this);
+    evaluate(q_D, v_D, q_K, v_K, acc_K, u_D, dt, p);
+    wind(winches, dt);
+    violation = maximum(largest_of<M - S>([&](int i) FAN_INLINE { return eval.h_limit[i]; }), Real(0.0));
+    for (int i = 0; i < S; ++i) violation = maximum(overstep(i), violation);
+    stirred = stirred || violation > Real(Tolerance::stirred_violation);
+    if constexpr (touches)
+      if (solids) {
+        const auto& in = *solids;
+        if constexpr (some_singly)
+          contacts.find(in, q_D, v_D, q_K, v_K, p, dt, whole, recovery_speed, idle);
+        else contacts.find(in, eval, q_D, v_D, q_K, v_K, p, dt, whole, recovery_speed, idle);
+        const Real& depth = contacts.violation;
+        violation = select(depth > violation, depth, violation);
+      }
+    respond(v_D, v_K, u_D, dt, recovery_speed, cap, winches, v_next);
+    retract<typename Model::Dynamic>(q_D, v_next, dt, q_next);
+    if constexpr (some_singly)
+      if (any(apart()))
+        singles_.step(
+            *this, apart(), q_D, v_D, q_K, v_K, acc_K, u_D, dt, recovery_speed, cap, winches, p,
+            q_next, v_next);
+  }
+
+  // Whether gathered row a closes faster than the forces of a step dt move it.
+  FAN_FN Mask closes_fast(int a, double dt) const {
+    const Real forced = dt * rows.kick[a];
+    return rows.hdot[a] > maximum(forced, Real(0.0)) + Real(Tolerance::catching_speed);
+  }
+
+  // The same of row r in the last step of lanes that made it by themselves.
+  FAN_FN Mask closed_fast_singly(int r) const {
+    if constexpr (some_singly) return singles_.fast[r] && apart();
+    else return Real(0.0) > Real(1.0);
+  }
+
+  template <class Memory>
+  FAN_FN void remember(Memory& memory) {
+    memory.keep(
+        accs_[acc_at_], accs_[1 - acc_at_], steady, steadier, stirred, tension, taut, pulled, held);
+    if constexpr (touches) contacts.remember(memory);
+  }
+
+  // Whether row r pulled in the last step, and in the one before it.
+  FAN_FN void set_row(int r, const Mask& last, const Mask& before) {
+    taut[r] = pulled[r] = last;
+    held[r] = last && before;
+    limits_pull_ = limits_pulled_ = true;
+  }
+
+  // The next step extrapolates nothing in these lanes.
+  FAN_FN void forget(const Mask& where) {
+    steady = steady && !where;
+  }
+
+  // (v+ - v) / dt of the last step.
+  FAN_FN const Real* acc() const { return accs_[acc_at_]; }
+
+  // The same before the first one.
+  FAN_FN void clear_acc() {
+    for (int k = 0; k < N; ++k) accs_[0][k] = accs_[1][k] = Real(0.0);
+  }
+
+ private:
+  template <class, class>
+  friend class SingleLanes;
+
+  // Lanes that make the step by themselves.
+  FAN_FN Mask apart() const {
+    if constexpr (some_singly) return solids ? contacts.apart : Real(0.0) > Real(1.0);
+    else return Real(0.0) > Real(1.0);
+  }
+
+  // Lanes in which nothing takes part here.
+  FAN_FN Mask away() const { return idle || apart(); }
+
+  FAN_OUT_OF_LINE void evaluate(
+      const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
+      const Real* u_D, double dt, const Real* p) {
+    Real v_ahead[room(N)];
+    const Real *a = acc(), *before = accs_[1 - acc_at_];
+    const Real half = select(steady, Real(0.5 * dt), Real(0.0));
+    const Real quarter = select(steady && steadier, Real(0.25 * dt), Real(0.0));
+    each<N>([&](int k) FAN_INLINE {
+      v_ahead[k] = v_D[k] + (half * a[k] + quarter * (a[k] - before[k]));
+    });
+    eval.at(q_D, v_D, q_K, v_K, acc_K, u_D, v_ahead, Real(dt), p);
+  }
+
+  // From the evaluation to the impulses, v_next and the step's entries of the ledger.
+  FAN_OUT_OF_LINE void respond(
+      const Real* v_D, const Real* v_K, const Real* u_D, double dt, double recovery_speed,
+      double cap, const Winches<S>& winches, Real* v_next) {
+    Real change[room(N)];  // v+ - v
+    watch_first(v_D, dt);
+    rows.gather_leading(eval);
+    if constexpr (touches)
+      if (solids) rows.copy_leading(eval);
+    gather(v_D);
+    pull(dt, recovery_speed, cap, winches, change);
+    while (watch_more(v_D, change, dt, recovery_speed, v_next) ||
+           look_again(v_D, change, v_K, dt, recovery_speed)) {
+      gather(v_D);
+      pull(dt, recovery_speed, cap, winches, change);
+    }
+    give_way(winches, cap, dt);
+    const Mask caught = account(v_D, change, u_D, dt);
+    Real* acc = accs_[1 - acc_at_];
+    each<N>([&](int k) FAN_INLINE { acc[k] = change[k] * (1.0 / dt); });
+    acc_at_ = 1 - acc_at_;
+    steadier = steady;
+    steady = !caught;
+    const Real most = select(stirred, Real(1.0), Real(Tolerance::unstirred_factor));
+    const Mask braked = limit_speed<Model>(most, dt, v_next, speed_bound);
+    steady = steady && !braked;
+    if (!extrapolates) steady = Real(0.0) > Real(1.0);
+  }
+
+  // The rate at which winches wind back their slip; changes the strings' h and hdot to those of
+  // L + slip.
+  FAN_FN void wind(const Winches<S>& winches, double dt) {
+    Mask out = Real(0.0) > Real(1.0);
+    for (int i = 0; i < S; ++i) out = out || slip[i] != Real(0.0);
+    gives_way_ = winches.some_slip || any(out);
+    if (!gives_way_) return;
+    for (int i = 0; i < S; ++i) {
+      winding_[i] = Real(0.0);
+      if (winches.rewind_speed[i] > 0.0) {
+        using std::sqrt;
+        const Real most = slip[i] * (1.0 / dt), braked = sqrt(Real(2.0 * WinchTolerances::brake) * slip[i]);
+        const Real speed = Real(winches.rewind_speed[i]);
+        winding_[i] = -minimum(most, minimum(braked, speed));
+      }
+      eval.h[i] -= slip[i];
+      eval.hdot[i] -= winding_[i];
+    }
+  }
+
+  // Adds to the slips: with Lambda at its winch's bound, -s > 0 is the speed at which a string
+  // slips.
+  FAN_FN void give_way(const Winches<S>& winches, double cap, double dt) {
+    slip_loss = Real(0.0);
+    for (int i = 0; i < S; ++i) slips[i] = Real(0.0) > Real(1.0);
+    if (!gives_way_) return;
+    for (int i = 0; i < S; ++i) slip_rate_[i] = winding_[i];
+    for (int a = 0; a < rows.n; ++a) {
+      const int r = rows.row[a];
+      if (!winches.slips(r) || winches.max_tension[r] >= cap) continue;
+      const Mask gives = rows.problem.high[a] && rows.problem.s[a] < Real(0.0);
+      slips[r] = gives;
+      slip_rate_[r] -= select(gives, rows.problem.s[a], Real(0.0));
+      slip_loss -= pull_[a] * slip_rate_[r];
+    }
+    // The last step of unwinding ends at 0 but for rounding.
+    for (int i = 0; i < S; ++i) slip[i] = maximum(Real(slip[i] + dt * slip_rate_[i]), Real(0.0));
+  }
+
+  // Chooses the rows that take part: all strings, and the limits that pulled in the step before or
+  // would be passed at the present velocity. Each lane has its own, so that its result does not
+  // depend on its neighbours.
+  FAN_FN void watch_first(const Real* v_D, double dt) {
+    const Mask here = !away();
+    for (int r = 0; r < S; ++r) near_[r] = here;
+    Real rate[room(M - S)];
+    eval.limit_rates(v_D, rate);
+    const auto ahead = [&](int i) FAN_INLINE { return Real(eval.h_limit[i] + dt * rate[i]); };
+    if (!limits_pull_ && !some_near_ && !any(largest_of<M - S>(ahead) > Real(-Tolerance::surely_not)))
+      return;
+    some_near_ = false;
+    for (int i = 0; i < M - S; ++i) {
+      near_[S + i] = here && (taut[S + i] || ahead(i) > Real(0.0));
+      some_near_ = some_near_ || any(near_[S + i]);
+    }
+  }
+
+  // The velocity v with the impulses found. Adds the limits that it would pass; whether there are
+  // any.
+  FAN_FN bool watch_more(
+      const Real* v_D, const Real* change, double dt, double recovery_speed, Real* v) {
+    Real rate[room(M - S)];
+    each<N>([&](int k) FAN_INLINE { v[k] = v_D[k] + change[k]; });
+    eval.limit_rates(v, rate);
+    const PositionTerm<Real> term(dt, whole, recovery_speed);
+    const auto closing = [&](int i) FAN_INLINE { return Real(rate[i] + term(eval.h_limit[i])); };
+    bool more = false;
+    if (any(largest_of<M - S>(closing) > Real(-Tolerance::surely_not)))
+      for (int i = 0; i < M - S; ++i) {
+        const Mask passes =
+            !away() && !near_[S + i] && closing(i) > Real(Tolerance::passing_speed);
+        if (!any(passes)) continue;
+        near_[S + i] = near_[S + i] || passes;
+        some_near_ = more = true;
+      }
+    if constexpr (touches)
+      if (solids) more = contacts.watch(v) || more;
+    return more;
+  }
+
+  // Adds the contact points that what the impulses have made fast would pass; whether there are any.
+  FAN_FN bool look_again(
+      const Real* v_D, const Real* change, const Real* v_K, double dt, double recovery_speed) {
+    if constexpr (touches)
+      if (!solids) return false;
+      else if constexpr (some_singly) return contacts.look_again(change, dt);
+      else return contacts.look_again(eval, v_D, change, v_K, dt, whole, recovery_speed, idle);
+    else return false;
+  }
+
+  FAN_FN void gather(const Real* v_D) {
+    int list[room(M)];
+    rows.gather_others(eval, v_D, list, some_rows(list));
+  }
+
+  // Lists the rows that take part in some lane; how many there are.
+  FAN_FN int some_rows(int* list) const {
+    if (some_near_) return rows_in_some_lane<Model>(near_, list);
+    for (int r = 0; r < S; ++r) list[r] = r;
+    return S;
+  }
+
+  // By how much a string is overstepped, if positive. For a wire h < 0 counts, too.
+  FAN_FN Real overstep(int i) const {
+    using std::abs;
+    return is_wire(i) ? Real(abs(eval.h[i])) : eval.h[i];
+  }
+
+  FAN_FN static bool is_wire(int r) { return r < S && Model::wire[r]; }
+
+  // The impulses over the rows that take part, and v+ - v with them.
+  FAN_FN void pull(
+      double dt, double recovery_speed, double cap, const Winches<S>& winches, Real* change) {
+    auto& problem = rows.problem;
+    const PositionTerm<Real> term(dt, whole, recovery_speed);
+    const Mask here = !away();
+    const auto pose = [&](auto a) FAN_INLINE {
+      const int r = a < Rows::leading ? int(a) : rows.row[a];
+      const Mask takes_part = near_[r] && here;
+      before_[a] = rows.hdot[a] + dt * rows.kick[a];
+      const Real h = eval.height(r);
+      const Real closing = before_[a] + (is_wire(r) ? term.of_wire(h) : term(h));
+      const bool winch = winches.slips(r) && winches.max_tension[r] < cap;
+      problem.b[a] = select(takes_part, closing, Real(-ComplementarityTolerances::excluded_speed));
+      problem.upper[a] = Real(dt * (winch ? winches.max_tension[r] : cap));
+      problem.lower[a] = is_wire(r) ? select(takes_part, Real(-cap * dt), Real(0.0)) : Real(0.0);
+      problem.active[a] = is_wire(r) ? takes_part : takes_part && taut[r];
+      problem.high[a] = Real(0.0) > Real(1.0);
+    };
+    unrolled<0, Rows::leading>(pose);
+    for (int a = Rows::leading; a < rows.n; ++a) pose(a);
+    if (all_touch()) leave_to_contacts();
+    else settled = rows.problem.solve_firmly(away());
+    if constexpr (touches)
+      if (solids) touch(dt, cap);
+    Real w[room(N)];
+    for (int a = 0; a < rows.n; ++a) pull_[a] = -problem.bounded(a);
+    rows.push(eval, dt, pull_, w);
+    if constexpr (touches)
+      if (solids) contacts.add(w);
+    eval.back(w, change);
+  }
+
+  // Whether contacts take part in every lane that is not away: the rows' problem is then part
+  // of theirs.
+  FAN_FN bool all_touch() const {
+    if constexpr (touches)
+      return solids && contacts.take_part(away());
+    else
+      return false;
+  }
+
+  // Lanes that have stopped are without impulses.
+  FAN_FN void leave_to_contacts() {
+    settled = away();
+    for (int a = 0; a < rows.n; ++a) rows.problem.x[a] = rows.problem.s[a] = Real(0.0);
+  }
+
+  // Solves for the impulses of contacts, with those of the rows.
+  FAN_FN void touch(double dt, double cap) {
+    Real guess[room(M)];
+    for (int r = 0; r < M; ++r) guess[r] = tension[r] * dt;
+    if constexpr (some_singly) contacts.settle(eval, rows, near_, guess, dt * cap, settled);
+    else contacts.settle(eval, rows, near_, guess, before_, dt * cap, settled);
+  }
+
+  // Tensions, the active set and the step's entries of the ledger. Returns the lanes in which a row
+  // was caught.
+  FAN_FN Mask account(const Real* v_D, const Real* change, const Real* u_D, double dt) {
+    Mask fresh[room(M)], some_caught = Real(0.0) > Real(1.0);
+    // Limits that pull neither now nor in the two steps before have nothing to be changed.
+    const bool limits = limits_pull_ || limits_pulled_ || rows.n > S;
+    limits_pulled_ = limits_pull_;
+    limits_pull_ = rows.n > S;
+    for (int r = 0; r < (limits ? M : S); ++r) {
+      fresh[r] = !held[r];
+      tension[r] = Real(0.0);
+      taut[r] = Real(0.0) > Real(1.0);
+    }
+    work = dt * eval.power0;
+    impact = friction = Real(0.0);
+    if (Model::coupled)
+      for (int k = 0; k < N; ++k) work += eval.M_DK_v_K[k] * change[k];
+    Real power = forced ? mean_power<N>(u_D, v_D, change) : Real(0.0);
+    for (int m = 0; m < Model::n_motors; ++m) {
+      const int k = Model::motor_v[m];
+      power += (eval.f_M[m] - eval.y_M[m] * change[k]) * (v_D[k] + 0.5 * change[k]);
+    }
+    work += dt * power;
+    for (int a = 0; a < rows.n; ++a) {
+      const int r = rows.row[a];
+      const Real x = -pull_[a];
+      tension[r] = x * (1.0 / dt);
+      taut[r] = rows.two_sided[a] ? Real(1.0) > Real(0.0) : x > Real(0.0);
+      work += x * rows.hdot_K[a];
+      // A catch takes two steps: the first ends where the row closes, the second stops it.
+      fresh[r] = fresh[r] && taut[r];
+      some_caught = some_caught || fresh[r];
+    }
+    if (any(some_caught))
+      for (int a = 0; a < rows.n; ++a) book_catch(a, fresh[rows.row[a]]);
+    for (int r = 0; r < (limits ? M : S); ++r) {
+      held[r] = taut[r] && pulled[r];
+      pulled[r] = taut[r];
+    }
+    if constexpr (touches)
+      if (solids) {
+        const Real struck = contacts.account();
+        some_caught = some_caught || struck > Real(0.5);
+        work += contacts.work;
+        impact += contacts.impact;
+        friction = contacts.friction;
+      }
+    return some_caught;
+  }
+
+  // Books the catch of gathered row a in the lanes `caught`.
+  FAN_FN void book_catch(int a, const Mask& caught) {
+    if (!any(caught)) return;
+    Real after = before_[a];
+    for (int b = 0; b < rows.n; ++b) after += rows.problem.at(a, b) * pull_[b];
+    if constexpr (touches)
+      if (solids) after -= contacts.rate_by_impulses(rows, a);
+    Real lost = 0.5 * (rows.hdot[a] + after);
+    const int r = rows.row[a];
+    if (r < S) lost -= select(slips[r], slip_rate_[r], Real(0.0));  // which is in slip_loss
+    impact -= select(caught, Real(pull_[a] * lost), Real(0.0));
+  }
+
+  std::conditional_t<some_singly, SingleLanes<Model, Real>, NoContacts> singles_;
+  Real accs_[2][room(N)] = {};  // of the last two steps
+  int acc_at_ = 0;              // which is that of the last one
+  bool gives_way_ = false;  // whether a string has slipped in some lane, or may
+  bool some_near_ = true;   // whether a limit may take part in some lane
+  bool limits_pull_ = true, limits_pulled_ = true;  // in the last step, and the one before it
+  Real winding_[room(S)], slip_rate_[room(S)];
+  Mask near_[room(M)];   // lanes in which the row takes part in this step
+  Real pull_[room(M)];   // -Lambda, by gathered row
+  Real before_[room(M)];  // hdot at the end of the step without impulses, likewise
+};
+
+}  // namespace fan

@@ -1,0 +1,213 @@
+// A trajectory of the time-stepper: follows the inputs by exact increments of the driven coordinates,
+// keeps the ledger and sets the status. Written for any Real.
+#pragma once
+
+#include "fantoccini/contract.hpp"
+#include "fantoccini/model/motor_watch.hpp"
+#include "fantoccini/model/segments.hpp"
+#include "fantoccini/timestepping/step.hpp"
+
+namespace fan {
+
+template <class Model, class Real>
+struct TimeSteppingTrajectory {
+  using Space = typename Model::Driven;
+  using Mask = typename Traits<Real>::Mask;
+  static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings;
+  static constexpr int M = Model::n_rows, NK = Model::n_vK, width = Traits<Real>::width;
+
+  struct State {
+    Real q_D[room(NQ)], v_D[room(N)];
+  };
+  struct Inputs {
+    Real q_K[room(Model::n_qK)], v_K[room(NK)], acc_K[room(NK)], u_D[room(N)] = {};
+    // Not 0 where nothing moves and no force pushes: inputs of one number are then the same.
+    long long still = 0;
+  };
+
+  Real p[room(Model::n_p)];
+  TimeStep<Model, Real> at;
+  Winches<S> winches;
+  MotorWatch<Model, Real> motors;
+  Options opt;
+  Real work, damping, impact, slip_loss, friction, worst_violation;
+  Real status;  // a Status: RUNNING, or what has stopped the trajectory
+  double blame[width][room(M)];  // of the rows for the status, 0 to 1
+
+  FAN_FN State& state() { return states_[state_]; }
+  FAN_FN Inputs& inputs() { return inputs_[inputs_at_]; }     // at present
+  FAN_FN Inputs& coming() { return inputs_[1 - inputs_at_]; }  // at the end of the next step
+
+  // Makes the coming inputs the present ones.
+  FAN_FN void take_inputs() { inputs_at_ = 1 - inputs_at_; }
+
+  // Begins at state(), at.slip and the present inputs. The tensions of the start are those of the
+  // first step, which is made and undone.
+  FAN_FN void begin() {
+    const Mask no = Real(0.0) > Real(1.0);
+    work = damping = impact = slip_loss = friction = worst_violation = Real(0.0);
+    status = Real(RUNNING);
+    for (int r = 0; r < M; ++r) {
+      at.set_row(r, no, no);
+      at.tension[r] = Real(0.0);
+    }
+    for (int i = 0; i < S; ++i) at.slips[i] = no;
+    at.stirred = at.idle = no;
+    at.ready(opt);
+    for (int l = 0; l < width; ++l)
+      for (int r = 0; r < M; ++r) blame[l][r] = 0.0;
+    at.clear_acc();
+    at.forget(!no);
+    Real slip[room(S)];
+    for (int i = 0; i < S; ++i) slip[i] = at.slip[i];
+    step(inputs().v_K, inputs().acc_K, opt.dt, true);
+    for (int i = 0; i < S; ++i) at.slip[i] = slip[i];
+    at.stirred = no;
+    at.forget(!no);
+    hold();
+    if constexpr (TimeStep<Model, Real>::touches) at.contacts.take_as_resting();
+    motors.begin(state().q_D, inputs().q_K, p);
+    lost_ = last_loss_ = Real(0.0);
+    last_dt_ = Real(0.0);
+  }
+
+  // What a later step needs to know of the steps before, besides state(), the inputs and p.
+  template <class Memory>
+  FAN_FN void remember(Memory& memory) {
+    at.remember(memory);
+    motors.remember(memory);
+    memory.keep(
+        work, damping, impact, slip_loss, friction, worst_violation, status, lost_, last_loss_,
+        last_root_, last_dt_);
+    memory.keep_of_lanes(blame);
+  }
+
+  // A step of length dt to the coming inputs. A trajectory for which it fails is stopped and keeps
+  // its state.
+  FAN_FN void advance(double dt) {
+    Real slip[room(S)];
+    for (int i = 0; i < S; ++i) slip[i] = at.slip[i];
+    if (inputs().still != 0 && inputs().still == coming().still) {
+      step(inputs().v_K, inputs().acc_K, dt, false);
+    } else {
+      Real rate[room(NK)], mean[room(NK)];
+      increment<Space>(inputs().q_K, coming().q_K, dt, rate);
+      const Real *v_K = inputs().v_K, *v_K_next = coming().v_K;
+      each<NK>([&](int j) FAN_INLINE { mean[j] = (v_K_next[j] - v_K[j]) * (1.0 / dt); });
+      step(rate, mean, dt, true);
+    }
+    take_loss(dt);
+    judge();
+    const Mask goes = status < Real(RUNNING + 0.5);
+    State &old = state(), &made = stepped();
+    if (any(!goes)) {
+      for (int i = 0; i < NQ; ++i) made.q_D[i] = select(goes, made.q_D[i], old.q_D[i]);
+      for (int k = 0; k < N; ++k) made.v_D[k] = select(goes, made.v_D[k], old.v_D[k]);
+      for (int i = 0; i < S; ++i) at.slip[i] = select(goes, at.slip[i], slip[i]);
+    }
+    state_ = 1 - state_;
+    const auto book = [&](Real& sum, const Real& part) {
+      sum += select(goes, part, Real(0.0));
+    };
+    book(work, at.work);
+    damping = select(goes, Real(lost_ + coming_loss()), damping);
+    book(impact, at.impact);
+    book(slip_loss, at.slip_loss);
+    book(friction, at.friction);
+    worst_violation =
+        select(goes && at.violation > worst_violation, at.violation, worst_violation);
+    at.idle = !goes;
+    take_inputs();
+    const auto& in = inputs();
+    motors.look(state().q_D, state().v_D, in.q_K, in.v_K, in.acc_K, p, goes);
+  }
+
+ private:
+  // Rows that pull at the start are held, but for those that close faster than the forces of a step
+  // move them: these are caught from the first step on.
+  FAN_FN void hold() {
+    for (int r = 0; r < M; ++r) at.held[r] = at.taut[r] && !at.closed_fast_singly(r);
+    for (int a = 0; a < at.rows.n; ++a) {
+      const int r = at.rows.row[a];
+      at.held[r] = at.held[r] && !at.closes_fast(a, opt.dt);
+    }
+    for (int r = 0; r < M; ++r) at.pulled[r] = at.held[r];
+  }
+
+  FAN_FN State& stepped() { return states_[1 - state_]; }  // what a step makes of state()
+
+  FAN_FN void step(const Real* v_K, const Real* acc_K, double dt, bool forced) {
+    State &from = state(), &to = stepped();
+    at.forced = forced;
+    at.step(
+        from.q_D, from.v_D, inputs().q_K, v_K, acc_K, inputs().u_D, dt, opt.recovery_speed,
+        opt.tension_cap, winches, p, to.q_D, to.v_D);
+  }
+
+  // Damping and drag act at v+, so that a step loses
+  //
+  //   dt v+ . D (v + v+) / 2,   which is   dt/2 sqrt(P+) (sqrt(P) + sqrt(P+))
+  //
+  // with the powers P = v . D v at its ends, if D v keeps its direction. P+ is known at the next
+  // step, which therefore adds the loss of the step before.
+  FAN_FN void take_loss(double dt) {
+    using std::sqrt;
+    const Real power = at.eval.loss, root = sqrt(select(power > Real(0.0), power, Real(0.0)));
+    last_loss_ = 0.5 * last_dt_ * root * (root + last_root_);
+    lost_ += last_loss_;
+    last_root_ = root;
+    last_dt_ = Real(dt);
+  }
+
+  // Estimate of the last step's loss, while P is known only at its beginning: that of the step
+  // before, at most dt P.
+  FAN_FN Real coming_loss() const {
+    const Real most = last_dt_ * last_root_ * last_root_;
+    return select(last_loss_ < most, last_loss_, most);
+  }
+
+  FAN_FN void judge() {
+    const State& made = stepped();
+    const Real most = Real(max_state_norm * max_state_norm), far = squares<NQ>(made.q_D);
+    Mask wild = !(far + at.speed_bound < most);
+    if (any(wild)) wild = !(far + squares<N>(made.v_D) < most);
+    Mask empty = Real(0.0) > Real(1.0);
+    for (int i = 0; i < S; ++i) empty = empty || is_empty(i);
+    const auto stop = [&](const Mask& mask, Status why) {
+      status = select(mask && status < Real(RUNNING + 0.5), Real(why), status);
+    };
+    stop(motors.gone, RUNAWAY);
+    stop(!at.settled, NOT_SETTLED);
+    if constexpr (TimeStep<Model, Real>::touches) {
+      Real crowded = Real(0.0);
+      for (int l = 0; l < width; ++l) lane_of(crowded, l) = at.contacts.too_many(l) ? 1.0 : 0.0;
+      stop(crowded > Real(0.5), TOO_MANY_CONTACTS);
+    }
+    stop(wild, NOT_FINITE);
+    const Mask runs_out = empty && status < Real(RUNNING + 0.5);
+    if (any(runs_out)) accuse_empty(runs_out);
+    stop(runs_out, LENGTH_NOT_POSITIVE);
+  }
+
+  // Whether the length of a string that is driven or wound has run out.
+  FAN_FN Mask is_empty(int i) {
+    if (Model::length_q[i] < 0 && Model::wound_q[i] < 0) return Real(0.0) > Real(1.0);
+    return !(string_length<Model, Real>(i, stepped().q_D, coming().q_K) > Real(LengthTolerances::min_length));
+  }
+
+  void accuse_empty(const Mask& lanes) {
+    for (int i = 0; i < S; ++i) {
+      const Mask empty = lanes && is_empty(i);
+      for (int l = 0; l < width; ++l) blame[l][i] = lane_of(empty, l) ? 1.0 : blame[l][i];
+    }
+  }
+
+  // J: lost before the last step, and in the step before it; sqrt(P) at the start of the last step.
+  Real lost_, last_loss_, last_root_ = Real(0.0);
+  Real last_dt_ = Real(0.0);  // s: its length, 0 before the first one
+  State states_[2];
+  Inputs inputs_[2];
+  int state_ = 0, inputs_at_ = 0;
+};
+
+}  // namespace fan

@@ -1,0 +1,386 @@
+// The variational integrator: discrete Euler-Lagrange by the midpoint rule, strings one-sided,
+//
+//   p_k - A_D(q_k)^T Lambda = p_k(xi),   h(q_k+1) <= 0 complementary to Lambda >= 0
+//
+// with p_k(xi), p_k+1, q_k+1 and h by the generated midpoint_rule (equations/variational.py). It
+// makes lengths hold at every node; the velocities there are those of node.hpp.
+//
+// The step is solved for y = F^-T p at q_k, where F^T F = M_DD + dt/2 damping of the joints. The
+// derivative of p_k(xi) is F^T F / dt but for terms of relative size dt times a velocity, so that
+//
+//   z = y - F^-T p_k(xi) - W Lambda,   h / dt + W^T z <= 0 complementary to Lambda >= 0,
+//   xi <- xi + dt F^-1 z
+//
+// is nearly Newton's iteration and needs no derivative; Broyden's updates correct the difference.
+//
+// Written for any Real: lanes step together, each by a step of its own length.
+#pragma once
+
+#include "fantoccini/variational/broyden.hpp"
+#include "fantoccini/variational/extrapolation.hpp"
+#include "fantoccini/variational/node.hpp"
+
+namespace fan {
+
+struct VariationalTolerances {
+  // Residual |z| of a solved step, relative to the size of y: near rounding.
+  static constexpr double momentum_residual = 1e-12;
+  // The same for a step whose residual no longer shrinks,
+  static constexpr double stalled_residual = 1e-10;
+  // that is, whose |z|^2 is more than this share of the round before.
+  static constexpr double stalled_share = 0.1;
+  // m or rad: rounding of a row's height. Over dt it is a speed that |z| may have, too,
+  static constexpr double height_rounding = 1e-14;
+  // for rows with at least this share of G's largest diagonal entry: others hardly move anything.
+  static constexpr double moving_row = 1e-6;
+  // m or rad by which a solved step may overstep a row.
+  static constexpr double violation = 1e-11;
+  // rad (of xi) by which a coordinate may turn in one step: wider steps gain energy.
+  static constexpr double max_turn_per_step = 1.0;
+  // rad by which a string may swing in one step: the same.
+  static constexpr double max_swing_per_step = 0.7;
+  static constexpr int max_corrections = 30;
+  // kg m^2/s^2: |z|^2 from which on a step has diverged.
+  static constexpr double diverged = 1e30;
+};
+
+template <class Model, class Real>
+struct VariationalStep {
+  static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings;
+  static constexpr int M = Model::n_rows, NQK = Model::n_qK, NK = Model::n_vK;
+  using Mask = typename Traits<Real>::Mask;
+  using Tolerance = VariationalTolerances;
+  using Node = VariationalNode<Model, Real>;
+  using Inputs = typename Node::Inputs;
+
+  // The inputs at the middle of a step.
+  struct Lead {
+    Real q_mid[room(NQK)], v_mid[room(NK)], acc_mid[room(NK)], u_D[room(N)];
+  };
+
+  Node here;
+  double least = negligible;  // kg m^2/s^2: least |y|^2 that residuals are relative to
+  Lead lead;
+  Inputs coming;  // at the end of the step
+  // Of the last step, in the lanes that made it.
+  Real acc[room(N)];      // (v+ - v) / dt
+  Real impulse[room(M)];  // Lambda + mu
+  Mask caught[room(M)], slips[room(S)];
+  Real work, loss, impact, slip_loss;
+  long long n_corrections = 0;
+
+  // How far a row is beyond its bound at the end of the step last found, and its impulse.
+  FAN_FN Real overstep(int r) const {
+    using std::abs;
+    return r < S && Model::wire[r] ? Real(abs(trial_.h[r])) : trial_.h[r];
+  }
+  FAN_FN Real found_impulse(int r) const { return trial_.lambda[r]; }
+
+  // Begins at q_D, v_D, slip and the inputs of `here`, with steps of length dt to come.
+  FAN_FN void begin(const Real& dt) {
+    const Mask no = Real(0.0) > Real(1.0);
+    for (int r = 0; r < M; ++r) {
+      caught[r] = no;
+      here.lambda[r] = impulse[r] = Real(0.0);
+    }
+    for (int i = 0; i < S; ++i) slips[i] = no;
+    for (int k = 0; k < N; ++k) {
+      acc[k] = Real(0.0);
+      here.guess[k] = here.v_D[k];
+    }
+    work = loss = impact = slip_loss = Real(0.0);
+    Call<Model, Real>::momenta(
+        here.q_D, here.v_D, here.now.q_K, here.now.v_K, here.p, here.momentum);
+    extrapolation_.begin();
+    here.since = Real(0.0);
+    here.ahead = dt;
+    here.settle();
+  }
+
+  // Looks for the step of length dt in the lanes `wanted`, and returns those in which it was found.
+  // The state stays as it is.
+  FAN_FN Mask solve(const Real& dt, const Mask& wanted) {
+    using std::abs;
+    here.expect(select(wanted, dt, here.ahead));
+    auto& rows = here.firm.rows;
+    auto& problem = rows.problem;
+    const Mask no = Real(0.0) > Real(1.0);
+    const Real rate = 1.0 / dt;
+    Real z[room(N)], moved[room(N)], along[room(M)], pull[room(M)];
+    for (int i = 0; i < S; ++i) trial_.slip_next[i] = here.slip[i] + dt * here.winding(i, dt);
+    here.bound(here.firm, dt);
+    for (int a = 0; a < rows.n; ++a) {
+      const int r = rows.row[a];
+      problem.active[a] = here.near[r] && (here.taut[r] || Node::sides(rows, a));
+      problem.high[a] = no;
+    }
+    first_guess(dt);
+    Real size = squares<N>(here.firm.y) + dt * dt * squares<N>(here.exact.eval.w0);
+    size = select(size > Real(least), size, Real(least));
+    const Real near = Tolerance::stalled_residual * Tolerance::stalled_residual * size + rounding(dt);
+    Mask solved = no, lost = !wanted;
+    Real last = Real(Tolerance::diverged);
+    for (int r = 0; r < M; ++r) trial_.lambda[r] = Real(0.0);
+    quick_.begin();
+    bool again = false;
+    for (int round = 0; round < Tolerance::max_corrections; ++round) {
+      ++n_corrections;
+      evaluate(dt);
+      here.firm.forth(trial_.before, z);
+      for (int k = 0; k < N; ++k) z[k] = here.firm.y[k] - z[k];
+      rows.along(z, along);
+      Mask was[room(M)], changed = no;
+      for (int a = 0; a < rows.n; ++a) {
+        const int r = rows.row[a];
+        was[a] = problem.active[a];
+        problem.b[a] = select(
+            here.near[r], Real(trial_.h[r] * rate + along[a]),
+            Real(-ComplementarityTolerances::excluded_speed));
+      }
+      const Mask settled = Node::complement(problem, again);
+      again = true;
+      for (int a = 0; a < rows.n; ++a) {
+        const int r = rows.row[a];
+        changed = changed || was[a] != problem.active[a];
+        trial_.lambda[r] = select(solved, trial_.lambda[r], problem.bounded(a));
+        pull[a] = -trial_.lambda[r];
+      }
+      rows.add(pull, z);
+      for (int k = 0; k < N; ++k) left_[k] = select(solved, left_[k], z[k]);
+      const Real wrong = squares<N>(z);
+      const Mask exact = wrong < (Tolerance::momentum_residual * Tolerance::momentum_residual) * size;
+      const Mask stuck = wrong < near && !(wrong < Tolerance::stalled_share * last);
+      solved = solved || ((exact || stuck) && settled && !lost && held());
+      lost = lost || !(wrong < Real(Tolerance::diverged));
+      if (!any(!solved && !lost)) break;
+      last = wrong;
+      if (any(!solved && !lost) && join(!lost)) {
+        here.bound(here.firm, dt);
+        again = false;
+      }
+      quick_.forget(changed);
+      quick_.correct(z);
+      here.firm.eval.back(z, moved);
+      for (int k = 0; k < N; ++k)
+        trial_.xi[k] += select(solved || lost, Real(0.0), Real(dt * moved[k]));
+    }
+    give_way();
+    for (int k = 0; k < N; ++k)
+      if (Model::turns[k]) solved = solved && abs(trial_.xi[k]) < Real(Tolerance::max_turn_per_step);
+    balance();
+    return solved && !lost;
+  }
+
+  // Whether the step that was found resolves how its strings swing. A string of length L under
+  // tension turns by the angle dt sqrt(tension G / L), with tension = 2 Lambda / dt, as half of the
+  // impulse acts at each end.
+  FAN_FN Mask resolves(const Real& dt) const {
+    using std::abs;
+    const auto& rows = here.firm.rows;
+    Mask all = Real(0.0) < Real(1.0);
+    for (int a = 0; a < rows.n && rows.row[a] < S; ++a) {
+      const int r = rows.row[a];
+      const Real length = string_length<Model, Real>(r, here.q_D, coming.q_K);
+      const Real own = rows.problem.G[a * Node::Problem::N + a];
+      const Real square = 2.0 * dt * abs(trial_.lambda[r]) * own;
+      constexpr double most = Tolerance::max_swing_per_step * Tolerance::max_swing_per_step;
+      all = all && !(square > most * (length + here.slip[r]));
+    }
+    return all;
+  }
+
+  // By row of `firm`, the closing speed that impulses have to remove in a step of length dt. The
+  // step that was found is kept.
+  FAN_FN void demand(const Real& dt, Real* b) {
+    const TrialStep<Model, Real> found = trial_;
+    auto& rows = here.firm.rows;
+    Real z[room(N)], lacked[room(N)];
+    for (int k = 0; k < N; ++k) lacked[k] = lacked_[k];
+    first_guess(dt);
+    evaluate(dt);
+    here.firm.forth(trial_.before, z);
+    for (int k = 0; k < N; ++k) z[k] = here.firm.y[k] - z[k];
+    rows.along(z, b);
+    for (int a = 0; a < rows.n; ++a) b[a] += trial_.h[rows.row[a]] / dt;
+    trial_ = found;
+    for (int k = 0; k < N; ++k) lacked_[k] = lacked[k];
+  }
+
+  // Makes the step of length dt that was found, in the lanes `goes`.
+  FAN_FN void accept(const Real& dt, const Mask& goes) {
+    Real before[room(N)], coupled[room(N)], lost[room(M)];
+    Mask was_taut[room(M)];
+    const Real rate = 1.0 / dt;
+    if (here.joined) look_again();
+    work = 0.5 * dt * here.exact.eval.power0 + trial_.work_M;
+    loss = 0.5 * dt * here.exact.eval.loss;
+    for (int r = 0; r < M; ++r) {
+      was_taut[r] = here.taut[r];
+      impulse[r] = trial_.lambda[r];
+      lost[r] = Real(0.0);
+    }
+    here.account(trial_.lambda, false, work, lost);
+    for (int k = 0; k < N; ++k) {
+      before[k] = here.v_D[k];
+      coupled[k] = here.exact.eval.M_DK_v_K[k];
+      work += lead.u_D[k] * trial_.xi[k];
+      const Real coming_v = trial_.xi[k] * (2.0 * rate) - here.v_D[k];
+      here.guess[k] = select(goes, coming_v, here.guess[k]);
+      here.momentum[k] = select(goes, trial_.after[k], here.momentum[k]);
+      lacked_[k] = trial_.xi[k] - lacked_[k];
+    }
+    for (int i = 0; i < NQ; ++i) here.q_D[i] = select(goes, trial_.q_next[i], here.q_D[i]);
+    for (int r = 0; r < M; ++r) here.lambda[r] = select(goes, trial_.lambda[r], here.lambda[r]);
+    Real slip_rate[room(S)];
+    for (int i = 0; i < S; ++i) {
+      slip_rate[i] = (trial_.slip_next[i] - here.slip[i]) * rate;
+      here.slip[i] = select(goes, trial_.slip_next[i], here.slip[i]);
+      slips[i] = trial_.slips[i];
+    }
+    here.since = select(goes, dt, here.since);
+    here.now.keep(coming, goes);
+    here.settle();
+    here.account(here.mu, true, work, lost);
+    work += 0.5 * dt * here.exact.eval.power0;
+    loss += 0.5 * dt * here.exact.eval.loss;
+    for (int k = 0; k < N; ++k) {
+      if (Model::coupled)
+        work += 0.5 * (coupled[k] + here.exact.eval.M_DK_v_K[k]) * (here.v_D[k] - before[k]);
+      acc[k] = select(goes, (here.v_D[k] - before[k]) * rate, acc[k]);
+    }
+    impact = slip_loss = Real(0.0);
+    extrapolation_.learn(dt, lacked_, goes);
+    Mask changes = Real(0.0) > Real(1.0);
+    for (int r = 0; r < M; ++r) {
+      impulse[r] += here.mu[r];
+      caught[r] = here.taut[r] && !was_taut[r];
+      impact += select(caught[r], lost[r], Real(0.0));
+      changes = changes || here.taut[r] != was_taut[r];
+    }
+    extrapolation_.forget(goes && changes);
+    for (int i = 0; i < S; ++i) slip_loss += impulse[i] * slip_rate[i];
+  }
+
+ private:
+  // Adds the residual of the momenta at the node to those at the end, so that conserved momenta are
+  // kept to rounding, whatever residual the iteration leaves.
+  FAN_FN void balance() {
+    Real v[room(N)], still[room(NK)], lacks[room(N)];
+    here.firm.eval.back(left_, v);
+    for (int j = 0; j < NK; ++j) still[j] = Real(0.0);
+    Call<Model, Real>::momenta(here.q_D, v, here.now.q_K, still, here.p, lacks);
+    for (int k = 0; k < N; ++k) trial_.after[k] += lacks[k];
+  }
+
+  // |z|^2 that rounding of the rows' heights may cause: divided by a short step it is a speed.
+  FAN_FN Real rounding(const Real& dt) const {
+    const auto& rows = here.firm.rows;
+    const Real speed = Tolerance::height_rounding / dt;
+    Real largest = Real(0.0), most = Real(0.0);
+    for (int pass = 0; pass < 2; ++pass)
+      for (int a = 0; a < rows.n; ++a) {
+        Real own = rows.problem.G[a * Node::Problem::N + a];
+        own = select(here.near[rows.row[a]], own, Real(0.0));
+        largest = select(own > largest, own, largest);
+        // Rows that hardly move anything do not count.
+        const Real heavy = select(own > Tolerance::moving_row * largest, 1.0 / own, Real(0.0));
+        most = select(heavy > most && Node::in_all(pass > 0), heavy, most);
+      }
+    return speed * speed * most;
+  }
+
+  // The first xi: dt times the velocities that the forces at the node and mu, for Lambda, give
+  // half-way, corrected by the extrapolated errors of such guesses.
+  FAN_FN void first_guess(const Real& dt) {
+    const auto& on = here.exact;
+    Real w[room(N)], pull[room(M)];
+    for (int k = 0; k < N; ++k) w[k] = here.moving[k] + (0.5 * dt) * on.eval.w0[k];
+    for (int a = 0; a < on.rows.n; ++a) pull[a] = -here.mu[on.rows.row[a]];
+    on.rows.add(pull, w);
+    on.eval.back(w, trial_.xi);
+    for (int k = 0; k < N; ++k) lacked_[k] = trial_.xi[k] *= dt;
+    extrapolation_.add(dt, trial_.xi);
+  }
+
+  FAN_FN void evaluate(const Real& dt) {
+    Call<Model, Real>::midpoint_rule(
+        here.q_D, trial_.xi, lead.q_mid, lead.v_mid, lead.acc_mid, coming.q_K, lead.u_D, dt, here.p,
+        trial_);
+    for (int i = 0; i < S; ++i) trial_.h[i] -= trial_.slip_next[i];
+  }
+
+  // The lanes in which no row is overstepped at the end of the step, whether it takes part or not.
+  FAN_FN Mask held() const {
+    using std::abs;
+    const auto& rows = here.firm.rows;
+    Mask all = Real(0.0) < Real(1.0);
+    for (int r = S; r < M; ++r)
+      all = all && (here.near[r] || !(trial_.h[r] > Real(Tolerance::violation)));
+    for (int a = 0; a < rows.n; ++a) {
+      const int r = rows.row[a];
+      const Real beyond = rows.two_sided[a] ? Real(abs(trial_.h[r])) : trial_.h[r];
+      const Mask gives = rows.problem.high[a] && Node::in_all(here.gives(r));
+      all = all && (!here.near[r] || gives || beyond < Real(Tolerance::violation));
+    }
+    return all;
+  }
+
+  // Adds the limits that the step would overstep to the rows that take part; whether there are any.
+  FAN_FN bool join(const Mask& lanes) {
+    bool more = false;
+    for (int r = S; r < M; ++r) {
+      const Mask joins = lanes && !here.near[r] && trial_.h[r] > Real(Tolerance::violation);
+      more = more || any(joins);
+      here.near[r] = here.near[r] || joins;
+    }
+    if (!more) return false;
+    here.joined = true;
+    auto& rows = here.firm.rows;
+    auto& problem = rows.problem;
+    Mask active[room(M)], high[room(M)];
+    for (int r = 0; r < M; ++r) active[r] = high[r] = Real(0.0) > Real(1.0);
+    for (int a = 0; a < rows.n; ++a) {
+      active[rows.row[a]] = problem.active[a];
+      high[rows.row[a]] = problem.high[a];
+    }
+    int list[room(M)];
+    rows.gather_more(here.firm.eval, here.guess, list, rows_in_some_lane<Model>(here.near, list));
+    for (int a = 0; a < rows.n; ++a) {
+      problem.active[a] = active[rows.row[a]];
+      problem.high[a] = high[rows.row[a]];
+    }
+    return true;
+  }
+
+  // Adds the limits that have joined to the rows of `exact`.
+  FAN_FN void look_again() {
+    here.joined = false;
+    int list[room(M)];
+    const int n = rows_in_some_lane<Model>(here.near, list);
+    here.exact.rows.gather_more(here.exact.eval, here.guess, list, n);
+  }
+
+  // A winch at its largest tension slips by the length that its string lacks.
+  FAN_FN void give_way() {
+    const auto& rows = here.firm.rows;
+    for (int i = 0; i < S; ++i) trial_.slips[i] = Real(0.0) > Real(1.0);
+    for (int a = 0; a < rows.n; ++a) {
+      const int r = rows.row[a];
+      if (!here.gives(r)) continue;
+      trial_.slips[r] = rows.problem.high[a] && trial_.h[r] > Real(0.0);
+      Real& next = trial_.slip_next[r];
+      const Real before = next;
+      next += select(trial_.slips[r], trial_.h[r], Real(0.0));
+      next = select(next > Real(WinchTolerances::negligible_slip), next, Real(0.0));
+      trial_.h[r] -= next - before;
+    }
+  }
+
+  TrialStep<Model, Real> trial_;
+  Real left_[room(N)];    // z of the step that was found
+  Real lacked_[room(N)];  // the guess of xi without extrapolation; in accept(), the error of it
+  Extrapolation<N, Real> extrapolation_;
+  Broyden<N, Real> quick_;
+};
+
+}  // namespace fan
