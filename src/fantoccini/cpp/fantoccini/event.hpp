@@ -116,18 +116,6 @@ struct EventRun : EventInstants<Model> {
     return flow.motors.verdict(0);
   }
 
-  void remember(Snapshot& memory) {
-    memory.keep(flow.t, flow.y, flow.row_state, flow.slip, flow.slip_time, flow.motors);
-    memory.keep(closed_rows, detector, accumulation, event_rate, impact, blame, step_size);
-    memory.keep(n_steps, n_events, stuck, at_break_, loosened_);
-    flow.contacts.remember(memory);
-    guards.remember(memory);
-  }
-
- protected:
-  using Base::loosened_, Base::refresh, Base::set_active_set, Base::accuse, Base::note, Base::write;
-  using Base::instant, Base::another_basis;
-
   // Handles a break of the inputs at the present time, and finds until when the flow is smooth,
   // `end`.
   Status begin_stretch(double t_end, double* end, Record<Model>& out) {
@@ -154,6 +142,24 @@ struct EventRun : EventInstants<Model> {
     if (emptied < *end) *end = emptied;
     return RUNNING;
   }
+
+  // Writes the present state, wherever the flow was evaluated last.
+  void emit_present(Record<Model>& out) {
+    refresh();
+    emit(out);
+  }
+
+  void remember(Snapshot& memory) {
+    memory.keep(flow.t, flow.y, flow.row_state, flow.slip, flow.slip_time, flow.motors);
+    memory.keep(closed_rows, detector, accumulation, event_rate, impact, blame, step_size);
+    memory.keep(n_steps, n_events, stuck, at_break_, loosened_);
+    flow.contacts.remember(memory);
+    guards.remember(memory);
+  }
+
+ protected:
+  using Base::loosened_, Base::refresh, Base::set_active_set, Base::accuse, Base::note, Base::write;
+  using Base::instant, Base::another_basis;
 
   // When a driven length runs out in the inputs' present piece; computed once for each piece.
   double runs_out() {
@@ -277,7 +283,7 @@ struct EventRun : EventInstants<Model> {
       if (flow.row_state[r] == SLIPPING && flow.lack(r) < -GuardTolerances::min_speed)
         guards.armed[r] = true;
       if (flow.taut(r)) continue;
-      if (h < -(GuardTolerances::open_gap + guards.noise) * flow.row_scale(r)) guards.armed[r] = true;
+      if (h < -GuardTolerances::open_gap * flow.row_scale(r)) guards.armed[r] = true;
       if (h > 0.0) guards.armed[r] = false;
     }
     flow.motors.look(flow.y, flow.y + NQ, flow.q_K, flow.v_K, flow.acc_K, flow.p, true);
