@@ -2,7 +2,7 @@
 
     python -m benchmarks.capture.baseline [CLIP.bvh ...] [--convention lafan1]
 
-The baseline is that of Yamane, Hodgins and Brown (fantoccini/retarget/kinematic.py): without
+The baseline is that of Yamane, Hodgins and Brown (benchmarks/capture/kinematic.py): without
 feed-forward, with that of pendulums of the strings' lengths, with that of a swing identified by
 steps in the simulator, and this with the lag of the paper's live filter, scored with the constant
 delay that suits it best. "hanging" plays the hands of the nearest hanging poses as they are: it
@@ -21,6 +21,8 @@ from pathlib import Path
 
 import numpy as np
 from benchmarks.capture.clips import write
+from benchmarks.capture.kinematic import kinematic_inputs
+from benchmarks.capture.swing import Swing, identify_swing
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
@@ -30,11 +32,8 @@ from fantoccini.errors import ARRIVED
 from fantoccini.retarget import (
     PartError,
     Retargeted,
-    Swing,
     figure_of,
     follow_clip,
-    identify_swing,
-    kinematic_inputs,
     retarget_clip,
 )
 from fantoccini.retarget.following import eased, errors_of, report_of

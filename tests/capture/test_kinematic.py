@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from benchmarks.capture.clips import write
+from benchmarks.capture.kinematic import kinematic_inputs
+from benchmarks.capture.swing import hand_strings, identify_swing, lead
 from scipy.ndimage import gaussian_filter1d
 
 import fantoccini as fan
-from fantoccini.retarget import figure_of, identify_swing, kinematic_inputs, retarget_clip
+from fantoccini.retarget import figure_of, retarget_clip
 from fantoccini.retarget.following import ACCELERATION, SPEED
 from fantoccini.retarget.retargeting import hangers, places_in
-from fantoccini.retarget.swing import hand_strings, lead
 
 DT = 0.01
 PENDULUM = """

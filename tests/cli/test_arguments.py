@@ -91,11 +91,6 @@ WRONG = {
         ["simulate", "arm2d", "--method", "timestepping", "--rtol", "1e-6"],
         "applies to --method event only",
     ),
-    "an unknown integrator": (["simulate", "arm2d", "--integrator", "RK4"], "LSODA"),
-    "an integrator of the other method": (
-        ["simulate", "arm2d", "--method", "timestepping", "--integrator", "RK45"],
-        "applies to --method event only",
-    ),
     "a tolerance out of range": (["simulate", "arm2d", "--rtol", "1e-30"], "between 1e-13"),
     "no equals sign": (["simulate", "arm2d", "--start", "elbow"], "needed: NAME=VALUE"),
     "a start twice": (

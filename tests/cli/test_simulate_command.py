@@ -122,17 +122,6 @@ def test_timestepping_keeps_its_step(tmp_path) -> None:
     assert np.diff(run.t) == pytest.approx(0.01)
 
 
-def test_scipys_integrators_go_the_same_way(tmp_path) -> None:
-    runs = []
-    for options in ((), ("--integrator", "RK45")):
-        out = tmp_path / "run.npz"
-        start = ("--duration", "0.5", "--start", "shoulder=-0.2")
-        assert fantoccini("simulate", "arm2d", "-q", *start, *options, "--out", out).exit_code == 0
-        runs.append(fan.Trajectory.load(out))
-    assert len(runs[0].t) != len(runs[1].t)
-    assert runs[0].q_D[-1] == pytest.approx(runs[1].q_D[-1], abs=1e-6)
-
-
 def test_a_start_that_contradicts_the_inputs_is_a_mistake(lift) -> None:
     said = mistake("simulate", "-q", "arm2d", "--inputs", lift, "--start", "hand.length=0.9")
     assert "hand.length" in said and "in the inputs at t = 0 s" in said

@@ -141,16 +141,16 @@ def test_two_ctrl_c_stop_grbl_where_it_is_and_it_goes_on_from_the_line(files):
         line = re.search(r"go on with --from-line (\d+)", said)[1]
         number = lines_of(gcode(points))[taken - 1].number
         assert 1 < number - int(line) <= points.controller.planner
-        begun = machine.planner.time
+        begun = machine.time
         with streaming(files, *options, "--from-line", line) as process:
             code, out, said = process.end()
         assert code == 0, said
         assert "characters were under way" in out
-    machine.planner.finish()
+    machine.finish()
     assert machine.position[0] == pytest.approx(p[-1], abs=0.02)
     # From where it stood, without a jump, and no move was left out.
     assert machine.positions(np.array([begun]))[0, 0] == stopped_at
-    t = np.linspace(begun, machine.planner.time, 5000)
+    t = np.linspace(begun, machine.time, 5000)
     at = machine.positions(t)[:, 0]
     top = 1e3 * np.max(np.abs(points.motion.velocity))
     assert np.max(np.abs(np.diff(at))) < 1.2 * top * (t[1] - t[0]) + 2.0 * 0.02  # and two steps

@@ -130,7 +130,7 @@ def test_methods_that_know_no_contact_say_so(box):
     with pytest.raises(fan.StateError, match="contact: false"):
         fan.simulate_batch(box, [x], t_end=0.1, method="variational")
     with pytest.raises(fan.StateError, match="external integrators does not know"):
-        fan.simulate(box, x, t_end=0.1, method=fan.Event(integrator="DOP853"))
+        box.flow(x)
 
 
 def test_the_advice_to_leave_contact_out_names_a_file_that_can_be_copied(tmp_path):

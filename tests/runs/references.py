@@ -38,6 +38,16 @@ pose: {line.length: 0.8}
 """A bob on a string whose winch slips and rewinds, and on one of fixed length."""
 
 
+SPRINGY = """
+puppet: springy
+bodies:
+  - {name: bob, joint: {type: translation, axes: [x, z]}, mass: 0.25}
+strings:
+  - {name: line, path: [{body: bob}, {world: [0, 0, 0.6]}], length: 0.6, restitution: 0.5}
+"""
+"""A bob on a string that springs back with half the speed."""
+
+
 def jerk(arm):
     """A pull and a quick release: the string goes slack and is caught."""
     points = [(0, 0.8), (0.15, 0.5), (0.4, 0.5), (0.6, 0.8)]
@@ -67,7 +77,17 @@ def winch_case():
     return winch, x0, None, 1.0
 
 
-CASES = {"arm": (arm_case, 2), "bar": (bar_case, 4), "winch": (winch_case, 8)}
+def springy_case():
+    springy = fan.loads(SPRINGY)
+    return springy, springy.project(springy.state({"bob.x": 0.3, "bob.z": 0.4})), None, 0.57
+
+
+CASES = {
+    "arm": (arm_case, 2),
+    "bar": (bar_case, 4),
+    "winch": (winch_case, 8),
+    "springy": (springy_case, 10),
+}
 """Puppet, start, inputs and end; number of events at least."""
 
 

@@ -204,8 +204,6 @@ def test_mistakes_name_the_run():
         stepped([1, 2])
     with pytest.raises(ValueError, match="must be of one time"):
         stepped(None, [X0, X0.replace(t=1.0)])
-    with pytest.raises(ValueError, match="integrator goes with a single run"):
-        fan.simulate_batch(ARM, X0, t_end=END, method=fan.Event(integrator="RK45"))
 
 
 def test_random_inputs_wander_within_reach_and_are_the_same_again():

@@ -50,7 +50,7 @@ def test_six_motors_are_within_a_step_at_all_set_points(conduct, rate, inverse, 
     assert np.max(apart(points, machine)) <= 1.0
     if sequences:
         home = [axis.file.home.at + 0.002 for axis in points.axes]
-        at_end = machine.positions(np.array([machine.planner.time + 1.0]))[0]
+        at_end = machine.positions(np.array([machine.time + 1.0]))[0]
         np.testing.assert_allclose(at_end, 1e3 * np.array(home), atol=0.06)  # 1.5 steps
 
 
@@ -198,6 +198,6 @@ def test_the_machine_answers_with_grbls_numbers(lifted, hoist):
     for line, number in wrong.items():
         assert machine.line(line) == f"error:{number}", line
     machine.line("G1X10F600")
-    machine.planner.finish()
+    machine.finish()
     assert machine.position[0] == pytest.approx(10.0, abs=0.02)
-    assert machine.planner.time >= 1.0
+    assert machine.time >= 1.0

@@ -109,7 +109,7 @@ def test_a_stream_goes_on_from_a_line(points):
     for line in resumed(text, lines[40].number):
         assert machine.line(line.text) == "ok", line
     t0 = points.motion.t[-1] - points.motion.t
-    at = machine.positions(machine.planner.time - t0) * machine.settings.steps
+    at = machine.positions(machine.time - t0) * machine.settings.steps
     # From a stop: the first moves are late, the end is where it was.
     assert abs(np.rint(at[-1, 0]) - points.counts[-1, 0]) <= 1.0
     assert machine.position[0] == pytest.approx(1e3 * points.motion.position[-1, 0], abs=0.02)
@@ -134,7 +134,7 @@ def test_what_a_reset_may_have_lost(points):
         assert begin[3].text.endswith("F6000") and go_back == pytest.approx(at, abs=31.0)
         for line in begin:
             assert machine.line(line.text) == "ok"
-        machine.planner.finish()
+        machine.finish()
         assert machine.position[0] == pytest.approx(1e3 * points.motion.position[-1, 0], abs=0.02)
 
 

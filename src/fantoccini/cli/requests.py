@@ -125,14 +125,6 @@ class SimulateRequest(PictureOptions):
         float | None,
         typer.Option(callback=positive, help="Relative tolerance of event [1e-11]."),
     ] = None
-    integrator: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="SciPy integrator for event: RK23, RK45, DOP853, Radau, BDF or LSODA; by default "
-            "the compiled one.",
-        ),
-    ] = None
     start: Annotated[
         list[str] | None,
         typer.Option(

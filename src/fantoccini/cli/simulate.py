@@ -31,7 +31,7 @@ from fantoccini.marionette import (
     Variational,
 )
 from fantoccini.motion import Input, State, Trajectory
-from fantoccini.simulation import INTEGRATORS, simulate
+from fantoccini.simulation import simulate
 
 
 @dataclass(frozen=True)
@@ -172,7 +172,7 @@ def _method(
         fail(f"{rate * duration:.3g} samples exceed the limit of {_BOUNDS.samples:g}", "--rate")
     if request.method == "event":
         tolerances = {} if request.rtol is None else {"rtol": request.rtol, "atol": request.rtol}
-        method = Event(integrator=request.integrator, **tolerances)
+        method = Event(**tolerances)
         if rate is None:
             return method, {}
         times = start + np.arange(1, int(rate * duration) + 1) / rate
@@ -198,12 +198,8 @@ def _check_options(request: SimulateRequest) -> None:
         low, high = _BOUNDS.rtol
         if request.rtol is not None and not low <= request.rtol <= high:
             fail(f"{request.rtol:g} is not between {low:g} and {high:g}", "--rtol")
-        if request.integrator is not None and request.integrator not in INTEGRATORS:
-            fail(f"{request.integrator!r} is not one of {', '.join(INTEGRATORS)}", "--integrator")
     elif request.rtol is not None:
         fail(f"applies to --method event only; {request.method} has --dt", "--rtol")
-    elif request.integrator is not None:
-        fail("applies to --method event only", "--integrator")
 
 
 def _duration(request: SimulateRequest, inputs: Input | None) -> float:

@@ -38,7 +38,7 @@ from fantoccini.stand import (
     set_points,
 )
 from fantoccini.stand.controllers import ArtNet, Grbl, Marlin, Osc
-from fantoccini.stand.grbl_planner import GrblSettings
+from fantoccini.stand.gcode_text import GrblSettings
 from fantoccini.stand.point_files import ENDINGS
 
 _RATE = 50.0
@@ -95,7 +95,7 @@ def emulate(
         if listen is not None:
             fail(f"applies to osc and artnet, and the controller is {kind.type}", "--listen")
         machine = _serve(grbl_settings(read, kind, rate or _RATE), quiet)
-        where = _table(machine.planner.time, machine.positions, names)
+        where = _table(machine.time, machine.positions, names)
     if out is not None and where:
         with writing(out), replacing(out) as temporary:
             temporary.write_text(where, encoding="utf-8")
@@ -108,7 +108,7 @@ def _serve(settings: GrblSettings, quiet: bool) -> GrblMachine:
     def heard(text: str, answer: str) -> None:
         if not quiet and answer != "ok":
             say(f"{text}: {answer}")
-        if text in ("M2", "M30"):
+        if text == "M2":
             ended.set()
 
     with Emulator(machine, heard=heard) as emulator:
@@ -118,10 +118,10 @@ def _serve(settings: GrblSettings, quiet: bool) -> GrblMachine:
             while not ended.wait(0.1):
                 pass
         emulator.wait_until_read()
-    machine.planner.finish()
+    machine.finish()
     if not quiet:
         say(
-            f"{len(emulator.lines)} lines, {machine.planner.time:.3f} s of motion, buffer at most "
+            f"{len(emulator.lines)} lines, {machine.time:.3f} s of motion, buffer at most "
             f"{emulator.fullest} characters, {emulator.overrun} lost"
         )
     return machine

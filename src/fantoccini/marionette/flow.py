@@ -9,7 +9,7 @@ from fantoccini.errors import SimulationError, Status
 from fantoccini.marionette.checks import bind_input, check_start, refuse_contact
 from fantoccini.marionette.model import Model
 from fantoccini.motion import Input, State
-from fantoccini.runtime import ExternalRun
+from fantoccini.runtime import FrozenFlow
 
 _HOLD_TIME = 1e9
 """How long the driven coordinates hold still without inputs [s]."""
@@ -48,14 +48,14 @@ class Flow:
         check_start(model, x0)
         given = Input.hold(model, _HOLD_TIME).shifted(x0.t) if inputs is None else inputs
         self._inputs = bind_input(model, given, x0.q_K, x0.v_K, x0.t, x0.t)
-        self._run = ExternalRun(
+        self._run = FrozenFlow(
             model.library, model.run_options(), x0, model.p, model.winches, self._inputs
         )
         if self._run.status is not Status.RUNNING:
             raise SimulationError(self._run.status, f"at t = {x0.t:.6g} s")
         table = model.coordinates
         self._table, self._n_qD, self._n_vD = table, table.n_qD, table.n_vD
-        end = self._run.stretch(np.inf)
+        end = self._run.smooth_until(np.inf)
         self.t_end = np.inf if inputs is None and end >= given.end else end
         self.t0, self.y0 = self._run.t, self._run.y
         self.rows = model.tree.row_names
@@ -66,12 +66,13 @@ class Flow:
         return self._run.rate(t, y)
 
     def guards(self, t: float, y: Array) -> Array:
-        """(n_rows,) positive where a string or limit would snap taut or release.
+        """(n_rows + n_watched,) positive where a string or limit would snap taut or release.
 
         For a slack one h over the string's length (over 1 for a limit); for a taut one minus its
-        tension, or the tension beyond its winch's largest, over the puppet's weight.
+        tension, or the tension beyond its winch's largest, over the puppet's weight. The last ones
+        are of the drives that may lose a step or run away.
         """
-        return self._run.guards(t, y)[0]
+        return self._run.guards(t, y)
 
     def state(self, t: float, y: Array) -> State:
         """The state at a time [s] and y (n_y,)."""

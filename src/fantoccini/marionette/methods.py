@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from fantoccini.arrays import check_positive
-
-if TYPE_CHECKING:
-    from scipy.integrate import OdeSolver
 
 MethodName = Literal["event", "timestepping", "variational"]
 
@@ -24,7 +21,7 @@ class _Options:
     @property
     def options(self) -> dict[str, Any]:
         """The run options that it sets."""
-        return {name: x for name, x in vars(self).items() if name != "integrator"}
+        return dict(vars(self))
 
 
 @dataclass(frozen=True)
@@ -34,9 +31,6 @@ class Event(_Options):
     Attributes:
         rtol, atol: tolerances of the integrator.
         max_step: its largest step [s].
-        integrator: a method of SciPy's ``solve_ivp`` (``RK23``, ``RK45``, ``DOP853``, ``Radau``,
-            ``BDF``, ``LSODA``) or a subclass of its ``OdeSolver``, for single runs; None for the
-            compiled one, which is of order 8 and many times faster.
 
     Raises:
         ValueError: a number is not positive and finite.
@@ -45,7 +39,6 @@ class Event(_Options):
     rtol: float = 1e-11
     atol: float = 1e-11
     max_step: float = 0.1
-    integrator: str | type[OdeSolver] | None = None
 
     name: ClassVar[MethodName] = "event"
 

@@ -3,7 +3,6 @@
 from fantoccini.retarget.figure import Figure, figure_of
 from fantoccini.retarget.following import Followed, FollowStatus, PartError, follow_clip
 from fantoccini.retarget.gesturing import ClipGesture, clip_gesture, place_on_spot
-from fantoccini.retarget.kinematic import KinematicMotion, kinematic_inputs
 from fantoccini.retarget.mapping import (
     MappingFile,
     find_mapping,
@@ -13,11 +12,10 @@ from fantoccini.retarget.mapping import (
 )
 from fantoccini.retarget.placing import Placing
 from fantoccini.retarget.retargeting import Placed, Retargeted, place_clip, retarget_clip
-from fantoccini.retarget.swing import Swing, identify_swing
 
 __all__ = [
-    "ClipGesture", "Figure", "FollowStatus", "Followed", "KinematicMotion", "MappingFile",
-    "PartError", "Placed", "Placing", "Retargeted", "Swing", "clip_gesture", "figure_of",
-    "find_mapping", "follow_clip", "identify_swing", "kinematic_inputs", "load_mapping",
-    "mapping_names", "mapping_schema", "place_clip", "place_on_spot", "retarget_clip",
+    "ClipGesture", "Figure", "FollowStatus", "Followed", "MappingFile", "PartError", "Placed",
+    "Placing", "Retargeted", "clip_gesture", "figure_of", "find_mapping", "follow_clip",
+    "load_mapping", "mapping_names", "mapping_schema", "place_clip", "place_on_spot",
+    "retarget_clip",
 ]  # fmt: skip

@@ -15,8 +15,8 @@ from fantoccini.runtime.clearance import (
 from fantoccini.runtime.compiled import Complementarity, Library, Piece, Run
 from fantoccini.runtime.contact_points import contact_points
 from fantoccini.runtime.contacts import Contacts
-from fantoccini.runtime.external import ExternalRun
 from fantoccini.runtime.flow_derivatives import DerivativeLibrary, FlowChanges
+from fantoccini.runtime.frozen_flow import FrozenFlow
 from fantoccini.runtime.functions import AnyArray, Functions, Loaded, whole
 from fantoccini.runtime.gradients import GradientLibrary, GradientRun
 from fantoccini.runtime.lane_steppers import LaneSteppers
@@ -59,8 +59,8 @@ __all__ = [
     "Complementarity",
     "Contacts",
     "DerivativeLibrary",
-    "ExternalRun",
     "FlowChanges",
+    "FrozenFlow",
     "Functions",
     "Funnel",
     "GoalNumbers",

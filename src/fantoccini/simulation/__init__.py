@@ -2,13 +2,11 @@
 
 from fantoccini.simulation.batch import simulate_batch
 from fantoccini.simulation.catch import Passage
-from fantoccini.simulation.checks import INTEGRATORS
 from fantoccini.simulation.pace import SlowRunWarning
 from fantoccini.simulation.run import simulate, trajectory_of_samples
 from fantoccini.simulation.sensitivities import Sensitivity, sensitivity
 
 __all__ = [
-    "INTEGRATORS",
     "Passage",
     "Sensitivity",
     "SlowRunWarning",

@@ -15,7 +15,6 @@ from fantoccini.contract import BOOKS, PARTS
 from fantoccini.errors import ARRIVED, Status
 from fantoccini.marionette import (
     CONTRADICTION_STATUSES,
-    Event,
     Marionette,
     Method,
     MethodName,
@@ -94,7 +93,7 @@ def simulate_batch(
         x0: states of one time where the runs start, or one for all.
         inputs: as many as states, or one for all; they hold still when not given.
         t_end: end of the runs [s]; the end of the inputs when not given.
-        method: as in :func:`simulate`; the event-driven method uses its compiled integrator.
+        method: as in :func:`simulate`.
         save_at: (n,) times to write (event-driven only) [s]; start and end when not given.
         save_every: write every so many steps (not event-driven); every one when not given.
         save: ``all``, or names of the arrays to save; q_D, v_D and tension when not given.
@@ -116,8 +115,6 @@ def simulate_batch(
     """
     chosen = as_method(method)
     name = chosen.name
-    if isinstance(chosen, Event) and chosen.integrator is not None:
-        raise ValueError("integrator goes with a single run; batches have the compiled one")
     check_marionette(marionette)
     model = marionette.model
     options = model.run_options(

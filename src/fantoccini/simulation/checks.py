@@ -8,9 +8,6 @@ from fantoccini.arrays import Array, floats
 from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, Inputs, State
 
-INTEGRATORS = ("RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA")
-"""SciPy's integrators for event-driven runs; SciPy itself is imported only to use one."""
-
 
 def check_marionette(given: object) -> None:
     """Raises TypeError unless it is one marionette."""

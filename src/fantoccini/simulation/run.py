@@ -13,7 +13,6 @@ from fantoccini.errors import ARRIVED, SimulationError, Status
 from fantoccini.marionette import (
     CONTRADICTION_STATUSES,
     Contradiction,
-    Event,
     Marionette,
     Method,
     MethodName,
@@ -30,7 +29,6 @@ from fantoccini.marionette import (
     overlap_events,
     parted,
     prescribed_overlaps,
-    refuse_contact,
 )
 from fantoccini.motion import (
     Columns,
@@ -124,16 +122,10 @@ def simulate(
             the error carries the trajectory so far.
     """
     chosen = as_method(method)
-    name, integrator = chosen.name, chosen.integrator if isinstance(chosen, Event) else None
-    if integrator is not None:
-        from fantoccini.simulation.scipy_run import ScipyRun, solver_class
-
-        solver_class(integrator)
+    name = chosen.name
     check_marionette(marionette)
     check_one_run(x0, inputs)
     model = marionette.model
-    if integrator is not None:
-        refuse_contact(model, "the flow for external integrators")
     options = model.run_options(
         **chosen.options, save_steps=save_at is None, max_memory=max_memory,
         save_every=1 if save_every is None else save_every,
@@ -150,10 +142,7 @@ def simulate(
     save_at = save_times(save_at, save_every, name, x0.t, t_end)
     check_samples(model, name, options, x0.t, t_end, save_at)
     about = options, x0, model.p, model.winches, bound, save_at
-    if integrator is None:
-        run = Run(model.compiled.library_of(name), name, *about)
-    else:
-        run = ScipyRun(integrator, model.library, *about)
+    run = Run(model.compiled.library_of(name), name, *about)
     pieces = list[Piece]()
     pace = Pace(x0.t, t_end, time_limit, lambda: _chatter(model, pieces))
     written, status = _collect(run, t_end, progress, pieces, pace)

@@ -2,9 +2,8 @@
 
 from fantoccini.stand.axes import Axis, AxisMap, AxisMotion, axes_of
 from fantoccini.stand.check import StandCheck, check_stand
-from fantoccini.stand.emulator import Emulator
+from fantoccini.stand.emulator import Emulator, GrblMachine
 from fantoccini.stand.gcode_text import gcode, gentle_feed, grbl_settings
-from fantoccini.stand.grbl_machine import GrblMachine
 from fantoccini.stand.helping import lost_lines, remedies
 from fantoccini.stand.limits import QUANTITIES, Limit
 from fantoccini.stand.packets import packets_of

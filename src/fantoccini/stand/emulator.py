@@ -1,24 +1,271 @@
-"""The emulated GRBL on a pseudo-terminal, with the serial buffer of the real one."""
+"""An emulated GRBL on a pseudo-terminal: answers lines of G-code and counts steps.
+
+It knows the words that :func:`gcode` writes, ``$H`` and feed hold. Moves are straight, with
+trapezoids of speed, and the planner looks ahead, until it is full or a line stops the machine:
+
+    entry^2 <= next entry^2 + 2 a d,   junction^2 = a deviation s / (1 - s),   s = sin(angle / 2)
+
+Its clock counts moves and dwells alone. It shares no code with GRBL.
+"""
 
 from __future__ import annotations
 
-import contextlib
+import math
 import os
+import re
 import select
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import pairwise
 
+import numpy as np
+
+from fantoccini.arrays import Array, Indices, Times
 from fantoccini.errors import StandError
-from fantoccini.stand.grbl_machine import GrblMachine
+from fantoccini.stand.gcode_text import LONGEST, GrblSettings
+from fantoccini.stand.streaming import HOLD, RESET, RESUME
+from fantoccini.stand.timed_moves import DWELL
 
 GREETING = b"\r\nGrbl 1.1h ['$' for help]\r\n"
-RESET = 0x18
-_PATIENCE = 5.0
-"""Time in which what it said last is to be read [s]."""
+LEAST_RATE = 1.0 / 60.0
+"""Slowest move [units/s]."""
+
+_WORD = re.compile(r"([A-Z])([+-]?(?:\d+\.?\d*|\.\d+))")
+_DROPPED = re.compile(r"\([^)]*\)|;.*|\s")
+_KNOWN = {"G1", "G4", "G10", "G21", "G90", "G92", "G93", "G94", "M2"}
+_STRAIGHT = 0.999999
+"""Cosine of an angle beyond which a path goes straight on, or back."""
 _WAIT = 0.02
-"""Time without characters after which it looks again whether it is to end [s]."""
+"""Wait for characters between two looks at whether to end [s]."""
+
+
+class _Refused(Exception):
+    """A line that cannot be done, with GRBL's number of the error."""
+
+
+@dataclass(eq=False)
+class Block:
+    """A straight move.
+
+    Attributes:
+        begin, delta: (n,) steps where it begins, and that it makes.
+        length: of its path [units].
+        rate: at which it is to go [units/s].
+        acceleration: along the path [units/s^2].
+        junction: largest speed at its beginning [units/s].
+        entry: speed at its beginning [units/s].
+        t, leave: when it begins [s] and its speed at the end, once it is done.
+    """
+
+    begin: Indices
+    delta: Indices
+    length: float
+    rate: float
+    acceleration: float
+    junction: float
+    entry: float = 0.0
+    t: float = 0.0
+    leave: float = 0.0
+
+    def phases(self) -> tuple[float, float, float, float]:
+        """Top speed, and times of speeding up, going evenly and slowing down [s]."""
+        a, d, v0, v1 = self.acceleration, self.length, self.entry, self.leave
+        top = min(self.rate, math.sqrt(max(a * d + (v0 * v0 + v1 * v1) / 2.0, 0.0)))
+        top = max(top, v0, v1)
+        up, down = (top - v0) / a, (top - v1) / a
+        even = (d - (top + v0) / 2.0 * up - (top + v1) / 2.0 * down) / top
+        return top, up, max(even, 0.0), down
+
+    def reach(self, speed: float) -> float:
+        """Speed that is reached over the move from a speed at its other end [units/s]."""
+        return math.sqrt(speed * speed + 2.0 * self.acceleration * self.length)
+
+    def done(self, t: Times) -> Array:
+        """(T,) share of the path that is behind at times since its beginning."""
+        top, up, even, down = self.phases()
+        a = self.acceleration
+        first = np.clip(t, 0.0, up)
+        second = np.clip(t - up, 0.0, even)
+        third = np.clip(t - up - even, 0.0, down)
+        s = self.entry * first + a * first**2 / 2.0 + top * second
+        return np.minimum((s + top * third - a * third**2 / 2.0) / self.length, 1.0)
+
+
+@dataclass(eq=False)
+class GrblMachine:
+    """The controller and its motors.
+
+    Attributes:
+        settings: of the machine.
+        waiting: moves that may still change.
+        made: moves that were made, in order.
+        time: when the last of them ended [s].
+        steps: (n,) where the last planned move ends.
+        starts: times at which it went on after a dwell [s].
+    """
+
+    settings: GrblSettings
+    waiting: deque[Block] = field(default_factory=deque)
+    made: list[Block] = field(default_factory=list)
+    time: float = 0.0
+    steps: Indices = field(init=False)
+    starts: list[float] = field(default_factory=list)
+    _offset: Array = field(init=False)
+    _inverse: bool = False
+    _feed: float = 0.0
+    _direction: Array | None = None
+    _rate: float = 0.0
+
+    def __post_init__(self) -> None:
+        n = len(self.settings.letters)
+        self.steps, self._offset = np.zeros(n, dtype=np.int64), np.zeros(n)
+
+    @property
+    def position(self) -> Array:
+        """(n,) where the last planned move ends, in the axes' own positions [units]."""
+        return self.steps / self.settings.steps - self._offset
+
+    def positions(self, times: Times) -> Array:
+        """(T, n) positions of the motors at times [units]."""
+        out = np.zeros((len(times), len(self.settings.letters)), dtype=np.int64)
+        begins = np.array([block.t for block in self.made])
+        at = np.searchsorted(begins, times, side="right") - 1
+        for k in np.unique(at[at >= 0]):
+            block, chosen = self.made[k], at == k
+            events = int(np.max(np.abs(block.delta)))
+            beats = np.floor(block.done(times[chosen] - block.t) * events + 1e-6)
+            share = np.abs(block.delta) / events
+            steps = np.floor(beats[:, None] * share + 0.5).astype(np.int64)
+            out[chosen] = block.begin + np.sign(block.delta) * steps
+        return out / self.settings.steps - self._offset
+
+    def line(self, text: str) -> str:
+        """The answer to a line."""
+        try:
+            text = _DROPPED.sub("", text).upper()
+            if len(text) > LONGEST:
+                raise _Refused(11)
+            if text == "$H":
+                self.finish()
+            elif text.startswith("$"):
+                raise _Refused(3)
+            elif text:
+                self._block(text)
+        except _Refused as refused:
+            return f"error:{refused.args[0]}"
+        return "ok"
+
+    def finish(self) -> None:
+        """Makes all moves that wait; the machine stands."""
+        while self.waiting:
+            self._make()
+        self._direction, self._rate = None, 0.0
+
+    def reset(self) -> None:
+        """Drops the moves that wait, and all modes; the machine stands where the last one ended."""
+        if self.waiting:
+            self.steps = self.waiting[0].begin
+        self.waiting.clear()
+        self.finish()
+        self._inverse, self._feed = False, 0.0
+
+    def _block(self, text: str) -> None:
+        """Does a line of words."""
+        words, rest = _WORD.findall(text), _WORD.sub("", text)
+        if rest:
+            raise _Refused(2 if rest[0].isalpha() else 1)
+        commands = {f"{letter}{float(value):g}" for letter, value in words if letter in "GM"}
+        values = {letter: float(value) for letter, value in words if letter not in "GM"}
+        if commands - _KNOWN:
+            raise _Refused(20)
+        if len(commands) + len(values) < len(words):
+            raise _Refused(25)
+        if commands & {"G93", "G94"}:
+            self._inverse = "G93" in commands
+        letters = enumerate(self.settings.letters)
+        target = {k: values.pop(a) for k, a in letters if a in values}
+        # In G93 a feed counts for its own line only.
+        feed = values.pop("F", 0.0 if self._inverse else self._feed)
+        self._feed = self._feed if self._inverse else feed
+        if "G4" in commands:
+            if "P" not in values:
+                raise _Refused(2)
+            self.finish()
+            self.time += math.ceil(values.pop("P") / DWELL - 1e-9) * DWELL
+            self.starts.append(self.time)
+        elif commands & {"G10", "G92"}:
+            if "G10" in commands and (values.pop("L", 0.0), values.pop("P", 0.0)) != (20.0, 1.0):
+                raise _Refused(20)
+            if not target:
+                raise _Refused(26)
+            self.finish()
+            for k, value in target.items():  # the present place is called so
+                self._offset[k] = self.steps[k] / self.settings.steps[k] - value
+        elif target:
+            self._move(target, feed / 60.0)
+        if values:
+            raise _Refused(36)
+        if "M2" in commands:
+            self.finish()
+
+    def _move(self, target: dict[int, float], rate: float) -> None:
+        """Plans a move at a rate [units/s], or at so many moves per second (G93)."""
+        own = self.settings
+        if not rate > 0.0:
+            raise _Refused(22)
+        to = self.position
+        to[list(target)] = list(target.values())
+        steps = np.rint((to + self._offset) * own.steps).astype(np.int64)
+        delta = steps - self.steps
+        if not np.any(delta):
+            return  # too short for a step: no move at all
+        length = float(np.linalg.norm(delta / own.steps))
+        direction = delta / own.steps / length
+        used = direction != 0.0
+        share = np.abs(direction[used])
+        rate = min(rate * length if self._inverse else rate, float(np.min(own.rate[used] / share)))
+        rate = max(rate, LEAST_RATE)
+        junction = min(self._junction(direction), self._rate, rate)
+        acceleration = float(np.min(own.acceleration[used] / share))
+        self.waiting.append(Block(self.steps, delta, length, rate, acceleration, junction))
+        self.steps, self._direction, self._rate = steps, direction, rate
+        self._plan()
+        while len(self.waiting) >= own.planner:
+            self._make()
+
+    def _junction(self, direction: Array) -> float:
+        """Speed with which a path may turn [units/s]."""
+        if self._direction is None:
+            return 0.0
+        cosine = -float(np.dot(self._direction, direction))
+        if cosine > _STRAIGHT:
+            return 0.0
+        if cosine < -_STRAIGHT:
+            return math.inf
+        turn = direction - self._direction
+        share = np.abs(turn / np.linalg.norm(turn))
+        used = share > 0.0
+        a = float(np.min(self.settings.acceleration[used] / share[used]))
+        s = math.sqrt((1.0 - cosine) / 2.0)
+        return math.sqrt(a * self.settings.junction * s / (1.0 - s))
+
+    def _plan(self) -> None:
+        """Entry speeds of the waiting moves; the first one's is set by the move before it."""
+        blocks, after = list(self.waiting), 0.0
+        for block in blocks[:0:-1]:
+            block.entry = after = min(block.junction, block.reach(after))
+        for before, block in pairwise(blocks):
+            block.entry = min(block.entry, before.reach(before.entry))
+
+    def _make(self) -> None:
+        block = self.waiting.popleft()
+        block.t, block.leave = self.time, self.waiting[0].entry if self.waiting else 0.0
+        self.time += sum(block.phases()[1:])
+        self.made.append(block)
 
 
 class Emulator:
@@ -45,6 +292,8 @@ class Emulator:
     ):  # fmt: skip
         if sys.platform == "win32":
             raise StandError("the emulator needs pseudo-terminals, which Windows lacks")
+        import tty
+
         self.machine, self.pace, self.heard = machine, pace, heard
         self.lines: list[str] = []
         self.fullest = self.overrun = self.resets = 0
@@ -52,13 +301,13 @@ class Emulator:
         self._received = bytearray()
         self._stop = threading.Event()
         self._master, self._slave = os.openpty()
-        _raw(self._slave)
+        tty.setraw(self._slave)
         self.port = os.ttyname(self._slave)
         self._thread = threading.Thread(target=self._serve, daemon=True)
 
     def __enter__(self) -> Emulator:
         self._thread.start()
-        self._say(GREETING)
+        os.write(self._master, GREETING)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -68,77 +317,52 @@ class Emulator:
         os.close(self._master)
 
     def wait_until_read(self) -> None:
-        """Waits until all that it said was read, but not for long."""
+        """Waits until all that it said was read, at most for five seconds."""
         import fcntl
         import termios
 
-        end = time.monotonic() + _PATIENCE
-        while time.monotonic() < end:
-            left = fcntl.ioctl(self._slave, termios.FIONREAD, bytes(4))
-            if not any(left):
-                return
+        end = time.monotonic() + 5.0
+        while time.monotonic() < end and any(fcntl.ioctl(self._slave, termios.FIONREAD, bytes(4))):
             time.sleep(_WAIT)
 
     def _serve(self) -> None:
         while not self._stop.is_set():
-            ready = b"\n" in self._received and not self.held
-            self._receive(0.0 if ready else _WAIT)
-            if b"\n" in self._received and not self.held:
+            wait = 0.0 if self._ready else _WAIT
+            while select.select([self._master], [], [], wait)[0]:
+                wait = 0.0  # all characters that are there come before the next line
+                for character in os.read(self._master, 4096):
+                    self._take(bytes([character]))
+            if self._ready:
                 self._one_line()
 
-    def _receive(self, timeout: float) -> None:
-        """Takes all characters that are there, before the next line is done."""
-        while select.select([self._master], [], [], timeout)[0]:
-            timeout = 0.0
-            for character in os.read(self._master, 4096):
-                if not self._at_once(character):
-                    self._store(character)
+    @property
+    def _ready(self) -> bool:
+        """Whether a line is to be done."""
+        return b"\n" in self._received and not self.held
 
-    def _store(self, character: int) -> None:
-        if len(self._received) >= self.machine.settings.buffer:
-            self.overrun += 1
-            return
-        self._received.append(character)
-        self.fullest = max(self.fullest, len(self._received))
-
-    def _at_once(self, character: int) -> bool:
-        """Whether a character is a command of its own, which takes no room."""
+    def _take(self, character: bytes) -> None:
+        """Obeys a command of one character at once; stores any other one, where there is room."""
         if character == RESET:
             self._received.clear()
             self.machine.reset()
             self.held = False
             self.resets += 1
-            self._say(GREETING)
-        elif character == ord("!"):
-            self.held = True
-        elif character == ord("~"):
-            self.held = False
-        elif character == ord("?"):
-            at = ",".join(f"{x:.3f}" for x in self.machine.position)
-            self._say(f"<{'Hold' if self.held else 'Idle'}|WPos:{at}>\r\n".encode())
+            os.write(self._master, GREETING)
+        elif character in (HOLD, RESUME):
+            self.held = character == HOLD
+        elif len(self._received) >= self.machine.settings.buffer:
+            self.overrun += 1
         else:
-            return False
-        return True
+            self._received += character
+            self.fullest = max(self.fullest, len(self._received))
 
     def _one_line(self) -> None:
         end = self._received.index(b"\n")
         text = self._received[:end].decode("ascii", "replace").strip("\r")
-        if self.pace:
-            time.sleep(self.pace)
+        time.sleep(self.pace)
         answer = self.machine.line(text)
         del self._received[: end + 1]
         self.lines.append(text)
-        self._say(f"{answer}\r\n".encode())
+        os.write(self._master, f"{answer}\r\n".encode())
         if self.heard is not None:
             self.heard(text, answer)
-
-    def _say(self, text: bytes) -> None:
-        os.write(self._master, text)
-
-
-def _raw(terminal: int) -> None:
-    """Lets all characters through as they are."""
-    import tty
-
-    with contextlib.suppress(OSError):
-        tty.setraw(terminal)

@@ -7,6 +7,7 @@ move is the root of the sum of squares over all axes, degrees beside mm, as GRBL
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,6 @@ from fantoccini.arrays import Array
 from fantoccini.errors import StandError
 from fantoccini.stand.axes import Axis, axes_of
 from fantoccini.stand.controllers import Grbl, Klipper, Marlin
-from fantoccini.stand.grbl_planner import GrblSettings
 from fantoccini.stand.points import GENTLE, SetPoints
 from fantoccini.stand.stand_file import Stand
 from fantoccini.stand.timed_moves import Limits, TimedMoves, timed_moves
@@ -35,6 +35,33 @@ LONGEST = 79
 _KLIPPER_NAME = re.compile(r"[A-Za-z0-9_]+")
 _PAUSE = 0.1
 """Of a dwell before the motion, in which all moves come to their end [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class GrblSettings(Limits):
+    """What a controller is told of its machine; n axes. Units are mm, or degrees of a turn.
+
+    Attributes:
+        letters: of the axes, in order.
+        reversed: which motors turn backwards.
+        buffer: characters that its serial buffer holds.
+    """
+
+    letters: str
+    reversed: tuple[bool, ...]
+    buffer: int
+
+    def lines(self) -> list[str]:
+        """As GRBL's own settings, ``$100=...``."""
+        mask = sum(1 << k for k, back in enumerate(self.reversed) if back)
+        found = [f"$3={mask}", f"$11={self.junction:.3f}"]
+        for k in range(len(self.letters)):
+            found += [
+                f"${100 + k}={self.steps[k]:.3f}",
+                f"${110 + k}={60.0 * self.rate[k]:.3f}",
+                f"${120 + k}={self.acceleration[k]:.3f}",
+            ]
+        return found
 
 
 def units(axes: tuple[Axis, ...]) -> Array:
@@ -81,10 +108,11 @@ def grbl_settings(stand: Stand, controller: Any, rate: float) -> GrblSettings:
     acceleration = SPARE * scale * np.array([axis.file.acceleration for axis in axes])
     junction = float(np.max(acceleration)) / rate**2 / 4.0
     return GrblSettings(
-        letters(stand, controller), np.array([axis.counts for axis in axes]) / scale,
+        np.array([axis.counts for axis in axes]) / scale,
         SPARE_RATE * scale * np.array([axis.file.speed for axis in axes]), acceleration,
-        max(LEAST_JUNCTION, junction), tuple(axis.direction < 0 for axis in axes),
-        controller.planner, controller.buffer if isinstance(controller, Grbl) else 128,
+        max(LEAST_JUNCTION, junction), controller.planner, letters(stand, controller),
+        tuple(axis.direction < 0 for axis in axes),
+        controller.buffer if isinstance(controller, Grbl) else 128,
     )  # fmt: skip
 
 
@@ -106,10 +134,7 @@ def gcode(points: SetPoints, inverse: bool = True) -> str:
             "grbl, fluidnc, marlin or klipper"
         )
     settings = grbl_settings(points.map.stand, points.controller, points.rate)
-    limits = Limits(
-        settings.steps, settings.rate, settings.acceleration, settings.junction, settings.planner
-    )
-    moves = timed_moves(points.motion.t, points.counts, limits)
+    moves = timed_moves(points.motion.t, points.counts, settings)
     marlin = isinstance(points.controller, Marlin)
     text = _Text(points, settings, inverse and not marlin, marlin)
     lines = [*_head(points, settings, marlin), *text.before(), *text.timed(moves), *text.after()]

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from fantoccini.errors import MissingLibraryError, StandError, StreamError
-from fantoccini.stand.grbl_machine import ERRORS
 
 HOLD, RESUME, RESET = b"!", b"~", b"\x18"
 SILENCE = 30.0
@@ -21,6 +20,20 @@ STOPPED = "stopped here"
 """Why a stream ended, after a hold."""
 GENTLE_FEED = 600.0
 """With which the axes go where a stream goes on [mm/min]."""
+ERRORS = {
+    1: "a word does not begin with a letter",
+    2: "a number is missing or wrong",
+    3: "this $ command is not known",
+    9: "locked: home ($H) or unlock ($X) first",
+    11: "the line is too long",
+    15: "the target is outside of the machine's travel",
+    20: "this command is not known",
+    22: "no feed rate was given",
+    25: "a word stands twice",
+    26: "no axis is named",
+    36: "a word is not used by this command",
+}
+"""GRBL's numbers of errors, and what they mean."""
 
 _COMMENT = re.compile(r"\([^)]*\)|;.*")
 _ERROR = re.compile(r"(error|alarm):\s*(\d+)?", re.IGNORECASE)

@@ -19,7 +19,7 @@ INPUTS = "inputs"
 """Name of the value that selects the inputs."""
 METHOD = "method"
 """Name of the value that selects the method."""
-METHOD_OPTIONS = ("integrator", "rtol", "atol", "max_step", "dt", "extrapolate")
+METHOD_OPTIONS = ("rtol", "atol", "max_step", "dt", "extrapolate")
 """Options of methods that can be varied, for example in a convergence study."""
 OPTIONS = ("t_end", "save_every")
 """Arguments of ``simulate`` that can be varied."""

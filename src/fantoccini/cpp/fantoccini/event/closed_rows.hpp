@@ -27,9 +27,6 @@ struct ClosedRows {
   double stopped = 0.0;     // largest |hdot| of a held row before the last hold
   bool brought = false;     // whether that hold also had to stop a closed row that is not held
   double blame[room(M)];    // rows that no motion satisfies together, after IMPOSSIBLE_INPUT
-  // A string that springs back and would open by less than this, relative to its length, is at
-  // rest: an external integrator cannot tell it from its errors.
-  double hop = 0.0;
 
   // Brings the held rows to h = 0 and all others nearby to h <= 0, with the smallest change of the
   // configuration at (t, y) in the metric of M_DD. The flow's evaluation must be that of (t, y).
@@ -137,8 +134,7 @@ struct ClosedRows {
     for (int a = 0; a < n_all; ++a) {
       const int r = all[a];
       const double hdot = f.rows.hdot[a];
-      const bool low = hdot * hdot <= 2.0 * hop * f.row_scale(r) * f.rows.hddot[a];
-      const bool hops = hdot < 0.0 && (low || -2.0 * hdot <= hop_time * f.rows.hddot[a]);
+      const bool hops = hdot < 0.0 && -2.0 * hdot <= hop_time * f.rows.hddot[a];
       const bool rests = ahead > 0.0 || fabs(hdot) <= still || hops || f.rows.two_sided[a];
       if (!rests && f.winches.slips(r) && f.rows.hdot[a] > 0.0) next[r] = SLIPPING;
       if (rests || next[r] == SLIPPING) list[n++] = r;

@@ -46,19 +46,13 @@ struct Guards {
   bool armed[room(M)];
   // At the start of the step.
   double height0[room(M)], rate0[room(M)], guard0[room(ALL)];
-  // Of an external integrator, whose errors may exceed the opening of a row just released: error in
-  // h, relative to the row's scale. It is added to open_gap and caught_height.
-  double noise = 0.0;
-  // Likewise, how far its states may be off the held rows: guards are evaluated on its dense
-  // output, before projection.
-  double afield = 0.0;
 
   explicit Guards(F& f) : flow(f) {
     for (int r = 0; r < M; ++r) armed[r] = true;
   }
 
   void remember(Snapshot& memory) {
-    memory.keep(armed, height0, rate0, guard0, noise, afield);
+    memory.keep(armed, height0, rate0, guard0);
   }
 
   // The shortest time the clock resolves.
@@ -102,10 +96,10 @@ struct Guards {
     if (flow.taut(r)) {
       const double lack = flow.lack(r) - Tolerance::negligible_tension;
       // A redundant row moves with the held ones, but for the error of their near dependence.
-      const double strays = flow.row_state[r] == HELD ? lack : over - FlowTolerances::closed_gap - afield;
+      const double strays = flow.row_state[r] == HELD ? lack : over - FlowTolerances::closed_gap;
       return lack > strays ? lack : strays;
     }
-    return over - (armed[r] ? 0.0 : Tolerance::caught_height + noise);
+    return over - (armed[r] ? 0.0 : Tolerance::caught_height);
   }
 
   // How far a row was beyond its bound when the step began, counted up to closed_gap, or four times

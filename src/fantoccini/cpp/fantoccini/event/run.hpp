@@ -120,18 +120,6 @@ struct EventRun {
     return flow.motors.verdict(0);
   }
 
-  void remember(Snapshot& memory) {
-    memory.keep(flow.t, flow.y, flow.row_state, flow.slip, flow.slip_time, flow.motors);
-    auto& writer = instants.writer;
-    memory.keep(instants.closed_rows, detector, instants.accumulation);
-    memory.keep(writer.event_rate, writer.impact, instants.blame, step_size);
-    memory.keep(n_steps, writer.n_events, stuck, at_break_, instants.loosened);
-    flow.contacts.remember(memory);
-    guards.remember(memory);
-  }
-
- protected:
-
   // Handles a break of the inputs at the present time, and finds until when the flow is smooth,
   // `end`.
   Status begin_stretch(double t_end, double* end, Record<Model>& out) {
@@ -159,6 +147,23 @@ struct EventRun {
     return RUNNING;
   }
 
+  // Writes the present state, wherever the flow was evaluated last.
+  void emit_present(Record<Model>& out) {
+    instants.refresh();
+    instants.writer.emit(out);
+  }
+
+  void remember(Snapshot& memory) {
+    memory.keep(flow.t, flow.y, flow.row_state, flow.slip, flow.slip_time, flow.motors);
+    auto& writer = instants.writer;
+    memory.keep(instants.closed_rows, detector, instants.accumulation);
+    memory.keep(writer.event_rate, writer.impact, instants.blame, step_size);
+    memory.keep(n_steps, writer.n_events, stuck, at_break_, instants.loosened);
+    flow.contacts.remember(memory);
+    guards.remember(memory);
+  }
+
+ protected:
   // When a driven length runs out in the inputs' present piece; computed once for each piece.
   double runs_out() {
     if (flow.t < flow.drive.segment_start()) return unbounded;  // the inputs have yet to begin
@@ -281,7 +286,7 @@ struct EventRun {
       if (flow.row_state[r] == SLIPPING && flow.lack(r) < -GuardTolerances::min_speed)
         guards.armed[r] = true;
       if (flow.taut(r)) continue;
-      if (h < -(GuardTolerances::open_gap + guards.noise) * flow.row_scale(r)) guards.armed[r] = true;
+      if (h < -GuardTolerances::open_gap * flow.row_scale(r)) guards.armed[r] = true;
       if (h > 0.0) guards.armed[r] = false;
     }
     flow.motors.look(flow.y, flow.y + NQ, flow.q_K, flow.v_K, flow.acc_K, flow.p, true);

@@ -14,53 +14,25 @@ using AnyRun = ModelRun<Model>;
 
 #include "fantoccini/interface/run.hpp"
 
-// --- an event-driven run whose steps an external integrator makes (event/external_run.hpp) ------
+// --- the flow of an event-driven run, with the active set frozen ---------------------------------
 //
-// y = (q_D, v_D, work, loss, slip loss). Functions that return int return a status.
+// y = (q_D, v_D, work, loss, slip loss).
 
-// Sets how large the integrator's errors in a row's h may be, relative to its scale: `noise` for
-// rows just released or caught (Guards::noise, ClosedRows::hop), `afield` for redundant ones
-// (Guards::afield).
-FAN_EXPORT void fan_set_noise(void* handle, double noise, double afield) {
-  auto& run = static_cast<fan::AnyRun*>(handle)->event;
-  run.guards.noise = run.instants.closed_rows.hop = noise;
-  run.guards.afield = afield;
-}
-
-// Handles a break at the present time, and sets `end` to the time until which the flow is smooth,
-// at most t_end.
-FAN_EXPORT int fan_stretch(
-    void* handle, double t_end, double* end, fan::Record<fan::Model>* out) {
-  return static_cast<fan::AnyRun*>(handle)->event.stretch(t_end, end, *out);
-}
-
-// The flow at (t, y): rate (n_y,), guards and how well they are met (n_rows + n_watched,), slip
-// (n_strings,); each may be null.
+// At (t, y): rate (n_y,), guards (n_rows + n_watched,) and slip (n_strings,); each may be null.
 FAN_EXPORT void fan_look(
-    void* handle, double t, const double* y, double* rate, double* guard, double* met,
-    double* slip) {
-  static_cast<fan::AnyRun*>(handle)->event.look(t, y, {rate, guard, met, slip});
+    void* handle, double t, const double* y, double* rate, double* guard, double* slip) {
+  auto& event = static_cast<fan::AnyRun*>(handle)->event;
+  using F = fan::Flow<fan::Model>;
+  double unused[F::NY];
+  event.flow.evaluate(t, y, rate ? rate : unused);
+  for (int r = 0; guard && r < F::ALL; ++r) guard[r] = event.guards.guard(r);
+  for (int i = 0; slip && i < F::S; ++i) slip[i] = event.flow.slip_now[i];
 }
 
-// Brings y at time t onto the held rows.
-FAN_EXPORT int fan_settle(void* handle, double t, double* y) {
-  return static_cast<fan::AnyRun*>(handle)->event.settle(t, y);
-}
-
-// Accepts (t, y) as the end of a step. Call fan_save for all times to save before t first.
-FAN_EXPORT int fan_accept(
-    void* handle, double t, const double* y, fan::Record<fan::Model>* out) {
-  return static_cast<fan::AnyRun*>(handle)->event.accept_reached(t, y, *out);
-}
-
-// Handles the event at the present state.
-FAN_EXPORT int fan_react(void* handle, fan::Record<fan::Model>* out) {
-  return static_cast<fan::AnyRun*>(handle)->event.react(*out);
-}
-
-// Writes the row of the next time to save, at which the step's dense output is y.
-FAN_EXPORT int fan_save(void* handle, double t, double* y, fan::Record<fan::Model>* out) {
-  return static_cast<fan::AnyRun*>(handle)->event.save(t, y, *out);
+// Until when the flow is smooth from the present time on, at most t_end, into `end`; a status.
+FAN_EXPORT int fan_smooth_until(
+    void* handle, double t_end, double* end, fan::Record<fan::Model>* out) {
+  return static_cast<fan::AnyRun*>(handle)->event.begin_stretch(t_end, end, *out);
 }
 
 // The present time, y and what every row does (fan::Hold).

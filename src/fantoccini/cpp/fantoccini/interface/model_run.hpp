@@ -1,7 +1,7 @@
 // An event-driven or a time-stepping run of one trajectory, whichever it is made for.
 #pragma once
 
-#include "fantoccini/event/external_run.hpp"
+#include "fantoccini/event/run.hpp"
 #include "fantoccini/timestepping/run.hpp"
 
 namespace fan {
@@ -9,7 +9,7 @@ namespace fan {
 template <class Model>
 struct ModelRun {
   bool event_driven;
-  ExternalRun<Model> event{};
+  EventRun<Model> event{};
   FixedRun<Model> fixed{};
 
   explicit ModelRun(bool event_driven) : event_driven(event_driven) {}
@@ -22,7 +22,7 @@ struct ModelRun {
     return event_driven ? event.run(t_end, budget, out) : fixed.run(t_end, budget, out);
   }
 
-  void emit(Record<Model>& out) { event_driven ? event.present(out) : fixed.emit(out); }
+  void emit(Record<Model>& out) { event_driven ? event.emit_present(out) : fixed.emit(out); }
 
   void set_input(const InputArrays& input) {
     if (event_driven) {

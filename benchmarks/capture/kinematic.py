@@ -8,7 +8,7 @@ puppet's pose, with its strings taut and vertical:
     upper end: straight above the tie,   length = height of the upper end above the tie
 
 V takes parts that nothing holds as low as they go. The upper ends of the hands' strings then pass
-through the inverse of the hands' swing (:mod:`fantoccini.retarget.swing`).
+through the inverse of the hands' swing (:mod:`benchmarks.capture.swing`).
 
 What differs from the paper: poses are found at the level of places, with weights in place of two
 priorities of velocities; all strings' upper ends move, not only those of the hands, and all strings
@@ -24,6 +24,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from benchmarks.capture.swing import Swing, hand_strings, lead
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
@@ -40,7 +41,6 @@ from fantoccini.retarget.retargeting import (
     places_in,
     straight_up,
 )
-from fantoccini.retarget.swing import Swing, hand_strings, lead
 
 _POTENTIAL = 1e-3
 """w_V [m]."""
