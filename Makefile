@@ -97,7 +97,7 @@ long-runs-report: $(VENV)/stamp-bench
 	$(BIN)/python -m benchmarks.long_runs
 
 reduction-report: $(VENV)/stamp-bench
-	$(BIN)/python -m benchmarks.reduction
+	$(BIN)/python -m benchmarks.section_vi
 
 reports: long-runs-report reduction-report
 

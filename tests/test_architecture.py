@@ -51,7 +51,7 @@ ORDER = (
     "capture",
     "retarget",  # hanging poses are reached, motions predicted
     "plays",
-    "reduction",
+    "lab",
     "sweeps",
     "demo",  # the bundled performance: inputs for a bundled puppet
     "perform",
@@ -72,7 +72,6 @@ LATE_VIEWS = {
     ("motion", "show"),
     ("motion", "_repr_html_"),
     ("marionette", "plot"),
-    ("reduction", "draw"),
     ("optimal", "plot"),
     ("planning", "plot"),
     ("planning", "animate"),

@@ -23,7 +23,7 @@ TITLES = {
     "stand": "Stands",
     "identification": "Identification",
     "sweeps": "Sweeps",
-    "reduction": "Validation of the mixed model",
+    "lab": "Validation of the mixed model",
     "view": "Pictures and films",
     "animation": "Animations for other programs",
     "web": "Browser",

@@ -52,6 +52,10 @@ from .identification import (
     load_record as load_record,
     suggest_motion as suggest_motion,
 )
+from .lab import (
+    ReductionReport as ReductionReport,
+    validate_reduction as validate_reduction,
+)
 from .marionette import (
     Event as Event,
     Flow as Flow,
@@ -134,10 +138,6 @@ from .plays import (
 )
 from .puppet import (
     Puppet as Puppet,
-)
-from .reduction import (
-    ReductionReport as ReductionReport,
-    validate_reduction as validate_reduction,
 )
 from .retarget import (
     Followed as Followed,

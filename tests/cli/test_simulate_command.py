@@ -234,7 +234,7 @@ def test_a_bundled_performance_by_its_name(tmp_path, monkeypatch):
     assert "stir.yaml:" in checked.stderr and "toss.yaml: no mistakes" in checked.stdout
 
 
-@pytest.mark.parametrize("command", ["simulate", "check", "validate-reduction"])
+@pytest.mark.parametrize("command", ["simulate", "check"])
 def test_a_name_of_no_performance_is_a_mistake(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     said = mistake(command, "arm2d", "--inputs", "tos")

@@ -97,7 +97,7 @@ strings:
   - {name: hand, path: [{body: lower, at: [0.3, 0, 0]}, {world: [0.45, 0, 0.7]}], length: driven}
 pose: {hand.length: 0.9}
 """)
-    given = arm, arm.project(arm_reference.state()), None, 0.3
+    given = arm, arm.project(arm.state()), None, 0.3
     ours = fan.simulate(*given)
     for name in ("Radau", "BDF", "LSODA"):
         run = flow_events.simulate(*given, integrator=name, rtol=1e-7, atol=1e-7, max_step=0.1)

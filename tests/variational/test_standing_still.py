@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from reduction.toys import CART
+from lab.toys import CART
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 

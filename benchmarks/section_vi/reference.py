@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from benchmarks.section_vi.mechanism import Mechanism
 
 from fantoccini.errors import SimulationError
 from fantoccini.marionette import Evaluation, Event
 from fantoccini.motion import EventKind, Input, State, Trajectory, rotation
-from fantoccini.reduction.mechanism import Mechanism
 from fantoccini.simulation import simulate
 
 IMPACTS = (EventKind.CATCH, EventKind.LIMIT_ON, EventKind.ACCUMULATION)

@@ -6,19 +6,18 @@ import functools
 
 import numpy as np
 import pytest
+from benchmarks.section_vi.bandwidth import tracking_run
+from benchmarks.section_vi.deviation import convergence_order
+from benchmarks.section_vi.exact import compare, shared_catches
+from benchmarks.section_vi.file_drives import follow_on_file_drives
+from benchmarks.section_vi.heavy_string import heavy_strings
+from benchmarks.section_vi.measure import measure
+from benchmarks.section_vi.mechanism import Mechanism
+from benchmarks.section_vi.reference import simulate_reference, smooth_reference, toss
 
 import fantoccini as fan
-from fantoccini import puppets
-from fantoccini.errors import PuppetError
 from fantoccini.motion import EventKind
-from fantoccini.reduction.bandwidth import tracking_run
-from fantoccini.reduction.deviation import convergence_order
-from fantoccini.reduction.exact import compare, shared_catches
-from fantoccini.reduction.file_drives import follow_on_file_drives
-from fantoccini.reduction.heavy_string import heavy_strings
-from fantoccini.reduction.mechanism import Mechanism
-from fantoccini.reduction.reference import simulate_reference, smooth_reference, toss
-from reduction.toys import HELD, WINCH
+from lab.toys import HELD, WINCH
 
 pytestmark = pytest.mark.slow
 
@@ -89,15 +88,17 @@ def test_a_length_on_a_drive_may_begin_by_getting_shorter():
     assert x.v_D[full.coordinates.v_D.index("line.length")] == -0.1
 
 
-def test_what_has_no_mechanism_is_a_mistake():
-    with pytest.raises(PuppetError, match="no coordinate is driven"):
-        fan.validate_reduction(puppets.string_pendulum())
-
-
 def test_a_puppet_that_cannot_move_keeps_the_rest_of_its_report():
-    report = fan.validate_reduction(fan.loads(HELD))
-    assert report.comparisons == () and report.claims[3].verdict == "fails"
+    report = measure(fan.loads(HELD))
+    assert report.comparisons == () and report.reduction.claims[3].holds is False
     assert "above" in report.missing[0]
+
+
+def test_drives_of_the_file_are_replaced():
+    drives = "drives:\n  - {on: line.length, mass: 2.0}\n"
+    mechanism = Mechanism.of(fan.loads(WINCH + drives))
+    assert mechanism.mixed.coordinates.v_K == ("line.x", "line.length")
+    assert mechanism.full().coordinates.n_vD == 4
 
 
 def test_drives_of_the_file_are_measured_as_they_are():

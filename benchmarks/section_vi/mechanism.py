@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fantoccini.arrays import Array
-from fantoccini.errors import Mistake, PuppetError
-from fantoccini.marionette import Marionette, refuse_contact
+from fantoccini.lab.reduction import drive, in_metres, mean_length, without_drives
+from fantoccini.marionette import Marionette
 from fantoccini.motion import Input, State, Trajectory
 from fantoccini.motion.pieces import channel_names
 from fantoccini.motion.tangent import between
@@ -22,8 +22,6 @@ from fantoccini.puppet import Chain, ComputedTorque, Drive, Parameter, Puppet
 
 MASS, INERTIA, BANDWIDTH = "drive_mass", "drive_inertia", "drive_bandwidth"
 """Parameters of the drives, so that varying them compiles nothing."""
-_GYRATION_RADIUS = 0.1
-"""Radius of gyration of a rotary drive, relative to the mean string length."""
 
 
 @dataclass(frozen=True)
@@ -44,35 +42,17 @@ class Mechanism:
             PuppetError: it has no driven coordinates.
             StateError: it has contact.
         """
-        refuse_contact(marionette.model, "reduction")
-        puppet = marionette.model.described
-        mixed = Marionette(
-            puppet.model_copy(update={"drives": ()}), marionette.model.compiled.progress
-        )
-        if mixed.coordinates.n_vK == 0:
-            file, _ = puppet.locate(puppet.name)
-            raise PuppetError([Mistake(
-                file, None, "", "no coordinate is driven, so there is no mechanism to reduce; "
-                "give a string `length: driven` or an end `driven: [x]`, or a joint `driven: true`",
-            )])  # fmt: skip
-        return cls(mixed)
+        return cls(without_drives(marionette))
 
     @cached_property
     def in_metres(self) -> NDArray[np.bool_]:
         """(n_vK,) mask of the driven velocities in m/s; the others are in rad/s."""
-        table = self.mixed.coordinates
-        units = {row.name: row.unit for row in table.rows}
-        found = np.zeros(table.n_vK, dtype=bool)
-        for q, v in table.scalars_K:
-            found[v] = units[table.q_K[q]] == "m"
-        return found
+        return in_metres(self.mixed)[self.mixed.coordinates.n_vD :]
 
     @cached_property
     def length_scale(self) -> float:
         """Mean string length in the file's pose [m]; 1 without strings."""
-        x = self.mixed.state()
-        lengths = self.mixed.model.string_lengths(x.q_D, x.q_K)
-        return float(np.mean(lengths)) if len(lengths) else 1.0
+        return mean_length(self.mixed)
 
     @property
     def time_scale(self) -> float:
@@ -82,8 +62,7 @@ class Mechanism:
 
     def inertia(self, ratio: float) -> Array:
         """(n_vK,) inertia of drives with ``ratio`` times the puppet's mass [kg or kg m^2]."""
-        mass, inertia = self._mass_and_inertia(ratio)
-        return np.where(self.in_metres, mass, inertia)
+        return np.where(self.in_metres, *drive(self.mixed, ratio))
 
     def full(self, ratio: float = 1.0, bandwidth: float | None = None) -> Marionette:
         """The puppet on drives.
@@ -101,7 +80,7 @@ class Mechanism:
         self, full: Marionette, ratio: float, bandwidth: float | None = None
     ) -> Marionette:
         """The full model with other drives; nothing is compiled again."""
-        mass, inertia = self._mass_and_inertia(ratio)
+        mass, inertia = drive(self.mixed, ratio)
         values = {MASS: mass, INERTIA: inertia}
         if bandwidth is not None:
             values[BANDWIDTH] = bandwidth
@@ -172,17 +151,13 @@ class Mechanism:
             found.append(between(scalars, quaternions, reference, q[:, places], n))
         return found[0], found[1]
 
-    def _mass_and_inertia(self, ratio: float) -> tuple[float, float]:
-        mass = ratio * (self.mixed.mass or 1.0)
-        return mass, mass * (_GYRATION_RADIUS * self.length_scale) ** 2
-
     def _on_drives(self, puppet: Puppet, bandwidth: float | None) -> Puppet:
         table = self.mixed.coordinates
         control = None
         if bandwidth is not None:
             given = Parameter(parameter=BANDWIDTH, value=bandwidth)
             control = ComputedTorque(type="computed_torque", bandwidth=given)
-        mass, inertia = self._mass_and_inertia(1.0)
+        mass, inertia = drive(self.mixed)
         linear = [table.q_K[q] for q, v in table.scalars_K if self.in_metres[v]]
         rotary = [table.q_K[q] for q, v in table.scalars_K if not self.in_metres[v]]
         rotary += list(table.rotations)

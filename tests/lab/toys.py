@@ -63,6 +63,9 @@ strings:
 """
 """A bob on a rail between two winches that can pull against each other."""
 
+LIFTED = HELD.replace("[0, 0, -1]", "[0, 0, 2]").replace("below", "higher")
+"""A bob on a rail that two winches lift."""
+
 TURNED = """
 puppet: turned
 bodies:

@@ -1,4 +1,4 @@
-"""validate_reduction: Section VI as an experiment on one puppet."""
+"""Section VI as an experiment on one puppet."""
 
 from __future__ import annotations
 
@@ -6,33 +6,33 @@ from collections.abc import Callable
 from typing import TypeVar
 
 import numpy as np
-
-from fantoccini.errors import FantocciniError, StateError
-from fantoccini.marionette import Marionette
-from fantoccini.motion import Input
-from fantoccini.progress import OnStep
-from fantoccini.reduction.bandwidth import bandwidth_sweep
-from fantoccini.reduction.claims import claims, meaning
-from fantoccini.reduction.exact import compare, shared_catches
-from fantoccini.reduction.file_drives import FileDrives, follow_on_file_drives
-from fantoccini.reduction.heavy_string import heavy_strings
-from fantoccini.reduction.mechanism import Mechanism
-from fantoccini.reduction.plots import Measurements
-from fantoccini.reduction.reference import (
+from benchmarks.section_vi.bandwidth import bandwidth_sweep
+from benchmarks.section_vi.exact import compare, shared_catches
+from benchmarks.section_vi.file_drives import FileDrives, follow_on_file_drives
+from benchmarks.section_vi.heavy_string import heavy_strings
+from benchmarks.section_vi.mechanism import Mechanism
+from benchmarks.section_vi.plots import Measurements
+from benchmarks.section_vi.reference import (
     Reference,
     simulate_reference,
     smooth_reference,
     toss,
 )
-from fantoccini.reduction.report import ReductionReport
-from fantoccini.reduction.structure import structure
+from benchmarks.section_vi.report import SectionReport
+from benchmarks.section_vi.symbolic import symbolic
+
+from fantoccini.errors import FantocciniError, StateError
+from fantoccini.lab import validate_reduction
+from fantoccini.marionette import Marionette
+from fantoccini.motion import Input
+from fantoccini.progress import OnStep
 
 T = TypeVar("T")
 
 
-def validate_reduction(
+def measure(
     marionette: Marionette, inputs: Input | None = None, progress: OnStep | None = None
-) -> ReductionReport:
+) -> SectionReport:
     """Sec. VI, tested: does a puppet on driven mechanisms move as the mixed model says?
 
     (a) examines the structure that the paper claims; (b) moves the puppet on drives by the forces
@@ -48,12 +48,12 @@ def validate_reduction(
 
     Raises:
         PuppetError: it has no driven coordinates.
-        StateError: it does not hang at rest, or the inputs have forces.
+        StateError: the inputs have forces.
     """
     report_step = progress or (lambda _: None)
     mechanism = Mechanism.of(marionette)
     report_step("examining the kinetic energy and taut strings")
-    found = structure(mechanism.mixed, mechanism.inertia(1.0))
+    reduction = validate_reduction(marionette)
     if inputs is not None and inputs.force is not None:
         raise StateError("found inputs with forces; needed: motions of driven coordinates alone")
     attempts = _Attempts(report_step)
@@ -63,13 +63,10 @@ def validate_reduction(
     measured, on_file_drives = Measurements(), None
     if reference is not None:
         measured, on_file_drives = _measure(mechanism, marionette, reference, attempts)
-    return ReductionReport(
-        name=mechanism.mixed.name,
-        driven=mechanism.mixed.coordinates.v_K,
+    return SectionReport(
+        reduction=reduction,
+        symbolic=symbolic(mechanism.mixed),
         mass=mechanism.mixed.mass,
-        structure=found,
-        claims=claims(found),
-        meaning=tuple(meaning(found)),
         duration=reference.inputs.duration if reference else np.nan,
         first_impact=reference.first_impact if reference else np.nan,
         missing=tuple(attempts.missing),

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from benchmarks.section_vi.bandwidth import TrackingRun
+from benchmarks.section_vi.exact import Comparison, SharedCatch
+from benchmarks.section_vi.heavy_string import HeavyString
 
 from fantoccini.arrays import Array
-from fantoccini.reduction.bandwidth import TrackingRun
-from fantoccini.reduction.exact import Comparison, SharedCatch
-from fantoccini.reduction.heavy_string import HeavyString
+from fantoccini.view.curves import Curve, Panel, curves, slope
 
 EXACT, CATCHES, BANDWIDTH, HEAVY_STRING = (
     "Exact tracking", "Catches", "Bandwidth", "A string with mass",
@@ -79,8 +80,6 @@ def draw(
     Returns:
         The files.
     """
-    from fantoccini.view.curves import Curve, Panel, curves, slope
-
     files = []
     for title, charts in _charts(measured).items():
         if not charts or title not in chosen:

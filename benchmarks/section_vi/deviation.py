@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from benchmarks.section_vi.mechanism import Mechanism
 
 from fantoccini.arrays import Array
 from fantoccini.motion import Trajectory
-from fantoccini.reduction.mechanism import Mechanism
 
 _SAME_END = 1e-9
 """A run reached its end if it stopped no earlier than this before it [s]."""

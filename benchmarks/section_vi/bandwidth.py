@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from benchmarks.section_vi.deviation import Deviation, deviation
+from benchmarks.section_vi.mechanism import Mechanism
+from benchmarks.section_vi.reference import Reference
+
 from fantoccini.marionette import Event, Marionette
-from fantoccini.reduction.deviation import Deviation, deviation
-from fantoccini.reduction.mechanism import Mechanism
-from fantoccini.reduction.reference import Reference
 from fantoccini.simulation import simulate
 
 BANDWIDTHS = tuple(10.0 * 2.0**k for k in range(8))

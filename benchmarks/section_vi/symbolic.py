@@ -59,6 +59,9 @@ class Symbolic:
             lines += _entries(label, block)
         if self.effective is not None and not self.M_DK.is_zero_matrix:
             lines += _entries("(M_KK - M_KD M_DD^-1 M_DK)", self.effective)
+        if self.of_q_D is not None:
+            depends = "depends" if self.of_q_D else "does not depend"
+            lines.append(f"M_KK - M_KD M_DD^-1 M_DK {depends} on q_D")
         return "\n".join(lines)
 
 

@@ -8,18 +8,20 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from benchmarks.section_vi import plots
+from benchmarks.section_vi.deviation import convergence_order
+from benchmarks.section_vi.exact import Comparison
+from benchmarks.section_vi.file_drives import FileDrives
+from benchmarks.section_vi.plots import BANDWIDTH, CATCHES, EXACT, HEAVY_STRING
+from benchmarks.section_vi.symbolic import Symbolic
 
 from fantoccini.files import replacing
-from fantoccini.reduction import plots
-from fantoccini.reduction.claims import Claim, Verdict
-from fantoccini.reduction.deviation import convergence_order
-from fantoccini.reduction.exact import Comparison
-from fantoccini.reduction.file_drives import FileDrives
-from fantoccini.reduction.plots import BANDWIDTH, CATCHES, EXACT, HEAVY_STRING
-from fantoccini.reduction.structure import Structure
+from fantoccini.lab import ReductionReport
 
 PAGE = "reduction.md"
 STRUCTURE, FILE_DRIVES = "Structure", "The file's own drives"
+HOLDS = {True: "holds", False: "fails", None: "-"}
+"""Whether a claim holds -> the word for it."""
 
 
 @dataclass(frozen=True)
@@ -48,31 +50,30 @@ class Table:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ReductionReport(plots.Measurements):
+class SectionReport(plots.Measurements):
     """Which claims of Sec. VI hold for a puppet, with the measurements.
 
     Attributes:
-        name: of the puppet.
-        driven: its driven velocities; each has a drive in the full model.
+        reduction: (a) the kinetic energy, symmetric products, taut strings; the claims.
+        symbolic: (a) the blocks of the kinetic energy as expressions; None for a large puppet.
         mass: of the puppet, and of each drive unless stated otherwise [kg].
-        structure: (a) the kinetic energy, symmetric products, taut strings.
-        claims: (a) in words, with verdicts.
-        meaning: the consequences for the mixed model, in paragraphs.
         duration, first_impact: of the motion that is compared, and up to its first catch [s].
         missing: what could not be measured, and why.
         file_drives: (c) the drives of the puppet's file; None if it has none.
     """
 
-    name: str
-    driven: tuple[str, ...]
+    reduction: ReductionReport
+    symbolic: Symbolic | None
     mass: float
-    structure: Structure
-    claims: tuple[Claim, ...]
-    meaning: tuple[str, ...]
     duration: float
     first_impact: float
     missing: tuple[str, ...]
     file_drives: FileDrives | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the puppet."""
+        return self.reduction.name
 
     @property
     def exact(self) -> Comparison | None:
@@ -103,7 +104,7 @@ class ReductionReport(plots.Measurements):
 
     def markdown(self, pictures: Sequence[str]) -> str:
         """The whole page, with those pictures that exist."""
-        n = len(self.driven)
+        n = len(self.reduction.driven)
         opening = (
             f"Which claims of Section VI (\"Validity of mixed kinematic-dynamic modeling\") of "
             f"Johnson and Murphey, ICRA 2007, hold for this puppet of {number(self.mass)} kg with "
@@ -117,16 +118,17 @@ class ReductionReport(plots.Measurements):
             name = plots.PICTURES.get(table.title)
             if name in pictures:
                 sections.append(f"![{table.title}]({name})")
-            if table.title == STRUCTURE:
-                sections += map(wrapped, self.meaning)
-                if self.structure.symbolic is not None:
-                    sections.append("```\n" + self.structure.symbolic.text() + "\n```")
+            if table.title == STRUCTURE and self.symbolic is not None:
+                sections.append("```\n" + self.symbolic.text() + "\n```")
         return "\n\n".join(sections) + "\n"
 
     def verdicts(self) -> list[str]:
         """The results, one line each."""
-        fails = [c.text for c in self.claims if c.verdict is Verdict.FAILS]
-        lines = [f"(a) fails: {'; '.join(fails)}" if fails else "(a) the claims hold"]
+        fails = [c.text for c in self.reduction.claims if c.holds is False]
+        lines = [
+            f"(a) fails: {'; '.join(fails)}" if fails else "(a) the claims hold",
+            f"(a) {self.reduction.answer}",
+        ]
         if self.exact is not None:
             lines.append(
                 f"(b) with exact tracking the puppets differ by "
@@ -159,7 +161,7 @@ class ReductionReport(plots.Measurements):
 
     def tables(self) -> list[Table]:
         """The tables in order, of what was measured."""
-        claims = tuple((c.text, str(c.verdict), c.evidence) for c in self.claims)
+        claims = tuple((c.text, HOLDS[c.holds], c.evidence) for c in self.reduction.claims)
         tables = [Table(STRUCTURE, "", ("claim", "", "evidence"), claims)]
         if self.comparisons:
             tables.append(self._exact_table())

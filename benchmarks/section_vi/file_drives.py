@@ -9,13 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from benchmarks.section_vi.deviation import Deviation, deviation
+from benchmarks.section_vi.mechanism import Mechanism
+from benchmarks.section_vi.reference import Reference
 
 from fantoccini.arrays import Array
 from fantoccini.errors import StateError
 from fantoccini.marionette import Event, Marionette
-from fantoccini.reduction.deviation import Deviation, deviation
-from fantoccini.reduction.mechanism import Mechanism
-from fantoccini.reduction.reference import Reference
 from fantoccini.simulation import simulate
 
 _EVENT = Event(rtol=1e-8, atol=1e-8)

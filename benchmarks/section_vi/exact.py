@@ -13,14 +13,14 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from benchmarks.section_vi.deviation import Deviation, deviation
+from benchmarks.section_vi.mechanism import Mechanism
+from benchmarks.section_vi.reference import IMPACTS, Reference
 
 from fantoccini.arrays import Array
 from fantoccini.errors import SimulationError
 from fantoccini.marionette import Event, Marionette, Method, MethodName, as_method
 from fantoccini.motion import EventKind, EventRecord, Input, Trajectory
-from fantoccini.reduction.deviation import Deviation, deviation
-from fantoccini.reduction.mechanism import Mechanism
-from fantoccini.reduction.reference import IMPACTS, Reference
 from fantoccini.simulation import simulate
 
 METHODS: tuple[MethodName, ...] = ("event", "timestepping", "variational")

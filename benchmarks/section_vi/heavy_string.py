@@ -10,17 +10,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from benchmarks.section_vi.bandwidth import TrackingRun
+from benchmarks.section_vi.deviation import Deviation, deviation
+from benchmarks.section_vi.mechanism import Mechanism
+from benchmarks.section_vi.reference import Reference
 
 from fantoccini.arrays import Array
 from fantoccini.errors import FantocciniError
+from fantoccini.lab.reduction import displaced
 from fantoccini.marionette import Event
 from fantoccini.motion import State
 from fantoccini.puppet import Chain, Parameter, Puppet, String
-from fantoccini.reduction.bandwidth import TrackingRun
-from fantoccini.reduction.configurations import displaced
-from fantoccini.reduction.deviation import Deviation, deviation
-from fantoccini.reduction.mechanism import Mechanism
-from fantoccini.reduction.reference import Reference
 from fantoccini.simulation import simulate
 
 STRING_MASS = "reduction_string_mass"

@@ -1,0 +1,419 @@
+"""Whether driven coordinates may be inputs: the claims of the paper's Sec. VI on one puppet.
+
+Sec. VI moves the driven coordinates by drives, here of inertia J. Over v = (v_D, v_K) the kinetic
+energy then has the metric M = [M_DD, M_DK; M_DK^T, M_KK + J]. A force on driven coordinate i
+accelerates along Y_i = M^-1 e_i; with taut rows A = [A_D A_K] along X_i = P Y_i, P the M-orthogonal
+projection on A v = 0. The section asks for M_DK = 0, M_DD(q_D), M_KK(q_K) and symmetric products
+<X_i, X_j> in span{X_k}. The mixed model needs less: that the drives can give any acc_K.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from fantoccini.arrays import Array
+from fantoccini.errors import Mistake, PuppetError
+from fantoccini.marionette import A_rate, Marionette, coriolis_full, refuse_contact
+from fantoccini.motion import State
+from fantoccini.motion.tangent import moved
+
+Rows = NDArray[np.intp]
+
+N_STATES = 12
+"""Configurations of each kind."""
+MAX_OUTSIDE = 1e-9
+"""A share outside of a span, or a relative entry or change, up to this counts as rounding."""
+_NEAR = 0.25
+"""Standard deviation of moves near the file's pose [rad, mean string lengths]."""
+_MAX_ITERATIONS, _MAX_GAP = 50, 1e-12
+"""Of Newton's method that fits strings; gap of a fitted string, relative to its length."""
+_RANK, _TIED, _TINY = 1e-9, 1e-6, 1e-300
+"""Zero is up to these: singular values, loads and residuals, relative; a string's part in the null
+space of A_D^T, its row of length 1; divisors, such as M_KK of a coordinate that moves no mass."""
+_GYRATION_RADIUS = 0.1
+"""Radius of gyration of a rotary drive, relative to the mean string length."""
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A claim of Sec. VI.
+
+    Attributes:
+        text: the claim.
+        holds: for this puppet; None if it does not apply.
+        evidence: the reason, with numbers.
+    """
+
+    text: str
+    holds: bool | None
+    evidence: str
+
+
+@dataclass(frozen=True)
+class KineticEnergy:
+    """The blocks of the kinetic energy's matrix, without drives: largest values over the states.
+
+    Attributes:
+        coupling: |M_DK| / sqrt(M_DD M_KK).
+        coupled: its dynamic and driven velocity; empty if M_DK is 0.
+        M_DD_change, M_KK_change: change of M_DD with q_K alone, of M_KK with q_D alone, relative to
+            the diagonal entries of its row and column.
+        impact_share: share of the kinetic energy of a single driven coordinate that the puppet
+            absorbs when it starts with a jump, v . M_KD M_DD^-1 M_DK v / v . M_KK v.
+    """
+
+    coupling: float
+    coupled: tuple[str, ...]
+    M_DD_change: float
+    M_KK_change: float
+    impact_share: float
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """The drives' accelerations with some strings taut, acc_K = G u_K + ...
+
+    Attributes:
+        min_singular_value: of F^-T A_D^T with columns of length 1, M_DD = F^T F: 1 if the strings
+            accelerate the puppet at right angles to one another, 0 if they depend linearly.
+        min_acceleration: smallest eigenvalue of D G D, D^2 the diagonal of M_KK + J: the share of
+            its acceleration that a drive keeps.
+        tied: strings that tie drives to one another; empty if G is regular.
+        pulls_apart: the drives can pull the tied strings against one another.
+    """
+
+    min_singular_value: float
+    min_acceleration: float
+    tied: tuple[str, ...]
+    pulls_apart: bool
+
+
+@dataclass(frozen=True)
+class ReductionReport:
+    """Which claims of Sec. VI hold for a puppet, and the consequences for the mixed model.
+
+    Attributes:
+        name: of the puppet.
+        driven: its driven velocities.
+        kinetic: the blocks of the kinetic energy.
+        slack: largest share of a symmetric product outside of span{Y_k}, strings slack.
+        taut: the same of span{X_k} for each configuration with taut strings.
+        tracking: the accelerations that the drives can give in each of these.
+    """
+
+    name: str
+    driven: tuple[str, ...]
+    kinetic: KineticEnergy
+    slack: float
+    taut: tuple[float, ...]
+    tracking: tuple[Tracking, ...]
+
+    @property
+    def valid(self) -> bool:
+        """Whether driven coordinates may be inputs: no drives can pull against one another."""
+        return not any(t.pulls_apart for t in self.tracking)
+
+    @property
+    def tied(self) -> dict[tuple[str, ...], int]:
+        """Strings that tie drives to one another -> number of configurations."""
+        return dict(Counter(t.tied for t in self.tracking if t.tied))
+
+    @property
+    def claims(self) -> tuple[Claim, ...]:
+        """The claims of Sec. VI in order."""
+        kinetic, at = self.kinetic, f"({N_STATES} configurations)"
+        pair = f", of {' with '.join(kinetic.coupled)}" if kinetic.coupled else ""
+        D, K = kinetic.M_DD_change, kinetic.M_KK_change
+        any_acc_K, products = None, None
+        reason = outside = "no configuration with taut strings"
+        if n := len(self.taut):
+            any_acc_K, products = not self.tied, max(self.taut) <= MAX_OUTSIDE
+            tied = ", ".join(f"{' + '.join(names)} ({k})" for names, k in self.tied.items())
+            kept = min(t.min_acceleration for t in self.tracking)
+            smallest = min(t.min_singular_value for t in self.tracking)
+            reason = (
+                f"strings tie drives to one another: {tied} of {n} configurations" if tied else
+                f"a drive keeps {kept:.2g} or more of its acceleration; smallest singular value of "
+                f"the scaled A_D {smallest:.2g} ({n} configurations)"
+            )  # fmt: skip
+            outside = (
+                f"outside in {sum(share > MAX_OUTSIDE for share in self.taut)} of {n} "
+                f"configurations; largest part outside {max(self.taut):.2g}"
+            )
+        return (
+            Claim("the kinetic energy is block diagonal in [q_D, q_K]", not pair,
+                  f"largest |M_DK| {kinetic.coupling:.2g} of sqrt(M_DD M_KK){pair} {at}"),
+            Claim("each block depends on its own coordinates alone", max(D, K) <= MAX_OUTSIDE,
+                  f"M_DD changes with q_K by {D:.2g} of itself, M_KK with q_D by {K:.2g} {at}"),
+            Claim("<Y_i, Y_j> lies in span{Y_k} while the strings are slack",
+                  self.slack <= MAX_OUTSIDE, f"largest part outside {self.slack:.2g} {at}"),
+            Claim("with taut strings the drives can still give any acc_K", any_acc_K, reason),
+            Claim("<X_i, X_j> lies in span{X_k} with taut strings, constrained connection",
+                  products, outside),
+        )  # fmt: skip
+
+    @property
+    def answer(self) -> str:
+        """Whether driven coordinates may be inputs, in a sentence."""
+        if not self.valid:
+            strings = " and ".join(next(t.tied for t in self.tracking if t.pulls_apart))
+            return (
+                f"no: the drives can pull {strings} against one another; motions that do so have "
+                "no solution in the mixed model, and stop a run with a status"
+            )
+        share = self.kinetic.impact_share
+        return (
+            "yes: the mixed model is exact if the drives follow inputs of bounded acceleration"
+            + (f"; a jump of v_K would give the puppet up to {100.0 * share:.2g} % of a driven "
+               "coordinate's kinetic energy" if share > MAX_OUTSIDE else "")
+            + ("; tied strings go slack if the drives move apart" if self.tied else "")
+        )  # fmt: skip
+
+
+def validate_reduction(marionette: Marionette) -> ReductionReport:
+    """The claims of Sec. VI, checked at random configurations; nothing is simulated.
+
+    Every driven coordinate gets a drive as heavy as the puppet, instead of those of the file.
+
+    Raises:
+        PuppetError: no coordinate is driven.
+        StateError: the puppet has contact.
+    """
+    mixed, rng = without_drives(marionette), np.random.default_rng(0)
+    inertia = np.where(in_metres(mixed)[mixed.coordinates.n_vD :], *drive(mixed))
+    states = random_states(mixed, N_STATES, rng)
+    on = taut_states(mixed, N_STATES, rng)
+    return ReductionReport(
+        mixed.name, mixed.coordinates.v_K, kinetic_energy(mixed, states),
+        max(symmetric_products(mixed, x, inertia)[1] for x in states),
+        tuple(symmetric_products(mixed, x, inertia, rows)[1] for x, rows in on),
+        tuple(tracking(mixed, x, inertia, rows) for x, rows in on),
+    )  # fmt: skip
+
+
+def without_drives(marionette: Marionette) -> Marionette:
+    """The puppet with inputs in place of the drives of its file; raises as above."""
+    refuse_contact(marionette.model, "reduction")
+    puppet, progress = marionette.model.described, marionette.model.compiled.progress
+    mixed = Marionette(puppet.model_copy(update={"drives": ()}), progress)
+    if mixed.coordinates.n_vK == 0:
+        file, _ = puppet.locate(puppet.name)
+        raise PuppetError([Mistake(
+            file, None, "", "no coordinate is driven, so there is no mechanism to reduce; "
+            "give a string `length: driven` or an end `driven: [x]`, or a joint `driven: true`",
+        )])  # fmt: skip
+    return mixed
+
+
+def drive(mixed: Marionette, ratio: float = 1.0) -> tuple[float, float]:
+    """Mass of a drive, ``ratio`` times the puppet's [kg]; inertia of a rotary drive [kg m^2]."""
+    mass = ratio * (mixed.mass or 1.0)
+    return mass, mass * (_GYRATION_RADIUS * mean_length(mixed)) ** 2
+
+
+def mean_length(marionette: Marionette) -> float:
+    """Mean string length in the file's pose [m]; 1 without strings."""
+    x = marionette.state()
+    lengths = marionette.model.string_lengths(x.q_D, x.q_K)
+    return float(np.mean(lengths)) if len(lengths) else 1.0
+
+
+def in_metres(marionette: Marionette) -> NDArray[np.bool_]:
+    """(n_vD + n_vK,) mask of the velocities in m/s; the others are in rad/s."""
+    table = marionette.coordinates
+    lengths = {row.name for row in table.rows if row.unit == "m"}
+    return np.array([name in lengths for name in (*table.v_D, *table.v_K)], dtype=bool)
+
+
+def random_states(marionette: Marionette, n: int, rng: np.random.Generator) -> list[State]:
+    """n states with every joint displaced at random, by 1 rad or 1 m; strings are ignored."""
+    x, size = marionette.state(), marionette.coordinates.n_vD + marionette.coordinates.n_vK
+    return [displaced(marionette, x, rng.normal(size=size)) for _ in range(n)]
+
+
+def taut_states(
+    marionette: Marionette, n: int, rng: np.random.Generator
+) -> list[tuple[State, Rows]]:
+    """States near the file's pose, and their taut strings: all in one half, some in the other."""
+    x, n_s = marionette.state(), len(marionette.tree.strings)
+    spread = _NEAR * np.where(in_metres(marionette), mean_length(marionette), 1.0)
+    states = []
+    for k in range(n if n_s else 0):
+        rows: Rows = np.arange(n_s)
+        if k % 2:
+            rows = np.flatnonzero(rng.random(n_s) < 0.5)
+            rows = rows if len(rows) else rng.integers(n_s, size=1)
+        near = displaced(marionette, x, spread * rng.normal(size=spread.shape))
+        if (fitted := fit_strings(marionette, near)) is not None:
+            states.append((fitted, rows))
+    return states
+
+
+def fit_strings(marionette: Marionette, x: State) -> State | None:
+    """A configuration near x with every string at its length; None if Newton's method fails.
+
+    Driven lengths are set; for strings of fixed length, all coordinates make the smallest move.
+    """
+    strings = marionette.tree.strings
+    fixed = [i for i, s in enumerate(strings) if s.length_index is None]
+    for _ in range(_MAX_ITERATIONS):
+        h = marionette.constraint(x)
+        scales = marionette.model.row_scales(x.q_D, x.q_K)[fixed]
+        if np.all(np.abs(h[fixed]) <= _MAX_GAP * scales):
+            break
+        A = np.hstack([marionette.A_D(x), marionette.A_K(x)])[fixed]
+        x = displaced(marionette, x, -np.linalg.pinv(A) @ h[fixed])
+    else:
+        return None
+    h, q_K = marionette.constraint(x), x.q_K.copy()
+    for i, string in enumerate(strings):
+        if string.length_index:
+            q_K[string.length_index[0]] += h[i]
+    return x.replace(q_K=q_K)
+
+
+def displaced(marionette: Marionette, x: State, move: Array) -> State:
+    """x displaced by a tangent vector (n_vD + n_vK,), dynamic part first."""
+    table = marionette.coordinates
+    q_D = moved(table.scalars_D, table.quaternions_D, x.q_D, move[: table.n_vD])
+    q_K = moved(table.scalars_K, table.quaternions_K, x.q_K, move[table.n_vD :])
+    return x.replace(q_D=q_D, q_K=q_K)
+
+
+def metric(marionette: Marionette, x: State, inertia: Array | float = 0.0) -> Array:
+    """M over (v_D, v_K), (n_vD + n_vK)^2; ``inertia`` (n_vK,) of the drives [kg or kg m^2]."""
+    M = marionette.equations["mass_matrix"](q_D=x.q_D, q_K=x.q_K, p=marionette.p)
+    M_DK, M_KK = np.array(M["M_DK"]), np.array(M["M_KK"])
+    J = np.diag(np.broadcast_to(inertia, len(M_KK)))
+    return np.block([[np.array(M["M"]), M_DK], [M_DK.T, M_KK + J]])
+
+
+def kinetic_energy(marionette: Marionette, states: list[State]) -> KineticEnergy:
+    """The blocks at two or more random configurations, each compared with the next."""
+    n, table = marionette.coordinates.n_vD, marionette.coordinates
+    shares, D_change, K_change, impact_share = np.zeros((n, table.n_vK)), 0.0, 0.0, 0.0
+    for x, other in zip(states, [*states[1:], *states[:1]], strict=True):
+        M = metric(marionette, x)
+        size, M_DK = np.sqrt(np.maximum(np.diag(M), 0.0)), M[:n, n:]
+        shares = np.maximum(shares, _relative(M, size)[:n, n:])
+        by_K = _relative(metric(marionette, x.replace(q_K=other.q_K)) - M, size)[:n, :n]
+        by_D = _relative(metric(marionette, x.replace(q_D=other.q_D)) - M, size)[n:, n:]
+        D_change = max(D_change, float(np.max(by_K, initial=0.0)))
+        K_change = max(K_change, float(np.max(by_D, initial=0.0)))
+        absorbed = M_DK.T @ np.linalg.solve(M[:n, :n], M_DK)
+        absorbed = np.diag(_relative(absorbed, size[n:]))
+        impact_share = max(impact_share, float(np.max(absorbed, initial=0.0)))
+    i, j = np.unravel_index(np.argmax(shares), shares.shape) if shares.size else (0, 0)
+    coupling = float(np.max(shares, initial=0.0))
+    pair = (table.v_D[i], table.v_K[j]) if coupling > MAX_OUTSIDE else ()
+    return KineticEnergy(coupling, pair, D_change, K_change, impact_share)
+
+
+def _relative(block: Array, size: Array) -> Array:
+    """Entries without sign, relative to the sizes of their row and column; 0 where one is 0."""
+    scale = np.outer(size, size)
+    return np.divide(np.abs(block), scale, out=np.zeros_like(block), where=scale > _TINY)
+
+
+def symmetric_products(
+    marionette: Marionette, x: State, inertia: Array, rows: Rows | tuple[int, ...] = ()
+) -> tuple[Array, float]:
+    """<X_i, X_j> (n, n_vK, n_vK) over (v_D, v_K), and their largest share outside of span{X_k}.
+
+    The symmetric product is <X, Y> = nabla_X Y + nabla_Y X, with P before it if strings are taut
+    (constrained connection). With C(q, v) of Eq. 8 (dM/dt - 2 C skew) and multipliers mu,
+
+        X_i = M^-1 (e_i + A^T mu_i),   A X_i = 0
+        <X_i, X_j> = -P M^-1 (C(X_j)^T X_i + C(X_i)^T X_j - dA(X_j)^T mu_i - dA(X_i)^T mu_j)
+
+    With slack strings it is the gradient of the (i, j) entry of the driven block of M^-1. The share
+    is a norm in the metric M, relative to the norms of the four terms, 0 to 1.
+
+    Args:
+        marionette: the puppet.
+        x: the configuration; velocities do not matter.
+        inertia: (n_vK,) of the drives, J [kg or kg m^2]; equal for the three axes of a rotation.
+        rows: taut strings; none by default.
+    """
+    n_vD, k, taut = marionette.coordinates.n_vD, len(inertia), np.asarray(rows, dtype=int)
+    n = n_vD + k
+    A = np.hstack([marionette.A_D(x), marionette.A_K(x)])[taut]
+    L = np.linalg.cholesky(metric(marionette, x, inertia))
+    free, W = np.linalg.solve(L, np.eye(n)[:, n_vD:]), np.linalg.solve(L, A.T)
+    mu = -np.linalg.pinv(W, rcond=_RANK) @ free
+    fields = np.linalg.solve(L.T, free + W @ mu)
+    C, Adot = np.zeros((k, n, n)), np.zeros((k, len(taut), n))
+    for i in range(k):
+        moving = x.replace(v_D=fields[:n_vD, i], v_K=fields[n_vD:, i])
+        C[i] = coriolis_full(marionette.model, moving)
+        if len(taut):
+            Adot[i] = np.hstack(A_rate(marionette.model, moving))[taut]
+    across, along = _basis(W), _basis(free + W @ mu)
+    products, outside = np.zeros((n, k, k)), 0.0
+    for i in range(k):
+        for j in range(i + 1):
+            terms = np.stack([
+                -C[j].T @ fields[:, i], -C[i].T @ fields[:, j],
+                Adot[j].T @ mu[:, i], Adot[i].T @ mu[:, j],
+            ], axis=1)  # fmt: skip
+            terms = np.linalg.solve(L, terms)
+            terms = terms - across @ (across.T @ terms)
+            total = terms.sum(axis=1)
+            rest = total - along @ (along.T @ total)
+            size = float(np.sum(np.linalg.norm(terms, axis=0)))
+            products[:, i, j] = products[:, j, i] = np.linalg.solve(L.T, total)
+            outside = max(outside, float(np.linalg.norm(rest)) / max(size, _TINY))
+    return products, outside
+
+
+def _basis(columns: Array) -> Array:
+    """(n, rank) orthonormal basis of the columns' span."""
+    U, s, _ = np.linalg.svd(columns, full_matrices=False)
+    return U[:, s > _RANK * np.max(s, initial=0.0)] if len(s) else columns[:, :0]
+
+
+def tracking(marionette: Marionette, x: State, inertia: Array, rows: Rows) -> Tracking:
+    """The accelerations that drives can give with some strings taut, each at its length.
+
+    G, the driven block of M^-1 - M^-1 A^T (A M^-1 A^T)^-1 A M^-1, is regular if and only if no
+    tensions y have A_D^T y = 0 and A_K^T y != 0. Strings with such a y tie drives to one another.
+    If y >= 0, the drives can pull against one another, and some of their motions are impossible; if
+    its signs differ, one of the strings goes slack instead.
+    """
+    n, M = marionette.coordinates.n_vD, metric(marionette, x, inertia)
+    A_D, A_K = marionette.A_D(x)[rows], marionette.A_K(x)[rows]
+    W = np.linalg.solve(np.linalg.cholesky(M[:n, :n]), A_D.T)
+    W = W / np.maximum(np.linalg.norm(W, axis=0), _TINY)
+    _, s, V = np.linalg.svd(np.hstack([A_D, A_K]))
+    N = V[int(np.sum(s > _RANK * np.max(s, initial=0.0))) :].T  # null space of A
+    G = (N @ np.linalg.solve(N.T @ M @ N, N.T))[n:, n:]
+    D = np.sqrt(np.diag(M)[n:])
+    tied, pulls_apart = _ties(A_D, A_K)
+    return Tracking(
+        float(np.linalg.svd(W, compute_uv=False)[-1]) if W.shape[0] >= W.shape[1] else 0.0,
+        float(np.linalg.eigvalsh(D[:, None] * G * D)[0]),
+        tuple(marionette.tree.strings[i].name for i in rows[tied]),
+        pulls_apart,
+    )
+
+
+def _ties(A_D: Array, A_K: Array) -> tuple[NDArray[np.bool_], bool]:
+    """(n,) mask of rows in a y with A_D^T y = 0, A_K^T y != 0; whether some such y is >= 0."""
+    size = np.maximum(np.linalg.norm(np.hstack([A_D, A_K]), axis=1), _TINY)[:, None]
+    A_D, A_K = A_D / size, A_K / size
+    U, s, _ = np.linalg.svd(A_D)
+    null = U[:, int(np.sum(s > _RANK * np.max(s, initial=0.0))) :]
+    loads = null @ np.linalg.svd(A_K.T @ null)[2].T if null.shape[1] else null
+    loads = loads[:, np.linalg.norm(A_K.T @ loads, axis=0) > _RANK]
+    tied = np.linalg.norm(loads, axis=1) > _TIED
+    if not np.any(tied):
+        return tied, False
+    # y >= 0 with A_D^T y = 0 and a sum of 1, by least squares.
+    B = np.vstack([A_D[tied].T, np.ones(int(tied.sum()))])
+    y, residual = nnls(B, np.append(np.zeros(A_D.shape[1]), 1.0))
+    return tied, bool(residual < _RANK and np.linalg.norm(A_K[tied].T @ y) > _RANK)
