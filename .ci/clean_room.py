@@ -65,7 +65,7 @@ for module in pkgutil.walk_packages(fantoccini.__path__, "fantoccini.", lambda n
 
 LIST_COMMANDS = """
 import typer
-from fantoccini.cli.app import app
+from fantoccini.app.cli.app import app
 def walk(command, words):
     print(*words)
     for name, subcommand in getattr(command, "commands", {}).items():

@@ -45,7 +45,7 @@ iyz="0"/></inertial></link><joint name="swing" type="continuous"><parent link="b
 
 PYVISTA_SCRIPT = """
 import fantoccini as fan
-from fantoccini.view import draw
+from fantoccini.output.view import draw
 arm = fan.puppets.arm2d()
 draw(arm, arm.rest(), "arm.png", renderer="pyvista")
 """

@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 import fantoccini as fan
-from fantoccini import demo
+from fantoccini.theatre.perform import demo
 
 ROUNDS = 8
 """Sweeps for every figure; the fastest is printed, the one that neighbours disturbed least."""

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 import fantoccini as fan
-from fantoccini import view
 from fantoccini.motion import Trajectory
+from fantoccini.output import view
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "gallery.md"

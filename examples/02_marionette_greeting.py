@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 import fantoccini as fan
-from fantoccini import view
-from fantoccini.demo import POSES, performance
+from fantoccini.output import view
+from fantoccini.theatre.perform.demo import POSES, performance
 
 out = Path("out")
 out.mkdir(exist_ok=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import fantoccini as fan
-from fantoccini import view
+from fantoccini.output import view
 
 out = Path("out")
 out.mkdir(exist_ok=True)

@@ -7,7 +7,7 @@ out/stage.npz. See docs/contact.md.
 from pathlib import Path
 
 import fantoccini as fan
-from fantoccini.view import strip
+from fantoccini.output.view import strip
 
 OUT = Path("out")
 STAGE = """

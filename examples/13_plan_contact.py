@@ -6,7 +6,7 @@ Everything else is kept off. Writes out/touch.png and out/push.png. See docs/pla
 from pathlib import Path
 
 import fantoccini as fan
-from fantoccini.view import strip
+from fantoccini.output.view import strip
 
 OUT = Path("out")
 

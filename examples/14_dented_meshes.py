@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 
 import fantoccini as fan
-from fantoccini.view import strip
+from fantoccini.output.view import strip
 
 OUT = Path("out")
 SCENE = """

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 import fantoccini as fan
-from fantoccini import view
-from fantoccini.gestures import Gait
-from fantoccini.marionette import link_index
+from fantoccini.dynamics.compiled import link_index
+from fantoccini.output import view
+from fantoccini.theatre.gestures import Gait
 
 STEPS, HEEL = 10, (-0.02, 0.0, -0.141)
 out = Path("out")

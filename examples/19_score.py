@@ -7,7 +7,7 @@ beat. What cannot be played as it is written is printed with its line. Writes ou
 from pathlib import Path
 
 import fantoccini as fan
-from fantoccini import view
+from fantoccini.output import view
 
 NUMBER = """
 score: number

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import fantoccini as fan
-from fantoccini import view
+from fantoccini.output import view
 
 RATE, BEAT, BEATS = 44100, 60.0 / 86.0, 43
 CHORDS = ["C", "C", "F", "G", "C", "Am", "F", "G", "F", "G", "C"]  # a bar each

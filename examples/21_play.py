@@ -7,7 +7,7 @@ table is. Then a strip of pictures. Writes out/play.png.
 from pathlib import Path
 
 import fantoccini as fan
-from fantoccini import view
+from fantoccini.output import view
 
 PLAY = """
 play: by_the_table

@@ -8,7 +8,7 @@ moves otherwise. Writes out/strong.html and out/weak.html.
 from pathlib import Path
 
 import fantoccini as fan
-from fantoccini import view
+from fantoccini.output import reports
 from fantoccini.stand import loads_stand, lost_lines, remedies, slower
 from fantoccini.stand.stand_file import STANDS
 
@@ -21,7 +21,7 @@ run = fan.simulate(puppet, puppet.rest(), fan.Input.load(puppet, moves), 5.0)
 
 strong = fan.check_stand("six_winches", run, puppet)
 print(strong.summary())
-view.stand_report(strong, out / "strong.html")
+reports.stand_report(strong, out / "strong.html")
 
 # The same stand with motors that are strong and slow, as on a supply of 12 V.
 text = (STANDS / "six_winches.yaml").read_text(encoding="utf-8")
@@ -33,4 +33,4 @@ for line in (*lost_lines(weak), *remedies(weak)):
     print(line)
 found = slower(weak)
 print("slower:", found[1])
-view.stand_report(weak, out / "weak.html", found)
+reports.stand_report(weak, out / "weak.html", found)

@@ -7,7 +7,7 @@ what the puppet does not have.
 from pathlib import Path
 
 import fantoccini as fan
-from fantoccini import view
+from fantoccini.output import view
 
 DOLL = """<mujoco model="doll">
   <default>

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 import fantoccini as fan
-from fantoccini import view
-from fantoccini.files import write_table
+from fantoccini.base.files import write_table
+from fantoccini.output import reports
 
 out = Path("out")
 out.mkdir(exist_ok=True)
@@ -62,7 +62,7 @@ record = fan.Record(arm, played, t, columns, markers, tuple(truth), find_delay=T
 print("markers:", *fan.identify(record).combinations)
 weighed = replace(record, columns=columns | {"hand.tension": tension})
 found = fan.identify(weighed)
-view.identified_report(found, out / "record.html")
+reports.identified_report(found, out / "record.html")
 for name in found.names:
     low, high = found.interval(name)
     print(f"{name:18s} {low:.5g} to {high:.5g}, truth {truth.get(name, 0.025):.5g}")

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fantoccini.errors import FileError
+from fantoccini.base.errors import FileError
 
 _ODD = (
     np.zeros(3), np.zeros((0, 3)), np.full((4, 4), np.nan), np.array(-1.0), np.arange(5),

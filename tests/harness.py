@@ -9,11 +9,11 @@ import numpy as np
 
 import fantoccini as fan
 from fantoccini import motion
-from fantoccini.equations import derive
-from fantoccini.marionette.methods import METHODS
+from fantoccini.dynamics.compiled.methods import METHODS
+from fantoccini.kernel.equations import derive
+from fantoccini.model.puppet import Puppet, loads
+from fantoccini.model.tree import grow
 from fantoccini.motion import Input
-from fantoccini.puppet import Puppet, loads
-from fantoccini.tree import grow
 from oracles.random_trees import configuration
 
 

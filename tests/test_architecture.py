@@ -294,14 +294,14 @@ def test_nothing_outside_touches_private_names(folder):
 @pytest.mark.parametrize(
     "text",
     [
-        "from fantoccini.build.closure import _PACKAGE",
+        "from fantoccini.kernel.build.closure import _PACKAGE",
         "from fantoccini import _hidden as shown",
         "import fantoccini._hidden",
         "from fantoccini._hidden import x",
         "closure._PACKAGE",
-        "fan.build.closure._cache.clear()",
+        "fan.kernel.build.closure._cache.clear()",
         "made().page._views = 1",
-        'monkeypatch.setattr("fantoccini.build.closure._PACKAGE", 1)',
+        'monkeypatch.setattr("fantoccini.kernel.build.closure._PACKAGE", 1)',
         'monkeypatch.setattr(closure, "_PACKAGE", 1)',
         'getattr(closure, "_PACKAGE")',
     ],

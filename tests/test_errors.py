@@ -12,10 +12,10 @@ import pkgutil
 import pytest
 
 import fantoccini as fan
-from fantoccini import errors
-from fantoccini.errors import FileError, Mistake, Status
-from fantoccini.plays.stops import CannotBegin, Stop
-from fantoccini.puppet.yaml_text import Unreadable
+from fantoccini.base import errors
+from fantoccini.base.documents.yaml_text import Unreadable
+from fantoccini.base.errors import FileError, Mistake, Status
+from fantoccini.theatre.cast.stops import CannotBegin, Stop
 
 PROBLEMS = [Mistake("a.yaml", 3, "bodies[0].mass", "found -1"), Mistake("a.yaml", None, "", "no")]
 FACTS = {

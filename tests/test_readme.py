@@ -16,13 +16,13 @@ import pytest
 from tests.cli.command import fantoccini
 
 import fantoccini as fan
-from fantoccini import puppet, scene
-from fantoccini.identification.schema import RecordFile
-from fantoccini.puppet import Puppet
-from fantoccini.puppet.located import read_file, validate
-from fantoccini.puppet.yaml_text import read_text
-from fantoccini.retarget import load_mapping
+from fantoccini.base.documents.located import read_file, validate
+from fantoccini.base.documents.yaml_text import read_text
+from fantoccini.lab.identification.schema import RecordFile
+from fantoccini.model import puppet, scene
+from fantoccini.model.puppet import Puppet
 from fantoccini.stand import AxisMap
+from fantoccini.theatre.retarget import load_mapping
 
 pytestmark = [pytest.mark.slow, pytest.mark.long]
 

@@ -43,5 +43,5 @@ def test_the_wheel_names_the_command_and_the_licence(wheel):
     archive = zipfile.ZipFile(wheel)
     held = {name.split(".dist-info/")[-1]: name for name in archive.namelist()}
     points = archive.read(held["entry_points.txt"]).decode()
-    assert "fantoccini = fantoccini.cli:main" in points
+    assert "fantoccini = fantoccini.app.cli:main" in points
     assert any(name.endswith("LICENSE") for name in held)

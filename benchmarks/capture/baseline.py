@@ -27,16 +27,10 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 import fantoccini as fan
-from fantoccini.arrays import Times
-from fantoccini.errors import ARRIVED
-from fantoccini.retarget import (
-    PartError,
-    Retargeted,
-    figure_of,
-    follow_clip,
-    retarget_clip,
-)
-from fantoccini.retarget.following import eased, errors_of, report_of
+from fantoccini.base.arrays import Times
+from fantoccini.base.errors import ARRIVED
+from fantoccini.theatre.retarget import PartError, Retargeted, figure_of, follow_clip, retarget_clip
+from fantoccini.theatre.retarget.following import eased, errors_of, report_of
 
 LAG = 0.2
 """T of the paper's filter 1/(T s + 1)^3 [s]."""

@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks.capture.motions import MOTIONS, SIDES, Pose, point, segments
 from scipy.spatial.transform import Rotation
 
-from fantoccini.arrays import Array
+from fantoccini.base.arrays import Array
 
 
 @dataclass(frozen=True)

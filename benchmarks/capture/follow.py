@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks.capture.clips import write
 
 import fantoccini as fan
-from fantoccini.retarget import follow_clip, retarget_clip
+from fantoccini.theatre.retarget import follow_clip, retarget_clip
 
 ABOVE, SECONDS, FRAMES = 2.0, 0.5, 2000.0
 """Largest wanted error above reach [per cent], time for a second of clip [s], poses a second."""

@@ -28,12 +28,13 @@ from benchmarks.capture.swing import Swing, hand_strings, lead
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
-from fantoccini.arrays import Array, Times, check_positive
-from fantoccini.errors import StateError
-from fantoccini.marionette import Marionette, link_index
+from fantoccini.base.arrays import Array, Times, check_positive
+from fantoccini.base.errors import StateError
+from fantoccini.dynamics.compiled import link_index
+from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, State
-from fantoccini.retarget.following import ACCELERATION, SPEED, eased
-from fantoccini.retarget.retargeting import (
+from fantoccini.theatre.retarget.following import ACCELERATION, SPEED, eased
+from fantoccini.theatre.retarget.retargeting import (
     WEIGHTS,
     Hanger,
     Retargeted,

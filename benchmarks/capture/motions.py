@@ -14,7 +14,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from fantoccini.arrays import Array
+from fantoccini.base.arrays import Array
 
 SIDES = ("Left", "Right")
 OUT = np.array([1.0, -1.0])

@@ -16,13 +16,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array
-from fantoccini.marionette import Marionette, TimeStepping
+from fantoccini.base.arrays import Array
+from fantoccini.dynamics.compiled import TimeStepping
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.dynamics.simulation import simulate
 from fantoccini.motion import Input, State
-from fantoccini.retarget.figure import Figure
-from fantoccini.retarget.mapping import SIDES
-from fantoccini.retarget.retargeting import Hanger, hangers, places_in
-from fantoccini.simulation import simulate
+from fantoccini.theatre.retarget.figure import Figure
+from fantoccini.theatre.retarget.mapping import SIDES
+from fantoccini.theatre.retarget.retargeting import Hanger, hangers, places_in
 
 _STEP, _RISE, _LONG = 0.02, 0.1, 3.0
 """Size of a step [m], how long it takes, and how long the hand is watched [s]."""

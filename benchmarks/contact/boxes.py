@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array
-from fantoccini.marionette import Marionette
-from fantoccini.puppet import Box
+from fantoccini.base.arrays import Array
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.model.puppet import Box
 
 
 class Unlike(Exception):

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fantoccini.arrays import Array
-from fantoccini.marionette import Marionette
+from fantoccini.base.arrays import Array
+from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
 
 from .boxes import boxes_of

@@ -12,7 +12,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from fantoccini.arrays import Array
+from fantoccini.base.arrays import Array
 
 _COLUMNS, _ROWS = -1, -2
 """What FCLIB writes for the number of triplets where a matrix is compressed."""

@@ -12,13 +12,13 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
-from fantoccini import tree
-from fantoccini.arrays import Array
-from fantoccini.exchange import all_joints, mjcf
-from fantoccini.marionette import Marionette
+from fantoccini.base.arrays import Array
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.dynamics.mujoco import all_joints, mjcf
+from fantoccini.model import tree
+from fantoccini.model.puppet import Box, Capsule, Ellipsoid, Shape, Sphere
+from fantoccini.model.tree import WORLD
 from fantoccini.motion import State
-from fantoccini.puppet import Box, Capsule, Ellipsoid, Shape, Sphere
-from fantoccini.tree import WORLD
 
 SETTINGS = tuple(
     {"jacobian": jacobian, "islands": islands}

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fantoccini import build
-from fantoccini.arrays import Array
+from fantoccini.base.arrays import Array
+from fantoccini.kernel import build
 
 from ..speed.figures import Chapter, shown
 from ..speed.programs import flags

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fantoccini import build
-from fantoccini.marionette import Marionette
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.kernel import build
 from fantoccini.motion import Input, State
 
 from ..speed.programs import flags

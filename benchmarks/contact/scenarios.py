@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 import fantoccini as fan
-from fantoccini.arrays import Array
-from fantoccini.marionette import Stepper
+from fantoccini.base.arrays import Array
+from fantoccini.dynamics.steppers import Stepper
+from fantoccini.kernel.runtime import contact_points
 from fantoccini.motion import ContactPoints, State
-from fantoccini.runtime import contact_points
 
 from ..speed.figures import Chapter
 from ..strings.report import Section, Table, number

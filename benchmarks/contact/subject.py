@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 import fantoccini as fan
+from fantoccini.model.puppet import Puppet
 from fantoccini.motion import State
-from fantoccini.puppet import Puppet
 
 DT = 0.002
 """Step of everything that is timed [s]."""

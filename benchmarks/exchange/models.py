@@ -19,10 +19,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from fantoccini.equations import derive
-from fantoccini.exchange import Imported, import_model
-from fantoccini.puppet import load
-from fantoccini.tree import grow
+from fantoccini.kernel.equations import derive
+from fantoccini.model.puppet import load
+from fantoccini.model.tree import grow
+from fantoccini.output.exchange import Imported, import_model
 
 GYMNASIUM = tuple(
     f"gymnasium/envs/mujoco/assets/{name}.xml"

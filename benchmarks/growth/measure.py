@@ -20,8 +20,8 @@ import numpy as np
 from benchmarks.growth.puppets import marionette
 
 import fantoccini as fan
-from fantoccini import build, codegen
-from fantoccini.runtime import Library
+from fantoccini.kernel import build, codegen
+from fantoccini.kernel.runtime import Library
 
 CALLS, REPEATS = 50, 400
 

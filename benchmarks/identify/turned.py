@@ -14,8 +14,8 @@ import numpy as np
 from benchmarks.identify.cases import arm, record
 
 import fantoccini as fan
-from fantoccini import view
-from fantoccini.identification.judging import doubts
+from fantoccini.lab.identification.judging import doubts
+from fantoccini.output import reports
 
 
 def turned(one: fan.Record, degrees: float) -> fan.Record:
@@ -41,7 +41,7 @@ def main() -> None:
         print(f"{name:20s} {value:10.5g}, truth {case.truth[name]:8.5g}: {off:+.1f} deviations")
     print(f"chi2 {found.chi2:.2f}, drift {found.drift:.2f}")
     print(*doubts(found), sep="\n")
-    view.identified_report(found, given.page)
+    reports.identified_report(found, given.page)
 
 
 if __name__ == "__main__":

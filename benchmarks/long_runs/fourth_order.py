@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks.strings.report import Table
 
 import fantoccini as fan
-from fantoccini.marionette import Evaluation
+from fantoccini.dynamics.compiled import Evaluation
 
 CHAIN = """
 puppet: chain

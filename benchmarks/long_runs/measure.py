@@ -11,9 +11,9 @@ from benchmarks.strings.report import Table, number
 
 import fantoccini as fan
 from fantoccini import puppets
-from fantoccini.equations import Variational
+from fantoccini.kernel.equations import Variational
+from fantoccini.kernel.runtime import Run
 from fantoccini.motion import EventKind, State
-from fantoccini.runtime import Run
 
 TREP = (150.0, 850.0)
 """Cost of trep's step on a puppet of 25 degrees of freedom [us]."""

@@ -10,7 +10,7 @@ import numpy as np
 
 import fantoccini as fan
 from fantoccini import puppets
-from fantoccini.marionette import Evaluation
+from fantoccini.dynamics.compiled import Evaluation
 from fantoccini.motion import State
 
 FLYER = """

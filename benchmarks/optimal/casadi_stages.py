@@ -9,8 +9,8 @@ import casadi
 import numpy as np
 from scipy import sparse
 
-from fantoccini.arrays import Array
-from fantoccini.optimal.quadratic import UNBOUNDED, StageProgram
+from fantoccini.base.arrays import Array
+from fantoccini.control.optimal.quadratic import UNBOUNDED, StageProgram
 
 OSQP = {"eps_abs": 1e-8, "eps_rel": 1e-8, "max_iter": 20000, "verbose": False}
 """Options; the tolerance is relative to the unit of the cost."""

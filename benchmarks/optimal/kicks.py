@@ -16,7 +16,7 @@ from functools import partial
 import numpy as np
 
 import fantoccini as fan
-from fantoccini.arrays import Array
+from fantoccini.base.arrays import Array
 from fantoccini.motion import State
 
 AT = np.array([0.0, 0.0, -0.09])

@@ -17,17 +17,17 @@ from dataclasses import replace
 import numpy as np
 
 import fantoccini as fan
-from fantoccini.optimal.attribution import passed_bound
-from fantoccini.optimal.chosen import Chosen
-from fantoccini.optimal.dynamics import TimeSteps
-from fantoccini.optimal.exploring import Exploration
-from fantoccini.optimal.hybrid import HybridRuns
-from fantoccini.optimal.nodes import Nodes
-from fantoccini.optimal.objective import Objective
-from fantoccini.optimal.shooting import EventRuns
-from fantoccini.optimal.sqp import Iterate, Limits, Search
-from fantoccini.optimal.through_modes import HOLDS
-from fantoccini.optimal.tightening import Tightening
+from fantoccini.control.optimal.attribution import passed_bound
+from fantoccini.control.optimal.dynamics import TimeSteps
+from fantoccini.control.optimal.exploring import Exploration
+from fantoccini.control.optimal.hybrid import HybridRuns
+from fantoccini.control.optimal.objective import Objective
+from fantoccini.control.optimal.shooting import EventRuns
+from fantoccini.control.optimal.sqp import Iterate, Limits, Search
+from fantoccini.control.optimal.through_modes import HOLDS
+from fantoccini.control.optimal.tightening import Tightening
+from fantoccini.control.tasks.chosen import Chosen
+from fantoccini.control.tasks.nodes import Nodes
 
 LIMITS = Limits(tolerance=1e-6, cost_tolerance=1e-6, iterations=100)
 METHODS: dict[str, tuple[type[EventRuns], Callable[..., Search | Tightening]]] = {

@@ -8,7 +8,7 @@ from xml.sax.saxutils import quoteattr
 import mujoco
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.base.arrays import Array
 
 from .peer_problems import Problem
 

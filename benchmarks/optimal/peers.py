@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 
 import fantoccini as fan
-from fantoccini.arrays import Array
-from fantoccini.optimal.nodes import Nodes
+from fantoccini.base.arrays import Array
+from fantoccini.control.tasks.nodes import Nodes
 
 from ..strings import ROOT
 from .mujoco_steps import MuJoCoSteps

@@ -8,8 +8,8 @@ import numpy as np
 import piqp
 from scipy import sparse
 
-from fantoccini.arrays import Array, Indices
-from fantoccini.optimal.quadratic import UNBOUNDED, StageProgram
+from fantoccini.base.arrays import Array, Indices
+from fantoccini.control.optimal.quadratic import UNBOUNDED, StageProgram
 
 _MOST = 40
 """Iterations of the interior point method."""

@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 
 import fantoccini as fan
-from fantoccini.optimal.chosen import Chosen
-from fantoccini.optimal.dynamics import TimeSteps
-from fantoccini.optimal.nodes import Nodes
-from fantoccini.optimal.objective import Objective
-from fantoccini.optimal.quadratic import StageProgram, StageSolver
-from fantoccini.optimal.shooting import EventRuns
+from fantoccini.control.optimal.dynamics import TimeSteps
+from fantoccini.control.optimal.objective import Objective
+from fantoccini.control.optimal.quadratic import StageProgram, StageSolver
+from fantoccini.control.optimal.shooting import EventRuns
+from fantoccini.control.tasks.chosen import Chosen
+from fantoccini.control.tasks.nodes import Nodes
 
 from .casadi_stages import CasadiSolver
 from .piqp_stages import PiqpSolver

@@ -2,7 +2,7 @@
 
     python -m benchmarks.optimal.walk [--steps 40] [--friction 0.8] [--event] [--mujoco]
 
-Measures the marionette's walk on ``promenade`` with ``fantoccini.gestures.Gait()``: with five time
+Measures the marionette's walk on ``promenade`` with ``fantoccini.theatre.gestures.Gait()``: with five time
 steps, down to 0.125 ms; with ``--event`` four of its steps event-driven, tens of thousands of
 events from a state on the cycle; with ``--mujoco`` in MuJoCo, whose strings and contacts are soft.
 Slip is the way along the floor of a sole's corners while they are on it. ``--search`` looks for
@@ -18,9 +18,9 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 import fantoccini as fan
-from fantoccini.exchange import mujoco_run
-from fantoccini.gestures import Gait
-from fantoccini.marionette import link_index
+from fantoccini.dynamics.compiled import link_index
+from fantoccini.dynamics.mujoco import mujoco_run
+from fantoccini.theatre.gestures import Gait
 
 from ..contact.mujoco_scene import text_of
 

@@ -18,10 +18,11 @@ import numpy as np
 from scipy.stats import binomtest, bootstrap
 
 import fantoccini as fan
-from fantoccini.arrays import Array
+from fantoccini.base.arrays import Array
+from fantoccini.control.planning import PlanResult, solve
+from fantoccini.control.planning.feedback import Feedback
+from fantoccini.control.problems import Problem
 from fantoccini.motion import State
-from fantoccini.planning import PlanResult, Problem, solve
-from fantoccini.planning.feedback import Feedback
 
 from ..strings.report import Table
 from .feedback import follow, kicked

@@ -15,12 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 
 import fantoccini as fan
-from fantoccini.arrays import Array
-from fantoccini.errors import Status
-from fantoccini.exchange import MuJoCoPuppet
+from fantoccini.base.arrays import Array
+from fantoccini.base.errors import Status
+from fantoccini.control.planning import solve
+from fantoccini.control.planning.feedback import Feedback, Followed
+from fantoccini.control.problems import Problem
+from fantoccini.dynamics.mujoco import MuJoCoPuppet
 from fantoccini.motion import State
-from fantoccini.planning import Problem, solve
-from fantoccini.planning.feedback import Feedback, Followed
 
 KICKS = (0.25, 0.5, 1.0, 2.0, 4.0)
 """Sizes of changes of all joint velocities at the start, together [rad/s]."""

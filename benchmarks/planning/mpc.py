@@ -18,12 +18,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import fantoccini as fan
-from fantoccini.errors import StateError, Status
-from fantoccini.exchange import MuJoCoPuppet
+from fantoccini.base.errors import StateError, Status
+from fantoccini.control.planning import solve
+from fantoccini.control.planning.feedback import Feedback, Followed
+from fantoccini.control.problems.state_arrays import StateArrays
+from fantoccini.dynamics.mujoco import MuJoCoPuppet
 from fantoccini.motion import State
-from fantoccini.planning import solve
-from fantoccini.planning.feedback import Feedback, Followed
-from fantoccini.planning.state_arrays import StateArrays
 
 from .feedback import OF_EACH, STEP, advanced, follow, kicked
 

@@ -21,8 +21,8 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 import fantoccini as fan
-from fantoccini.arrays import Array
-from fantoccini.planning import Problem
+from fantoccini.base.arrays import Array
+from fantoccini.control.problems import Problem
 
 from .propagators import PROPAGATORS, Layout
 

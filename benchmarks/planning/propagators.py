@@ -10,12 +10,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from fantoccini.arrays import Array
-from fantoccini.exchange import MuJoCoPuppet
-from fantoccini.planning import Problem, StateArrays
-from fantoccini.runtime import RolloutPool, RolloutSettings
-from fantoccini.runtime.clearance import Exact, clearance_arrays
-from fantoccini.runtime.functions import pointer
+from fantoccini.base.arrays import Array
+from fantoccini.control.problems import Problem, StateArrays
+from fantoccini.dynamics.mujoco import MuJoCoPuppet
+from fantoccini.kernel.runtime import RolloutPool, RolloutSettings
+from fantoccini.kernel.runtime.clearance import Exact, clearance_arrays
+from fantoccini.kernel.runtime.functions import pointer
 
 SLACK = 1e-3
 """By how much a string of MuJoCo is too long where it counts as slack [m]."""

@@ -20,11 +20,11 @@ from benchmarks.capture.clips import write
 from scipy.spatial.transform import Rotation
 
 import fantoccini as fan
-from fantoccini.capture import clip_names
-from fantoccini.capture.bvh import bundled_clip
-from fantoccini.retarget import clip_gesture, place_on_spot
-from fantoccini.retarget.following import GROUPS
-from fantoccini.retarget.retargeting import places_in
+from fantoccini.theatre.capture import clip_names
+from fantoccini.theatre.capture.bvh import bundled_clip
+from fantoccini.theatre.retarget import clip_gesture, place_on_spot
+from fantoccini.theatre.retarget.following import GROUPS
+from fantoccini.theatre.retarget.retargeting import places_in
 
 PLAY = """play: clip
 cast:

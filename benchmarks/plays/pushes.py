@@ -25,9 +25,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 import fantoccini as fan
-from fantoccini.gestures import lateness
-from fantoccini.perform.steady import Members
-from fantoccini.plays import CueOfPlay
+from fantoccini.theatre.gestures import lateness
+from fantoccini.theatre.perform.steady import Members
+from fantoccini.theatre.plays import CueOfPlay
 
 SEEDS = 20
 PUSHES = 4

@@ -16,7 +16,7 @@ import numpy as np
 from ruamel.yaml import YAML
 
 import fantoccini as fan
-from fantoccini.gestures import gesture_names
+from fantoccini.theatre.gestures import gesture_names
 
 PLAYERS = ("pierrot", "columbine", "harlequin")
 MARKS: dict[str, dict[str, Any]] = {

@@ -22,8 +22,8 @@ from tests.perform.played import PLAY
 from tests.show.browser import until
 
 import fantoccini as fan
-from fantoccini.perform.osc import Address
-from fantoccini.web.page import open_show
+from fantoccini.app.web.page import open_show
+from fantoccini.theatre.perform.osc import Address
 
 TRIES = 20
 

@@ -13,8 +13,9 @@ from benchmarks.section_vi.deviation import Deviation, deviation
 from benchmarks.section_vi.mechanism import Mechanism
 from benchmarks.section_vi.reference import Reference
 
-from fantoccini.marionette import Event, Marionette
-from fantoccini.simulation import simulate
+from fantoccini.dynamics.compiled import Event
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.dynamics.simulation import simulate
 
 BANDWIDTHS = tuple(10.0 * 2.0**k for k in range(8))
 """Relative to sqrt(g/l), the frequency of a pendulum as long as the strings."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from benchmarks.section_vi.mechanism import Mechanism
 
-from fantoccini.arrays import Array
+from fantoccini.base.arrays import Array
 from fantoccini.motion import Trajectory
 
 _SAME_END = 1e-9

@@ -17,11 +17,12 @@ from benchmarks.section_vi.deviation import Deviation, deviation
 from benchmarks.section_vi.mechanism import Mechanism
 from benchmarks.section_vi.reference import IMPACTS, Reference
 
-from fantoccini.arrays import Array
-from fantoccini.errors import SimulationError
-from fantoccini.marionette import Event, Marionette, Method, MethodName, as_method
+from fantoccini.base.arrays import Array
+from fantoccini.base.errors import SimulationError
+from fantoccini.dynamics.compiled import Event, Method, MethodName, as_method
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.dynamics.simulation import simulate
 from fantoccini.motion import EventKind, EventRecord, Input, Trajectory
-from fantoccini.simulation import simulate
 
 METHODS: tuple[MethodName, ...] = ("event", "timestepping", "variational")
 RTOL = (1e-6, 1e-8, 1e-10, 1e-12)

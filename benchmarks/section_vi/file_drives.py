@@ -13,10 +13,11 @@ from benchmarks.section_vi.deviation import Deviation, deviation
 from benchmarks.section_vi.mechanism import Mechanism
 from benchmarks.section_vi.reference import Reference
 
-from fantoccini.arrays import Array
-from fantoccini.errors import StateError
-from fantoccini.marionette import Event, Marionette
-from fantoccini.simulation import simulate
+from fantoccini.base.arrays import Array
+from fantoccini.base.errors import StateError
+from fantoccini.dynamics.compiled import Event
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.dynamics.simulation import simulate
 
 _EVENT = Event(rtol=1e-8, atol=1e-8)
 

@@ -15,13 +15,14 @@ from benchmarks.section_vi.deviation import Deviation, deviation
 from benchmarks.section_vi.mechanism import Mechanism
 from benchmarks.section_vi.reference import Reference
 
-from fantoccini.arrays import Array
-from fantoccini.errors import FantocciniError
+from fantoccini.base.arrays import Array
+from fantoccini.base.documents import Parameter
+from fantoccini.base.errors import FantocciniError
+from fantoccini.dynamics.compiled import Event
+from fantoccini.dynamics.simulation import simulate
 from fantoccini.lab.reduction import displaced
-from fantoccini.marionette import Event
+from fantoccini.model.puppet import Chain, Puppet, String
 from fantoccini.motion import State
-from fantoccini.puppet import Chain, Parameter, Puppet, String
-from fantoccini.simulation import simulate
 
 STRING_MASS = "reduction_string_mass"
 MASSES = (0.01, 0.03, 0.1)

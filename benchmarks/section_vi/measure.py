@@ -21,11 +21,11 @@ from benchmarks.section_vi.reference import (
 from benchmarks.section_vi.report import SectionReport
 from benchmarks.section_vi.symbolic import symbolic
 
-from fantoccini.errors import FantocciniError, StateError
+from fantoccini.base.errors import FantocciniError, StateError
+from fantoccini.base.progress import OnStep
+from fantoccini.dynamics.marionette import Marionette
 from fantoccini.lab import validate_reduction
-from fantoccini.marionette import Marionette
 from fantoccini.motion import Input
-from fantoccini.progress import OnStep
 
 T = TypeVar("T")
 

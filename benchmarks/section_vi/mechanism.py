@@ -12,13 +12,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from fantoccini.arrays import Array
+from fantoccini.base.arrays import Array
+from fantoccini.base.documents import Parameter
+from fantoccini.base.tangent import between
+from fantoccini.dynamics.marionette import Marionette
 from fantoccini.lab.reduction import drive, in_metres, mean_length, without_drives
-from fantoccini.marionette import Marionette
+from fantoccini.model.puppet import Chain, ComputedTorque, Drive, Puppet
 from fantoccini.motion import Input, State, Trajectory
 from fantoccini.motion.pieces import channel_names
-from fantoccini.motion.tangent import between
-from fantoccini.puppet import Chain, ComputedTorque, Drive, Parameter, Puppet
 
 MASS, INERTIA, BANDWIDTH = "drive_mass", "drive_inertia", "drive_bandwidth"
 """Parameters of the drives, so that varying them compiles nothing."""

@@ -12,8 +12,8 @@ from benchmarks.section_vi.bandwidth import TrackingRun
 from benchmarks.section_vi.exact import Comparison, SharedCatch
 from benchmarks.section_vi.heavy_string import HeavyString
 
-from fantoccini.arrays import Array
-from fantoccini.view.curves import Curve, Panel, curves, slope
+from fantoccini.base.arrays import Array
+from fantoccini.output.view.curves import Curve, Panel, curves, slope
 
 EXACT, CATCHES, BANDWIDTH, HEAVY_STRING = (
     "Exact tracking", "Catches", "Bandwidth", "A string with mass",

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from benchmarks.section_vi.mechanism import Mechanism
 
-from fantoccini.errors import SimulationError
-from fantoccini.marionette import Evaluation, Event
-from fantoccini.motion import EventKind, Input, State, Trajectory, rotation
-from fantoccini.simulation import simulate
+from fantoccini.base import rotation
+from fantoccini.base.errors import SimulationError
+from fantoccini.dynamics.compiled import Evaluation, Event
+from fantoccini.dynamics.simulation import simulate
+from fantoccini.motion import EventKind, Input, State, Trajectory
 
 IMPACTS = (EventKind.CATCH, EventKind.LIMIT_ON, EventKind.ACCUMULATION)
 """Events at which velocities jump."""

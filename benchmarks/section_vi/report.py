@@ -15,7 +15,7 @@ from benchmarks.section_vi.file_drives import FileDrives
 from benchmarks.section_vi.plots import BANDWIDTH, CATCHES, EXACT, HEAVY_STRING
 from benchmarks.section_vi.symbolic import Symbolic
 
-from fantoccini.files import replacing
+from fantoccini.base.files import replacing
 from fantoccini.lab import ReductionReport
 
 PAGE = "reduction.md"

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from fantoccini.marionette import Marionette
+from fantoccini.dynamics.marionette import Marionette
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -69,7 +69,7 @@ def symbolic(marionette: Marionette) -> Symbolic | None:
     """The blocks as SymPy expressions; None if they would fill pages."""
     import sympy as sp
 
-    from fantoccini.equations.printing import TooLargeError, printable
+    from fantoccini.kernel.equations.printing import TooLargeError, printable
 
     if marionette.equations["mass_matrix"].n_instructions() > _MAX.operations:
         return None
@@ -98,7 +98,7 @@ def symbolic(marionette: Marionette) -> Symbolic | None:
 def _entries(label: str, block: sp.Matrix) -> list[str]:
     import sympy as sp
 
-    from fantoccini.equations.printing import decimal
+    from fantoccini.kernel.equations.printing import decimal
 
     if block.is_zero_matrix:
         return [f"{label} = 0  ({block.rows} x {block.cols})"]

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 import fantoccini as fan
-from fantoccini.arrays import Array
-from fantoccini.exchange import mjcf
+from fantoccini.base.arrays import Array
+from fantoccini.dynamics.mujoco import mjcf
 from fantoccini.motion import State
 from harness import start
 from oracles import arm2d_events

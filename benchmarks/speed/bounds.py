@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fantoccini.codegen import operations
+from fantoccini.kernel.codegen import operations
 
 from ..strings.report import Section, Table
 from .figures import Chapter, Samples, in_turns, shown, spread, times

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array
-from fantoccini.exchange import all_joints
-from fantoccini.marionette import Marionette
+from fantoccini.base.arrays import Array
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.dynamics.mujoco import all_joints
+from fantoccini.model.tree import Role, Tree
 from fantoccini.motion import State
-from fantoccini.tree import Role, Tree
 
 
 @dataclass(frozen=True)

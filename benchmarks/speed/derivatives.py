@@ -18,10 +18,10 @@ from collections.abc import Callable
 import numpy as np
 
 import fantoccini as fan
-from fantoccini.demo import performance
-from fantoccini.marionette import Marionette
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.dynamics.simulation.intervals import interval_derivatives
 from fantoccini.motion import InputDerivative, State
-from fantoccini.simulation.intervals import interval_derivatives
+from fantoccini.theatre.perform.demo import performance
 
 PER_SECOND = 20.0
 """Longest wanted time of a sensitivity for a simulated second [ms]."""

@@ -9,7 +9,7 @@ import subprocess
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from fantoccini.arrays import Array
+from fantoccini.base.arrays import Array
 
 from .by_joint import Joint, joints, packed
 from .subject import DT, still_tree

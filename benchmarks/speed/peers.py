@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 import fantoccini as fan
-from fantoccini.exchange import mjcf
-from fantoccini.marionette import Evaluation
+from fantoccini.dynamics.compiled import Evaluation
+from fantoccini.dynamics.mujoco import mjcf
 from fantoccini.motion import State
 
 from ..strings import ROOT

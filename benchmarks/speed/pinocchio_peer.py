@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fantoccini.arrays import Array
+from fantoccini.base.arrays import Array
 
 from .by_joint import joints, packed
 from .mujoco_peer import PeerError

@@ -12,7 +12,9 @@ from collections.abc import Callable
 from tests.harness import method_of
 
 import fantoccini as fan
-from fantoccini import build, codegen, demo, equations, tree
+from fantoccini.kernel import build, codegen, equations
+from fantoccini.model import tree
+from fantoccini.theatre.perform import demo
 
 from ..strings.report import Section, Table
 from .figures import Chapter, Goal, Samples, shown, spread

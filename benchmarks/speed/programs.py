@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from fantoccini import build
-from fantoccini.build.compiler import BASE_FLAGS
-from fantoccini.codegen import generate
+from fantoccini.kernel import build
+from fantoccini.kernel.build.compiler import BASE_FLAGS
+from fantoccini.kernel.codegen import generate
 from fantoccini.motion import Input, State
 
 from .subject import DT, hanging, marionette

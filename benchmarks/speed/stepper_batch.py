@@ -17,8 +17,8 @@ import time
 import numpy as np
 
 import fantoccini as fan
-from fantoccini.demo import performance
-from fantoccini.marionette import StepperBatch
+from fantoccini.dynamics.steppers import StepperBatch
+from fantoccini.theatre.perform.demo import performance
 
 PIECE = 0.02
 """[s]"""

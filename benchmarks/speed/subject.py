@@ -7,9 +7,9 @@ import functools
 import numpy as np
 
 import fantoccini as fan
-from fantoccini import tree
+from fantoccini.model import tree
+from fantoccini.model.puppet import Puppet
 from fantoccini.motion import State
-from fantoccini.puppet import Puppet
 
 DT = 0.002
 """Step of everything that has a fixed one [s]."""

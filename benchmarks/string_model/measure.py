@@ -10,11 +10,12 @@ import numpy as np
 from benchmarks.string_model.subject import Subject
 
 import fantoccini as fan
-from fantoccini.errors import StateError
-from fantoccini.marionette import Evaluation, Marionette
-from fantoccini.marionette.projection import retract
+from fantoccini.base.errors import StateError
+from fantoccini.dynamics.compiled import Evaluation
+from fantoccini.dynamics.equilibrium.projection import retract
+from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
-from fantoccini.view.geometry import chain_points
+from fantoccini.output.view.geometry import chain_points
 
 TOLERANCE = 1e-8
 """rtol and atol of the event-driven runs."""

@@ -8,7 +8,7 @@ from benchmarks.string_model.measure import TOLERANCE, Measured, measure
 from benchmarks.string_model.subject import ARM, PUPPET, Subject
 from benchmarks.strings.report import Table, number
 
-from fantoccini.puppet.chain import CORD_DAMPING, CORD_MASS, CORD_STIFFNESS
+from fantoccini.model.puppet.chain import CORD_DAMPING, CORD_MASS, CORD_STIFFNESS
 
 STIFFNESSES = (50.0, 500.0, 50_000.0)
 """EA of other strings than the cord, with 8 pieces [N]."""

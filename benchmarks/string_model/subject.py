@@ -8,9 +8,9 @@ import numpy as np
 
 import fantoccini as fan
 from fantoccini import puppets
-from fantoccini.marionette import Marionette
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.model.tree import WORLD, place
 from fantoccini.motion import State
-from fantoccini.tree import WORLD, place
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import fantoccini as fan
-from fantoccini.arrays import Array
+from fantoccini.base.arrays import Array
 
 from . import scenarios
 from .plots import COLOUR, picture

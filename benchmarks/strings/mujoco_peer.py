@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.base.arrays import Array
 
 from .scenarios import ARM, FALL, GRAVITY, LENGTH, MASS
 

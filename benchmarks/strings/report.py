@@ -13,7 +13,7 @@ from importlib import metadata
 from pathlib import Path
 
 import fantoccini as fan
-from fantoccini import build
+from fantoccini.kernel import build
 
 PACKAGES = ("numpy", "scipy", "casadi", "mujoco")
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import fantoccini as fan
-from fantoccini.arrays import Array
+from fantoccini.base.arrays import Array
 from oracles import point_mass_events
 
 from . import mujoco_peer, scenarios

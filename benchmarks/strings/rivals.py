@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.base.arrays import Array
 
 PENALTY = "penalty"
 CLIPPED = "Baumgarte"

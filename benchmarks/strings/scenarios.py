@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 import fantoccini as fan
-from fantoccini.arrays import Array
-from fantoccini.marionette import MethodName, as_method
+from fantoccini.base.arrays import Array
+from fantoccini.dynamics.compiled import MethodName, as_method
 from fantoccini.motion import Input, State, Trajectory
 from harness import polynomial_input, start
 from oracles import arm2d_events, point_mass_events

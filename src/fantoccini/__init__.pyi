@@ -1,16 +1,20 @@
 """The public names of fantoccini, and where each is defined."""
 
-from . import puppets as puppets
-from .animation import (
-    export as export,
+from . import (
+    app as app,
+    base as base,
+    control as control,
+    dynamics as dynamics,
+    kernel as kernel,
+    lab as lab,
+    model as model,
+    motion as motion,
+    output as output,
+    stand as stand,
+    theatre as theatre,
 )
-from .capture import (
-    Capture as Capture,
-    Skeleton as Skeleton,
-    clip_names as clip_names,
-    load_bvh as load_bvh,
-)
-from .errors import (
+from .app import show as show
+from .base import (
     BuildError as BuildError,
     ExchangeError as ExchangeError,
     FantocciniError as FantocciniError,
@@ -28,46 +32,54 @@ from .errors import (
     StreamError as StreamError,
     SweepStopped as SweepStopped,
     UnknownNameError as UnknownNameError,
+    errors as errors,
 )
-from .exchange import (
-    Imported as Imported,
-    ImportNote as ImportNote,
-    import_model as import_model,
+from .control import (
+    MPC as MPC,
+    Bounds as Bounds,
+    Clip as Clip,
+    Goal as Goal,
+    MPCStatus as MPCStatus,
+    OptimalStatus as OptimalStatus,
+    Optimum as Optimum,
+    PlanResult as PlanResult,
+    PlanStatus as PlanStatus,
+    Problem as Problem,
+    Reach as Reach,
+    ReachedPose as ReachedPose,
+    ReachStatus as ReachStatus,
+    Smooth as Smooth,
+    Task as Task,
+    Touch as Touch,
+    Touched as Touched,
+    Track as Track,
+    Tuned as Tuned,
+    TunedStatus as TunedStatus,
+    follow as follow,
+    load_problem as load_problem,
+    load_task as load_task,
+    optimise as optimise,
+    plan as plan,
+    reach as reach,
+    solve as solve,
+    tune as tune,
 )
-from .gestures import (
-    Conductor as Conductor,
-    Gesture as Gesture,
-    Score as Score,
-    gesture_names as gesture_names,
-    load_gesture as load_gesture,
-    load_score as load_score,
-    rehearse as rehearse,
-)
-from .identification import (
-    Identified as Identified,
-    Marker as Marker,
-    Record as Record,
-    Unknown as Unknown,
-    identify as identify,
-    load_record as load_record,
-    suggest_motion as suggest_motion,
-)
-from .lab import (
-    ReductionReport as ReductionReport,
-    validate_reduction as validate_reduction,
-)
-from .marionette import (
+from .dynamics import (
+    Clearance as Clearance,
     Event as Event,
     Flow as Flow,
     ForwardDynamics as ForwardDynamics,
+    HalfSpace as HalfSpace,
     Linearisation as Linearisation,
     Marionette as Marionette,
     Method as Method,
     Mode as Mode,
     Modes as Modes,
     Partials as Partials,
+    Passage as Passage,
     Rollout as Rollout,
     RolloutGradient as RolloutGradient,
+    Sensitivity as Sensitivity,
     StepLinearisation as StepLinearisation,
     StepLinearisations as StepLinearisations,
     Stepper as Stepper,
@@ -76,6 +88,31 @@ from .marionette import (
     Variational as Variational,
     load as load,
     loads as loads,
+    puppets as puppets,
+    sensitivity as sensitivity,
+    simulate as simulate,
+    simulate_batch as simulate_batch,
+)
+from .lab import (
+    Case as Case,
+    Identified as Identified,
+    Marker as Marker,
+    Record as Record,
+    ReductionReport as ReductionReport,
+    SweepResult as SweepResult,
+    Trial as Trial,
+    Unknown as Unknown,
+    identify as identify,
+    load_record as load_record,
+    suggest_motion as suggest_motion,
+    sweep as sweep,
+    validate_reduction as validate_reduction,
+)
+from .model import (
+    Member as Member,
+    Prop as Prop,
+    Puppet as Puppet,
+    Scene as Scene,
 )
 from .motion import (
     Columns as Columns,
@@ -88,74 +125,11 @@ from .motion import (
     Trajectories as Trajectories,
     Trajectory as Trajectory,
 )
-from .optimal import (
-    MPC as MPC,
-    Bounds as Bounds,
-    Clip as Clip,
-    MPCStatus as MPCStatus,
-    OptimalStatus as OptimalStatus,
-    Optimum as Optimum,
-    Reach as Reach,
-    ReachedPose as ReachedPose,
-    ReachStatus as ReachStatus,
-    Smooth as Smooth,
-    Task as Task,
-    Touch as Touch,
-    Touched as Touched,
-    Track as Track,
-    Tuned as Tuned,
-    TunedStatus as TunedStatus,
-    follow as follow,
-    load_task as load_task,
-    optimise as optimise,
-    reach as reach,
-    tune as tune,
-)
-from .perform import (
-    Balance as Balance,
-    Handle as Handle,
-    Performance as Performance,
-    Recording as Recording,
-    Show as Show,
-)
-from .planning import (
-    Clearance as Clearance,
-    Goal as Goal,
-    HalfSpace as HalfSpace,
-    PlanResult as PlanResult,
-    PlanStatus as PlanStatus,
-    Problem as Problem,
-    load_problem as load_problem,
-    plan as plan,
-    solve as solve,
-)
-from .plays import (
-    Play as Play,
-    Verification as Verification,
-    load_play as load_play,
-    play_schema as play_schema,
-    verify_play as verify_play,
-)
-from .puppet import (
-    Puppet as Puppet,
-)
-from .retarget import (
-    Followed as Followed,
-    Retargeted as Retargeted,
-    follow_clip as follow_clip,
-    retarget_clip as retarget_clip,
-)
-from .scene import (
-    Member as Member,
-    Prop as Prop,
-    Scene as Scene,
-)
-from .simulation import (
-    Passage as Passage,
-    Sensitivity as Sensitivity,
-    sensitivity as sensitivity,
-    simulate as simulate,
-    simulate_batch as simulate_batch,
+from .output import (
+    Imported as Imported,
+    ImportNote as ImportNote,
+    export as export,
+    import_model as import_model,
 )
 from .stand import (
     SetPoints as SetPoints,
@@ -166,14 +140,32 @@ from .stand import (
     set_points as set_points,
     stand_schema as stand_schema,
 )
-from .sweeps import (
-    Case as Case,
-    SweepResult as SweepResult,
-    Trial as Trial,
-    sweep as sweep,
-)
-from .web import (
-    show as show,
+from .theatre import (
+    Balance as Balance,
+    Capture as Capture,
+    Conductor as Conductor,
+    Followed as Followed,
+    Gesture as Gesture,
+    Handle as Handle,
+    Performance as Performance,
+    Play as Play,
+    Recording as Recording,
+    Retargeted as Retargeted,
+    Score as Score,
+    Show as Show,
+    Skeleton as Skeleton,
+    Verification as Verification,
+    clip_names as clip_names,
+    follow_clip as follow_clip,
+    gesture_names as gesture_names,
+    load_bvh as load_bvh,
+    load_gesture as load_gesture,
+    load_play as load_play,
+    load_score as load_score,
+    play_schema as play_schema,
+    rehearse as rehearse,
+    retarget_clip as retarget_clip,
+    verify_play as verify_play,
 )
 
 __version__: str

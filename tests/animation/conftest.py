@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.demo import performance
+from fantoccini.theatre.perform.demo import performance
 
 
 @pytest.fixture(scope="session")

@@ -12,8 +12,8 @@ from tests.animation.test_glb import still_of
 from tests.plays.tiny import write_play
 
 import fantoccini as fan
-from fantoccini.animation.euler import angles_of, euler
-from fantoccini.capture import Capture
+from fantoccini.output.animation.euler import angles_of, euler
+from fantoccini.theatre.capture import Capture
 
 pytestmark = pytest.mark.slow
 

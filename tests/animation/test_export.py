@@ -12,7 +12,7 @@ from tests.cli.command import fantoccini, mistake
 from tests.plays.tiny import write_play
 
 import fantoccini as fan
-from fantoccini.perform import Performance
+from fantoccini.theatre.perform import Performance
 
 pytestmark = pytest.mark.long
 
@@ -149,7 +149,7 @@ def test_mistakes_are_found_before_the_run(
     case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("fantoccini.cli.simulate.simulate", pytest.fail)
+    monkeypatch.setattr("fantoccini.app.cli.simulate.simulate", pytest.fail)
     arguments, wanted = REFUSED[case]
     assert wanted in " ".join(mistake("simulate", "arm2d", "--out", *arguments).split())
     assert list(tmp_path.iterdir()) == []

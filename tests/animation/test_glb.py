@@ -15,11 +15,11 @@ import pytest
 from tests.animation.glb_reader import UP, Player
 
 import fantoccini as fan
-from fantoccini.tree import grow
-from fantoccini.view import rope
-from fantoccini.view.geometry import chain_points
-from fantoccini.view.shapes import link_solids
-from fantoccini.view.still import Still
+from fantoccini.model.tree import grow
+from fantoccini.output.view import rope
+from fantoccini.output.view.geometry import chain_points
+from fantoccini.output.view.shapes import link_solids
+from fantoccini.output.view.still import Still
 
 pytestmark = pytest.mark.long
 

@@ -18,7 +18,7 @@ from tests.animation.test_bvh import BODIES
 from tests.cli.command import fantoccini
 
 import fantoccini as fan
-from fantoccini.animation import formats
+from fantoccini.output.animation import formats
 
 TOPICS = {
     "/tf": "foxglove.FrameTransforms",
@@ -228,7 +228,7 @@ def test_a_run_that_starts_late_and_one_that_stopped(
 
 
 def test_names_of_strings_become_fields() -> None:
-    from fantoccini.animation.foxglove import identifiers
+    from fantoccini.output.animation.foxglove import identifiers
 
     names = ["pierrot.hand", "pierrot_hand", "2nd", "timestamp", "Ünder"]
     assert identifiers(names) == ["pierrot_hand", "pierrot_hand_", "_2nd", "timestamp_", "_nder"]

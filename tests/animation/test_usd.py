@@ -10,7 +10,7 @@ import pytest
 from tests.animation.test_glb import still_of
 
 import fantoccini as fan
-from fantoccini.animation import formats
+from fantoccini.output.animation import formats
 
 pxr = pytest.importorskip("pxr", reason="usd-core is not installed")
 from pxr import Usd, UsdGeom, UsdShade  # noqa: E402

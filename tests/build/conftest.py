@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from fantoccini.build import Source
+from fantoccini.kernel.build import Source
 
 KEY = "ab" * 32
 

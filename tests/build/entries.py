@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 from pathlib import Path
 
-from fantoccini import build
+from fantoccini.kernel import build
 
 
 def answer(entry: Path) -> int:

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from tests.build.entries import answer, never
 
-from fantoccini import build
-from fantoccini.build import cache as cache_module
+from fantoccini.kernel import build
+from fantoccini.kernel.build import cache as cache_module
 
 
 def test_an_entry_holds_the_library_the_info_and_the_sources(cache, key, source):
@@ -126,7 +126,7 @@ RACE = """
 import sys, time
 from pathlib import Path
 from fantoccini import build
-from fantoccini.build import cache
+from fantoccini.kernel.build import cache
 if {unlocked}:
     cache.fcntl = None
 def produce():

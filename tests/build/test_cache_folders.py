@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from tests.build.entries import answer, never
 
-from fantoccini import build
-from fantoccini.build import folders
-from fantoccini.errors import BuildError
+from fantoccini.base.errors import BuildError
+from fantoccini.kernel import build
+from fantoccini.kernel.build import folders
 
 
 def refuge_of(entry: Path, key: str) -> Path:

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 import fantoccini
-from fantoccini.build import closure
-from fantoccini.build.significant import significant_cpp, significant_python
-from fantoccini.marionette import compiled
+from fantoccini.dynamics.compiled import libraries as compiled
+from fantoccini.kernel.build import closure
+from fantoccini.kernel.build.significant import significant_cpp, significant_python
 
 PACKAGE = Path(fantoccini.__file__).parent
 

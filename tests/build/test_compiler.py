@@ -11,15 +11,15 @@ from pathlib import Path
 
 import pytest
 
-from fantoccini import build
-from fantoccini.build import compiler as compiler_module
-from fantoccini.build.compiler import (
+from fantoccini.base.errors import BuildError
+from fantoccini.kernel import build
+from fantoccini.kernel.build import compiler as compiler_module
+from fantoccini.kernel.build.compiler import (
     BASE_FLAGS,
     first_build_notice,
     run_compiler,
     run_compilers,
 )
-from fantoccini.errors import BuildError
 
 VERSION = 'if [ "$1" = --version ]; then echo "fake g++ 1.0"; exit 0; fi\n'
 

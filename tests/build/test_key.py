@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from fantoccini import build
-from fantoccini.build import key as key_module
+from fantoccini.kernel import build
+from fantoccini.kernel.build import key as key_module
 
 ARGUMENTS = ("puppet", "generator 1", ("-O2",))
 

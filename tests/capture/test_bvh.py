@@ -10,7 +10,7 @@ from benchmarks.capture import clips
 from scipy.spatial.transform import Rotation
 
 import fantoccini as fan
-from fantoccini.errors import FileError, UnknownNameError
+from fantoccini.base.errors import FileError, UnknownNameError
 
 ARM = """\
 HIERARCHY

@@ -10,9 +10,9 @@ from benchmarks.capture.swing import hand_strings, identify_swing, lead
 from scipy.ndimage import gaussian_filter1d
 
 import fantoccini as fan
-from fantoccini.retarget import figure_of, retarget_clip
-from fantoccini.retarget.following import ACCELERATION, SPEED
-from fantoccini.retarget.retargeting import hangers, places_in
+from fantoccini.theatre.retarget import figure_of, retarget_clip
+from fantoccini.theatre.retarget.following import ACCELERATION, SPEED
+from fantoccini.theatre.retarget.retargeting import hangers, places_in
 
 DT = 0.01
 PENDULUM = """

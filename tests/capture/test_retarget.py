@@ -11,12 +11,18 @@ from scipy.spatial.transform import Rotation
 from tests.cli.command import fantoccini
 
 import fantoccini as fan
-from fantoccini.capture import Capture, Skeleton
-from fantoccini.errors import FileError, StateError
-from fantoccini.retarget import figure_of, find_mapping, load_mapping, mapping_names, retargeting
-from fantoccini.retarget.following import ACCELERATION, GROUPS, SPEED, FollowStatus, eased
-from fantoccini.retarget.mapping import PARTS, joints_of
-from fantoccini.retarget.placing import place
+from fantoccini.base.errors import FileError, StateError
+from fantoccini.theatre.capture import Capture, Skeleton
+from fantoccini.theatre.retarget import (
+    figure_of,
+    find_mapping,
+    load_mapping,
+    mapping_names,
+    retargeting,
+)
+from fantoccini.theatre.retarget.following import ACCELERATION, GROUPS, SPEED, FollowStatus, eased
+from fantoccini.theatre.retarget.mapping import PARTS, joints_of
+from fantoccini.theatre.retarget.placing import place
 
 pytestmark = pytest.mark.long
 
@@ -225,7 +231,7 @@ def test_a_run_that_begins_later_follows_as_well(marionette, tmp_path):
 def test_a_run_that_breaks_off_is_told(marionette, tmp_path, monkeypatch):
     """A loop that a string stops ends there, and is no success even if its inputs run on."""
     path = clip(tmp_path, "lafan1", "wave")
-    from fantoccini.marionette import Stepper
+    from fantoccini.dynamics.steppers import Stepper
 
     advance = Stepper.advance
 
@@ -249,7 +255,7 @@ def test_a_run_far_from_its_clip_does_not_follow(marionette, monkeypatch):
         bounds.append((speed["hand_left.x"], acceleration["head.length"]))
         return np.zeros((int(np.ceil(until / 0.05)) + 1, puppet.coordinates.n_vK)), True
 
-    monkeypatch.setattr("fantoccini.retarget.following.lead_along", still)
+    monkeypatch.setattr("fantoccini.theatre.retarget.following.lead_along", still)
     hung = fan.retarget_clip(marionette, "walk_up")
     lost = fan.follow_clip(marionette, hung, speed=1.0, acceleration={"head.length": 4.0})
     assert lost.status is FollowStatus.ASTRAY and not lost
@@ -362,7 +368,7 @@ def test_puppets_without_a_persons_bodies_are_refused(marionette):
 
 
 def test_bundled_clips_come_with_their_notice():
-    folder = Path(fan.capture.__file__).parent / "clips"
+    folder = Path(fan.theatre.capture.__file__).parent / "clips"
     assert "NSF EIA-0196217" in (folder / "NOTICE").read_text()
     for name in fan.clip_names():
         read = fan.load_bvh(name)

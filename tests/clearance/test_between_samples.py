@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.clearance import Clearance, Path
+from fantoccini.dynamics.clearance import Clearance, Path
 
 CHAIN = """
 puppet: chain

@@ -11,10 +11,15 @@ from scipy.optimize import minimize_scalar
 
 import fantoccini as fan
 from clearance.balls import balls, carried, smooth
-from fantoccini.clearance import Approach, StringsApart
-from fantoccini.clearance.segments import between_segments, from_box, from_ellipsoid, hanging
-from fantoccini.clearance.string_pairs import string_pairs
-from fantoccini.view import rope
+from fantoccini.dynamics.clearance import Approach, StringsApart
+from fantoccini.dynamics.clearance.segments import (
+    between_segments,
+    from_box,
+    from_ellipsoid,
+    hanging,
+)
+from fantoccini.dynamics.clearance.string_pairs import string_pairs
+from fantoccini.output.view import rope
 
 N_POINTS = 200
 """Points along strings that stand for them."""
@@ -88,7 +93,7 @@ def expected(seed: int, slack: float) -> dict[tuple[str, str], np.ndarray]:
     return found
 
 
-def listed(found: fan.clearance.Approaches) -> list[Approach]:
+def listed(found: fan.dynamics.clearance.Approaches) -> list[Approach]:
     return [*found.strings, *found.bodies, *found.own]
 
 

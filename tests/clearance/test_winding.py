@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from clearance.balls import balls, carried, smooth
-from fantoccini.clearance import StringMotion, StringsApart
+from fantoccini.dynamics.clearance import StringMotion, StringsApart
 
 
 def watched(t, low, high) -> StringMotion:

@@ -6,7 +6,7 @@ from typing import Any
 
 from typer.testing import CliRunner
 
-from fantoccini.cli.app import app
+from fantoccini.app.cli.app import app
 
 
 def fantoccini(*arguments: object) -> Any:

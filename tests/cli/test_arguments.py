@@ -14,9 +14,9 @@ from packaging.utils import canonicalize_name
 from tests.cli.command import fantoccini, mistake
 
 import fantoccini as fan
-from fantoccini.cli import doctor
-from fantoccini.cli.terminal import plain
-from fantoccini.errors import BuildError
+from fantoccini.app.cli import doctor
+from fantoccini.app.console.terminal import plain
+from fantoccini.base.errors import BuildError
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -49,7 +49,7 @@ def test_the_documentation_names_every_option() -> None:
 
 def test_help_loads_nothing_that_only_some_commands_need() -> None:
     code = (
-        "import sys; from fantoccini.cli.app import app\n"
+        "import sys; from fantoccini.app.cli.app import app\n"
         "try: app(['--help'])\n"
         "except SystemExit: pass\n"
         "print([m for m in ('sympy', 'matplotlib', 'rich.progress', 'imageio_ffmpeg')"
@@ -195,7 +195,7 @@ def test_a_fault_of_our_own_is_said_in_one_line(monkeypatch) -> None:
     def broken(*_):
         raise ZeroDivisionError("[bold]\x1b")
 
-    monkeypatch.setattr("fantoccini.cli.check.marionette", broken)
+    monkeypatch.setattr("fantoccini.app.cli.check.marionette", broken)
     result = fantoccini("check", "arm2d")
     assert result.exit_code == 1
     assert "internal error: ZeroDivisionError: [bold]\\x1b" in result.stderr
@@ -207,7 +207,7 @@ def test_a_build_that_fails_ends_with_1(monkeypatch) -> None:
     def fails(*_):
         raise BuildError("the compiler failed")
 
-    monkeypatch.setattr("fantoccini.cli.simulate.marionette", fails)
+    monkeypatch.setattr("fantoccini.app.cli.simulate.marionette", fails)
     result = fantoccini("simulate", "arm2d")
     assert (result.exit_code, result.stderr.splitlines()[-1]) == (
         1,

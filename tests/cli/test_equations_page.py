@@ -14,9 +14,9 @@ import sympy as sp
 from tests.cli.command import fantoccini
 
 import fantoccini as fan
-from fantoccini.equations.printing import BOUNDS, Printable, decimal, printable
-from fantoccini.marionette import coriolis_full
-from fantoccini.puppet import loads
+from fantoccini.dynamics.compiled import coriolis_full
+from fantoccini.kernel.equations.printing import BOUNDS, Printable, decimal, printable
+from fantoccini.model.puppet import loads
 
 GOLDEN = Path(__file__).parent / "golden"
 """What is printed of small puppets; FANTOCCINI_UPDATE=1 writes it anew, to be read by a person."""
@@ -178,7 +178,7 @@ def test_a_page_is_not_wider_than_its_lines(name) -> None:
 
 def test_a_terminal_without_greek_gets_ascii() -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "fantoccini.cli.app", "equations", "arm2d"],
+        [sys.executable, "-m", "fantoccini.app.cli.app", "equations", "arm2d"],
         capture_output=True,
         env={**os.environ, "PYTHONIOENCODING": "ascii"},
         check=True,

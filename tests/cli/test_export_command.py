@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from tests.cli.command import fantoccini, mistake
 
-from fantoccini import codegen
+from fantoccini.kernel import codegen
 
 
 def test_files_are_written_into_a_new_folder(tmp_path) -> None:

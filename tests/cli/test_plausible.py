@@ -11,8 +11,9 @@ import pytest
 from tests.cli.command import fantoccini
 
 import fantoccini as fan
-from fantoccini.marionette import input_warnings, loads, warnings
-from fantoccini.tree import measure
+from fantoccini.dynamics.equilibrium import input_warnings, warnings
+from fantoccini.dynamics.marionette import loads
+from fantoccini.model.tree import measure
 
 ROOT = Path(__file__).resolve().parents[2]
 PERFORMANCES = {

@@ -13,8 +13,8 @@ from tests.cli.command import fantoccini, mistake
 from tests.plays.tiny import MAY_TOUCH, TOUCHES, write_play
 
 import fantoccini as fan
-from fantoccini import view
-from fantoccini.media import ffmpeg
+from fantoccini.base.media import ffmpeg
+from fantoccini.output import reports
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +85,7 @@ def test_the_verdict_is_told_before_the_report_and_the_film_are_made(tmp_path, m
     def fails(*_, **__):
         raise fan.PictureError("no room on the disk")
 
-    monkeypatch.setattr(view, "play_report", fails)
+    monkeypatch.setattr(reports, "play_report", fails)
     result = fantoccini("play", write_play(tmp_path, TOUCHES), "--report", tmp_path / "page.html")
     assert result.exit_code != 0
     assert "1 of 2 cues can be done" in result.stdout
@@ -138,7 +138,7 @@ def test_a_file_of_another_kind_is_named(tmp_path):
 
 
 def test_check_reads_a_play_and_simulates_nothing(tmp_path, monkeypatch):
-    monkeypatch.setattr("fantoccini.plays.compiling.touches", None)
+    monkeypatch.setattr("fantoccini.theatre.plays.compiling.touches", None)
     path = write_play(tmp_path)
     result = fantoccini("check", path, "arm2d")
     assert result.exit_code == 0

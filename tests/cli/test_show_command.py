@@ -39,7 +39,7 @@ class Shown:
     def __init__(self, *arguments: object, folder: Path):
         path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
         self.process = subprocess.Popen(
-            [sys.executable, "-c", "from fantoccini.cli import main; main()", "show",
+            [sys.executable, "-c", "from fantoccini.app.cli import main; main()", "show",
              *map(str, arguments), "--no-browser"],
             env={**os.environ, "PYTHONPATH": path}, stdout=subprocess.PIPE,
             stderr=subprocess.PIPE, text=True, cwd=folder,

@@ -13,8 +13,8 @@ import pytest
 from tests.cli.command import fantoccini, mistake
 
 import fantoccini as fan
-from fantoccini.cli.report import longest_slack
-from fantoccini.errors import Status
+from fantoccini.app.console.report import longest_slack
+from fantoccini.base.errors import Status
 
 pytestmark = pytest.mark.slow
 
@@ -141,8 +141,8 @@ def test_impossible_inputs_leave_what_was_reached_and_end_with_1(tmp_path) -> No
 
 BEGUN = """
 import sys
-from fantoccini.cli import main
-from fantoccini.simulation import run
+from fantoccini.app.cli import main
+from fantoccini.dynamics.simulation import run
 
 advance = run.Run.advance
 

@@ -37,7 +37,7 @@ pytestmark = [
 ROOT = Path(__file__).resolve().parents[2]
 PATIENT = (
     "from fantoccini.stand import sending; sending.LATEST = 5.0; "
-    "from fantoccini.cli import main; main()"
+    "from fantoccini.app.cli import main; main()"
 )
 """The command line, on a machine that may be busy."""
 PACE = 0.02
@@ -340,7 +340,7 @@ def test_the_emulated_stand_of_packets_writes_where_its_motors_were(files, monke
     monkeypatch.setattr(sending, "LATEST", 5.0)
     path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
     emulated = subprocess.Popen(
-        [sys.executable, "-c", "from fantoccini.cli import main; main()", "stand", "emulate",
+        [sys.executable, "-c", "from fantoccini.app.cli import main; main()", "stand", "emulate",
          "stand.yaml", "--controller", "osc", "--listen", "127.0.0.1:0", "--out", "motors.csv"],
         env={**os.environ, "PYTHONPATH": path}, text=True, cwd=files,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE,

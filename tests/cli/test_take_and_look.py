@@ -6,8 +6,8 @@ import pytest
 from tests.cli.command import fantoccini
 
 import fantoccini as fan
-from fantoccini.cli.requests import SimulateRequest
-from fantoccini.cli.simulate import suggest_faster
+from fantoccini.app.cli.simulate import suggest_faster
+from fantoccini.app.console.requests import SimulateRequest
 
 
 @pytest.fixture(scope="module")

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from fantoccini import puppets
-from fantoccini.codegen import c99_files
-from fantoccini.codegen.orders import shown
-from fantoccini.contract import FUNCTIONS
-from fantoccini.puppet import load
+from fantoccini.kernel.codegen import c99_files
+from fantoccini.kernel.codegen.orders import shown
+from fantoccini.kernel.contract import FUNCTIONS
+from fantoccini.model.puppet import load
 from harness import Model
 from oracles.random_trees import description
 

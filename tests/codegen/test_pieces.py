@@ -9,9 +9,9 @@ import pytest
 import fantoccini as fan
 from cpp.toolchain import compile_program, equations, run_program
 from fantoccini import puppets
-from fantoccini.codegen import generate, model_text
-from fantoccini.codegen.straight import pieces, program, together
-from fantoccini.puppet import load
+from fantoccini.kernel.codegen import generate, model_text
+from fantoccini.kernel.codegen.straight import pieces, program, together
+from fantoccini.model.puppet import load
 from harness import Model
 
 STAGE = """

@@ -11,8 +11,8 @@ import pytest
 import fantoccini as fan
 from cpp.toolchain import equations
 from fantoccini import puppets
-from fantoccini.codegen.model import tables_text
-from fantoccini.codegen.straight import pieces, program
+from fantoccini.kernel.codegen.model import tables_text
+from fantoccini.kernel.codegen.straight import pieces, program
 
 NAMES = ("arm2d", "arm3d", "crane", "marionette", "marionette_bar", "stand6", "string_pendulum")
 

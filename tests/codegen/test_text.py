@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 
 from fantoccini import puppets
-from fantoccini.codegen import c99_files, generate, operations
-from fantoccini.equations import derive
-from fantoccini.puppet import load
-from fantoccini.tree import grow
+from fantoccini.kernel.codegen import c99_files, generate, operations
+from fantoccini.kernel.equations import derive
+from fantoccini.model.puppet import load
+from fantoccini.model.tree import grow
 
 SOURCE = Path(__file__).resolve().parents[2] / "src"
 
@@ -38,10 +38,10 @@ gets simpler; raise one only for a reason that the commit tells."""
 _HASHES = """
 import hashlib, json, sys
 from fantoccini import puppets
-from fantoccini.codegen import c99_files, generate
-from fantoccini.equations import derive
-from fantoccini.puppet import load
-from fantoccini.tree import grow
+from fantoccini.kernel.codegen import c99_files, generate
+from fantoccini.kernel.equations import derive
+from fantoccini.model.puppet import load
+from fantoccini.model.tree import grow
 equations = derive(grow(load(puppets.path("arm2d"))))
 files = generate(equations).files | c99_files(equations)
 hashes = {n: hashlib.sha256(t.encode()).hexdigest() for n, t in files.items()}

@@ -7,9 +7,9 @@ import pytest
 from typer.testing import CliRunner
 
 import fantoccini as fan
-from fantoccini.cli.app import app
-from fantoccini.errors import PuppetError
-from fantoccini.puppet import loads
+from fantoccini.app.cli.app import app
+from fantoccini.base.errors import PuppetError
+from fantoccini.model.puppet import loads
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.errors import Status
+from fantoccini.base.errors import Status
 
 pytestmark = pytest.mark.slow
 

@@ -8,7 +8,7 @@ import pytest
 import fantoccini as fan
 from contact.bodies import G, on_slope, thrown
 from contact.files import BALL, BALLS, BOX, EGG
-from fantoccini.marionette.contact_state import resting
+from fantoccini.dynamics.derivatives.contact_state import resting
 from oracles.differences import difference, moved, worst
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]

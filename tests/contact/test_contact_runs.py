@@ -13,9 +13,10 @@ from tests.perform.before import arrays_before
 
 import fantoccini as fan
 from contact.bodies import G, on_slope, stepped, thrown
-from fantoccini import puppets, scene as scene_file
-from fantoccini.errors import Status
-from fantoccini.marionette import refuse_contact
+from fantoccini import puppets
+from fantoccini.base.errors import Status
+from fantoccini.dynamics.compiled import refuse_contact
+from fantoccini.model import scene as scene_file
 
 pytestmark = pytest.mark.slow
 

@@ -11,10 +11,10 @@ import trimesh
 
 import fantoccini as fan
 from contact.dented_meshes import bowl, hook, ring, written
-from fantoccini.errors import PuppetError
-from fantoccini.puppet import Mesh
-from fantoccini.runtime import pieces
-from fantoccini.runtime.hulls import mesh_hulls
+from fantoccini.base.errors import PuppetError
+from fantoccini.kernel.runtime import pieces
+from fantoccini.kernel.runtime.hulls import mesh_hulls
+from fantoccini.model.puppet import Mesh
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 

@@ -11,7 +11,7 @@ import trimesh
 
 import fantoccini as fan
 from contact.bodies import stepped, thrown
-from fantoccini.errors import PuppetError
+from fantoccini.base.errors import PuppetError
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 

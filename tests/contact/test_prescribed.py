@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.contract import EventCode
-from fantoccini.errors import Status
+from fantoccini.base.errors import Status
+from fantoccini.kernel.contract import EventCode
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 

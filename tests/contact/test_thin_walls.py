@@ -7,7 +7,7 @@ import pytest
 
 import fantoccini as fan
 from contact.bodies import stepped, thrown
-from fantoccini.errors import Status
+from fantoccini.base.errors import Status
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 

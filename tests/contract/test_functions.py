@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini import contract
-from fantoccini.contract.cpp import HEADER, header
-from fantoccini.contract.functions import needed
-from fantoccini.contract.table import PAGE, page
-from fantoccini.equations import Derivatives, Equations, Variational, VariationalDerivatives
-from fantoccini.errors import BuildError
-from fantoccini.runtime import Library, functions
+from fantoccini.base.errors import BuildError
+from fantoccini.kernel import contract
+from fantoccini.kernel.contract.cpp import HEADER, header
+from fantoccini.kernel.contract.functions import needed
+from fantoccini.kernel.contract.table import PAGE, page
+from fantoccini.kernel.equations import Derivatives, Equations, Variational, VariationalDerivatives
+from fantoccini.kernel.runtime import Library, functions
 
-FRESH = "python -m fantoccini.contract writes it"
+FRESH = "python -m fantoccini.kernel.contract writes it"
 
 
 def derived(equations: Equations) -> dict:

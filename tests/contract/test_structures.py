@@ -8,8 +8,11 @@ import subprocess
 import pytest
 
 from cpp.toolchain import gcc
-from fantoccini.build import runtime_folder
-from fantoccini.contract import (
+from fantoccini.base.errors import Status
+from fantoccini.dynamics.compiled import active_set
+from fantoccini.dynamics.marionette.puppets import arm2d
+from fantoccini.kernel.build import runtime_folder
+from fantoccini.kernel.contract import (
     BOOKS,
     CONSTANTS,
     PARTS,
@@ -19,12 +22,9 @@ from fantoccini.contract import (
     identity,
     width,
 )
-from fantoccini.contract.cpp import header
-from fantoccini.errors import Status
-from fantoccini.marionette import active_set
-from fantoccini.puppets import arm2d
-from fantoccini.runtime.clearance import SOLID
-from fantoccini.runtime.structures import structures
+from fantoccini.kernel.contract.cpp import header
+from fantoccini.kernel.runtime.clearance import SOLID
+from fantoccini.kernel.runtime.structures import structures
 
 
 def offsets(structure) -> list[int]:

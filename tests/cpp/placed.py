@@ -16,7 +16,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from cpp.toolchain import run_program
-from fantoccini.runtime.hulls import Hull, hull_of
+from fantoccini.kernel.runtime.hulls import Hull, hull_of
 
 SEGMENT, BOX, HALF_SPACE, HULL = 0, 1, 2, 3
 MAX_TOUCHES = 8

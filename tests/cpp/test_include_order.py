@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from cpp.toolchain import gcc
-from fantoccini.build import runtime_folder
+from fantoccini.kernel.build import runtime_folder
 
 ROOT = runtime_folder() / "fantoccini"
 ORDER = (

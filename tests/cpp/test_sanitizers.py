@@ -7,7 +7,7 @@ import pytest
 
 from cpp.toolchain import SANITIZE, compile_program, numbers, run_program, write_model
 from fantoccini import Input, puppets, simulate
-from fantoccini.runtime.structures import structures
+from fantoccini.kernel.runtime.structures import structures
 
 pytestmark = pytest.mark.slow
 

@@ -32,8 +32,8 @@ from cpp.placed import (
     touches,
 )
 from cpp.toolchain import SANITIZE, compile_program
-from fantoccini.contract import HULL_VERTICES
-from fantoccini.runtime.hulls import Hull, hull_of
+from fantoccini.kernel.contract import HULL_VERTICES
+from fantoccini.kernel.runtime.hulls import Hull, hull_of
 
 pytestmark = pytest.mark.slow
 

@@ -10,8 +10,8 @@ import pytest
 
 from cpp.toolchain import SANITIZE, compile_program, equations, numbers, run_program
 from fantoccini import puppets
-from fantoccini.build import runtime_folder
-from fantoccini.codegen import generate
+from fantoccini.kernel.build import runtime_folder
+from fantoccini.kernel.codegen import generate
 
 pytestmark = pytest.mark.slow
 

@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 
 from fantoccini import puppets
-from fantoccini.build import runtime_folder
-from fantoccini.codegen import generate
-from fantoccini.equations import Equations, derive
-from fantoccini.puppet import load
-from fantoccini.tree import grow
+from fantoccini.kernel.build import runtime_folder
+from fantoccini.kernel.codegen import generate
+from fantoccini.kernel.equations import Equations, derive
+from fantoccini.model.puppet import load
+from fantoccini.model.tree import grow
 
 HERE = Path(__file__).parent
 WARNINGS = (

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.puppet import Parameter
+from fantoccini.base.documents import Parameter
 from harness import Model, State, polynomial_input, start
 from oracles import arm2d_events
 from oracles.arm2d_sympy import Arm, model

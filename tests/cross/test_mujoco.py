@@ -7,8 +7,8 @@ import pytest
 
 import fantoccini as fan
 from fantoccini import motion
-from fantoccini.marionette import Evaluation
-from fantoccini.puppet import load
+from fantoccini.dynamics.compiled import Evaluation
+from fantoccini.model.puppet import load
 from harness import Model, State
 from oracles import mjcf, random_trees
 

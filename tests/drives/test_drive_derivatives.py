@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.simulation.intervals import interval_derivatives
+from fantoccini.dynamics.simulation.intervals import interval_derivatives
 from oracles.differences import difference, worst
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 
 import fantoccini as fan
-from fantoccini.errors import ExchangeError, PuppetError
-from fantoccini.exchange import mjcf
-from fantoccini.puppet import Puppet, loads
-from fantoccini.scene import Scene, assembled
-from fantoccini.tree import grow
+from fantoccini.base.errors import ExchangeError, PuppetError
+from fantoccini.dynamics.mujoco import mjcf
+from fantoccini.model.puppet import Puppet, loads
+from fantoccini.model.scene import Scene, assembled
+from fantoccini.model.tree import grow
 
 pytestmark = pytest.mark.own_puppets
 

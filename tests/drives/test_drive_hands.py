@@ -7,8 +7,8 @@ import pytest
 
 import fantoccini as fan
 from drives.test_drives import BOB
-from fantoccini.errors import StateError
-from fantoccini.perform.hands import Hands
+from fantoccini.base.errors import StateError
+from fantoccini.theatre.perform.hands import Hands
 
 pytestmark = pytest.mark.own_puppets
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.equations.derivatives import Derivatives
-from fantoccini.equations.energy import kinetic_energy
+from fantoccini.kernel.equations.derivatives import Derivatives
+from fantoccini.kernel.equations.energy import kinetic_energy
 from harness import Model
 from oracles.random_trees import description
 

@@ -9,12 +9,12 @@ import pytest
 
 import fantoccini as fan
 from drives.test_drives import BOB, MACHINES
-from fantoccini.errors import InputError, StateError, UnknownNameError
+from fantoccini.base.errors import InputError, StateError, UnknownNameError
+from fantoccini.control.problems.rollouts import Bounds
+from fantoccini.model.puppet import loads
+from fantoccini.model.tree import grow
 from fantoccini.motion import Input
 from fantoccini.motion.archive import table_from_json, table_to_json
-from fantoccini.planning.rollouts import Bounds
-from fantoccini.puppet import loads
-from fantoccini.tree import grow
 
 pytestmark = pytest.mark.own_puppets
 
@@ -77,8 +77,8 @@ def test_a_table_reads_back_with_its_commands():
 
 def test_a_puppet_hangs_at_rest_where_a_drive_is_started():
     """simulate --start line.length=0.7, and a Trial's start, are those of a mere input."""
-    from fantoccini.cli.start import start_state
-    from fantoccini.sweeps.trial import start_state as trial_start
+    from fantoccini.app.console.start import start_state
+    from fantoccini.lab.sweeps.trial import start_state as trial_start
 
     bob = fan.loads(BOB)
     rest = bob.rest({"line.length": 0.7})

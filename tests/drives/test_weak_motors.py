@@ -10,8 +10,8 @@ import scipy.integrate
 from tests.harness import method_of
 
 import fantoccini as fan
-from fantoccini.cli.report import report
-from fantoccini.errors import SimulationError, Status
+from fantoccini.app.console.report import report
+from fantoccini.base.errors import SimulationError, Status
 
 pytestmark = [pytest.mark.own_puppets, pytest.mark.long]
 

@@ -8,7 +8,7 @@ import pytest
 from benchmarks.exchange import models
 
 import fantoccini as fan
-from fantoccini.exchange import import_model
+from fantoccini.output.exchange import import_model
 
 pytestmark = pytest.mark.slow
 

@@ -9,8 +9,8 @@ import mujoco
 import pytest
 
 import fantoccini as fan
-from fantoccini.errors import ExchangeError
-from fantoccini.exchange import import_model
+from fantoccini.base.errors import ExchangeError
+from fantoccini.output.exchange import import_model
 
 MAIN = """<mujoco model="m">
   <include file="parts/first.xml"/>
@@ -81,7 +81,7 @@ def test_notes_name_the_included_file_and_its_line(folder):
     ]  # fmt: skip
     m = mujoco.MjModel.from_xml_path("m.xml")
     wanted = [m.body(k).name.replace(".", "_") for k in range(1, m.nbody)]
-    assert [body.name for body in fan.puppet.loads(made.text).bodies] == wanted
+    assert [body.name for body in fan.model.puppet.loads(made.text).bodies] == wanted
 
 
 WRONG = {
@@ -120,7 +120,7 @@ def test_mistakes_of_the_first_file_keep_their_lines(folder):
 
 def test_lines_are_known_where_meshes_are_read(folder):
     """The text that is read for lines has no folder, and meshes are not looked for there."""
-    (folder / "x.stl").write_bytes(fan.exchange.solids.cylinder_stl())
+    (folder / "x.stl").write_bytes(fan.output.exchange.solids.cylinder_stl())
     asset = '<asset><mesh name="x" file="{}.stl"/></asset>\n<worldbody>'
     text = FIRST.replace("<worldbody>", asset).replace('<geom size="0.1"/>', MESH)
     Path("parts/first.xml").write_text(text.format("x"))
@@ -223,7 +223,7 @@ def test_models_within_models_end(folder):
 def test_few_copies_are_made(folder):
     Path("parts/last.xml").write_text(f'<mujoco><replicate count="3">{GEOM}</replicate></mujoco>')
     made = import_model("m.xml")
-    (shapes,) = (b.shapes for b in fan.puppet.loads(made.text).bodies if b.name == "c_d")
+    (shapes,) = (b.shapes for b in fan.model.puppet.loads(made.text).bodies if b.name == "c_d")
     assert len(shapes) == 3
 
 
@@ -302,7 +302,7 @@ def test_a_mistake_that_an_attached_model_has_too_is_told_of_the_file(folder):
 def test_files_of_attached_models_are_kept(folder):
     for name in ("parts/a_meshes", "a_meshes"):
         Path(name).mkdir()
-    mesh = fan.exchange.solids.cylinder_stl()
+    mesh = fan.output.exchange.solids.cylinder_stl()
     Path("parts/y.xml").write_text(
         '<mujoco><compiler meshdir="a_meshes"/><include file="z.xml"/><worldbody><body name="b">'
         '<joint/><geom type="mesh" mesh="part"/></body></worldbody></mujoco>'

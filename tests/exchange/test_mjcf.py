@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.errors import ExchangeError, MissingLibraryError
-from fantoccini.exchange import MuJoCoPuppet, mjcf
+from fantoccini.base.errors import ExchangeError, MissingLibraryError
+from fantoccini.dynamics.mujoco import MuJoCoPuppet, mjcf
 from harness import Model, State
 from oracles import random_trees
 

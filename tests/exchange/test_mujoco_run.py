@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.exchange import mujoco_run
+from fantoccini.dynamics.mujoco import mujoco_run
 
 MIXED = """
 puppet: mixed

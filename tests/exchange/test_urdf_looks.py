@@ -11,8 +11,8 @@ import trimesh
 from tests.exchange.test_import_urdf import imported, tetrahedron
 
 import fantoccini as fan
-from fantoccini.exchange.draft import Draft
-from fantoccini.exchange.model_file import read_model
+from fantoccini.output.exchange.draft import Draft
+from fantoccini.output.exchange.model_file import read_model
 
 RED_BLUE = """mtllib {0}.mtl
 v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1
@@ -26,7 +26,7 @@ def coloured_by(visuals: str, folder: Path) -> tuple:
     (folder / "a.mtl").write_text("newmtl red\nKd 1 0 0\nnewmtl blue\nKd 0 0.2 1\n")
     made = imported(f'<robot name="r"><link name="a">{visuals}</link></robot>', folder)
     made.save(folder / "r.yaml")
-    (body,) = fan.puppet.load(folder / "r.yaml").bodies
+    (body,) = fan.model.puppet.load(folder / "r.yaml").bodies
     return body.shapes, made.report
 
 
@@ -37,7 +37,7 @@ def test_meshes_keep_the_colours_of_their_files(tmp_path):
     """As the mesh's own file has them."""
     (shape,), report = coloured_by(f"<visual>{MESH}</visual>", tmp_path)
     assert shape.colour is None and not report
-    wanted = fan.meshes.read(tmp_path / "a.obj", tmp_path)
+    wanted = fan.model.meshes.read(tmp_path / "a.obj", tmp_path)
     found = shape.read()
     middles = [m.vertices[m.faces].mean(axis=1) for m in (wanted, found)]
     order = [np.lexsort(x.round(6).T) for x in middles]
@@ -81,8 +81,8 @@ def test_looks_of_mesh_files_that_are_lost_are_told(red, told, tmp_path):
 def test_a_part_without_material_is_grey(tmp_path):
     corners, faces = tetrahedron()
     colours = np.array([[1, 0, 0], [np.nan] * 3, [np.nan] * 3, [0, 0, 1.0]])
-    (tmp_path / "a.ply").write_bytes(fan.exchange.solids.ply(corners, faces, colours))
-    found = fan.meshes.read(tmp_path / "a.ply", tmp_path).colours
+    (tmp_path / "a.ply").write_bytes(fan.output.exchange.solids.ply(corners, faces, colours))
+    found = fan.model.meshes.read(tmp_path / "a.ply", tmp_path).colours
     assert np.array_equal(found, np.array([[255, 0, 0], [178] * 3, [178] * 3, [0, 0, 255]]) / 255)
 
 
@@ -91,8 +91,8 @@ def test_64_colours_have_room_for_a_part_without_one(tmp_path):
     ball = trimesh.creation.icosphere(1)
     colours = np.full((len(ball.faces), 3), np.nan)
     colours[:64] = np.column_stack([np.arange(64.0), np.full((64, 2), 178.0)]) / 255
-    (tmp_path / "a.ply").write_bytes(fan.exchange.solids.ply(ball.vertices, ball.faces, colours))
-    found = fan.meshes.read(tmp_path / "a.ply", tmp_path).colours
+    (tmp_path / "a.ply").write_bytes(fan.output.exchange.solids.ply(ball.vertices, ball.faces, colours))
+    found = fan.model.meshes.read(tmp_path / "a.ply", tmp_path).colours
     wanted = np.where(np.isfinite(colours), colours, colours[63])
     assert np.array_equal(np.sort(found, axis=0), np.sort(wanted, axis=0))
 
@@ -114,8 +114,8 @@ def test_materials_without_a_name_are_of_their_visuals_alone(tmp_path):
 def test_many_parts_of_one_mesh_without_names_are_made_at_once(tmp_path, monkeypatch):
     """The file is read once, and numbers are not counted through from 2."""
     reads = []
-    read = fan.meshes.read
-    monkeypatch.setattr(fan.meshes, "read", lambda *given: reads.append(given) or read(*given))
+    read = fan.model.meshes.read
+    monkeypatch.setattr(fan.model.meshes, "read", lambda *given: reads.append(given) or read(*given))
     shapes, _ = coloured_by(f"<visual>{MESH}</visual>" * 50, tmp_path)
     assert len(shapes) == 50 and len([path for path, _ in reads if path.suffix == ".obj"]) == 1
     draft = Draft(read_model(tmp_path / "robot.urdf"), "r")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.errors import FileError, UnknownNameError
+from fantoccini.base.errors import FileError, UnknownNameError
 
 NUMBER = """\
 score: number

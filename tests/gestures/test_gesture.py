@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.errors import InputError, StateError, UnknownNameError
-from fantoccini.gestures import gesture_names
-from fantoccini.motion import polynomial, rotation
+from fantoccini.base import polynomial, rotation
+from fantoccini.base.errors import InputError, StateError, UnknownNameError
+from fantoccini.theatre.gestures import gesture_names
 
 TWINS = """
 puppet: twins

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.errors import FileError
-from fantoccini.gestures import gesture_names, gesture_schema
-from fantoccini.puppet.located import read_file
+from fantoccini.base.documents.located import read_file
+from fantoccini.base.errors import FileError
+from fantoccini.theatre.gestures import gesture_names, gesture_schema
 
 GOOD = """\
 gesture: greet

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.errors import StateError
-from fantoccini.gestures import lateness
-from fantoccini.marionette import link_index
+from fantoccini.base.errors import StateError
+from fantoccini.dynamics.compiled import link_index
+from fantoccini.theatre.gestures import lateness
 
 pytestmark = pytest.mark.slow
 

@@ -13,9 +13,9 @@ import pytest
 from tests.cli.command import fantoccini, mistake
 
 import fantoccini as fan
-from fantoccini.errors import FileError
-from fantoccini.gestures import is_score, score_schema
-from fantoccini.puppet.located import read_file
+from fantoccini.base.documents.located import read_file
+from fantoccini.base.errors import FileError
+from fantoccini.theatre.gestures import is_score, score_schema
 
 HEAD = """\
 score: number

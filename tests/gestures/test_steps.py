@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.gestures.ends import Ends
-from fantoccini.gestures.stepping import Step, Track, footing_after
-from fantoccini.gestures.walking import SWAY, steps
+from fantoccini.theatre.gestures.ends import Ends
+from fantoccini.theatre.gestures.stepping import Step, Track, footing_after
+from fantoccini.theatre.gestures.walking import SWAY, steps
 
 GIVEN = (
     Step(0, 0.5), Step(0, 0.5), Step(0.08), Step(0.08), Step(0.08), Step(), Step(),

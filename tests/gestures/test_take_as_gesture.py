@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.gestures import gesture_of_take, is_gesture, piecewise
+from fantoccini.theatre.gestures import gesture_of_take, is_gesture, piecewise
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.errors import FileError, InputError, UnknownNameError
-from fantoccini.gestures import score_schema
-from fantoccini.puppet.located import read_file
+from fantoccini.base.documents.located import read_file
+from fantoccini.base.errors import FileError, InputError, UnknownNameError
+from fantoccini.theatre.gestures import score_schema
 
 pytestmark = pytest.mark.slow
 
@@ -61,7 +61,7 @@ def ends_at(puppet: fan.Marionette, x0: fan.State, d: np.ndarray, of: str = "") 
     return np.array(places["x"]) + 1j * np.array(places["y"])
 
 
-def bearing(run: fan.Run, puppet: fan.Marionette, t: float, to, of: str, side: str) -> float:
+def bearing(run: fan.Trajectory, puppet: fan.Marionette, t: float, to, of: str, side: str) -> float:
     """Angle between shoulder -> hand and shoulder -> place [deg]."""
     x = run.at(t)
     pose = puppet.pose(x, f"{of}forearm_{side}")
@@ -74,7 +74,7 @@ def angle(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
-def played(puppet: fan.Marionette, gesture: fan.Gesture) -> fan.Run:
+def played(puppet: fan.Marionette, gesture: fan.Gesture) -> fan.Trajectory:
     x0 = puppet.rest()
     return fan.simulate(puppet, x0, gesture.inputs(x0), method="timestepping")
 

@@ -15,8 +15,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 import fantoccini as fan
-from fantoccini.identification.estimating import fit_of
-from fantoccini.identification.fit import chained
+from fantoccini.lab.identification.estimating import fit_of
+from fantoccini.lab.identification.fit import chained
 
 pytestmark = pytest.mark.slow
 

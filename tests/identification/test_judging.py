@@ -10,8 +10,8 @@ from benchmarks.identify.cases import arm, record
 from benchmarks.identify.turned import turned
 
 import fantoccini as fan
-from fantoccini.identification.judging import columns, doubts, from_before, leaning
-from fantoccini.identification.units import parameter_units
+from fantoccini.lab.identification.judging import columns, doubts, from_before, leaning
+from fantoccini.lab.identification.units import parameter_units
 
 
 @pytest.fixture(scope="module")

@@ -12,15 +12,15 @@ from typer.testing import CliRunner
 
 import fantoccini as fan
 from fantoccini import puppets
-from fantoccini.cli.app import app
-from fantoccini.cli.identify import print_motions
-from fantoccini.errors import FileError, StateError
-from fantoccini.files import write_table
-from fantoccini.identification import record_schema
-from fantoccini.identification.estimating import Noise
-from fantoccini.identification.marking import find, missing_files, write_numbers
-from fantoccini.puppet.written import parameters
-from fantoccini.puppet.yaml_text import read_text
+from fantoccini.app.cli.app import app
+from fantoccini.app.cli.identify import print_motions
+from fantoccini.base.documents.yaml_text import read_text
+from fantoccini.base.errors import FileError, StateError
+from fantoccini.base.files import write_table
+from fantoccini.lab.identification import record_schema
+from fantoccini.lab.identification.estimating import Noise
+from fantoccini.lab.identification.marking import find, missing_files, write_numbers
+from fantoccini.model.puppet.written import parameters
 
 PLAIN = ARM.replace("{parameter: upper_mass, value: 0.13}", "0.13 # weighed badly").replace(
     "{parameter: lower_mass, value: 0.12}", "0.1"
@@ -307,7 +307,7 @@ def test_the_next_motion_is_written(folder, tmp_path):
 
 def test_motions_that_tell_nothing_are_called_so(capsys):
     still = fan.Input.hold(arm().puppet, 1.0)
-    print_motions((fan.identification.Candidate("still", still, 0.0, {}, (), np.inf),))
+    print_motions((fan.lab.identification.Candidate("still", still, 0.0, {}, (), np.inf),))
     assert "no motion tells anything" in capsys.readouterr().out
 
 

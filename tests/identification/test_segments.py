@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from benchmarks.identify.cases import arm, record
 
-from fantoccini.identification.cost import Cost
-from fantoccini.identification.estimating import fit_of
-from fantoccini.identification.fit import chained
-from fantoccini.identification.point import Weights
-from fantoccini.identification.searching import Kept
-from fantoccini.identification.untangling import untangled
-from fantoccini.identification.windows import cheaper, spread
+from fantoccini.lab.identification.cost import Cost
+from fantoccini.lab.identification.estimating import fit_of
+from fantoccini.lab.identification.fit import chained
+from fantoccini.lab.identification.point import Weights
+from fantoccini.lab.identification.searching import Kept
+from fantoccini.lab.identification.untangling import untangled
+from fantoccini.lab.identification.windows import cheaper, spread
 
 
 @pytest.fixture(scope="module")

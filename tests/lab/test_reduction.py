@@ -8,7 +8,7 @@ import sympy as sp
 
 import fantoccini as fan
 from fantoccini import puppets
-from fantoccini.errors import PuppetError
+from fantoccini.base.errors import PuppetError
 from fantoccini.lab import reduction
 from fantoccini.lab.reduction import (
     displaced,

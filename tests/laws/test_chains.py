@@ -171,7 +171,7 @@ def test_a_light_stiff_chain_moves_as_the_massless_string():
 
 def test_mujoco_agrees_on_the_pull_of_the_springs():
     mujoco = pytest.importorskip("mujoco")
-    from fantoccini.exchange.mjcf_model import mjcf
+    from fantoccini.dynamics.mujoco.mjcf_model import mjcf
 
     puppet = span()
     x = puppet.state()
@@ -186,7 +186,7 @@ def test_mujoco_agrees_on_the_pull_of_the_springs():
 
 
 def test_mujoco_cannot_wind_a_chain():
-    from fantoccini.exchange.mjcf_model import mjcf
+    from fantoccini.dynamics.mujoco.mjcf_model import mjcf
 
     with pytest.raises(fan.ExchangeError, match="a chain that is wound"):
         mjcf(rope())

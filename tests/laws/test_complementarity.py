@@ -22,9 +22,9 @@ from scipy.optimize import linprog, nnls
 
 import fantoccini as fan
 from fantoccini import Marionette, State
-from fantoccini.marionette import Evaluation
-from fantoccini.motion.rotation import exp
-from fantoccini.runtime import Complementarity
+from fantoccini.base.rotation import exp
+from fantoccini.dynamics.compiled import Evaluation
+from fantoccini.kernel.runtime import Complementarity
 from oracles.rigs import many_strings
 
 pytestmark = [pytest.mark.slow, pytest.mark.long]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.marionette import Evaluation
+from fantoccini.dynamics.compiled import Evaluation
 
 
 @pytest.fixture(scope="module", params=["marionette", "marionette_bar", "arm2d"])

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.motion import tangent
-from fantoccini.simulation.intervals import interval_derivatives
+from fantoccini.base import tangent
+from fantoccini.dynamics.simulation.intervals import interval_derivatives
 from oracles.differences import difference, worst
 
 FINE = {"method": fan.Event(rtol=1e-13, atol=1e-13), "effort": False}

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.codegen import generate
-from fantoccini.codegen.straight import program
-from fantoccini.marionette import Evaluation
-from fantoccini.marionette.linearisation import named_rows
-from fantoccini.marionette.stepper import Stepper
+from fantoccini.dynamics.compiled import Evaluation
+from fantoccini.dynamics.derivatives.linearisation import named_rows
+from fantoccini.dynamics.steppers.stepper import Stepper
+from fantoccini.kernel.codegen import generate
+from fantoccini.kernel.codegen.straight import program
 from oracles.differences import apart, difference, moved, worst
 
 pytestmark = [pytest.mark.slow, pytest.mark.long]

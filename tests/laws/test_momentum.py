@@ -7,7 +7,7 @@ import pytest
 
 import fantoccini as fan
 from cpp.toolchain import compile_program, run_program, write_model
-from fantoccini.tree import link_inertia, link_poses
+from fantoccini.model.tree import link_inertia, link_poses
 from harness import Model
 from oracles.random_trees import description
 

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.errors import PuppetError
-from fantoccini.marionette import check_mass_matrix, loads
-from fantoccini.marionette.compiled import Compiled
-from fantoccini.tree import joint_inertias
+from fantoccini.base.errors import PuppetError
+from fantoccini.dynamics.compiled import check_mass_matrix
+from fantoccini.dynamics.compiled.libraries import Compiled
+from fantoccini.dynamics.marionette import loads
+from fantoccini.model.tree import joint_inertias
 
 WOUND = """\
 puppet: wound

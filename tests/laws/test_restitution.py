@@ -16,8 +16,8 @@ import pytest
 
 import fantoccini as fan
 from fantoccini import Marionette, State, Trajectory
-from fantoccini.marionette import Evaluation
-from fantoccini.motion.rotation import exp, multiply
+from fantoccini.base.rotation import exp, multiply
+from fantoccini.dynamics.compiled import Evaluation
 
 pytestmark = pytest.mark.own_puppets
 

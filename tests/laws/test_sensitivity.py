@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.demo import performance
+from fantoccini.theatre.perform.demo import performance
 from oracles.differences import difference, moved, worst
 
 pytestmark = pytest.mark.slow

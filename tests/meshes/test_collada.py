@@ -11,10 +11,10 @@ from PIL import Image
 from tests.meshes.test_gltf import mesh, of_boxes
 from tests.meshes.written import CORNERS, CUBE, UP, puppet
 
-from fantoccini.errors import MissingLibraryError
-from fantoccini.meshes import read
-from fantoccini.puppet import loads
-from fantoccini.puppet.shapes import shape_inertia
+from fantoccini.base.errors import MissingLibraryError
+from fantoccini.model.meshes import read
+from fantoccini.model.puppet import loads
+from fantoccini.model.puppet.shapes import shape_inertia
 
 
 def dae(nodes: str, asset: str = "<up_axis>Z_UP</up_axis>", library: str = "") -> str:

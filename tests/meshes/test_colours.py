@@ -16,11 +16,11 @@ from tests.meshes.written import Writer
 from tests.show.browser import like, picture
 
 import fantoccini as fan
-from fantoccini.meshes import LIMITS, read
-from fantoccini.view import film
-from fantoccini.view.meshes import coloured
-from fantoccini.view.shapes import solid_of
-from fantoccini.view.silhouettes import mesh
+from fantoccini.model.meshes import LIMITS, read
+from fantoccini.output.view import film
+from fantoccini.output.view.meshes import coloured
+from fantoccini.output.view.shapes import solid_of
+from fantoccini.output.view.silhouettes import mesh
 
 RED, BLUE, GREEN = (0.5, 0.02, 0.03), (0.03, 0.05, 0.6), (0.04, 0.4, 0.1)
 """Linear."""

@@ -12,9 +12,9 @@ import trimesh
 from scipy.spatial.transform import Rotation
 from tests.meshes.written import CORNERS, CUBE, UP, Writer, puppet
 
-from fantoccini.meshes import LIMITS, is_closed, read
-from fantoccini.puppet import Mesh, loads
-from fantoccini.puppet.shapes import load_mesh, shape_inertia
+from fantoccini.model.meshes import LIMITS, is_closed, read
+from fantoccini.model.puppet import Mesh, loads
+from fantoccini.model.puppet.shapes import load_mesh, shape_inertia
 
 
 def mesh(folder: Path, name: str, **keys) -> Mesh:
@@ -218,7 +218,7 @@ def test_files_read_again_and_again_are_kept(tmp_path):
 
 def test_what_is_kept_is_bounded(tmp_path, monkeypatch):
     """The file that was read longest ago goes first."""
-    monkeypatch.setattr("fantoccini.meshes.files.LIMITS", LIMITS._replace(max_triangles=3500))
+    monkeypatch.setattr("fantoccini.model.meshes.files.LIMITS", LIMITS._replace(max_triangles=3500))
     paths = [tmp_path / f"{k}.stl" for k in range(4)]
     for k, path in enumerate(paths):
         trimesh.creation.box((2, 1, 1 + k)).export(path)

@@ -14,8 +14,8 @@ from tests.meshes.test_gltf import mesh
 from tests.meshes.written import CORNERS, CUBE, SIDES
 
 import fantoccini as fan
-from fantoccini.meshes import read
-from fantoccini.puppet.shapes import load_mesh
+from fantoccini.model.meshes import read
+from fantoccini.model.puppet.shapes import load_mesh
 
 PLACES = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 4.0, 1.0]])
 SIZES = (1.0, 2.0, 1.5)
@@ -48,7 +48,7 @@ def test_negative_indices_of_a_urdfs_mesh_count_back_from_their_line(tmp_path):
         "</visual></link></robot>", tmp_path
     )  # fmt: skip
     made.save(tmp_path / "r.yaml")
-    (body,) = fan.puppet.load(tmp_path / "r.yaml").bodies
+    (body,) = fan.model.puppet.load(tmp_path / "r.yaml").bodies
     assert load_mesh(body.shapes[0]).volume == pytest.approx(sum(s**3 for s in SIZES), rel=1e-6)
 
 
@@ -166,7 +166,7 @@ def test_a_mistake_of_an_obj_has_its_line(line, says, tmp_path):
     assert says in str(caught.value)
 
 
-def textured(folder: Path, library: str) -> fan.meshes.MeshFile:
+def textured(folder: Path, library: str) -> fan.model.meshes.MeshFile:
     """A cube in a material whose image is red."""
     red = np.zeros((4, 4, 3), "uint8") + np.array([255, 0, 0], "uint8")
     Image.fromarray(red).save(folder / "p.png")

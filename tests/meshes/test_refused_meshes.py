@@ -16,9 +16,9 @@ import pytest
 from tests.meshes.test_collada import dae
 from tests.meshes.written import Writer, puppet
 
-from fantoccini.errors import PuppetError
-from fantoccini.meshes import LIMITS, read
-from fantoccini.puppet import loads
+from fantoccini.base.errors import PuppetError
+from fantoccini.model.meshes import LIMITS, read
+from fantoccini.model.puppet import loads
 
 
 def refused(folder: Path, name: str) -> str:
@@ -107,7 +107,7 @@ def test_a_corner_must_be_there(tmp_path):
 
 def test_what_multiplies_is_bounded(tmp_path, monkeypatch):
     """Nodes that repeat a mesh; here with a smaller limit."""
-    monkeypatch.setattr("fantoccini.meshes.part.LIMITS", LIMITS._replace(max_triangles=1000))
+    monkeypatch.setattr("fantoccini.model.meshes.part.LIMITS", LIMITS._replace(max_triangles=1000))
     writer = Writer()
     cube = writer.mesh()
     for _ in range(84):

@@ -10,11 +10,11 @@ import trimesh
 from tests.meshes.test_gltf import mesh
 from tests.meshes.written import UP, Writer
 
-from fantoccini.errors import PuppetError
-from fantoccini.meshes import LIMITS, inside, is_closed, pieces
-from fantoccini.puppet import Box, Mesh, Sphere
-from fantoccini.puppet.shapes import load_mesh, shape_inertia
-from fantoccini.runtime.hulls import mesh_hulls
+from fantoccini.base.errors import PuppetError
+from fantoccini.kernel.runtime.hulls import mesh_hulls
+from fantoccini.model.meshes import LIMITS, inside, is_closed, pieces
+from fantoccini.model.puppet import Box, Mesh, Sphere
+from fantoccini.model.puppet.shapes import load_mesh, shape_inertia
 
 
 def joined(*solids: trimesh.Trimesh) -> trimesh.Trimesh:
@@ -194,10 +194,10 @@ def test_pieces_within_pieces_are_bounded(tmp_path, monkeypatch):
     # Those that face inwards are hollows of what is around them.
     assert volume == pytest.approx(sum((-1) ** k * k**3 for k in range(8, 0, -1)), rel=1e-12)
     (tmp_path / "a.obj").unlink()
-    monkeypatch.setattr("fantoccini.meshes.solid.LIMITS", LIMITS._replace(max_tested=100))
+    monkeypatch.setattr("fantoccini.model.meshes.solid.LIMITS", LIMITS._replace(max_tested=100))
     with pytest.raises(PuppetError, match="too many pieces within one another"):
         onion.apply_translation([1, 0, 0])
         stl(tmp_path, onion)
-    monkeypatch.setattr("fantoccini.meshes.solid.LIMITS", LIMITS._replace(max_pieces=7))
+    monkeypatch.setattr("fantoccini.model.meshes.solid.LIMITS", LIMITS._replace(max_pieces=7))
     with pytest.raises(PuppetError, match="more than 7 closed pieces"):
         stl(tmp_path, onion)

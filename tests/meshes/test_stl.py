@@ -10,8 +10,8 @@ import trimesh
 from tests.meshes.test_gltf import mesh
 from tests.meshes.written import CORNERS, CUBE
 
-from fantoccini.meshes import read
-from fantoccini.puppet.shapes import load_mesh
+from fantoccini.model.meshes import read
+from fantoccini.model.puppet.shapes import load_mesh
 
 BINARY = trimesh.Trimesh(CORNERS, CUBE, process=False).export(file_type="stl")
 TEXT = "solid cube\n" + "".join(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fantoccini.tree import Coordinate, CoordinateTable, Role
+from fantoccini.model.tree import Coordinate, CoordinateTable, Role
 
 _BAR = ("bar.x", "bar.y", "bar.z", "bar.qw", "bar.qx", "bar.qy", "bar.qz")
 _BAR_V = ("bar.x", "bar.y", "bar.z", "bar.wx", "bar.wy", "bar.wz")

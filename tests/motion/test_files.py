@@ -8,8 +8,9 @@ import json
 import numpy as np
 import pytest
 
-from fantoccini.errors import InputError
-from fantoccini.motion import Input, inputs_schema, rotation
+from fantoccini.base import rotation
+from fantoccini.base.errors import InputError
+from fantoccini.motion import Input, inputs_schema
 from fantoccini.motion.archive import RECORDING
 
 pytestmark = pytest.mark.own_puppets

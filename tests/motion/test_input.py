@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from fantoccini.errors import InputError
-from fantoccini.motion import Input, rotation
+from fantoccini.base import rotation
+from fantoccini.base.errors import InputError
+from fantoccini.motion import Input
 
 START = np.array([0.8, 0.0, 0.0, 2.0, 1.0, 0.0, 0.0, 0.0, 0.7, 0.0])
 
@@ -101,8 +102,8 @@ def test_quaternions_stay_unit_and_continuous(table):
     st.lists(st.floats(-5.0, 5.0), min_size=8, max_size=8),
 )
 def test_no_overshoot(gaps, values):
+    from fantoccini.base.polynomial import evaluate
     from fantoccini.motion.channel import scalar_waypoints
-    from fantoccini.motion.polynomial import evaluate
 
     t = np.concatenate([[0.0], np.cumsum(gaps)])
     values = np.array(values[: len(t)])

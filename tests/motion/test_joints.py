@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.errors import InputError, StateError
+from fantoccini.base.errors import InputError, StateError
 from fantoccini.motion import Input, Inputs
 
 

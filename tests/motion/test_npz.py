@@ -11,13 +11,14 @@ from tests.perform.before import arrays_before
 
 import fantoccini as fan
 from damage import entries, fuzz, packed, stored
-from fantoccini.errors import FileError, Mistake
-from fantoccini.files import replacing
-from fantoccini.motion import Input, Trajectory, npz
-from fantoccini.perform import Recording
-from fantoccini.sweeps.outcome import Outcome
-from fantoccini.sweeps.store import Store
-from fantoccini.web.page import format_of
+from fantoccini.app.web.page import format_of
+from fantoccini.base import npz
+from fantoccini.base.errors import FileError, Mistake
+from fantoccini.base.files import replacing
+from fantoccini.lab.sweeps.outcome import Outcome
+from fantoccini.lab.sweeps.store import Store
+from fantoccini.motion import Input, Trajectory
+from fantoccini.theatre.perform import Recording
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from fantoccini.motion import rotation
+from fantoccini.base import rotation
 
 SIZES = [0.0, 1e-200, 1e-12, 1e-6, 1e-3, 0.1, 0.5, 0.999, 1.001, 2.0, 3.0, np.pi, 4.0, 6.0]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fantoccini.errors import StateError, UnknownNameError
+from fantoccini.base.errors import StateError, UnknownNameError
 from fantoccini.motion import EventKind, EventRecord, State
 
 

@@ -9,10 +9,11 @@ import shutil
 import numpy as np
 import pytest
 
-from fantoccini.errors import FileError, StateError, Status, UnknownNameError
-from fantoccini.motion import Columns, EventKind, EventRecord, Trajectory, rotation
+from fantoccini.base import rotation
+from fantoccini.base.errors import FileError, StateError, Status, UnknownNameError
+from fantoccini.model.puppet import loads
+from fantoccini.motion import Columns, EventKind, EventRecord, Trajectory
 from fantoccini.motion.trajectory import LEDGER
-from fantoccini.puppet import loads
 
 pytestmark = pytest.mark.own_puppets
 

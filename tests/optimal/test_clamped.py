@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.optimal import clamped
-from fantoccini.optimal.clamped import ClampedSteps
-from fantoccini.optimal.dynamics import TimeSteps
-from fantoccini.optimal.nodes import Nodes
-from fantoccini.optimal.objective import Objective
-from fantoccini.optimal.prediction import Predictions
-from fantoccini.optimal.quadratic import StageProgram, StageSolver
+from fantoccini.control.optimal import clamped
+from fantoccini.control.optimal.clamped import ClampedSteps
+from fantoccini.control.optimal.dynamics import TimeSteps
+from fantoccini.control.optimal.objective import Objective
+from fantoccini.control.optimal.prediction import Predictions
+from fantoccini.control.optimal.quadratic import StageProgram, StageSolver
+from fantoccini.control.tasks.nodes import Nodes
 
 TIP = (0.3, 0.0, 0.0)
 INTERVAL, N, DAMPING = 0.02, 40, 1e-5

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.clearance import Clearance
-from fantoccini.optimal.clear_rows import ClearRows
-from fantoccini.optimal.nodes import Nodes
+from fantoccini.control.optimal.clear_rows import ClearRows
+from fantoccini.control.tasks.nodes import Nodes
+from fantoccini.dynamics.clearance import Clearance
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 

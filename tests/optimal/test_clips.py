@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.motion import rotation
-from fantoccini.optimal.nodes import Nodes
-from fantoccini.optimal.residuals import Looks, residual_of
+from fantoccini.base import rotation
+from fantoccini.control.tasks.nodes import Nodes
+from fantoccini.control.tasks.residuals import Looks, residual_of
 
 TIP = (0.3, 0.0, 0.0)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.optimal import shooting
+from fantoccini.control.optimal import shooting
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 
@@ -98,9 +98,9 @@ def test_an_answer_whose_event_driven_run_does_not_end_is_not_confirmed(
 
 def test_the_derivatives_are_those_of_the_time_steps_of_the_search(block: fan.Marionette):
     """A step of the inputs changes the run as A and B say, through sticking and sliding."""
-    from fantoccini.optimal.chosen import Chosen
-    from fantoccini.optimal.dynamics import TimeSteps
-    from fantoccini.optimal.nodes import Nodes
+    from fantoccini.control.optimal.dynamics import TimeSteps
+    from fantoccini.control.tasks.chosen import Chosen
+    from fantoccini.control.tasks.nodes import Nodes
 
     task = pulled(block, 0.01)
     chosen = Chosen(block, task.x0, {})

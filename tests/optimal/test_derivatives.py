@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.optimal.chosen import Chosen
-from fantoccini.optimal.costs import Track
-from fantoccini.optimal.dynamics import TimeSteps
-from fantoccini.optimal.hybrid import ExactRuns
-from fantoccini.optimal.nodes import Nodes
-from fantoccini.optimal.residuals import Looks, residual_of
-from fantoccini.optimal.shooting import EventRuns
+from fantoccini.control.optimal.dynamics import TimeSteps
+from fantoccini.control.optimal.hybrid import ExactRuns
+from fantoccini.control.optimal.shooting import EventRuns
+from fantoccini.control.tasks.chosen import Chosen
+from fantoccini.control.tasks.costs import Track
+from fantoccini.control.tasks.nodes import Nodes
+from fantoccini.control.tasks.residuals import Looks, residual_of
 
 STEP = 1e-6
 

@@ -10,12 +10,12 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 import fantoccini as fan
-from fantoccini.optimal.bounds import Interval
-from fantoccini.optimal.chosen import Chosen
-from fantoccini.optimal.dynamics import TimeSteps
-from fantoccini.optimal.nodes import Nodes
-from fantoccini.optimal.objective import Objective
-from fantoccini.optimal.shooting import EventRuns
+from fantoccini.control.optimal.dynamics import TimeSteps
+from fantoccini.control.optimal.objective import Objective
+from fantoccini.control.optimal.shooting import EventRuns
+from fantoccini.control.tasks.bounds import Interval
+from fantoccini.control.tasks.chosen import Chosen
+from fantoccini.control.tasks.nodes import Nodes
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 

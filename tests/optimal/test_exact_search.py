@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.optimal.chosen import Chosen
-from fantoccini.optimal.dynamics import TimeSteps
-from fantoccini.optimal.hybrid import ExactRuns
-from fantoccini.optimal.nodes import Nodes
-from fantoccini.optimal.objective import Objective
+from fantoccini.control.optimal.dynamics import TimeSteps
+from fantoccini.control.optimal.hybrid import ExactRuns
+from fantoccini.control.optimal.objective import Objective
+from fantoccini.control.tasks.chosen import Chosen
+from fantoccini.control.tasks.nodes import Nodes
 
 pytestmark = pytest.mark.slow
 

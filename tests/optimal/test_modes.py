@@ -9,12 +9,12 @@ import pytest
 from scipy.optimize import minimize
 
 import fantoccini as fan
-from fantoccini.optimal import exploring
-from fantoccini.optimal.chosen import Chosen
-from fantoccini.optimal.drawn_inputs import Driven
-from fantoccini.optimal.dynamics import TimeSteps
-from fantoccini.optimal.hybrid import HybridRuns
-from fantoccini.optimal.nodes import Nodes
+from fantoccini.control.optimal import exploring
+from fantoccini.control.optimal.dynamics import TimeSteps
+from fantoccini.control.optimal.hybrid import HybridRuns
+from fantoccini.control.tasks.chosen import Chosen
+from fantoccini.control.tasks.drawn_inputs import Driven
+from fantoccini.control.tasks.nodes import Nodes
 
 pytestmark = pytest.mark.slow
 

@@ -10,13 +10,13 @@ import pytest
 from scipy.optimize import brentq, fsolve, linprog
 
 import fantoccini as fan
-from fantoccini.optimal.api import first_nodes
-from fantoccini.optimal.chosen import Chosen
-from fantoccini.optimal.dynamics import TimeSteps
-from fantoccini.optimal.hybrid import ExactRuns
-from fantoccini.optimal.objective import Objective
-from fantoccini.optimal.task_schema import task_schema
-from fantoccini.puppet.located import read_file
+from fantoccini.base.documents.located import read_file
+from fantoccini.control.optimal.api import first_nodes
+from fantoccini.control.optimal.dynamics import TimeSteps
+from fantoccini.control.optimal.hybrid import ExactRuns
+from fantoccini.control.optimal.objective import Objective
+from fantoccini.control.tasks.chosen import Chosen
+from fantoccini.control.tasks.task_schema import task_schema
 
 pytestmark = pytest.mark.slow
 

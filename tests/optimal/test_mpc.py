@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.errors import StateError
+from fantoccini.base.errors import StateError
 
 pytestmark = pytest.mark.slow
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.optimize import LinearConstraint, minimize
 
-from fantoccini.optimal.gains import riccati_gains
-from fantoccini.optimal.quadratic import UNBOUNDED, StageProgram, StageSolver
+from fantoccini.control.optimal.gains import riccati_gains
+from fantoccini.control.optimal.quadratic import UNBOUNDED, StageProgram, StageSolver
 
 N, N_Z, K = 4, 3, 2
 S = K + N_Z

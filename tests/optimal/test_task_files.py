@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.errors import FileError, StateError
-from fantoccini.motion import rotation
-from fantoccini.optimal import task_names, task_schema
-from fantoccini.optimal.shapes import Circle
-from fantoccini.puppet.located import read_file
+from fantoccini.base import rotation
+from fantoccini.base.documents.located import read_file
+from fantoccini.base.errors import FileError, StateError
+from fantoccini.control.tasks import task_names, task_schema
+from fantoccini.control.tasks.shapes import Circle
 
 pytestmark = pytest.mark.slow
 

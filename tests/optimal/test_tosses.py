@@ -9,10 +9,10 @@ import pytest
 from benchmarks.optimal import tosses
 
 import fantoccini as fan
-from fantoccini.optimal.chosen import Chosen
-from fantoccini.optimal.dynamics import TimeSteps
-from fantoccini.optimal.objective import Objective
-from fantoccini.optimal.shooting import EventRuns
+from fantoccini.control.optimal.dynamics import TimeSteps
+from fantoccini.control.optimal.objective import Objective
+from fantoccini.control.optimal.shooting import EventRuns
+from fantoccini.control.tasks.chosen import Chosen
 
 pytestmark = pytest.mark.slow
 

@@ -9,10 +9,10 @@ import pytest
 from scipy.optimize import minimize, minimize_scalar
 
 import fantoccini as fan
-from fantoccini.optimal import out_of_reach
-from fantoccini.optimal.chosen import Chosen
-from fantoccini.optimal.nodes import Nodes
-from fantoccini.optimal.touch_terms import Touches
+from fantoccini.control.optimal import out_of_reach
+from fantoccini.control.optimal.touch_terms import Touches
+from fantoccini.control.tasks.chosen import Chosen
+from fantoccini.control.tasks.nodes import Nodes
 
 pytestmark = pytest.mark.slow
 

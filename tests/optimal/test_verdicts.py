@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.optimal import shooting
-from fantoccini.optimal.sqp import Filter
+from fantoccini.control.optimal import shooting
+from fantoccini.control.optimal.sqp import Filter
 
 
 def task(small_crane: fan.Marionette, bounds: fan.Bounds, **options) -> fan.Task:

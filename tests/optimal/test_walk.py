@@ -9,7 +9,7 @@ import pytest
 from benchmarks.optimal import walk
 
 import fantoccini as fan
-from fantoccini.gestures import Gait
+from fantoccini.theatre.gestures import Gait
 
 pytestmark = pytest.mark.slow
 

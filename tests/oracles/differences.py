@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fantoccini.motion import rotation
+from fantoccini.base import rotation
 
 
 def difference(f: Callable[[np.ndarray], np.ndarray], n: int, step: float) -> np.ndarray:

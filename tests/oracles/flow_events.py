@@ -17,8 +17,8 @@ import numpy as np
 from scipy import integrate
 from scipy.optimize import brentq
 
-from fantoccini.contract import WINCH_AT
-from fantoccini.marionette import Evaluation
+from fantoccini.dynamics.compiled import Evaluation
+from fantoccini.kernel.contract import WINCH_AT
 
 CLOSED = 1e-9
 """Gap at which a row takes part in an impulse, relative to its length."""

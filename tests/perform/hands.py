@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import fantoccini as fan
-from fantoccini.perform.hands import Hands
+from fantoccini.theatre.perform.hands import Hands
 
 
 def hands_of(live: fan.Performance) -> Hands:

@@ -7,9 +7,10 @@ import pytest
 from tests.perform.hands import hands_of
 
 import fantoccini as fan
-from fantoccini.marionette import Stepper, energies
-from fantoccini.perform import reach
-from fantoccini.perform.grip import HELD
+from fantoccini.dynamics.compiled import energies
+from fantoccini.dynamics.steppers import Stepper
+from fantoccini.theatre.perform import reach
+from fantoccini.theatre.perform.grip import HELD
 from properties import puppets
 
 pytestmark = [pytest.mark.slow, pytest.mark.long]

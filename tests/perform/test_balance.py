@@ -10,7 +10,7 @@ import pytest
 from tests.show.toys import TOY
 
 import fantoccini as fan
-from fantoccini.errors import StateError, UnknownNameError
+from fantoccini.base.errors import StateError, UnknownNameError
 
 
 def kicked(arm: fan.Marionette, size: float = 2.0) -> fan.State:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.marionette import energies, link_index
+from fantoccini.dynamics.compiled import energies, link_index
 
 pytestmark = pytest.mark.slow
 

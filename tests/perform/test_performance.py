@@ -9,9 +9,9 @@ import pytest
 from tests.perform.hands import hands_of
 
 import fantoccini as fan
-from fantoccini.motion import rotation
-from fantoccini.perform import reach
-from fantoccini.perform.handle import quaternion
+from fantoccini.base import rotation
+from fantoccini.theatre.perform import reach
+from fantoccini.theatre.perform.handle import quaternion
 
 CRANES = """
 puppet: bridge

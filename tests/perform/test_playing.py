@@ -9,9 +9,9 @@ import pytest
 from tests.perform.hands import hands_of
 
 import fantoccini as fan
-from fantoccini.gestures import piecewise
-from fantoccini.motion import rotation
-from fantoccini.perform import reach
+from fantoccini.base import rotation
+from fantoccini.theatre.gestures import piecewise
+from fantoccini.theatre.perform import reach
 
 pytestmark = pytest.mark.slow
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fantoccini.perform import reach
+from fantoccini.theatre.perform import reach
 
 TICK, SPEED, ACCELERATION = 1 / 120, 1.5, 10.0
 

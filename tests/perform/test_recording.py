@@ -11,7 +11,7 @@ import trimesh
 from tests.perform.before import arrays_before
 
 import fantoccini as fan
-from fantoccini.motion import rotation
+from fantoccini.base import rotation
 
 PARTS = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
 TABLES = ("tension", "limit_force", "taut", "ledger", "effort", "violation", "slip")

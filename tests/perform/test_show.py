@@ -14,10 +14,10 @@ from tests.perform.hands import hands_of
 from tests.perform.played import PLAY
 
 import fantoccini as fan
-from fantoccini.datagrams import socket_to
-from fantoccini.errors import StateError, UnknownNameError
-from fantoccini.perform import osc, reach
-from fantoccini.perform.osc import Address, Osc
+from fantoccini.base.datagrams import socket_to
+from fantoccini.base.errors import StateError, UnknownNameError
+from fantoccini.theatre.perform import osc, reach
+from fantoccini.theatre.perform.osc import Address, Osc
 
 pytestmark = pytest.mark.slow
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from fantoccini.perform.tempo import Tempo
+from fantoccini.theatre.perform.tempo import Tempo
 
 
 def test_beats_go_on_where_the_tempo_changes():

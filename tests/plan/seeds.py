@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from fantoccini.planning import PlanResult, Problem, solve
+from fantoccini.control.planning import PlanResult, solve
+from fantoccini.control.problems import Problem
 
 SEEDS = 20
 

@@ -13,9 +13,9 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 import fantoccini as fan
-from fantoccini.errors import FileError
-from fantoccini.planning import Clearance, HalfSpace
-from fantoccini.runtime import ClearanceLibrary
+from fantoccini.base.errors import FileError
+from fantoccini.dynamics.clearance import Clearance, HalfSpace
+from fantoccini.kernel.runtime import ClearanceLibrary
 
 pytestmark = pytest.mark.long
 
@@ -363,7 +363,7 @@ def test_an_ellipsoid_is_exact_against_half_spaces_and_a_capsule_against_the_res
 
 
 def test_slack_strings_keep_clear_along_their_hanging_curve():
-    from fantoccini.view import rope
+    from fantoccini.output.view import rope
 
     arm = fan.puppets.arm3d()
     rng = np.random.default_rng(6)

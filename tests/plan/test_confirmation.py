@@ -10,18 +10,17 @@ import pytest
 from tests.plan.seeds import first_plan, near, polished
 
 import fantoccini as fan
-from fantoccini.planning import (
+from fantoccini.control.planning import (
     PlanResult,
     PolishStatus,
-    Problem,
-    StateArrays,
     check,
     plan_path,
     result,
     search,
     solve,
 )
-from fantoccini.planning.plan_path import PlanPath
+from fantoccini.control.planning.plan_path import PlanPath
+from fantoccini.control.problems import Problem, StateArrays
 
 DAMPED = fan.loads(
     fan.puppets.path("arm3d").read_text(encoding="utf-8").replace("2.0e-4", "0.2")

@@ -9,9 +9,9 @@ from tests.cli.command import fantoccini
 from tests.plan.touching_bodies import ARM, HANGING_ARM, LEVEL, over_table
 
 import fantoccini as fan
-from fantoccini.errors import FileError
-from fantoccini.planning import problem_schema
-from fantoccini.puppet.located import read_file
+from fantoccini.base.documents.located import read_file
+from fantoccini.base.errors import FileError
+from fantoccini.control.problems import problem_schema
 
 pytestmark = pytest.mark.slow
 

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.marionette import Evaluation
+from fantoccini.control.planning import PlanResult, PlanStatus, solve
+from fantoccini.control.planning.active_sets import extended
+from fantoccini.control.planning.feedback import Feedback
+from fantoccini.control.planning.planners import PlannerRound
+from fantoccini.control.planning.saltation import event_derivatives
+from fantoccini.control.problems import Problem, StateArrays
+from fantoccini.dynamics.compiled import Evaluation
 from fantoccini.motion import State
-from fantoccini.planning import PlanResult, PlanStatus, Problem, StateArrays, solve
-from fantoccini.planning.active_sets import extended
-from fantoccini.planning.feedback import Feedback
-from fantoccini.planning.planners import PlannerRound
-from fantoccini.planning.saltation import event_derivatives
 
 
 def dropped(lift: float, segments: int) -> PlanResult:

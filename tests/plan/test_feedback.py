@@ -10,13 +10,16 @@ import pytest
 from tests.plan.seeds import first_plan, near, polished
 
 import fantoccini as fan
-from fantoccini.errors import StateError
-from fantoccini.marionette import Evaluation, Stepper
-from fantoccini.motion import State, tangent
-from fantoccini.planning import PlanResult, Problem, StateArrays, solve
-from fantoccini.planning.derivatives import segment_derivatives, taut_projection
-from fantoccini.planning.feedback import Feedback
-from fantoccini.planning.funnels import regulators
+from fantoccini.base import tangent
+from fantoccini.base.errors import StateError
+from fantoccini.control.planning import PlanResult, solve
+from fantoccini.control.planning.feedback import Feedback
+from fantoccini.control.problems import Problem, StateArrays
+from fantoccini.control.problems.derivatives import segment_derivatives, taut_projection
+from fantoccini.control.problems.funnels import regulators
+from fantoccini.dynamics.compiled import Evaluation
+from fantoccini.dynamics.steppers import Stepper
+from fantoccini.motion import State
 
 
 @pytest.fixture(scope="module")

@@ -7,16 +7,8 @@ import pytest
 from tests.plan.seeds import first_plan, near, polished
 
 import fantoccini as fan
-from fantoccini.planning import (
-    EST2007,
-    OBJECTIVES,
-    Objective,
-    PolishStatus,
-    Problem,
-    Search,
-    SearchOptions,
-    solve,
-)
+from fantoccini.control.planning import EST2007, PolishStatus, Search, SearchOptions, solve
+from fantoccini.control.problems import OBJECTIVES, Objective, Problem
 
 ARM = fan.puppets.arm3d()
 START = ARM.rest({"hand.x": 0.3, "hand.length": 1.32, "shoulder.rotation": [0, 0, 0], "elbow": 0.1})
@@ -124,7 +116,7 @@ def test_a_search_goes_on_from_what_was_polished(problem):
 
 
 def test_ctrl_c_keeps_what_was_polished(problem, monkeypatch):
-    from fantoccini.planning import polish
+    from fantoccini.control.planning import polish
 
     approach, calls = polish.approach, []
 

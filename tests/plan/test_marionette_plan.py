@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.marionette import link_index
-from fantoccini.planning.balance import balanced
+from fantoccini.control.problems.balance import balanced
+from fantoccini.dynamics.compiled import link_index
 
 pytestmark = [pytest.mark.slow, pytest.mark.long]
 

@@ -16,8 +16,8 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 import fantoccini as fan
-from fantoccini.planning import Clearance
-from fantoccini.runtime import ClearanceLibrary
+from fantoccini.dynamics.clearance import Clearance
+from fantoccini.kernel.runtime import ClearanceLibrary
 
 pytestmark = pytest.mark.long
 

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.errors import FileError
-from fantoccini.planning import EST2007, Explore, StateArrays, solve
+from fantoccini.base.errors import FileError
+from fantoccini.control.planning import EST2007, Explore, solve
+from fantoccini.control.problems import StateArrays
 
 pytestmark = [pytest.mark.slow, pytest.mark.long]
 

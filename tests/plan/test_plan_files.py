@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.errors import FileError
-from fantoccini.planning import Explore
+from fantoccini.base.errors import FileError
+from fantoccini.control.planning import Explore
 
 pytestmark = pytest.mark.own_puppets
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini import planning
-from fantoccini.errors import FileError
-from fantoccini.planning import problem_names, problem_schema
-from fantoccini.puppet.located import read_file
+from fantoccini.base.documents.located import read_file
+from fantoccini.base.errors import FileError
+from fantoccini.control import planning
+from fantoccini.control.problems import problem_names, problem_schema
 
 GOOD = """\
 problem: lift

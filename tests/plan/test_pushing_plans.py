@@ -7,8 +7,9 @@ import pytest
 from tests.plan.touching_bodies import BOB, DRAWN, HANGING_ARM, before_prop
 
 import fantoccini as fan
-from fantoccini.marionette import link_index
-from fantoccini.planning import Problem, solve
+from fantoccini.control.planning import solve
+from fantoccini.control.problems import Problem
+from fantoccini.dynamics.compiled import link_index
 
 pytestmark = pytest.mark.slow
 

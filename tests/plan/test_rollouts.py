@@ -9,9 +9,9 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 import fantoccini as fan
-from fantoccini.planning import Goal, Problem, StateArrays
-from fantoccini.planning.derivatives import segment_derivatives
-from fantoccini.planning.funnels import regulator
+from fantoccini.control.problems import Goal, Problem, StateArrays
+from fantoccini.control.problems.derivatives import segment_derivatives
+from fantoccini.control.problems.funnels import regulator
 
 ARM = fan.puppets.arm3d()
 START = ARM.rest({"hand.x": 0.3, "hand.length": 1.32, "shoulder.rotation": [0, 0, 0], "elbow": 0.1})

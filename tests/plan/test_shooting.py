@@ -7,8 +7,8 @@ import pytest
 from tests.plan.seeds import calm, first_plan, near, polished
 
 import fantoccini as fan
-from fantoccini.planning.descent import step
-from fantoccini.planning.shooting import Shooting
+from fantoccini.control.planning.descent import step
+from fantoccini.control.planning.shooting import Shooting
 
 
 @pytest.fixture(scope="module")

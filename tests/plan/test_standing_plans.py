@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.errors import StateError
-from fantoccini.planning import Problem, solve
+from fantoccini.base.errors import StateError
+from fantoccini.control.planning import solve
+from fantoccini.control.problems import Problem
 
 pytestmark = pytest.mark.slow
 

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.planning import Clearance, Problem, solve
+from fantoccini.control.planning import solve
+from fantoccini.control.problems import Problem
+from fantoccini.dynamics.clearance import Clearance
 
 RADIUS = 0.005
 

@@ -9,11 +9,13 @@ import pytest
 from tests.plan.touching_bodies import POST, over_table
 
 import fantoccini as fan
-from fantoccini.errors import StateError, UnknownNameError
-from fantoccini.planning import Clearance, PlanResult, Problem, Touches, check, solve
-from fantoccini.planning.plan_path import PlanPath
-from fantoccini.planning.polish import PolishStatus
-from fantoccini.planning.rollouts import Rollouts
+from fantoccini.base.errors import StateError, UnknownNameError
+from fantoccini.control.planning import PlanResult, check, solve
+from fantoccini.control.planning.plan_path import PlanPath
+from fantoccini.control.planning.polish import PolishStatus
+from fantoccini.control.problems import Problem, Touches
+from fantoccini.control.problems.rollouts import Rollouts
+from fantoccini.dynamics.clearance import Clearance
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 
@@ -163,7 +165,7 @@ def test_mistakes_in_what_may_touch(contact, error, message):
     marionette = ARM
     if message == "upper":  # of the arm, only the hand may touch the table
         rules = {"meets": [], "pairs": [{"between": ["hand", "table"], "friction": 0.4}]}
-        puppet = ARM.puppet.model_copy(update={"contact": fan.puppet.Contact(**rules)})
+        puppet = ARM.puppet.model_copy(update={"contact": fan.model.puppet.Contact(**rules)})
         marionette = fan.Marionette(puppet)
     with pytest.raises(error, match=message):
         Problem(marionette, START, {"elbow": 0.2}, contact=contact)

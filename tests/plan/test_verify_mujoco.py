@@ -10,8 +10,8 @@ import pytest
 from tests.plan.seeds import calm, first_plan, near, polished
 
 import fantoccini as fan
-from fantoccini.planning import PlanResult
-from fantoccini.planning.search_tree import SearchTree
+from fantoccini.control.planning import PlanResult
+from fantoccini.control.planning.search_tree import SearchTree
 
 pytestmark = pytest.mark.slow
 

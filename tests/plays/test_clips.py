@@ -13,14 +13,21 @@ from scipy.spatial.transform import Rotation
 from tests.capture.test_retarget import NAMES, STANDS, captured
 
 import fantoccini as fan
-from fantoccini.capture import clip_names
-from fantoccini.gestures import gesture_names
-from fantoccini.plays import check_play, clips
-from fantoccini.retarget import ClipGesture, clip_gesture, figure_of, find_mapping, place_on_spot
-from fantoccini.retarget.following import GROUPS
-from fantoccini.retarget.mapping import joints_of
-from fantoccini.retarget.placing import place
-from fantoccini.retarget.retargeting import places_in
+from fantoccini.theatre.capture import clip_names
+from fantoccini.theatre.cast import clips
+from fantoccini.theatre.gestures import gesture_names
+from fantoccini.theatre.plays import check_play
+from fantoccini.theatre.retarget import (
+    ClipGesture,
+    clip_gesture,
+    figure_of,
+    find_mapping,
+    place_on_spot,
+)
+from fantoccini.theatre.retarget.following import GROUPS
+from fantoccini.theatre.retarget.mapping import joints_of
+from fantoccini.theatre.retarget.placing import place
+from fantoccini.theatre.retarget.retargeting import places_in
 from plays.conftest import HEAD, Plays
 from plays.test_play_file import mistakes
 from plays.tiny import BALL
@@ -205,7 +212,7 @@ def test_a_player_that_is_no_person_is_told(plays: Plays, short: Path):
 
 def test_a_mapping_file_beside_a_clip_is_its_own(plays: Plays, short: Path):
     short.write_text(short.read_text().replace("LeftForeArm", "Elbow"))
-    joints = {**fan.retarget.load_mapping("motionbuilder").joints, "elbow_left": "Elbow"}
+    joints = {**fan.theatre.retarget.load_mapping("motionbuilder").joints, "elbow_left": "Elbow"}
     lines = "".join(f"  {part}: {joint}\n" for part, joint in joints.items())
     short.with_suffix(".yaml").write_text(f"mapping: mine\njoints:\n{lines}")
     check_play(plays.written(

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.plays.companies import Company, Meeting, Span, spans
-from fantoccini.plays.contacts import hanging
-from fantoccini.plays.handled import failures
-from fantoccini.plays.together import together
+from fantoccini.theatre.cast.companies import Company, Meeting, Span, spans
+from fantoccini.theatre.cast.contacts import hanging
+from fantoccini.theatre.plays.handled import failures
+from fantoccini.theatre.plays.together import together
 
 pytestmark = [pytest.mark.slow, pytest.mark.long]
 
@@ -148,7 +148,7 @@ def test_mistakes_of_cues_with_props_have_their_line(tmp_path, cue, text):
     path = tmp_path / "gift.yaml"
     path.write_text(PLAY.replace("{who: pierrot, gives: ball, to: columbine}", cue))
     with pytest.raises(fan.FileError) as error:
-        fan.plays.check_play(path)
+        fan.theatre.plays.check_play(path)
     assert text in str(error.value)
     assert "gift.yaml:16" in str(error.value)
 
@@ -169,7 +169,7 @@ def test_mistakes_of_props_have_their_line(tmp_path, prop, text):
     path = tmp_path / "gift.yaml"
     path.write_text(PLAY.replace("ball: {held by: pierrot}", f"ball: {prop}"))
     with pytest.raises(fan.FileError) as error:
-        fan.plays.check_play(path)
+        fan.theatre.plays.check_play(path)
     assert text in str(error.value)
     assert "gift.yaml:12" in str(error.value)
 

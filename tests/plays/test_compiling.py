@@ -9,10 +9,10 @@ import pytest
 from scipy.optimize import brentq
 
 import fantoccini as fan
-from fantoccini.clearance import Clearance
-from fantoccini.plays.companies import Meeting
-from fantoccini.plays.placing import IN_TIME
-from fantoccini.plays.touching import AT_HAND, touches
+from fantoccini.dynamics.clearance import Clearance
+from fantoccini.theatre.cast.companies import Meeting
+from fantoccini.theatre.plays.placing import IN_TIME
+from fantoccini.theatre.plays.touching import AT_HAND, touches
 from plays.conftest import HEAD, Plays
 from plays.tiny import TOUCHES, write_play
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.plays import clearances
-from fantoccini.plays.touching import EVERY, touches
+from fantoccini.theatre.plays import clearances
+from fantoccini.theatre.plays.touching import EVERY, touches
 from plays.tiny import write_play
 
 

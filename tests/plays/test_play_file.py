@@ -6,8 +6,8 @@ import jsonschema
 import pytest
 
 import fantoccini as fan
-from fantoccini.plays import is_play
-from fantoccini.puppet.located import read_file
+from fantoccini.base.documents.located import read_file
+from fantoccini.theatre.cast import is_play
 from plays.conftest import HEAD, Plays
 
 ACT = "acts:\n  - act: one\n    cues:\n      - {cue}\n"

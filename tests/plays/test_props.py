@@ -10,13 +10,14 @@ import pytest
 from ruamel.yaml import YAML
 
 import fantoccini as fan
-from fantoccini import plays
-from fantoccini.clearance import Clearance, StringsApart
-from fantoccini.gestures.stepping import Step
-from fantoccini.marionette import link_index
-from fantoccini.plays import props, putting
-from fantoccini.plays.sitting import sit
-from fantoccini.puppet.contact import FLOOR
+from fantoccini.dynamics.clearance import Clearance, StringsApart
+from fantoccini.dynamics.compiled import link_index
+from fantoccini.model.puppet.contact import FLOOR
+from fantoccini.theatre import plays
+from fantoccini.theatre.cast import props
+from fantoccini.theatre.gestures.stepping import Step
+from fantoccini.theatre.plays import putting
+from fantoccini.theatre.plays.sitting import sit
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets, pytest.mark.long]
 

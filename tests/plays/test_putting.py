@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.errors import FileError
-from fantoccini.marionette import link_index
-from fantoccini.plays import putting
-from fantoccini.plays.together import together
-from fantoccini.puppet.bundled_files import bundled
+from fantoccini.base.errors import FileError
+from fantoccini.dynamics.compiled import link_index
+from fantoccini.model.puppet.bundled_files import bundled
+from fantoccini.theatre.plays import putting
+from fantoccini.theatre.plays.together import together
 
 pytestmark = pytest.mark.slow
 

@@ -8,10 +8,10 @@ from benchmarks.plays.random_plays import random_play
 from ruamel.yaml import YAML
 
 import fantoccini as fan
-from fantoccini.gestures.ends import Ends
-from fantoccini.gestures.stepping import Step
-from fantoccini.gestures.walking import steps
-from fantoccini.plays.settling import Swing, pause
+from fantoccini.theatre.gestures.ends import Ends
+from fantoccini.theatre.gestures.stepping import Step
+from fantoccini.theatre.gestures.walking import steps
+from fantoccini.theatre.plays.settling import Swing, pause
 from plays.conftest import Plays
 
 

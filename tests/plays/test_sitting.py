@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.marionette import link_index
-from fantoccini.plays.sitting import sit
+from fantoccini.dynamics.compiled import link_index
+from fantoccini.theatre.plays.sitting import sit
 
 pytestmark = [pytest.mark.slow, pytest.mark.long]
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.plays import check_play, compiling, runs
-from fantoccini.plays.kept import Kept, OutOfTime
+from fantoccini.theatre.cast.kept import Kept, OutOfTime
+from fantoccini.theatre.plays import check_play, compiling, runs
 from plays.conftest import Plays
 from plays.tiny import TOUCHES, write_play
 

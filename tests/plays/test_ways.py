@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.gestures.ends import Ends
-from fantoccini.gestures.walking import SWAY, steps
-from fantoccini.plays.footing import Footing, Hindrance, NoWay, Way
-from fantoccini.plays.regions import Box, Disk, Rectangle
-from fantoccini.plays.traffic import Other
-from fantoccini.plays.ways import find_way
+from fantoccini.theatre.cast.footing import Footing, Hindrance, NoWay, Way
+from fantoccini.theatre.gestures.ends import Ends
+from fantoccini.theatre.gestures.walking import SWAY, steps
+from fantoccini.theatre.ways.regions import Box, Disk, Rectangle
+from fantoccini.theatre.ways.traffic import Other
+from fantoccini.theatre.ways.ways import find_way
 
 SPACE = Rectangle((-1.5, -1.0), (1.5, 1.0))
 RADIUS, STEP_TIME, LONGEST = 0.15, 0.6, 0.08

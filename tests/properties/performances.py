@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 import fantoccini as fan
-from fantoccini.marionette import Evaluation
-from fantoccini.marionette.projection import retract
+from fantoccini.dynamics.compiled import Evaluation
+from fantoccini.dynamics.equilibrium.projection import retract
 from properties import puppets
 
 STOCK = 24

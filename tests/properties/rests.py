@@ -21,9 +21,9 @@ from dataclasses import dataclass
 import numpy as np
 
 import fantoccini as fan
-from fantoccini.marionette import Evaluation, energies
-from fantoccini.marionette.projection import onto_rows, retract
-from fantoccini.motion import tangent
+from fantoccini.base import tangent
+from fantoccini.dynamics.compiled import Evaluation, energies
+from fantoccini.dynamics.equilibrium.projection import onto_rows, retract
 
 STARTS = ("drawn", "file", "pulled", "at limits", "beyond limits")
 """Where ``rest`` begins: the pose at which the lengths were drawn, and poses that break rows."""

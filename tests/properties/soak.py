@@ -27,7 +27,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 import fantoccini as fan
-from fantoccini import build
+from fantoccini.kernel import build
 from properties import performances, puppets, stages
 from properties.check import METHODS, Result, checked
 

@@ -18,10 +18,10 @@ import numpy as np
 
 import fantoccini as fan
 from fantoccini import Status
-from fantoccini.puppet import Box, Capsule, Ellipsoid, Shape, Sphere
-from fantoccini.runtime.contacts import Contacts
-from fantoccini.runtime.solids import solid
-from fantoccini.tree import WORLD
+from fantoccini.kernel.runtime.contacts import Contacts
+from fantoccini.kernel.runtime.solids import solid
+from fantoccini.model.puppet import Box, Capsule, Ellipsoid, Shape, Sphere
+from fantoccini.model.tree import WORLD
 from properties.check import ADRIFT, Result
 from properties.performances import with_velocity
 
@@ -185,7 +185,7 @@ def _described(name: str, contact: object, obstacles: list[dict]) -> fan.Marione
     puppets, props = ALL[name]
     members = [
         {"name": f"p{k}", "at": [0.0, 0.7 * k, 0.0],
-         "puppet": fan.puppet.loads(json.dumps(puppet))}
+         "puppet": fan.model.puppet.loads(json.dumps(puppet))}
         for k, puppet in enumerate(puppets or [_PEG])
     ]  # fmt: skip
     scene = {
@@ -395,7 +395,7 @@ def _turn(given: Show, run: fan.Trajectory) -> float:
     return given.dt * max(float(np.max(np.abs(each), initial=0.0)) for each in (spins, hinges))
 
 
-def _forces(model: fan.marionette.Model, contact: fan.motion.ContactPoints) -> list[str]:
+def _forces(model: fan.dynamics.compiled.Model, contact: fan.motion.ContactPoints) -> list[str]:
     """Whether forces push and stay in their cones."""
     if not len(contact):
         return []

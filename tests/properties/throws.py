@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import fantoccini as fan
-from fantoccini.marionette import energies
+from fantoccini.dynamics.compiled import energies
 from properties import stages
 
 STAGES = ("figure", "duet")

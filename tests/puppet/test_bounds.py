@@ -7,10 +7,11 @@ import os
 import pytest
 from tests.puppet.toys import TEXT
 
-from fantoccini.errors import PuppetError
-from fantoccini.marionette import check_mass_matrix, loads as marionette
-from fantoccini.puppet import Puppet, json_schema, load, loads
-from fantoccini.puppet.quantities import QUANTITIES
+from fantoccini.base.errors import PuppetError
+from fantoccini.dynamics.compiled import check_mass_matrix
+from fantoccini.dynamics.marionette import loads as marionette
+from fantoccini.model.puppet import Puppet, json_schema, load, loads
+from fantoccini.model.puppet.quantities import QUANTITIES
 
 EVERY = """\
 puppet: p
@@ -254,7 +255,8 @@ def test_bodies_and_masses_of_chains_are_counted(text, key, message):
 
 def test_nearest_names_are_looked_for_a_bounded_number_of_times(monkeypatch):
     """17.30: 20,000 unknown parents took 15 s, most of it on names that are not even shown."""
-    from fantoccini.puppet import located, written
+    from fantoccini.base.documents import located
+    from fantoccini.model.puppet import written
 
     asked = []
     real = written.nearest

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from fantoccini import puppets
-from fantoccini.errors import UnknownNameError
-from fantoccini.puppet import Puppet, load
-from fantoccini.puppet.shapes import shape_inertia
-from fantoccini.puppet.values import value_of
-from fantoccini.tree import Tree, grow
+from fantoccini.base.documents.values import value_of
+from fantoccini.base.errors import UnknownNameError
+from fantoccini.model.puppet import Puppet, load
+from fantoccini.model.puppet.shapes import shape_inertia
+from fantoccini.model.tree import Tree, grow
 
 # name: n_qD, n_vD, n_qK, n_vK, strings
 SIZES = {

@@ -7,13 +7,13 @@ import pytest
 from tests.puppet.toys import TEXT
 
 import fantoccini as fan
-from fantoccini.errors import PuppetError
-from fantoccini.marionette import Marionette
-from fantoccini.puppet import json_schema, loads
-from fantoccini.scene import Scene, assembled
-from fantoccini.tree import grow
-from fantoccini.view.geometry import geometry_at
-from fantoccini.view.still import Still
+from fantoccini.base.errors import PuppetError
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.model.puppet import json_schema, loads
+from fantoccini.model.scene import Scene, assembled
+from fantoccini.model.tree import grow
+from fantoccini.output.view.geometry import geometry_at
+from fantoccini.output.view.still import Still
 
 pytestmark = pytest.mark.own_puppets
 

@@ -10,10 +10,10 @@ from hypothesis import given, settings, strategies as st
 from tests.puppet.strategies import KINDS
 
 from fantoccini import puppets
-from fantoccini.errors import FileError, InputError, PuppetError
-from fantoccini.puppet import Puppet, json_schema, load, loads
-from fantoccini.puppet.document_limits import LIMITS
-from fantoccini.puppet.located import Located, read_located, validate
+from fantoccini.base.documents.limits import LIMITS
+from fantoccini.base.documents.located import Located, read_located, validate
+from fantoccini.base.errors import FileError, InputError, PuppetError
+from fantoccini.model.puppet import Puppet, json_schema, load, loads
 
 _ANCHORS = "abcdefghij"
 BOMB = "a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "".join(

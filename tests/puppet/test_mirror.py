@@ -9,12 +9,13 @@ from scipy.spatial.transform import Rotation
 from tests.puppet.strategies import bodies, files, joints, quaternions
 
 from fantoccini import puppets
-from fantoccini.puppet import Attachment, Joint, Mesh, Orientation, Puppet, load, loads
-from fantoccini.puppet.dump import plain
-from fantoccini.puppet.located import Located, validate
-from fantoccini.puppet.mirror import SIGNS, Reflection, reflected
-from fantoccini.puppet.schema import Body
-from fantoccini.puppet.shapes import shape_inertia
+from fantoccini.base.documents import Orientation
+from fantoccini.base.documents.located import Located, validate
+from fantoccini.model.puppet import Attachment, Joint, Mesh, Puppet, load, loads
+from fantoccini.model.puppet.dump import plain
+from fantoccini.model.puppet.mirror import SIGNS, Reflection, reflected
+from fantoccini.model.puppet.schema import Body
+from fantoccini.model.puppet.shapes import shape_inertia
 
 planes = st.sampled_from(sorted(SIGNS))
 

@@ -6,8 +6,8 @@ import json
 
 import pytest
 
-from fantoccini.errors import PuppetError
-from fantoccini.puppet import Body, Box, Joint, Puppet, load, loads
+from fantoccini.base.errors import PuppetError
+from fantoccini.model.puppet import Body, Box, Joint, Puppet, load, loads
 
 GOOD = """\
 puppet: p

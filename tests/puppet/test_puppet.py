@@ -12,17 +12,9 @@ from scipy.spatial.transform import Rotation
 from tests.puppet.strategies import files
 
 from fantoccini import puppets
-from fantoccini.puppet import (
-    Body,
-    Box,
-    Joint,
-    Orientation,
-    Puppet,
-    json_schema,
-    load,
-    loads,
-)
-from fantoccini.puppet.located import Located, validate
+from fantoccini.base.documents import Orientation
+from fantoccini.base.documents.located import Located, validate
+from fantoccini.model.puppet import Body, Box, Joint, Puppet, json_schema, load, loads
 
 ARM = """\
 puppet: arm

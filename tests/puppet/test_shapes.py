@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from fantoccini.errors import PuppetError
-from fantoccini.puppet import Box, Capsule, Ellipsoid, Mesh, Orientation, Shape, Sphere, loads
-from fantoccini.puppet.shapes import load_mesh, shape_inertia
+from fantoccini.base.documents import Orientation
+from fantoccini.base.errors import PuppetError
+from fantoccini.model.puppet import Box, Capsule, Ellipsoid, Mesh, Shape, Sphere, loads
+from fantoccini.model.puppet.shapes import load_mesh, shape_inertia
 
 pytestmark = pytest.mark.own_puppets
 

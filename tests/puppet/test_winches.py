@@ -9,8 +9,8 @@ import pytest
 from tests.puppet.toys import TEXT
 
 import fantoccini as fan
-from fantoccini.errors import PuppetError
-from fantoccini.puppet import json_schema, loads
+from fantoccini.base.errors import PuppetError
+from fantoccini.model.puppet import json_schema, loads
 
 pytestmark = pytest.mark.own_puppets
 

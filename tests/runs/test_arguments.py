@@ -188,5 +188,5 @@ def test_every_error_is_public():
     def kinds(kind):
         return {kind} | {k for sub in kind.__subclasses__() for k in kinds(sub)}
 
-    known = [k for k in kinds(fan.FantocciniError) if k.__module__ == "fantoccini.errors"]
+    known = [k for k in kinds(fan.FantocciniError) if k.__module__ == "fantoccini.base.errors"]
     assert {k.__name__ for k in known} <= set(fan.__all__)

@@ -10,10 +10,10 @@ from tests.harness import method_of
 
 import fantoccini as fan
 from fantoccini import Status
-from fantoccini.marionette import Model
-from fantoccini.runtime import memory
-from fantoccini.runtime.functions import whole
-from fantoccini.runtime.structures import Numbers
+from fantoccini.dynamics.compiled import Model
+from fantoccini.kernel.runtime import memory
+from fantoccini.kernel.runtime.functions import whole
+from fantoccini.kernel.runtime.structures import Numbers
 
 ARM = fan.puppets.arm2d()
 X0 = ARM.rest()
@@ -56,7 +56,7 @@ def test_integers_that_cross_to_compiled_code_are_checked():
 
 def test_every_structure_of_the_runtime_is_checked():
     """17.23: none of them takes an integer unseen."""
-    import fantoccini.runtime as runtime
+    import fantoccini.kernel.runtime as runtime
 
     def below(kind):
         return {kind, *(s for child in kind.__subclasses__() for s in below(child))}

@@ -8,7 +8,7 @@ from tests.runs.cable_robot import LIMITED, NAMES, REWOUND, moved, robot
 
 import fantoccini as fan
 from fantoccini import Status
-from fantoccini.marionette import contradiction, first_excess_tension, may_be_redundant
+from fantoccini.dynamics.steppers import contradiction, first_excess_tension, may_be_redundant
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 

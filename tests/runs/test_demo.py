@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.demo import DURATION, performance
-from fantoccini.marionette import link_index
+from fantoccini.dynamics.compiled import link_index
+from fantoccini.theatre.perform.demo import DURATION, performance
 
 
 @pytest.fixture(scope="module")

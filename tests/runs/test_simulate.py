@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.marionette import as_method
+from fantoccini.dynamics.compiled import as_method
 from harness import bulge
 
 

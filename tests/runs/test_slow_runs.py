@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.errors import Status
+from fantoccini.base.errors import Status
+from fantoccini.dynamics.simulation import SlowRunWarning, pace
 from fantoccini.motion import ContactPoints, EventKind, EventRecord
-from fantoccini.simulation import SlowRunWarning, pace
 
 ARM = fan.puppets.arm2d()
 SWINGING = ARM.project(ARM.rest().replace(v_D=[3.0, -3.0]))

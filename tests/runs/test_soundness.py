@@ -7,7 +7,7 @@ import pytest
 from tests.harness import method_of
 
 import fantoccini as fan
-from fantoccini.marionette import Stepper
+from fantoccini.dynamics.steppers import Stepper
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 

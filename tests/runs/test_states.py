@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.marionette import ActiveSet, Evaluation, check_start, energies
+from fantoccini.dynamics.compiled import ActiveSet, Evaluation, check_start, energies
+from fantoccini.model.puppet import loads
 from fantoccini.motion import State
-from fantoccini.puppet import loads
 
 FIXED = ("timestepping", "variational")
 

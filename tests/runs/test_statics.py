@@ -7,8 +7,8 @@ import pytest
 from scipy.optimize import nnls
 
 import fantoccini as fan
-from fantoccini.marionette.support import falling
-from fantoccini.motion import tangent
+from fantoccini.base import tangent
+from fantoccini.dynamics.equilibrium.support import falling
 
 
 @pytest.mark.parametrize("name", fan.puppets.names())

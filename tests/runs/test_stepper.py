@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.runtime import Run
+from fantoccini.kernel.runtime import Run
 
 
 @pytest.mark.parametrize("method", ["event", "timestepping"])

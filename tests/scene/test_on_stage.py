@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.demo import walk
-from fantoccini.marionette import link_index
+from fantoccini.dynamics.compiled import link_index
+from fantoccini.theatre.perform.demo import walk
 
 pytestmark = pytest.mark.slow
 

@@ -9,10 +9,10 @@ import pytest
 import trimesh
 
 import fantoccini as fan
-from fantoccini.errors import PuppetError
-from fantoccini.puppet import Puppet, loads
-from fantoccini.scene import assembled, json_schema, load, loads as loads_scene
-from fantoccini.view.geometry import geometry_at
+from fantoccini.base.errors import PuppetError
+from fantoccini.model.puppet import Puppet, loads
+from fantoccini.model.scene import assembled, json_schema, load, loads as loads_scene
+from fantoccini.output.view.geometry import geometry_at
 
 pytestmark = pytest.mark.own_puppets
 

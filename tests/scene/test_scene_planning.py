@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import fantoccini as fan
-from fantoccini.planning import Clearance
+from fantoccini.dynamics.clearance import Clearance
 
 pytestmark = pytest.mark.own_puppets
 

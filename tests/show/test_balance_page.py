@@ -9,7 +9,7 @@ from tests.show.toys import TOY
 from tests.show.viewer import Viewer
 
 import fantoccini as fan
-from fantoccini.errors import StateError
+from fantoccini.base.errors import StateError
 
 pytestmark = pytest.mark.slow
 

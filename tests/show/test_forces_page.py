@@ -7,7 +7,7 @@ import pytest
 from tests.show.browser import chrome, like, picture, until
 
 import fantoccini as fan
-from fantoccini.web.moment import moment_of
+from fantoccini.app.pages.moment import moment_of
 
 pytestmark = pytest.mark.slow
 

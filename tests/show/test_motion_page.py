@@ -14,10 +14,10 @@ from tests.show.browser import canvas, colours, like, picture, pixel, press, unt
 from tests.show.toys import TOY
 
 import fantoccini as fan
-from fantoccini.view.theme import LIGHT
-from fantoccini.web.nodes import SceneNodes
-from fantoccini.web.replay import ResampledRun
-from fantoccini.web.server import Server
+from fantoccini.app.pages.nodes import SceneNodes
+from fantoccini.app.pages.replay import ResampledRun
+from fantoccini.app.pages.server import Server
+from fantoccini.output.view.theme import LIGHT
 
 pytestmark = pytest.mark.own_puppets
 

@@ -13,9 +13,11 @@ from tests.show.browser import until
 from tests.show.toys import toy
 
 import fantoccini as fan
-from fantoccini.web import drag, labels, pad, page, panel, recorder, replay, watched_file
-from fantoccini.web.holder import Holder, holder_text
-from fantoccini.web.strings import turned_to
+from fantoccini.app.live import drag, pad, recorder, watched_file
+from fantoccini.app.live.holder import Holder, holder_text
+from fantoccini.app.pages import labels, panel, replay
+from fantoccini.app.pages.strings import turned_to
+from fantoccini.app.web import page
 
 AHEAD = np.array([0.0, 1.0, 0.0])
 HOSTILE = (

@@ -14,8 +14,8 @@ from tests.show.viewer import Viewer
 from websockets.sync.client import connect
 
 import fantoccini as fan
-from fantoccini.perform.player import Player
-from fantoccini.web.instrument import Manner
+from fantoccini.app.live.instrument import Manner
+from fantoccini.theatre.perform.player import Player
 
 pytestmark = pytest.mark.slow
 

@@ -11,7 +11,7 @@ from tests.show.viewer import Viewer
 from websockets.sync.client import connect
 
 import fantoccini as fan
-from fantoccini.web.page import open_show
+from fantoccini.app.web.page import open_show
 
 pytestmark = pytest.mark.slow
 

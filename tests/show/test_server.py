@@ -11,8 +11,8 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from fantoccini.view.theme import DARK
-from fantoccini.web.server import Server, ServerError, free_port
+from fantoccini.app.pages.server import Server, ServerError, free_port
+from fantoccini.output.view.theme import DARK
 
 NAME = '<script>alert("x")</script>'
 

@@ -9,9 +9,9 @@ import pytest
 from tests.show.browser import until
 
 import fantoccini as fan
-from fantoccini.web import stage as stage_module
-from fantoccini.web.stage import Stage
-from fantoccini.web.watched_file import INTERVAL
+from fantoccini.app.live import stage as stage_module
+from fantoccini.app.live.stage import Stage
+from fantoccini.app.live.watched_file import INTERVAL
 
 SCORE = """\
 score: short

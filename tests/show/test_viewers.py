@@ -16,7 +16,7 @@ from tests.show.viewer import Viewer
 from viser import ClientHandle
 
 import fantoccini as fan
-from fantoccini.web.viser_private import fits
+from fantoccini.app.pages.viser_private import fits
 
 pytestmark = pytest.mark.slow
 

@@ -9,13 +9,13 @@ from types import SimpleNamespace
 import pytest
 import viser
 
-import fantoccini.web
-from fantoccini.view.theme import LIGHT
-from fantoccini.web import viser_private
-from fantoccini.web.server import Server
-from fantoccini.web.viser_private import ViserError
+import fantoccini.app.web
+from fantoccini.app.pages import viser_private
+from fantoccini.app.pages.server import Server
+from fantoccini.app.pages.viser_private import ViserError
+from fantoccini.output.view.theme import LIGHT
 
-PACKAGE = Path(fantoccini.web.__file__).parent
+PACKAGE = Path(fantoccini.app.web.__file__).parent
 
 
 def test_the_installed_viser_is_a_checked_one():

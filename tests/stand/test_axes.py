@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.errors import FileError
+from fantoccini.base.errors import FileError
 from fantoccini.stand import AxisMap, loads_stand
 
 MOTOR = """

@@ -15,7 +15,7 @@ from stupidArtnet import StupidArtnetServer
 from tests.stand.hoist import STAND
 
 import fantoccini as fan
-from fantoccini.errors import FileError, PacketError, StandError
+from fantoccini.base.errors import FileError, PacketError, StandError
 from fantoccini.stand import (
     Receiver,
     Sending,

@@ -12,15 +12,8 @@ import yaml
 from tests.stand.hoist import HOIST, STAND, lift
 
 import fantoccini as fan
-from fantoccini.errors import FileError, StandError
-from fantoccini.stand import (
-    GrblMachine,
-    gcode,
-    grbl_settings,
-    loads_stand,
-    save_points,
-    set_points,
-)
+from fantoccini.base.errors import FileError, StandError
+from fantoccini.stand import GrblMachine, gcode, grbl_settings, loads_stand, save_points, set_points
 
 GENTLE = {"line.length": [(0.2, 0.8), (2.0, 0.5), (2.6, 0.5), (4.0, 0.75)]}
 ABLE = STAND.replace("TORQUE", "0.5").replace("speed: 1\n", "speed: 2\n")

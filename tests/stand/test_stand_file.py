@@ -8,8 +8,8 @@ import pytest
 from tests.stand.hoist import HOIST, STAND, stand
 
 import fantoccini as fan
-from fantoccini.errors import FileError
-from fantoccini.puppet.located import read_file
+from fantoccini.base.documents.located import read_file
+from fantoccini.base.errors import FileError
 from fantoccini.stand import AxisMap, axes_of, load_stand, loads_stand, stand_names, stand_schema
 from fantoccini.stand.stand_file import STANDS
 

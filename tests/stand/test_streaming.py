@@ -10,7 +10,7 @@ import pytest
 from tests.stand.hoist import HOIST, STAND, lift
 
 import fantoccini as fan
-from fantoccini.errors import StandError, StreamError
+from fantoccini.base.errors import StandError, StreamError
 from fantoccini.stand import (
     Emulator,
     GrblMachine,

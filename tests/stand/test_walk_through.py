@@ -65,7 +65,7 @@ def started(command):
     path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
     where = ["--listen", "127.0.0.1:0"] if "osc" in command else []
     process = subprocess.Popen(
-        [sys.executable, "-c", "from fantoccini.cli import main; main()", *command, *where],
+        [sys.executable, "-c", "from fantoccini.app.cli import main; main()", *command, *where],
         env={**os.environ, "PYTHONPATH": path}, text=True,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     )  # fmt: skip

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 import fantoccini as fan
-from fantoccini.sweeps.design import make_design
+from fantoccini.lab.sweeps.design import make_design
 
 
 def design(over=None, draw=None, seeds=None, seed=0, puppet=None):

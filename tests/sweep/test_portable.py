@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 import fantoccini as fan
-from fantoccini.scene import assembled
+from fantoccini.model.scene import assembled
 
 
 @pytest.mark.parametrize("name", ["arm2d", "marionette_bar"])

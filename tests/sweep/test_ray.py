@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.sweeps import ray_executor
+from fantoccini.lab.sweeps import ray_executor
 
 ray = pytest.importorskip("ray")
 

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from fantoccini.equations import Variational
+from fantoccini.kernel.equations import Variational
 from harness import Model, turned
 from oracles.random_trees import description
 

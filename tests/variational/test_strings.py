@@ -7,7 +7,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini import puppets
-from fantoccini.errors import SimulationError, Status
+from fantoccini.base.errors import SimulationError, Status
 from fantoccini.motion import EventKind
 from variational import rigs
 

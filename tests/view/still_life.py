@@ -6,12 +6,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fantoccini import puppets
-from fantoccini.errors import Status
+from fantoccini.base.errors import Status
+from fantoccini.model.puppet import Puppet, load
+from fantoccini.model.tree import grow
 from fantoccini.motion import EventRecord, Trajectory
 from fantoccini.motion.columns import Columns
-from fantoccini.puppet import Puppet, load
-from fantoccini.tree import grow
-from fantoccini.view.still import Still
+from fantoccini.output.view.still import Still
 
 
 class StillLife(Still):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fantoccini.view.camera import Camera, Viewport, axes, fit, point_of_view
+from fantoccini.output.view.camera import Camera, Viewport, axes, fit, point_of_view
 
 VIEW = Viewport(0.0, 0.0, 400.0, 200.0)
 

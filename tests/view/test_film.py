@@ -9,11 +9,11 @@ import pytest
 from PIL import Image
 
 import fantoccini as fan
-from fantoccini import view
-from fantoccini.view.drawing import Look
-from fantoccini.view.films import Frames
-from fantoccini.view.geometry import geometry_of
-from fantoccini.view.theme import DARK
+from fantoccini.output import view
+from fantoccini.output.view.drawing import Look
+from fantoccini.output.view.films import Frames
+from fantoccini.output.view.geometry import geometry_of
+from fantoccini.output.view.theme import DARK
 from view.still_life import bundled, swinging
 
 
@@ -61,7 +61,7 @@ def test_frames_move_and_repeat_exactly(swung):
 
 
 def test_a_failing_encoder_is_quoted_and_leaves_nothing(tmp_path, swung, monkeypatch):
-    codecs = importlib.import_module("fantoccini.view.films").CODECS
+    codecs = importlib.import_module("fantoccini.output.view.films").CODECS
     monkeypatch.setitem(codecs, ".mp4", ("-c:v", "no_such_codec", "-f", "mp4"))
     with pytest.raises(view.FilmError, match="no_such_codec"):
         view.film(*swung, tmp_path / "a.mp4", fps=10, size=(160, 120))

@@ -10,12 +10,12 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 
-from fantoccini import view
-from fantoccini.gestures import Caption, Sound
-from fantoccini.media import MediaError, sound_duration
-from fantoccini.view.drawing import Sheet
-from fantoccini.view.subtitles import Subtitles
-from fantoccini.view.theme import theme_of
+from fantoccini.base.media import MediaError, sound_duration
+from fantoccini.output import view
+from fantoccini.output.view.drawing import Sheet
+from fantoccini.output.view.subtitles import Subtitles
+from fantoccini.output.view.theme import theme_of
+from fantoccini.theatre.gestures import Caption, Sound
 from view.still_life import bundled, swinging
 
 RATE = 8000

@@ -7,9 +7,9 @@ import pytest
 from typer.testing import CliRunner
 
 import fantoccini as fan
-from fantoccini.cli.app import app
-from fantoccini.view import film, strip
-from fantoccini.view.geometry import geometry_of
+from fantoccini.app.cli.app import app
+from fantoccini.output.view import film, strip
+from fantoccini.output.view.geometry import geometry_of
 
 pytestmark = pytest.mark.own_puppets
 

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.image import imread
 
 import fantoccini as fan
-from fantoccini import view
+from fantoccini.output import view
 
 
 @pytest.fixture(scope="module")

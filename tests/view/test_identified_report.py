@@ -14,12 +14,12 @@ from benchmarks.identify.cases import arm, record
 from PIL import Image
 
 import fantoccini as fan
-from fantoccini import view
-from fantoccini.errors import PictureError
-from fantoccini.identification.judging import columns, doubts
-from fantoccini.identification.units import channel_units, units
-from fantoccini.view import identified_plots
-from fantoccini.view.theme import RED
+from fantoccini.base.errors import PictureError
+from fantoccini.lab.identification.judging import columns, doubts
+from fantoccini.lab.identification.units import channel_units, units
+from fantoccini.output import reports
+from fantoccini.output.reports import identified_plots
+from fantoccini.output.view.theme import RED
 
 HOSTILE = '''<script>alert('$x^$')</script>" onerror="alert(1)'''
 _VOID = {"meta", "img"}
@@ -79,7 +79,7 @@ def found():
 @pytest.fixture(scope="module")
 def read(found, tmp_path_factory):
     path = tmp_path_factory.mktemp("report") / "page.html"
-    assert view.identified_report(found, path) == path
+    assert reports.identified_report(found, path) == path
     return Page(path.read_text(encoding="utf-8"))
 
 
@@ -178,7 +178,7 @@ def test_what_is_not_told_is_said(tmp_path):
     one = record(arm(), 6.0, 4)
     free = replace(one, unknown=[*one.unknown, fan.Unknown("lower_mass")])
     found = fan.identify(free)
-    page = Page(view.identified_report(found, tmp_path / "x.html").read_text(encoding="utf-8"))
+    page = Page(reports.identified_report(found, tmp_path / "x.html").read_text(encoding="utf-8"))
     rows = page.rows(0)
     assert rows["upper_mass"]["found"] == rows["lower_mass"]["found"] == "not told"
     assert rows["upper_mass"]["95 % interval"] == ""
@@ -191,7 +191,7 @@ def test_doubts_are_on_the_page(found, tmp_path):
     wave = 3e-3 * np.sin(2.0 * found.t)[:, None]
     bent = replace(found, residuals=found.residuals + wave)
     assert doubts(bent) and all(one.alike for one in columns(bent))
-    page = Page(view.identified_report(bent, tmp_path / "x.html").read_text(encoding="utf-8"))
+    page = Page(reports.identified_report(bent, tmp_path / "x.html").read_text(encoding="utf-8"))
     for doubt in doubts(bent):
         assert doubt in page.words
     assert "Nothing speaks against it" not in page.words
@@ -210,12 +210,12 @@ def test_a_record_of_one_segment_has_a_page(tmp_path):
     found = fan.identify(one, segment=4.0)
     assert len(found.starts) == 1 and len(found.jumps) == 0
     once = replace(found, lost=(float(found.starts[0]),))
-    page = Page(view.identified_report(once, tmp_path / "x.html").read_text(encoding="utf-8"))
+    page = Page(reports.identified_report(once, tmp_path / "x.html").read_text(encoding="utf-8"))
     assert len(page.sources) == 3 and "Jumps" not in page.words
 
 
 def test_where_no_page_can_be(found, tmp_path):
     with pytest.raises(ValueError, match="ends in"):
-        view.identified_report(found, tmp_path / "page.pdf")
+        reports.identified_report(found, tmp_path / "page.pdf")
     with pytest.raises(PictureError, match="no folder"):
-        view.identified_report(found, tmp_path / "no" / "page.html")
+        reports.identified_report(found, tmp_path / "no" / "page.html")

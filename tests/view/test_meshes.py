@@ -7,8 +7,8 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from fantoccini.view.meshes import triangles
-from fantoccini.view.silhouettes import box, capsule, ellipsoid, mesh
+from fantoccini.output.view.meshes import triangles
+from fantoccini.output.view.silhouettes import box, capsule, ellipsoid, mesh
 
 GREY = np.full(3, 0.5)
 TURN = Rotation.from_rotvec([0.4, -0.9, 0.3]).as_matrix()

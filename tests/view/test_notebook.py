@@ -13,7 +13,7 @@ from matplotlib.image import imread
 
 import fantoccini as fan
 from fantoccini.motion import Trajectory
-from fantoccini.view import notebook
+from fantoccini.output.view import notebook
 from view.still_life import bundled, swinging
 
 MOST = 300_000

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from fantoccini.view.camera import Camera, Viewport, axes
-from fantoccini.view.compose import occluder
-from fantoccini.view.order import StringPiece, painting_order
-from fantoccini.view.silhouettes import box, capsule, ellipsoid, mesh, paint, shadow
-from fantoccini.view.theme import LIGHT
+from fantoccini.output.view.camera import Camera, Viewport, axes
+from fantoccini.output.view.compose import occluder
+from fantoccini.output.view.order import StringPiece, painting_order
+from fantoccini.output.view.silhouettes import box, capsule, ellipsoid, mesh, paint, shadow
+from fantoccini.output.view.theme import LIGHT
 
 CAMERA = Camera(np.array([10.0, 0.0, 0.0]), axes(0.0, 0.0), 0.3)
 VIEW = Viewport(0.0, 0.0, 400.0, 400.0)

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from fantoccini import view
-from fantoccini.errors import PictureError
-from fantoccini.puppet import loads
-from fantoccini.view.camera import Viewport
-from fantoccini.view.compose import compose
-from fantoccini.view.drawing import Look, layout_of, plain
-from fantoccini.view.films import Frames
-from fantoccini.view.geometry import geometry_at, geometry_of
-from fantoccini.view.theme import DARK
+from fantoccini.base.errors import PictureError
+from fantoccini.model.puppet import loads
+from fantoccini.output import view
+from fantoccini.output.view.camera import Viewport
+from fantoccini.output.view.compose import compose
+from fantoccini.output.view.drawing import Look, layout_of, plain
+from fantoccini.output.view.films import Frames
+from fantoccini.output.view.geometry import geometry_at, geometry_of
+from fantoccini.output.view.theme import DARK
 from view.still_life import StillLife, bundled, swinging
 
 pytestmark = pytest.mark.own_puppets
@@ -208,7 +208,7 @@ def test_what_cannot_be_written_is_said(tmp_path, swung):
 
 def test_matplotlib_and_ffmpeg_wait_for_the_first_picture():
     code = (
-        "import sys, fantoccini.view\n"
+        "import sys, fantoccini.output.view\n"
         "late = ('matplotlib', 'imageio_ffmpeg', 'trimesh', 'pyvista')\n"
         "print([m for m in late if m in sys.modules])"
     )

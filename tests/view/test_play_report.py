@@ -9,11 +9,11 @@ import pytest
 from tests.plays.tiny import MAY_TOUCH, TOUCHES, write_play
 
 import fantoccini as fan
-from fantoccini import view
-from fantoccini.plays import clearances, overhead
-from fantoccini.view.stage_plan import plan
-from fantoccini.view.stills import Stills
-from fantoccini.view.timeline import fitted, timeline
+from fantoccini.output import reports
+from fantoccini.output.reports.stage_plan import plan
+from fantoccini.output.reports.timeline import fitted, timeline
+from fantoccini.output.view.stills import Stills
+from fantoccini.theatre.plays import clearances, overhead
 
 
 class Page(HTMLParser):
@@ -54,7 +54,7 @@ def verification(tmp_path_factory) -> fan.Verification:
 def text(verification, tmp_path_factory) -> str:
     path = tmp_path_factory.mktemp("report") / "page.html"
     shares = []
-    assert view.play_report(verification, path, progress=shares.append) == path
+    assert reports.play_report(verification, path, progress=shares.append) == path
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
     return path.read_text(encoding="utf-8")
@@ -114,7 +114,7 @@ def test_the_least_clearances_are_those_of_the_run(verification, page):
 
 def test_a_play_that_fails_says_so_first(tmp_path):
     verification = fan.verify_play(fan.load_play(write_play(tmp_path, TOUCHES)))
-    text = view.play_report(verification, tmp_path / "page.html").read_text(encoding="utf-8")
+    text = reports.play_report(verification, tmp_path / "page.html").read_text(encoding="utf-8")
     assert 'class="verdict fails">1 of 2 cues cannot be done as written' in text
     assert f"{tmp_path / 'tiny.yaml'}:15: acts[0].cues[1]: one: sway.yaml cannot be done" in text
     assert '<tr class="wrong"><td class="r">2</td><td class="r">15</td>' in text
@@ -127,13 +127,13 @@ def test_remarks_are_not_counted_as_cues_that_cannot_be_done(tmp_path):
     verification = fan.verify_play(play)
     assert not play.refused and len(play.remarks) >= 2  # it was stopped, and something touches
     assert play.remarks == play.lacking == play.changes
-    text = view.play_report(verification, tmp_path / "page.html").read_text(encoding="utf-8")
+    text = reports.play_report(verification, tmp_path / "page.html").read_text(encoding="utf-8")
     assert play.counts == f"2 of 2 cues can be done, {len(play.remarks)} remarks"
     assert f'class="verdict fails">{play.counts}' in text
     assert "cues cannot be done" not in text
     left = fan.load_play(write_play(tmp_path, MAY_TOUCH))
     assert left.counts == "1 of 2 cues can be done, 1 left out" and not left.remarks
-    text = view.play_report(fan.verify_play(left), tmp_path / "page.html").read_text()
+    text = reports.play_report(fan.verify_play(left), tmp_path / "page.html").read_text()
     assert 'class="verdict holds">1 of 2 cues can be done, 1 left out' in text
 
 
@@ -182,6 +182,6 @@ def test_words_are_cut_to_what_fits():
 
 def test_a_report_elsewhere_is_refused(verification, tmp_path):
     with pytest.raises(ValueError, match=r"a report ends in \.html, not in '\.pdf'"):
-        view.play_report(verification, tmp_path / "page.pdf")
+        reports.play_report(verification, tmp_path / "page.pdf")
     with pytest.raises(fan.PictureError, match="there is no folder"):
-        view.play_report(verification, tmp_path / "no" / "page.html")
+        reports.play_report(verification, tmp_path / "no" / "page.html")

@@ -6,8 +6,8 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from fantoccini import view
-from fantoccini.view.theme import DARK, LIGHT, rgb
+from fantoccini.output import view
+from fantoccini.output.view.theme import DARK, LIGHT, rgb
 from view.still_life import bundled, swinging
 
 # Machado, Oliveira and Fernandes (2009): what people without one kind of cone see, in linear RGB.

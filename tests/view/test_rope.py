@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fantoccini.view import rope
+from fantoccini.output.view import rope
 
 
 def length_of(points):

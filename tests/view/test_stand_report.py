@@ -6,8 +6,8 @@ import pytest
 from tests.stand.hoist import HOIST, STAND, lift
 
 import fantoccini as fan
-from fantoccini import view
-from fantoccini.errors import PictureError
+from fantoccini.base.errors import PictureError
+from fantoccini.output import reports
 from fantoccini.stand import check_stand, loads_stand, slower
 
 
@@ -20,7 +20,7 @@ def checked():
 
 
 def test_the_page_says_what_the_check_says(checked, tmp_path):
-    path = view.stand_report(checked, tmp_path / "page.html", slower(checked))
+    path = reports.stand_report(checked, tmp_path / "page.html", slower(checked))
     text = path.read_text(encoding="utf-8")
     for words in (
         "verdict fails", "What would help", "A slower tempo, simulated again", "Lost steps",
@@ -36,12 +36,12 @@ def test_a_page_of_a_stand_that_can(checked, tmp_path):
         loads_stand(STAND.replace("TORQUE", "1").replace("speed: 1", "speed: 2")),
         checked.run, checked.marionette,
     )  # fmt: skip
-    text = view.stand_report(again, tmp_path / "page.html").read_text(encoding="utf-8")
+    text = reports.stand_report(again, tmp_path / "page.html").read_text(encoding="utf-8")
     assert "verdict holds" in text and "What would help" not in text
 
 
 def test_where_no_page_can_be(checked, tmp_path):
     with pytest.raises(ValueError, match="ends in"):
-        view.stand_report(checked, tmp_path / "page.pdf")
+        reports.stand_report(checked, tmp_path / "page.pdf")
     with pytest.raises(PictureError, match="no folder"):
-        view.stand_report(checked, tmp_path / "no" / "page.html")
+        reports.stand_report(checked, tmp_path / "no" / "page.html")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.view.geometry import geometry_at
-from fantoccini.view.still import Still
+from fantoccini.output.view.geometry import geometry_at
+from fantoccini.output.view.still import Still
 
 PUPPETS = ("arm2d", "arm3d", "crane", "marionette", "marionette_bar", "string_pendulum")
 

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from fantoccini import MissingLibraryError, view
-from fantoccini.view.camera import Viewport
-from fantoccini.view.drawing import Look, layout_of
-from fantoccini.view.geometry import geometry_of
-from fantoccini.view.studio import Studio
+from fantoccini import MissingLibraryError
+from fantoccini.output import view
+from fantoccini.output.view.camera import Viewport
+from fantoccini.output.view.drawing import Look, layout_of
+from fantoccini.output.view.geometry import geometry_of
+from fantoccini.output.view.studio import Studio
 from view.still_life import bundled, swinging
 
 SIZE = (300, 400)

@@ -1,5 +1,5 @@
-"""Studies of a puppet: whether its driven coordinates may be inputs."""
+"""What a puppet's numbers are: identification, sweeps, and the kinematic reduction."""
 
-from fantoccini.lab.reduction import Claim, ReductionReport, validate_reduction
+from lazy_loader import attach_stub
 
-__all__ = ["Claim", "ReductionReport", "validate_reduction"]
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

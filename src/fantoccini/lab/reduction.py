@@ -16,11 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from fantoccini.arrays import Array
-from fantoccini.errors import Mistake, PuppetError
-from fantoccini.marionette import A_rate, Marionette, coriolis_full, refuse_contact
+from fantoccini.base import Array, Mistake, PuppetError, moved
+from fantoccini.dynamics.compiled import A_rate, coriolis_full, refuse_contact
+from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
-from fantoccini.motion.tangent import moved
 
 Rows = NDArray[np.intp]
 

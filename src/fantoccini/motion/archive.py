@@ -10,18 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.arrays import Array
-from fantoccini.errors import Status
-from fantoccini.motion import npz
+from fantoccini.base import Array, Status, npz
+from fantoccini.model.puppet import Mesh, Puppet, loads
+from fantoccini.model.tree import Coordinate, CoordinateTable, Role
 from fantoccini.motion.columns import Columns
 from fantoccini.motion.contacts import ContactPoints
 from fantoccini.motion.state import EventKind, EventRecord
-from fantoccini.puppet import Mesh, Puppet, loads
-from fantoccini.tree import Coordinate, CoordinateTable, Role
 
 FORMAT = "fantoccini.trajectory.1"
 RECORDING = "fantoccini.recording.3"
-"""Format of a recorded performance, which is written by ``fantoccini.perform``."""
+"""Format of a recorded performance, which is written by ``fantoccini.theatre.perform``."""
 RECORDINGS = (RECORDING, "fantoccini.recording.2")
 """Formats that are read."""
 _ARRAYS = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.arrays import Array, Indices, Mask
-from fantoccini.motion import joints, pieces, polynomial, rotation
+from fantoccini.base import Array, Indices, Mask, polynomial, rotation
+from fantoccini.motion import joints, pieces
 from fantoccini.motion.findings import Findings
 
 if TYPE_CHECKING:
-    from fantoccini.tree import CoordinateTable
+    from fantoccini.model.tree import CoordinateTable
 
 
 def bound(

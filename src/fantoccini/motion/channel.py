@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fantoccini.arrays import Array, Quaternion, Times
-from fantoccini.motion import polynomial, rotation
+from fantoccini.base import Array, Quaternion, Times, polynomial, rotation
 
 SAME_TIME = 1e-9
 """Times [s] closer than this are one time."""

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array, Mask, frozen
-from fantoccini.errors import UnknownNameError
+from fantoccini.base import Array, Mask, UnknownNameError, frozen
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array, Indices, frozen
-from fantoccini.errors import UnknownNameError
+from fantoccini.base import Array, Indices, UnknownNameError, frozen
 
 
 def pair_name(pair: tuple[str, str]) -> str:

@@ -14,15 +14,13 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
-from fantoccini.arrays import Array, ConfigK, Times, VecK
-from fantoccini.errors import InputError, Mistake, StateError
-from fantoccini.motion import npz, pieces, reading
+from fantoccini.base import Array, ConfigK, InputError, Mistake, StateError, Times, VecK, npz
+from fantoccini.base.documents import Located, Model, Positive, mistake, read_file, shown, validate
+from fantoccini.model.tree import CoordinateTable
+from fantoccini.motion import pieces, reading
 from fantoccini.motion.archive import RECORDING, RECORDINGS
 from fantoccini.motion.channel import Channel, Points
 from fantoccini.motion.findings import Findings
-from fantoccini.puppet.located import Located, read_file, shown, validate
-from fantoccini.puppet.values import Model, Positive, mistake
-from fantoccini.tree import CoordinateTable
 
 MAX_BYTES = npz.MAX_BYTES
 """Largest size of a file of samples, and of its arrays [bytes]."""

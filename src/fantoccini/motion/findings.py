@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 
-from fantoccini.errors import InputError
-from fantoccini.puppet.located import Located
+from fantoccini.base import InputError
+from fantoccini.base.documents import Located
 
 Path = tuple[str | int, ...]
 """Where a mistake is: keys and 0-based places, for example ("hand.length", 2)."""

@@ -10,15 +10,26 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from fantoccini.arrays import Array, ConfigK, MaskRows, Times, VecD, VecK, floats, frozen
-from fantoccini.errors import InputError, Mistake
-from fantoccini.motion import binding, channel, files, joints, pieces, polynomial, reading
+from fantoccini.base import (
+    Array,
+    ConfigK,
+    InputError,
+    MaskRows,
+    Mistake,
+    Times,
+    VecD,
+    VecK,
+    floats,
+    frozen,
+    polynomial,
+)
+from fantoccini.motion import binding, channel, files, joints, pieces, reading
 from fantoccini.motion.channel import SAME_TIME, Channel
 from fantoccini.motion.findings import Findings
 from fantoccini.motion.reading import Table
 
 if TYPE_CHECKING:
-    from fantoccini.tree import CoordinateTable
+    from fantoccini.model.tree import CoordinateTable
 
 
 _MAX_NAMES = 4

@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from fantoccini.arrays import Array, Times, VecK, frozen
-from fantoccini.errors import UnknownNameError
-from fantoccini.motion import channel, pieces, polynomial, reading
+from fantoccini.base import Array, Times, UnknownNameError, VecK, frozen, polynomial
+from fantoccini.motion import channel, pieces, reading
 from fantoccini.motion.findings import Findings
 from fantoccini.motion.input import Input
 from fantoccini.motion.reading import Table
 
 if TYPE_CHECKING:
-    from fantoccini.tree import CoordinateTable
+    from fantoccini.model.tree import CoordinateTable
 
 _SIDES = {"above": 1.0, "below": -1.0}
 

@@ -9,14 +9,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.arrays import Array, Mask, check_not_negative, check_positive, frozen
-from fantoccini.errors import InputError, Mistake, UnknownNameError
-from fantoccini.motion import binding, pieces, polynomial, reading, rotation
+from fantoccini.base import (
+    Array,
+    InputError,
+    Mask,
+    Mistake,
+    UnknownNameError,
+    check_not_negative,
+    check_positive,
+    frozen,
+    polynomial,
+    rotation,
+)
+from fantoccini.motion import binding, pieces, reading
 from fantoccini.motion.input import Input
 from fantoccini.motion.reading import Table
 
 if TYPE_CHECKING:
-    from fantoccini.tree import CoordinateTable
+    from fantoccini.model.tree import CoordinateTable
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.arrays import Array, Mask
-from fantoccini.motion import polynomial, rotation
+from fantoccini.base import Array, Mask, polynomial, rotation
 
 if TYPE_CHECKING:
-    from fantoccini.tree import CoordinateTable
+    from fantoccini.model.tree import CoordinateTable
 
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from fantoccini.arrays import ConfigD, ConfigK
+from fantoccini.base import ConfigD, ConfigK
+from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion.state import EventKind, EventRecord
-from fantoccini.tree import CoordinateTable
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.arrays import Array, ConfigK, Indices, Mask, MaskRows, Times
-from fantoccini.motion import channel, joints, polynomial, rotation
+from fantoccini.base import Array, ConfigK, Indices, Mask, MaskRows, Times, polynomial, rotation
+from fantoccini.motion import channel, joints
 from fantoccini.motion.channel import SAME_TIME, Channel, Points
 from fantoccini.motion.findings import Findings
 
 if TYPE_CHECKING:
-    from fantoccini.tree import CoordinateTable
+    from fantoccini.model.tree import CoordinateTable
 
 LENGTH_SAMPLES = 17
 """Points of a piece at which a length is checked to be positive."""

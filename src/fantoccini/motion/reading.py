@@ -10,15 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import TypeAdapter, ValidationError
 
-from fantoccini.arrays import Array, Times, is_number
-from fantoccini.errors import nearest
-from fantoccini.motion import rotation
+from fantoccini.base import Array, Times, is_number, nearest, rotation
+from fantoccini.base.documents import Angle, shown
+from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion.channel import SAME_TIME, Points
 from fantoccini.motion.findings import Findings, Path
 from fantoccini.motion.pieces import channel_names
-from fantoccini.puppet.located import shown
-from fantoccini.puppet.values import Angle
-from fantoccini.tree import CoordinateTable
 
 
 class Limits(NamedTuple):

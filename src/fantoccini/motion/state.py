@@ -11,11 +11,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fantoccini.arrays import Array, ConfigD, ConfigK, MaskRows, VecD, VecK, floats, frozen
-from fantoccini.errors import StateError, UnknownNameError
+from fantoccini.base import (
+    Array,
+    ConfigD,
+    ConfigK,
+    MaskRows,
+    StateError,
+    UnknownNameError,
+    VecD,
+    VecK,
+    floats,
+    frozen,
+)
 
 if TYPE_CHECKING:
-    from fantoccini.tree import CoordinateTable
+    from fantoccini.model.tree import CoordinateTable
 
 _MOTION = ("q_D", "v_D", "q_K", "v_K")
 _MAX_NAMES = 8

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fantoccini.arrays import Array, Times
-from fantoccini.errors import Status
+from fantoccini.base import Array, Status, Times
 from fantoccini.motion.columns import Columns
 from fantoccini.motion.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from fantoccini.puppet import Puppet
-    from fantoccini.tree import CoordinateTable
+    from fantoccini.model.puppet import Puppet
+    from fantoccini.model.tree import CoordinateTable
 
 MOTION = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
 TABLES = ("tension", "limit_force", "taut", "ledger", "slip")

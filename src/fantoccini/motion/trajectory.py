@@ -10,11 +10,20 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from fantoccini.arrays import Array, Times, floats, frozen
-from fantoccini.drawing import output
-from fantoccini.errors import StateError, Status, UnknownNameError
-from fantoccini.files import write_table
-from fantoccini.motion import archive, interpolate, npz
+from fantoccini.base import (
+    Array,
+    StateError,
+    Status,
+    Times,
+    UnknownNameError,
+    floats,
+    frozen,
+    interpolate,
+    npz,
+    output,
+    write_table,
+)
+from fantoccini.motion import archive
 from fantoccini.motion.columns import Columns
 from fantoccini.motion.contacts import ContactPoints
 from fantoccini.motion.overload import Overload, overloads
@@ -23,8 +32,8 @@ from fantoccini.motion.state import EventRecord, State
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from fantoccini.puppet import Puppet
-    from fantoccini.tree import CoordinateTable
+    from fantoccini.model.puppet import Puppet
+    from fantoccini.model.tree import CoordinateTable
 
 LEDGER = ("kinetic", "potential", "damping", "impact", "slip", "friction", "work", "residual")
 """Entries of the energy ledger [J], in order."""
@@ -298,7 +307,7 @@ class Trajectory:
             raise ValueError(
                 f"found {str(path)!r}; a trajectory is saved as .npz. to_csv writes CSV, "
                 "fantoccini.export animations (.glb, .usda, .usdc, .bvh, .mcap), and "
-                "fantoccini.view.film films"
+                "fantoccini.output.view.film films"
             )
         archive.save({f.name: getattr(self, f.name) for f in dataclasses.fields(self)}, path)
 
@@ -356,7 +365,7 @@ class Trajectory:
 
         Args:
             path: writes the figure there as well (png, svg or pdf).
-            look: theme, size and scale, as in :func:`fantoccini.view.plot`.
+            look: theme, size and scale, as in :func:`fantoccini.output.view.plot`.
         """
         return output().plot(self, path, **look)
 

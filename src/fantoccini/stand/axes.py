@@ -16,13 +16,12 @@ from functools import cached_property
 
 import numpy as np
 
-from fantoccini.arrays import Array, Times
-from fantoccini.errors import nearest
-from fantoccini.motion import Input, Trajectory, interpolate
+from fantoccini.base import Array, Times, interpolate, nearest
+from fantoccini.model.tree import CoordinateTable
+from fantoccini.motion import Input, Trajectory
 from fantoccini.stand.determined import factors, listed
 from fantoccini.stand.motors import Motor, Shaft, Transmission
 from fantoccini.stand.stand_file import AxisFile, Stand
-from fantoccini.tree import CoordinateTable
 
 MAX_COUPLED = 1e-4
 """By how much coordinates may leave what coupled axes can do [m or rad]."""

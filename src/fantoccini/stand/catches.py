@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array, Mask
-from fantoccini.marionette import Marionette
+from fantoccini.base import Array, Mask
+from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import EventKind, Trajectory
 from fantoccini.stand.axes import Axis, AxisMap, AxisMotion
 from fantoccini.stand.motors import Stepper

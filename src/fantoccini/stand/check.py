@@ -20,12 +20,10 @@ from itertools import pairwise
 import numpy as np
 from scipy.interpolate import Akima1DInterpolator
 
-from fantoccini.arrays import Array, Mask
-from fantoccini.errors import Status
-from fantoccini.marionette import Marionette
+from fantoccini.base import Array, Mask, Status
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.dynamics.simulation import contact_effort, undetermined
 from fantoccini.motion import Columns, Trajectory
-from fantoccini.simulation.contact_effort import contact_effort
-from fantoccini.simulation.determinacy import undetermined
 from fantoccini.stand.axes import Axis, AxisMap, AxisMotion
 from fantoccini.stand.catches import Impacts, Kick, impacts_of
 from fantoccini.stand.limits import Limit, limits_of, load_of

@@ -6,9 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
-from fantoccini.puppet.located import shown
-from fantoccini.puppet.sized import Size
-from fantoccini.puppet.values import Model, Name, mistake
+from fantoccini.base.documents import Model, Name, Size, mistake, shown
 
 MOST_FRAMES = 44.0
 """Frames of DMX per second, at most."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.base import Array
 
 _RANK = 1e-9
 """Singular values below this part of the largest count as 0."""

@@ -24,8 +24,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from fantoccini.arrays import Array, Indices, Times
-from fantoccini.errors import StandError
+from fantoccini.base import Array, Indices, StandError, Times
 from fantoccini.stand.gcode_text import LONGEST, GrblSettings
 from fantoccini.stand.streaming import HOLD, RESET, RESUME
 from fantoccini.stand.timed_moves import DWELL

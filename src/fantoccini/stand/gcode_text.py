@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.arrays import Array
-from fantoccini.errors import StandError
+from fantoccini.base import Array, StandError
 from fantoccini.stand.axes import Axis, axes_of
 from fantoccini.stand.controllers import Grbl, Klipper, Marlin
 from fantoccini.stand.points import GENTLE, SetPoints

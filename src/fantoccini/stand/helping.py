@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.base import Array
 from fantoccini.stand.axes import Axis, with_axis
 from fantoccini.stand.check import StandCheck
 from fantoccini.stand.limits import Limit

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array, Mask
+from fantoccini.base import Array, Mask
 from fantoccini.stand.axes import Axis, AxisMotion
 from fantoccini.stand.catches import Impacts, Kick, kicks
 from fantoccini.stand.motors import Stepper

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array
+from fantoccini.base import Array
 
 PERIOD = 4
 """Full steps of a period of a stepper's torque: it loses them together."""

@@ -13,11 +13,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
-from fantoccini.arrays import Array
-from fantoccini.puppet.drive import Count
-from fantoccini.puppet.located import shown
-from fantoccini.puppet.sized import Size
-from fantoccini.puppet.values import Model, NotNegative, mistake, read_real
+from fantoccini.base import Array
+from fantoccini.base.documents import Model, NotNegative, Size, mistake, read_real, shown
+from fantoccini.model.puppet import Count
 
 _TURN = 2.0 * math.pi
 _POINTS = {

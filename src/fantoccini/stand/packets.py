@@ -14,8 +14,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from fantoccini.arrays import Array, Indices
-from fantoccini.errors import MissingLibraryError, StandError
+from fantoccini.base import Array, Indices, MissingLibraryError, StandError
 from fantoccini.stand.axes import Axis, axes_of
 from fantoccini.stand.controllers import MOST_FRAMES, ArtNet, Osc
 from fantoccini.stand.stand_file import Stand

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from ruamel.yaml import YAML
 
-from fantoccini.errors import StandError
-from fantoccini.files import replacing
+from fantoccini.base import StandError, replacing
 from fantoccini.stand.controllers import Dynamixel, Klipper, ODrive, Ros2
 from fantoccini.stand.gcode_text import gcode, macro
 from fantoccini.stand.points import SetPoints

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from fantoccini.arrays import Array, Indices
-from fantoccini.errors import FileError, Mistake, StandError, nearest
-from fantoccini.marionette import Marionette
+from fantoccini.base import Array, FileError, Indices, Mistake, StandError, nearest
+from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Trajectory
 from fantoccini.stand.axes import Axis, AxisMap, AxisMotion
 from fantoccini.stand.check import check_stand

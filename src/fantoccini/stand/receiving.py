@@ -8,21 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.arrays import Array, Times
-from fantoccini.datagrams import AddressError, socket_at
-from fantoccini.errors import MissingLibraryError, StandError
+from fantoccini.base import AddressError, Array, MissingLibraryError, StandError, Times, socket_at
 from fantoccini.stand.axes import axes_of
 from fantoccini.stand.controllers import ArtNet, Osc
 from fantoccini.stand.gcode_text import units
-from fantoccini.stand.packets import (  # fmt: skip
-    HEADER,
-    NAME,
-    OUTPUT,
-    REST,
-    ArtNetPackets,
-    addresses,
-    channels,
-)
+from fantoccini.stand.packets import HEADER, NAME, OUTPUT, REST, ArtNetPackets, addresses, channels
 from fantoccini.stand.stand_file import Stand
 
 WATCHDOG = 0.5

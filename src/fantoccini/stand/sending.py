@@ -16,9 +16,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from fantoccini.arrays import Array
-from fantoccini.datagrams import AddressError, ManyHearersError, socket_to
-from fantoccini.errors import PacketError, StandError
+from fantoccini.base import (
+    AddressError,
+    Array,
+    ManyHearersError,
+    PacketError,
+    StandError,
+    socket_to,
+)
 from fantoccini.stand.packets import packets_of
 from fantoccini.stand.points import SetPoints
 from fantoccini.stand.streaming import STOPPED

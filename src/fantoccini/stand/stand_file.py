@@ -9,13 +9,26 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
-from fantoccini.errors import FileError, Mistake, nearest
-from fantoccini.puppet.bundled_files import bundled
-from fantoccini.puppet.document_schema import described_schema
-from fantoccini.puppet.located import Located, has_key, read_file, read_located, shown, validate
-from fantoccini.puppet.quantities import QUANTITIES
-from fantoccini.puppet.sized import SIZED, Size
-from fantoccini.puppet.values import Angle, Model, Name, NotNegative, Real, mistake, sized
+from fantoccini.base import FileError, Mistake, nearest
+from fantoccini.base.documents import (
+    SIZED,
+    Angle,
+    Located,
+    Model,
+    Name,
+    NotNegative,
+    Real,
+    Size,
+    described_schema,
+    has_key,
+    mistake,
+    read_file,
+    read_located,
+    shown,
+    sized,
+    validate,
+)
+from fantoccini.model.puppet import QUANTITIES, bundled
 from fantoccini.stand.controllers import Controller
 from fantoccini.stand.determined import undetermined
 from fantoccini.stand.motors import AxisFriction, Efficiency, Motor, Transmission
@@ -198,7 +211,7 @@ def load_stand(path: str | os.PathLike[str]) -> Stand:
 
 
 def loads_stand(text: str, name: str = "<string>", folder: Path | None = None) -> Stand:
-    """Reads a stand from a text; arguments as of :func:`fantoccini.puppet.loads`."""
+    """Reads a stand from a text; arguments as of :func:`fantoccini.model.puppet.loads`."""
     return _stand(read_located(text, name, folder))
 
 

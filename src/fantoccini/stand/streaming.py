@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from fantoccini.errors import MissingLibraryError, StandError, StreamError
+from fantoccini.base import MissingLibraryError, StandError, StreamError
 
 HOLD, RESUME, RESET = b"!", b"~", b"\x18"
 SILENCE = 30.0

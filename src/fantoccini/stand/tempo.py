@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.arrays import Array
-from fantoccini.errors import SimulationError, StateError
-from fantoccini.marionette import Marionette, Method, MethodName, TimeStepping, Variational
-from fantoccini.motion import Input, State, Trajectory, polynomial
-from fantoccini.simulation import simulate
+from fantoccini.base import Array, SimulationError, StateError, polynomial
+from fantoccini.dynamics.compiled import Method, MethodName, TimeStepping, Variational
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.dynamics.simulation import simulate
+from fantoccini.motion import Input, State, Trajectory
 from fantoccini.stand.check import StandCheck, check_stand
 
 LARGEST = 4.0

@@ -16,8 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from fantoccini.arrays import Array, Indices, Mask, Times
-from fantoccini.errors import StandError
+from fantoccini.base import Array, Indices, Mask, StandError, Times
 
 LONG_HOLD = 0.5
 """Holds from here on are dwells [s]; in shorter ones a motor creeps by a step."""

@@ -1,0 +1,417 @@
+"""The commands with their arguments and help; the other modules here implement them."""
+
+from __future__ import annotations
+
+import io
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fantoccini.app.cli.stand_app import stand_app
+from fantoccini.app.console import (
+    Bodies,
+    File,
+    FollowRequest,
+    Fps,
+    GuardedGroup,
+    OptimiseRequest,
+    PerformRequest,
+    PlanRequest,
+    PlayRequest,
+    Quiet,
+    SchemaOf,
+    ShowRequest,
+    SimulateRequest,
+    performed,
+    takes,
+    version,
+)
+
+_ABOUT = """\
+Simulate, plan and play marionettes: articulated bodies hung from massless strings.
+
+FILE is a puppet file (YAML) or the name of a bundled puppet; `fantoccini info` lists those.
+
+Exit codes: 0 done. 1 the run stopped before its end, something cannot be done, or this machine
+lacks something. 2 mistakes in files or arguments. 130 stopped with Ctrl-C; results so far are
+still written.
+
+Data go to stdout, messages and progress to stderr.
+"""
+
+app = typer.Typer(
+    cls=GuardedGroup,
+    help=_ABOUT,
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+
+
+def main() -> None:
+    """The entry point of the command ``fantoccini``."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            # A terminal without Unicode shows \N{...} escapes instead of failing.
+            stream.reconfigure(errors="backslashreplace")
+    app(prog_name="fantoccini")
+
+
+def _version(requested: bool) -> None:
+    if requested:
+        typer.echo(version())
+        raise typer.Exit
+
+
+@app.callback()
+def _top(
+    _: Annotated[
+        bool, typer.Option("--version", help="Print the version.", callback=_version, is_eager=True)
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command()
+def check(
+    files: Annotated[
+        list[str],
+        typer.Argument(metavar="FILE...", help="Puppet files, plays, stands, or bundled names."),
+    ],
+    inputs: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="FILE", callback=performed,
+            help="Inputs file, or name of a bundled performance, to check with every puppet; "
+            "repeatable.",
+        ),
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Check puppet files, plays and stands, and list every mistake."""
+    from fantoccini.app.cli.check import check_files
+
+    check_files(files, inputs or [], quiet)
+
+
+@app.command()
+def schema(
+    of: Annotated[SchemaOf, typer.Argument(help="Kind of file.")] = SchemaOf.PUPPET,
+) -> None:
+    """Print a JSON Schema, for editors."""
+    import json
+
+    from fantoccini.control.problems import problem_schema
+    from fantoccini.control.tasks import task_schema
+    from fantoccini.lab.identification import record_schema
+    from fantoccini.model.puppet import json_schema
+    from fantoccini.model.scene import json_schema as scene_schema
+    from fantoccini.motion import inputs_schema
+    from fantoccini.stand import stand_schema
+    from fantoccini.theatre.cast import play_schema
+    from fantoccini.theatre.gestures import gesture_schema, score_schema
+    from fantoccini.theatre.retarget import mapping_schema
+
+    schemas = {
+        SchemaOf.PUPPET: json_schema,
+        SchemaOf.SCENE: scene_schema,
+        SchemaOf.INPUTS: inputs_schema,
+        SchemaOf.GESTURE: gesture_schema,
+        SchemaOf.SCORE: score_schema,
+        SchemaOf.PLAY: play_schema,
+        SchemaOf.PROBLEM: problem_schema,
+        SchemaOf.TASK: task_schema,
+        SchemaOf.MAPPING: mapping_schema,
+        SchemaOf.STAND: stand_schema,
+        SchemaOf.RECORD: record_schema,
+    }
+    typer.echo(json.dumps(schemas[of](), indent=2))
+
+
+@app.command()
+def info(
+    file: Annotated[
+        str | None,
+        typer.Argument(metavar="[FILE]", help="Puppet; without it, list the bundled ones."),
+    ] = None,
+) -> None:
+    """Describe a puppet, or list the bundled ones."""
+    from fantoccini.app.cli.info import describe_puppet, list_bundled
+
+    if file is None:
+        list_bundled()
+    else:
+        describe_puppet(file)
+
+
+@app.command()
+def equations(
+    file: File,
+    latex: Annotated[bool, typer.Option("--latex", help="Print LaTeX.")] = False,
+) -> None:
+    """Print a small puppet's equations.
+
+    Prints the Lagrangian, M, C, g, h, A_D and A_K. Exits with 1 if the equations are too large.
+    """
+    from fantoccini.app.cli.equations import print_equations
+
+    print_equations(file, latex)
+
+
+@app.command()
+def export(
+    file: Annotated[
+        str, typer.Argument(metavar="FILE", help="Puppet, or run, recording or plan (.npz).")
+    ],
+    out: Annotated[
+        Path,
+        typer.Argument(
+            metavar="OUT",
+            help="Of a puppet: folder, created if missing. Of a motion: file; its ending selects "
+            "the format, as that of --out does for simulate.",
+        ),
+    ],
+    force: Annotated[
+        bool, typer.Option("--force", help="Write into a folder that is not empty.")
+    ] = False,
+    fps: Fps = None,
+    bodies: Bodies = None,
+    problem: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="Problem file of a plan, unless it is bundled."),
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Write a puppet's equations as C99, or a saved motion as animation, film or numbers.
+
+    The C99 files depend only on libm. The header documents every argument.
+    """
+    from fantoccini.app.cli.export import export_c99, export_motion
+
+    if file.lower().endswith(".npz"):
+        export_motion(file, out, force, fps, bodies, problem, quiet)
+    else:
+        export_c99(file, out, force, fps, bodies, problem, quiet)
+
+
+@app.command("import")
+def import_(
+    model: Annotated[Path, typer.Argument(metavar="MODEL", help="File in MJCF or URDF.")],
+    puppet: Annotated[Path, typer.Argument(metavar="PUPPET", help="Puppet file to write, .yaml.")],
+    keyframe: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Keyframe of MJCF to start in; else its zero pose."),
+    ] = None,
+    density: Annotated[
+        float | None,
+        typer.Option(
+            metavar="KG/M3",
+            help="For the solids of links without inertia in URDF; by default 1000 if a joint "
+            "would move no mass, else such links have no mass.",
+        ),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Write over files that exist.")] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Make a puppet file of a model in MJCF or URDF.
+
+    Writes meshes into a folder beside it. Prints what the puppet does not have, or has otherwise,
+    each with its line in the model.
+    """
+    from fantoccini.app.cli.bring_in import import_file
+
+    import_file(model, puppet, keyframe, density, force, quiet)
+
+
+@app.command("simulate")
+@takes(SimulateRequest)
+def simulate(request: SimulateRequest) -> None:
+    """Simulate a puppet; write numbers, pictures or a film."""
+    from fantoccini.app.cli.simulate import simulate_file
+
+    simulate_file(request)
+
+
+@app.command("plan")
+@takes(PlanRequest)
+def plan(request: PlanRequest) -> None:
+    """Plan a motion to a goal that avoids obstacles."""
+    from fantoccini.app.cli.plan import plan_file
+
+    plan_file(request)
+
+
+@app.command("optimise")
+@takes(OptimiseRequest)
+def optimise(request: OptimiseRequest) -> None:
+    """Find the motion of least cost of a task, within its bounds."""
+    from fantoccini.app.cli.optimise import optimise_file
+
+    optimise_file(request)
+
+
+@app.command()
+def identify(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Record file (YAML).")],
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="PATH", help="Write the puppet with the numbers found (.yaml)."),
+    ] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(metavar="PATH", help="Write all results (.json), or a page (.html)."),
+    ] = None,
+    suggest: Annotated[
+        Path | None,
+        typer.Option(metavar="PATH", help="Write the motion that would tell most (.csv)."),
+    ] = None,
+    duration: Annotated[
+        float | None,
+        typer.Option(min=1.0, metavar="S", help="Of the motions tried by --suggest [s].")
+    ] = None,
+    reach: Annotated[
+        float | None,
+        typer.Option(min=1e-4, metavar="M", help="How far motions tried by --suggest go [m].")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Of the random motions.")] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Write over a puppet's file that exists.")
+    ] = False,
+    threads: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Default: all processors.")
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Find lengths, masses, damping and delay of a puppet from a record of its motion.
+
+    Exits with 1 if the record leaves numbers untold or the search was cut short.
+    """
+    from fantoccini.app.cli.identify import identify_record
+
+    identify_record(
+        file, out, report, suggest, duration, reach, seed, force, threads, quiet
+    )  # fmt: skip
+
+
+@app.command("follow")
+@takes(FollowRequest)
+def follow(request: FollowRequest) -> None:
+    """Make a puppet follow captured motion.
+
+    Reports what the strings cannot reach, and what the puppet's swing adds to it.
+    """
+    from fantoccini.app.cli.follow import follow_file
+
+    follow_file(request)
+
+
+@app.command("play")
+@takes(PlayRequest)
+def play(request: PlayRequest) -> None:
+    """Compile a play, simulate it and measure what it promises; write a report or a film.
+
+    Exits with 1 if a cue cannot be done as written or the run does not hold.
+    """
+    from fantoccini.app.cli.play import play_file
+
+    play_file(request)
+
+
+@app.command("show")
+@takes(ShowRequest)
+def show(request: ShowRequest) -> None:
+    """Play a puppet, or replay a run, in the browser.
+
+    Serves the page on this machine only, until Ctrl-C.
+    """
+    from fantoccini.app.cli.show import show_file
+
+    show_file(request)
+
+
+@app.command("perform")
+@takes(PerformRequest)
+def perform(request: PerformRequest) -> None:
+    """Perform a play live in the browser: GO, hold, skip, repeat.
+
+    Serves the page on this machine only, until Ctrl-C. OSC messages direct it and tell of cues,
+    where addresses for them are given.
+    """
+    from fantoccini.app.cli.perform import perform_play
+
+    perform_play(request)
+
+
+@app.command()
+def take(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording (.npz).")],
+    out: Annotated[
+        Path | None, typer.Option(metavar="PATH", help="The edited recording (.npz).")
+    ] = None,
+    trim: Annotated[
+        str | None, typer.Option(metavar="A:B", help="Keep the part from A to B [s].")
+    ] = None,
+    smooth: Annotated[
+        float | None, typer.Option(metavar="S", help="Average the hands' paths over S [s].")
+    ] = None,
+    stretch: Annotated[
+        float | None, typer.Option(metavar="F", help="Make it F times as long.")
+    ] = None,
+    loop: Annotated[
+        int | None, typer.Option(metavar="N", help="Repeat it N times, joined C^1.")
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Describe a recording of hands; cut, smooth, stretch and repeat it.
+
+    The puppet is simulated again under the edited hands.
+    """
+    from fantoccini.app.cli.take import edit_take
+
+    edit_take(file, out, trim, smooth, stretch, loop, quiet)
+
+
+@app.command("validate-reduction")
+def validate_reduction(file: File, quiet: Quiet = False) -> None:
+    """Check the paper's Section VI on a puppet: may driven coordinates be inputs?
+
+    Prints which claims hold, with numbers from random configurations: the blocks of the kinetic
+    energy, symmetric products with slack and taut strings, and strings that tie drives to one
+    another. Drives of FILE are replaced by one as heavy as the puppet on every driven coordinate.
+    """
+    from fantoccini.app.cli.reduction import validate_file
+
+    validate_file(file, quiet)
+
+
+app.add_typer(stand_app, name="stand")
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the files.")] = Path("out"),
+    quiet: Quiet = False,
+) -> None:
+    """Simulate the bundled marionette: it walks, waves and nods.
+
+    Writes marionette.npz, marionette.png (poses) and marionette.mp4 to DIR.
+    """
+    from fantoccini.app.cli.demo import show_demo
+
+    show_demo(out, quiet)
+
+
+@app.command()
+def doctor() -> None:
+    """Check that this machine has everything fantoccini needs."""
+    from fantoccini.app.cli.doctor import examine
+
+    examine()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,59 @@
+"""``fantoccini doctor``: checks that this machine has what fantoccini needs."""
+
+from __future__ import annotations
+
+import platform
+from importlib import metadata
+
+import typer
+from packaging.requirements import Requirement
+
+from fantoccini.app.console import FAILED, say, version, write
+from fantoccini.kernel.build import describe
+
+
+def examine() -> None:
+    """Prints versions on stdout and problems on stderr; exits with 1 if there are any."""
+    facts = {
+        "fantoccini": version(),
+        "python": f"{platform.python_version()} ({platform.system()} {platform.machine()})",
+    }
+    problems = []
+    for name in required_distributions():
+        try:
+            facts[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            facts[name] = "missing"
+            problems.append(f"{name} is missing; install it: python -m pip install {name}")
+    found = describe()
+    if trouble := found.pop("problem", ""):
+        problems += trouble.split("\n")
+    facts |= found
+    facts["ffmpeg"], trouble = _ffmpeg()
+    if trouble:
+        problems.append(trouble)
+    widest = max(map(len, facts))
+    for label, text in facts.items():
+        write(f"{label:{widest}}  {text}")
+    for problem in problems:
+        say(f"fantoccini: {problem}")
+    if problems:
+        raise typer.Exit(FAILED)
+
+
+def required_distributions() -> list[str]:
+    """Distributions required by the installed package on this system, without those of extras."""
+    requirements = map(Requirement, metadata.requires("fantoccini") or [])
+    return sorted(r.name for r in requirements if not r.marker or r.marker.evaluate({"extra": ""}))
+
+
+def _ffmpeg() -> tuple[str, str]:
+    """Version and path of ffmpeg, and an error message if it does not run."""
+    try:
+        import imageio_ffmpeg
+
+        path, version = imageio_ffmpeg.get_ffmpeg_exe(), imageio_ffmpeg.get_ffmpeg_version()
+    except (ImportError, RuntimeError, OSError) as error:
+        text = str(error).split("\n")[0]
+        return "none", f"ffmpeg does not run, so films cannot be written: {text}"
+    return f"{version} ({path})", ""

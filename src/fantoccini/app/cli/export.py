@@ -1,0 +1,122 @@
+"""``fantoccini export``: a puppet's equations as C99 files; a saved motion in other formats."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from pathlib import Path
+
+from fantoccini.app.console import (
+    Look,
+    Steps,
+    check_folder,
+    check_outputs,
+    fail,
+    marionette,
+    say,
+    write,
+    write_outputs,
+    writing,
+)
+from fantoccini.base import Status
+from fantoccini.dynamics.compiled import check_mass_matrix
+from fantoccini.kernel import codegen
+
+_OPTION = "OUT"
+
+
+def export_motion(
+    file: str, out: Path, force: bool, fps: float | None, bodies: str | None,
+    problem: str | None, quiet: bool,
+) -> None:  # fmt: skip
+    """Writes a saved motion; the ending of ``out`` selects the format.
+
+    Args:
+        file: run, recording or plan (.npz).
+        out: file to write.
+        force: of puppets only.
+        fps, bodies: of films and animations.
+        problem: problem file of a plan that is not bundled.
+        quiet: do not say that the run stopped early.
+    """
+    if force:
+        fail("applies to puppets; a file is replaced in any case", "--force")
+    look = Look.of(None, None, None, None, fps, bodies=bodies)
+    check_outputs([out], None, _OPTION)
+    look.check([out])
+    from fantoccini.app.web import subject_of
+
+    with Steps(quiet) as steps:
+        subject = subject_of(file, problem, steps.step)
+        assert subject.run is not None
+        write_outputs(subject.marionette, subject.run, [out], None, steps, look=look)
+    run = subject.run
+    if run.status is not Status.DONE and not quiet:
+        say(f"fantoccini: the run ended at t = {run.t[-1]:g} s: {run.status.message}")
+
+
+def export_c99(
+    file: str, folder: Path, force: bool, fps: float | None, bodies: str | None,
+    problem: str | None, quiet: bool,
+) -> None:  # fmt: skip
+    """Writes the files; each appears complete or not at all.
+
+    Args:
+        file: FILE argument.
+        folder: of the files; created if it does not exist.
+        force: write into a folder that is not empty, over files of the same name.
+        fps, bodies, problem: of motions only.
+        quiet: do not list them.
+    """
+    for option, value in (("--fps", fps), ("--bodies", bodies), ("--problem", problem)):
+        if value is not None:
+            fail("applies to motions (.npz)", option)
+    _check(folder, force)
+    puppet = marionette(file)
+    with Steps(quiet) as steps:
+        steps.step("deriving the equations of motion")
+        check_mass_matrix(puppet.puppet, puppet.tree)
+        files = codegen.c99_files(puppet.equations)
+    with writing(folder):
+        _write(files, folder)
+    if not quiet:
+        for name in files:
+            write(folder / name)
+
+
+def _check(folder: Path, force: bool) -> None:
+    try:
+        exists = folder.exists()
+        full = folder.is_dir() and any(folder.iterdir())
+    except OSError as error:
+        fail(f"cannot read {folder}: {error.strerror}", _OPTION)
+    if exists and not folder.is_dir():
+        fail(f"{folder} is a file, not a folder", _OPTION)
+    if full and not force:
+        fail(f"{folder} is not empty; use --force to write into it", _OPTION)
+    check_folder(folder if exists else folder.absolute().parent, _OPTION)
+
+
+def _write(files: dict[str, str], folder: Path) -> None:
+    """Writes into a temporary folder, then renames it, or moves the files one by one."""
+    parent = folder if folder.exists() else folder.absolute().parent
+    temporary = Path(tempfile.mkdtemp(prefix=".fantoccini-", dir=parent))
+    try:
+        for name, text in files.items():
+            (temporary / name).write_text(text, encoding="utf-8")
+        if folder.exists():
+            for name in files:
+                os.replace(temporary / name, folder / name)
+        else:
+            temporary.chmod(0o777 & ~_umask())
+            temporary.rename(folder)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _umask() -> int:
+    """The permissions that new files lack; they can only be read by setting them."""
+    mask = os.umask(0o022)
+    os.umask(mask)
+    return mask

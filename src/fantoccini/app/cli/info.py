@@ -1,0 +1,175 @@
+"""``fantoccini info``: the parts of a puppet."""
+
+from __future__ import annotations
+
+from fantoccini.app.console import marionette, number, table, warn, write
+from fantoccini.base import BuildError
+from fantoccini.base.documents import Number, Parameter
+from fantoccini.dynamics.compiled import check_mass_matrix
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.kernel.build import describe
+from fantoccini.kernel.codegen import operations
+from fantoccini.model.puppet import bundled_files
+from fantoccini.model.tree import WORLD, DriveRow, LimitRow, StringRow
+
+_WINCH = ("restitution", "max_tension", "rewind_speed")
+"""Columns of strings that are shown only if a string has them."""
+_PURPOSE = {
+    "dynamics": "an evaluation of an event-driven run",
+    "step_dynamics": "a time step",
+    "columns": "all limits together, once each",
+}
+"""Function -> what one evaluation is needed for."""
+
+
+class _NotCachedError(Exception):
+    """The compiled model would have to be made."""
+
+
+def list_bundled() -> None:
+    """Prints tables of the bundled puppets and scenes."""
+    bundled = {"Bundled puppets": bundled_files.names(), "Bundled scenes": bundled_files.scenes()}
+    for title, names in bundled.items():
+        lines = []
+        for name in names:
+            made = marionette(name)
+            counts = made.coordinates
+            lines.append((name, counts.n_vD, len(made.tree.strings), counts.n_vK))
+        table(title, ("name", "DOF>", "strings>", "driven>"), lines)
+
+
+def describe_puppet(file: str) -> None:
+    """Prints tables of a puppet's parts."""
+    made = marionette(file)
+    check_mass_matrix(made.puppet, made.tree)
+    warn(made, file)
+    tree, coordinates = made.tree, made.coordinates
+    write(
+        f"{made.name}: {coordinates.n_vD} degrees of freedom ({coordinates.n_qD} configuration "
+        f"numbers), {coordinates.n_vK} driven ({coordinates.n_qK}), {len(tree.strings)} strings, "
+        f"{len(tree.limits)} limits"
+    )
+    moving = f"{number(made.mass)} kg move"
+    write(f"{moving}; weight {number(made.weight)} N; {_compiled(file)}")
+    if (rules := made.puppet.touching) is not None:
+        write(
+            f"contact with {', '.join(rules.meets) or 'nothing'}: friction "
+            f"{number(rules.friction)}, restitution {number(rules.restitution)}, "
+            f"{len(rules.pairs)} pairs with their own"
+        )
+    write()
+    names = [link.name for link in tree.links]
+    rotors = [_value(link.armature) for link in tree.links]
+    shown = any(rotor != "0" for rotor in rotors)
+    table(
+        "Bodies",
+        ("name", "parent", "joint", "type", "role", *(["armature"] if shown else [])),
+        [
+            (
+                link.name, "world" if link.parent == WORLD else names[link.parent], link.joint,
+                link.kind, link.role, *([rotor] if shown else []),
+            )
+            for link, rotor in zip(tree.links, rotors, strict=True)
+        ],
+    )  # fmt: skip
+    starts = {"dynamic": coordinates.start_D, "driven": coordinates.start_K}
+    table(
+        "Coordinates",
+        ("name", "role", "unit", "start>"),
+        [
+            (
+                c.name, c.role, c.unit,
+                "" if c.index is None else _start(float(starts[c.role][c.index])),
+            )
+            for c in coordinates.rows
+        ],
+    )  # fmt: skip
+    given = [key for key in _WINCH if any(getattr(string, key) for string in tree.strings)]
+    table(
+        "Strings",
+        ("name", "length", "kind", "from", "to", "points>", *(k.replace("_", " ") for k in given)),
+        [(*_string_cells(made, s), *(_given(getattr(s, k)) for k in given)) for s in tree.strings],
+    )
+    table(
+        "Springs",
+        ("name", "stiffness", "rest", "damping"),
+        [(s.name, *map(_value, (s.stiffness, s.rest, s.damping))) for s in tree.springs],
+    )
+    table(
+        "Drives",
+        ("coordinate", "command", "ratio", "inertia>", "motor", "control"),
+        [_drive_cells(made, row) for row in tree.drives],
+    )
+    table(
+        "Chains",
+        ("name", "pieces>", "length", "stiffness", "damping"),
+        [
+            (
+                c.name, c.pieces, "driven" if c.length is None else _value(c.length),
+                *map(_value, (c.stiffness, c.damping)),
+            )
+            for c in tree.chains
+        ],
+    )  # fmt: skip
+    table(
+        "Limits",
+        ("name", "bound>"),
+        [(limit.name, _bound(made, limit)) for limit in tree.limits],
+    )
+    table("Parameters", ("name", "value>"), [(n, float(v)) for n, v in tree.parameters.items()])
+    counts = operations(made.equations)
+    lines = [(name, _PURPOSE.get(name, ""), n) for name, n in counts.items()]
+    table("Operations", ("function", "", "count>"), [*lines, ("all", "", sum(counts.values()))])
+    flags = describe().get("flags")
+    write("no compiler was found" if flags is None else f"compiled with {flags}")
+
+
+def _compiled(file: str) -> str:
+    """Whether the cache holds the compiled model."""
+
+    def stop(step: str) -> None:
+        raise _NotCachedError(step)
+
+    try:
+        marionette(file, stop).compile()
+    except _NotCachedError:
+        return "not compiled yet"
+    except BuildError:
+        return "not compiled, and cannot be on this machine (see fantoccini doctor)"
+    return "compiled"
+
+
+def _start(value: float) -> str:
+    return "just taut" if value != value else number(value)
+
+
+def _value(given: Number | None) -> str:
+    if isinstance(given, Parameter):
+        return f"{given.parameter} = {number(float(given.value))}"
+    return "driven" if given is None else number(float(given))
+
+
+def _given(value: Number | None) -> str:
+    return "" if value is None else _value(value)
+
+
+def _string_cells(made: Marionette, string: StringRow) -> tuple[object, ...]:
+    ends = [
+        "world" if point.link == WORLD else made.tree.links[point.link].name
+        for point in (string.points[0], string.points[-1])
+    ]
+    kind = "wire" if string.wire else "string"
+    return string.name, _value(string.length), kind, *ends, len(string.points)
+
+
+def _drive_cells(made: Marionette, row: DriveRow) -> tuple[object, ...]:
+    """Coordinate, command, ratio n, inertia m + n^2 J, motor and control."""
+    drive, unit = row.drive, "kg m^2" if row.drive.drum is None and row.drive.mass is None else "kg"
+    n, inertia = row.ratio(made.model.number), row.inertia(made.model.number)
+    parts = [getattr(part, "type", "") for part in (drive.motor, drive.control)]
+    return row.name, row.command_name, number(n), f"{number(inertia)} {unit}", *parts
+
+
+def _bound(made: Marionette, limit: LimitRow) -> str:
+    unit = "m" if made.tree.links[limit.link].kind == "prismatic" else "rad"
+    return f"{number(float(limit.bound))} {unit}"

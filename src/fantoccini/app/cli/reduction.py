@@ -1,0 +1,24 @@
+"""``fantoccini validate-reduction``: which claims of the paper's Sec. VI hold for a puppet."""
+
+from __future__ import annotations
+
+from fantoccini.app.console import Steps, marionette, table, write
+from fantoccini.lab import validate_reduction
+
+_WORDS = {True: "holds", False: "fails", None: "-"}
+
+
+def validate_file(file: str, quiet: bool) -> None:
+    """Prints the claims with their evidence, and whether driven coordinates may be inputs.
+
+    Args:
+        file: FILE argument.
+        quiet: no progress.
+    """
+    with Steps(quiet) as steps:
+        puppet = marionette(file, steps.step)
+        steps.step("examining the kinetic energy and taut strings")
+        report = validate_reduction(puppet)
+    lines = [(claim.text, _WORDS[claim.holds], claim.evidence) for claim in report.claims]
+    table(f"Section VI for {report.name}", ("claim", "", "evidence"), lines)
+    write(report.answer)

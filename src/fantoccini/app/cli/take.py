@@ -1,0 +1,86 @@
+"""``fantoccini take``: describes a recording, or cuts, smooths, stretches and repeats it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from fantoccini.app.console import Steps, check_output, fail, say, table, write, writing
+from fantoccini.base import StateError
+from fantoccini.theatre.perform import Recording
+
+
+def edit_take(
+    file: Path, out: Path | None, trim: str | None, smooth: float | None,
+    stretch: float | None, loop: int | None, quiet: bool,
+) -> None:  # fmt: skip
+    """Reads a recording, edits it in the order of the options, and writes it.
+
+    Args:
+        file: the recording.
+        out: where the edited one goes; None to describe it only.
+        trim: ``A:B``, seconds after its start; either may be missing.
+        smooth: time over which the hands' paths are averaged [s].
+        stretch: how many times as long it becomes.
+        loop: how often it is repeated.
+        quiet: print nothing.
+    """
+    edits = [trim, smooth, stretch, loop]
+    if out is None and any(edit is not None for edit in edits):
+        fail("an edited recording needs a file", "--out")
+    if out is not None:
+        check_output(out, (".npz",), "--out")
+    with Steps(quiet) as steps:
+        steps.step(f"reading {file}")
+        take = Recording.load(file)
+        if trim is not None:
+            take = _edited(take, "--trim", lambda one: one.trimmed(*_span(trim, one.duration)))
+        if smooth is not None:
+            take = _edited(take, "--smooth", lambda one: one.smoothed(smooth))
+        if stretch is not None:
+            take = _edited(take, "--stretch", lambda one: one.stretched(stretch))
+        if loop is not None:
+            take = _edited(take, "--loop", lambda one: one.looped(loop))
+        if out is not None:
+            steps.step("simulating it again")
+            take = take.kept()
+            with writing(out):
+                take.save(out)
+    run = take.trajectory
+    if not quiet:
+        table(
+            "Recording",
+            ("", ">"),
+            [
+                ("puppet", take.marionette.name),
+                ("duration [s]", f"{take.duration:g}"),
+                ("ticks", len(take)),
+                ("tick [ms]", f"{1e3 * take.tick:.3g}"),
+                ("events", len(run.events)),
+                ("ended", take.ended or run.status.name.lower()),
+            ],
+        )
+    if out is not None:
+        if run.t[-1] < take.start.t + take.duration - 0.5 * take.tick:
+            say(f"fantoccini: it ends after {run.duration:g} s: {run.status.message}")
+        if not quiet:
+            write(out)
+
+
+def _edited(take: Recording, option: str, edit: Callable[[Recording], Recording]) -> Recording:
+    try:
+        return edit(take)
+    except (StateError, ValueError) as error:
+        fail(str(error), option)
+
+
+def _span(text: str, duration: float) -> tuple[float, float]:
+    """Both times of A:B [s]."""
+    first, colon, last = text.partition(":")
+    try:
+        span = float(first or 0.0), float(last or duration)
+    except ValueError:
+        span = 0.0, -1.0
+    if not colon or not span[0] < span[1]:
+        fail(f"found {text!r}; needed: A:B, seconds after its start, as 1.5:8 or :8", "--trim")
+    return span

@@ -1,0 +1,77 @@
+"""The names of the package, and where each is defined."""
+
+from .files import (
+    check_folder as check_folder,
+    check_new_folder as check_new_folder,
+    check_output as check_output,
+    fail as fail,
+    marionette as marionette,
+    puppet_path as puppet_path,
+    writing as writing,
+)
+from .guard import (
+    FAILED as FAILED,
+    INTERRUPTED as INTERRUPTED,
+    MISTAKE as MISTAKE,
+    GuardedGroup as GuardedGroup,
+)
+from .look import Look as Look
+from .motions import (
+    Motion as Motion,
+    films_of as films_of,
+    motion as motion,
+    parts as parts,
+    report_lateness as report_lateness,
+    report_score as report_score,
+)
+from .options import (
+    Bodies as Bodies,
+    File as File,
+    Fps as Fps,
+    Quiet as Quiet,
+    SchemaOf as SchemaOf,
+    StringModel as StringModel,
+    performed as performed,
+    positive as positive,
+)
+from .outputs import (
+    check_bodies as check_bodies,
+    check_extras as check_extras,
+    check_outputs as check_outputs,
+    write_outputs as write_outputs,
+)
+from .recording import (
+    load_recording as load_recording,
+    recorded_start as recorded_start,
+    with_recorded_winches as with_recorded_winches,
+)
+from .report import report as report
+from .requests import (
+    FollowRequest as FollowRequest,
+    OptimiseRequest as OptimiseRequest,
+    PageOptions as PageOptions,
+    PerformRequest as PerformRequest,
+    PlanRequest as PlanRequest,
+    PlayRequest as PlayRequest,
+    ShowRequest as ShowRequest,
+    SimulateRequest as SimulateRequest,
+    takes as takes,
+)
+from .start import (
+    read_values as read_values,
+    start_state as start_state,
+)
+from .terminal import (
+    Steps as Steps,
+    number as number,
+    say as say,
+    table as table,
+    version as version,
+    width as width,
+    write as write,
+)
+from .warn import (
+    inputs_warnings as inputs_warnings,
+    puppet_warnings as puppet_warnings,
+    warn as warn,
+)

@@ -1,0 +1,92 @@
+"""Turns expected errors into a message and an exit code."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import traceback
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+from fantoccini.app.console.terminal import say
+from fantoccini.base import (
+    FantocciniError,
+    FileError,
+    SimulationError,
+    StateError,
+    Status,
+    UnknownNameError,
+)
+
+FAILED = 1
+"""The run stopped before its end, or the machine lacks something."""
+MISTAKE = 2
+"""Mistakes in files or arguments."""
+INTERRUPTED = 130
+"""Stopped with Ctrl-C."""
+
+_TRACEBACK = "FANTOCCINI_TRACEBACK"
+"""Environment variable that lets unexpected errors through."""
+
+
+class GuardedGroup(TyperGroup):
+    """Runs a command; see :func:`guarded`."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Runs the chosen command."""
+        with guarded(), _warnings_as_messages():
+            return super().invoke(ctx)
+
+
+@contextlib.contextmanager
+def guarded() -> Iterator[None]:
+    """Turns errors and Ctrl-C into a message on stderr and an exit code."""
+    try:
+        yield
+    except FileError as error:
+        for problem in error.mistakes:
+            say(str(problem))
+        raise typer.Exit(MISTAKE) from None
+    except (StateError, UnknownNameError) as error:
+        say(f"fantoccini: {error}")
+        raise typer.Exit(MISTAKE) from None
+    except SimulationError as error:
+        say(f"fantoccini: {error}")
+        stopped = error.status is Status.STOPPED
+        raise typer.Exit(INTERRUPTED if stopped else FAILED) from None
+    except FantocciniError as error:
+        say(f"fantoccini: {error}")
+        raise typer.Exit(FAILED) from None
+    except KeyboardInterrupt:
+        say("stopped")
+        raise typer.Exit(INTERRUPTED) from None
+    except OSError as error:
+        if isinstance(error, BrokenPipeError):
+            raise  # typer exits silently
+        name = f"{error.filename}: " if error.filename else ""
+        say(f"fantoccini: {name}{error.strerror or error}")
+        raise typer.Exit(FAILED) from None
+    except Exception as error:
+        # Usage errors and exits of typer carry their code.
+        if hasattr(error, "exit_code") or isinstance(error, typer.Abort):
+            raise
+        if os.environ.get(_TRACEBACK):
+            raise
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        say(
+            f"fantoccini: internal error: {type(error).__name__}: {error} "
+            f"({Path(last.filename).name}, line {last.lineno}); {_TRACEBACK}=1 shows the traceback"
+        )
+        raise typer.Exit(FAILED) from None
+
+
+@contextlib.contextmanager
+def _warnings_as_messages() -> Iterator[None]:
+    with warnings.catch_warnings():
+        warnings.showwarning = lambda message, *_, **__: say(f"warning: {message}")
+        yield

@@ -1,0 +1,118 @@
+"""Options that set the look of pictures, films and animations."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fantoccini.app.console.files import FILMS, PICTURES, fail
+from fantoccini.app.console.options import Focus, Theme
+from fantoccini.output.animation import ENDINGS
+
+if TYPE_CHECKING:
+    from fantoccini.output.animation import Bodies
+
+_VIEWS = ("auto", "front", "side", "three-quarter")
+_MIN_SIZE, _MAX_SIZE = 16, 8192
+"""Width and height of a picture [px]."""
+_MAX_FPS = 240.0
+
+
+@dataclass(frozen=True)
+class Look:
+    """The look of pictures; None for the default.
+
+    Attributes:
+        view: preset, or azimuth and elevation [deg].
+        focus: ``all`` or ``bodies``.
+        theme: ``light`` or ``dark``.
+        size: width and height [px].
+        fps: frames per second of a film, keys of an animation, rows of a table.
+        forces: draw the forces of contacts.
+        bodies: that an animation or a table has; names or ``all``.
+    """
+
+    view: str | tuple[float, float] | None = None
+    focus: str | None = None
+    theme: str | None = None
+    size: tuple[int, int] | None = None
+    fps: float | None = None
+    forces: bool | None = None
+    bodies: Bodies | None = None
+
+    @classmethod
+    def of(
+        cls, view: str | None, focus: Focus | None, theme: Theme | None, size: str | None,
+        fps: float | None, forces: bool = False, bodies: str | None = None,
+    ) -> Look:  # fmt: skip
+        """The look from the values of options.
+
+        Raises:
+            BadParameter: a value is invalid.
+        """
+        if fps is not None and not 0.0 < fps <= _MAX_FPS:
+            fail(f"{fps:g} must be positive and at most {_MAX_FPS:g}", "--fps")
+        return cls(
+            None if view is None else _view(view), None if focus is None else focus.value,
+            None if theme is None else theme.value, None if size is None else _size(size), fps,
+            forces or None, None if bodies is None else _names(bodies),
+        )  # fmt: skip
+
+    def check(self, out: Sequence[Path], plot: Path | None = None) -> None:
+        """Raises a usage error if an option applies to none of the output files."""
+        endings = {path.suffix.lower() for path in out}
+        film, strip = bool(endings & {*FILMS}), bool(endings & {*PICTURES})
+        moving = bool(endings & {*ENDINGS})
+        for option, value, applies, what in (
+            ("--view", self.view, film or strip, "a strip or a film"),
+            ("--focus", self.focus, film or strip, "a strip or a film"),
+            ("--theme", self.theme, film or strip or plot is not None, "a picture or a film"),
+            ("--size", self.size, film or strip, "a strip or a film"),
+            ("--fps", self.fps, film or moving, "a film, an animation or a table (.csv)"),
+            ("--forces", self.forces, film or strip, "a strip or a film"),
+            ("--bodies", self.bodies, moving, "an animation or a table (.csv)"),
+        ):
+            if value is not None and not applies:
+                fail(f"applies to {what}, but none is written", option)
+
+    def given(self, *names: str) -> dict[str, Any]:
+        """The attributes of these names that are not None."""
+        values = {name: getattr(self, name) for name in names}
+        return {name: value for name, value in values.items() if value is not None}
+
+
+def _view(text: str) -> str | tuple[float, float]:
+    if text in _VIEWS:
+        return text
+    try:
+        azimuth, elevation = (float(part) for part in text.split(","))
+    except ValueError:
+        azimuth = elevation = math.nan
+    if not (math.isfinite(azimuth) and abs(elevation) <= 90.0):
+        fail(
+            f"{text!r} is neither one of {', '.join(_VIEWS)} nor AZIMUTH,ELEVATION in degrees "
+            "(elevation from -90 to 90)",
+            "--view",
+        )
+    return azimuth, elevation
+
+
+def _names(text: str) -> Bodies:
+    if text.strip() == "all":
+        return "all"
+    names = tuple(name.strip() for name in text.split(","))
+    if not all(names):
+        fail(f"{text!r} is not NAME,NAME,...", "--bodies")
+    return names
+
+
+def _size(text: str) -> tuple[int, int]:
+    found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text)
+    size = (int(found[1]), int(found[2])) if found else (0, 0)
+    if not all(_MIN_SIZE <= n <= _MAX_SIZE for n in size):
+        fail(f"{text!r} is not WIDTHxHEIGHT in pixels, {_MIN_SIZE} to {_MAX_SIZE} each", "--size")
+    return size

@@ -1,0 +1,67 @@
+"""A recorded performance as inputs: the motion of its hands, its winches and its start."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fantoccini.app.console.terminal import number, say
+from fantoccini.base import npz
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.motion import RECORDINGS, State
+from fantoccini.theatre.perform import Recording
+
+
+def load_recording(path: Path | None) -> Recording | None:
+    """The recording in a file; None if the file holds something else."""
+    if path is None or path.suffix.lower() != ".npz":
+        return None
+    try:
+        form = npz.about_of(npz.read(path, only="about"))["format"]
+    except npz.UNREADABLE:
+        return None
+    return Recording.load(path) if form in RECORDINGS else None
+
+
+def with_recorded_winches(marionette: Marionette, recording: Recording, quiet: bool) -> Marionette:
+    """The puppet with the winches of a recording, if it has the same strings.
+
+    Args:
+        marionette: the puppet of FILE, with the driven coordinates of the recording.
+        recording: the performance.
+        quiet: do not report how the puppets differ.
+    """
+    if not quiet:
+        for line in _differences(marionette, recording.marionette):
+            say(f"the recording was made with another puppet: {line}")
+    names = [[s.name for s in m.tree.strings] for m in (recording.marionette, marionette)]
+    if names[0] != names[1]:
+        return marionette
+    return marionette.with_winches(recording.marionette.winches)
+
+
+def recorded_start(marionette: Marionette, recording: Recording) -> State | None:
+    """The start of a recording; None if the puppet has other dynamic coordinates or rows."""
+    x, recorded = recording.start, recording.marionette
+    if recorded.coordinates.q_D != marionette.coordinates.q_D:
+        return None
+    if recorded.tree.row_names != marionette.tree.row_names:
+        return None
+    return marionette.project(x) if _differences(marionette, recorded) else x
+
+
+def _differences(marionette: Marionette, recorded: Marionette) -> list[str]:
+    """How a puppet differs from the recorded one, in words."""
+    if marionette.coordinates.q_D != recorded.coordinates.q_D:
+        return ["FILE has other dynamic coordinates, so it starts at rest"]
+    new, old = (
+        dict(zip(m.tree.parameters, m.p.tolist(), strict=True)) for m in (marionette, recorded)
+    )
+    found = [
+        f"{name} was {number(value)} and is {number(new[name])} in FILE"
+        for name, value in old.items()
+        if name in new and new[name] != value
+    ]
+    texts = [m.puppet.to_yaml() for m in (marionette, recorded)]
+    if texts[0] != texts[1]:
+        found.append("its file differs from FILE; the recorded hands move the puppet of FILE")
+    return found

@@ -1,0 +1,73 @@
+"""The start state of a run on the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from pydantic import TypeAdapter, ValidationError
+
+from fantoccini.app.console.files import fail
+from fantoccini.app.console.terminal import number, say
+from fantoccini.base.documents import Angle
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.lab.sweeps import trial
+from fantoccini.motion import Input, State
+
+_ANGLE = TypeAdapter(Angle)
+_MAX_SILENT_MOVE = 1e-9
+"""Projection of a coordinate that is not reported [m or rad]."""
+_QUATERNION = (".qw", ".qx", ".qy", ".qz")
+
+Values = dict[str, float | list[float]]
+
+
+def read_values(settings: Sequence[str]) -> Values:
+    """NAME=VALUE settings as numbers: ``0.3``, ``30 deg``, ``1,0,0,0``.
+
+    Args:
+        settings: from the command line.
+    """
+    values: Values = {}
+    for setting in settings:
+        name, equals, text = setting.partition("=")
+        name = name.strip()
+        if not (name and equals):
+            fail(f"found {setting!r}; needed: NAME=VALUE", "--start")
+        if name.endswith(_QUATERNION):
+            whole = name.rsplit(".", 1)[0]
+            fail(f"{name} is one of four components; set {whole}.rotation=w,x,y,z", "--start")
+        if name in values:
+            fail(f"{name} is given twice", "--start")
+        parts = [_number(name, part) for part in text.strip().strip("[]").split(",")]
+        if len(parts) > 1 and not name.endswith(".rotation"):
+            fail(f"{name}: found {len(parts)} numbers; needed: one", "--start")
+        values[name] = parts if len(parts) > 1 else parts[0]
+    return values
+
+
+def _number(name: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        pass
+    try:
+        return _ANGLE.validate_python(text)
+    except ValidationError as error:
+        fail(f"{name}: {error.errors()[0]['msg']}", "--start")
+
+
+def start_state(marionette: Marionette, inputs: Input | None, given: Values, quiet: bool) -> State:
+    """The start state of :class:`fantoccini.Trial`; reports a projection unless ``quiet``."""
+    x = trial.start_state(marionette, inputs, given)
+    table = marionette.coordinates
+    if not quiet and not {*given} <= {*table.q_K, *table.rotations, *table.commands}:
+        values = {**({} if inputs is None else inputs.first_values()), **given}
+        moved = np.abs(x.q_D - marionette.state(values).q_D)
+        if np.max(moved, initial=0.0) > _MAX_SILENT_MOVE:
+            most = int(np.argmax(moved))
+            say(
+                "moved the start to the nearest state that strings and limits allow; "
+                f"{table.q_D[most]} is {number(float(x.q_D[most]))}"
+            )
+    return x

@@ -1,0 +1,5 @@
+"""Pages with a live puppet: controls, takes, scores and shows."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,0 +1,330 @@
+"""What a viewer moves: a bead for every handle, rings for those that turn, sliders."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Coroutine
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from fantoccini.app.live.drag import follow
+from fantoccini.app.live.holder import Viewer
+from fantoccini.app.pages import View, heights, move
+from fantoccini.output.view import Theme, mix, rgb, to_bytes
+from fantoccini.theatre.perform import Handle, Performance
+
+if TYPE_CHECKING:
+    import viser
+
+
+class _Changes(NamedTuple):
+    """What counts as a change on the page."""
+
+    lag: float = 0.02
+    """Distance from the target at which a handle is marked, relative to the puppet's size."""
+    position: float = 1e-6  # Least motion of a bead that is sent [m]
+    length: float = 6e-4
+    """Least change of a length that moves its slider, just over half its step [m]."""
+
+
+_CHANGES = _Changes()
+
+WARNING = rgb("#d64545")
+
+Act = Callable[[Viewer | None, Callable[[], object]], bool]
+"""Does something for a viewer if it may; returns whether it did."""
+
+DragHandler = Callable[[Any], Coroutine[Any, Any, None]]
+
+
+@dataclass
+class _Grab:
+    """A bead in a viewer's hand.
+
+    Attributes:
+        anchor: (3,) where the bead was taken [m].
+        position: (3,) the handle's target then [m].
+        length: of the string that ends there, then [m]; None where it cannot be wound.
+    """
+
+    anchor: np.ndarray
+    position: np.ndarray
+    length: float | None
+
+
+class Controls:
+    """Beads, rings and sliders of a performance.
+
+    Attributes:
+        selected: name of the handle that keys and gamepad move, or None where there is none.
+        labels, rings: by handle.
+        sliders: by string.
+        grabs: beads in viewers' hands.
+        turned: handle -> the viewer who turns it.
+
+    Args:
+        server: of viser.
+        performance: what is moved.
+        theme: colours.
+        size: of the puppet [m].
+        view: first point of view.
+        act: does something for a viewer if it may.
+        winds: whether dragging a bead winds its string, without Shift.
+        release: called when a viewer lets go of what it dragged.
+        folder: of the sliders.
+    """
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        performance: Performance,
+        theme: Theme,
+        size: float,
+        view: View,
+        act: Act,
+        winds: Callable[[], bool],
+        release: Callable[[Viewer], None],
+        folder: viser.GuiFolderHandle,
+    ):
+        self._server, self._performance, self._theme = server, performance, theme
+        self._size, self._act, self._winds, self._release = size, act, winds, release
+        self._handles = {handle.name: handle for handle in performance.handles}
+        self._beads: dict[str, viser.IcosphereHandle] = {}
+        self.labels: dict[str, viser.LabelHandle] = {}
+        self.rings: dict[str, viser.TransformControlsHandle] = {}
+        self.turned: dict[str, Viewer] = {}
+        self.sliders: dict[str, viser.GuiSliderHandle[float]] = {}
+        self._shown: dict[str, float] = {}
+        self.grabs: dict[tuple[Viewer, str], _Grab] = {}
+        self._last = np.full((len(self._handles), 3), np.nan)
+        self.selected: str | None = next(iter(self._handles), None)
+        places = np.array([performance.place(name)[0] for name in self._handles])
+        self._above = heights(tuple(self._handles), places, view, size)
+        with server.atomic():
+            for n, handle in enumerate(performance.handles):
+                self._add_handle(n, handle)
+            self._add_marks()
+            self._show_selected()
+            with folder:
+                for name, (low, high) in performance.lengths.items():
+                    self._add_slider(name, low, high)
+
+    def remove(self) -> None:
+        """Removes everything from the page."""
+        for node in (
+            *self._beads.values(), *self.labels.values(), *self.rings.values(),
+            *self.sliders.values(), self._ghosts, self._leads,
+        ):  # fmt: skip
+            node.remove()
+
+    def select(self, name: str | None) -> None:
+        """Selects the handle that keys and gamepad move, and whose rings are shown."""
+        if name in self._handles:
+            self.selected = name
+            self._show_selected()
+
+    def select_next(self, by: int) -> None:
+        """Selects another handle."""
+        names = list(self._handles)
+        if self.selected is not None:
+            self.select(names[(names.index(self.selected) + by) % len(names)])
+
+    @property
+    def handle(self) -> Handle | None:
+        """The selected handle."""
+        return None if self.selected is None else self._handles[self.selected]
+
+    def wind(self, name: str, by: float) -> None:
+        """Winds a string in (``by`` < 0) or out [m], if it can be wound."""
+        if name in self._performance.lengths:
+            self._performance.wind(name, self._performance.wanted_length(name) + by)
+
+    def show_names(self, visible: bool) -> None:
+        """Shows or hides the names of the handles."""
+        for label in self.labels.values():
+            label.visible = visible
+
+    # -- every frame ---------------------------------------------------------------------------
+
+    def update(self, poses: np.ndarray) -> None:
+        """Moves beads to their handles, by link poses (n_links, 3, 4)."""
+        places = poses[[handle.link for handle in self._handles.values()], :, 3]
+        changed = ~(np.abs(places - self._last).max(axis=1, initial=0.0) < _CHANGES.position)
+        for n, name in enumerate(self._handles):
+            if changed[n]:
+                move(self._beads[name], places[n])
+                move(self.labels[name], places[n] + [0.0, 0.0, self._above[n]])
+        self._last = places
+
+    def mark(self, lagging: dict[str, str]) -> None:
+        """Marks the targets of handles that are elsewhere, and handles that cannot follow.
+
+        Args:
+            lagging: names of handles and strings that cannot follow, and why.
+        """
+        behind: list[np.ndarray] = []
+        leads: list[tuple[np.ndarray, np.ndarray]] = []
+        for (name, handle), here in zip(self._handles.items(), self._last, strict=True):
+            wanted, wxyz = self._performance.aim(name)
+            self._beads[name].color = self._colour(name, name in lagging)
+            if len(handle.axes) and np.linalg.norm(wanted - here) > _CHANGES.lag * self._size:
+                behind.append(wanted)
+                leads.append((here, wanted))
+            ring = self.rings.get(name)
+            if ring is not None and name not in self.turned:
+                ring.position, ring.wxyz = wanted, wxyz
+        self._show_marks(behind, leads)
+
+    def update_sliders(self) -> None:
+        """Sets the sliders to the target lengths that have changed.
+
+        Others stay: a viewer may just have moved the slider.
+        """
+        for name, slider in self.sliders.items():
+            wanted = round(self._performance.wanted_length(name), 4)
+            if abs(self._shown[name] - wanted) > _CHANGES.length:
+                slider.value = self._shown[name] = wanted
+
+    # -- inside --------------------------------------------------------------------------------
+
+    def _add_handle(self, n: int, handle: Handle) -> None:
+        position, wxyz = self._performance.place(handle.name)
+        bead = self._server.scene.add_icosphere(
+            f"/handles/{n}", radius=0.017 * self._size, subdivisions=3, position=position,
+            color=self._colour(handle.name, False), cast_shadow=False,
+        )  # fmt: skip
+        bead.on_click(lambda event, name=handle.name: self.select(name))
+        if len(handle.axes):
+            for modifier in (None, "shift"):
+                bead.on_drag("left", modifier=modifier)(self._dragged(handle))
+        self._beads[handle.name] = bead
+        self.labels[handle.name] = self._server.scene.add_label(
+            f"/names/{n}", handle.name, anchor="bottom-center",
+            position=position + np.array([0.0, 0.0, self._above[n]]),
+        )  # fmt: skip
+        if len(handle.turns):
+            ring = self._server.scene.add_transform_controls(
+                f"/rings/{n}", scale=0.16 * self._size, line_width=2.0,
+                disable_axes=not len(handle.axes), disable_sliders=True, depth_test=False,
+                opacity=0.75, position=position, wxyz=wxyz,
+            )  # fmt: skip
+            ring.on_update(self._turned_ring(handle))
+            self.rings[handle.name] = ring
+
+    def _add_slider(self, name: str, low: float, high: float) -> None:
+        wanted = self._performance.wanted_length(name)
+        slider = self._server.gui.add_slider(
+            name, round(low, 3), round(high, 3), 0.001, round(wanted, 3), hint="Length [m]"
+        )
+        self._shown[name] = slider.value
+
+        async def moved(event: Any) -> None:
+            if event.client_id is None:
+                return
+            value = slider.value
+            if not self._act(event.client_id, lambda: self._performance.wind(name, value)):
+                slider.value = round(self._performance.wanted_length(name), 3)
+
+        slider.on_update(moved)
+        self.sliders[name] = slider
+
+    def _add_marks(self) -> None:
+        none = np.zeros((1, 2, 3))
+        api = self._server.scene
+        colour = to_bytes(WARNING)
+        self._leads = api.add_line_segments(
+            "/lag/leads", none, colour, thickness=1.5, thickness_units="screen", visible=False
+        )
+        self._ghosts = api.add_point_cloud(
+            "/lag/wanted", np.zeros((1, 3), dtype=np.float32), colour,
+            point_size=0.02 * self._size, point_shape="circle", visible=False,
+        )  # fmt: skip
+
+    def _show_selected(self) -> None:
+        """Shows the rings of one handle at a time: those of several would overlap."""
+        for name, ring in self.rings.items():
+            ring.visible = name == self.selected
+        for name, label in self.labels.items():
+            label.font_screen_scale = 1.0 if name == self.selected else 0.85
+
+    def _show_marks(
+        self, behind: list[np.ndarray], leads: list[tuple[np.ndarray, np.ndarray]]
+    ) -> None:
+        for node in (self._ghosts, self._leads):
+            if node.visible != bool(behind):
+                node.visible = bool(behind)
+        if behind:
+            self._ghosts.points = np.array(behind, dtype=np.float32)
+            self._leads.points = np.array(leads, dtype=np.float32)
+
+    def _colour(self, name: str, lags: bool) -> tuple[int, int, int]:
+        if lags:
+            return to_bytes(WARNING)
+        if name == self.selected or any(held == name for _, held in list(self.grabs)):
+            return to_bytes(rgb(self._theme.cycle[0]))
+        return to_bytes(mix(self._theme.handle, np.ones(3), 0.15))
+
+    def _dragged(self, handle: Handle) -> DragHandler:
+        name = handle.name
+
+        async def dragged(event: Any) -> None:
+            key = (event.client_id, name)
+            if event.phase == "end":
+                self.grabs.pop(key, None)
+                self._release(event.client_id)
+                return
+            grab = self.grabs.get(key)
+            if grab is None:
+                if not self._act(event.client_id, lambda: self.select(name)):
+                    return
+                winds = name in self._performance.lengths
+                grab = self.grabs[key] = _Grab(
+                    np.array(event.start_position), self._performance.target(name)[0],
+                    self._performance.wanted_length(name) if winds else None,
+                )  # fmt: skip
+            camera, mouse = event.client.camera, np.array(event.end_position, dtype=float)
+            eye = np.array(camera.position, dtype=float)
+            if not np.isfinite([mouse, eye, grab.anchor]).all():
+                return
+            if grab.length is not None and (event.modifier == "shift" or self._winds()):
+                length = grab.length - float((mouse - grab.anchor) @ upwards(camera))
+                self._act(event.client_id, lambda: self._performance.wind(name, length))
+                return
+            by = follow(handle.axes, eye, grab.position, grab.anchor, mouse)
+            self._act(event.client_id, lambda: self._performance.move(name, grab.position + by))
+
+        return dragged
+
+    def _turned_ring(self, handle: Handle) -> DragHandler:
+        name = handle.name
+
+        async def turned(event: Any) -> None:
+            position, wxyz = np.array(event.target.position), np.array(event.target.wxyz)
+            viewer = event.client_id
+            done = self._act(viewer, lambda: self._performance.move(name, position, wxyz))
+            # While a viewer turns the ring, only that viewer moves it.
+            if done and event.phase != "end":
+                self.turned[name] = viewer
+            elif self.turned.get(name) == viewer:
+                del self.turned[name]
+            if event.phase == "end":
+                self._release(viewer)
+
+        return turned
+
+
+def line_of_sight(camera: viser.CameraHandle) -> np.ndarray:
+    """(3,) unit vector along the line of sight of a viewer's camera."""
+    ahead = np.asarray(camera.look_at, dtype=float) - np.asarray(camera.position, dtype=float)
+    size = float(np.linalg.norm(ahead))
+    return ahead / size if size > 1e-9 else np.array([-1.0, 0.0, 0.0])
+
+
+def upwards(camera: viser.CameraHandle) -> np.ndarray:
+    """(3,) unit vector that points up in the picture of a viewer's camera."""
+    ahead = line_of_sight(camera)
+    up = np.asarray(camera.up_direction, dtype=float)
+    up = up - (up @ ahead) * ahead
+    size = float(np.linalg.norm(up))
+    return up / size if size > 1e-9 else np.array([0.0, 0.0, 1.0])

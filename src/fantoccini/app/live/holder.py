@@ -1,0 +1,99 @@
+"""Who holds the strings: one viewer at a time, until idle; and the line that shows it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from threading import Lock
+from typing import TYPE_CHECKING
+
+from fantoccini.app.pages import note
+
+if TYPE_CHECKING:
+    import viser
+
+IDLE = 3.0
+"""A viewer who has moved nothing for so long no longer holds the strings [s]."""
+
+Viewer = int | str
+"""A client of viser by its number, or a gamepad by its name."""
+
+
+class Holder:
+    """The viewer that holds the strings.
+
+    Attributes:
+        idle: time without a move after which the strings are free [s].
+
+    Args:
+        idle: see above.
+        clock: returns the time [s].
+    """
+
+    def __init__(self, idle: float = IDLE, clock: Callable[[], float] = time.monotonic):
+        self.idle, self._clock = idle, clock
+        self._viewer: Viewer | None = None
+        self._since = 0.0
+        self._lock = Lock()
+
+    @property
+    def viewer(self) -> Viewer | None:
+        """Who holds the strings now, or None."""
+        with self._lock:
+            self._release_when_idle()
+            return self._viewer
+
+    def claim(self, viewer: Viewer) -> bool:
+        """Whether a viewer may move the puppet now; if so, it holds the strings."""
+        with self._lock:
+            self._release_when_idle()
+            if self._viewer not in (None, viewer):
+                return False
+            self._viewer, self._since = viewer, self._clock()
+            return True
+
+    def leave(self, viewer: Viewer) -> None:
+        """Frees the strings where this viewer holds them."""
+        with self._lock:
+            if self._viewer == viewer:
+                self._viewer = None
+
+    def _release_when_idle(self) -> None:
+        if self._viewer is not None and self._clock() - self._since > self.idle:
+            self._viewer = None
+
+
+def holder_text(holder: Viewer | None, viewer: Viewer | None = None) -> str:
+    """Who holds the strings, as shown to a viewer."""
+    if holder is None:
+        return "The strings are free"
+    if holder == viewer:
+        return "You hold the strings"
+    name = f"Viewer {holder + 1}" if isinstance(holder, int) else holder
+    return f"{name[:1].upper()}{name[1:]} holds the strings"
+
+
+class HolderLine:
+    """A line of the panel, different for each viewer, with who holds the strings.
+
+    ``order`` is its place in the panel.
+    """
+
+    def __init__(self, server: viser.ViserServer, order: float):
+        self._order = order
+        self._holder: Viewer | None = None
+        self._lines: dict[int, viser.GuiHtmlHandle] = {}
+        server.on_client_connect(self._add)
+        server.on_client_disconnect(lambda client: self._lines.pop(client.client_id, None))
+
+    def update(self, holder: Viewer | None) -> None:
+        """Shows who holds the strings now."""
+        if holder == self._holder:
+            return
+        self._holder = holder
+        for viewer, line in list(self._lines.items()):
+            line.content = note(holder_text(holder, viewer))
+
+    def _add(self, client: viser.ClientHandle) -> None:
+        words = note(holder_text(self._holder, client.client_id))
+        self._lines[client.client_id] = client.gui.add_html(words, order=self._order)

@@ -1,0 +1,397 @@
+"""A page with a live puppet, whose strings every viewer can move."""
+
+from __future__ import annotations
+
+import queue
+import time
+from collections import deque
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from fantoccini.app.live import midi, pad, sound
+from fantoccini.app.live.controls import Controls, line_of_sight
+from fantoccini.app.live.drag import nudge
+from fantoccini.app.live.holder import Holder, Viewer, holder_text
+from fantoccini.app.live.live_panel import LivePanel
+from fantoccini.app.live.pushes import Pushes
+from fantoccini.app.live.recorder import Recorder
+from fantoccini.app.live.stage import Stage
+from fantoccini.app.live.watched_file import WatchedFile, compiled
+from fantoccini.app.pages import REFRESH, Handler, Moment, PageLoop, SceneNodes, Server, moment_at
+from fantoccini.base import FantocciniError
+from fantoccini.dynamics.derivatives import motion_at
+from fantoccini.output.view import Geometry, Theme, force_arrows, geometry_at
+from fantoccini.theatre.perform import Balance, Performance, Show
+
+if TYPE_CHECKING:
+    import viser
+
+
+class _Timing(NamedTuple):
+    """Times of a live page."""
+
+    max_frame: float = 0.1
+    """Simulated time per frame [s]: after a longer frame the puppet is slow instead of jumping."""
+    history: float = 10.0  # Length of the plot [s]
+    samples: float = 0.05  # Interval of the plot's samples [s]
+    refusals: float = 2.0  # Interval between notices to a viewer who may not move the strings [s]
+    pad_speed: float = 0.5
+    """Speed of a handle at full deflection of a stick, in puppet sizes per second [1/s]."""
+
+
+_TIMING = _Timing()
+_FULL_FORCE = 0.25
+"""Force of a long arrow, relative to the puppet's weight: several points share the weight."""
+
+
+class Live(PageLoop):
+    """A live puppet on a page.
+
+    One thread changes the puppet and the page; what viewers do is queued for it, or sets a target
+    that the puppet's hands move to.
+
+    Attributes:
+        performance: the puppet with hands on its strings.
+        nodes: what the page shows.
+        controls: what a viewer moves.
+        pushes: what a viewer pulls at.
+        panel: buttons, sliders, numbers.
+        stage: gestures, takes, a score, and their sound.
+        pads: gamepads.
+        jobs: what is to be done between two frames.
+        holder: who holds the strings.
+        paused: whether time stands still.
+        factor: speed of time; below 1 is slow motion.
+
+    Args:
+        performance: the puppet.
+        theme: colours.
+        record_to: folder for recordings.
+        file: the puppet's file, loaded again when it is saved; or None.
+        score: file of a score, or None.
+        show: a play that is performed on it, or None.
+
+    Raises:
+        FileError: with the mistakes of the score.
+    """
+
+    def __init__(
+        self,
+        performance: Performance,
+        theme: Theme,
+        record_to: Path,
+        file: Path | None = None,
+        score: Path | None = None,
+        show: Show | None = None,
+    ):
+        super().__init__("live")
+        self.performance, self.theme = performance, theme
+        self.holder = Holder()
+        self.paused, self.factor = False, 1.0
+        self.stage = Stage(performance, record_to, file, score, show)
+        self._file = None if file is None else WatchedFile(file, compiled)
+        self.pads, self._midi = pad.Pads(), midi.Midi(self._go)
+        self.jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._past: deque[tuple[float, np.ndarray]] = deque()
+        self._refused: dict[Viewer, float] = {}
+        self._sight: np.ndarray | None = None
+        self._due = {"numbers": 0.0, "marks": 0.0, "sample": 0.0}
+
+    @property
+    def handlers(self) -> dict[str, Handler]:
+        """Websockets of our own."""
+        return {
+            pad.PATH: self.pads.visit, sound.PATH: self.stage.sounds.visit,
+            midi.PATH: self._midi.visit,
+        }  # fmt: skip
+
+    @property
+    def recorder(self) -> Recorder:
+        """Records the performance."""
+        return self.stage.recorder
+
+    def open(self, server: Server) -> None:
+        """Builds the page."""
+        self.server = server
+        self.panel = LivePanel(self, server.viser, self.theme)
+        self._build()
+        self.nodes.look(server.viser.initial_camera, "three-quarter")
+        server.viser.on_client_connect(self._fit)
+        server.viser.on_client_disconnect(lambda client: self.holder.leave(client.client_id))
+
+    def _finish(self) -> None:
+        self.performance.let(None)
+        self.stage.finish()
+
+    # -- what viewers do -----------------------------------------------------------------------
+
+    def act(self, viewer: Viewer | None, do: Callable[[], object]) -> bool:
+        """Does something to the puppet for a viewer if it may; returns whether it did."""
+        if viewer is not None and not self.holder.claim(viewer):
+            self._refuse(viewer)
+            return False
+        try:
+            do()
+        except FantocciniError as error:
+            self.panel.report(str(error))
+            return False
+        return True
+
+    def later(self, viewer: Viewer | None, do: Callable[[], None]) -> bool:
+        """As :meth:`act`, but in the loop's thread, between two frames."""
+        return self.act(viewer, lambda: self.jobs.put(do))
+
+    def pause(self) -> None:
+        """Pauses or resumes."""
+        self.paused = not self.paused
+        self.panel.show_paused(self.paused)
+
+    def step(self) -> None:
+        """Advances by one frame."""
+        if not self.paused:
+            self.pause()
+        (self.stage.show or self.performance).advance(1.0 / REFRESH.rate)
+
+    def reset(self) -> None:
+        """Returns to the start."""
+        balanced = self.balance is not None
+        (self.stage.show or self.performance).reset()
+        self._past.clear()
+        self.let_balance(balanced)
+
+    @property
+    def balance(self) -> Balance | None:
+        """The law of the hands while they balance the puppet."""
+        law = self.performance.law
+        return law if isinstance(law, Balance) else None
+
+    def let_balance(self, wanted: bool) -> None:
+        """Lets the hands balance the puppet where it is, or gives them back to their targets."""
+        # Shown first: a click that comes once the law has changed must not be taken back.
+        self.panel.show_balance(wanted)
+        try:
+            self.performance.let(Balance(self.performance, threaded=True) if wanted else None)
+        except Exception:
+            self.panel.show_balance(self.balance is not None)
+            raise
+
+    def record(self) -> None:
+        """Starts a recording, or ends and writes it."""
+        self.stage.record()
+
+    def push(self, right: float, up: float, camera: viser.CameraHandle | None = None) -> None:
+        """Moves the selected handle in a viewer's picture, in puppet sizes."""
+        handle = self.controls.handle
+        if handle is None:
+            return
+        size = self.nodes.geometry.size
+        by = nudge(handle.axes, self._line_of_sight(camera), right * size, up * size)
+        position, _ = self.performance.target(handle.name)
+        self.performance.move(handle.name, position + by)
+
+    def wind(self, by: float) -> None:
+        """Winds the string of the selected handle in or out, in puppet sizes."""
+        if self.controls.selected is not None:
+            self.controls.wind(self.controls.selected, by * self.nodes.geometry.size)
+
+    def set_parameters(self, values: dict[str, float]) -> None:
+        """Continues with other parameters."""
+        self._report(self.performance.set_parameters(values))
+
+    # -- the loop ------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        last = time.perf_counter()
+        while not self._end.is_set():
+            self._work(last + 1.0 / REFRESH.rate)
+            now = time.perf_counter()
+            duration, last = min(now - last, _TIMING.max_frame), now
+            self._safely(partial(self._frame, now, duration))
+
+    def _work(self, until: float) -> None:
+        """Does queued jobs until the next frame is due."""
+        while not self._end.is_set():
+            left = until - time.perf_counter()
+            try:
+                job = self.jobs.get(timeout=left) if left > 0.0 else self.jobs.get_nowait()
+            except queue.Empty:
+                return
+            self._safely(job)
+
+    def _safely(self, do: Callable[[], None]) -> None:
+        """Does something; errors are shown on the page and do not end the loop."""
+        try:
+            do()
+        except FantocciniError as error:
+            self.panel.report(str(error))
+        except Exception as error:
+            self.panel.report(f"internal error: {type(error).__name__}: {error}")
+
+    def _frame(self, now: float, duration: float) -> None:
+        self._follow_pads(duration)
+        if not self.paused:
+            self.pushes.update(self._poses())
+            (self.stage.show or self.performance).advance(duration * self.factor)
+        self.stage.factor = 0.0 if self.paused else self.factor
+        self.stage.frame()
+        moment = self._moment()
+        self._remember(now, moment)
+        with self.server.viser.atomic():
+            self.nodes.show(moment)
+            self.controls.update(moment.poses)
+            if now >= self._due["marks"]:
+                self._due["marks"] = now + REFRESH.marks
+                self.controls.mark(self.performance.lagging)
+            if now >= self._due["numbers"]:
+                self._due["numbers"] = now + REFRESH.numbers
+                self.controls.update_sliders()
+                self.panel.update(moment, self.performance.lagging, self._history())
+        # Otherwise viser waits for more messages and sends two frames as one.
+        self.server.viser.flush()
+        self.recorder.poll()
+        self._poll_file(now)
+
+    def _poses(self) -> np.ndarray:
+        x = self.performance.state
+        return np.asarray(self.performance.marionette.poses(x.q_D, x.q_K))
+
+    def _moment(self) -> Moment:
+        p = self.performance
+        arrows, contact = None, p.contact if self.panel.forces else None
+        if contact is not None:
+            full = _FULL_FORCE * (p.marionette.weight or 1.0)
+            arrows = force_arrows(contact, full, self.nodes.geometry.size)
+        return moment_at(p.marionette, p.state, p.tension, arrows)
+
+    def _remember(self, now: float, moment: Moment) -> None:
+        if self.paused or now < self._due["sample"] or moment.tension is None:
+            return
+        self._due["sample"] = now + _TIMING.samples
+        self._past.append((moment.t, moment.tension))
+        while self._past[-1][0] - self._past[0][0] > _TIMING.history or self._past[0][0] > moment.t:
+            self._past.popleft()
+
+    def _history(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times (n,) before now [s] and tensions (n_strings, n) [N]."""
+        if len(self._past) < 2:
+            return np.array([-_TIMING.history, 0.0]), np.zeros((len(self.nodes.geometry.names), 2))
+        t = np.array([at for at, _ in self._past])
+        return t - t[-1], np.array([tension for _, tension in self._past]).T
+
+    def _viewer(self, device: str) -> Viewer:
+        """Who uses a device: one person with a mouse and a gamepad is one viewer."""
+        clients = list(self.server.viser.get_clients())
+        return clients[0] if len(clients) == 1 else device
+
+    def _go(self) -> None:
+        self.later(self._viewer("midi"), self.stage.go)
+
+    def _follow_pads(self, duration: float) -> None:
+        pressed, sticks = self.pads.pressed(), self.pads.sticks
+        if not pressed and not sticks.moved:
+            return
+        viewer = self._viewer(self.pads.name)
+        for button, do in (
+            (pad.NEXT, lambda: self.controls.select_next(1)),
+            (pad.BEFORE, lambda: self.controls.select_next(-1)),
+            (pad.PAUSE, self.pause), (pad.RESET, self.reset), (pad.RECORD, self.record),
+        ):  # fmt: skip
+            if button in pressed:
+                self.act(viewer, do)
+        if sticks.moved:
+            far = _TIMING.pad_speed * duration
+            self.act(viewer, lambda: self.push(far * sticks.right, far * sticks.away))
+            self.act(viewer, lambda: self.wind(-far * sticks.up))
+
+    # -- another puppet ------------------------------------------------------------------------
+
+    def _poll_file(self, now: float) -> None:
+        score = self.stage.poll(now)
+        if score is not None:
+            self.panel.show_mistakes("score", score)
+        reload = None if self._file is None else self._file.poll(now)
+        if reload is None:
+            return
+        self.panel.show_mistakes("puppet", reload.mistakes)
+        if reload.made is None:
+            return
+        lost = self.stage.replace(reload.made)
+        if self.stage.score is not None:
+            self.panel.show_mistakes("score", ())
+        self._past.clear()
+        with self.server.viser.atomic():
+            self._clear()
+            self._build()
+        self._report(("the puppet file was loaded again", *lost))
+
+    def _build(self) -> None:
+        geometry = self._geometry()
+        top = 1.5 * geometry.tension_top()
+        self.nodes = SceneNodes(self.server.viser, geometry, self.theme, top)
+        self.panel.build(self.nodes)
+        self.controls = Controls(
+            self.server.viser, self.performance, self.theme, geometry.size,
+            self.nodes.view("three-quarter"), self.act,
+            lambda: self.panel.drag_winds, self.holder.leave, self.panel.lengths,
+        )  # fmt: skip
+        self.pushes = Pushes(
+            self.server.viser, self.performance, self.nodes, self.theme, self.act,
+            self.holder.leave,
+        )  # fmt: skip
+        self.panel.set_up(self.controls)
+        self.nodes.show(self._moment())
+
+    def _clear(self) -> None:
+        self.controls.remove()
+        self.pushes.remove()
+        self.panel.clear()
+        self.nodes.clear()
+
+    def _geometry(self) -> Geometry:
+        p = self.performance
+        return geometry_at(p.marionette, p.state, self._resting())
+
+    def _resting(self) -> np.ndarray:
+        """(n_strings,) typical tensions of this puppet, for the scale [N]."""
+        p = self.performance
+        tension = np.asarray(p.tension, dtype=float)
+        if tension.any():
+            return tension
+        forces = motion_at(p.marionette.model, p.state).tension
+        return np.asarray(forces)[: len(p.marionette.tree.strings)]
+
+    # -- reports and views ---------------------------------------------------------------------
+
+    def _report(self, messages: tuple[str, ...]) -> None:
+        if messages:
+            self.panel.report("; ".join(messages))
+
+    def _refuse(self, viewer: Viewer) -> None:
+        now = time.monotonic()
+        if now - self._refused.get(viewer, -np.inf) < _TIMING.refusals:
+            return
+        self._refused[viewer] = now
+        client = self.server.viser.get_clients().get(viewer)
+        if client is not None:
+            client.add_notification(
+                "Somebody else holds the strings", f"{holder_text(self.holder.viewer, viewer)}.",
+                auto_close_seconds=3.0, color="yellow",
+            )  # fmt: skip
+
+    def _fit(self, client: viser.ClientHandle) -> None:
+        """A narrow window, as on a phone, needs a more distant camera."""
+        if client.camera.aspect < 1.0:
+            self.nodes.look(client.camera, "three-quarter")
+
+    def _line_of_sight(self, camera: viser.CameraHandle | None) -> np.ndarray:
+        """(3,) of a camera; without one, that of the last camera, or of the first view."""
+        if camera is not None:
+            self._sight = line_of_sight(camera)
+        if self._sight is None:
+            view = self.nodes.view("three-quarter")
+            self._sight = (view.target - view.eye) / np.linalg.norm(view.target - view.eye)
+        return self._sight

@@ -1,0 +1,354 @@
+"""The panel of a live page: buttons, sliders, numbers, and errors in the puppet file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
+
+import numpy as np
+
+from fantoccini.app.live.controls import WARNING, Controls
+from fantoccini.app.live.holder import Holder, HolderLine, Viewer
+from fantoccini.app.live.perform_tabs import GesturesTab, TakesTab
+from fantoccini.app.live.play_tab import PlayTab
+from fantoccini.app.live.recorder import Recorder
+from fantoccini.app.live.score_tab import ScoreTab
+from fantoccini.app.live.stage import Stage
+from fantoccini.app.pages import VIEWS, Moment, Plot, SceneNodes, Views, bars, note, text
+from fantoccini.output.view import Theme, to_hex
+from fantoccini.theatre.perform import Balance, Performance
+
+if TYPE_CHECKING:
+    import viser
+
+Node = TypeVar("Node")
+
+SPEEDS = {"1": 1.0, "1/2": 0.5, "1/4": 0.25, "1/8": 0.125, "1/16": 0.0625}
+_PUSH = 0.012
+"""Motion of a handle for each press of a key, relative to the puppet's size."""
+_HINT = "Drag a bead to move it, a body to pull at it."
+_HINT_WINDS = (
+    "Drag a bead to move it, a body to pull at it; Shift and drag a bead up or down winds its "
+    "string."
+)
+_KEYS = (
+    "F and G choose a handle, A D W S move it, Q E wind its string, P pauses, N steps, R resets, "
+    "T records, Shift with F, S, Q, T and the arrow keys turn the camera. Gestures: keys beside "
+    "buttons, H home, B taps the beat, M metronome, L plays the take, O overdubs, Space GO. "
+    "A gamepad works too."
+)
+_RED = to_hex(WARNING)
+
+
+class LiveActions(Protocol):
+    """What the panel shows and changes: a :class:`fantoccini.app.live.live.Live`."""
+
+    stage: Stage
+    performance: Performance
+    nodes: SceneNodes
+    controls: Controls
+    holder: Holder
+    paused: bool
+    factor: float
+
+    @property
+    def recorder(self) -> Recorder: ...
+    @property
+    def balance(self) -> Balance | None: ...
+    def let_balance(self, wanted: bool) -> None: ...
+    def act(self, viewer: Viewer | None, do: Callable[[], object]) -> bool: ...
+    def later(self, viewer: Viewer | None, do: Callable[[], None]) -> bool: ...
+    def pause(self) -> None: ...
+    def step(self) -> None: ...
+    def reset(self) -> None: ...
+    def record(self) -> None: ...
+    def push(self, right: float, up: float, camera: viser.CameraHandle | None = None) -> None: ...
+    def wind(self, by: float) -> None: ...
+    def set_parameters(self, values: dict[str, float]) -> None: ...
+
+
+class LivePanel:
+    """The panel of a live page.
+
+    Attributes:
+        lengths: folder of the sliders of strings.
+        views: what is shown of the world.
+        takes: the tab of takes.
+        handle_choice: list of the handles; None where there are none.
+
+    Args:
+        live: what the buttons act on.
+        server: of viser.
+        theme: colours.
+    """
+
+    def __init__(self, live: LiveActions, server: viser.ViserServer, theme: Theme):
+        self._live, self._gui, self._theme = live, server.gui, theme
+        self._message = ""
+        self._wrong: dict[str, tuple[str, ...]] = {}
+        self._made: list[Any] = []
+        gui = server.gui
+        self._status = gui.add_html("", order=-4.0)
+        self._holder_line = HolderLine(server, order=-3.0)
+        self._mistakes = gui.add_html("", order=-2.0, visible=False)
+        self._hint = gui.add_html("", order=-1.0)
+        self._pause = gui.add_button("Pause", icon="player-pause")
+        steps = gui.add_button_group("Time", ("Step", "Reset"))
+        self._record = gui.add_button("Record", icon="player-record", color="red")
+        tabs = gui.add_tab_group()
+        self._strings = tabs.add_tab("Strings")
+        with self._strings:
+            self._balance = gui.add_checkbox(
+                "Let the hands balance it", False, hint="They bring it back to where it is now"
+            )
+            self._balance.on_update(self._set_balance)
+            with gui.add_folder("Speed and view", expand_by_default=False):
+                self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1")
+                self.views = Views(gui, lambda: live.nodes, self._touches)
+                self._names = gui.add_checkbox("Names", True, hint="Of the handles")
+                self._names.on_update(lambda _: live.controls.show_names(self._names.value))
+        gestures, takes = tabs.add_tab("Gestures"), tabs.add_tab("Takes")
+        self._gestures = GesturesTab(live, gui, gestures, self._command)
+        self.takes = TakesTab(live, gui, takes, self._command, theme.name)
+        self._score: ScoreTab | None = None
+        self._play: PlayTab | None = None
+        if live.stage.show is not None:
+            self._play = PlayTab(
+                live, gui, tabs.add_tab("Play"), self._command, live.stage.show
+            )
+        elif live.stage.score is not None:
+            self._score = ScoreTab(live, gui, tabs.add_tab("Score"), self._command, theme)
+        self._pause.on_click(lambda e: live.later(e.client_id, live.pause))
+        self._record.on_click(lambda e: live.later(e.client_id, live.record))
+        steps.on_click(
+            lambda e: live.later(e.client_id, live.step if e.target.value == "Step" else live.reset)
+        )
+        self._speed.on_update(self._set_speed)
+        self._add_keys()
+
+    def build(self, nodes: SceneNodes) -> None:
+        """Adds what depends on the puppet."""
+        with self._strings:
+            self._build_strings(nodes)
+        self._gestures.build()
+        self.takes.build()
+        if self._score is not None:
+            self._score.build()
+
+    def _build_strings(self, nodes: SceneNodes) -> None:
+        gui, live = self._gui, self._live
+        self._nodes = nodes
+        self.views.apply()
+        names = nodes.geometry.names
+        winds = bool(live.performance.lengths)
+        self._hint.content = note(_HINT_WINDS if winds else _HINT)
+        handles = tuple(handle.name for handle in live.performance.handles)
+        self.handle_choice: viser.GuiDropdownHandle[str] | None = None
+        self._winds: viser.GuiCheckboxHandle | None = None
+        self._shown: str | None = None
+        if handles:
+            choice = gui.add_dropdown("Handle", handles, hint="F and G choose")
+            self.handle_choice = self._keep(choice)
+            self._shown = self.handle_choice.value
+            self.handle_choice.on_update(self._choose)
+        if winds:
+            self._winds = self._keep(
+                gui.add_checkbox("Drag winds", False, hint="Dragging winds strings without Shift")
+            )
+        self.lengths = self._keep(gui.add_folder("String lengths [m]", visible=winds))
+        if names:
+            tension = self._keep(gui.add_folder("Tension"))
+            with tension:
+                self._bars = gui.add_html("")
+                self._plot = Plot(
+                    gui, names, self._theme, "N", (-10.0, 0.0), (0.0, 1.05 * nodes.colours.top)
+                )
+        values = live.performance.marionette.tree.parameters
+        if values:
+            with self._keep(gui.add_folder("Parameters")):
+                current = dict(zip(values, live.performance.marionette.p, strict=True))
+                for name, value in current.items():
+                    self._add_parameter(name, float(value))
+        with self._keep(gui.add_folder("Keys", expand_by_default=False)):
+            gui.add_html(note(_KEYS))
+
+    @property
+    def forces(self) -> bool:
+        """Whether the forces of contacts are wanted."""
+        return self.views.forces
+
+    @property
+    def drag_winds(self) -> bool:
+        """Whether dragging a bead winds its string, without Shift."""
+        return self._winds is not None and self._winds.value
+
+    def set_up(self, controls: Controls) -> None:
+        """Shows new beads and rings as the boxes say."""
+        controls.show_names(self._names.value)
+
+    def clear(self) -> None:
+        """Removes what depends on the puppet."""
+        for node in self._made:
+            node.remove()
+        self._made.clear()
+
+    def report(self, message: str) -> None:
+        """Shows a message, until the next one."""
+        self._message = message
+
+    def show_paused(self, paused: bool) -> None:
+        """Labels the button with what it does next."""
+        self._pause.label = "Go on" if paused else "Pause"
+        self._pause.icon = "player-play" if paused else "player-pause"
+
+    def show_balance(self, on: bool) -> None:
+        """Ticks the box where the hands balance the puppet."""
+        if self._balance.value != on:
+            self._balance.value = on
+
+    def show_mistakes(self, what: str, mistakes: tuple[str, ...]) -> None:
+        """Shows the errors in a file, of the puppet or of the score."""
+        self._wrong = {**self._wrong, what: mistakes}
+        wrong = {what: lines for what, lines in self._wrong.items() if lines}
+        self._mistakes.visible = bool(wrong)
+        lines = "".join(f"<div>{text(line)}</div>" for one in wrong.values() for line in one)
+        lead = "; ".join(f"the {what} is unchanged" for what in wrong)
+        self._mistakes.content = (
+            f'<div style="margin:0 0.5em;padding:0.5em 0.7em;border-left:4px solid {_RED};'
+            'background:rgba(214,69,69,0.12);font-size:0.82em;overflow-wrap:anywhere">'
+            f"<b>The file has errors; {lead}.</b>{lines}</div>"
+        )
+
+    def update(
+        self, moment: Moment, lagging: dict[str, str], history: tuple[np.ndarray, np.ndarray]
+    ) -> None:
+        """Shows new numbers.
+
+        Args:
+            moment: now.
+            lagging: names of handles and strings that cannot follow, and why.
+            history: times before now [s] and tensions [N].
+        """
+        self._status.content = self._about(moment, lagging)
+        self._holder_line.update(self._live.holder.viewer)
+        selected = self._live.controls.selected
+        # Only changes are sent: a viewer may just have chosen in the list.
+        if self.handle_choice is not None and self._shown != selected:
+            self.handle_choice.value = self._shown = selected
+        self._record.label = "Stop recording" if self._live.recorder.running else "Record"
+        self._gestures.build()
+        self._gestures.update()
+        self.takes.update()
+        if self._score is not None:
+            self._score.build()
+            self._score.update()
+        if self._play is not None:
+            self._play.update()
+        if self._nodes.geometry.names:
+            self._bars.content = bars(self._nodes.geometry.names, moment, self._nodes)
+            t, tension = history
+            self._plot.draw(t, np.minimum(tension, 10.0 * self._nodes.colours.top))
+
+    # -- inside --------------------------------------------------------------------------------
+
+    def _touches(self) -> bool:
+        return self._live.performance.contact is not None
+
+    def _about(self, moment: Moment, lagging: dict[str, str]) -> str:
+        live = self._live
+        clock = f"{moment.t:.1f} s"
+        if live.paused:
+            clock += ", paused"
+        elif live.factor != 1.0:
+            clock += f", {live.factor:g} times as fast"
+        if live.recorder.running:
+            recorded = f"&#9679; recording {live.recorder.time:.1f} s"
+            clock += f' &ensp;<span style="color:{_RED}">{recorded}</span>'
+        lines = [f"<div>{clock}</div>"]
+        if live.balance is not None:
+            lines.append(f"<div>The hands balance it: {text(live.balance.about)}</div>")
+        lines += [
+            f'<div style="color:{_RED}">{text(name)}: {text(why)}</div>'
+            for name, why in lagging.items()
+        ]
+        lines += [
+            f'<div style="opacity:0.75;overflow-wrap:anywhere">{text(message)}</div>'
+            for message in dict.fromkeys((live.recorder.status, self._message))
+            if message
+        ]
+        return (
+            f'<div style="padding:0 0.5em;font-size:0.85em;line-height:1.45">{"".join(lines)}</div>'
+        )
+
+    def _choose(self, event: Any) -> None:
+        if event.client_id is not None:
+            name = event.target.value
+            self._live.later(None, lambda: self._live.controls.select(name))
+
+    async def _set_balance(self, event: Any) -> None:
+        # Asynchronous, so that it sees the click's own value: viser calls it at once.
+        if event.client_id is None:
+            return
+        live, wanted = self._live, self._balance.value
+        if not live.later(event.client_id, lambda: live.let_balance(wanted)):
+            self._balance.value = not wanted
+
+    def _set_speed(self, event: Any) -> None:
+        if event.client_id is None:
+            return
+        factor = SPEEDS[self._speed.value]
+        if not self._live.act(event.client_id, lambda: setattr(self._live, "factor", factor)):
+            self._speed.value = next(k for k, v in SPEEDS.items() if v == self._live.factor)
+
+    def _add_parameter(self, name: str, value: float) -> None:
+        low, high = (0.2 * value, 3.0 * value) if value else (-1.0, 1.0)
+        low, high = min(low, high), max(low, high)
+        slider = self._gui.add_slider(name, low, high, (high - low) / 280.0, value)
+
+        def moved(event: Any) -> None:
+            if event.client_id is None:
+                return
+            live, value = self._live, float(slider.value)
+            if not live.later(event.client_id, lambda: live.set_parameters({name: value})):
+                marionette = live.performance.marionette
+                slider.value = float(marionette.p[list(marionette.tree.parameters).index(name)])
+
+        slider.on_update(moved)
+
+    def _add_keys(self) -> None:
+        live = self._live
+
+        def acts(label: str, key: str, do: Callable[[viser.CameraHandle], None]) -> None:
+            command = self._gui.add_command(label, hotkey=key)
+            command.on_trigger(lambda e: live.later(e.client_id, lambda: do(e.client.camera)))
+
+        acts("Pause or go on", "P", lambda _: live.pause())
+        acts("Step", "N", lambda _: live.step())
+        acts("Reset", "R", lambda _: live.reset())
+        acts("Record or stop", "T", lambda _: live.record())
+        acts("Next handle", "F", lambda _: live.controls.select_next(1))
+        acts("Handle before", "G", lambda _: live.controls.select_next(-1))
+        for label, key, right, up in (
+            ("left", "A", -_PUSH, 0.0), ("right", "D", _PUSH, 0.0),
+            ("up or away", "W", 0.0, _PUSH), ("down or near", "S", 0.0, -_PUSH),
+        ):  # fmt: skip
+            acts(f"Handle {label}", key, partial(live.push, right, up))
+        acts("Wind in", "E", lambda _: live.wind(-_PUSH))
+        acts("Wind out", "Q", lambda _: live.wind(_PUSH))
+        # Not Shift with a digit: browsers name that key by what it writes, as `!`.
+        for key, view in zip("FSQT", VIEWS, strict=True):
+            camera = self._gui.add_command(
+                f"Camera: {view}", hotkey=cast(Any, key), modifier="shift"
+            )
+            camera.on_trigger(lambda e, view=view: live.nodes.look(e.client.camera, view))
+
+    def _command(self, label: str, key: str, do: Callable[[], None]) -> Any:
+        """Adds a key that does something in the loop's thread."""
+        command = self._gui.add_command(label, hotkey=cast(Any, key))
+        command.on_trigger(lambda e: self._live.later(e.client_id, do))
+        return command
+
+    def _keep(self, node: Node) -> Node:
+        self._made.append(node)
+        return node

@@ -1,0 +1,144 @@
+"""Bodies that viewers pull at: as by a rubber band between the body and the mouse.
+
+    F = k (mouse - point),  |F| <= most
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from fantoccini.app.live.holder import Viewer
+from fantoccini.app.pages import SceneNodes
+from fantoccini.base import FantocciniError
+from fantoccini.model.tree import Role
+from fantoccini.output.view import Theme, rgb, to_bytes
+from fantoccini.theatre.perform import Performance
+
+if TYPE_CHECKING:
+    import viser
+
+
+class _Band(NamedTuple):
+    """The rubber band."""
+
+    reach: float = 0.4  # Length at which it pulls with the puppet's weight, in puppet sizes
+    most: float = 0.5  # Largest force, in weights of the puppet
+
+
+_BAND = _Band()
+
+
+@dataclass
+class _Pull:
+    """A body in a viewer's hand.
+
+    Attributes:
+        viewer: whose.
+        at: (3,) point of the body, in its frame [m].
+        mouse: (3,) in the world [m].
+    """
+
+    viewer: Viewer
+    at: np.ndarray
+    mouse: np.ndarray
+
+
+class Pushes:
+    """What viewers pull at.
+
+    Args:
+        server: of viser.
+        performance: what is pushed.
+        nodes: the bodies on the page.
+        theme: colours.
+        act: does something for a viewer if it may.
+        release: called when a viewer lets go.
+    """
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        performance: Performance,
+        nodes: SceneNodes,
+        theme: Theme,
+        act: Callable[[Viewer | None, Callable[[], object]], bool],
+        release: Callable[[Viewer], None],
+    ):
+        self._performance, self._act, self._release = performance, act, release
+        marionette = performance.marionette
+        weight, size = marionette.weight or 1.0, nodes.geometry.size
+        self._stiffness, self._most = weight / (_BAND.reach * size), _BAND.most * weight
+        self._links = {
+            link.name: k
+            for k, link in enumerate(marionette.tree.links)
+            if link.role is Role.DYNAMIC and nodes.bodies.get(k)
+        }
+        self._pulls: dict[str, _Pull] = {}
+        for name, k in self._links.items():
+            for mesh in nodes.bodies[k]:
+                mesh.on_drag("left")(self._dragged(name))
+        self._line = server.scene.add_line_segments(
+            "/pull", np.zeros((1, 2, 3)), to_bytes(rgb(theme.cycle[0])), thickness=2.0,
+            thickness_units="screen", visible=False,
+        )  # fmt: skip
+
+    def remove(self) -> None:
+        """Lets go, and removes the line from the page; meshes go with their nodes."""
+        for name in list(self._pulls):
+            self._let_go(name)
+        self._line.remove()
+
+    def update(self, poses: np.ndarray) -> None:
+        """Pulls at what is held, at link poses (n_links, 3, 4)."""
+        lines = []
+        for name, pull in list(self._pulls.items()):
+            pose = poses[self._links[name]]
+            point = pose[:, :3] @ pull.at + pose[:, 3]
+            force = self._stiffness * (pull.mouse - point)
+            force *= min(1.0, self._most / max(float(np.linalg.norm(force)), 1e-12))
+            try:
+                self._performance.push(name, force, pull.at)
+            except FantocciniError:
+                self._let_go(name)
+                raise
+            lines.append((point, pull.mouse))
+        if self._line.visible != bool(lines):
+            self._line.visible = bool(lines)
+        if lines:
+            self._line.points = np.array(lines, dtype=np.float32)
+
+    def _let_go(self, name: str) -> None:
+        pull = self._pulls.pop(name, None)
+        if pull is not None:
+            self._performance.push(name, None)
+            self._release(pull.viewer)
+
+    def _dragged(self, name: str) -> Callable[[Any], Any]:
+        async def dragged(event: Any) -> None:
+            pull, viewer = self._pulls.get(name), event.client_id
+            if event.phase == "end":
+                if pull is not None and pull.viewer == viewer:
+                    self._let_go(name)
+                return
+            mouse = np.array(event.end_position, dtype=float)
+            start = np.array(event.start_position, dtype=float)
+            if not np.isfinite([mouse, start]).all():
+                return
+            if pull is None:
+                x = self._performance.state
+                pose = self._performance.marionette.pose(x, name)
+                pull = _Pull(viewer, pose[:3, :3].T @ (start - pose[:3, 3]), mouse)
+            if pull.viewer != viewer:
+                return
+
+            def take() -> None:
+                pull.mouse = mouse
+                self._pulls[name] = pull
+
+            self._act(viewer, take)
+
+        return dragged

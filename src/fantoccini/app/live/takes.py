@@ -1,0 +1,206 @@
+"""Takes of a live performance: chosen, edited, played, kept, made into gestures and films."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+
+from fantoccini.app.live.recorder import unused
+from fantoccini.app.live.worker import Worker
+from fantoccini.base import StateError, npz
+from fantoccini.base.documents import NAME
+from fantoccini.motion import RECORDINGS
+from fantoccini.theatre.gestures import Gesture, gesture_names, gesture_of_take
+from fantoccini.theatre.perform import Performance, Recording
+
+_MOST_FILES = 100
+"""Files of the folder that are listed, the newest."""
+_SHORTEST = 0.05
+"""Least length of a part [s]."""
+
+
+@dataclass(frozen=True)
+class Edits:
+    """What becomes of a take; the take itself stays.
+
+    Attributes:
+        start, end: of the part that is kept [s].
+        smooth: time over which the hands' paths are averaged [s]; 0 leaves them.
+        stretch: how many times as long it becomes.
+    """
+
+    start: float
+    end: float
+    smooth: float = 0.0
+    stretch: float = 1.0
+
+
+class Takes:
+    """The takes of a folder and of this performance.
+
+    Attributes:
+        chosen: name of the one that is edited and played; empty without any.
+        edits: of the chosen one.
+
+    Args:
+        performance: that plays them.
+        folder: of the files.
+        worker: writes and films.
+    """
+
+    def __init__(self, performance: Performance, folder: Path, worker: Worker):
+        self._performance, self._folder, self._worker = performance, folder, worker
+        self._read: dict[str, Recording] = {}
+        self._names = _takes_in(folder)
+        self._edited: tuple[str, Edits, Recording] | None = None
+        self._used: set[Path] = set()
+        self.chosen, self.edits = "", Edits(0.0, 0.0)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all takes, the newest first."""
+        return tuple(self._names)
+
+    def add(self, take: Recording, path: Path) -> None:
+        """Adds a new take, and chooses it."""
+        self._read[path.stem] = take
+        self._names.insert(0, path.stem)
+        self._choose(path.stem, take)
+
+    def choose(self, name: str) -> None:
+        """Chooses a take.
+
+        Raises:
+            FantocciniError: its file cannot be read, or it is of another puppet.
+        """
+        if name not in self._names:
+            raise StateError(f"there is no take {name!r}")
+        if name not in self._read:
+            self._read[name] = Recording.load(self._folder / f"{name}.npz")
+        take, table = self._read[name], self._performance.marionette.coordinates
+        if take.marionette.coordinates.q_K != table.q_K:
+            raise StateError(f"{name} is a take of {take.marionette.name}, with other hands")
+        self._choose(name, take)
+
+    @property
+    def take(self) -> Recording | None:
+        """The chosen take as it was made."""
+        return self._read.get(self.chosen)
+
+    def edited(self) -> Recording:
+        """The chosen take, edited.
+
+        Raises:
+            StateError: none is chosen, or it cannot be edited so.
+        """
+        take, edits = self.take, self.edits
+        if take is None:
+            raise StateError("there is no take yet: record one")
+        if self._edited is not None and self._edited[:2] == (self.chosen, edits):
+            return self._edited[2]
+        try:
+            made = _edited(take, edits)
+        except ValueError as error:
+            raise StateError(str(error)) from None
+        self._edited = self.chosen, edits, made
+        return made
+
+    def play(self, *, armed: Collection[str] = (), again: bool = False) -> None:
+        """Plays the edited take from its start.
+
+        Args:
+            armed: lanes that it leaves to the hands.
+            again: again and again.
+        """
+        try:
+            self._performance.play_take(self.edited(), armed=armed, again=again)
+        except ValueError as error:
+            raise StateError(str(error)) from None
+
+    # -- files -------------------------------------------------------------------------------
+
+    def keep(self) -> None:
+        """Writes the edited take as a take of its own, and chooses it."""
+        made = self.edited()
+        path = self._unused(f"{self.chosen}-edited", ".npz")
+        self._save(made, path)
+        self.add(made, path)
+
+    def film(self, theme: str) -> None:
+        """Films the edited take."""
+        made, path = self.edited(), self._unused(self.chosen, ".mp4")
+        what = f"filming {path.name}"
+
+        def job() -> str:
+            from fantoccini.output.view import film
+
+            run = made.trajectory
+            film(
+                made.marionette, run, path, theme=theme,
+                progress=lambda k, n: self._worker.progress(what, k / n),
+            )  # fmt: skip
+            return f"wrote {path} ({run.duration:.1f} s)"
+
+        self._worker.do(what, job)
+
+    def gesture(self, name: str) -> Gesture:
+        """Makes a gesture of the edited take, and writes it as ``NAME.npz``.
+
+        Raises:
+            FantocciniError: the name is none, or is taken; or the take cannot be a gesture.
+        """
+        if re.fullmatch(NAME, name, re.ASCII) is None:
+            raise StateError(
+                f"{name!r} is no name: it begins with a letter, letters, digits, _ and - follow"
+            )
+        path = self._folder / f"{name}.npz"
+        if name in gesture_names() or path.exists() or path in self._used:
+            raise StateError(f"there is a gesture or a file {name} already; choose another name")
+        take = self.edited()
+        made = gesture_of_take(take.inputs, name)
+        self._used.add(path)
+        self._save(take, path)
+        return made
+
+    # -- inside ------------------------------------------------------------------------------
+
+    def _choose(self, name: str, take: Recording) -> None:
+        self.chosen, self.edits, self._edited = name, Edits(0.0, take.duration), None
+
+    def _unused(self, stem: str, ending: str) -> Path:
+        path = unused(self._folder, stem, ending, self._used)
+        self._used.add(path)
+        return path
+
+    def _save(self, take: Recording, path: Path) -> None:
+        def job() -> str:
+            take.save(path)
+            return f"wrote {path} ({take.duration:.1f} s)"
+
+        self._worker.do(f"writing {path.name}", job)
+
+
+def _edited(take: Recording, edits: Edits) -> Recording:
+    end = min(edits.end, take.duration)
+    if edits.start > 0.0 or end < take.duration - 0.5 * take.tick:
+        end = max(end, min(_SHORTEST, take.duration))
+        take = take.trimmed(min(edits.start, max(0.0, end - _SHORTEST)), end)
+    if edits.smooth > 0.0:
+        take = take.smoothed(edits.smooth)
+    return take if edits.stretch == 1.0 else take.stretched(edits.stretch)
+
+
+def _takes_in(folder: Path) -> list[str]:
+    """Names of the recordings in a folder, the newest first."""
+    files = [(path.stat().st_mtime, path) for path in folder.glob("*.npz") if path.is_file()]
+    newest = [path for _, path in sorted(files, reverse=True)[:_MOST_FILES]]
+    return [path.stem for path in newest if _form(path) in RECORDINGS]
+
+
+def _form(path: Path) -> str:
+    try:
+        return str(npz.about_of(npz.read(path, only=npz.ABOUT))["format"])
+    except npz.UNREADABLE:
+        return ""

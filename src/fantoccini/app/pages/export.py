@@ -1,0 +1,161 @@
+"""A motion as one file that any browser plays from disk, without a network."""
+
+from __future__ import annotations
+
+import json
+import os
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fantoccini.app.pages.loop import REFRESH
+from fantoccini.app.pages.moment import moment_of
+from fantoccini.app.pages.nodes import SceneNodes
+from fantoccini.app.pages.panel import text
+from fantoccini.app.pages.plan_tree import PlanTree
+from fantoccini.app.pages.replay import ResampledRun
+from fantoccini.app.pages.server import Server, in_head, policy, with_title
+from fantoccini.base import replacing
+from fantoccini.output.view import Theme, to_hex
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from fantoccini.dynamics.marionette import Marionette
+    from fantoccini.motion import Trajectory
+
+_QUANTUM = 1e-4
+"""Positions are rounded to this, relative to the puppet's size: 0.1 mm for one of 1 m."""
+_SCRIPT = """
+(() => {
+  const {t0, rate, top, tension, taut, colours} = READINGS;
+  const rows = [...document.querySelectorAll("#readings > div")];
+  let shown = -1;
+  const read = () => {
+    // The player draws the last frame that has begun at its slider's time.
+    const slider = document.querySelector("[role=slider]");
+    const t = slider === null ? NaN : parseFloat(slider.getAttribute("aria-valuenow"));
+    const k = Math.max(0, Math.min(tension.length - 1, Math.floor(t * rate + 1e-6)));
+    if (Number.isFinite(t) && k !== shown) {
+      shown = k;
+      document.getElementById("clock").textContent = (t0 + t).toFixed(1) + " s";
+      rows.forEach((row, s) => {
+        const pull = tension[k][s], share = taut[k][s] ? Math.min(1, Math.abs(pull) / top) : 0;
+        row.children[1].firstChild.style.width = 100 * share + "%";
+        row.children[1].firstChild.style.background =
+          colours[Math.round(share * (colours.length - 1))];
+        row.children[2].textContent = taut[k][s] ? pull.toFixed(2) + " N" : "slack";
+      });
+    }
+    requestAnimationFrame(read);  // in step with the picture, however slow
+  };
+  read();
+})();
+"""
+
+
+def write_html(
+    marionette: Marionette,
+    run: Trajectory,
+    path: str | os.PathLike[str],
+    theme: Theme,
+    tree: PlanTree | None = None,
+    progress: Callable[[float], None] | None = None,
+    forces: bool = False,
+) -> Path:
+    """Writes a motion as one HTML file; it appears whole or not at all.
+
+    Args:
+        marionette: the puppet.
+        run: its motion.
+        path: of the file.
+        theme: colours.
+        tree: search tree of the plan that the motion comes from, or None.
+        progress: called with the share that is done, 0 to 1.
+        forces: draw the forces of contacts.
+
+    Returns:
+        The path.
+
+    Raises:
+        ValueError: forces of a run without contact.
+    """
+    path = Path(path)
+    motion = ResampledRun.of(marionette, run, REFRESH.rate, forces)
+    # viser records what a server would send: it needs one, although nobody connects.
+    server = Server(motion.geometry.title, theme, port=0)
+    try:
+        page = _recorded(server, motion, theme, tree, progress, forces)
+    finally:
+        server.stop()
+    with replacing(path) as temporary:
+        temporary.write_text(_dressed(page, motion, theme), encoding="utf-8")
+    return path
+
+
+def _recorded(
+    server: Server,
+    motion: ResampledRun,
+    theme: Theme,
+    tree: PlanTree | None,
+    progress: Callable[[float], None] | None,
+    forces: bool,
+) -> str:
+    geometry, frames = motion.geometry, len(motion.geometry.t)
+    nodes = SceneNodes(server.viser, geometry, theme, quantum=_QUANTUM * geometry.size)
+    if tree is not None:
+        tree.add_to(server.viser, theme, geometry.size)
+    nodes.look(server.viser.initial_camera, "three-quarter")
+    nodes.show_forces(forces)
+    nodes.show(moment_of(geometry, 0))
+    recorder = server.viser.get_scene_serializer()
+    for k in range(frames):
+        nodes.show(moment_of(geometry, k))
+        if k < frames - 1:
+            recorder.insert_sleep(float(geometry.t[k + 1] - geometry.t[k]))
+        if progress is not None:
+            progress((k + 1) / frames)
+    return recorder.as_html(dark_mode=theme.name == "dark")
+
+
+def _dressed(page: str, motion: ResampledRun, theme: Theme) -> str:
+    """The page with its title, a caption with readings, and no access to a network."""
+    meta = f'<meta http-equiv="Content-Security-Policy" content="{escape(policy())}">'
+    page = with_title(page, motion.geometry.title)
+    page = in_head(page, meta)
+    body = page.rindex("</body>")
+    return page[:body] + _caption(motion, theme) + page[body:]
+
+
+def _caption(motion: ResampledRun, theme: Theme) -> str:
+    """Name, time and tensions in the corner, as HTML."""
+    geometry, run = motion.geometry, motion.run
+    lines = "".join(
+        '<div style="display:grid;grid-template-columns:8em 5em 4.2em;gap:0.6em;'
+        f'align-items:center"><span>{text(name)}</span><span style="background:'
+        'rgba(128,128,128,0.2);border-radius:3px;height:0.55em"><span style="display:block;'
+        'height:100%;border-radius:3px"></span></span><span style="text-align:right"></span></div>'
+        for name in geometry.names
+    )
+    tension = np.zeros(geometry.taut.shape) if geometry.tension is None else geometry.tension
+    readings = {
+        "t0": float(run.t[0]),
+        "rate": (len(geometry.t) - 1) / run.duration if run.duration > 0.0 else 1.0,
+        "top": geometry.tension_top(),
+        "tension": np.round(tension, 2).tolist(),
+        "taut": geometry.taut.astype(int).tolist(),
+        "colours": [to_hex(colour) for colour in theme.tension_colours(32)],
+    }
+    # No text from the puppet file goes in here; `<` cannot occur.
+    script = _SCRIPT.replace("READINGS", json.dumps(readings, allow_nan=False))
+    return (
+        f'<div style="position:fixed;right:1.2em;top:1em;z-index:5;pointer-events:none;'
+        f'color:{to_hex(theme.ink)};'
+        'font:13px/1.5 system-ui,sans-serif">'
+        f'<div style="font-size:18px;font-weight:600">{text(geometry.title)} '
+        '<span id="clock" style="font-weight:400;opacity:0.7"></span></div>'
+        f'<div id="readings" style="margin-top:0.4em;font-variant-numeric:tabular-nums">{lines}'
+        f"</div></div><script>{script}</script>"
+    )

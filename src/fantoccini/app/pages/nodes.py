@@ -1,0 +1,236 @@
+"""The nodes of a geometry in a viser server: built once, then moved for each moment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from fantoccini.app.pages.forces import Forces
+from fantoccini.app.pages.moment import Moment
+from fantoccini.app.pages.strings import Colours, Strings
+from fantoccini.app.pages.viser_private import move
+from fantoccini.model.tree import WORLD
+from fantoccini.output.view import (
+    Camera,
+    Geometry,
+    Solid,
+    Theme,
+    TriangleMesh,
+    coloured,
+    fit,
+    handles,
+    mix,
+    point_of_view,
+    round_down,
+    to_bytes,
+)
+
+if TYPE_CHECKING:
+    import viser
+
+VIEWS = ("front", "side", "three-quarter", "top")
+"""Points of view with buttons on the page."""
+
+_OPENING = np.radians(30.0)
+_ASPECT = 1.25
+"""Width over height into which the puppet fits; the panel covers the rest of wider windows."""
+_ELEVATIONS = {"three-quarter": 22.0, "top": 78.0}
+"""Elevations of views that show hands moving in a horizontal plane [deg]."""
+_MIN_CHANGE = 1e-7
+"""A link moves on the page where a number of its pose changes by more than this [m or 1]."""
+
+
+@dataclass(frozen=True)
+class View:
+    """A point of view.
+
+    Attributes:
+        eye: (3,) [m].
+        target: (3,) [m].
+    """
+
+    eye: np.ndarray
+    target: np.ndarray
+
+
+class SceneNodes:
+    """The viser nodes that show a geometry on a page.
+
+    Attributes:
+        bodies: meshes of every link that has any, by its index.
+        forces: arrows of contact forces.
+
+    Args:
+        server: of viser.
+        geometry: puppet, strings, floor, obstacles.
+        theme: colours.
+        top: upper end of the tension scale [N]; by default from the motion.
+        quantum: positions are rounded to this, for smaller files [m]; 0 keeps them.
+    """
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        geometry: Geometry,
+        theme: Theme,
+        top: float | None = None,
+        quantum: float = 0.0,
+    ):
+        self.server, self.geometry, self.theme = server, geometry, theme
+        self.colours = Colours(geometry, theme, geometry.tension_top() if top is None else top)
+        self._quantum = quantum
+        self._nodes: list[viser.SceneNodeHandle] = []
+        self._links: dict[int, viser.FrameHandle] = {}
+        self.bodies: dict[int, list[viser.MeshHandle]] = {}
+        with server.atomic():
+            self._set_up_world()
+            self._set_up_links()
+            self._strings = Strings(server, geometry, theme, self.colours, quantum)
+            self._nodes += self._strings.nodes
+            self.forces = Forces(server, geometry, theme)
+            self._nodes.append(self.forces.node)
+        self._last = np.full((len(geometry.tree.links), 7), np.nan)
+
+    def show(self, moment: Moment) -> None:
+        """Moves everything to a moment, in one bundle of messages."""
+        with self.server.atomic():
+            self._move_links(moment.poses)
+            self._strings.show(moment)
+            self.forces.show(moment)
+
+    def show_floor(self, visible: bool) -> None:
+        """Shows or hides the floor."""
+        self._floor.visible = visible
+
+    def show_shadows(self, visible: bool) -> None:
+        """Shows or hides shadows; without a graphics card they take most of the time."""
+        self.server.scene.configure_default_lights(cast_shadow=visible)
+
+    def show_obstacles(self, visible: bool) -> None:
+        """Shows or hides obstacles."""
+        for node in self._obstacles:
+            node.visible = visible
+
+    def show_forces(self, visible: bool) -> None:
+        """Shows or hides the forces of contacts."""
+        self.forces.want(visible)
+
+    @property
+    def has_obstacles(self) -> bool:
+        """Whether the world has obstacles."""
+        return bool(self._obstacles)
+
+    def clear(self) -> None:
+        """Removes everything from the page."""
+        with self.server.atomic():
+            # Children first: viser removes them with their parents.
+            for node in reversed(self._nodes):
+                node.remove()
+
+    def view(self, name: str, aspect: float = _ASPECT) -> View:
+        """The point of view of this name (see :data:`VIEWS`) with the whole motion in a window."""
+        geometry = self.geometry
+        centres, radii = geometry.balls()
+        centres = np.concatenate([centres, geometry.feet(centres)])
+        radii = np.concatenate([radii, np.zeros(len(centres) - len(radii))])
+        preset = "front" if name == "top" else name
+        azimuth, elevation = point_of_view(preset, centres, geometry.plane)
+        elevation = np.radians(_ELEVATIONS[name]) if name in _ELEVATIONS else elevation
+        camera = fit(centres, radii, azimuth, elevation, aspect, _OPENING, margin=0.09)
+        return View(camera.eye, _target(camera, 0.5 * (centres.min(axis=0) + centres.max(axis=0))))
+
+    def look(self, camera: viser.CameraHandle | viser.InitialCameraConfig, name: str) -> None:
+        """Points a camera of viser (a client's, or the initial one) as a view does."""
+        aspect = getattr(camera, "aspect", _ASPECT)
+        view = self.view(name, min(aspect, _ASPECT) if aspect > 0.0 else _ASPECT)
+        camera.position, camera.look_at = view.eye, view.target
+        camera.fov = float(_OPENING)
+
+    # -- built once ----------------------------------------------------------------------------
+
+    def _set_up_world(self) -> None:
+        geometry, theme, api = self.geometry, self.theme, self.server.scene
+        api.set_up_direction("+z")
+        api.world_axes.visible = False
+        api.set_background_image(_sky(theme), format="png")
+        low, high = geometry.ground_box()
+        reach = 1.6 * float((high - low).max()) + 1.6 * geometry.size
+        cell = round_down(0.12 * geometry.size)
+        middle = np.round(0.5 * (low + high) / cell) * cell
+        plane = mix(theme.bottom, theme.floor[:3], float(theme.floor[3]))
+        self._floor = api.add_grid(
+            "/floor", width=6.0 * reach, height=6.0 * reach, plane="xy",
+            position=(float(middle[0]), float(middle[1]), geometry.floor),
+            cell_size=cell, section_size=5.0 * cell,
+            cell_color=to_bytes(mix(plane, theme.grid, 0.55)), section_color=to_bytes(theme.grid),
+            cell_thickness=0.6, section_thickness=1.0, fade_distance=2.6 * reach,
+            fade_strength=1.0, fade_from="camera", plane_color=to_bytes(plane),
+            plane_opacity=1.0, shadow_opacity=0.45 if theme.name == "light" else 0.6,
+        )  # fmt: skip
+        self._nodes.append(self._floor)
+        obstacles = [s for s in geometry.solids if s.link == WORLD]
+        self._obstacles = self._meshes("/obstacles", obstacles)
+
+    def _set_up_links(self) -> None:
+        geometry = self.geometry
+        solids = [*geometry.solids, *handles(geometry.tree, self.theme, geometry.size)]
+        self._meshes("/hooks", [s for s in solids[len(geometry.solids) :] if s.link == WORLD])
+        for k, link in enumerate(geometry.tree.links):
+            carried = [s for s in solids if s.link == k]
+            if not carried:
+                continue
+            name = f"/puppet/{link.name}"
+            self._links[k] = self.server.scene.add_frame(name, show_axes=False)
+            self._nodes.append(self._links[k])
+            self.bodies[k] = self._meshes(name, carried)
+
+    def _meshes(self, name: str, solids: list[Solid]) -> list[viser.MeshHandle]:
+        """Adds one mesh for each colour and kind of shading."""
+        groups: dict[tuple[tuple[int, int, int], bool], list[TriangleMesh]] = {}
+        for solid in solids:
+            sharp = solid.kind == "faces" and not solid.smooth
+            for own, surface in coloured(solid):
+                groups.setdefault((to_bytes(own), sharp), []).append(surface)
+        nodes = []
+        for n, ((colour, sharp), parts) in enumerate(groups.items()):
+            starts = np.cumsum([0, *(len(p.vertices) for p in parts)])[:-1]
+            vertices = np.concatenate([p.vertices for p in parts]).astype(np.float32)
+            faces = np.concatenate([p.faces + at for p, at in zip(parts, starts, strict=True)])
+            nodes.append(
+                self.server.scene.add_mesh_simple(
+                    f"{name}/{n}", vertices, faces.astype(np.uint32), color=colour,
+                    flat_shading=sharp, side="front",
+                )
+            )  # fmt: skip
+        self._nodes += nodes
+        return nodes
+
+    # -- moved every time ----------------------------------------------------------------------
+
+    def _move_links(self, poses: np.ndarray) -> None:
+        turned = Rotation.from_matrix(poses[:, :, :3]).as_quat(canonical=True)
+        now = np.concatenate([turned[:, [3, 0, 1, 2]], poses[:, :, 3]], axis=1)
+        if self._quantum:
+            now[:, :4] = np.round(now[:, :4], 4)
+            now[:, 4:] = np.round(now[:, 4:] / self._quantum) * self._quantum
+        changed = ~(np.abs(now - self._last).max(axis=1) <= _MIN_CHANGE)
+        for k, node in self._links.items():
+            if changed[k] and np.isfinite(now[k]).all():
+                move(node, now[k, 4:], now[k, :4])
+        self._last = now
+
+
+def _target(camera: Camera, middle: np.ndarray) -> np.ndarray:
+    """The point on the line of sight about which the camera turns."""
+    ahead = -camera.axes[2]
+    return camera.eye + ahead * float((middle - camera.eye) @ ahead)
+
+
+def _sky(theme: Theme) -> np.ndarray:
+    """(256, 2, 3) pixels of the background, in 0 to 255."""
+    share = np.linspace(0.0, 1.0, 256)[:, None, None]
+    rows = mix(theme.top, theme.bottom, share)
+    return np.round(255.0 * np.tile(rows, (1, 2, 1))).astype(np.uint8)

@@ -1,0 +1,179 @@
+"""The side panel: numbers, plots, and the buttons that every page has.
+
+Texts from puppet files become HTML through :func:`text` only, and never markdown, in which a page
+would run code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fantoccini.app.pages.moment import Moment
+from fantoccini.app.pages.nodes import VIEWS, SceneNodes
+from fantoccini.output.view import Theme, to_hex
+
+if TYPE_CHECKING:
+    import viser
+
+_BAR = (
+    '<div style="display:grid;grid-template-columns:minmax(4.5em,auto) 1fr 4.6em;'
+    'gap:0.28em 0.6em;align-items:center;font-size:0.84em;line-height:1.25">'
+)
+_SIDE = "0.5em"
+
+
+def text(words: object) -> str:
+    """Plain text as HTML: nothing in it is markup."""
+    return escape(
+        "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in str(words))
+    )
+
+
+def note(words: str) -> str:
+    """A line of secondary text, as HTML; ``words`` is plain text."""
+    return f'<div style="padding:0 {_SIDE};font-size:0.82em;opacity:0.75">{text(words)}</div>'
+
+
+def bars(names: Sequence[str], moment: Moment, nodes: SceneNodes) -> str:
+    """Every string's name, with the colour of its plot, and its tension as bar and number: HTML."""
+    lines = []
+    for s, name in enumerate(names):
+        pull = None if moment.tension is None else float(moment.tension[s])
+        holds = bool(moment.taut[s]) or nodes.geometry.wires[s]
+        if pull is None or not np.isfinite(pull):
+            share, colour, number = 0.0, "transparent", "taut" if holds else "slack"
+        elif holds:
+            share = min(abs(pull) / nodes.colours.top, 1.0)
+            colour, number = nodes.colours.hexadecimal(pull), f"{pull:.2f} N"
+        else:
+            share, colour, number = 0.0, "transparent", "slack"
+        lines.append(
+            f'<div><span style="color:{nodes.theme.colour(s)}">&#9679;</span> {text(name)}</div>'
+            '<div style="background:rgba(128,128,128,0.16);border-radius:3px;height:0.62em">'
+            f'<div style="width:{100.0 * share:.1f}%;height:100%;border-radius:3px;'
+            f'background:{colour}"></div></div>'
+            f'<div style="text-align:right;font-variant-numeric:tabular-nums'
+            f'{";opacity:0.55" if number == "slack" else ""}">{number}</div>'
+        )
+    return f'<div style="padding:0.1em {_SIDE}">{_BAR}{"".join(lines)}</div></div>'
+
+
+class Views:
+    """Buttons for the camera, and boxes for what is shown of the world.
+
+    Attributes:
+        shadows_box, forces_box: boxes for shadows and for forces of contacts.
+
+    Args:
+        gui: of the server.
+        nodes: returns the nodes that are shown now.
+        touches: returns whether the puppet has contact now.
+    """
+
+    def __init__(
+        self, gui: viser.GuiApi, nodes: Callable[[], SceneNodes], touches: Callable[[], bool]
+    ):
+        self._nodes, self._touches = nodes, touches
+        gui.add_button_group("Camera", VIEWS).on_click(self._look)
+        self._floor = gui.add_checkbox("Floor", True)
+        self._obstacles = gui.add_checkbox("Obstacles", True)
+        self.shadows_box = gui.add_checkbox(
+            "Shadows", True, hint="Without a graphics card the page is faster without them"
+        )
+        self.forces_box = gui.add_checkbox("Forces", False, hint="Of contacts, as arrows")
+        for box in (self._floor, self.shadows_box, self._obstacles, self.forces_box):
+            box.on_update(lambda _: self.apply())
+
+    def apply(self) -> None:
+        """Shows and hides what the boxes say."""
+        nodes = self._nodes()
+        nodes.show_floor(self._floor.value)
+        nodes.show_shadows(self.shadows_box.value)
+        nodes.show_obstacles(self._obstacles.value)
+        nodes.show_forces(self.forces)
+        self._obstacles.visible = nodes.has_obstacles
+        self.forces_box.visible = self._touches()
+
+    @property
+    def forces(self) -> bool:
+        """Whether the forces of contacts are wanted."""
+        return self.forces_box.value and self._touches()
+
+    def _look(self, event: viser.GuiEvent[viser.GuiButtonGroupHandle[str]]) -> None:
+        if event.client is not None:
+            self._nodes().look(event.client.camera, event.target.value)
+
+
+class Plot:
+    """Lines against time, with a mark at the present.
+
+    Args:
+        gui: of the server.
+        names: of the lines; plain text.
+        theme: colours.
+        label: unit of the values.
+        span: first and last time [s].
+        scale: lower and upper end of the values.
+        mark: mark the present.
+        height: [px].
+    """
+
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        names: Sequence[str],
+        theme: Theme,
+        label: str,
+        span: tuple[float, float],
+        scale: tuple[float, float],
+        mark: bool = False,
+        height: int = 170,
+    ):
+        self._mark = mark
+        ink = to_hex(theme.ink)
+        grid = {"stroke": "rgba(128,128,128,0.18)", "width": 1}
+        series: list[dict[str, Any]] = [{"label": "t [s]"}]
+        series += [
+            {
+                "label": name,
+                "stroke": theme.colour(k),
+                "width": 1.6,
+                "points": {"show": False},
+                "dash": [3.0 * dash for dash in theme.dashes(k)],
+            }
+            for k, name in enumerate(names)
+        ]
+        if mark:
+            series.append({"label": "now", "stroke": ink, "width": 1.4, "points": {"show": False}})
+        # The scale is fixed: the mark is mostly NaN, from which viser derives no range.
+        values = {"auto": False, "range": list(scale)}
+        zeros = tuple(np.zeros(2) for _ in series[1:])
+        self._node = gui.add_uplot(
+            (np.array(span, dtype=float), *zeros), tuple(series),
+            scales={"x": {"time": False, "auto": False, "range": list(span)}, "y": values},
+            axes=(
+                {"stroke": ink, "grid": grid, "size": 26},
+                {"stroke": ink, "grid": grid, "size": 46, "label": label, "labelSize": 16},
+            ),
+            legend={"show": False}, cursor={"show": False}, height=height,
+        )  # fmt: skip
+
+    def draw(self, t: np.ndarray, values: np.ndarray, now: float | None = None) -> None:
+        """Draws values (n_names, n) at times (n,), with the mark at ``now`` [s]."""
+        lines = [np.asarray(row, dtype=float) for row in values]
+        if self._mark:
+            lines.append(_spike(t, values, t[0] if now is None else now))
+        self._node.data = (np.asarray(t, dtype=float), *lines)
+
+
+def _spike(t: np.ndarray, values: np.ndarray, now: float) -> np.ndarray:
+    """(n,) NaN but for two neighbours about the present: an almost vertical line."""
+    mark = np.full(len(t), np.nan)
+    k = int(np.clip(np.searchsorted(t, now), 1, len(t) - 1))
+    finite = values[np.isfinite(values)]
+    mark[k - 1], mark[k] = (finite.min(), finite.max()) if len(finite) else (0.0, 1.0)
+    return mark

@@ -1,0 +1,47 @@
+"""The search tree of a plan in a page: its nodes as dots, the path as a line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fantoccini.output.view import MAX_DOTS, PATH_COLOUR, Theme, spread, to_bytes
+
+if TYPE_CHECKING:
+    import viser
+
+    from fantoccini.control.planning import PlanResult
+
+
+@dataclass(frozen=True, eq=False)
+class PlanTree:
+    """Places of a point of the puppet.
+
+    Attributes:
+        nodes: (n, 3) at the nodes of the search tree [m].
+        way: (m, 3) along the plan [m].
+    """
+
+    nodes: np.ndarray
+    way: np.ndarray
+
+    @classmethod
+    def of(cls, plan: PlanResult) -> PlanTree:
+        """The tree of a plan."""
+        nodes, way = plan.traces()
+        return cls(nodes, way)
+
+    def add_to(self, server: viser.ViserServer, theme: Theme, size: float) -> None:
+        """Adds dots and line to the geometry of a motion of this size [m]."""
+        dots = self.nodes[spread(len(self.nodes), MAX_DOTS)].astype(np.float32)
+        server.scene.add_point_cloud(
+            "/plan/tree", dots, to_bytes(theme.faint), point_size=0.005 * size,
+            point_shape="circle",
+        )  # fmt: skip
+        if len(self.way) > 1:
+            server.scene.add_line_segments(
+                "/plan/way", np.stack([self.way[:-1], self.way[1:]], axis=1),
+                to_bytes(PATH_COLOUR), thickness=2.5, thickness_units="screen",
+            )  # fmt: skip

@@ -1,0 +1,300 @@
+"""A page that plays a motion back, with a timeline, tensions and energies."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from fantoccini.app.pages.loop import REFRESH, PageLoop
+from fantoccini.app.pages.moment import moment_of
+from fantoccini.app.pages.nodes import SceneNodes
+from fantoccini.app.pages.panel import Plot, Views, bars, note, text
+from fantoccini.app.pages.plan_tree import PlanTree
+from fantoccini.app.pages.server import Server
+from fantoccini.output.view import Geometry, Theme, geometry_of
+
+if TYPE_CHECKING:
+    import viser
+
+    from fantoccini.dynamics.marionette import Marionette
+    from fantoccini.motion import EventRecord, Trajectory
+
+SPEEDS = {"1/8": 0.125, "1/4": 0.25, "1/2": 0.5, "1": 1.0, "2": 2.0, "4": 4.0}
+
+
+class _Sizes(NamedTuple):
+    """How much of a motion is kept and shown."""
+
+    max_rate: float = 240.0  # Resampled frames per second: enough for slow motion at 1/4
+    max_frames: int = 40_000  # Resampled frames: memory
+    plot_points: int = 240  # Points of a line: pixels of a plot
+    listed_events: int = 8  # Events that are listed at a time
+    max_marks: int = 30  # Marks on the slider; more are not legible
+
+
+_SIZES = _Sizes()
+
+EVENT_TEXTS = {
+    "catch": "catches", "release": "goes slack", "limit_on": "reaches its limit",
+    "limit_off": "leaves its limit", "accumulation": "catches ever faster", "slip": "slips",
+    "grip": "grips", "touch": "touch", "lift": "part", "slide": "slide", "stick": "stick",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class ResampledRun:
+    """A motion at evenly spaced times.
+
+    Attributes:
+        run: the original.
+        geometry: at the frames' times.
+        events: without breakpoints of the inputs.
+    """
+
+    run: Trajectory
+    geometry: Geometry
+    events: tuple[EventRecord, ...]
+
+    @classmethod
+    def of(
+        cls,
+        marionette: Marionette,
+        run: Trajectory,
+        rate: float | None = None,
+        forces: bool | None = None,
+    ) -> ResampledRun:
+        """The motion at ``rate`` frames per second, by default as many as are useful.
+
+        ``forces``: with the forces of contacts; by default where there are any.
+        """
+        if rate is None:
+            rate = min(_SIZES.max_rate, _SIZES.max_frames / max(run.duration, 1e-9))
+        frames = max(1, round(run.duration * rate))
+        times = np.linspace(run.t[0], run.t[-1], frames + 1)
+        events = tuple(e for e in run.events if e.kind != "breakpoint")
+        again = run.resample(times)
+        forces = run.contact is not None if forces is None else forces
+        return cls(run, geometry_of(marionette, again, forces), events)
+
+    @property
+    def start(self) -> float:
+        """First time [s]."""
+        return float(self.geometry.t[0])
+
+    @property
+    def end(self) -> float:
+        """Last time [s]."""
+        return float(self.geometry.t[-1])
+
+    def frame(self, t: float) -> int:
+        """The frame of a time."""
+        share = (t - self.start) / max(self.end - self.start, 1e-12)
+        return int(np.clip(round(share * (len(self.geometry.t) - 1)), 0, len(self.geometry.t) - 1))
+
+
+class Replay(PageLoop):
+    """Plays a motion on a page.
+
+    Attributes:
+        t: the time that is shown [s].
+        playing: whether it plays.
+        shown: index of the frame that is shown; -1 before the first.
+        views: what is shown of the world.
+
+    Args:
+        server: of the page.
+        motion: what to play.
+        theme: colours.
+        tree: search tree of the plan that the motion comes from, or None.
+    """
+
+    def __init__(
+        self, server: Server, motion: ResampledRun, theme: Theme, tree: PlanTree | None = None
+    ):
+        super().__init__("replay")
+        self.server, self.motion, self.theme = server, motion, theme
+        self.nodes = SceneNodes(server.viser, motion.geometry, theme)
+        if tree is not None:
+            tree.add_to(server.viser, theme, motion.geometry.size)
+        self.nodes.look(server.viser.initial_camera, "three-quarter")
+        self.t, self.playing, self.speed = motion.start, True, 1.0
+        self.shown = -1
+        self._due = {"plot": 0.0, "numbers": 0.0}
+        self._lock = threading.Lock()
+        self._set_up_panel()
+
+    def seek(self, t: float) -> None:
+        """Shows another time [s]."""
+        with self._lock:
+            self.t = float(np.clip(t, self.motion.start, self.motion.end))
+
+    # -- panel ---------------------------------------------------------------------------------
+
+    def _set_up_panel(self) -> None:
+        gui, motion = self.server.viser.gui, self.motion
+        gui.add_html(note(_about(motion)))
+        span = motion.start, motion.end
+        self._slider = gui.add_slider(
+            "Time", span[0], max(span[1], span[0] + 1e-3),
+            max(1e-3, round((span[1] - span[0]) / 2000, 3)), span[0], marks=_marks(motion),
+        )  # fmt: skip
+        self._slider.on_update(self._slid)
+        self._play = gui.add_button("Pause", icon="player-pause")
+        self._play.on_click(lambda _: self._toggle())
+        steps = gui.add_button_group("Step", ("|<", "<", ">", ">|"), hint="Events and frames")
+        steps.on_click(lambda event: self._step(event.target.value))
+        self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1")
+        self._speed.on_update(lambda _: setattr(self, "speed", SPEEDS[self._speed.value]))
+        self._loop = gui.add_checkbox("Loop", True)
+        self.views = Views(gui, lambda: self.nodes, lambda: motion.run.contact is not None)
+        self.views.apply()
+        self._plot_t = np.linspace(*span, _SIZES.plot_points)
+        coarse = motion.run.resample(self._plot_t)
+        self._tensions = np.minimum(coarse.tension.values, 10.0 * self.nodes.colours.top).T
+        stored = [coarse.ledger["kinetic"], coarse.ledger["potential"]]
+        stored[1] = stored[1] - stored[1].min()
+        self._energies = np.array([*stored, stored[0] + stored[1]])
+        if motion.geometry.names:
+            with gui.add_folder("Tension"):
+                self._bars = gui.add_html("")
+                self._tension = Plot(
+                    gui, motion.geometry.names, self.theme, "N", span,
+                    (0.0, 1.05 * self.nodes.colours.top), mark=True,
+                )  # fmt: skip
+        with gui.add_folder("Energy"):
+            self._energy = Plot(
+                gui, ("kinetic", "potential", "sum"), self.theme, "J", span,
+                _scale(self._energies), mark=True, height=140,
+            )  # fmt: skip
+            gui.add_html(_legend(("kinetic", "potential", "sum"), self.theme.cycle))
+        self._listing = None
+        if motion.events:
+            with gui.add_folder("Events"):
+                self._listing = gui.add_html("")
+        gui.add_command("Play or pause", hotkey="P").on_trigger(lambda _: self._toggle())
+        for label, key, what in (
+            ("Step back", "A", "<"), ("Step on", "D", ">"),
+            ("Event before", "W", "|<"), ("Next event", "S", ">|"),
+        ):  # fmt: skip
+            gui.add_command(label, hotkey=key).on_trigger(lambda _, what=what: self._step(what))
+
+    def _slid(self, event: viser.GuiEvent[viser.GuiSliderHandle[float]]) -> None:
+        if event.client is not None:  # a viewer, not this program
+            self._pause()
+            self.seek(self._slider.value)
+
+    def _toggle(self) -> None:
+        if self.playing:
+            self._pause()
+            return
+        if self.t >= self.motion.end:
+            self.seek(self.motion.start)
+        self.playing = True
+        self._play.label, self._play.icon = "Pause", "player-pause"
+
+    def _pause(self) -> None:
+        self.playing = False
+        self._play.label, self._play.icon = "Play", "player-play"
+
+    def _step(self, what: str) -> None:
+        self._pause()
+        if what in ("<", ">"):
+            self.seek(self.t + (1.0 if what == ">" else -1.0) / REFRESH.rate)
+            return
+        times = [e.t for e in self.motion.events]
+        near = 1e-6
+        if what == ">|":
+            self.seek(min((t for t in times if t > self.t + near), default=self.motion.end))
+        else:
+            self.seek(max((t for t in times if t < self.t - near), default=self.motion.start))
+
+    def _finish(self) -> None:
+        """Nothing is left to do."""
+
+    # -- playing -------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        last = time.perf_counter()
+        while not self._end.wait(max(0.0, 1.0 / REFRESH.rate - (time.perf_counter() - last))):
+            now = time.perf_counter()
+            if self.playing:
+                self._advance((now - last) * self.speed)
+            last = now
+            self._show(now)
+
+    def _advance(self, duration: float) -> None:
+        with self._lock:
+            self.t += duration
+            if self.t < self.motion.end:
+                return
+            self.t = self.motion.start if self._loop.value else self.motion.end
+        if not self._loop.value:
+            self._pause()
+
+    def _show(self, now: float) -> None:
+        k = self.motion.frame(self.t)
+        if k == self.shown:
+            return
+        moment = moment_of(self.motion.geometry, k)
+        with self.server.viser.atomic():
+            self.nodes.show(moment)
+            if now >= self._due["numbers"]:
+                self._due["numbers"] = now + REFRESH.numbers
+                self._slider.value = round(self.t, 3)
+                if self.motion.geometry.names:
+                    self._bars.content = bars(self.motion.geometry.names, moment, self.nodes)
+                if self._listing is not None:
+                    self._listing.content = listed(self.motion.events, self.t)
+            if now >= self._due["plot"]:
+                self._due["plot"] = now + REFRESH.numbers
+                if self.motion.geometry.names:
+                    self._tension.draw(self._plot_t, self._tensions, self.t)
+                self._energy.draw(self._plot_t, self._energies, self.t)
+                self.shown = k
+
+
+def _scale(values: np.ndarray) -> tuple[float, float]:
+    """Range of all values, with a margin."""
+    low, high = float(np.min(values)), float(np.max(values))
+    margin = 0.05 * (high - low) or 1.0
+    return low - margin, high + margin
+
+
+def _about(motion: ResampledRun) -> str:
+    run = motion.run
+    ended = "" if run.status.name == "DONE" else f"; {run.status.message}"
+    events = f"{len(motion.events)} events" if run.events_recorded else "events not recorded"
+    return f"{run.duration:.2f} s, {events}, by {run.method}{ended}"
+
+
+def _marks(motion: ResampledRun) -> tuple[float, ...] | None:
+    caught = [e.t for e in motion.events if e.kind in ("catch", "slip", "accumulation")]
+    return tuple(round(t, 3) for t in caught) if 0 < len(caught) <= _SIZES.max_marks else None
+
+
+def listed(events: Sequence[EventRecord], t: float) -> str:
+    """The last events before a time, and the next, as HTML."""
+    past = sum(e.t <= t + 1e-9 for e in events)
+    first = max(0, min(past - _SIZES.listed_events + 2, len(events) - _SIZES.listed_events))
+    lines = []
+    for n, event in enumerate(events[first : first + _SIZES.listed_events], start=first):
+        words = f"{event.name} {EVENT_TEXTS.get(event.kind, event.kind)}"
+        if event.impulse > 0.0:
+            words += f", {event.impulse:.3g} N s"
+        weight = "font-weight:600" if n == past - 1 else ""
+        shade = "" if n < past else "opacity:0.45;"
+        lines.append(f'<div style="{shade}{weight}">{event.t:.3f} s &ensp;{text(words)}</div>')
+    return f'<div style="padding:0 0.5em;font-size:0.82em;line-height:1.5">{"".join(lines)}</div>'
+
+
+def _legend(names: Sequence[str], cycle: Sequence[str]) -> str:
+    dots = "&emsp;".join(
+        f'<span style="color:{colour}">&#9679;</span> {text(name)}'
+        for name, colour in zip(names, cycle, strict=False)
+    )
+    return f'<div style="padding:0 0.5em;font-size:0.82em">{dots}</div>'

@@ -1,0 +1,248 @@
+"""A viser server that by default only this machine's browser can reach."""
+
+from __future__ import annotations
+
+import errno
+import gzip
+import ipaddress
+import os
+import socket
+import sys
+import webbrowser
+from html import escape
+from typing import Any
+from urllib.parse import unquote, urlsplit
+
+from websockets.datastructures import Headers
+from websockets.http11 import Request, Response
+
+from fantoccini.app.pages import viser_private
+from fantoccini.app.pages.viser_private import Filter, Handler
+from fantoccini.base import FantocciniError
+from fantoccini.output.view import Theme, rgb, to_bytes
+
+HOST = "127.0.0.1"
+PORT = 8080
+MAX_PORTS = 100
+"""Ports that are tried after one that is in use."""
+
+
+class ServerError(FantocciniError):
+    """No page can be served at this address."""
+
+
+class Server:
+    """A viser server on one port, with an index page and websockets of our own.
+
+    viser accepts connections from any page that the browser has open, and has no place for scripts.
+    Here a request must name this server as its host and come from its own page, so that no other
+    page, also none by DNS rebinding, can move the puppet.
+
+    Attributes:
+        viser: the server of viser.
+        port: that it listens on.
+        moved: whether the requested port was in use.
+
+    Args:
+        title: of the page; plain text.
+        theme: colours.
+        host: address to listen on.
+        port: first port to try; 0 lets the system choose.
+        script: more JavaScript for the page.
+        handlers: path -> what serves websockets there.
+
+    Raises:
+        ServerError: no port at this address can be used.
+        ViserError: viser has changed.
+    """
+
+    def __init__(
+        self,
+        title: str,
+        theme: Theme,
+        host: str = HOST,
+        port: int = PORT,
+        script: str = "",
+        handlers: dict[str, Handler] | None = None,
+    ):
+        self.host = host
+        self.port = free_port(host, port)
+        page = with_title(viser_private.client_page(), title)
+        # Before the client's own script, whose listeners come after ours.
+        script = f"<script>{viser_private.CLIENT_SCRIPT + script}</script>"
+        self._index = in_head(page, script).encode()
+        self._handlers = handlers or {}
+        self.viser = viser_private.start(host, self.port, title, self._dispatch, self._filter)
+        self.port = self.viser.get_port()
+        self.moved = port not in (0, self.port)
+        self.viser.gui.configure_theme(
+            dark_mode=theme.name == "dark", show_logo=False, show_share_button=False,
+            brand_color=to_bytes(rgb(theme.cycle[0])),
+        )  # fmt: skip
+
+    @property
+    def url(self) -> str:
+        """Address of the page."""
+        host = _reached_at(self.host)
+        return f"http://{f'[{host}]' if ':' in host else host}:{self.port}"
+
+    @property
+    def exposed(self) -> bool:
+        """Whether other machines can reach the page."""
+        return not _is_loopback(self.host)
+
+    def open_browser(self) -> bool:
+        """Opens the page where there is a display; returns whether it did."""
+        if not has_display():
+            return False
+        return webbrowser.open(self.url)
+
+    def stop(self) -> None:
+        """Ends the server."""
+        viser_private.stop(self.viser)
+
+    # -- requests ------------------------------------------------------------------------------
+
+    def _dispatch(self, own: Handler) -> Handler:
+        async def handle(connection: Any) -> None:
+            path = connection.request.path.partition("?")[0]
+            await self._handlers.get(path, own)(connection)
+
+        return handle
+
+    def _filter(self, own: Filter) -> Filter:
+        def answer(connection: Any, request: Request) -> Response | None:
+            if not self._accepts(request):
+                return _plain(403, "Forbidden", "this page is served to its own address only")
+            if request.headers.get("Upgrade", "").lower() == "websocket":
+                own(connection, request)  # silences the log of connections
+                return None
+            # Reads paths as viser does: every spelling of the page's address is the page.
+            path = unquote(request.path.partition("?")[0]).replace("\\", "/")
+            if [part for part in path.split("/") if part not in ("", ".")] in ([], ["index.html"]):
+                return self._page(request)
+            return _plain(404, "Not Found", "there is nothing here but the page at /")
+
+        return answer
+
+    def _accepts(self, request: Request) -> bool:
+        host = request.headers.get("Host", "")
+        origin = request.headers.get("Origin")
+        if origin is not None and urlsplit(origin).netloc.lower() != host.lower():
+            return False
+        return self.exposed or _is_loopback(urlsplit(f"//{host}").hostname or "")
+
+    def _page(self, request: Request) -> Response:
+        host = request.headers.get("Host", "")
+        content = self._index
+        headers = Headers()
+        if "gzip" in request.headers.get("Accept-Encoding", ""):
+            content = gzip.compress(content, 6)
+            headers["Content-Encoding"] = "gzip"
+        headers["Content-Type"] = "text/html; charset=utf-8"
+        return _safe(200, "OK", headers, content, policy(f"'self' ws://{host} wss://{host}"))
+
+
+def _plain(code: int, reason: str, words: str) -> Response:
+    headers = Headers({"Content-Type": "text/plain; charset=utf-8"})
+    return _safe(code, reason, headers, f"{words}\n".encode(), policy())
+
+
+def _safe(code: int, reason: str, headers: Headers, content: bytes, rules: str) -> Response:
+    """A response with the headers that all of ours have."""
+    headers["Content-Length"] = str(len(content))
+    headers["Cache-Control"] = "no-store"
+    headers["X-Frame-Options"] = "SAMEORIGIN"
+    headers["X-Content-Type-Options"] = "nosniff"
+    headers["Content-Security-Policy"] = rules
+    return Response(code, reason, headers, content)
+
+
+def policy(connect: str = "") -> str:
+    """Content security policy of a page that loads nothing from elsewhere.
+
+    ``connect`` lists more addresses that it may connect to.
+    """
+    inline = "'unsafe-inline' 'unsafe-eval' 'wasm-unsafe-eval' data: blob:"
+    return (
+        f"default-src 'none'; script-src {inline}; worker-src data: blob:; "
+        "style-src 'unsafe-inline'; img-src data: blob:; font-src data:; media-src data: blob:; "
+        f"connect-src data: blob: {connect}; base-uri 'none'; form-action 'none'"
+    ).strip()
+
+
+def with_title(page: str, title: str) -> str:
+    """The page with another title; plain text."""
+    start, end = page.index("<title>"), page.index("</title>")
+    return f"{page[:start]}<title>{escape(title)}{page[end:]}"
+
+
+def in_head(page: str, html: str) -> str:
+    """The page with ``html`` at the start of its head."""
+    before, tag, after = page.partition("<head>")
+    return f"{before}{tag}{html}{after}"
+
+
+def free_port(host: str, first: int) -> int:
+    """The first unused port from ``first`` on; 0 stays 0.
+
+    Raises:
+        ServerError: there is none, or the address cannot be used.
+    """
+    last = min(first + MAX_PORTS, 65535)
+    for port in range(first, last + 1):
+        try:
+            _listen_once(host, port)
+        except OSError as error:
+            if error.errno not in (errno.EADDRINUSE, errno.EACCES):
+                raise ServerError(
+                    f"no page can be served at {host}, port {port}: {error.strerror or error}"
+                ) from None
+            continue
+        return port
+    raise ServerError(f"the ports {first} to {last} at {host} are all in use")
+
+
+def _listen_once(host: str, port: int) -> None:
+    family, kind, protocol, _, address = socket.getaddrinfo(
+        host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+    )[0]
+    with socket.socket(family, kind, protocol) as listener:
+        # As asyncio does: a port in use until a moment ago is free.
+        if os.name == "posix":
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind(address)
+        listener.listen(1)
+
+
+def _reached_at(host: str) -> str:
+    """Address at which a browser on this machine reaches a server that listens at ``host``.
+
+    For an unspecified address it is the loopback of its family: with IPv6 alone nobody answers at
+    127.0.0.1.
+    """
+    if not host:
+        return HOST
+    try:
+        address = ipaddress.ip_address(host)
+    except ValueError:
+        return host
+    if not address.is_unspecified:
+        return host
+    return HOST if address.version == 4 else "::1"
+
+
+def _is_loopback(host: str) -> bool:
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def has_display() -> bool:
+    """Whether a browser window can be shown."""
+    if sys.platform in ("darwin", "win32"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

@@ -1,0 +1,190 @@
+"""Strings in a viser server: taut ones coloured by tension, slack ones sagging.
+
+Each span of a taut string is a node with a fixed line that is moved like a body. The curve of a
+slack string is sent whenever it changes, relative to the string's first point.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from fantoccini.app.pages.moment import Moment
+from fantoccini.app.pages.viser_private import move
+from fantoccini.output.view import Geometry, Theme, mix, to_bytes, to_hex
+
+if TYPE_CHECKING:
+    import viser
+
+
+class _Resolution(NamedTuple):
+    """How finely strings are drawn."""
+
+    sag_points: int = 30  # Points on each segment of a slack string
+    colours: int = 64  # Colours from zero to the largest tension
+    stretch: float = 2e-4
+    """Error of a line's length, relative to the puppet's size, at which it is sent again."""
+
+
+_RESOLUTION = _Resolution()
+
+
+class Colours:
+    """Colours of the strings of a geometry.
+
+    Attributes:
+        top: tension with the last colour of the scale [N].
+    """
+
+    def __init__(self, geometry: Geometry, theme: Theme, top: float):
+        self.top = top
+        self._ramp = theme.tension_colours(_RESOLUTION.colours)
+        self._chains, self._own = geometry.chain_colours, geometry.colours
+
+    def of(self, string: int, tension: float | None) -> tuple[int, int, int]:
+        """Colour of a taut string, in 0 to 255."""
+        if tension is None or not np.isfinite(tension):
+            return self._own_colour(self._own[string])
+        return to_bytes(self._ramp[self._step(tension)])
+
+    def of_chain(self, chain: int) -> tuple[int, int, int]:
+        """Colour of a string of masses and springs, in 0 to 255."""
+        return self._own_colour(self._chains[chain])
+
+    def hexadecimal(self, tension: float) -> str:
+        """Colour of a tension as ``#rrggbb``."""
+        return to_hex(self._ramp[self._step(tension)])
+
+    def _own_colour(self, own: np.ndarray | None) -> tuple[int, int, int]:
+        return to_bytes(self._ramp[0] if own is None else own)
+
+    def _step(self, tension: float) -> int:
+        share = min(abs(tension) / self.top, 1.0) if self.top > 0.0 else 0.0
+        return round(share * (len(self._ramp) - 1))
+
+
+class Strings:
+    """The strings and springs of a geometry.
+
+    Attributes:
+        nodes: of viser.
+
+    Args:
+        server: of viser.
+        geometry: whose strings they are.
+        theme: colours of springs.
+        colours: of the strings.
+        quantum: positions are rounded to this [m]; 0 keeps them.
+    """
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        geometry: Geometry,
+        theme: Theme,
+        colours: Colours,
+        quantum: float,
+    ):
+        self._geometry, self._colours, self._quantum = geometry, colours, quantum
+        self._owner = np.array(
+            [s for s, p in enumerate(geometry.points) for _ in range(p.shape[1] - 1)], dtype=int
+        )
+
+        def add(
+            name: str, n: int, colour: tuple[int, int, int], width: float, visible: bool = True
+        ) -> viser.LineSegmentsHandle:
+            return server.scene.add_line_segments(
+                name, np.zeros((n, 2, 3)), colour, thickness=width, thickness_units="screen",
+                visible=visible,
+            )  # fmt: skip
+
+        self._spans = [
+            add(f"/strings/{geometry.names[s]}/{n}", 1, (0, 0, 0), 3.0, False)
+            for n, s in enumerate(self._owner)
+        ]
+        self._drawn = np.zeros(len(self._owner))
+        self._coloured: list[tuple[int, int, int] | None] = [None] * len(self._owner)
+        slack = to_bytes(theme.slack)
+        self._curves = [
+            add(f"/strings/{name}/slack", 1, slack, 1.8, False) for name in geometry.names
+        ]
+        self.nodes: list[viser.LineSegmentsHandle] = [*self._spans, *self._curves]
+        self._springs = None
+        if geometry.springs:
+            colour = to_bytes(mix(theme.faint, theme.ink, 0.4))
+            self._springs = add("/springs", len(geometry.springs), colour, 4.0)
+            self.nodes.append(self._springs)
+        self._chains = [
+            add(f"/chains/{n}", c.shape[1] - 1, colours.of_chain(n), 3.0)
+            for n, c in enumerate(geometry.chains)
+        ]
+        self.nodes.extend(self._chains)
+
+    def show(self, moment: Moment) -> None:
+        """Draws the strings of a moment."""
+        holds = np.asarray(moment.taut, dtype=bool) | np.array(self._geometry.wires, dtype=bool)
+        if self._spans:
+            self._show_spans(moment, holds)
+        self._show_curves(moment, holds)
+        if self._springs is not None:
+            ends = np.concatenate(moment.springs)
+            if np.isfinite(ends).all():
+                self._springs.points = self._rounded(ends).astype(np.float32)
+        for node, points in zip(self._chains, moment.chains, strict=True):
+            if np.isfinite(points).all():
+                ends = np.stack([points[:-1], points[1:]], axis=1)
+                node.points = self._rounded(ends).astype(np.float32)
+
+    def _show_spans(self, moment: Moment, holds: np.ndarray) -> None:
+        starts = np.concatenate([p[:-1] for p in moment.points])
+        away = np.concatenate([p[1:] for p in moment.points]) - starts
+        lengths = np.linalg.norm(away, axis=1)
+        shown = holds[self._owner] & np.isfinite(lengths) & (lengths > 0.0)
+        directions = away / np.where(shown, lengths, 1.0)[:, None]
+        wxyz = turned_to(np.where(shown[:, None], directions, [1.0, 0.0, 0.0]))
+        if self._quantum:
+            wxyz = np.round(wxyz, 4)
+        starts = self._rounded(starts)
+        for n, node in enumerate(self._spans):
+            if node.visible != bool(shown[n]):
+                node.visible = bool(shown[n])
+            if not shown[n]:
+                continue
+            move(node, starts[n], wxyz[n])
+            if abs(lengths[n] - self._drawn[n]) > _RESOLUTION.stretch * self._geometry.size:
+                self._drawn[n] = lengths[n]
+                node.points = np.array([[[0, 0, 0], [lengths[n], 0, 0]]], dtype=np.float32)
+            s = self._owner[n]
+            tension = None if moment.tension is None else float(moment.tension[s])
+            colour = self._colours.of(s, tension)
+            if colour != self._coloured[n]:
+                self._coloured[n] = colour
+                node.colors = np.array(colour, dtype=np.uint8)
+
+    def _show_curves(self, moment: Moment, holds: np.ndarray) -> None:
+        for s, node in enumerate(self._curves):
+            shown = not holds[s] and bool(np.isfinite(moment.points[s]).all())
+            if node.visible != shown:
+                node.visible = shown
+            if not shown:
+                continue
+            line = self._rounded(
+                self._geometry.slack_curve(
+                    moment.points[s], float(moment.lengths[s]), _RESOLUTION.sag_points
+                )
+            )
+            move(node, line[0])
+            away = (line - line[0]).astype(np.float32)
+            node.points = np.stack([away[:-1], away[1:]], axis=1)
+
+    def _rounded(self, places: np.ndarray) -> np.ndarray:
+        return np.round(places / self._quantum) * self._quantum if self._quantum else places
+
+
+def turned_to(directions: np.ndarray) -> np.ndarray:
+    """(n, 4) smallest rotations (w, x, y, z) from the x axis to unit vectors (n, 3)."""
+    ux, uy, uz = directions.T
+    wxyz = np.stack([1.0 + ux, np.zeros_like(ux), -uz, uy], axis=1)
+    wxyz[1.0 + ux < 1e-9] = [0.0, 0.0, 0.0, 1.0]
+    return wxyz / np.linalg.norm(wxyz, axis=1, keepdims=True)

@@ -1,0 +1,348 @@
+"""What a page can show, and the page that shows it."""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from fantoccini.app.live import MIDI_SCRIPT, PAD_SCRIPT, SOUND_SCRIPT, Live
+from fantoccini.app.pages import PlanTree, Replay, ResampledRun, Server, write_html
+from fantoccini.base import FantocciniError, FileError, Mistake, npz
+from fantoccini.control.planning import PlanResult
+from fantoccini.control.problems import load_problem, problem_names
+from fantoccini.dynamics.marionette import Marionette, load
+from fantoccini.model.puppet import Puppet, bundled_files
+from fantoccini.model.scene import Scene
+from fantoccini.motion import Trajectory
+from fantoccini.output.view import theme_of
+from fantoccini.theatre.perform import Address, Osc, Performance, Recording, Show
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """What a page shows.
+
+    Attributes:
+        marionette: the puppet, with its obstacles.
+        run: its motion, or None for a live puppet.
+        tree: search tree of the plan that the motion comes from, or None.
+        file: the puppet's file, loaded again when it is saved; or None.
+    """
+
+    marionette: Marionette
+    run: Trajectory | None = None
+    tree: PlanTree | None = None
+    file: Path | None = None
+
+
+class Page:
+    """An open page.
+
+    Attributes:
+        server: serves it.
+        show: the :class:`Live` or :class:`Replay` that it shows.
+    """
+
+    def __init__(self, server: Server, show: Live | Replay):
+        self.server, self.show = server, show
+        self._closed = threading.Event()
+        atexit.register(self.close)
+
+    def __repr__(self) -> str:
+        return f"<Page {self.url}>"
+
+    def __enter__(self) -> Page:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def url(self) -> str:
+        """Address of the page."""
+        return self.server.url
+
+    @property
+    def recording_status(self) -> str:
+        """What became of the last recording; empty without one."""
+        return self.show.recorder.status if isinstance(self.show, Live) else ""
+
+    @property
+    def changes(self) -> tuple[str, ...]:
+        """What in the score or the play is not as it is written, with file and line."""
+        if not isinstance(self.show, Live):
+            return ()
+        stage = self.show.stage
+        performed = stage.score if stage.show is None else stage.show.play
+        return () if performed is None else tuple(map(str, performed.changes))
+
+    @property
+    def osc(self) -> Osc | None:
+        """Messages from and to a show, or None."""
+        return self.show.stage.osc if isinstance(self.show, Live) else None
+
+    def wait(self) -> None:
+        """Blocks until Ctrl-C, then closes the page; SIGHUP and SIGTERM also end Python."""
+        with _exit_on_signals():
+            try:
+                while not self._closed.wait(0.5):
+                    pass
+            except KeyboardInterrupt:
+                pass
+            finally:
+                self.close()
+
+    def close(self) -> None:
+        """Closes the page; a running recording is written first."""
+        if not self._closed.is_set():
+            self._closed.set()
+            atexit.unregister(self.close)
+            self.show.stop()
+
+
+@contextlib.contextmanager
+def _exit_on_signals() -> Iterator[None]:
+    """SIGTERM and SIGHUP raise SystemExit, unless they are ignored or handled elsewhere."""
+
+    def end(number: int, frame: FrameType | None) -> None:
+        raise SystemExit(128 + number)
+
+    here = threading.current_thread() is threading.main_thread()
+    signals = [getattr(signal, name, None) for name in ("SIGTERM", "SIGHUP")]
+    taken = [s for s in signals if here and s and signal.getsignal(s) is signal.SIG_DFL]
+    for number in taken:
+        signal.signal(number, end)
+    try:
+        yield
+    finally:
+        for number in taken:
+            signal.signal(number, signal.SIG_DFL)
+
+
+def subject_of(
+    what: Any, problem: str | Path | None = None, progress: Callable[[str], None] | None = None
+) -> Subject:
+    """The subject of an argument of :func:`fantoccini.app.web.show`.
+
+    Args:
+        what: puppet, motion, plan, or the file of one.
+        problem: problem file of a plan's file, where the problem is not bundled.
+        progress: called with the name of each long step.
+
+    Raises:
+        FileError: the file cannot be shown.
+        ValueError: ``what`` cannot be shown.
+    """
+    if isinstance(what, str | os.PathLike):
+        return _of_file(os.fspath(what), problem, progress)
+    if isinstance(what, Puppet | Scene):
+        return Subject(Marionette(what, progress))
+    if isinstance(what, Marionette):
+        return Subject(what)
+    if isinstance(what, Recording):
+        return Subject(what.marionette, what.trajectory)
+    if isinstance(what, Trajectory):
+        return Subject(_puppet_of(what, progress), what)
+    if isinstance(what, PlanResult):
+        if what.reason:
+            raise ValueError(f"there is no plan to show: {what.reason}")
+        return Subject(what.problem.drawn_marionette, what.trajectory, PlanTree.of(what))
+    raise ValueError(
+        f"found {type(what).__name__}; what can be shown is a puppet, a trajectory, a recording, "
+        "a plan, or the file of one"
+    )
+
+
+def _puppet_of(run: Trajectory, progress: Callable[[str], None] | None) -> Marionette:
+    """The puppet of a trajectory."""
+    if run.puppet is None:
+        raise ValueError("the trajectory has no puppet, and cannot be shown")
+    return Marionette(run.puppet, progress)
+
+
+def _of_file(
+    name: str, problem: str | Path | None, progress: Callable[[str], None] | None
+) -> Subject:
+    path = Path(name)
+    if path.suffix.lower() == ".npz":
+        form, about = format_of(path)
+        if form.startswith("fantoccini.plan."):
+            return subject_of(_plan(path, about, problem, progress), progress=progress)
+        _check_no_problem(path, problem)
+        if form.startswith("fantoccini.recording."):
+            return subject_of(Recording.load(path), progress=progress)
+        try:
+            return subject_of(Trajectory.load(path), progress=progress)
+        except ValueError as error:
+            raise FileError([Mistake(str(path), None, "", str(error))]) from None
+    _check_no_problem(path, problem)
+    if not os.path.exists(path) and name in (*bundled_files.names(), *bundled_files.scenes()):
+        path = bundled_files.path(name)
+    return Subject(load(path, progress), file=path)
+
+
+def _check_no_problem(path: Path, problem: str | Path | None) -> None:
+    """Raises FileError where a problem file is given without a plan."""
+    if problem is not None:
+        message = f"is not a plan; a problem file ({problem}) is for plans only"
+        raise FileError([Mistake(str(path), None, "", message)])
+
+
+def format_of(path: Path) -> tuple[str, dict[str, Any]]:
+    """Format and description in an npz file; empty where it has none."""
+    try:
+        about = npz.about_of(npz.read(path, only=npz.ABOUT))
+        return str(about["format"]), about
+    except npz.UNREADABLE:
+        return "", {}
+
+
+def _plan(
+    path: Path,
+    about: dict[str, Any],
+    problem: str | Path | None,
+    progress: Callable[[str], None] | None,
+) -> PlanResult:
+    if problem is None:
+        problem = str(about.get("problem", ""))
+        if problem not in problem_names():
+            message = (
+                f"is a plan of {problem!r}, which is not a bundled problem; give its problem file "
+                "(--problem FILE)"
+            )
+            raise FileError([Mistake(str(path), None, "", message)])
+    return PlanResult.load(path, load_problem(problem, progress=progress))
+
+
+def write(
+    subject: Subject,
+    path: str | os.PathLike[str],
+    theme: str,
+    progress: Callable[[float], None] | None = None,
+    forces: bool = False,
+) -> Path:
+    """Writes a motion as one file, with or without the forces of its contacts.
+
+    Raises:
+        ValueError: there is no motion to write, or there are no forces to draw.
+    """
+    if subject.run is None:
+        raise ValueError("a live puppet cannot be written as a file; a motion can")
+    return write_html(
+        subject.marionette, subject.run, path, theme_of(theme), subject.tree, progress, forces
+    )
+
+
+def open_page(
+    subject: Subject,
+    theme: str,
+    host: str,
+    port: int,
+    record_to: Path = Path("."),
+    balance: bool = False,
+    score: Path | None = None,
+) -> Page:
+    """Serves a page.
+
+    Args:
+        subject: what it shows.
+        theme: ``light`` or ``dark``.
+        host: address to listen on.
+        port: first port to try.
+        record_to: folder for recordings.
+        balance: let the hands balance a live puppet.
+        score: file of a score that a live puppet plays, or None.
+
+    Raises:
+        StateError: hands cannot balance this puppet.
+        FileError: there is no such folder for recordings, or the score has mistakes.
+        ServerError: the address cannot be used.
+    """
+    look = theme_of(theme)
+    _check_folder(record_to)
+    title = subject.marionette.name
+    if subject.run is not None:
+        motion = ResampledRun.of(subject.marionette, subject.run)
+        server = Server(title, look, host, port)
+        shown: Live | Replay = Replay(server, motion, look, subject.tree)
+    else:
+        performance = Performance(subject.marionette)
+        live = Live(performance, look, record_to.absolute(), subject.file, score)
+        server = Server(title, look, host, port, PAD_SCRIPT + SOUND_SCRIPT, live.handlers)
+        live.open(server)
+        if balance:
+            try:
+                live.let_balance(True)
+            except FantocciniError:
+                server.stop()
+                raise
+        shown = live
+    shown.start()
+    return Page(server, shown)
+
+
+def _check_folder(record_to: Path) -> None:
+    """Raises FileError where there is no folder for recordings."""
+    if not os.path.isdir(record_to):
+        message = "there is no such folder for recordings"
+        raise FileError([Mistake(str(record_to), None, "", message)])
+
+
+def open_show(
+    show: Show,
+    theme: str,
+    host: str,
+    port: int,
+    record_to: Path = Path("."),
+    hear: Address | None = None,
+    send: Address | None = None,
+) -> Page:
+    """Serves a page on which a play is performed.
+
+    Args:
+        show: the play.
+        theme, host, port, record_to: see :func:`open_page`.
+        hear: where OSC messages are heard, or None.
+        send: where they go, or None.
+
+    Raises:
+        FileError: there is no such folder for recordings.
+        MissingLibraryError: python-osc is not installed.
+        StateError: an address of messages cannot be used.
+        ServerError: the address of the page cannot be used.
+    """
+    look = theme_of(theme)
+    _check_folder(record_to)
+    live = Live(show.performance, look, record_to.absolute(), show=show)
+
+    def heard(do: Callable[[], None]) -> None:
+        do()
+        live.stage.sounds.changed()
+
+    if hear is not None or send is not None:
+        live.stage.osc = Osc(show, hear, send, lambda do: live.later(None, partial(heard, do)))
+    script = PAD_SCRIPT + SOUND_SCRIPT + MIDI_SCRIPT
+    try:
+        server = Server(show.play.name, look, host, port, script, live.handlers)
+    except FantocciniError:
+        if live.stage.osc is not None:
+            live.stage.osc.stop()
+        raise
+    live.open(server)
+    live.start()
+    return Page(server, live)
+
+
+def is_script() -> bool:
+    """Whether Python runs a script, at whose end a page closes, and not a prompt or notebook."""
+    return not (hasattr(sys, "ps1") or sys.flags.interactive or "ipykernel" in sys.modules)

@@ -1,0 +1,110 @@
+"""A puppet, a motion or a plan in the browser; the first call loads viser.
+
+``show`` opens a page on this machine. A puppet is live there, and whoever looks at it can move its
+strings; a motion and a plan are played back, or written as one file that plays from disk.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, TypeAlias, overload
+
+if TYPE_CHECKING:
+    from fantoccini.app.web.page import Page
+    from fantoccini.control.planning import PlanResult
+    from fantoccini.dynamics.marionette import Marionette
+    from fantoccini.model.puppet import Puppet
+    from fantoccini.model.scene import Scene
+    from fantoccini.motion import Trajectory
+    from fantoccini.theatre.perform import Recording
+
+    Showable: TypeAlias = (
+        str | Path | Marionette | Puppet | Scene | Trajectory | Recording | PlanResult
+    )
+
+
+@overload
+def show(
+    what: Showable,
+    *,
+    html: None = None,
+    theme: Literal["light", "dark"] = "light",
+    host: str = "127.0.0.1",
+    port: int = 8080,
+    browser: bool = True,
+    wait: bool | None = None,
+    record_to: str | os.PathLike[str] = ".",
+    balance: bool = False,
+    score: str | os.PathLike[str] | None = None,
+) -> Page: ...
+
+
+@overload
+def show(
+    what: Showable,
+    *,
+    html: str | os.PathLike[str],
+    theme: Literal["light", "dark"] = "light",
+    forces: bool = False,
+) -> Path: ...
+
+
+def show(
+    what: Showable,
+    *,
+    html: str | os.PathLike[str] | None = None,
+    theme: Literal["light", "dark"] = "light",
+    host: str = "127.0.0.1",
+    port: int = 8080,
+    browser: bool = True,
+    wait: bool | None = None,
+    record_to: str | os.PathLike[str] = ".",
+    forces: bool = False,
+    balance: bool = False,
+    score: str | os.PathLike[str] | None = None,
+) -> Page | Path:
+    """Shows something in the browser.
+
+    Args:
+        what: a puppet (its file, a bundled name, a Marionette) to play with; a trajectory or
+            recording (an object, or its npz file) to play back; a plan.
+        html: writes the motion as one file that plays from disk, instead of opening a page.
+        theme: ``light`` or ``dark``.
+        host: address to listen on; any but this machine's own admits other machines.
+        port: first port to try.
+        browser: open the page, where there is a display.
+        wait: block until Ctrl-C; by default in scripts, and not at a prompt or in a notebook.
+        record_to: folder for recordings, gestures and films.
+        forces: with ``html``, draw the forces of contacts; a page has a box for them.
+        balance: let the hands balance a live puppet; the page has a box for it.
+        score: file of a score that a live puppet plays.
+
+    Returns:
+        The page, to close it; with ``html`` the path of the file.
+
+    Raises:
+        FileError: the file cannot be shown, the score has mistakes, or there is no folder
+            ``record_to``.
+        ValueError: ``what`` cannot be shown, or not as a file; or there are no forces to draw,
+            or nothing to balance.
+        StateError: hands cannot balance this puppet.
+    """
+    from fantoccini.app.web import page
+
+    subject = page.subject_of(what)
+    if html is not None:
+        return page.write(subject, html, theme, forces=forces)
+    if forces:
+        raise ValueError("forces are for html=FILE; a page has a box that shows them")
+    if balance and subject.run is not None:
+        raise ValueError("hands can balance a puppet that is live, not a motion")
+    if score is not None and subject.run is not None:
+        raise ValueError("a score is played by a puppet that is live, not by a motion")
+    score = None if score is None else Path(score)
+    opened = page.open_page(subject, theme, host, port, Path(record_to), balance, score)
+    if browser:
+        opened.server.open_browser()
+    if page.is_script() if wait is None else wait:
+        opened.wait()
+    return opened

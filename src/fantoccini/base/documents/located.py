@@ -1,0 +1,384 @@
+"""Text -> validated model, with the line of every mistake. Nothing here knows about puppets.
+
+Every mistake reads ``file:line: key.path: what was found, what is allowed, nearest valid name``,
+and all mistakes of a file are collected before an error is raised.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+import os
+import re
+import reprlib
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath, PurePosixPath
+from typing import Any, NamedTuple, TypeVar, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from fantoccini.base import FileError, Mistake, nearest
+from fantoccini.base.documents.limits import LIMITS
+from fantoccini.base.documents.yaml_text import Path, Unreadable, read_text
+
+Finding = tuple[Path, str]
+"""Path of keys and indices, and message."""
+
+ModelT = TypeVar("ModelT", bound=BaseModel)
+
+
+def _no_advice(key: str, allowed: Collection[str]) -> str | None:
+    return None
+
+
+class Words(NamedTuple):
+    """Words that people bring from other programs, for the hints in mistakes.
+
+    Attributes:
+        own: another program's word -> that of our files.
+        advice: advice for an unknown key, given the allowed ones; None where there is none.
+    """
+
+    own: Mapping[str, str] = {}
+    advice: Callable[[str, Collection[str]], str | None] = _no_advice
+
+
+NO_WORDS = Words()
+
+
+@dataclass(frozen=True)
+class Located:
+    """Plain data that remembers where it was written.
+
+    Attributes:
+        data: dicts, lists and scalars.
+        file: the file's name as the user gave it.
+        folder: where relative paths in the file begin.
+        lines: path of keys and indices -> 1-based line; empty for data built in Python.
+        mistakes: mistakes found while reading that left the rest readable.
+    """
+
+    data: Any = None
+    file: str = "<python>"
+    folder: FilePath = field(default_factory=FilePath.cwd)
+    lines: dict[Path, int] = field(default_factory=dict)
+    mistakes: tuple[Mistake, ...] = ()
+
+    def line(self, path: Path) -> int | None:
+        """Line of a path, or of the innermost parent that has one."""
+        while path and path not in self.lines:
+            path = path[:-1]
+        return self.lines.get(path)
+
+    def beside(self, name: str) -> FilePath | None:
+        """A file in this one's folder or below it; None where there is none of this name."""
+        path = PurePosixPath(name)
+        plain = name.isprintable() and "\\" not in name and ":" not in name and len(name) < 256
+        if not plain or not path.parts or path.is_absolute() or ".." in path.parts:
+            return None
+        file = (self.folder / path).resolve()
+        inside = file.is_relative_to(self.folder.resolve()) and os.path.isfile(file)
+        return file if inside else None
+
+    def problem(self, path: Path, message: str) -> Mistake:
+        """A mistake at a path."""
+        return Mistake(self.file, self.line(path), key_path(path), message)
+
+    def error(self, findings: Iterable[Finding], error: type[FileError]) -> FileError:
+        """All mistakes in file order, those found while reading included."""
+        mistakes = [*self.mistakes, *(self.problem(p, m) for p, m in findings)]
+        mistakes = sorted(dict.fromkeys(mistakes), key=lambda p: p.line or 0)
+        more = len(mistakes) - LIMITS.max_mistakes
+        if more > 0:
+            rest = Mistake(self.file, None, "", f"and {more} more")
+            mistakes = [*mistakes[: LIMITS.max_mistakes], rest]
+        return error(mistakes)
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where an object was written. All origins are equal, so that equal objects are.
+
+    Attributes:
+        file: the file's name as the user gave it.
+        folder: where relative paths in the file begin.
+        lines: name -> 1-based line.
+        files: name -> file, for names that are written elsewhere.
+    """
+
+    file: str = field(default="<python>", compare=False)
+    folder: FilePath = field(default_factory=FilePath.cwd, compare=False)
+    lines: dict[str, int] = field(default_factory=dict, compare=False)
+    files: dict[str, str] = field(default_factory=dict, compare=False)
+
+
+def read_file(path: str | os.PathLike[str], error: type[FileError] = FileError) -> Located:
+    """Reads a YAML file.
+
+    Args:
+        path: of the file.
+        error: the kind of error to raise.
+    """
+    name = os.fspath(path)
+    try:
+        place = FilePath(name)
+        if not place.is_file():
+            found = "a folder" if place.is_dir() else "nothing" if not place.exists() else "no file"
+            raise error([Mistake(name, None, "", f"found {found} here; a YAML file is needed")])
+        with place.open("rb") as stream:
+            raw = stream.read(LIMITS.max_file_bytes + 1)
+        folder = place.resolve().parent
+    except (OSError, ValueError) as reason:
+        text = getattr(reason, "strerror", None) or str(reason)
+        raise error([Mistake(name, None, "", f"cannot be read: {text}")]) from None
+    return read_located(raw, name, folder, error)
+
+
+def read_located(
+    text: str | bytes,
+    file: str,
+    folder: FilePath | None = None,
+    error: type[FileError] = FileError,
+) -> Located:
+    """Reads YAML text.
+
+    Args:
+        text: the file's content.
+        file: its name, for messages.
+        folder: where relative paths in the file begin; by default the current folder.
+        error: the kind of error to raise where the text cannot be read.
+    """
+
+    def fail(line: int | None, path: Path, message: str) -> FileError:
+        return error([Mistake(file, line, key_path(path), message)])
+
+    if len(text) > LIMITS.max_file_bytes:
+        raise fail(None, (), f"larger than {LIMITS.max_file_bytes / 1e6:g} MB, which is the limit")
+    if isinstance(text, bytes):
+        try:
+            text = text.decode("utf-8-sig")
+        except UnicodeDecodeError as reason:
+            line = reason.object.count(b"\n", 0, reason.start) + 1
+            byte = reason.object[reason.start]
+            raise fail(line, (), f"found the byte 0x{byte:02x}; the file must be UTF-8") from None
+    try:
+        read = read_text(text)
+    except Unreadable as reason:
+        raise fail(reason.line, reason.path, reason.message) from None
+    if read.data is None:
+        raise fail(1, (), "the file is empty")
+    mistakes = tuple(Mistake(file, line, key_path(p), m) for p, line, m in read.mistakes)
+    return Located(read.data, file, folder or FilePath.cwd(), read.lines, mistakes)
+
+
+def has_key(path: str | os.PathLike[str], key: str) -> bool:
+    """Whether a file is YAML with a key at its top, as ``score`` or ``play``."""
+    if not os.fspath(path).lower().endswith((".yaml", ".yml")):
+        return False
+    try:
+        data = read_file(path).data
+    except (FileError, OSError):
+        return False
+    return isinstance(data, dict) and key in data
+
+
+def validate(
+    model: type[ModelT],
+    located: Located,
+    error: type[FileError] = FileError,
+    words: Words = NO_WORDS,
+) -> ModelT:
+    """The model's instance for located data; all mistakes in one error.
+
+    Args:
+        model: a pydantic model; its validators find ``located`` as the validation context.
+        located: result of ``read_located``.
+        error: the kind of error to raise.
+        words: hints for words of other programs.
+    """
+    try:
+        instance = model.model_validate(located.data, context=located)
+    except ValidationError as reason:
+        raise located.error(findings(model, located.data, reason, words), error) from None
+    if located.mistakes:
+        raise located.error((), error)
+    return instance
+
+
+def findings(
+    model: type[BaseModel], data: Any, error: ValidationError, words: Words = NO_WORDS
+) -> list[Finding]:
+    """Pydantic's errors as findings.
+
+    Args:
+        model: the model.
+        data: plain data it was validated from.
+        error: raised by pydantic.
+        words: hints for words of other programs.
+    """
+    found = []
+    for k, item in enumerate(error.errors(include_url=False)):
+        path, leaf = _path(data, item["loc"], item["type"])
+        if item["type"] in ("union_tag_invalid", "union_tag_not_found"):
+            path = (*path, item["ctx"]["discriminator"].strip("'"))
+        # Hints are slow, and only these mistakes are shown.
+        hints = words if k < LIMITS.max_mistakes else None
+        found.append((path, _sentence(model, item, leaf, hints)))
+    return found
+
+
+def mended(data: Any, error: ValidationError) -> Any | None:
+    """A copy of plain data with numbers out of range replaced by allowed ones.
+
+    Args:
+        data: plain data.
+        error: raised by pydantic on validation of the data.
+
+    Returns:
+        None if no mistake comes with a replacement.
+    """
+    out = None
+    for item in error.errors(include_url=False):
+        instead = item.get("ctx", {}).get("instead")
+        path, _ = _path(data, item["loc"], item["type"])
+        if instead is None or not path:
+            continue
+        out = copy.deepcopy(data) if out is None else out
+        holder = out
+        for part in path[:-1]:
+            holder = holder[part]
+        if isinstance(holder[path[-1]], dict):
+            holder, path = holder[path[-1]], ("value",)
+        holder[path[-1]] = instead
+    return out
+
+
+def key_path(path: Path) -> str:
+    """``("bodies", 2, "joint")`` -> ``bodies[2].joint``; other keys are quoted and cut."""
+    text = ""
+    for part in path:
+        if isinstance(part, int):
+            text += f"[{part}]"
+        elif re.fullmatch(r"[\w-]{1,64}(\.[\w-]{1,64})?", part, re.ASCII):
+            text += f".{part}" if text else part
+        else:
+            text += f"[{shown(part)}]"
+    return text
+
+
+_short = reprlib.Repr()
+_short.maxstring = _short.maxother = _short.maxlong = 60
+
+
+def shown(value: Any) -> str:
+    """A value as text for a message: on one line and short."""
+    if isinstance(value, BaseModel):
+        return type(value).__name__
+    if isinstance(value, float) and not math.isfinite(value):
+        return {math.inf: "inf", -math.inf: "-inf"}.get(value, "nan")
+    if isinstance(value, int) and value.bit_length() > 1000:
+        # Python writes no more than 4300 digits.
+        return f"a whole number of some {value.bit_length() * 3 // 10} digits"
+    return (
+        {None: "nothing", True: "true", False: "false"}.get(value, "")
+        if (value is None or isinstance(value, bool))
+        else _short.repr(value)
+    )
+
+
+def _path(data: Any, loc: tuple[str | int, ...], kind: str) -> tuple[Path, str]:
+    """Drops the parts of pydantic's location that name branches of a union, not keys."""
+    path: list[str | int] = []
+    for k, part in enumerate(loc):
+        last = k == len(loc) - 1
+        in_list = isinstance(data, list) and isinstance(part, int) and part < len(data)
+        if in_list or (isinstance(data, dict) and part in data):
+            data = data[part]
+        elif not (last and kind in ("missing", "fantoccini") and _is_key(data, part)):
+            continue
+        path.append(part)
+    return tuple(path), str(loc[-1]) if loc else ""
+
+
+def _is_key(data: Any, part: Any) -> bool:
+    """Whether the last part of a location is a key that is absent, not a branch of a union."""
+    named = isinstance(part, str) and not part.startswith("<")
+    return named and isinstance(data, dict) and data.get("type") != part
+
+
+_NEEDED = {
+    "model_type": "a mapping of keys and values",
+    "dict_type": "a mapping of keys and values",
+    "tuple_type": "a list",
+    "list_type": "a list",
+    "string_type": "a text",
+    "bool_type": "true or false",
+    "none_required": "nothing",
+}
+
+
+def _sentence(model: type[BaseModel], item: Any, leaf: str, words: Words | None) -> str:
+    kind, found, facts = item["type"], shown(item["input"]), item.get("ctx", {})
+    if kind == "fantoccini":
+        return item["msg"]
+    if kind == "extra_forbidden":
+        if words is None:
+            return "this key is not known"
+        keys = allowed_keys(model, item["loc"][:-1])
+        return words.advice(leaf, keys) or f"this key is not known{nearest(leaf[:64], keys)}"
+    if kind in ("missing", "union_tag_not_found"):
+        return "this key is missing"
+    if kind == "literal_error" or kind == "union_tag_invalid":
+        text = facts.get("expected") or facts["expected_tags"]
+        names = re.findall(r"'([^']*)'", text)
+        wrong = item["input"] if kind == "literal_error" else facts["tag"]
+        hint = "" if words is None else _closest(wrong, names, words)
+        return f"found {shown(wrong)}; allowed: {', '.join(names)}{hint}"
+    if kind in _NEEDED or kind.endswith("_type"):
+        return f"found {found}; needed: {_NEEDED.get(kind, item['msg'])}"
+    return f"found {found}: {item['msg']}"
+
+
+def _closest(found: Any, names: list[str], words: Words) -> str:
+    if not isinstance(found, str):
+        return ""
+    if (own := words.own.get(found.lower().replace("_", "-"))) in names:
+        return f"; did you mean {own!r}?"
+    hint = nearest(found[:64], names)
+    return hint if "did you mean" in hint else ""
+
+
+def allowed_keys(model: type[BaseModel], loc: tuple[str | int, ...]) -> list[str]:
+    """Keys that may stand at a location of a model.
+
+    Args:
+        model: where the location begins.
+        loc: pydantic's location: keys, indices and names of union branches.
+    """
+    models = [model]
+    for part in loc:
+        if isinstance(part, int):
+            continue
+        fields = [f for m in models for k, f in _fields(m).items() if k == part]
+        if fields:
+            models = [m for f in fields for m in _models(f.annotation)]
+        else:
+            models = [m for m in models if part in _tags(m)] or models
+    return sorted({key for m in models for key in _fields(m)})
+
+
+def _fields(model: type[BaseModel]) -> dict[str, Any]:
+    return {f.alias or name: f for name, f in model.model_fields.items()}
+
+
+def _tags(model: type[BaseModel]) -> set[str]:
+    kind = model.model_fields.get("type")
+    tags = get_args(kind.annotation) if kind else ()
+    return {t for t in tags if isinstance(t, str)} | {f"<{model.__name__.lower()}>"}
+
+
+def _models(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [m for a in get_args(annotation) for m in _models(a)]

@@ -1,0 +1,33 @@
+"""Values of the files that describe problems and tasks: numbers that are not too large."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, WithJsonSchema
+
+from fantoccini.base.documents.values import Angle, Positive, Real, Vector, mistake
+
+_MAX_SIZE = 1e6
+"""Largest number [m, rad or s]."""
+
+
+def _sized(given: Any) -> Any:
+    """Refuses numbers that are too large."""
+    numbers = given if isinstance(given, tuple) else (given,)
+    for number in numbers:
+        if isinstance(number, float) and abs(number) > _MAX_SIZE:
+            raise mistake(f"found {number:g}; needed: a size of at most {_MAX_SIZE:g}")
+    return given
+
+
+SIZED = AfterValidator(_sized)
+Sized = Annotated[Real, SIZED]
+Size = Annotated[Positive, SIZED]
+Place = Annotated[Vector, SIZED]
+Value = Annotated[
+    Angle | tuple[Angle, ...],
+    SIZED,
+    WithJsonSchema({"type": ["number", "string", "array"]}),
+]
+"""A number, an angle, an interval, a rotation."""

@@ -1,0 +1,297 @@
+"""Values that a puppet file is made of: names, numbers, parameters, angles, points, orientations.
+
+A number may be marked ``{parameter: m1, value: 0.5}``: it is then an entry of the argument p of
+every generated function instead of a constant.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection
+from numbers import Real as AnyReal
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Tag,
+    WithJsonSchema,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+from fantoccini.base.documents.located import shown
+
+NAME = r"[A-Za-z_][A-Za-z0-9_-]{0,63}"
+_ANGLE = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?) *(deg|rad)", re.ASCII)
+
+
+class Model(BaseModel):
+    """Base of all parts of the schema: immutable, without unknown keys."""
+
+    model_config = ConfigDict(
+        frozen=True,
+        extra="forbid",
+        validate_by_name=True,
+        serialize_by_alias=True,
+        use_attribute_docstrings=True,
+    )
+
+
+def mistake(message: str, instead: float | None = None) -> PydanticCustomError:
+    """A validation error with a complete message.
+
+    Args:
+        message: the message.
+        instead: an allowed number, with which the rest is checked.
+    """
+    return PydanticCustomError("fantoccini", "{text}", {"text": message, "instead": instead})
+
+
+def name_mistake(text: str) -> str:
+    """The message about a text that is not a name."""
+    return (
+        f"found {shown(text)}; a name is up to 64 letters, digits, - and _, "
+        "and begins with a letter or _"
+    )
+
+
+def _name(text: str) -> str:
+    if not re.fullmatch(NAME, text, re.ASCII):
+        raise mistake(name_mistake(text))
+    return text
+
+
+def _part_name(text: str) -> str:
+    if not all(re.fullmatch(NAME, part, re.ASCII) for part in text.split(".", 1)):
+        raise mistake(name_mistake(text))
+    return text
+
+
+def owner_of(coordinate: str, members: Collection[str] = ()) -> str:
+    """The joint or string that a coordinate belongs to: ``hand`` of ``hand.length``.
+
+    Args:
+        coordinate: its name.
+        members: of a scene; the name of one may stand before the owner's.
+    """
+    parts = coordinate.split(".")
+    return ".".join(parts[: 2 if parts[0] in members else 1])
+
+
+def read_real(value: Any) -> float:
+    """A finite number."""
+    if isinstance(value, (dict, Parameter)):
+        raise mistake(f"found {shown(value)}; needed: a number (a parameter cannot stand here)")
+    if not isinstance(value, AnyReal) or isinstance(value, (bool, np.bool_)):
+        raise mistake(f"found {shown(value)}; needed: a number")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise mistake(f"found {shown(number)}; needed: a finite number")
+    return number + 0.0  # -0.0 becomes 0.0, so that equal puppets read the same
+
+
+def read_angle(value: Any) -> float:
+    """A number, or an angle with its unit, in radians."""
+    if not isinstance(value, str):
+        return read_real(value)
+    match = _ANGLE.fullmatch(value.strip())
+    if not match:
+        raise mistake(f"found {shown(value)}; needed: an angle: 0.5 (radians), 30 deg or 0.5 rad")
+    number = read_real(float(match[1]))
+    return math.radians(number) if match[2] == "deg" else number
+
+
+Name = Annotated[
+    str, AfterValidator(_name), WithJsonSchema({"type": "string", "pattern": f"^{NAME}$"})
+]
+PartName = Annotated[
+    str, AfterValidator(_part_name), WithJsonSchema({"type": "string", "pattern": f"^{NAME}$"})
+]
+"""A name; in an assembled scene the name of a member and a dot may precede it."""
+Real = Annotated[float, BeforeValidator(read_real), WithJsonSchema({"type": "number"})]
+Angle = Annotated[
+    float,
+    BeforeValidator(read_angle),
+    WithJsonSchema(
+        {"anyOf": [{"type": "number"}, {"type": "string", "pattern": "^[-+.0-9eE]+ *(deg|rad)$"}]}
+    ),
+]
+
+
+class Parameter(Model):
+    """A number with a name: an entry of the argument p of every generated function."""
+
+    parameter: PartName
+    """The parameter's name; the same name always carries the same value."""
+    value: Real
+    """Its value in this file."""
+
+
+def value_of(number: float | Parameter) -> float:
+    """The number itself, or a parameter's value."""
+    return number.value if isinstance(number, Parameter) else float(number)
+
+
+def number_kind(value: Any) -> str:
+    """Branch of a number: a parameter is written as a mapping."""
+    return "<parameter>" if isinstance(value, (dict, Parameter)) else "<number>"
+
+
+def _positive(number: float) -> float:
+    if number <= 0:
+        raise mistake(f"found {number:g}; needed: a positive number")
+    return number
+
+
+Number = Annotated[
+    Annotated[Real, Tag("<number>")] | Annotated[Parameter, Tag("<parameter>")],
+    Discriminator(number_kind),
+]
+Positive = Annotated[Real, AfterValidator(_positive)]
+
+
+def _not_negative(number: float) -> float:
+    if number < 0:
+        raise mistake(f"found {number:g}; needed: a number of at least 0")
+    return number
+
+
+NotNegative = Annotated[Real, AfterValidator(_not_negative)]
+
+
+def _share(number: float | Parameter) -> float | Parameter:
+    if not 0 <= value_of(number) <= 1:
+        raise mistake(f"found {value_of(number):g}; needed: a number from 0 to 1")
+    return number
+
+
+Share = Annotated[Number, AfterValidator(_share)]
+RealShare = Annotated[Real, AfterValidator(_share)]
+
+
+def sized(*sizes: int) -> BeforeValidator:
+    """Demands a list of one of these lengths."""
+
+    def check(value: Any) -> Any:
+        if isinstance(value, np.ndarray):
+            value = value.tolist()
+        if not isinstance(value, (list, tuple)) or len(value) not in sizes:
+            what = f"{len(value)} entries" if isinstance(value, (list, tuple)) else shown(value)
+            raise mistake(f"found {what}; needed: a list of {' or '.join(map(str, sizes))} numbers")
+        return value
+
+    return BeforeValidator(check)
+
+
+def entries(least: int, most: int | None = None) -> BeforeValidator:
+    """Demands a list with this many entries, before any entry is checked."""
+
+    def check(value: Any) -> Any:
+        if isinstance(value, (list, tuple)) and not (
+            least <= len(value) <= (len(value) if most is None else most)
+        ):
+            needed = f"{least}" if most == least else f"at least {least}"
+            raise mistake(f"found a list of {len(value)}; needed: {needed}")
+        return value
+
+    return BeforeValidator(check)
+
+
+def unit(vector: tuple[float, ...]) -> tuple[float, ...]:
+    """The vector divided by its length; a vector that already has length 1 keeps its digits."""
+    largest = max(map(abs, vector))
+    if largest == 0:
+        raise mistake("found a vector of zero length; its direction is needed")
+    size = math.hypot(*vector)
+    if abs(size - 1) < 1e-15:  # rounding
+        return vector
+    # Scaled first: the length of a huge or tiny vector overflows or loses digits.
+    scaled = tuple(x / largest for x in vector)
+    size = math.hypot(*scaled)
+    return tuple(x / size for x in scaled)
+
+
+Vector = Annotated[tuple[Real, Real, Real], sized(3)]
+Direction = Annotated[Vector, AfterValidator(unit)]
+Quaternion = Annotated[tuple[Real, Real, Real, Real], sized(4), AfterValidator(unit)]
+
+
+def _axes(axes: tuple[str, ...]) -> tuple[str, ...]:
+    if not axes or list(axes) != sorted(set(axes)):
+        raise mistake(f"found {shown(list(axes))}; needed: one or more of x, y, z in this order")
+    return axes
+
+
+Axes = Annotated[tuple[Literal["x", "y", "z"], ...], AfterValidator(_axes)]
+
+
+def rotation_rows(w: Any, x: Any, y: Any, z: Any) -> list[list[Any]]:
+    """Entries of the rotation matrix of a unit quaternion of numbers, arrays or symbols."""
+    X, Y, Z = 2 * x, 2 * y, 2 * z
+    xx, yy, zz, xy, xz, yz = x * X, y * Y, z * Z, x * Y, x * Z, y * Z
+    wx, wy, wz = w * X, w * Y, w * Z
+    return [
+        [1 - (yy + zz), xy - wz, xz + wy],
+        [xy + wz, 1 - (xx + zz), yz - wx],
+        [xz - wy, yz + wx, 1 - (xx + yy)],
+    ]
+
+
+def rotation_matrix(quaternion: tuple[float, ...]) -> np.ndarray:
+    """Rotation matrix (3, 3) of a unit quaternion w, x, y, z."""
+    return np.array(rotation_rows(*quaternion))
+
+
+def rotation_vector_quaternion(vector: tuple[float, ...]) -> tuple[float, ...]:
+    """Unit quaternion w, x, y, z of a rotation vector [rad]."""
+    angle = math.hypot(*vector)
+    scale = math.sin(angle / 2) / angle if angle > 1e-8 else 0.5 - angle * angle / 48
+    return unit((math.cos(angle / 2), *(scale * x for x in vector)))
+
+
+class Orientation(Model):
+    """A rotation, written in exactly one of three ways."""
+
+    quaternion: Quaternion | None = None
+    """w, x, y, z."""
+    axis: Direction | None = None
+    """Axis of a rotation; goes with `angle`."""
+    angle: Angle | None = None
+    """Angle about `axis`."""
+    rpy: Annotated[tuple[Angle, Angle, Angle], sized(3)] | None = None
+    """Roll, pitch, yaw: rotations about the fixed axes x, then y, then z."""
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Orientation:
+        ways = [self.quaternion, self.rpy, self.axis if self.angle is None else self.angle]
+        if sum(w is not None for w in ways) != 1 or (self.axis is None) != (self.angle is None):
+            raise mistake("needed: exactly one of quaternion, axis with angle, or rpy")
+        return self
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """Rotation matrix (3, 3) from the rotated frame to the one it is given in."""
+        if self.quaternion is not None:
+            return rotation_matrix(self.quaternion)
+        if self.rpy is not None:
+            matrix = np.eye(3)
+            for axis, angle in zip(np.eye(3), self.rpy, strict=True):
+                matrix = _turn(axis, angle) @ matrix
+            return matrix
+        return _turn(np.array(self.axis), self.angle or 0.0)
+
+
+def _turn(axis: np.ndarray, angle: float) -> np.ndarray:
+    """Rodrigues: R = I + sin(angle) [a] + (1 - cos(angle)) [a]^2."""
+    x, y, z = axis
+    skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + math.sin(angle) * skew + (1 - math.cos(angle)) * skew @ skew

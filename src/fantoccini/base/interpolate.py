@@ -1,0 +1,95 @@
+"""Motion between samples: quintics from position, velocity and acceleration at both ends.
+
+A quaternion goes through the tangent space of the left sample's rotation: R = R_left exp([phi]x),
+with phi the quintic whose ends have the two samples' angular velocities and accelerations.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from fantoccini.base import polynomial, rotation
+from fantoccini.base.arrays import Array, Indices, Times
+
+Places = tuple[tuple[int, int], ...]
+
+
+def bracket(
+    t: Times, times: Times, side: Literal["right", "left"]
+) -> tuple[Indices, Indices, Array]:
+    """The samples around given times.
+
+    Args:
+        t: (T,) times of the samples [s], not decreasing; equal neighbours are an impact.
+        times: (m,) [s], inside their range.
+        side: which sample of an impact counts at its time.
+
+    Returns:
+        left (m,) and right (m,) samples, and the part s in [0, 1] (m,) of the way between.
+    """
+    left = np.searchsorted(t, times, side=side) - 1
+    left = np.clip(left, 0, len(t) - 1)
+    right = np.minimum(left + 1, len(t) - 1)
+    h = t[right] - t[left]
+    return left, right, np.where(h > 0, (times - t[left]) / np.where(h > 0, h, 1.0), 0.0)
+
+
+def linear(values: Array, left: Indices, right: Indices, s: Array) -> Array:
+    """(m, n) values a part ``s`` of the way between samples; exact at s = 0 and 1."""
+    s = s[:, None]
+    return np.where(s < 1, values[left] + s * (values[right] - values[left]), values[right])
+
+
+def motion(
+    t: Times,
+    samples: tuple[Array, Array, Array],
+    scalars: Places,
+    quaternions: Places,
+    left: Indices,
+    right: Indices,
+    s: Array,
+) -> tuple[Array, Array, Array]:
+    """Configuration, velocity and acceleration between samples.
+
+    Args:
+        t: (T,) times of the samples [s].
+        samples: q (T, n_q), v (T, n_v), acc (T, n_v).
+        scalars, quaternions: (q, v) places, as in the coordinate table.
+        left, right, s: as :func:`bracket` gives them.
+
+    Returns:
+        q (m, n_q), v (m, n_v), acc (m, n_v); sixth order in the distance of the samples for q.
+    """
+    q, v, acc = (np.array(x[np.where(s < 1, left, right)]) for x in samples)
+    h = t[right] - t[left]
+    inner = (s > 0) & (s < 1)
+    if not np.any(inner):
+        return q, v, acc
+    a, b, h = left[inner], right[inner], h[inner][:, None]
+    time = (s[inner] * h[:, 0])[:, None]
+    q_all, v_all, acc_all = samples
+    if scalars:
+        q_at, v_at = np.array(scalars).T
+        start, end = (
+            (q_all[np.ix_(k, q_at)], v_all[np.ix_(k, v_at)], acc_all[np.ix_(k, v_at)])
+            for k in (a, b)
+        )
+        places, rates = (np.ix_(np.nonzero(inner)[0], at) for at in (q_at, v_at))
+        q[places], v[rates], acc[rates] = polynomial.evaluate(
+            polynomial.hermite(h, start, end), time
+        )
+    for place, row in quaternions:
+        spot, slot = slice(place, place + 4), slice(row, row + 3)
+        turn = rotation.between(q_all[a, spot], q_all[b, spot])
+        rate, curve = rotation.tangent_motion(turn, v_all[b, slot], acc_all[b, slot])
+        coef = polynomial.hermite(
+            h,
+            (np.zeros_like(turn), v_all[a, slot], acc_all[a, slot]),
+            (turn, rate, curve),
+        )
+        phi, first, second = polynomial.evaluate(coef, time)
+        q[inner, spot] = rotation.multiply(q_all[a, spot], rotation.exp(phi))
+        v[inner, slot], acc[inner, slot] = rotation.body_motion(phi, first, second)
+    return q, v, acc

@@ -1,0 +1,297 @@
+"""npz files with JSON text in ``about``: written whole, and read safely if damaged or hostile.
+
+Nothing is unpickled. The size of an array is known from the file's table and the array's header
+before any of it is expanded; every mistake is one located error.
+"""
+
+from __future__ import annotations
+
+import json
+import lzma
+import math
+import struct
+import tokenize
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fantoccini.base.arrays import Array
+from fantoccini.base.errors import FantocciniError, FileError, Mistake
+from fantoccini.base.files import replacing
+
+MAX_BYTES = 256_000_000
+"""Largest size of a file's arrays together [bytes], unless the file itself is large."""
+MAX_GROWTH = 20
+"""Largest size of a file's arrays, relative to the file; measured numbers compress to a tenth."""
+ABOUT = "about"
+"""Entry with JSON text that describes the arrays."""
+
+UNREADABLE = (
+    ArithmeticError,
+    AttributeError,
+    EOFError,
+    LookupError,
+    MemoryError,
+    OSError,
+    RuntimeError,
+    SyntaxError,
+    TypeError,
+    ValueError,
+    FantocciniError,
+    lzma.LZMAError,
+    struct.error,
+    tokenize.TokenError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+"""Errors that a damaged or foreign npz file causes, in NumPy or in whatever is built from it."""
+
+_ENDING = ".npy"
+_HEADERS: dict[tuple[int, int], Callable[[IO[bytes]], tuple[tuple[int, ...], bool, Any]]] = {
+    (1, 0): np.lib.format.read_array_header_1_0,
+    (2, 0): np.lib.format.read_array_header_2_0,
+}
+_KINDS = "biufcSU"
+"""Kinds of arrays that are plain numbers, flags or texts."""
+
+
+def write(
+    path: str | Path,
+    arrays: Mapping[str, NDArray[Any]],
+    about: Mapping[str, Any],
+    compressed: bool = False,
+) -> None:
+    """Writes an npz file, whole or not at all.
+
+    Args:
+        path: the file.
+        arrays: by name.
+        about: description of the arrays, stored as JSON.
+        compressed: smaller and slower to write.
+    """
+    described = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
+    entries: dict[str, Any] = {**arrays, ABOUT: described}
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        (np.savez_compressed if compressed else np.savez)(file, **entries)
+
+
+def packed(prefix: str, contents: Mapping[str, bytes]) -> dict[str, Array]:
+    """Contents of files as arrays, each called ``prefix`` and its name."""
+    return {prefix + n: np.frombuffer(data, dtype=np.uint8) for n, data in contents.items()}
+
+
+def unpacked(prefix: str, arrays: Mapping[str, Array]) -> dict[str, bytes]:
+    """What :func:`packed` packed."""
+    return {n.removeprefix(prefix): x.tobytes() for n, x in arrays.items() if n.startswith(prefix)}
+
+
+def read(
+    path: str | Path,
+    only: str | None = None,
+    most: int | None = None,
+    error: type[FileError] = FileError,
+) -> dict[str, Array]:
+    """The arrays of an npz file, by name.
+
+    Args:
+        path: the file.
+        only: name of the one array to read; all when not given.
+        most: largest size of all arrays [bytes]; by default by :data:`MAX_BYTES`.
+        error: class of the error.
+
+    Raises:
+        FileError: or ``error``; the file is missing, damaged, no npz file of plain arrays, or its
+            arrays are too large.
+    """
+    path = Path(path)
+
+    def wrong(entry: str, text: str) -> FileError:
+        return error([Mistake(str(path), None, entry, text)])
+
+    try:
+        size = path.stat().st_size
+        with zipfile.ZipFile(path) as archive:
+            entries = archive.infolist()
+            names = [item.filename for item in entries]
+            check_names(names, wrong)
+            need, allowed = sum(x.file_size for x in entries), max(MAX_BYTES, MAX_GROWTH * size)
+            if most is not None:
+                allowed = most
+            if need > allowed:
+                raise wrong(
+                    "", f"its arrays need {need / 1e6:,.0f} MB; the most that is read of this file "
+                    f"is {allowed / 1e6:,.0f} MB"
+                )  # fmt: skip
+            found = {}
+            for item in entries:
+                name = item.filename.removesuffix(_ENDING)
+                if only not in (None, name):
+                    continue
+                try:
+                    with archive.open(item) as file:
+                        found[name] = _array(file, item.file_size)
+                except UNREADABLE as trouble:
+                    raise wrong(name, f"is not a plain array: {_reason(trouble)}") from None
+            return found
+    except FileNotFoundError:
+        raise wrong("", "there is no such file") from None
+    except FileError:
+        raise
+    except UNREADABLE as trouble:
+        raise wrong("", f"is not an npz file of plain arrays: {_reason(trouble)}") from None
+
+
+@contextmanager
+def opened(
+    path: str | Path, form: str | tuple[str, ...], what: str
+) -> Iterator[tuple[dict[str, Array], dict[str, Any]]]:
+    """The :func:`contents` of a file; what the block raises becomes a located error."""
+    found = contents(path, form, what)
+    with understanding(path, what):
+        yield found
+
+
+def contents(
+    path: str | Path, form: str | tuple[str, ...], what: str
+) -> tuple[dict[str, Array], dict[str, Any]]:
+    """The arrays of an npz file, and what its ``about`` says.
+
+    Args:
+        path: the file.
+        form: the ``format`` that ``about`` must have, or several of which it has one.
+        what: noun for such files in messages.
+
+    Raises:
+        FileError: as :func:`read`, or the format is another one.
+    """
+    arrays = read(path)
+    try:
+        about = about_of(arrays)
+        forms = (form,) if isinstance(form, str) else form
+        if about["format"] not in forms:
+            reads = " and ".join(repr(one) for one in forms)
+            raise ValueError(f"has the format {about['format']!r}; this version reads {reads}")
+    except UNREADABLE as trouble:
+        raise _not_what(path, what, trouble, ABOUT) from None
+    del arrays[ABOUT]
+    return arrays, about
+
+
+def about_of(arrays: Mapping[str, Array]) -> dict[str, Any]:
+    """What the entry ``about`` says; raises one of ``UNREADABLE`` if it says nothing."""
+    if ABOUT not in arrays:
+        raise ValueError("it is missing")
+    about = json.loads(arrays[ABOUT].tobytes())
+    if not isinstance(about, dict):
+        raise ValueError(f"found {type(about).__name__}; needed: names and values")
+    return about
+
+
+@contextmanager
+def understanding(path: str | Path, what: str) -> Iterator[None]:
+    """Turns errors of the block into one located error: the file is not ``what``."""
+    try:
+        yield
+    except FileError as trouble:
+        if all(problem.file == str(path) for problem in trouble.mistakes):
+            raise
+        raise _not_what(path, what, trouble) from trouble
+    except UNREADABLE as trouble:
+        raise _not_what(path, what, trouble) from trouble
+
+
+def checked(
+    arrays: Mapping[str, Array], name: str, shape: tuple[int | None, ...], kind: str = "f"
+) -> Array:
+    """An array of a file, if it has the right shape and kind.
+
+    Args:
+        arrays: of the file.
+        name: of the array.
+        shape: None for any length.
+        kind: ``f`` for numbers, ``b`` for flags, ``i`` for whole numbers.
+
+    Raises:
+        ValueError: it is missing or different.
+    """
+    if name not in arrays:
+        raise ValueError(f"{name} is missing")
+    found = arrays[name]
+    fits = len(found.shape) == len(shape) and all(
+        n in (None, m) for n, m in zip(shape, found.shape, strict=True)
+    )
+    wanted = np.dtype({"f": np.float64, "b": np.bool_, "i": np.int64}[kind])
+    if found.dtype != wanted or not fits:
+        size = tuple("any" if n is None else n for n in shape)
+        raise ValueError(
+            f"{name} is {found.dtype} of the shape {found.shape}; it must be {wanted} of the shape "
+            f"({', '.join(map(str, size))})"
+        )
+    return found
+
+
+def finite(arrays: Mapping[str, Array], name: str, shape: tuple[int | None, ...]) -> Array:
+    """As :func:`checked`, for numbers that must be finite."""
+    found = checked(arrays, name, shape)
+    if not np.all(np.isfinite(found)):
+        raise ValueError(f"{name} holds a number that is not finite")
+    return found
+
+
+def texts(value: Any, name: str) -> tuple[str, ...]:
+    """A list of strings; raises ValueError for anything else."""
+    if not isinstance(value, list) or not all(isinstance(x, str) for x in value):
+        raise ValueError(f"{name} is {value!r:.60}; it must be a list of texts")
+    return tuple(value)
+
+
+def text(value: Any, name: str) -> str:
+    """A string; raises ValueError for anything else."""
+    if not isinstance(value, str):
+        raise ValueError(f"{name} is {value!r:.60}; it must be a text")
+    return value
+
+
+def _not_what(path: str | Path, what: str, trouble: BaseException, entry: str = "") -> FileError:
+    message = f"is not {what} that this version can read: {_reason(trouble)}"
+    return FileError([Mistake(str(path), None, entry, message)])
+
+
+def _reason(trouble: BaseException) -> str:
+    return str(trouble) or type(trouble).__name__
+
+
+def check_names(names: list[str], wrong: Callable[[str, str], FileError]) -> None:
+    """Raises the error that ``wrong`` makes of a name that is no array or is there twice."""
+    seen = set()
+    for name in names:
+        if not name.endswith(_ENDING):
+            raise wrong(name, f"is no array; arrays are called NAME{_ENDING}")
+        if name in seen:
+            raise wrong(name.removesuffix(_ENDING), "is there twice")
+        seen.add(name)
+
+
+def _array(file: IO[bytes], size: int) -> Array:
+    """The array of an entry of ``size`` bytes; its header must agree with that."""
+    version = np.lib.format.read_magic(file)
+    if version not in _HEADERS:
+        allowed = ", ".join(map(str, _HEADERS))
+        raise ValueError(f"has a header of version {version}; allowed: {allowed}")
+    shape, fortran, dtype = _HEADERS[version](file)
+    if dtype.kind not in _KINDS or dtype.hasobject:
+        raise ValueError(f"holds {dtype}; allowed: numbers, flags and texts")
+    need, left = math.prod(shape) * dtype.itemsize, size - file.tell()
+    if need != left or any(n < 0 for n in shape):
+        raise ValueError(f"its header says {shape} of {dtype}, {need} bytes; found {left}")
+    data = bytearray(file.read())
+    if len(data) != need:
+        raise ValueError(f"its header says {need} bytes; found {len(data)}")
+    flat = np.frombuffer(data, dtype=dtype) if need else np.zeros(math.prod(shape), dtype)
+    return flat.reshape(shape, order="F" if fortran else "C")

@@ -1,5 +1,0 @@
-"""The command line: ``fantoccini --help``. Every command loads what it needs when it is called."""
-
-from fantoccini.cli.app import main
-
-__all__ = ["main"]

@@ -1,0 +1,5 @@
+"""What the hands must do: plans among obstacles, optimal control, feedback."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -1,0 +1,353 @@
+"""optimise: the motion of least cost; follow: the same in three lines."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import time
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from fantoccini.base import SimulationError, StateError, Status, UnknownNameError, check_positive
+from fantoccini.control.optimal.attribution import (
+    NONE,
+    Residual,
+    clearance_residual,
+    end_residual,
+    largest_residual,
+    passed_bound,
+    touch_residual,
+    without_input,
+)
+from fantoccini.control.optimal.dynamics import TimeSteps
+from fantoccini.control.optimal.finishing import confirmed, iterate, search_minimum
+from fantoccini.control.optimal.hybrid import ExactRuns, HybridRuns
+from fantoccini.control.optimal.objective import Objective
+from fantoccini.control.optimal.outlook import out_of_reach
+from fantoccini.control.optimal.result import OptimalStatus, Optimum
+from fantoccini.control.optimal.shooting import EventRuns, StepRuns
+from fantoccini.control.optimal.sqp import Iterate, Limits, Search
+from fantoccini.control.optimal.through_modes import HOLDS, ThroughModes
+from fantoccini.control.tasks import Bounds, Chosen, Clip, Nodes, Smooth, Target, Task, Track
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.motion import Input, State
+
+_LOOKS = 5
+"""In every interval, at which clearances are measured in the end."""
+
+
+def optimise(
+    task: Task,
+    guess: Input | Optimum | None = None,
+    *,
+    tolerance: float = 1e-6,
+    cost_tolerance: float = 0.0,
+    iterations: int = 100,
+    time_limit: float = 180.0,
+    threads: int | None = None,
+    seed: int = 0,
+    exact: bool = False,
+    progress: Callable[[Iterate], None] | None = None,
+) -> Optimum:
+    """min J(x, acc_K) over accelerations that are constant between nodes, within bounds.
+
+    Sequential quadratic programming. Every iterate is an event-driven run, so the answer holds as
+    it is; derivatives are those of time steps along it, through the taut strings, and steps are
+    found by Riccati's recursion, within an interior point method where bounds are in force.
+    Strings that the bounds ask to be taut stay taut; the others may go slack, and the derivatives
+    then hold for the present order of events only. Once iterations decrease the cost little, the
+    search continues with exact derivatives of the run, except for puppets with contact or driven
+    rotations. Ctrl-C ends the search with the best motion so far; before a first motion it raises.
+
+    A task that explores is searched through modes: see :mod:`fantoccini.control.optimal.through_modes`.
+
+    Of puppets with contact the iterates are runs of time steps at first, whose derivatives hold
+    for the points that stick, slide or are open there. The answer is run event-driven, and goes on
+    being improved so where that takes less than a twentieth of the time that is left.
+
+    Args:
+        task: what is asked for.
+        guess: motion of the inputs to begin with, or what was found before; that of the task when
+            not given, and where it has none they hold still.
+        tolerance: of the KKT residual.
+        cost_tolerance: relative decrease of the cost; the search ends after four steps that each
+            decrease it by less. With 0, only ``tolerance`` ends it.
+        iterations: at most; of every motion that explorations lead to.
+        time_limit: at most [s].
+        threads: for derivatives and batches; as many as there are processors when not given.
+        seed: of the random numbers of explorations.
+        exact: take the derivatives of the event-driven run itself, through its catches, from the
+            first iteration on.
+        progress: called after every iteration.
+
+    Raises:
+        StateError, UnknownNameError: the task is not well defined, or its first motion cannot be
+            simulated.
+        KeyboardInterrupt: Ctrl-C before there is a first motion.
+    """
+    check_positive(tolerance=tolerance, time_limit=time_limit)
+    began, marionette = time.perf_counter(), task.marionette
+    _check(task)
+    rotates = bool(marionette.coordinates.rotations)
+    if exact and rotates:
+        raise StateError("optimise: exact derivatives want driven coordinates that are scalars")
+    chosen = Chosen(marionette, task.x0, task.parameters)
+    pulls = bool(task.bounds.tension or task.bounds.force)
+    pulls = pulls or any(one.kind == "tension" for one in task.tracks)
+    has_contact = marionette.model.contacts is not None
+    if exact and has_contact:
+        raise StateError("optimise: exact derivatives want a puppet without contact")
+    longest = task.durations[1] / task.n_intervals
+    steps = TimeSteps(marionette, task.dt, threads, chosen, pulls, longest)
+    runs: EventRuns = ExactRuns(steps, chosen) if exact else EventRuns(steps, chosen)
+    if has_contact:
+        runs = StepRuns(steps, chosen)
+    if task.explore:
+        runs = HybridRuns(steps, chosen)
+    first = first_nodes(task, chosen, task.guess if guess is None else guess)
+    objective = Objective(task)
+    at = iterate(runs, first, objective)
+    if at is None:
+        raise StateError(
+            "the first motion cannot be simulated; give a guess whose run arrives at its end"
+        )
+    curve, best = [(time.perf_counter() - began, at.cost)], at
+
+    def note(now: Iterate) -> None:
+        nonlocal best
+        best = now
+        curve.append((time.perf_counter() - began, now.cost))
+        if progress is not None:
+            progress(now)
+
+    until = began + time_limit
+    limits = Limits(tolerance, cost_tolerance, iterations, until)
+    search: Search | ThroughModes = Search(at, runs, objective, limits)
+    if task.explore and isinstance(runs, HybridRuns):
+        search = ThroughModes(at, runs, objective, limits, seed)
+    status = None
+    try:
+        if has_contact:
+            at = search.run(note)
+            runs, at = confirmed(runs, at, objective, limits, note)
+        elif task.explore:
+            at = search.run(note)
+        else:
+            runs, at = search_minimum(runs, at, objective, limits, note)
+    except KeyboardInterrupt:
+        at, status = search.best if has_contact else best, OptimalStatus.STOPPED
+    objective, run = search.objective, at.nodes.run
+    if run is None:  # it was part of a batch, which keeps no run
+        made = runs.run(at.nodes)
+        if made is None:
+            text = "the motion found cannot be simulated again"
+            raise SimulationError(Status.NOT_SETTLED, text)
+        run = made[1]
+    if exact and isinstance(runs, ExactRuns) and runs.reasons:
+        text = f"the last derivatives were those of time steps: {runs.reasons[-1]}"
+        warnings.warn(text, stacklevel=2)
+    touched = objective.touches.along(run, at.nodes.parameters)
+    bound = max(
+        passed_bound(objective, at.nodes, at.ends), _too_near(objective, runs, at.nodes),
+        key=lambda one: one.rank,
+    )  # fmt: skip
+    end = end_residual(objective, at.nodes)
+    worst = max(bound, end, touch_residual(touched), key=lambda one: one.rank)
+    reason = ""
+    if has_contact and isinstance(runs, StepRuns):
+        status = OptimalStatus.UNCONFIRMED
+    elif not worst.size <= HOLDS:
+        status, reason = OptimalStatus.VIOLATED, worst.text
+    elif status is None:
+        status = _status(at, tolerance, until)
+        if status is not OptimalStatus.SOLVED:
+            reason = largest_residual(objective, at, tolerance)
+    if end.size > tolerance and end.text in reason and not len(at.nodes.parameters):
+        with contextlib.suppress(StateError, SimulationError):  # a remark is not worth the result
+            reason += without_input(
+                at.nodes, steps.linearise(at.nodes), objective.end_gap(at.nodes)
+            )
+    return Optimum(
+        task, status, run, at.nodes.inputs(), at.cost, at.kkt, at.stationarity, bound.size,
+        end.size, touched, at.iterations, time.perf_counter() - began, tuple(curve), reason, at,
+        objective, runs,
+    )  # fmt: skip
+
+
+def follow(
+    marionette: Marionette,
+    targets: Mapping[str | tuple[str, tuple[float, float, float]], Target],
+    duration: float,
+    x0: State | None = None,
+    *,
+    bounds: Bounds | None = None,
+    smooth: Smooth | None = None,
+    weight: float = 1e4,
+    slack: bool = False,
+    explore: int = 0,
+    interval: float | None = None,
+    **options: Any,
+) -> Optimum:
+    """Inputs that make parts of a puppet follow paths: the short form of :func:`optimise`.
+
+    Warns before the search where the puppet cannot hang at the paths of points; see :func:`reach`.
+
+    Args:
+        marionette: the puppet.
+        targets: name -> path. A body's origin, or a point of it as ``(body, (x, y, z))``, follows
+            places [m]; a coordinate follows values. A path is a value, a function of time, a pair
+            of times and values, a :class:`Clip`, or an array (T, ...) that is spread evenly over
+            the duration.
+        duration: of the motion [s].
+        x0: where it starts; hanging at rest when not given.
+        bounds: see :class:`Bounds`.
+        smooth: see :class:`Smooth`.
+        weight: of every path [1/m^2 or 1/rad^2].
+        slack: whether strings that are taut at the start may go slack.
+        explore: how many random explorations look for motions through slack strings and catches,
+            which then may go slack; see :class:`Task`.
+        interval: between nodes [s]; a fiftieth of the duration, from 0.01 to 0.04, when not given.
+        options: of :func:`optimise`.
+
+    Raises:
+        UnknownNameError: a name that is no body and no coordinate.
+    """
+    x0 = marionette.rest() if x0 is None else x0
+    tracks = tracks_of(marionette, targets, x0.t, duration, weight)
+    bounds = Bounds() if bounds is None else bounds
+    if not slack and not explore:
+        bounds = bounds.staying_taut(marionette, x0)
+    h = min(max(duration / 50.0, 0.01), 0.04) if interval is None else interval
+    task = Task(marionette, x0, duration, tracks, smooth or Smooth(), bounds, interval=h,
+                explore=explore)  # fmt: skip
+    _check(task)
+    for text in out_of_reach(task):
+        warnings.warn(text, stacklevel=2)
+    return optimise(task, **options)
+
+
+def tracks_of(
+    marionette: Marionette,
+    targets: Mapping[str | tuple[str, tuple[float, float, float]], Target],
+    start: float,
+    duration: float,
+    weight: float,
+) -> list[Track]:
+    """Tracks of names and paths, as :func:`follow` takes them.
+
+    Args:
+        marionette, targets, weight: see there.
+        start, duration: over which arrays of values are spread [s].
+
+    Raises:
+        UnknownNameError: a name that is no body and no coordinate.
+    """
+    bodies = [link.name for link in marionette.tree.links]
+    table = marionette.coordinates
+    tracks = []
+    for name, path in targets.items():
+        body, at = name if isinstance(name, tuple) else (name, (0.0, 0.0, 0.0))
+        path = _spread(path, start, duration, 3 if body in bodies else 1)
+        if body in bodies:
+            tracks.append(Track.point(body, path, at=at, weight=weight))
+        elif name in (*table.q_D, *table.q_K):
+            tracks.append(Track.coordinate(str(name), path, weight=weight))
+        else:
+            known = [*bodies, *table.q_D, *table.q_K]
+            raise UnknownNameError("body or coordinate", str(body), known)
+    return tracks
+
+
+def refuse_winches(marionette: Marionette, what: str) -> None:
+    """Raises StateError where a winch may slip."""
+    upper = marionette.model.upper
+    winches = [s.name for i, s in enumerate(marionette.tree.strings) if np.isfinite(upper[i])]
+    if winches:
+        raise StateError(
+            f"{what}: the winch of {', '.join(winches)} may slip, which is not differentiated; "
+            "leave max_tension out of the puppet and give bounds of the tension"
+        )
+
+
+def _too_near(objective: Objective, runs: EventRuns, nodes: Nodes) -> Residual:
+    """Residual of the required clearance, also between the nodes: the worst body or string."""
+    clear = objective.rows.clear
+    if clear is None:
+        return NONE
+    made = runs.run(nodes.finer(_LOOKS))
+    if made is None:
+        return Residual(math.inf, "the run cannot be repeated to measure its clearances")
+    return clearance_residual(clear, made[1])
+
+
+def _check(task: Task) -> None:
+    """Raises StateError where a task is not differentiated, or starts beyond its bounds."""
+    marionette = task.marionette
+    refuse_winches(marionette, "optimise")
+    if task.is_free and any(
+        callable(x.path) or isinstance(x.path, (tuple, Clip)) for x in task.tracks
+    ):
+        raise StateError(
+            "optimise: where the duration is free, paths must be values: a path of time has no "
+            "derivative by the duration here"
+        )
+    if task.is_free and np.any(
+        np.isfinite(jerk := task.bounds.magnitudes(marionette, "jerk")) & (jerk > 0.0)
+    ):
+        raise StateError("optimise: a bound of jerk needs a duration that is given")
+    if not task.parameters:
+        task.bounds.check_moves(marionette)
+    task.bounds.check_state(marionette, task.x0, "at the start")
+    if task.goal is not None:
+        task.bounds.check_end(marionette, task.x0, task.goal)
+
+
+def first_nodes(task: Task, chosen: Chosen, guess: Input | Optimum | None) -> Nodes:
+    """The nodes of the first motion; of a guess its accelerations count, within their bounds."""
+    N, (shortest, longest) = task.n_intervals, task.durations
+    made = Nodes.still(task.marionette, task.x0, longest, N)
+    values = chosen.first
+    if isinstance(guess, Optimum):
+        values = np.array(
+            [guess.parameters.get(n, v) for n, v in zip(chosen.names, values, strict=True)]
+        )
+    if isinstance(guess, Optimum):
+        if len(guess.nodes) == N and guess.nodes.table is made.table:
+            interval = min(max(guess.nodes.interval, shortest / N), longest / N)
+            made = replace(made, interval=interval, acc_K=guess.nodes.acc_K)
+        else:
+            made = Nodes.of_input(task.marionette, task.x0, guess.inputs, longest, N)
+    elif guess is not None:
+        made = Nodes.of_input(task.marionette, task.x0, guess, longest, N)
+    most = task.bounds.magnitudes(task.marionette, "acceleration")
+    return replace(
+        made, acc_K=np.clip(made.acc_K, -most, most),
+        parameters=np.clip(values, chosen.low, chosen.high),
+    )  # fmt: skip
+
+
+def _status(at: Iterate, tolerance: float, until: float) -> OptimalStatus:
+    if at.kkt <= tolerance:
+        return OptimalStatus.SOLVED
+    if at.settled:
+        return OptimalStatus.SETTLED
+    if at.stalled:
+        return OptimalStatus.STALLED
+    late = time.perf_counter() > until
+    return OptimalStatus.TIMEOUT if late else OptimalStatus.ITERATIONS
+
+
+def _spread(path: Target, start: float, duration: float, width: int) -> Target:
+    """An array of many values as a pair of times and values."""
+    if isinstance(path, Clip) or callable(path):
+        return path
+    if isinstance(path, tuple) and len(path) == 2 and np.ndim(path[0]) == 1:
+        return path
+    values = np.asarray(path, dtype=float)
+    if values.size <= width or values.ndim == 0:
+        return path
+    return np.linspace(start, start + duration, len(values)), values

@@ -1,0 +1,138 @@
+"""Residuals of a motion in words: the bound, the coordinate and the time of the largest."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Array
+from fantoccini.control.optimal.clear_rows import ClearRows
+from fantoccini.control.optimal.dynamics import Ends, LinearEnds
+from fantoccini.control.optimal.objective import Objective
+from fantoccini.control.optimal.sqp import Iterate
+from fantoccini.control.tasks import Nodes, Touched, number_names
+from fantoccini.motion import Trajectory
+
+_MAX_ROUNDING_EFFECT = 1e-9
+"""Effect of an input on a final coordinate below which it is rounding, relative to its largest
+effect on any coordinate."""
+
+
+@dataclass(frozen=True)
+class Residual:
+    """A residual of a motion.
+
+    Attributes:
+        size: magnitude [SI].
+        text: the bound, coordinate and time.
+    """
+
+    size: float
+    text: str
+
+    @property
+    def rank(self) -> float:
+        """The size, with which residuals are compared; infinite where it is no number."""
+        return math.inf if math.isnan(self.size) else self.size
+
+
+NONE = Residual(0.0, "")
+
+
+def passed_bound(objective: Objective, nodes: Nodes, ends: Ends) -> Residual:
+    """The largest violation of a bound at the nodes; :data:`NONE` if all bounds are kept."""
+    return max(_bounds(objective, nodes, ends), key=lambda one: one.rank, default=NONE)
+
+
+def end_residual(objective: Objective, nodes: Nodes) -> Residual:
+    """The largest error of a coordinate or velocity at the end."""
+    gap = np.abs(objective.end_gap(nodes))
+    if not np.max(gap, initial=0.0) > 0.0:
+        return NONE
+    at = int(np.argmax(gap))
+    name = number_names(nodes.table)[at]
+    text = f"{name} ends {gap[at]:.3g} from the state asked for, at {nodes.t[-1]:.6g} s"
+    return Residual(float(gap[at]), text)
+
+
+def clearance_residual(clear: ClearRows, run: Trajectory) -> Residual:
+    """The largest violation of the required clearance in a run, by body or string."""
+    if not len(clear):
+        return NONE
+    least = clear.whole.least(run)
+    name = f"the clearance of {clear.whole.pair_at(least.q_D, least.q_K).what}"
+    size = clear.margin - least.distance
+    return _residual(size, name, least.t, least.distance, clear.margin, np.inf)
+
+
+def touch_residual(touched: tuple[Touched, ...]) -> Residual:
+    """The touch with the largest miss distance."""
+    found = (Residual(one.distance, f"{one}, not there") for one in touched)
+    return max(found, key=lambda one: one.rank, default=NONE)
+
+
+def without_input(nodes: Nodes, linear: LinearEnds, gap: Array) -> str:
+    """A note if, to first order, no input moves the coordinate with the largest final error."""
+    at = int(np.argmax(np.abs(gap)))
+    rows, effect = np.eye(nodes.n_z), np.zeros(nodes.n_z)
+    for A, B in zip(linear.A[::-1], linear.B[::-1], strict=True):
+        effect = np.maximum(effect, np.max(np.abs(rows @ B), axis=1, initial=0.0))
+        rows = rows @ A
+    if effect[at] > _MAX_ROUNDING_EFFECT * np.max(effect):
+        return ""
+    return "; no input moves it"
+
+
+def largest_residual(objective: Objective, at: Iterate, tolerance: float) -> str:
+    """The largest residual of an iterate that is not optimal: of the end, a bound, or a step."""
+    bound, end = passed_bound(objective, at.nodes, at.ends), end_residual(objective, at.nodes)
+    worst = max(bound, end, key=lambda one: one.rank)
+    if worst.size > max(tolerance, at.stationarity) or not np.isfinite(at.stationarity):
+        return worst.text or "the search ended before a step was found"
+    if at.solution is None:
+        return "no step was found"
+    nodes, (_, u, _) = at.nodes, objective.widened(at.solution)
+    i, j = np.unravel_index(int(np.argmax(np.abs(u))), u.shape)
+    low, high = objective.limits(nodes.interval).acceleration[j] * np.array([-1.0, 1.0])
+    return (
+        f"the next step would change the acceleration of {nodes.table.v_K[j]} at {nodes.t[i]:.6g} "
+        f"s, which is {nodes.acc_K[i, j]:.6g} within {low:g} to {high:g}, by {u[i, j]:.3g}"
+    )
+
+
+def _bounds(objective: Objective, nodes: Nodes, ends: Ends) -> Iterator[Residual]:
+    """The largest violation for each kind of bound."""
+    limits, names = objective.limits(nodes.interval), nodes.table.v_K
+    value, low, high = objective.rows.values(nodes, ends)
+    passed = np.maximum(low - value, value - high)
+    if passed.size:
+        i, j = np.unravel_index(int(np.argmax(passed)), passed.shape)
+        name, later = objective.rows.names[j]
+        t = nodes.t[i + later]
+        yield _residual(float(passed[i, j]), name, t, value[i, j], low[j], high[j])
+    most = np.broadcast_to(limits.acceleration, nodes.acc_K.shape).copy()
+    most[-1] = np.minimum(most[-1], limits.jump)  # after the end there is no acceleration
+    place = nodes.numbers[1:, nodes.splits[1] : nodes.splits[2]]
+    for what, values, least, largest, t in (
+        ("the acceleration of ", nodes.acc_K, -most, most, nodes.t[:-1]),
+        ("the speed of ", nodes.v_K[1:], -limits.speed, limits.speed, nodes.t[1:]),
+        ("", place, limits.low, limits.high, nodes.t[1:]),
+    ):
+        least, largest = (np.broadcast_to(a, values.shape) for a in (least, largest))
+        passed = np.maximum(least - values, values - largest)
+        if passed.size:
+            i, j = np.unravel_index(int(np.argmax(passed)), passed.shape)
+            yield _residual(
+                float(passed[i, j]), what + names[j], t[i], values[i, j], least[i, j], largest[i, j]
+            )
+
+
+def _residual(size: float, name: str, t: float, value: float, low: float, high: float) -> Residual:
+    if size <= 0.0:
+        return NONE
+    return Residual(
+        size, f"{name} is {value:.6g} at {t:.6g} s, beyond its bounds {low:g} to {high:g}"
+    )

@@ -1,0 +1,153 @@
+"""A step of sequential quadratic programming in real time.
+
+    min over u  of the program of :class:`Objective` along a motion,
+    accelerations, speeds and positions of the driven coordinates within their bounds
+
+The compiled method is ``search/stage_clamped.hpp``. Its motions keep the bounds after every
+factorisation, so that it may end after any.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Array
+from fantoccini.control.optimal.dynamics import TimeSteps
+from fantoccini.control.optimal.objective import Objective
+from fantoccini.control.optimal.quadratic import StageSolver
+from fantoccini.control.tasks import Nodes
+from fantoccini.dynamics.derivatives import linearise_steps
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.kernel.runtime import AnyArray, ClampedOutcome, ClampedStages
+
+_BARRIER, _FACTORISATIONS = 1e-5, 15
+"""Where the interior point method may end: barrier in units of the cost, and factorisations."""
+_WORK = 4.8e7
+"""Multiplications of a program: some 7 ms."""
+MIN_FACTORISATIONS, MAX_FACTORISATIONS = 1.5, 20.0
+"""Whole factorisations of a program, at least and at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """What the program of a step needs along a motion.
+
+    Attributes:
+        tension: (N, n_rows) just after the nodes.
+        pull: (N, n_rows, at least n_z + n_vK) derivatives of the tensions, if asked for.
+        driven: (N or 1, 2 n_vK, 3 n_vK) derivatives of the driven coordinates over the intervals.
+    """
+
+    tension: Array
+    pull: Array | None
+    driven: Array
+
+
+class ClampedSteps:
+    """Steps of one puppet within bounds, again and again in the same memory.
+
+    Tasks with bounds of jerks are solved by the interior point method, whose work is not bounded
+    as tightly: a motion made stage by stage cannot keep them.
+
+    Args:
+        marionette: the puppet.
+        dt: longest time step of derivatives [s].
+        threads: for derivatives.
+    """
+
+    def __init__(self, marionette: Marionette, dt: float, threads: int | None) -> None:
+        self._marionette, self._steps = marionette, TimeSteps(marionette, dt, threads)
+        self._threads = threads
+        self._room: Array | None = None
+        self._stages, self._solver = ClampedStages(), StageSolver(1e-6)
+
+    def linearise(self, nodes: Nodes, pulls: bool) -> Slopes:
+        """Derivatives of the intervals; those of the dynamic part are kept for :meth:`solve`.
+
+        Args:
+            nodes: the motion.
+            pulls: whether those of tensions are wanted.
+        """
+        k = self._marionette.coordinates.n_vK
+        m, dt = self._steps.steps(nodes.interval)
+        x = (nodes.q_D[:-1], nodes.v_D[:-1], nodes.q_K[:-1], nodes.v_K[:-1])
+        driven = np.eye(2 * k, 3 * k)[None]
+        for j in range(m):
+            one = linearise_steps(
+                self._marionette.model, *x, nodes.acc_K, dt=dt, pull=pulls and j == 0,
+                threads=self._threads, room=self._room,
+            )  # fmt: skip
+            self._room = one.motion
+            self._stages.add_step(one.motion, driven, k, j == 0)
+            if j == 0:
+                tension, pull = one.tension, one.pull
+            own = one.driven
+            driven = own[..., : 2 * k] @ driven
+            driven[..., 2 * k :] += own[..., 2 * k :]
+            x = (one.q_D, one.v_D, one.q_K, one.v_K)
+        return Slopes(tension, pull, driven)
+
+    def solve(
+        self, objective: Objective, nodes: Nodes, slopes: Slopes, damping: float, shift: int
+    ) -> ClampedOutcome:
+        """The best changes of the accelerations that were found.
+
+        Args:
+            objective: cost and bounds.
+            nodes: the motion, as linearised last.
+            slopes: from :meth:`linearise`.
+            damping: of the Hessian, in units of the cost.
+            shift: intervals by which the horizon went on since the last program; -1: another.
+        """
+        N, k, h = len(nodes), nodes.table.n_vK, nodes.interval
+        per_stage = (nodes.n_z + k) ** 2 * (nodes.n_z - 2 * k)
+        work = min(max(_WORK / per_stage, MIN_FACTORISATIONS * N), MAX_FACTORISATIONS * N)
+        J, diagonal, g = objective.squares(nodes)
+        pulls = list(objective.pulls(nodes, slopes.tension))
+        C, W = np.zeros((N, len(pulls), nodes.n_z + k)), np.zeros((N, len(pulls)))
+        for i, (row, weights, r) in enumerate(pulls):
+            assert slopes.pull is not None
+            by = slopes.pull[:, row, : nodes.n_z + k]
+            C[:, i], W[:, i] = by, weights
+            g[:, :k] += (weights * r)[:, None] * by[:, nodes.n_z :]
+            g[:-1, k:] += (weights * r)[1:, None] * by[1:, : nodes.n_z]
+        if not objective.unit:
+            objective.take_unit_of(g, diagonal)
+        diagonal += damping * objective.unit
+        bounds = objective.limits(h)
+        if np.any(np.isfinite(bounds.jump)):
+            return self._of_interior_point(objective, nodes, damping)
+        n = nodes.n_z - 2 * k
+        numbers = nodes.numbers
+        numbers_of = {
+            "N": N, "n_d": n, "n_inputs": k, "k": len(bounds.inputs), "n_squares": J.shape[1],
+            "n_pulls": len(pulls), "n_joints": len(bounds.places),
+            "jerk": objective.task.smooth.jerk / h, "h": h,
+            "price": objective.price,
+            "unit": objective.unit, "shift": shift, "most_stages": round(work),
+        }  # fmt: skip
+        arrays: dict[str, AnyArray] = {
+            "inputs": bounds.inputs.astype(np.int32), "squares": J, "diagonal": diagonal,
+            "g": g, "pulls": C, "pull_weight": W, "acc": nodes.acc_K, "q": numbers[:, n : n + k],
+            "v": numbers[:, n + k :], "most": bounds.acceleration,
+            "last_most": np.minimum(bounds.acceleration, bounds.jump), "speed": bounds.speed,
+            "low": bounds.low, "high": bounds.high,
+            "joint_places": bounds.places.astype(np.int32), "joint": numbers[1:, bounds.places],
+            "joint_low": bounds.joint_low, "joint_high": bounds.joint_high,
+        }  # fmt: skip
+        return self._stages.solve(numbers_of, arrays, slopes.driven)
+
+    def _of_interior_point(
+        self, objective: Objective, nodes: Nodes, damping: float
+    ) -> ClampedOutcome:
+        linear = self._steps.linearise(nodes)
+        linear.e[:] = 0.0
+        program = objective.program(nodes, linear, damping * objective.unit, 0.0)
+        found = self._solver.solve(
+            program, objective.unit, barrier=_BARRIER, most=_FACTORISATIONS
+        )
+        u = objective.widened(found)[1]
+        n = found.iterations
+        return ClampedOutcome(u, np.nan, n, n * len(nodes), found.solved)

@@ -1,0 +1,173 @@
+"""Where intervals lead, and the derivatives of their ends: the dynamics of optimal control.
+
+    z_{i+1} = A_i z_i + B_i u_i + e_i,   e_i = F(x_i, acc_i) - x_{i+1}
+
+An interval is made of time steps; all intervals are made at once, in lanes and on threads. A and B
+are products of the steps' derivatives:
+
+    X <- F_D X + F_K K + F_a,   K <- A_K K + B_K
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fantoccini.base import Array, Indices, Mask, MaskRows
+from fantoccini.control.tasks import Chosen, Nodes
+from fantoccini.dynamics.marionette import Marionette
+
+
+@dataclass(frozen=True, eq=False)
+class Ends:
+    """Where N intervals lead.
+
+    Attributes:
+        e: (N, n_z) the changes that move the nodes there.
+        tension: (N, n_rows) in the first step of every interval [N or N m].
+        taut: (N, n_rows) which rows are held in the first steps.
+        settled: (N,) whether all steps were made.
+    """
+
+    e: Array
+    tension: Array
+    taut: MaskRows
+    settled: Mask
+
+
+@dataclass(frozen=True, eq=False)
+class LinearEnds(Ends):
+    """The same with derivatives.
+
+    Attributes:
+        A: (N, n_z, n_z) by the state at the start of an interval.
+        B: (N, n_z, n_vK) by its accelerations.
+        pull: (N, n_rows, n_z + n_vK) derivatives of the tensions.
+        acc: (N, n_vD, n_z + n_vK) derivatives of the accelerations just after the nodes.
+        by_c: (N, n_z, 1 + n_p) derivatives of the ends by the length of the intervals, and by the
+            parameters that are chosen.
+        pull_c, acc_c: (N, n_rows or n_vD, 1 + n_p) the same of the tensions and accelerations.
+        start_c: (n_z, 1 + n_p) the same of the start.
+    """
+
+    A: Array
+    B: Array
+    pull: Array
+    acc: Array
+    by_c: Array
+    pull_c: Array
+    acc_c: Array
+    start_c: Array
+
+    def widened(self, c: Indices) -> LinearEnds:
+        """The same with some constants of the motion as further states, which stay as they are."""
+        N, n_z, _ = self.B.shape
+        A = np.zeros((N, n_z + len(c), n_z + len(c)))
+        A[:, :n_z, :n_z], A[:, :n_z, n_z:] = self.A, self.by_c[..., c]
+        A[:, n_z:, n_z:] = np.eye(len(c))
+        pull, acc = (
+            np.concatenate([by[..., :n_z], by_c[..., c], by[..., n_z:]], axis=2)
+            for by, by_c in ((self.pull, self.pull_c), (self.acc, self.acc_c))
+        )
+        B, e = np.pad(self.B, ((0, 0), (0, len(c)), (0, 0))), np.pad(self.e, ((0, 0), (0, len(c))))
+        return replace(self, A=A, B=B, pull=pull, acc=acc, e=e)
+
+
+@dataclass(frozen=True)
+class TimeSteps:
+    """Intervals of time steps.
+
+    Attributes:
+        marionette: the puppet.
+        dt: the longest step [s].
+        threads: that share the work; as many as there are processors when None.
+        chosen: the parameters that motions choose.
+        pulls: whether the tensions' derivatives are wanted; else they are left 0.
+        longest: longest interval of a search [s]. All intervals have as many steps as this one, so
+            that the dynamics are a smooth function of a free duration.
+    """
+
+    marionette: Marionette
+    dt: float
+    threads: int | None = None
+    chosen: Chosen | None = None
+    pulls: bool = True
+    longest: float | None = None
+
+    def steps(self, interval: float) -> tuple[int, float]:
+        """Number of steps of an interval, and their length [s]."""
+        longest = interval if self.longest is None else self.longest
+        n = max(1, round(longest / self.dt + 0.499999))
+        return n, interval / n
+
+    def extrapolated(self, nodes: Nodes) -> LinearEnds:
+        """As :meth:`linearise`, with derivatives of the ends to second order in the steps.
+
+        With m and M steps their errors are c / m and c / M, which cancel in
+        (M D_M - m D_m) / (M - m) (Richardson extrapolation). Derivatives of tensions are kept.
+        """
+        longest = nodes.interval if self.longest is None else self.longest
+        finer = replace(self, dt=0.5 * min(self.dt, longest), pulls=False)
+        m, M = self.steps(nodes.interval)[0], finer.steps(nodes.interval)[0]
+        rough, fine = self.linearise(nodes), finer.linearise(nodes)
+        better = {
+            name: (M * getattr(fine, name) - m * getattr(rough, name)) / (M - m)
+            for name in ("A", "B", "by_c")
+        }
+        return replace(rough, **better)
+
+    def linearise(self, nodes: Nodes) -> LinearEnds:
+        """Where the intervals lead, with derivatives."""
+        table, N = self.marionette.coordinates, len(nodes)
+        n, k = table.n_vD, table.n_vK
+        n_x, n_s = 2 * n + 2 * k, 2 * n + 3 * k
+        m, dt = self.steps(nodes.interval)
+        marionette, of_p = self.marionette, np.zeros(0, dtype=int)
+        if self.chosen:
+            marionette = self.chosen.marionette(nodes.parameters)
+            of_p = n_s + np.array(self.chosen.columns)
+        kept = np.concatenate([np.arange(n_s), of_p])
+        x = (nodes.q_D[:-1], nodes.v_D[:-1], nodes.q_K[:-1], nodes.v_K[:-1])
+        settled = np.ones(N, dtype=bool)
+        for j in range(m):
+            v_before = x[1]
+            one = marionette.linearise_steps(
+                *x, nodes.acc_K, dt=dt, pull=self.pulls and j == 0, threads=self.threads
+            )
+            x = (one.q_D, one.v_D, one.q_K, one.v_K)
+            settled &= one.settled
+            by_D, by_K = one.motion[..., : 2 * n], one.motion[..., 2 * n : n_x]
+            K = one.driven
+            if j == 0:
+                tension, taut = one.tension, one.held
+                pull = (
+                    np.zeros((*tension.shape, one.motion.shape[2]))
+                    if one.pull is None
+                    else one.pull
+                )
+                X = one.motion[..., kept]
+                acc = one.motion[:, n : 2 * n].copy()
+                acc[:, np.arange(n), n + np.arange(n)] -= 1.0
+                acc /= dt
+                whole = np.broadcast_to(K, (N, *K.shape[1:])).copy()
+                continue
+            X = by_D @ X
+            X[..., 2 * n : n_s] += by_K @ whole
+            X[..., n_x:] += one.motion[..., n_x:][..., kept[n_x:] - n_x]
+            whole = K[..., : 2 * k] @ whole
+            whole[..., 2 * k :] += K[..., 2 * k :]
+        A, B = np.zeros((N, nodes.n_z, nodes.n_z)), np.zeros((N, nodes.n_z, k))
+        A[:, : 2 * n], B[:, : 2 * n] = X[..., :n_x], X[..., n_x:n_s]
+        A[:, 2 * n :, 2 * n :], B[:, 2 * n :] = whole[..., : 2 * k], whole[..., 2 * k :]
+        later = np.concatenate([x[1], (x[1] - v_before) / dt, x[3], nodes.acc_K], axis=1)
+        by_c = np.zeros((N, nodes.n_z, 1 + len(of_p)))
+        by_c[..., 0], by_c[:, : 2 * n, 1:] = later, X[..., n_s:]
+        pull_c, acc_c = (np.pad(a[..., of_p], ((0, 0), (0, 0), (1, 0))) for a in (pull, acc))
+        start_c = np.zeros((nodes.n_z, 1 + len(of_p)))
+        if self.chosen:
+            start_c[:, 1:] = self.chosen.start_by(nodes.parameters)
+        return LinearEnds(
+            nodes.between(*x), tension, taut, settled, A, B, pull[..., :n_s], acc[..., :n_s], by_c,
+            pull_c, acc_c, start_c,
+        )  # fmt: skip

@@ -1,0 +1,104 @@
+"""Event-driven runs with the exact derivatives of their intervals, through releases and catches.
+
+    z_{i+1} = A_i z_i + B_i u_i,   z = (dq_D, dv_D, dq_K, dv_K)
+
+Between events the variational equation holds; at a catch z jumps by the saltation matrix, in which
+the time of the event, an unknown of the hybrid problem, is eliminated by its guard h = 0
+(:mod:`fantoccini.dynamics.simulation.intervals`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fantoccini.base import Array, SimulationError, StateError, Status
+from fantoccini.control.optimal.dynamics import Ends, LinearEnds
+from fantoccini.control.optimal.shooting import EventRuns, uninterrupted
+from fantoccini.control.tasks import Nodes
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.dynamics.simulation import interval_derivatives
+from fantoccini.motion import Trajectory
+
+_SAME_TIME = 1e-12
+"""Distance of times that are one [s]."""
+
+
+class HybridRuns(EventRuns):
+    """Event-driven runs, with the exact derivatives of their intervals."""
+
+    def linearise(self, nodes: Nodes, ends: Ends) -> LinearEnds:
+        """See :class:`fantoccini.control.optimal.sqp.Shooting`.
+
+        Raises:
+            SimulationError, StateError: a catch has no derivative.
+        """
+        marionette, inputs = self.chosen.marionette(nodes.parameters), nodes.inputs()
+        x0 = self.chosen.start(nodes.parameters)
+        run = uninterrupted(marionette, x0, inputs, nodes.t[-1])  # with samples at breaks
+        if run.status is not Status.DONE:
+            raise SimulationError(run.status, f"at t = {run.t[-1]:.6g} s")
+        found = interval_derivatives(marionette, run, inputs)
+        before = np.searchsorted(run.t, nodes.t[1:] - _SAME_TIME)  # breaks and events have two
+        later = (run.v_D[before], run.acc_D[before], run.v_K[before], nodes.acc_K)
+        N, n_s = len(nodes), nodes.n_z + nodes.acc_K.shape[1]
+        columns = self.chosen.columns
+        n_p = len(marionette.p)
+        pull = np.zeros((N, ends.tension.shape[1], n_s + n_p))
+        acc = np.zeros((N, nodes.v_D.shape[1], n_s + n_p))
+        if self.steps.pulls:
+            pull, acc = _pulls(marionette, run, nodes)
+        by_p, none = found.C[..., columns], np.zeros((nodes.n_z, 1))
+        return LinearEnds(
+            ends.e, ends.tension, ends.taut, ends.settled, found.A, found.B, pull[..., :n_s],
+            acc[..., :n_s],
+            by_c=np.concatenate([np.concatenate(later, axis=1)[..., None], by_p], axis=2),
+            pull_c=np.pad(pull[..., n_s:][..., columns], ((0, 0), (0, 0), (1, 0))),
+            acc_c=np.pad(acc[..., n_s:][..., columns], ((0, 0), (0, 0), (1, 0))),
+            start_c=np.concatenate([none, self.chosen.start_by(nodes.parameters)], axis=1),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ExactRuns(HybridRuns):
+    """The same, with derivatives of time steps where a motion has no exact ones.
+
+    Attributes:
+        reasons: why the last derivatives were those of time steps; none where they were exact.
+    """
+
+    reasons: list[str] = field(default_factory=list, compare=False)
+
+    def has(self, nodes: Nodes, ends: Ends) -> bool:
+        """Whether a motion has exact derivatives."""
+        try:
+            super().linearise(nodes, ends)
+        except (SimulationError, StateError):
+            return False
+        return True
+
+    def linearise(self, nodes: Nodes, ends: Ends) -> LinearEnds:
+        """See :class:`fantoccini.control.optimal.sqp.Shooting`."""
+        self.reasons.clear()
+        try:
+            return super().linearise(nodes, ends)
+        except (SimulationError, StateError) as error:
+            self.reasons.append(str(error))
+            return EventRuns.linearise(self, nodes, ends)
+
+
+def _pulls(marionette: Marionette, run: Trajectory, nodes: Nodes) -> tuple[Array, Array]:
+    """(N, n_rows or n_vD, n_z + n_vK + n_p) of tensions and accelerations just after the nodes."""
+    after = np.searchsorted(run.t, nodes.t[:-1] + _SAME_TIME, side="right") - 1
+    names, two_sided = marionette.tree.row_names, marionette.model.two_sided
+    pull: list[Array] = []
+    acc: list[Array] = []
+    for i, acc_K in zip(after, nodes.acc_K, strict=True):
+        force = run.limit_force.values[i] > 0.0
+        held = np.concatenate([run.taut.values[i], force]) | two_sided
+        rows = [name for name, holds in zip(names, held, strict=True) if holds]
+        found = marionette.linearise(run.state(int(i)), acc_K, rows=rows)
+        for out, by in ((pull, found.pull), (acc, found.acc)):
+            out.append(np.concatenate([by.q_D, by.v_D, by.q_K, by.v_K, by.acc_K, by.p], axis=1))
+    return np.array(pull), np.array(acc)

@@ -1,0 +1,125 @@
+"""Rows of the voltages and currents of dc motors, where intervals begin and where they end.
+
+    |R i + k n v| <= voltage,  |i| <= current,   i = f / (n k)
+
+f is the force that the controller asks for (:mod:`fantoccini.kernel.equations.drives`), and v the velocity
+of its coordinate. A motor within its own limits exerts it; beyond them its voltage is at a limit,
+whatever the motion is, and what is asked for tells the way back. f depends on the state and the
+commands' accelerations alone. So accelerations that jump at nodes give two rows an interval,
+
+    just after node i:  r(z_i, acc_i),   just before node i + 1:  r(z_{i+1}, acc_i)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fantoccini.base import Array, Indices
+from fantoccini.control.tasks import Chosen, Nodes, Task
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.model.puppet import DirectCurrent
+from fantoccini.model.tree import DriveRow
+
+_STEP = 1e-6
+"""Of differences [m, rad and their rates]."""
+
+
+class MotorRows:
+    """The voltages and currents of a task that have bounds.
+
+    Attributes:
+        names: (m / 2,) of those where intervals begin, or end.
+        most: (m,) their largest magnitudes; those where intervals begin, then where they end
+            [V or A].
+
+    Args:
+        task: see :class:`Task`.
+        chosen: parameters along with the motion.
+        c: of its constants, those that programs have.
+    """
+
+    def __init__(self, task: Task, chosen: Chosen, c: Indices):
+        voltages, volts = task.bounds.motors(task.marionette, "voltage")
+        currents, amperes = task.bounds.motors(task.marionette, "current")
+        self._drives, self._n_voltages = [*voltages, *currents], len(voltages)
+        self.most = np.tile(np.concatenate([volts, amperes]), 2)
+        inputs = task.marionette.coordinates.v_K
+        self.names = [
+            f"the {kind} of {inputs[drive.command[1]]}"
+            for kind, drives in (("voltage", voltages), ("current", currents))
+            for drive in drives
+            if drive.command is not None
+        ]
+        self._chosen, self._c = chosen, c
+
+    def __len__(self) -> int:
+        return len(self.most)
+
+    def value(self, nodes: Nodes) -> Array:
+        """(N, m) [V or A]."""
+        return self._values(self._chosen.marionette(nodes.parameters), nodes)
+
+    def by(self, nodes: Nodes, n_c: int) -> Array:
+        """(N, m, n_z + n_c + n_vK + n_z + n_c) derivatives by z_i, acc_i and z_{i+1}.
+
+        Args:
+            nodes: the motion.
+            n_c: how many constants follow the numbers of a state.
+        """
+        N, n_z, k, m = len(nodes), nodes.n_z, nodes.acc_K.shape[1], len(self._drives)
+        out = np.zeros((N, len(self), 2 * (n_z + n_c) + k))
+        if not m:
+            return out
+        marionette, n_s = self._chosen.marionette(nodes.parameters), n_z + n_c
+        way = _STEP * np.eye(n_z + k)
+        neighbours = self._chosen.neighbours(nodes.parameters)
+        for first, rows, begin in ((0, slice(m), 0), (1, slice(m, 2 * m), n_s + k)):
+            below, above = (
+                self._at(marionette, nodes, first, sign * way[:, :n_z], sign * way[:, n_z:])
+                for sign in (-1.0, 1.0)
+            )
+            moves = np.concatenate([begin + np.arange(n_z), n_s + np.arange(k)])
+            out[:, rows, moves] = np.moveaxis(above - below, 0, 2) / (2.0 * _STEP)
+        for j, i in enumerate(self._c):
+            if i == 0:  # the length of intervals does not change what is at a node
+                continue
+            below, above = neighbours[i - 1]
+            change = self._values(self._chosen.marionette(above), nodes)
+            change -= self._values(self._chosen.marionette(below), nodes)
+            change /= above[i - 1] - below[i - 1]
+            out[:, :m, n_z + j], out[:, m:, n_s + k + n_z + j] = change[:, :m], change[:, m:]
+        return out
+
+    def _values(self, marionette: Marionette, nodes: Nodes) -> Array:
+        """(N, m) of one puppet."""
+        if not self._drives:
+            return np.zeros((len(nodes), 0))
+        z, u = np.zeros((1, nodes.n_z)), np.zeros((1, nodes.acc_K.shape[1]))
+        ends = [self._at(marionette, nodes, first, z, u)[0] for first in (0, 1)]
+        return np.concatenate(ends, axis=1)
+
+    def _at(self, marionette: Marionette, nodes: Nodes, first: int, z: Array, u: Array) -> Array:
+        """(n, N, m / 2) values where states and accelerations are changed by n rows z and u."""
+        q_D, v_D, q_K, v_K = nodes.states(z, first)
+        force = marionette.model.library.evaluate(
+            "motor_demands", q_D=q_D, v_D=v_D, q_K=q_K, v_K=v_K, acc_K=nodes.acc_K + u[:, None],
+            p=marionette.p,
+        ).f_D  # fmt: skip
+        found = [
+            _electric(marionette, drive, force, v_D, j < self._n_voltages)
+            for j, drive in enumerate(self._drives)
+        ]
+        return np.stack(found, axis=-1)
+
+
+def _electric(
+    marionette: Marionette, row: DriveRow, force: Array, v_D: Array, voltage: bool
+) -> Array:
+    """(...) R i + k n v, or the current i, of a drive's motor [V or A]."""
+    motor, number = row.drive.motor, marionette.model.number
+    assert isinstance(motor, DirectCurrent), "has no such bound"
+    gain = row.ratio(number) * number(motor.constant)
+    current = force[..., row.v.start] / gain
+    if not voltage:
+        return current
+    return number(motor.resistance) * current + gain * v_D[..., row.v.start]

@@ -1,0 +1,86 @@
+"""Motion planning: inputs that take a puppet to a goal, clear of obstacles (Sec. VII)."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterable, Mapping
+from typing import Any, Unpack
+
+from fantoccini.control.planning.options import SearchKeywords, SearchOptions
+from fantoccini.control.planning.planners import Planner
+from fantoccini.control.planning.result import PlanResult
+from fantoccini.control.planning.search import Search
+from fantoccini.control.problems import GoalLike, Objective, Problem
+from fantoccini.dynamics.clearance import HalfSpace
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.model.puppet import Obstacle
+from fantoccini.motion import State
+
+_POLISHED_DISTANCE = 1e-3
+"""Distance from the goal to which plans are polished while they are improved."""
+
+
+def plan(
+    marionette: Marionette,
+    start: State,
+    goal: GoalLike,
+    obstacles: Iterable[Obstacle | HalfSpace | Mapping[str, Any]] = (),
+    *,
+    planner: str | Planner = "explore",
+    time_limit: float = 10.0,
+    iterations: int | None = None,
+    improve: float = 0.0,
+    confirm: bool = True,
+    objective: str | Objective | None = None,
+    seed: int = 0,
+    **options: Any,
+) -> PlanResult:
+    """Searches for inputs that take a puppet to a goal.
+
+    The driven coordinates move with constant accelerations from node to node of a tree; their
+    positions and velocities are part of a node. The same seed gives the same plan, with any number
+    of threads, unless a time limit ends the search. Ctrl-C ends it with the best plan so far.
+
+    To plan with several seeds, make the :class:`Problem` once and ``solve`` it.
+
+    Args:
+        marionette, start, goal, obstacles, options: see :class:`Problem`.
+        planner, time_limit, iterations, improve, confirm, objective, seed: see
+            :class:`SearchOptions`.
+
+    Returns:
+        The plan; true where it ends within the tolerance and touches only what it may when
+        simulated again.
+
+    Raises:
+        StateError, UnknownNameError, FileError: the problem is not well defined, or a string is too
+            short for the start.
+        ValueError: a number out of range, or an unknown planner or objective.
+    """
+    search = SearchOptions(planner, time_limit, iterations, improve, confirm, objective, seed)
+    return solve(Problem(marionette, start, goal, obstacles, **options), search)
+
+
+def solve(
+    problem: Problem, options: SearchOptions | None = None, **short: Unpack[SearchKeywords]
+) -> PlanResult:
+    """Searches for a plan that solves a problem.
+
+    Args:
+        problem: what is planned.
+        options: of the search.
+        short: the options one by one: ``solve(problem, seed=1)``.
+
+    Raises:
+        ValueError: a number out of range, an unknown planner or objective, or options given twice.
+    """
+    if options is not None and short:
+        raise ValueError(f"give either options or {', '.join(short)}, not both")
+    options = options or SearchOptions(**short)
+    search = Search(problem, options)
+    with contextlib.suppress(KeyboardInterrupt):
+        search.find_first(options.time_limit, options.iterations)
+        if options.improve and search.arrived:
+            distance = min(_POLISHED_DISTANCE, problem.rollouts.stop_distance)
+            search.improve(options.improve, distance)
+    return PlanResult.of(search)

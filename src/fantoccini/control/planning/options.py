@@ -1,0 +1,75 @@
+"""Options of a search for a plan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypedDict
+
+from fantoccini.base import check_not_negative, check_positive
+from fantoccini.control.planning.planners import EST2007, Explore, Planner
+from fantoccini.control.problems import Objective
+
+PLANNERS: dict[str, type[Explore] | type[EST2007]] = {"explore": Explore, "est-2007": EST2007}
+"""Planners by name."""
+
+
+@dataclass(frozen=True)
+class SearchOptions:
+    """How a plan is searched for.
+
+    Attributes:
+        planner: ``"explore"``, ``"est-2007"``, or one round of a planner.
+        time_limit: time after which the search for a first plan ends [s].
+        iterations: rollouts after which it ends; unlimited by default.
+        improve: time to look for better plans and to bring the end nearer to the goal, once there
+            is a plan [s].
+        confirm: whether a plan counts only if it holds when it is simulated again: it ends within
+            the tolerance and touches only what it may. Otherwise the search goes on. This takes
+            some milliseconds a plan; without it, the first ``bool(plan)`` takes them.
+        objective: cost that better plans reduce; the problem's by default.
+        seed: of all random choices.
+
+    Raises:
+        ValueError: a number out of range, or an unknown planner or objective.
+    """
+
+    planner: str | Planner = "explore"
+    time_limit: float = 10.0
+    iterations: int | None = None
+    improve: float = 0.0
+    confirm: bool = True
+    objective: str | Objective | None = None
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        check_positive(time_limit=self.time_limit)
+        check_not_negative(improve=self.improve)
+        if self.iterations is not None and not self.iterations >= 1:
+            raise ValueError(f"iterations is {self.iterations}; it must be at least 1")
+        if isinstance(self.planner, str) and self.planner not in PLANNERS:
+            names = ", ".join(PLANNERS)
+            raise ValueError(f"planner is {self.planner!r}; it must be one of {names}")
+        if self.objective is not None:
+            Objective.of(self.objective)
+
+    @property
+    def planner_name(self) -> str:
+        """The planner's name; empty where it has none."""
+        return self.planner if isinstance(self.planner, str) else ""
+
+    @property
+    def planner_round(self) -> Planner:
+        """One round of the planner."""
+        return PLANNERS[self.planner]() if isinstance(self.planner, str) else self.planner
+
+
+class SearchKeywords(TypedDict, total=False):
+    """The fields of :class:`SearchOptions` as keyword arguments."""
+
+    planner: str | Planner
+    time_limit: float
+    iterations: int | None
+    improve: float
+    confirm: bool
+    objective: str | Objective | None
+    seed: int

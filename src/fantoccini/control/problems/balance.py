@@ -1,0 +1,221 @@
+"""Equilibria of a puppet at a goal, or as near to it as it can hang."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import nnls
+
+from fantoccini.base import Array, ConfigD, ConfigK, MaskRows
+from fantoccini.control.problems.goals import Goal
+from fantoccini.control.problems.state_arrays import StateArrays
+from fantoccini.dynamics.compiled import retract
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.motion import State
+
+
+@dataclass(frozen=True)
+class _Tolerances:
+    """Weights and tolerances of the search for an equilibrium."""
+
+    driven_weight: float = 1e-3
+    """Weight of displacements of driven coordinates, so that irrelevant ones stay."""
+    dynamic_weight: float = 1e-4
+    """Weight of displacements of dynamic coordinates."""
+    press: float = 0.002
+    """Overlap aimed for where parts are to touch [m], so that they meet before the inputs rest."""
+    min_tension: float = 1e-6
+    """Minimum tension, relative to the weight, to count as taut."""
+    min_slack: float = 0.005
+    """Least slack of the other strings [m]."""
+    limit_margin: float = 0.05
+    """Distance kept from limits on the way [rad or m]."""
+    stages: int = 8
+    """Stages in which a goal is approached, so that the puppet keeps hanging."""
+    difference: float = 1e-7
+    """Step of finite differences [m or rad]."""
+    last_step: float = 1e-6
+    """Step that ends the iteration: the remaining error is 1e-7 of it [m or rad]."""
+    max_step: float = 0.5
+    """Largest change of a coordinate in one iteration [m or rad]."""
+    min_step: float = 1e-9
+    """Step below which halving ends [m or rad]."""
+    min_decrease: float = 1e-6
+    """Least decrease of the squares in one iteration, relative to them."""
+    max_iterations: int = 60
+    """Iterations, halvings included."""
+
+
+_TOLERANCES = _Tolerances()
+
+
+def balanced(
+    marionette: Marionette, goal: Goal, start: State, moves: MaskRows
+) -> tuple[ConfigD, ConfigK, float]:
+    """The pose nearest to a goal and to an equilibrium on its strings.
+
+        min over q_D, q_K and T >= 0 of |w_0 - W T|^2 + |goal residuals|^2 + |limits exceeded|^2,
+        acc_D = F^-1 (w_0 - W T) at rest
+
+    Driven lengths are those that just reach; slack strings keep their slack at the start. Where
+    the goal is one configuration, q_D is that.
+
+    Args:
+        marionette: the puppet.
+        goal: of the plan.
+        start: initial guess.
+        moves: (n_vK,) bool, the driven velocities that may be nonzero.
+
+    Returns:
+        q_D, q_K, and |w_0 - W T|, which is 0 in an equilibrium.
+    """
+    tree, p, table = marionette.tree, marionette.p, marionette.coordinates
+    lengths = [
+        (i, s.driven_length[0])
+        for i, s in enumerate(tree.strings)
+        if s.driven_length and moves[s.driven_length[1]]
+    ]
+    wound = {k for _, k in lengths}
+    ends = [q for q, v in table.scalars_K if moves[v] and q not in wound]
+    pinned = goal.whole
+    n_D = 0 if pinned is not None else table.n_vD
+    origin = start.q_D if pinned is None else pinned
+    first = np.concatenate([np.zeros(n_D), start.q_K[ends]])
+
+    def configurations(x: Array) -> tuple[Array, Array]:
+        """(n, n_qD), (n, n_qK) of points (n, n_D + ends)."""
+        q_D = retract(marionette.model, origin, x[:, :n_D]) if n_D else np.tile(origin, (len(x), 1))
+        q_K = np.tile(start.q_K, (len(x), 1))
+        q_K[:, ends] = x[:, n_D:]
+        return q_D, q_K
+
+    def residuals(x: Array) -> Array:
+        """(n, m) w_0 - W T, goal residuals, limits exceeded, weighted displacements."""
+        q_D, q_K = configurations(x)
+        left, _, limits = best_support(marionette, q_D, q_K)
+        left = left[:, held]
+        soft_K, soft_D = _TOLERANCES.driven_weight * soft, _TOLERANCES.dynamic_weight * soft
+        parts = [left, soft_K * (x - first)[:, n_D:]]
+        if pinned is None:
+            q_K = reached(q_D, q_K)
+            away = q_K - start.q_K
+            parts.append(np.maximum(limits + soft * _TOLERANCES.limit_margin, 0.0))
+            parts += [soft_K * away[:, list(wound)], soft_D * x[:, :n_D]]
+            none_D, none_K = np.zeros((len(x), table.n_vD)), np.zeros((len(x), table.n_vK))
+            slip = np.zeros((len(x), len(tree.strings)))
+            off = aims(StateArrays(q_D, none_D, slip, q_K, none_K))
+            parts.append(off if initial is None else off - remaining * initial)
+        return np.concatenate(parts, axis=1)
+
+    def aims(states: StateArrays) -> Array:
+        """(n, m) residuals of the goal, and of pressing on what it is to touch."""
+        off = goal.residuals(states)
+        if not goal.touches:
+            return off
+        return np.concatenate([off, goal.gaps(states) + _TOLERANCES.press], axis=1)
+
+    def reached(q_D: Array, q_K: Array) -> Array:
+        """q_K with the lengths at which the strings just reach."""
+        if lengths:
+            q_K[:, [k for _, k in lengths]] = 0.0
+            h = marionette.model.library.evaluate("rows", q_D=q_D, q_K=q_K, p=p).h
+            for i, k in lengths:
+                q_K[:, k] = h[:, i]
+        return q_K
+
+    held = of_puppets(marionette)
+    soft, x, remaining = 1.0, first, 0.0
+    initial: Array | None = None
+    if len(first) and tree.strings:
+        if pinned is None:
+            initial = aims(StateArrays.of(start))[0]
+            for stage in range(1, _TOLERANCES.stages):
+                remaining = 1.0 - stage / _TOLERANCES.stages
+                x = _least_squares(residuals, x)
+            remaining = 0.0
+            x = _least_squares(residuals, x)
+        # Without weights on displacements and limits.
+        soft = 0.0
+        x = _least_squares(residuals, x)
+    q_D, q_K = configurations(x[None])
+    left, tension, _ = best_support(marionette, q_D, q_K)
+    q_K = reached(q_D, q_K)[0]
+    h = marionette.model.library.evaluate("rows", q_D=start.q_D, q_K=start.q_K, p=p).h
+    for i, k in lengths:
+        if not tension[0, i] > _TOLERANCES.min_tension * marionette.weight:
+            q_K[k] += max(_TOLERANCES.min_slack, -h[i])
+    return q_D[0], q_K, float(np.linalg.norm(left[:, held]))
+
+
+def of_puppets(marionette: Marionette) -> MaskRows:
+    """(n_vD,) bool, the dynamic velocities of puppets; those of props hang from nothing."""
+    found = np.ones(marionette.coordinates.n_vD, dtype=bool)
+    for link in marionette.tree.links:
+        if link.name in marionette.puppet.props:
+            found[link.v] = False
+    return found
+
+
+def best_support(marionette: Marionette, q_D: Array, q_K: Array) -> tuple[Array, Array, Array]:
+    """The tensions that come nearest to balancing configurations at rest.
+
+    All strings count as taut, whatever their lengths; limits exert no force.
+
+    Args:
+        marionette: the puppet.
+        q_D, q_K: (n, n_qD), (n, n_qK).
+
+    Returns:
+        w_0 - W T (n, n_vD), T (n, n_strings) [N], and h of limits (n, n_limits).
+    """
+    tree, table, n = marionette.tree, marionette.coordinates, len(q_D)
+    wires = [i for i, s in enumerate(tree.strings) if s.wire]
+    none_D, none_K = np.zeros((n, table.n_vD)), np.zeros((n, table.n_vK))
+    found = marionette.model.library.evaluate(
+        "dynamics", q_D=q_D, v_D=none_D, q_K=q_K, v_K=none_K, acc_K=none_K, u_D=none_D,
+        p=marionette.p,
+    )  # fmt: skip
+    w0, W, h_limit = found.w0, found.W, found.h_limit
+    # Wires push too.
+    both = np.concatenate([W, -W[:, :, wires]], axis=2)
+    if not both.shape[2]:  # SciPy's nnls writes out of bounds without columns
+        return w0, np.zeros((n, 0)), h_limit
+    forces = np.array([nnls(A, w)[0] for A, w in zip(both, w0, strict=True)])
+    tension = forces[:, : len(tree.strings)]
+    tension[:, wires] -= forces[:, len(tree.strings) :]
+    return w0 - np.einsum("nij,nj->ni", W, tension), tension, h_limit
+
+
+def _least_squares(residuals: Callable[[Array], Array], x: Array) -> Array:
+    """x that minimises the squares of residuals, by Gauss-Newton with halved steps.
+
+    All differences of an iteration are one call of the library: SciPy's least squares would take
+    10 ms, too long for a planner.
+
+    Args:
+        residuals: of (n, k) points, (n, m).
+        x: (k,) initial guess.
+    """
+    step = _TOLERANCES.difference
+    steps, least, before = step * np.eye(len(x)), np.inf, x
+    for _ in range(_TOLERANCES.max_iterations):
+        found = residuals(np.concatenate([x[None], x + steps]))
+        squares = float(found[0] @ found[0])
+        if not squares < least:
+            if np.max(np.abs(x - before)) < _TOLERANCES.min_step:
+                break
+            x = 0.5 * (x + before)
+            continue
+        jacobian = (found[1:] - found[0]).T / step
+        move = -np.linalg.lstsq(jacobian, found[0], rcond=None)[0]
+        size = float(np.max(np.abs(move)))
+        decreased = squares < (1.0 - _TOLERANCES.min_decrease) * least
+        least, before = squares, x
+        if size < _TOLERANCES.last_step:
+            return x + move
+        if not decreased:
+            break
+        x = x + move * min(1.0, _TOLERANCES.max_step / size)
+    return before

@@ -1,0 +1,147 @@
+"""Goals that no plan can reach, recognised before the search."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Array
+from fantoccini.control.problems.goals import Goal
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.kernel.runtime import POINT, POSE
+from fantoccini.model.puppet import FLOOR, Box, Capsule, Ellipsoid, Shape, Sphere
+from fantoccini.model.tree import WORLD
+
+_TRANSLATING = ("prismatic", "translation", "free")
+"""Kinds of joints that change the distance of a body from its parent."""
+
+
+def out_of_reach(goal: Goal, tolerance: float) -> str:
+    """Why a goal is out of reach; empty where it may be within.
+
+    Either a pose is beyond a joint's limits, or a point is farther from the root of its chain of
+    bodies than the chain is long. Goals that only strings or obstacles prevent are not recognised.
+
+    Args:
+        goal: of the plan.
+        tolerance: of its distance.
+    """
+    if goal.numbers.kind == POSE:
+        return _beyond_limits(goal, tolerance)
+    return _too_far(goal, tolerance) if goal.numbers.kind == POINT else ""
+
+
+def _beyond_limits(goal: Goal, tolerance: float) -> str:
+    numbers, tree = goal.numbers, goal.marionette.tree
+    for limit in tree.limits:
+        link = tree.links[limit.link]
+        if limit.side not in ("lower", "upper") or link.kind not in ("revolute", "prismatic"):
+            continue
+        weight = numbers.weight[link.v.start]
+        if not weight:
+            continue
+        low, high = numbers.low[link.q.start], numbers.high[link.q.start]
+        over = low - limit.bound if limit.side == "upper" else limit.bound - high
+        if weight * over > tolerance:
+            wanted = f"{low:g}" if low == high else f"{low:g} to {high:g}"
+            return (
+                f"{link.joint} is to be at {wanted}, beyond its {limit.side} limit "
+                f"{limit.bound:g} by more than the tolerance"
+            )
+    return ""
+
+
+def too_far_to_touch(goal: Goal) -> str:
+    """Why a touch that a goal asks for is out of reach; empty where it may be within.
+
+    A body is too far from an obstacle, or from the floor, if its chain of bodies is too short.
+    """
+    marionette, puppet = goal.marionette, goal.marionette.puppet
+    still = {o.name: o for o in puppet.obstacles}
+    bodies = {link.name: i for i, link in enumerate(marionette.tree.links)}
+    for pair in goal.touches:
+        for body, other in (pair, pair[::-1]):
+            if body not in bodies or not (other in still or other == FLOOR):
+                continue
+            chain = _chain(marionette, bodies[body], 0.0)
+            if chain is None:
+                continue
+            reach = chain.reach + max(map(_size, marionette.tree.links[bodies[body]].shapes))
+            if other == FLOOR:
+                away = float(chain.root[2]) - (puppet.floor or 0.0)
+            else:
+                centre, size = _ball(still[other])
+                away = float(np.linalg.norm(chain.root - centre)) - size
+            if away > reach:
+                return (
+                    f"{other} is at least {away:.3g} m from {chain.joint}, and {body} reaches no "
+                    f"farther than {reach:.3g} m"
+                )
+    return ""
+
+
+@dataclass(frozen=True)
+class _Chain:
+    """A chain of bodies that hangs from the world: its first joint, its place and its length."""
+
+    joint: str
+    root: Array
+    reach: float
+
+
+def _chain(marionette: Marionette, link: int, reach: float) -> _Chain | None:
+    """The chain that ends at a link; None where a joint of it moves along.
+
+    Args:
+        marionette: the puppet.
+        link: the last.
+        reach: from its origin [m].
+    """
+    links = marionette.tree.links
+    while True:
+        one = links[link]
+        if one.kind in _TRANSLATING:
+            return None
+        offset = np.array([marionette.model.number(x) for x in one.offset])
+        if one.parent == WORLD:
+            return _Chain(one.joint, offset, reach)
+        reach += float(np.linalg.norm(offset))
+        link = one.parent
+
+
+def _ball(shape: Shape) -> tuple[Array, float]:
+    """Centre and radius of a ball around a shape; without end around a mesh [m]."""
+    match shape:
+        case Capsule():
+            a, b = np.array(shape.from_), np.array(shape.to)
+            return 0.5 * (a + b), 0.5 * float(np.linalg.norm(b - a)) + shape.radius
+        case Sphere():
+            return np.array(shape.at), shape.radius
+        case Ellipsoid():
+            return np.array(shape.at), max(shape.radii)
+        case Box():
+            return np.array(shape.at), 0.5 * float(np.linalg.norm(shape.size))
+        case _:
+            return np.zeros(3), np.inf
+
+
+def _size(shape: Shape) -> float:
+    """How far a shape reaches from its body's origin at most [m]."""
+    centre, radius = _ball(shape)
+    return float(np.linalg.norm(centre)) + radius
+
+
+def _too_far(goal: Goal, tolerance: float) -> str:
+    numbers, marionette = goal.numbers, goal.marionette
+    chain = _chain(marionette, numbers.link, float(np.linalg.norm(numbers.at)))
+    if chain is None:
+        return ""
+    nearest = np.clip(chain.root, numbers.place, numbers.place_high)
+    away = float(np.linalg.norm(chain.root - nearest))
+    if away <= chain.reach + tolerance:
+        return ""
+    return (
+        f"the place is {away:.3g} m from {chain.joint}, and "
+        f"{marionette.tree.links[numbers.link].name} reaches no farther than {chain.reach:.3g} m"
+    )

@@ -1,0 +1,303 @@
+"""Problem files: planning problems in YAML. Every mistake is reported with its location."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, Literal, NoReturn
+
+from pydantic import Field, model_validator
+
+from fantoccini.base import FileError
+from fantoccini.base.documents import (
+    SIZED,
+    Model,
+    Name,
+    NotNegative,
+    Place,
+    Positive,
+    Real,
+    RealShare,
+    Refusals,
+    Size,
+    Sized,
+    Value,
+    entries,
+    mistake,
+    read_file,
+    validate,
+)
+from fantoccini.control.problems.goals import Goal
+from fantoccini.control.problems.problem import Problem
+from fantoccini.control.problems.rollouts import Bounds, RolloutOptions, whole_looks
+from fantoccini.control.problems.touches import touching
+from fantoccini.dynamics.clearance import HalfSpace, Standing
+from fantoccini.dynamics.marionette import Marionette, load
+from fantoccini.model.puppet import WORDS, named_file
+from fantoccini.motion import State
+
+_FOLDER = Path(__file__).parent / "bundled"
+
+
+class PointGoal(Model):
+    """A point of a body at a place or in a box."""
+
+    body: str
+    """The body's name."""
+    at: Place = (0.0, 0.0, 0.0)
+    """The point in the body's frame [m]."""
+    place: Place | None = None
+    """Its place [m]; with `to`, the lowest corner of a box."""
+    by: Place | None = None
+    """How far from its place at the start it is to be, instead of `place` [m]."""
+    to: Place | None = None
+    """The highest corner [m]."""
+
+    @model_validator(mode="after")
+    def _is_somewhere(self) -> PointGoal:
+        if (self.place is None) == (self.by is None):
+            found = "neither `place` nor `by`" if self.place is None else "both `place` and `by`"
+            raise mistake(f"found {found}; needed: one of them")
+        if self.by is not None and (self.to is not None or any(self.at)):
+            raise mistake("found `by` with `at` or `to`, which go with `place`")
+        return self
+
+
+Names = Annotated[tuple[str, str], entries(2, 2)]
+"""Two bodies, props, obstacles, puppets, or `floor`."""
+
+
+class StandGoal(Model):
+    """The puppet stands at rest."""
+
+    on: Annotated[tuple[Names, ...], Field(min_length=1)]
+    """Pairs that are to touch: feet and what they stand on."""
+    share: RealShare = 0.1
+    """Least part of the puppets' weight that rests on them, 0 to 1."""
+
+
+class ContactFile(Model):
+    """What may touch."""
+
+    touch: tuple[Names, ...]
+    """Pairs that may touch."""
+
+
+class GoalFile(Model):
+    """The goal: a `pose` or a `point`, touches, a stance, or touches or a stance at a pose."""
+
+    pose: dict[str, Value] | None = None
+    """Dynamic coordinate -> value, or [low, high]; a rotation as a vector or a quaternion."""
+    weights: dict[str, Size] = Field(default_factory=dict)
+    """Coordinate of the pose -> weight; 1 by default."""
+    point: PointGoal | None = None
+    """A point of a body."""
+    touch: tuple[Names, ...] = ()
+    """Pairs that are to touch."""
+    stand: StandGoal | None = None
+    """A stance."""
+    speed_weight: Sized | None = None
+    """Weight of the norm of the dynamic velocities [s]; 0.1 for a pose, a stance, or a point that
+    is moved by some way, 0 for other points and touches."""
+    driven_weight: Sized | None = None
+    """Weight of the norm of the driven velocities [s]: greater than 0 where they end at rest; 1 for
+    a stance, otherwise 0."""
+
+
+class ProblemFile(Model):
+    """A planning problem."""
+
+    problem: Name
+    """The problem's name."""
+    puppet: str
+    """A bundled puppet's name, or a puppet file in this file's folder."""
+    start: dict[str, Value] = Field(default_factory=dict)
+    """Coordinate -> value: the puppet hangs at rest with the driven ones there."""
+    goal: GoalFile
+    """Where the plan ends."""
+    contact: Literal["keep off"] | ContactFile = "keep off"
+    """`keep off`, or the pairs that may touch. What the goal is to touch may, and so may props and
+    what they lie on."""
+    tolerance: Size = 0.1
+    """Tolerance of the goal's distance."""
+    hold: Annotated[NotNegative, SIZED] | None = None
+    """Time for which the puppet must stay at the goal after the plan's end [s]; 1 where it is to
+    touch something, to stand or to push a prop, otherwise 0."""
+    speed: Real | dict[str, Real] = 0.5
+    """Bound for all driven coordinates or by name; others hold still [m/s or rad/s]."""
+    acceleration: Real | dict[str, Real] = 2.0
+    """Bound for all driven coordinates or by name [m/s^2 or rad/s^2]."""
+    reserve: Real = 0.0
+    """Share of these bounds that plans leave to feedback, 0 to less than 1."""
+    segment: Positive | None = None
+    """Duration of constant accelerations: a multiple of 0.02 s up to 10 s, 0.1 s by default [s]."""
+    objective: Literal["gentle", "time", "acceleration"] = "gentle"
+    """What better plans reduce: catches and time, time, or accelerations and time."""
+    ranges: dict[str, tuple[Sized, Sized]] = Field(default_factory=dict)
+    """Driven coordinate -> [low, high]."""
+    margin: Sized = 0.0
+    """Least clearance [m]."""
+    slack: bool = True
+    """Whether taut strings may go slack on the way."""
+    strings: bool = True
+    """Whether strings are kept clear of obstacles."""
+    self_collision: bool = False
+    """Whether bodies are kept clear of one another."""
+    obstacles: tuple[Standing, ...] = ()
+    """In addition to the world's."""
+
+
+def problem_schema() -> dict[str, Any]:
+    """JSON Schema of a problem file, for editors."""
+    schema = ProblemFile.model_json_schema()
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def problem_names() -> tuple[str, ...]:
+    """Names of the bundled problems."""
+    return tuple(sorted(p.stem for p in _FOLDER.glob("*.yaml")))
+
+
+def load_problem(
+    path: str | os.PathLike[str],
+    *,
+    progress: Callable[[str], None] | None = None,
+    **options: Any,
+) -> Problem:
+    """Reads a problem file.
+
+    Args:
+        path: of the file, or the name of a bundled problem (``arm3d_boxes``).
+        progress: called with a description of each slow step.
+        options: of :class:`Problem`, in place of the file's: ``tolerance=0.1``.
+
+    Raises:
+        FileError: with every mistake found and its location.
+    """
+    name = os.fspath(path)
+    if name in problem_names() and not os.path.exists(name):
+        path = _FOLDER / f"{name}.yaml"
+    located = read_file(path)
+    if isinstance(located.data, dict) and "bodies" in located.data:
+        text = "this is a puppet file; a problem file names one under `puppet` and gives a goal"
+        raise located.error([((), text)], FileError)
+    file = validate(ProblemFile, located, words=WORDS)
+    marionette = load(named_file(file.puppet, located), progress)
+    check = Refusals(located)
+    for key, value in file.start.items():
+        check(("start", key), lambda key=key, value=value: marionette.state({key: value}))
+    goal = _goal(file.goal, marionette, marionette.state(), check)
+    _check_touches(file, marionette, check)
+    check(("speed",), lambda: Bounds.of(marionette, file.speed, 1.0, {}))
+    check(("acceleration",), lambda: Bounds.of(marionette, 1.0, file.acceleration, {}))
+    check(("reserve",), lambda: Bounds.of(marionette, 1.0, 1.0, {}).without(file.reserve))
+    if file.segment is not None:
+        segment, interval = file.segment, RolloutOptions.dt * RolloutOptions.look
+        check(("segment",), lambda: whole_looks(segment, interval))
+    for key, span in file.ranges.items():
+        check(
+            ("ranges", key),
+            lambda key=key, span=span: Bounds.of(marionette, 1.0, 1.0, {key: span}),
+        )
+    check.refuse()
+    start = check.need(("start",), lambda: marionette.rest(file.start))
+    if file.goal.point is not None and file.goal.point.by is not None:
+        goal = _goal(file.goal, marionette, start, check)
+    names = (
+        "hold", "tolerance", "speed", "acceleration", "reserve", "segment", "objective", "ranges",
+        "margin", "slack", "strings", "self_collision",
+    )  # fmt: skip
+    contact = file.contact if file.contact == "keep off" else {"touch": file.contact.touch}
+    given = (
+        {"name": file.problem, "contact": contact}
+        | {key: getattr(file, key) for key in names}
+        | options
+    )
+    assert goal is not None  # or it was refused
+    return check.need((), lambda: Problem(marionette, start, goal, file.obstacles, **given))
+
+
+def _check_touches(file: ProblemFile, marionette: Marionette, check: Refusals) -> None:
+    """Notes the pairs of a file that cannot touch."""
+    places: list[tuple[tuple[str | int, ...], tuple[str, str]]] = []
+    if file.contact != "keep off":
+        places += [(("contact", "touch", k), pair) for k, pair in enumerate(file.contact.touch)]
+    places += [(("goal", "touch", k), pair) for k, pair in enumerate(file.goal.touch)]
+    if file.goal.stand is not None:
+        on = file.goal.stand.on
+        places += [(("goal", "stand", "on", k), pair) for k, pair in enumerate(on)]
+    solid = (o for o in file.obstacles if not isinstance(o, HalfSpace))
+    among = (
+        Marionette(marionette.model.with_obstacles((*marionette.puppet.obstacles, *solid)))
+        if places
+        else marionette
+    )
+    for place, pair in places:
+        check(place, lambda pair=pair: touching(among, pair))
+
+
+def _goal(file: GoalFile, marionette: Marionette, start: State, check: Refusals) -> Goal | None:
+    """The goal of a file; None where it has mistakes.
+
+    Args:
+        file: the goal.
+        marionette: the puppet.
+        start: from which bodies are moved by some way.
+        check: notes mistakes.
+    """
+    made = _placed(file, marionette, start, check)
+    if made is None:
+        return None
+    stand = file.stand
+    if stand is not None:
+        made = made.standing(stand.on, stand.share)
+    return made.touching(file.touch) if file.touch else made
+
+
+def _placed(file: GoalFile, marionette: Marionette, start: State, check: Refusals) -> Goal | None:
+    """The pose or the point of a goal."""
+    standard = {} if file.stand is None else {"speed_weight": 0.1, "driven_weight": 1.0}
+    given = {"speed_weight": file.speed_weight, "driven_weight": file.driven_weight}
+    weight = standard | {key: value for key, value in given.items() if value is not None}
+    pose, point, weights = file.pose, file.point, file.weights
+    if point is not None and pose is not None:
+        return check(("goal",), lambda: _refuse("found both a pose and a point; needed: one"))
+    if point is not None:
+        return check(("goal", "point"), lambda: _point(point, marionette, start, weight))
+    if pose is None:
+        if not file.touch and file.stand is None:
+            text = "found neither a pose nor a point, touch or stand; needed: one of them"
+            return check(("goal",), lambda: _refuse(text))
+        return check(("goal",), lambda: Goal.touch(marionette, (), pose=None, **weight))
+    good = [
+        check(
+            ("goal", "pose", key), lambda key=key, value=value: Goal.pose(marionette, {key: value})
+        )
+        for key, value in pose.items()
+    ]
+    if not all(good):
+        return None
+    good = [
+        check(
+            ("goal", "weights", key),
+            lambda one={key: value}: Goal.pose(marionette, pose, weights=one),
+        )
+        for key, value in weights.items()
+    ]
+    if not all(good):
+        return None
+    return check(("goal",), lambda: Goal.pose(marionette, pose, weights=weights, **weight))
+
+
+def _point(
+    point: PointGoal, marionette: Marionette, start: State, weight: dict[str, float]
+) -> Goal:
+    if point.by is not None:
+        return Goal.moved(marionette, point.body, point.by, start, **weight)
+    assert point.place is not None  # or it was refused
+    return Goal.point(marionette, point.body, point.place, at=point.at, to=point.to, **weight)
+
+
+def _refuse(message: str) -> NoReturn:
+    raise ValueError(message)

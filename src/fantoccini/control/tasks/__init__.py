@@ -1,0 +1,65 @@
+"""Tasks of optimal control: costs, bounds, paths and touches, and their files."""
+
+from fantoccini.control.tasks.bounds import (
+    Bounds,
+    Interval,
+)
+from fantoccini.control.tasks.chosen import Chosen
+from fantoccini.control.tasks.clip import Clip
+from fantoccini.control.tasks.costs import (
+    Smooth,
+    Track,
+)
+from fantoccini.control.tasks.drawn_inputs import (
+    Driven,
+    hats,
+)
+from fantoccini.control.tasks.nodes import (
+    Nodes,
+    number_names,
+)
+from fantoccini.control.tasks.residuals import (
+    Looks,
+    NumberResidual,
+    Residual,
+    path_of,
+    residual_of,
+    share,
+)
+from fantoccini.control.tasks.targets import Target
+from fantoccini.control.tasks.task import Task
+from fantoccini.control.tasks.task_file import (
+    load_task,
+    task_names,
+)
+from fantoccini.control.tasks.task_schema import task_schema
+from fantoccini.control.tasks.touch import (
+    Touch,
+    Touched,
+)
+
+__all__ = [
+    "Bounds",
+    "Chosen",
+    "Clip",
+    "Driven",
+    "Interval",
+    "Looks",
+    "Nodes",
+    "NumberResidual",
+    "Residual",
+    "Smooth",
+    "Target",
+    "Task",
+    "Touch",
+    "Touched",
+    "Track",
+    "hats",
+    "load_task",
+    "number_names",
+    "path_of",
+    "residual_of",
+    "share",
+    "task_names",
+    "task_schema",
+]

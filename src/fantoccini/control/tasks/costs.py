@@ -1,0 +1,103 @@
+"""Costs of a motion: what it is to follow, and how smoothly.
+
+    J = sum over terms of  w/2 integral |r(x(t), t)|^2 dt  +  w_end/2 |r(x(T), T)|^2
+
+with residuals r: the place of a point less its path, the angle between an orientation and its
+path, a coordinate, a tension, accelerations and their rates.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fantoccini.base import StateError, check_not_negative
+from fantoccini.control.tasks.targets import Target
+
+KINDS = ("point", "orientation", "coordinate", "tension", "velocity")
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Follow a path. Made by :meth:`point`, :meth:`orientation`, :meth:`coordinate` and the like.
+
+    Attributes:
+        kind: of what follows.
+        name: of the body, the coordinate or the string.
+        path: where it should be.
+        at: (3,) the point in the body's frame [m].
+        weight: w of the integral.
+        end_weight: w_end at the end.
+        start, end: times between which the path counts [s]; the whole motion by default.
+    """
+
+    kind: str
+    name: str
+    path: Target
+    at: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    weight: float = 1.0
+    end_weight: float = 0.0
+    start: float = -np.inf
+    end: float = np.inf
+
+    def __post_init__(self) -> None:
+        check_not_negative(weight=self.weight, end_weight=self.end_weight)
+        if self.kind == "tension" and self.end_weight > 0.0:
+            raise StateError(f"the tension of {self.name} has an end_weight, which it cannot have")
+        if not self.start < self.end:
+            raise StateError(
+                f"the path of {self.name} counts from {self.start:g} s to {self.end:g} s; the "
+                "first must be less"
+            )
+        if self.kind not in KINDS:
+            raise StateError(f"a Track of {self.kind!r}; it must be one of {', '.join(KINDS)}")
+
+    @classmethod
+    def point(
+        cls,
+        body: str,
+        path: Target,
+        *,
+        at: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        **more: Any,
+    ) -> Track:
+        """A point of a body follows a path in the world, (T, 3) [m]; weights in 1/m^2."""
+        return cls("point", body, path, at, **more)
+
+    @classmethod
+    def orientation(cls, body: str, path: Target, **more: Any) -> Track:
+        """A body turns as quaternions (T, 4) say; the residual is the rotation between [rad]."""
+        return cls("orientation", body, path, **more)
+
+    @classmethod
+    def coordinate(cls, name: str, path: Target, **more: Any) -> Track:
+        """A scalar coordinate, dynamic or driven, has a value [rad or m]."""
+        return cls("coordinate", name, path, **more)
+
+    @classmethod
+    def velocity(cls, name: str, path: Target = 0.0, **more: Any) -> Track:
+        """A velocity, dynamic or driven, has a value [rad/s or m/s]; ``*`` are all dynamic ones."""
+        return cls("velocity", name, path, **more)
+
+    @classmethod
+    def tension(cls, string: str, path: Target, **more: Any) -> Track:
+        """A string's tension has a value [N]."""
+        return cls("tension", string, path, **more)
+
+
+@dataclass(frozen=True)
+class Smooth:
+    """w/2 integral |acc_K|^2 dt, and the same of its rate.
+
+    Attributes:
+        acceleration: w of the driven accelerations [s^4/m^2].
+        jerk: w of their rates, by differences from interval to interval [s^6/m^2].
+    """
+
+    acceleration: float = 1e-4
+    jerk: float = 1e-6
+
+    def __post_init__(self) -> None:
+        check_not_negative(acceleration=self.acceleration, jerk=self.jerk)

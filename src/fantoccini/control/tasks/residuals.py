@@ -1,0 +1,210 @@
+"""Residuals of costs at nodes, and their derivatives by changes of the states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from fantoccini.base import Array, StateError, Times, UnknownNameError, rotation
+from fantoccini.control.tasks.clip import Clip
+from fantoccini.control.tasks.costs import Track
+from fantoccini.control.tasks.nodes import Nodes
+from fantoccini.control.tasks.targets import values_at
+from fantoccini.dynamics.compiled import link_index, relations
+from fantoccini.dynamics.marionette import Marionette
+
+_ROUNDING = 1e-9
+"""Of times [s]."""
+
+
+class Looks:
+    """The states of nodes as costs look at them; poses and screws are found once."""
+
+    def __init__(self, marionette: Marionette, nodes: Nodes):
+        self.marionette, self.nodes = marionette, nodes
+
+    @cached_property
+    def _screws(self) -> tuple[Array, Array]:
+        model, nodes = self.marionette.model, self.nodes
+        found = model.library.evaluate("screws", q_D=nodes.q_D, q_K=nodes.q_K, p=model.p)
+        screws = np.concatenate([found.screw_D, found.screw_K], axis=-1).swapaxes(-1, -2)
+        return found.poses.swapaxes(-1, -2), screws
+
+    def pose(self, link: int) -> tuple[Array, Array]:
+        """(N + 1, 3, 3) rotations and (N + 1, 3) places of a link."""
+        poses = self._screws[0][:, link]
+        return poses[:, :9].reshape(-1, 3, 3).swapaxes(1, 2), poses[:, 9:]
+
+    def twist_by(self, link: int) -> Array:
+        """(N + 1, 6, n_z) the twist about the world's origin by which a change moves a link."""
+        table = self.marionette.coordinates
+        n, k = table.n_vD, table.n_vK
+        moved = relations(self.marionette.tree)[0][link]
+        screws = (self._screws[1] * moved[:, None]).swapaxes(1, 2)
+        out = np.zeros((len(screws), 6, 2 * (n + k)))
+        out[:, :, :n], out[:, :, 2 * n : 2 * n + k] = screws[..., :n], screws[..., n:]
+        return out
+
+
+class Residual(Protocol):
+    """A residual at every node.
+
+    Attributes:
+        weights: (N + 1,) of |r|^2 / 2, the length of intervals among them.
+    """
+
+    @property
+    def weights(self) -> Array: ...
+
+    def value(self, looks: Looks) -> Array:
+        """(N + 1, m)."""
+
+    def by(self, looks: Looks) -> Array:
+        """(N + 1, m, n_z)."""
+
+
+@dataclass(frozen=True, eq=False)
+class PointResidual:
+    """r = the place of a point of a link less its path [m]."""
+
+    weights: Array
+    link: int
+    at: Array
+    path: Array
+
+    def value(self, looks: Looks) -> Array:
+        return self._place(looks) - self.path
+
+    def by(self, looks: Looks) -> Array:
+        twist, place = looks.twist_by(self.link), self._place(looks)
+        return twist[:, :3] - rotation.skew(place) @ twist[:, 3:]
+
+    def _place(self, looks: Looks) -> Array:
+        R, r = looks.pose(self.link)
+        return r + R @ self.at
+
+
+@dataclass(frozen=True, eq=False)
+class OrientationResidual:
+    """r = log(R_path^T R), the rotation from the path to a link in the path's frame [rad]."""
+
+    weights: Array
+    link: int
+    path: Array
+
+    def value(self, looks: Looks) -> Array:
+        return rotation.log(_quaternion(self._off(looks)))
+
+    def by(self, looks: Looks) -> Array:
+        r, R = self.value(looks), looks.pose(self.link)[0]
+        turn = R.swapaxes(1, 2) @ looks.twist_by(self.link)[:, 3:]
+        return rotation.right_jacobian_inverse(r) @ turn
+
+    def _off(self, looks: Looks) -> Array:
+        return rotation.matrix(self.path).swapaxes(1, 2) @ looks.pose(self.link)[0]
+
+
+@dataclass(frozen=True, eq=False)
+class NumberResidual:
+    """r = some numbers of the states less their paths."""
+
+    weights: Array
+    part: str
+    places: list[int]
+    columns: list[int]
+    path: Array
+
+    def value(self, looks: Looks) -> Array:
+        numbers: Array = getattr(looks.nodes, self.part)[:, self.places]
+        return numbers - self.path
+
+    def by(self, looks: Looks) -> Array:
+        out = np.zeros((len(looks.nodes) + 1, len(self.columns), looks.nodes.n_z))
+        out[:, np.arange(len(self.columns)), self.columns] = 1.0
+        return out
+
+
+def residual_of(marionette: Marionette, track: Track, nodes: Nodes) -> Residual:
+    """The residual of a track at the nodes of a motion.
+
+    Raises:
+        UnknownNameError, StateError: a name or a path that is none.
+    """
+    t, N = nodes.t, len(nodes)
+    lasts = np.full(N + 1, nodes.interval)
+    lasts[[0, -1]] *= 0.5
+    weights = track.weight * lasts * share(track, t)
+    weights[-1] += track.end_weight
+    if track.kind == "point":
+        link = link_index(marionette.model, track.name)
+        path = path_of(marionette, track, t)
+        return PointResidual(weights, link, np.array(track.at), path)
+    if track.kind == "orientation":
+        link = link_index(marionette.model, track.name)
+        path = path_of(marionette, track, t)
+        if np.any(np.linalg.norm(path, axis=1) < 0.5):
+            raise StateError(f"the path of {track.name}: needed: unit quaternions w, x, y, z")
+        return OrientationResidual(weights, link, rotation.normalised(path))
+    part, places, columns = _numbers(marionette, track)
+    path = path_of(marionette, track, t)
+    return NumberResidual(weights, part, places, columns, path)
+
+
+def path_of(marionette: Marionette, track: Track, t: Times) -> Array:
+    """(len(t), width) the path of a track at some times.
+
+    Raises:
+        UnknownNameError, StateError: it is none.
+    """
+    if isinstance(track.path, Clip):
+        return track.path.values(marionette, track.kind, track.name, track.at, t)
+    width = {"point": 3, "orientation": 4}.get(track.kind, 1)
+    return values_at(f"the path of {track.name}", track.path, t, width)
+
+
+def share(track: Track, t: Times) -> Array:
+    """(n,) 1 at times at which a track counts, half at its own start and end within them, else 0.
+
+    Raises:
+        StateError: it counts at none of them.
+    """
+    inside = (t >= track.start - _ROUNDING) & (t <= track.end + _ROUNDING)
+    if not np.any(inside):
+        raise StateError(
+            f"the path of {track.name} counts from {track.start:g} s to {track.end:g} s, and no "
+            f"node lies there: nodes are {t[1] - t[0]:g} s apart from {t[0]:g} s on"
+        )
+    at_edge = (np.abs(t - track.start) <= _ROUNDING) | (np.abs(t - track.end) <= _ROUNDING)
+    at_edge[[0, -1]] = False
+    return np.where(inside, np.where(at_edge, 0.5, 1.0), 0.0)
+
+
+def _numbers(marionette: Marionette, track: Track) -> tuple[str, list[int], list[int]]:
+    """Part of a state, places there, and columns of z."""
+    t = marionette.coordinates
+    n, k = t.n_vD, t.n_vK
+    if track.kind == "velocity":
+        if track.name == "*":
+            return "v_D", list(range(n)), list(range(n, 2 * n))
+        if track.name in t.v_D:
+            v = t.v_D.index(track.name)
+            return "v_D", [v], [n + v]
+        if track.name in t.v_K:
+            v = t.v_K.index(track.name)
+            return "v_K", [v], [2 * n + k + v]
+        raise UnknownNameError("velocity", track.name, [*t.v_D, *t.v_K])
+    places = {t.q_D[q]: ("q_D", [q], [v]) for q, v in t.scalars_D}
+    places |= {t.q_K[q]: ("q_K", [q], [2 * n + v]) for q, v in t.scalars_K}
+    if track.name not in places:
+        raise UnknownNameError("scalar coordinate", track.name, list(places))
+    return places[track.name]
+
+
+def _quaternion(R: Array) -> Array:
+    """(..., 4) unit quaternions of rotation matrices."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_matrix(R).as_quat(scalar_first=True)

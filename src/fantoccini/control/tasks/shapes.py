@@ -1,0 +1,71 @@
+"""Paths by their shape.
+
+    p(t) = c + r (e_1 cos phi + e_2 sin phi),   phi = 2 pi turns (10 s^3 - 15 s^4 + 6 s^5)
+
+with s from 0 to 1: a circle that begins and ends at rest (minimum jerk).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Array, StateError
+
+_LEAST = 1e-6
+"""Distance from the axis below which a place has no direction from it [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Circle:
+    """A circle from the point of it that is nearest to a place; a function of time.
+
+    Attributes:
+        centre, first, second: (3,) its centre, and the axes of its plane [m, 1, 1].
+        radius: [m].
+        turns: rounds; negative ones go the other way about the normal.
+        start, end: when it begins and ends [s]; it rests before and after.
+    """
+
+    centre: Array
+    first: Array
+    second: Array
+    radius: float
+    turns: float
+    start: float
+    end: float
+
+    @classmethod
+    def near(
+        cls, place: Array, centre: Array, normal: Array, radius: float | None, turns: float,
+        start: float, end: float,
+    ) -> Circle:  # fmt: skip
+        """The circle about an axis that begins nearest to a place.
+
+        Args:
+            place, centre, normal: (3,) in the world; the normal is a unit vector [m, m, 1].
+            radius: the distance of the place from the axis when not given [m].
+            turns, start, end: see :class:`Circle`.
+
+        Raises:
+            StateError: the place lies on the axis, so that there is no nearest point.
+        """
+        off = place - centre
+        off = off - normal * (normal @ off)
+        away = float(np.linalg.norm(off))
+        if away < _LEAST:
+            raise StateError(
+                "the point starts on the circle's axis; needed: a centre beside it, in the "
+                "circle's plane"
+            )
+        first = off / away
+        radius = away if radius is None else radius
+        return cls(centre, first, np.cross(normal, first), radius, turns, start, end)
+
+    def __call__(self, t: float) -> Array:
+        """(3,) the place at a time [m]."""
+        s = min(max((t - self.start) / (self.end - self.start), 0.0), 1.0)
+        phi = 2.0 * np.pi * self.turns * s**3 * (10.0 + s * (6.0 * s - 15.0))
+        direction = np.cos(phi) * self.first + np.sin(phi) * self.second
+        return np.asarray(self.centre + self.radius * direction)

@@ -1,0 +1,143 @@
+"""Tasks: what is to be optimised."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fantoccini.base import StateError, UnknownNameError, check_positive, floats
+from fantoccini.control.tasks.bounds import Bounds, Interval
+from fantoccini.control.tasks.costs import Smooth, Track
+from fantoccini.control.tasks.touch import Touch, check_windows
+from fantoccini.dynamics.compiled import link_index
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.motion import Input, State
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A motion of least cost within bounds::
+
+        min J(x, acc_K)   x_{i+1} = F(x_i, acc_i),  x_0 given,  bounds
+
+    Attributes:
+        marionette: the puppet.
+        x0: where it starts.
+        duration: of the motion [s]; two numbers where it is free between them.
+        tracks: what it follows.
+        smooth: weights of the inputs' accelerations and their rates.
+        bounds: what it may not leave.
+        end: the state at the end, where it is given; dynamic and driven coordinates and velocities.
+        periodic: instead: it ends as it began, but for these scalar coordinates, which have moved
+            by so much [m or rad]; ``{}`` where none have.
+        guess: motion of the inputs to begin the search with, where none is given to it.
+        time_weight: cost of a second, where the duration is free [1/s].
+        interval: between nodes; the inputs' accelerations are constant over it [s].
+        dt: longest time step [s].
+        name: of the task, for pictures and reports.
+        parameters: name -> lowest and highest value, of numbers of the puppet that are chosen along
+            with the motion; see :class:`fantoccini.control.tasks.chosen.Chosen`.
+        explore: how many random explorations look for motions through strings that go slack and are
+            caught, and more while none of them holds; with 0 the first motion is improved.
+        touches: places that points of bodies pass, at times that are found.
+    """
+
+    marionette: Marionette
+    x0: State
+    duration: float | tuple[float, float]
+    tracks: Sequence[Track]
+    smooth: Smooth = field(default_factory=Smooth)
+    bounds: Bounds = field(default_factory=Bounds)
+    end: State | None = None
+    periodic: Mapping[str, float] | None = None
+    guess: Input | None = None
+    time_weight: float = 1.0
+    interval: float = 0.02
+    dt: float = 0.005
+    name: str = ""
+    parameters: Mapping[str, Interval] = field(default_factory=dict)
+    explore: int = 0
+    touches: Sequence[Touch] = ()
+
+    def __post_init__(self) -> None:
+        if np.ndim(self.duration) and np.shape(self.duration) != (2,):
+            raise StateError(f"duration is {self.duration!r}; needed: a number, or two")
+        low, high = self.durations
+        check_positive(duration=low, interval=self.interval, dt=self.dt)
+        if not low <= high < math.inf:
+            text = f"duration is {self.duration}; needed: a number, or a lower and a higher one"
+            raise StateError(text)
+        if not all(isinstance(one, Track) for one in self.tracks):
+            raise StateError(f"a task's tracks are {self.tracks!r}; needed: a list of Track")
+        if not all(isinstance(one, Touch) for one in self.touches):
+            raise StateError(f"a task's touches are {self.touches!r}; needed: a list of Touch")
+        check_windows(self.touches, self.x0.t, self.x0.t + high)
+        if self.explore and (self.bounds.force or self.bounds.has_motors):
+            raise StateError(
+                "explore and bounds of forces, voltages or currents do not go together: explore "
+                "first, then give the motion found as a guess"
+            )
+        if self.explore and self.touches:
+            raise StateError(
+                "explore and touches do not go together: explore first, then give the motion found "
+                "as a guess"
+            )
+        if not isinstance(self.explore, int) or self.explore < 0:
+            raise StateError(f"explore is {self.explore!r}; needed: how often, a whole number")
+        if self.explore and self.parameters:
+            raise StateError(
+                "explore and parameters do not go together: explore first, then choose the "
+                "parameters with the motion found as a guess"
+            )
+        self.marionette.model.check_state(self.x0)
+        if self.end is not None and self.periodic is not None:
+            raise StateError("a task has an end and is periodic; needed: one of them")
+        for touch in self.touches:
+            link_index(self.marionette.model, touch.body)
+        if self.goal is not None:
+            self.marionette.model.check_state(self.goal)
+
+    @property
+    def goal(self) -> State | None:
+        """The state at the end, where it is given: ``end``, or the start moved by ``periodic``."""
+        if self.periodic is None:
+            return self.end
+        return moved(self.marionette, self.x0, self.periodic)
+
+    @property
+    def durations(self) -> tuple[float, float]:
+        """The shortest and the longest duration [s]."""
+        low, high = np.broadcast_to(floats(self.duration), (2,))
+        return float(low), float(high)
+
+    @property
+    def is_free(self) -> bool:
+        """Whether the duration is free."""
+        low, high = self.durations
+        return low < high
+
+    @property
+    def n_intervals(self) -> int:
+        """Intervals between nodes; where the duration is free, of the longest."""
+        return max(1, math.ceil(self.durations[1] / self.interval - 1e-9))
+
+
+def moved(marionette: Marionette, x: State, ways: Mapping[str, float]) -> State:
+    """A state of which scalar coordinates, dynamic or driven, have moved by so much [m or rad].
+
+    Raises:
+        UnknownNameError: a name that is no scalar coordinate.
+    """
+    t = marionette.coordinates
+    q_D, q_K = np.array(x.q_D), np.array(x.q_K)
+    places = {t.q_D[q]: (q_D, q) for q, _ in t.scalars_D}
+    places |= {t.q_K[q]: (q_K, q) for q, _ in t.scalars_K}
+    for name, way in ways.items():
+        if name not in places:
+            raise UnknownNameError("scalar coordinate", name, list(places))
+        q, at = places[name]
+        q[at] += way
+    return x.replace(q_D=q_D, q_K=q_K)

@@ -1,0 +1,391 @@
+"""Task files: tasks of optimal control in YAML. Every mistake is reported with its location."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fantoccini.base import Array, FileError, Mistake, StateError, nearest, rotation
+from fantoccini.base.documents import (
+    Located,
+    Refusals,
+    read_file,
+    rotation_vector_quaternion,
+    shown,
+    validate,
+)
+from fantoccini.control.tasks.bounds import Bounds, Interval, Most
+from fantoccini.control.tasks.chosen import Chosen
+from fantoccini.control.tasks.clip import Clip
+from fantoccini.control.tasks.costs import Smooth, Track
+from fantoccini.control.tasks.nodes import Nodes
+from fantoccini.control.tasks.residuals import residual_of
+from fantoccini.control.tasks.shapes import Circle
+from fantoccini.control.tasks.targets import Target
+from fantoccini.control.tasks.task import Task, moved
+from fantoccini.control.tasks.task_schema import (
+    BoundsFile,
+    CircleFile,
+    RunFile,
+    TaskFile,
+    TouchFile,
+    TrackFile,
+)
+from fantoccini.control.tasks.touch import Touch, check_windows
+from fantoccini.dynamics.compiled import link_index
+from fantoccini.dynamics.marionette import Marionette, load
+from fantoccini.model.puppet import WORDS, named_file
+from fantoccini.motion import Input, State, Trajectory, csv_columns
+
+_FOLDER = Path(__file__).parent / "bundled"
+_COLUMNS = {"point": ("x", "y", "z"), "orientation": ("qw", "qx", "qy", "qz")}
+"""Columns of a CSV file by the kind of a track; `value` for the others."""
+_MAX_INTERVALS = 10_000
+"""Largest number of intervals of a motion, and of time steps in one."""
+
+Spot = tuple[str | int, ...]
+"""Keys and indices."""
+
+
+def task_names() -> tuple[str, ...]:
+    """Names of the bundled tasks."""
+    return tuple(sorted(p.stem for p in _FOLDER.glob("*.yaml")))
+
+
+def load_task(
+    path: str | os.PathLike[str], *, progress: Callable[[str], None] | None = None
+) -> Task:
+    """Reads a task file.
+
+    Args:
+        path: of the file, or the name of a bundled task (``crane``).
+        progress: called with a description of each slow step.
+
+    Raises:
+        FileError: with every mistake found and its location.
+    """
+    name = os.fspath(path)
+    if name in task_names() and not os.path.exists(name):
+        path = _FOLDER / f"{name}.yaml"
+    elif not os.path.exists(name):
+        text = "found nothing here; a task file is needed, or the name of a bundled task"
+        raise FileError([Mistake(name, None, "", text + nearest(name, task_names()))])
+    located = read_file(path)
+    if isinstance(located.data, dict) and "task" not in located.data:
+        for key, kind in (("bodies", "puppet"), ("puppets", "scene"), ("problem", "problem")):
+            if key in located.data:
+                text = f"this is a {kind} file; a task file has a `task`, a `puppet`, a `duration`"
+                raise located.error([((), text)], FileError)
+    file = validate(TaskFile, located, words=WORDS)
+    marionette = load(named_file(file.puppet, located), progress)
+    check = Refusals(located)
+    for part, values in (("start", file.start), ("end", file.end or {})):
+        for key, value in values.items():
+            check((part, key), lambda key=key, value=value: marionette.state({key: value}))
+    _check_intervals(file, check)
+    _check_exploring(file, check)
+    bounds = _bounds(file.bounds, marionette, check)
+    for i, track in enumerate(file.tracks):
+        _check_name(track, marionette, ("tracks", i), check)
+    check.refuse()
+    x0 = check.need(("start",), lambda: marionette.rest(file.start))
+    check(("bounds",), lambda: bounds.check_state(marionette, x0, "at the start"))
+    for name, span in file.parameters.items():
+        check(("parameters", name), lambda one={name: span}: Chosen(marionette, x0, one))
+    reader = _Reader(marionette, x0, file.duration, located, check)
+    tracks = [reader.track(track, ("tracks", i)) for i, track in enumerate(file.tracks)]
+    touches = [reader.touch(touch, ("touches", i)) for i, touch in enumerate(file.touches)]
+    check.refuse()
+    end = None
+    if file.end is not None:
+        goal = {**file.start, **file.end}
+        end = check.need(("end",), lambda: marionette.rest(goal))
+        check(("end",), lambda: bounds.check_end(marionette, x0, end))
+    for key, way in (file.periodic or {}).items():
+        check(("periodic", key), lambda key=key, way=way: moved(marionette, x0, {key: way}))
+    check.refuse()
+    if ways := file.periodic:
+        again = moved(marionette, x0, ways)
+        check(("periodic",), lambda: bounds.check_end(marionette, x0, again))
+    if not file.parameters:
+        check(("bounds", "held"), lambda: bounds.check_moves(marionette))
+    guess = None
+    if file.guess is not None:
+        guess = check(("guess",), lambda: _guess(file, located, marionette))
+    check.refuse()
+    if not file.slack:
+        bounds = bounds.staying_taut(marionette, x0)
+    smooth = Smooth(file.smooth.acceleration, file.smooth.jerk)
+    return check.need((), lambda: Task(
+        marionette, x0, file.duration, [track for track in tracks if track is not None], smooth,
+        bounds, end, time_weight=file.time_weight, interval=file.interval, dt=file.step,
+        name=file.task, parameters=file.parameters, explore=file.explore, periodic=file.periodic,
+        guess=guess, touches=[touch for touch in touches if touch is not None],
+    ))  # fmt: skip
+
+
+def _guess(file: TaskFile, located: Located, marionette: Marionette) -> Input:
+    """The motion of a performance file beside a task file."""
+    path = located.beside(str(file.guess))
+    if path is None:
+        raise StateError(f"found {shown(file.guess)}: no file in this one's folder")
+    return Input.load(marionette, path)
+
+
+class _Reader:
+    """Makes tracks of a file.
+
+    Args:
+        marionette, x0: the puppet where it starts.
+        duration: of the motion.
+        located: the file.
+        check: notes mistakes.
+    """
+
+    def __init__(
+        self, marionette: Marionette, x0: State, duration: float | tuple[float, float],
+        located: Located, check: Refusals,
+    ):  # fmt: skip
+        self._marionette, self._x0, self._duration = marionette, x0, duration
+        self._located, self._check = located, check
+        self._touches: list[Touch] = []
+
+    def track(self, file: TrackFile, spot: Spot) -> Track | None:
+        """The track; None where it has mistakes."""
+        path = self._path(file, spot)
+        if path is None:
+            return None
+        start = -math.inf if file.start is None else file.start
+        end = math.inf if file.end is None else file.end
+        made = Track(
+            file.kind, getattr(file, file.kind), path, file.at, file.weight, file.end_weight,
+            start, end,
+        )  # fmt: skip
+        if file.kind != "tension":  # its path is checked by the width of its values
+            still = Nodes.still(self._marionette, self._x0, 1.0, 1)
+            if self._check(spot, lambda: residual_of(self._marionette, made, still)) is None:
+                return None
+        return made
+
+    def touch(self, file: TouchFile, spot: Spot) -> Touch | None:
+        """The touch; None where it has mistakes."""
+        place = self._check((*spot, "point"), lambda: self._place(file.point, file.at))
+        if place is None:
+            return None
+        goal = place + np.array(file.by) if file.place is None else np.array(file.place)
+        made = self._check((*spot, "between"), lambda: self._touch(file, goal))
+        if made is not None:
+            self._touches.append(made)
+        return made
+
+    def _touch(self, file: TouchFile, place: Array) -> Touch:
+        """A touch that has a time after those before it."""
+        low, high = file.between
+        between = (-math.inf if low is None else low, math.inf if high is None else high)
+        made = Touch(file.point, place, file.at, between, file.in_turn)
+        end = self._x0.t + float(np.max(self._duration))
+        check_windows([*self._touches, made], self._x0.t, end)
+        return made
+
+    def _place(self, body: str, at: tuple[float, ...]) -> Array:
+        """(3,) where a point of a body is at the start."""
+        link = link_index(self._marionette.model, body)
+        pose = self._marionette.poses(self._x0.q_D[None], self._x0.q_K[None])[0, link]
+        return np.asarray(pose[:, :3] @ np.array(at) + pose[:, 3])
+
+    def _path(self, file: TrackFile, spot: Spot) -> Target | None:
+        """Its path; None where it has mistakes."""
+        check, kind = self._check, file.kind
+        if file.circle is not None:
+            circle = file.circle
+            return check((*spot, "circle"), lambda: self._circle(file, circle))
+        if file.csv is not None:
+            name = file.csv
+            return check((*spot, "csv"), lambda: self._csv(kind, name))
+        if file.run is not None:
+            clip = file.run
+            return check((*spot, "run"), lambda: self._run(file, clip))
+        if file.values is None:
+            return check((*spot, "value"), lambda: _number(kind, file.value))
+        values = [
+            check((*spot, "values", j), lambda value=value: _number(kind, value))
+            for j, value in enumerate(file.values)
+        ]
+        times = check((*spot, "times"), lambda: _times(file.times, len(values)))
+        good = [value for value in values if value is not None]
+        if times is None or len(good) < len(values):
+            return None
+        return times, _continuous(kind, np.array(good))
+
+    def _circle(self, file: TrackFile, circle: CircleFile) -> Circle:
+        x0 = self._x0
+        start = x0.t if file.start is None else max(file.start, x0.t)
+        if file.end is None and not isinstance(self._duration, float):
+            raise StateError(
+                "the duration is free; needed: the track's `end`, when the circle is closed"
+            )
+        end = file.end if file.end is not None else x0.t + float(np.max(self._duration))
+        if end <= start:
+            raise StateError(f"it would end at {end:g} s, before it starts at {start:g} s")
+        place = self._place(getattr(file, file.kind), file.at)
+        centre = place + np.array(circle.by) if circle.centre is None else np.array(circle.centre)
+        normal = np.array(circle.normal)
+        return Circle.near(place, centre, normal, circle.radius, circle.turns, start, end)
+
+    def _run(self, file: TrackFile, given: RunFile) -> Clip:
+        path = self._located.beside(given.file)
+        if path is None:
+            raise StateError(f"found {shown(given.file)}: no file in this one's folder")
+        clip = Clip(Trajectory.load(path), given.of, given.begin, given.speed, given.by)
+        now = np.array([self._x0.t])
+        clip.values(self._marionette, file.kind, getattr(file, file.kind), file.at, now)
+        return clip
+
+    def _csv(self, kind: str, name: str) -> tuple[Array, Array]:
+        file = self._located.beside(name)
+        if file is None:
+            raise StateError(f"found {shown(name)}: no file in this one's folder")
+        columns, _ = csv_columns(file)
+        needed = ("t", *_COLUMNS.get(kind, ("value",)))
+        for column in needed:
+            if column not in columns:
+                known = ", ".join(columns)
+                raise StateError(f"{name} has no column {column}; found: {known}")
+        if unknown := [column for column in columns if column not in needed]:
+            hint = nearest(unknown[0], needed)
+            raise StateError(f"{name} has the column {shown(unknown[0])}{hint}")
+        values = np.stack([columns[column] for column in needed[1:]], axis=1)
+        if not np.all(np.isfinite(values)):
+            raise StateError(f"{name} has a number that is not finite")
+        times = _times(tuple(columns["t"].tolist()), len(values))
+        return times, _continuous(kind, values)
+
+
+def _number(kind: str, value: float | tuple[float, ...] | None) -> Array:
+    """(width,) one value of a path."""
+    assert value is not None  # or it was refused
+    found = np.atleast_1d(np.asarray(value, dtype=float))
+    if kind == "orientation" and len(found) == 3:
+        return np.array(rotation_vector_quaternion(tuple(found)))
+    width = len(_COLUMNS.get(kind, ("value",)))
+    if len(found) != width:
+        needed = {3: "3 numbers", 4: "a quaternion or a rotation vector"}.get(width, "a number")
+        raise StateError(f"found {shown(value)}; needed: {needed}")
+    return found
+
+
+def _times(times: tuple[float, ...], n: int) -> Array:
+    """(n,) rising times."""
+    if len(times) != n:
+        raise StateError(f"found {len(times)} times for {n} values; needed: as many")
+    rising = np.array(times)
+    late = np.flatnonzero(~(np.diff(rising) > 0.0))
+    if len(late):
+        a, b = rising[late[0] : late[0] + 2]
+        raise StateError(f"found {a:g} before {b:g}; needed: rising times")
+    return rising
+
+
+def _continuous(kind: str, values: Array) -> Array:
+    """The same values; quaternions with signs that do not jump."""
+    if kind != "orientation":
+        return values
+    if np.any(np.linalg.norm(values, axis=1) < 0.5):
+        raise StateError("found a quaternion of almost no length; needed: unit quaternions")
+    return rotation.continuous(rotation.normalised(values))
+
+
+def _check_intervals(file: TaskFile, check: Refusals) -> None:
+    """Notes intervals or steps of which there would be too many."""
+    high = float(np.max(file.duration))
+    for key, whole, part in (
+        ("interval", high, file.interval), ("step", file.interval, file.step),
+    ):  # fmt: skip
+        if whole / part > _MAX_INTERVALS:
+            text = f"found {part:g}, of which there would be {whole / part:.3g}"
+            check((key,), lambda text=text: _refuse(f"{text}; allowed: {_MAX_INTERVALS}"))
+
+
+def _check_exploring(file: TaskFile, check: Refusals) -> None:
+    """Notes what does not go together with explorations."""
+    if file.explore and not file.slack:
+        text = "it looks for motions through slack strings; needed beside it: slack: true"
+        check(("explore",), lambda: _refuse(text))
+    for key, value in (
+        ("parameters", file.parameters), ("touches", file.touches),
+        ("bounds.force", file.bounds.force), ("bounds.voltage", file.bounds.voltage),
+        ("bounds.current", file.bounds.current),
+    ):  # fmt: skip
+        if file.explore and value:
+            text = f"it does not go together with {key}; needed: one of them"
+            check(("explore",), lambda text=text: _refuse(text))
+
+
+def _check_name(file: TrackFile, marionette: Marionette, spot: Spot, check: Refusals) -> None:
+    """Notes a name that the puppet does not have."""
+    name, kind = getattr(file, file.kind), file.kind
+    if kind == "tension":
+        check((*spot, kind), lambda: Bounds(tension={name: (0.0, 1.0)}).tensions(marionette))
+        return
+    still = Nodes.still(marionette, marionette.state(), 1.0, 1)
+    value = {"point": np.zeros(3), "orientation": np.array([1.0, 0.0, 0.0, 0.0])}.get(kind, 0.0)
+    check((*spot, kind), lambda: residual_of(marionette, Track(kind, name, value), still))
+
+
+def _bounds(file: BoundsFile, marionette: Marionette, check: Refusals) -> Bounds:
+    """The bounds of a file, of which mistakes are noted one by one."""
+
+    def intervals(key: str) -> dict[str, Interval]:
+        given: Mapping[str, tuple[float | None, float | None]] = getattr(file, key)
+        spans = {
+            name: (-math.inf if a is None else a, math.inf if b is None else b)
+            for name, (a, b) in given.items()
+        }
+        for name, span in spans.items():
+            one = _bounds_of(key, {name: span})
+            if not span[0] < span[1]:
+                text = f"found {span[0]:g} and {span[1]:g}; the first must be less"
+                check(("bounds", key, name), lambda text=text: _refuse(text))
+            elif key == "tension":
+                check(("bounds", key, name), lambda one=one: one.tensions(marionette))
+            elif key == "force":
+                check(("bounds", key, name), lambda one=one: one.forces(marionette))
+            else:
+                check(("bounds", key, name), lambda one=one: one.intervals(marionette))
+        return spans
+
+    def most(key: str) -> Most:
+        given: Most | None = getattr(file, key)
+        if given is None:
+            return math.inf
+        spots: list[tuple[Spot, Most]] = [((), given)]
+        if isinstance(given, dict):
+            spots = [((name,), {name: value}) for name, value in given.items()]
+        for spot, value in spots:
+            one = _bounds_of(key, value)
+            look = one.motors if key in ("voltage", "current") else one.magnitudes
+            check(("bounds", key, *spot), lambda look=look: look(marionette, key))
+        return given
+
+    for j, name in enumerate(file.held):
+        one = Bounds(held=(name,))
+        check(("bounds", "held", j), lambda one=one: one.magnitudes(marionette, "acceleration"))
+    return Bounds(
+        intervals("position"), most("speed"), most("acceleration"), most("jerk"),
+        intervals("tension"), intervals("joint"), file.held, file.clearance, file.own_body,
+        intervals("force"), most("voltage"), most("current"),
+    )  # fmt: skip
+
+
+def _refuse(message: str) -> None:
+    raise StateError(message)
+
+
+def _bounds_of(key: str, value: Any) -> Bounds:
+    """Bounds of one kind alone."""
+    return Bounds(**{key: value})

@@ -1,0 +1,93 @@
+"""Conservative advancement: distances along a path, safe between samples (Mirtich 1996).
+
+The displacement of a point between two configurations is at most the length of its path. Hence
+
+    d(t) >= d(c) - path_i(c, t) - path_j(c, t)
+
+for two solids. Intervals in which this bound permits a distance below a limit are halved, until it
+no longer does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from fantoccini.base import Array, Indices, Mask
+from fantoccini.dynamics.clearance.path import Path
+from fantoccini.kernel.runtime import Moves
+
+_BATCH_SIZE = 8192
+"""Number of intervals measured together."""
+
+Measure = Callable[[Array, Array, Moves], tuple[Array, Array]]
+"""q_D, q_K (m, ...) and moves -> distances (m,), and their lower bounds on the moves (m,) [m]."""
+
+Look = Callable[["Places", Array, Array], Indices]
+"""Callback: places, distances (m,), lower bounds (m,) -> indices of places to refine."""
+
+
+class Places(NamedTuple):
+    """Places on a path.
+
+    Attributes:
+        piece: (m,) of the path.
+        s: (m,) times since its beginning [s].
+        t: (m,) [s].
+        q_D, q_K: (m, n_qD), (m, n_qK).
+    """
+
+    piece: Indices
+    s: Array
+    t: Array
+    q_D: Array
+    q_K: Array
+
+    def some(self, which: Indices | Mask) -> Places:
+        """The places selected by a mask or indices."""
+        piece, s, t, q_D, q_K = self
+        return Places(piece[which], s[which], t[which], q_D[which], q_K[which])
+
+
+def advance(path: Path, measure: Measure, look: Look) -> None:
+    """Measures the samples of a path, and refines between them where ``look`` requires it."""
+    last = len(path) - 1
+    for first in range(0, last + 1, _BATCH_SIZE):
+        k = np.arange(first, min(first + _BATCH_SIZE, last + 1))
+        at = Places(k, np.zeros(len(k)), path.t[k], path.q_D[k], path.q_K[k])
+        moves = Moves(*(x[k] for x in path.around))
+        around = k[look(at, *measure(at.q_D, at.q_K, moves))]
+        before, after = around[around > 0] - 1, around[around < last]
+        piece = np.concatenate([before, after])
+        h = path.h[piece]
+        start = np.concatenate([0.5 * h[: len(before)], np.zeros(len(after))])
+        _between(path, measure, look, piece, start, start + 0.5 * h)
+
+
+def _between(
+    path: Path, measure: Measure, look: Look, piece: Indices, start: Array, end: Array
+) -> None:
+    """Looks into intervals (m,) of pieces, given by their ends [s]."""
+    kept = end > start
+    waiting = [(piece[kept], start[kept], end[kept])] if np.any(kept) else []
+    while waiting:
+        piece, start, end = waiting.pop()
+        if len(piece) > _BATCH_SIZE:
+            waiting.append((piece[_BATCH_SIZE:], start[_BATCH_SIZE:], end[_BATCH_SIZE:]))
+            piece, start, end = piece[:_BATCH_SIZE], start[:_BATCH_SIZE], end[:_BATCH_SIZE]
+        middle = 0.5 * (start + end)
+        at = Places(piece, middle, path.t[piece] + middle, *path.at(piece, middle))
+        halves = path.moves(piece, start, middle), path.moves(piece, middle, end)
+        moves = Moves(*(np.maximum(a, b) for a, b in zip(*halves, strict=True)))
+        around = look(at, *measure(at.q_D, at.q_K, moves))
+        around = around[(start[around] < middle[around]) & (middle[around] < end[around])]
+        if len(around):
+            piece = piece[around]
+            start, middle, end = (x[around] for x in (start, middle, end))
+            waiting.append((
+                np.concatenate([piece, piece]),
+                np.concatenate([start, middle]),
+                np.concatenate([middle, end]),
+            ))

@@ -1,0 +1,236 @@
+"""Strings and bodies along a motion: where their cores are, and distances between these."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from fantoccini.base import Array, Indices, Vec3
+from fantoccini.dynamics.clearance.path import MIN_SLACK
+from fantoccini.dynamics.clearance.segments import (
+    N_CHORDS,
+    between_segments,
+    dot,
+    from_box,
+    from_ellipsoid,
+    hanging,
+)
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.kernel.runtime import Records
+
+_MIN_SAG = 1e-5
+"""Distance of a curve from its chord up to which a string counts as straight [m]."""
+
+_AT_ONCE = 10_000
+"""Pairs that are measured at once: their arrays stay in the cache."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cores:
+    """Cores along a motion of T samples: pieces of strings first, then the solids of bodies.
+
+    Attributes:
+        a, b: (n, T, 3) ends of segments; of a box both are its centre [m].
+        travelled: (n, T) path of the point that moves most, from the first sample on [m].
+        curves: (n_curves, N_CHORDS + 1, 3) points of slack pieces [m].
+        curve: (n, T) number among the curves; -1 where a piece is straight, and of bodies.
+        stray: (n, T) largest distance of a curve from its chord; 0 without one [m].
+        shape: (n,) number among boxes and ellipsoids, -1 for others.
+        R, half: (n_shapes, T, 3, 3) axes in columns, and (n_shapes, 3) half edges or axes [m].
+        radius: (n_shapes,) of the capsule around an ellipsoid; 0 for boxes [m].
+    """
+
+    a: Vec3
+    b: Vec3
+    travelled: Array
+    curves: Vec3
+    curve: Indices
+    stray: Array
+    shape: Indices
+    R: Array
+    half: Array
+    radius: Array
+
+    @classmethod
+    def of(
+        cls, marionette: Marionette, bodies: Records, links: list[int], q_D: Array, q_K: Array
+    ) -> Cores:
+        """The cores at T configurations.
+
+        Args:
+            marionette: a puppet or a scene.
+            bodies: (n_bodies,) ``SOLID``, and the links that carry them; a mesh is the box around
+                it.
+            links: n_bodies links.
+            q_D, q_K: (T, n_qD), (T, n_qK).
+        """
+        pieces, lengths = _pieces(marionette, q_D, q_K)
+        curves, curve, stray = _curves(pieces, lengths)
+        n_pieces, T = lengths.shape
+        n = n_pieces + len(bodies)
+        a, b = np.empty((2, n, T, 3))
+        travelled = np.empty((n, T))
+        a[:n_pieces], b[:n_pieces] = pieces[:, 0], pieces[:, 1]
+        for i, ends in enumerate(pieces):
+            travelled[i] = _path_of_piece(ends, curves, curve[i])
+        shape = np.full(n, -1)
+        shaped = np.flatnonzero(bodies["half"].any(axis=1))
+        axes = np.empty((len(shaped), T, 3, 3))
+        shape[n_pieces + shaped] = np.arange(len(shaped))
+        poses = marionette.poses(q_D, q_K)
+        for link in dict.fromkeys(links):
+            # Transposed, so that points are rows.
+            R = np.ascontiguousarray(poses[:, link, :, :3].swapaxes(1, 2))
+            r = poses[:, link, :, 3]
+            for m in np.flatnonzero(np.array(links) == link):
+                i, body = n_pieces + m, bodies[m]
+                a[i], b[i] = (np.einsum("i,tij->tj", body[end], R) + r for end in ("a", "b"))
+                moving = [a[i], b[i]]
+                if shape[i] >= 0:
+                    axes[shape[i]] = (body["R"].reshape(3, 3) @ R).swapaxes(1, 2)
+                    moving = _corners(0.5 * (a[i] + b[i]), axes[shape[i]], body["half"])
+                travelled[i] = _path(moving)
+        none = np.zeros((len(bodies), T))
+        return cls(
+            a, b, travelled, curves, np.concatenate([curve, none.astype(int) - 1]),
+            np.concatenate([stray, none]), shape, axes, bodies["half"][shaped],
+            bodies["radius"][shaped],
+        )  # fmt: skip
+
+    def chords(self) -> Cores:
+        """The same with straight strings."""
+        return replace(self, curve=np.full_like(self.curve, -1), stray=np.zeros_like(self.stray))
+
+    def straight(self, i: Indices, j: Indices, k: Indices) -> Array:
+        """(m,) distances of chords i from cores j, all (m,), at samples k, without radii [m]."""
+        found = np.empty(len(i))
+        for first in range(0, len(i), _AT_ONCE):
+            part = slice(first, first + _AT_ONCE)
+            a, b = self.a[i[part], k[part]], self.b[i[part], k[part]]
+            found[part] = self._from(a, b, j[part], k[part])[0]
+        return found
+
+    def exact(self, i: Indices, j: Indices, k: Indices) -> tuple[Array, Vec3]:
+        """The same where slack strings hang: (m,) [m], and the places (m, 3) on the pieces i."""
+        distance, place = np.empty(len(i)), np.empty((len(i), 3))
+        for first in range(0, len(i), _AT_ONCE):
+            part = slice(first, first + _AT_ONCE)
+            distance[part], place[part] = self._exact(i[part], j[part], k[part])
+        return distance, place
+
+    def _exact(self, i: Indices, j: Indices, k: Indices) -> tuple[Array, Vec3]:
+        a, b = self.a[i, k], self.b[i, k]
+        distance, s = self._from(a, b, j, k)
+        place = a + s[:, None] * (b - a)
+        curved, other = self.curve[i, k] >= 0, self.curve[j, k] >= 0
+        for bent in (curved & ~other, ~curved & other, curved & other):
+            m = np.flatnonzero(bent)
+            if not len(m):
+                continue
+            distance[m] = np.inf
+            own = np.stack([a[m], b[m]], axis=1)
+            if curved[m[0]]:
+                own = self.curves[self.curve[i[m], k[m]]]
+            for start, end in pairwise(own.swapaxes(0, 1)):
+                for found, s in self._from_each(start, end, j[m], k[m], bool(other[m[0]])):
+                    nearer = found < distance[m]
+                    distance[m[nearer]] = found[nearer]
+                    place[m[nearer]] = (start + s[:, None] * (end - start))[nearer]
+        return distance, place
+
+    def _from_each(
+        self, a: Vec3, b: Vec3, j: Indices, k: Indices, curved: bool
+    ) -> Iterator[tuple[Array, Array]]:
+        """``_from`` cores, or each chord of their curves."""
+        if not curved:
+            yield self._from(a, b, j, k)
+            return
+        for start, end in pairwise(self.curves[self.curve[j, k]].swapaxes(0, 1)):
+            yield between_segments(a, b, start, end)
+
+    def _from(self, a: Vec3, b: Vec3, j: Indices, k: Indices) -> tuple[Array, Array]:
+        """Distances of segments a to b (m, 3) from cores, and s (m,) of the nearest points."""
+        distance, s = between_segments(a, b, self.a[j, k], self.b[j, k])
+        shape = self.shape[j]
+        m = np.flatnonzero(shape >= 0)
+        if not len(m):
+            return distance, s
+        shape = shape[m]
+        centre = 0.5 * (self.a[j[m], k[m]] + self.b[j[m], k[m]])
+        R, half, radius = self.R[shape, k[m]], self.half[shape], self.radius[shape]
+        start, end = (np.einsum("nij,ni->nj", R, x[m] - centre) for x in (a, b))
+        box = np.flatnonzero(radius == 0.0)
+        distance[m[box]], s[m[box]] = from_box(start[box], end[box], half[box])
+        # The capsule around an ellipsoid is a bound as well, the better one far away.
+        bound, t = from_ellipsoid(start, end, half)
+        nearer = (radius > 0.0) & (bound + radius > distance[m])
+        distance[m[nearer]], s[m[nearer]] = (bound + radius)[nearer], t[nearer]
+        return distance, s
+
+
+def _pieces(marionette: Marionette, q_D: Array, q_K: Array) -> tuple[Array, Array]:
+    """Ends (n, 2, T, 3) of pieces and lengths (n, T) of slack ones, 0 of straight ones [m]."""
+    ends, lengths = [], []
+    of_strings = marionette.model.string_lengths(q_D, q_K)
+    paths = marionette.string_points(q_D, q_K)
+    for string, points, length in zip(marionette.tree.strings, paths, of_strings.T, strict=True):
+        spans = np.linalg.norm(np.diff(points, axis=1), axis=2)
+        whole = spans.sum(axis=1)
+        # Wires push too, and stay straight.
+        slack = (length > whole * MIN_SLACK) & (whole > 0.0) & (not string.wire)
+        share = np.where(slack, length, 0.0) / np.where(slack, whole, 1.0)
+        for n, span in enumerate(spans.T):
+            ends.append(points[:, n : n + 2].swapaxes(0, 1))
+            lengths.append(share * span)
+    T = len(q_D)
+    return np.array(ends).reshape(-1, 2, T, 3), np.array(lengths).reshape(-1, T)
+
+
+def _curves(pieces: Array, lengths: Array) -> tuple[Vec3, Array, Array]:
+    """Curves (n_curves, N_CHORDS + 1, 3), whose (n, T), and their distances from chords (n, T)."""
+    curve, stray = np.full(lengths.shape, -1), np.zeros(lengths.shape)
+    i, k = np.nonzero(lengths)
+    start, end = pieces[i, 0, k], pieces[i, 1, k]
+    curves = hanging(start, end, lengths[i, k])
+    offset, along = curves - start[:, None], end - start
+    square = np.maximum(dot(along, along), np.finfo(float).tiny)
+    s = np.clip(np.einsum("npi,ni->np", offset, along) / square[:, None], 0.0, 1.0)
+    offset -= s[..., None] * along[:, None]
+    far = np.sqrt(np.max(dot(offset, offset), axis=1, initial=0.0))
+    sags = far > _MIN_SAG
+    i, k = i[sags], k[sags]
+    curve[i, k], stray[i, k] = np.arange(len(i)), far[sags]
+    return curves[sags], curve, stray
+
+
+def _path(points: list[Vec3]) -> Array:
+    """(T,) path of the one of several points (T, 3) that moves most in each step [m]."""
+    steps = [np.sqrt(dot(d, d)) for d in (np.diff(x, axis=0) for x in points)]
+    return np.concatenate([[0.0], np.cumsum(np.max(steps, axis=0))])
+
+
+def _path_of_piece(ends: Vec3, curves: Vec3, curve: Indices) -> Array:
+    """The same of a piece with ends (2, T, 3), as it hangs: the curves whose numbers are (T,)."""
+    step = np.sqrt(np.max(dot(*[np.diff(ends, axis=1)] * 2), axis=0))
+    bent = np.flatnonzero((curve[1:] >= 0) | (curve[:-1] >= 0))
+    s = np.linspace(0.0, 1.0, N_CHORDS + 1)[:, None]
+
+    def points(k: Indices) -> Vec3:
+        found = ends[0, k, None] + s * (ends[1, k] - ends[0, k])[:, None]
+        hangs = curve[k] >= 0
+        found[hangs] = curves[curve[k[hangs]]]
+        return found
+
+    moved = points(bent + 1) - points(bent)
+    step[bent] = np.maximum(step[bent], np.sqrt(np.max(dot(moved, moved), axis=1, initial=0.0)))
+    return np.concatenate([[0.0], np.cumsum(step)])
+
+
+def _corners(centre: Vec3, R: Array, half: Array) -> list[Vec3]:
+    """The corners (T, 3) of a box, or of that around an ellipsoid."""
+    signs = itertools.product((-1.0, 1.0), repeat=3)
+    return [centre + R @ (np.array(sign) * half) for sign in signs]

@@ -1,0 +1,317 @@
+"""Clearance: distances of a puppet from obstacles and from itself."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from fantoccini.base import Array, Indices
+from fantoccini.dynamics.clearance import solids
+from fantoccini.dynamics.clearance.between import Places, advance
+from fantoccini.dynamics.clearance.meshes import Meshes
+from fantoccini.dynamics.clearance.obstacles import HalfSpace, standing
+from fantoccini.dynamics.clearance.path import Path
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.kernel.runtime import Moves, Solids, default_threads, moved_by
+from fantoccini.model.puppet import Obstacle
+from fantoccini.model.tree import Role, Tree
+from fantoccini.motion import State, Trajectory
+
+_MAX_TOUCH = 1e-6
+"""Overlap below which solids touch [m]; along paths, also the distance below which they touch."""
+_ACCURACY = 0.01
+"""Relative error of a least distance along a path, at most."""
+_EDGE = 1e-4
+"""Depth by which a limit may be undercut between samples without being detected [m]."""
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """The nearest pair of solids.
+
+    Attributes:
+        what, other: names of a body, an obstacle or a string.
+        distance: between them [m]; negative where they overlap.
+    """
+
+    what: str
+    other: str
+    distance: float
+
+    def __str__(self) -> str:
+        if -_MAX_TOUCH < self.distance < 0.0:  # thin solids have no depth
+            return f"{self.what} meets {self.other}"
+        if self.distance < 0.0:
+            return f"{self.what} is {-self.distance:.3g} m inside {self.other}"
+        return f"{self.what} is {self.distance:.3g} m from {self.other}"
+
+
+@dataclass(frozen=True)
+class Least:
+    """The least distance on a path, with its time and configuration.
+
+    Attributes:
+        distance: [m]; negative where solids overlap or pass one another.
+        t: when [s].
+        q_D, q_K: (n_qD,), (n_qK,) configuration.
+    """
+
+    distance: float
+    t: float
+    q_D: Array
+    q_K: Array
+
+
+class Clearance:
+    """Distances of a puppet's bodies and strings from obstacles, for many configurations at once.
+
+        d = min over pairs of (distance of their cores - radii)
+
+    Cores are points, segments, boxes and meshes. Distances between them are exact, but an ellipsoid
+    counts as the capsule around it (see :mod:`fantoccini.dynamics.clearance.solids`). A negative d says that
+    solids overlap, not how deep. Closed meshes are solid, open ones are surfaces (see
+    :class:`fantoccini.dynamics.clearance.meshes.Meshes`).
+
+    Attributes:
+        marionette: the puppet.
+        obstacles: all of them, with the world's own and its floor.
+        solids: what is measured, for the compiled library.
+        meshes: the meshes among the solids.
+
+    Args:
+        marionette: the puppet.
+        obstacles: in addition to the world's; a mapping has the keys of a puppet file.
+        strings: whether strings are kept clear of obstacles: straight from point to point, or along
+            a hanging curve when slack. They may lie on half-spaces.
+        string_radius: half their thickness [m].
+        self_collision: whether bodies of one puppet that no joint connects are kept clear of one
+            another. Those of different puppets and props of a scene always are.
+        free: names of pairs of bodies or obstacles that are not measured, as they may touch.
+
+    Raises:
+        FileError: an invalid obstacle.
+        ValueError: a radius that is not a finite number of at least 0.
+    """
+
+    def __init__(
+        self,
+        marionette: Marionette,
+        obstacles: Iterable[Obstacle | HalfSpace | Mapping[str, Any]] = (),
+        *,
+        strings: bool = True,
+        string_radius: float = 0.0,
+        self_collision: bool = False,
+        free: Collection[frozenset[str]] = (),
+    ):
+        if not 0.0 <= string_radius < np.inf:
+            raise ValueError(f"string_radius is {string_radius}; it must be a number >= 0 [m]")
+        self.marionette = marionette
+        self.obstacles = standing(marionette.puppet, obstacles)
+        tree = marionette.tree
+        self.meshes = Meshes()
+        moving, self._links = solids.moving(tree, self.meshes)
+        still = solids.standing(self.obstacles, self.meshes)
+        pairs = solids.apart(tree, self._links)
+        if not self_collision:
+            of = np.array([marionette.puppet.member_of(tree.links[i].name) for i in self._links])
+            pairs = pairs[of[pairs[:, 0]] != of[pairs[:, 1]]]
+        names = [tree.links[i].name for i in self._links]
+        measured = [frozenset((names[a], names[b])) not in free for a, b in pairs]
+        pairs = pairs[np.array(measured, dtype=bool)]
+        left_out = [[frozenset((a, o.name)) in free for o in self.obstacles] for a in names]
+        left = np.array(left_out, dtype=bool).reshape(len(names), len(self.obstacles))
+        # A rail that stands on the floor is no collision: nothing moves either.
+        left[[not _can_move(tree, i) for i in self._links]] = True
+        radius = string_radius if strings and len(still) else -1.0
+        exact = self.meshes.distance if len(self.meshes) else None
+        radii = np.full(len(tree.strings), radius)
+        self.solids = Solids(moving, still, pairs, left, radii, *moved_by(tree), exact)
+
+    @property
+    def measures_nothing(self) -> bool:
+        """Whether there is no pair to measure."""
+        strings = int(np.sum(self.solids.string_radius >= 0.0))
+        of_obstacles = len(self.solids.standing) * strings + int(np.sum(~self.solids.left_out))
+        return not of_obstacles and not len(self.solids.pairs)
+
+    def parts(self) -> dict[str, Clearance]:
+        """The same for every body and string alone, by its name: the clearance is their least.
+
+        A pair of bodies belongs to the later one. Those without pairs are left out.
+        """
+        whole, found = self.solids, {}
+        names = [self.marionette.tree.links[i].name for i in self._links]
+        never = np.full_like(whole.string_radius, -1.0)
+        for name in dict.fromkeys(names):
+            own = np.array([other == name for other in names])
+            found[name] = replace(
+                whole, pairs=whole.pairs[own[whole.pairs[:, 0]]],
+                left_out=whole.left_out | ~own[:, None], string_radius=never,
+            )  # fmt: skip
+        for i, string in enumerate(self.marionette.tree.strings):
+            radius = np.where(np.arange(len(never)) == i, whole.string_radius, -1.0)
+            found[f"string {string.name}"] = replace(
+                whole, pairs=whole.pairs[:0], left_out=np.ones_like(whole.left_out),
+                string_radius=radius,
+            )  # fmt: skip
+        parts = {}
+        for name, solids_of_one in found.items():
+            parts[name] = copy(self)
+            parts[name].solids = solids_of_one
+        return {name: one for name, one in parts.items() if not one.measures_nothing}
+
+    def at(self, q_D: Array, q_K: Array, threads: int = 1) -> Array:
+        """Clearances of configurations.
+
+        Args:
+            q_D, q_K: (..., n_qD), (..., n_qK).
+            threads: that share large batches.
+
+        Returns:
+            (...) [m]; infinite without pairs, nan where a configuration is.
+
+        Raises:
+            ValueError: arrays whose last axis does not fit the puppet.
+        """
+        return self._measured(q_D, q_K, threads)[0]
+
+    def of(self, motion: State | Trajectory | Sequence[State]) -> Array:
+        """Clearances of a state, of the samples of a trajectory, or of states.
+
+        Returns:
+            () or (T,) [m].
+        """
+        return self.at(*_configurations(motion), threads=default_threads())
+
+    def least(self, motion: Trajectory | Path) -> Least:
+        """The least distance along a motion, also between its samples.
+
+        It is right to 1 %. Solids that come within a micrometre of one another count as touching.
+        """
+        path = motion if isinstance(motion, Path) else Path.of(self.marionette, motion)
+        best = Least(np.inf, float(path.t[0]), path.q_D[0], path.q_K[0])
+
+        def look(at: Places, distance: Array, lower: Array) -> Indices:
+            nonlocal best
+            k = int(np.argmin(np.nan_to_num(distance, nan=np.inf)))
+            if distance[k] < best.distance:
+                best = Least(float(distance[k]), float(at.t[k]), at.q_D[k], at.q_K[k])
+            # Depths of overlaps are not refined: any overlap is a collision.
+            room = max(_ACCURACY * best.distance, _MAX_TOUCH)
+            return np.flatnonzero((best.distance >= 0.0) & (lower < best.distance - room))
+
+        advance(path, self.bounded, look)
+        if 0.0 <= best.distance < _MAX_TOUCH:
+            best = replace(best, distance=best.distance - _MAX_TOUCH)
+        return best
+
+    def along(self, path: Path, within: float) -> tuple[Places, Array]:
+        """Distances at the samples of a path, and between them where they are less than a limit.
+
+        Args:
+            path: of the puppet.
+            within: the limit [m]; it may be undercut by up to 0.1 mm without being detected.
+
+        Returns:
+            The places (m,) in order of time, and the distances there (m,) [m].
+        """
+        measured = list[tuple[Places, Array]]()
+
+        def look(at: Places, distance: Array, lower: Array) -> Indices:
+            kept = (distance < within) | (at.s == 0.0)
+            measured.append((at.some(kept), distance[kept]))
+            far = distance >= within
+            return np.flatnonzero(far & (lower < np.minimum(within, distance - _EDGE)))
+
+        advance(path, self.bounded, look)
+        at = Places(*map(np.concatenate, zip(*(places for places, _ in measured), strict=True)))
+        order = np.argsort(at.t, kind="stable")
+        distance = np.concatenate([distance for _, distance in measured])
+        return at.some(order), distance[order]
+
+    def nearest(self, motion: State | Trajectory | Sequence[State]) -> Nearest | None:
+        """The nearest pair in the worst configuration; for runs, also between samples.
+
+        None without pairs.
+        """
+        if self.measures_nothing:
+            return None
+        if isinstance(motion, Trajectory):
+            least = self.least(motion)
+            return replace(self.pair_at(least.q_D, least.q_K), distance=least.distance)
+        q_D, q_K = (np.atleast_2d(q) for q in _configurations(motion))
+        distance, _, pair = self._measured(q_D, q_K, 1)
+        if not np.any(pair >= 0):
+            return None
+        worst = int(np.nanargmin(distance))
+        return self.pair_at(q_D[worst], q_K[worst])
+
+    def pair_at(self, q_D: Array, q_K: Array) -> Nearest:
+        """The nearest pair in a configuration (n_qD,), (n_qK,).
+
+        Raises:
+            ValueError: there are no pairs, or the arrays do not fit the puppet.
+        """
+        distance, _, pair = self._measured(q_D, q_K, 1)
+        if pair < 0:
+            raise ValueError("no pair is measured")
+        return Nearest(*self._named(int(pair)), float(distance))
+
+    def bounded(self, q_D: Array, q_K: Array, moves: Moves) -> tuple[Array, Array]:
+        """Distances at configurations, and their lower bounds on moves about them."""
+        return self._measured(q_D, q_K, default_threads(), moves)[:2]
+
+    def _measured(
+        self, q_D: Array, q_K: Array, threads: int, moves: Moves | None = None
+    ) -> tuple[Array, Array, np.ndarray]:
+        q_D, q_K = np.asarray(q_D, dtype=float), np.asarray(q_K, dtype=float)
+        table = self.marionette.coordinates
+        if (q_D.shape[-1:], q_K.shape[-1:]) != ((table.n_qD,), (table.n_qK,)):
+            raise ValueError(
+                f"q_D and q_K have the shapes {q_D.shape} and {q_K.shape}; they must end in "
+                f"{table.n_qD} and {table.n_qK}"
+            )
+        lead = np.broadcast_shapes(q_D.shape[:-1], q_K.shape[:-1])
+        if self.measures_nothing or 0 in lead:
+            return np.full(lead, np.inf), np.full(lead, np.inf), np.full(lead, -1)
+        n = int(np.prod(lead))
+        q_D, q_K = (
+            np.broadcast_to(a, (*lead, a.shape[-1])).reshape(n, a.shape[-1]) for a in (q_D, q_K)
+        )
+        distance, lower, pair = self.marionette.model.compiled.clearances.measure(
+            self.solids, q_D, q_K, self.marionette.p, threads, moves
+        )
+        finite = np.isfinite(q_D).all(axis=1) & np.isfinite(q_K).all(axis=1)
+        distance, lower = (np.where(finite, x, np.nan).reshape(lead) for x in (distance, lower))
+        return distance, lower, pair.reshape(lead)
+
+    def _named(self, pair: int) -> tuple[str, str]:
+        """Names of a pair."""
+        tree, still = self.marionette.tree, [o.name for o in self.obstacles]
+        moving = [tree.links[i].name for i in self._links]
+        if pair < len(moving) * len(still):
+            return moving[pair // len(still)], still[pair % len(still)]
+        pair -= len(moving) * len(still)
+        if pair < len(self.solids.pairs):
+            a, b = self.solids.pairs[pair]
+            return moving[a], moving[b]
+        pair -= len(self.solids.pairs)
+        segments = [f"string {s.name}" for s in tree.strings for _ in s.points[1:]]
+        return segments[pair // len(still)], still[pair % len(still)]
+
+
+def _configurations(motion: State | Trajectory | Sequence[State]) -> tuple[Array, Array]:
+    if isinstance(motion, (State, Trajectory)):
+        return motion.q_D, motion.q_K
+    if not len(motion):
+        raise ValueError("no states; give at least one")
+    return np.array([x.q_D for x in motion]), np.array([x.q_K for x in motion])
+
+
+def _can_move(tree: Tree, link: int) -> bool:
+    """Whether a coordinate moves a link."""
+    return any(tree.links[i].role is not Role.FIXED for i in tree.ancestors(link))

@@ -1,0 +1,248 @@
+"""Distances from triangle meshes, by coal.
+
+The compiled library measures from bounding boxes, and calls back here where they are too near.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fantoccini.base import Array, MaskRows
+from fantoccini.kernel.runtime import BOX, HALF_SPACE
+from fantoccini.model.puppet import Mesh, load_mesh
+
+
+@dataclass(frozen=True)
+class _Tolerances:
+    """Tolerances for meshes."""
+
+    touch: float = 1e-8
+    """Distance up to which solids overlap [m]: the tolerance of coal's iteration."""
+    convex: float = 1e-7
+    """Depth of dents relative to the size, and missing volume relative to the volume, of meshes
+    that count as convex: corners in STL files have seven digits."""
+
+
+_TOLERANCES = _Tolerances()
+
+
+class Meshes:
+    """The meshes among solids, and their distances from other solids.
+
+        d = min |x - y|, x in the mesh, y in the other's core
+
+    A closed mesh is solid: solids inside it overlap. A mesh is closed if its triangles use every
+    edge equally often in both directions; it may have several pieces and hollows. Other meshes are
+    surfaces without an inside.
+    """
+
+    def __init__(self) -> None:
+        self._made: list[_Body] = []
+        self._request: Any = None
+        self._digest = hashlib.sha256()
+
+    def __len__(self) -> int:
+        return len(self._made)
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of all corners and triangles, in hexadecimal."""
+        return self._digest.hexdigest()
+
+    def add(self, shape: Mesh) -> tuple[int, Array, Array]:
+        """Adds a mesh: its number, and centre and half edges (3,) of its bounding box [m]."""
+        import coal
+
+        if self._request is None:
+            self._request = coal.DistanceRequest()
+            self._request.enable_signed_distance = False
+            self._request.gjk_tolerance = _TOLERANCES.touch
+        mesh = load_mesh(shape)
+        mesh.merge_vertices(merge_tex=True, merge_norm=True)
+        low, high = mesh.bounds
+        centre, half = (low + high) / 2, (high - low) / 2
+        mesh.apply_translation(-centre)
+        self._made.append(_Body.of(mesh))
+        for a in (centre, mesh.vertices, mesh.faces):
+            self._digest.update(np.ascontiguousarray(a).tobytes())
+        return len(self._made) - 1, centre, half
+
+    def distance(self, x: np.void, y: np.void) -> float:
+        """Distance of two solids in the world, one of them a mesh, before radii are subtracted.
+
+        Args:
+            x, y: ``SOLID`` records; only y may be a half-space. An ellipsoid is the segment of the
+                capsule around it.
+
+        Returns:
+            [m]; negative where they overlap, whatever the depth.
+        """
+        import coal
+
+        if y["kind"] == HALF_SPACE:
+            corners = self._made[x["mesh"]].hull @ _turn(x).T + x["a"]
+            return float(np.min((corners - y["a"]) @ y["b"]))
+        found = coal.distance(
+            *self._placed(x), *self._placed(y), self._request, coal.DistanceResult()
+        )
+        if found <= _TOLERANCES.touch or self._holds(x, y) or self._holds(y, x):
+            return -_TOLERANCES.touch
+        return found
+
+    def _placed(self, x: np.void) -> tuple[Any, Any]:
+        """A solid's core as coal's geometry, and its pose."""
+        import coal
+
+        if x["mesh"] >= 0:
+            return self._made[x["mesh"]].geometry, coal.Transform3s(_turn(x), x["a"])
+        if x["kind"] == BOX:
+            return coal.Box(*(2.0 * x["half"]).tolist()), coal.Transform3s(_turn(x), x["a"])
+        a, b = x["a"].tolist(), x["b"].tolist()
+        middle = np.array([0.5 * (p + q) for p, q in zip(a, b, strict=True)])
+        length = math.dist(a, b)
+        if length < _TOLERANCES.touch:
+            return coal.Sphere(0.0), coal.Transform3s(np.eye(3), middle)
+        return coal.Capsule(0.0, length), coal.Transform3s(_along(a, b, length), middle)
+
+    def _holds(self, x: np.void, y: np.void) -> bool:
+        """Whether y lies inside x, where their surfaces do not meet."""
+        inside = self._made[x["mesh"]].inside if x["mesh"] >= 0 else None
+        if inside is None:
+            return False
+        turn, middle = _turn(x), y["a"] - x["a"]
+        if y["mesh"] < 0:
+            return inside.holds(middle @ turn)
+        points = self._made[y["mesh"]].points @ _turn(y).T
+        return any(inside.holds(point) for point in (middle + points) @ turn)
+
+
+@dataclass(frozen=True, eq=False)
+class _Body:
+    """A mesh relative to the centre of its bounding box.
+
+    Attributes:
+        geometry: of coal: convex and solid, or a tree of triangles.
+        hull: (n, 3) corners, including those of its convex hull [m].
+        points: (k, 3) one corner of every connected piece [m].
+        inside: test for points inside; None for convex meshes, which coal tests, and open ones.
+    """
+
+    geometry: Any
+    hull: Array
+    points: Array
+    inside: _Inside | None
+
+    @classmethod
+    def of(cls, mesh: Any) -> _Body:
+        import coal
+        from trimesh.graph import connected_component_labels
+
+        label = connected_component_labels(mesh.face_adjacency, node_count=len(mesh.faces))
+        first = np.unique(label, return_index=True)[1]
+        points = np.array(mesh.vertices[mesh.faces[first, 0]])
+        hull = mesh.convex_hull if mesh.is_volume else mesh
+        if hull is not mesh and _convex(mesh, hull):
+            geometry = coal.Convex(_corners(hull), _triangles(hull))
+            return cls(geometry, np.array(hull.vertices), points, None)
+        geometry = coal.BVHModelOBBRSS()
+        geometry.beginModel(len(mesh.faces), len(mesh.vertices))
+        geometry.addSubModel(_corners(mesh), _triangles(mesh))
+        geometry.endModel()
+        inside = _Inside(np.array(mesh.triangles)) if _closed(mesh.edges) else None
+        return cls(geometry, np.array(hull.vertices), points, inside)
+
+
+class _Inside:
+    """Test for points inside closed surfaces, by winding number.
+
+        w = sum over the triangles above the point of the sign of n_z
+
+    Args:
+        corners: (n, 3, 3) of triangles whose normals point outwards [m].
+    """
+
+    def __init__(self, corners: Array):
+        self._corners = corners
+        self._low, self._high = corners.min(axis=1), corners.max(axis=1)
+        self._box = np.concatenate([self._low.min(axis=0), self._high.max(axis=0)]).tolist()
+        self._normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+    def holds(self, point: Array) -> bool:
+        """Whether a point (3,), not on a surface, is inside."""
+        (x, y, z), (x_low, y_low, z_low, x_high, y_high, z_high) = point.tolist(), self._box
+        if not (x_low <= x <= x_high and y_low <= y <= y_high and z_low <= z <= z_high):
+            return False
+        near = (self._low[:, :2] <= point[:2]) & (point[:2] <= self._high[:, :2])
+        (which,) = np.nonzero(near.all(axis=1) & (self._high[:, 2] >= point[2]))
+        corners, normal = self._corners[which], self._normal[which]
+        odd = np.zeros(len(which), dtype=bool)
+        for k in range(3):
+            odd ^= _left_of(point, corners[:, k], corners[:, (k + 1) % 3])
+        height = np.einsum("ni,ni->n", corners[:, 0] - point, normal)
+        faces = np.sign(normal[:, 2])
+        return bool(np.sum(faces[odd & (height * faces > 0.0)]))
+
+
+def _left_of(point: Array, a: Array, b: Array) -> MaskRows:
+    """(n,) bool, whether edges a to b (n, 3), seen from above, pass a point on its right.
+
+    The same for b to a, so that a point belongs to one of two triangles that share an edge.
+    """
+    turned = (a[:, 1] > b[:, 1])[:, None]
+    low, high = np.where(turned, b, a), np.where(turned, a, b)
+    passes = (low[:, 1] <= point[1]) & (point[1] < high[:, 1])
+    rise = np.where(passes, high[:, 1] - low[:, 1], 1.0)
+    x = low[:, 0] + (point[1] - low[:, 1]) * (high[:, 0] - low[:, 0]) / rise
+    return passes & (point[0] < x)
+
+
+def _closed(edges: np.ndarray) -> bool:
+    """Whether directed edges (n, 2) of triangles cancel out."""
+    which = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)[1]
+    return not np.bincount(which.ravel(), np.where(edges[:, 0] < edges[:, 1], 1, -1)).any()
+
+
+def _convex(mesh: Any, hull: Any) -> bool:
+    """Whether a closed mesh is its convex hull: without dents, and of the same volume."""
+    tolerance = _TOLERANCES.convex
+    if mesh.body_count != 1 or np.max(mesh.face_adjacency_projections) > tolerance * mesh.scale:
+        return False
+    return bool(hull.volume - mesh.volume <= tolerance * hull.volume)
+
+
+def _corners(mesh: Any) -> Any:
+    import coal
+
+    found = coal.StdVec_Vec3s()
+    found.extend(list(np.asarray(mesh.vertices)))
+    return found
+
+
+def _triangles(mesh: Any) -> Any:
+    import coal
+
+    found = coal.StdVec_Triangle()
+    found.extend([coal.Triangle(*corners) for corners in mesh.faces.tolist()])
+    return found
+
+
+def _turn(x: np.void) -> Array:
+    """(3, 3) the rotation of a solid, which is stored column by column."""
+    return x["R"].reshape(3, 3).T
+
+
+def _along(a: list[float], b: list[float], length: float) -> Array:
+    """(3, 3) a rotation whose z axis points from a to b.
+
+    As in Duff et al., "Building an orthonormal basis, revisited", JCGT 6(1), 2017.
+    """
+    x, y, z = ((q - p) / length for p, q in zip(a, b, strict=True))
+    s = math.copysign(1.0, z)
+    p = -1.0 / (s + z)
+    q = x * y * p
+    return np.array([[1.0 + s * x * x * p, q, x], [s * q, s + y * y * p, y], [-s * x, -y, z]])

@@ -1,0 +1,73 @@
+"""Obstacles of a puppet: those of its file, more of the same kinds, and half-spaces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, field_validator
+
+from fantoccini.base import FileError, Mistake
+from fantoccini.base.documents import Located, Model, Name, Vector, mistake, validate
+from fantoccini.model.puppet import WORDS, AnyObstacle, Obstacle, Puppet
+
+
+class HalfSpace(Model):
+    """Everything below a plane: a floor, a wall, a ceiling."""
+
+    type: Literal["half_space"] = "half_space"
+    name: Name
+    """The obstacle's name."""
+    at: Vector = (0.0, 0.0, 0.0)
+    """A point of the plane [m]."""
+    normal: Vector = (0.0, 0.0, 1.0)
+    """Outward direction."""
+
+    @field_validator("normal")
+    @classmethod
+    def _of_unit_length(cls, normal: tuple[float, float, float]) -> tuple[float, ...]:
+        size = float(np.linalg.norm(normal))
+        if size == 0.0:
+            raise mistake("found the zero vector; needed: a direction")
+        return tuple(float(x) / size for x in normal)
+
+
+Standing = Annotated[AnyObstacle | HalfSpace, Field(discriminator="type")]
+"""An obstacle of a puppet file, or a half-space."""
+
+
+class _Listed(Model):
+    obstacles: tuple[Standing, ...]
+
+
+def standing(
+    puppet: Puppet, obstacles: Iterable[Obstacle | HalfSpace | Mapping[str, Any]] = ()
+) -> tuple[Obstacle | HalfSpace, ...]:
+    """The obstacles of a puppet, its floor, and additional ones.
+
+    Args:
+        puppet: whose obstacles and floor count.
+        obstacles: additional ones; a mapping has the keys of an obstacle in a puppet file, or of a
+            half-space: ``{"name": "wall", "type": "half_space", "at": [1, 0, 0],
+            "normal": [-1, 0, 0]}``.
+
+    Raises:
+        FileError: a mapping is not an obstacle, or a name is used twice.
+    """
+    given = [dict(o) if isinstance(o, Mapping) else o for o in obstacles]
+    for k, o in enumerate(given):
+        if not isinstance(o, (Obstacle, HalfSpace, dict)):
+            text = f"found {o!r}; needed: a mapping of keys and values, or an obstacle"
+            raise FileError([Mistake("<python>", None, f"obstacles[{k}]", text)])
+    described = [o for o in given if isinstance(o, dict)]
+    made = iter(validate(_Listed, Located({"obstacles": described}), words=WORDS).obstacles)
+    found = [next(made) if isinstance(o, dict) else o for o in given]
+    floor = [] if puppet.floor is None else [HalfSpace(name="floor", at=(0.0, 0.0, puppet.floor))]
+    every = (*puppet.obstacles, *floor, *found)
+    names = [o.name for o in every]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        text = f"the names {', '.join(twice)} are used twice; obstacles differ in name"
+        raise FileError([Mistake("<python>", None, "obstacles", text)])
+    return every

@@ -1,0 +1,191 @@
+"""Path: configurations along a motion, at its samples and between them.
+
+Between samples of event-driven runs, coordinates are quintics, and rotations are interpolated in
+the tangent space, as in :mod:`fantoccini.base.interpolate`. In runs of fixed steps, coordinates
+are interpolated linearly.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from fantoccini.base import Array, Indices, Places, Times, polynomial, rotation
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.kernel.runtime import Moves
+from fantoccini.model.tree import Role
+from fantoccini.motion import Trajectory
+
+MIN_SLACK = 1.0 + 1e-6
+"""Length over span above which a string sags, as in compiled code."""
+
+
+class _Samples(NamedTuple):
+    """Dynamic or driven coordinates at T samples: (T, n_q), (T, n_v), (T, n_v), and their places.
+
+    Without velocities and accelerations, coordinates are interpolated linearly.
+    """
+
+    q: Array
+    v: Array | None
+    acc: Array | None
+    scalars: Places
+    quaternions: Places
+    n_v: int
+
+
+class Path:
+    """Configurations along a motion of T samples, in T - 1 pieces.
+
+    Attributes:
+        marionette: the puppet or scene.
+        t: (T,) [s].
+        q_D, q_K: (T, n_qD), (T, n_qK).
+        h: (T - 1,) durations of the pieces [s]; 0 at an impact.
+
+    Args:
+        marionette: a puppet or a scene.
+        t: (T,) times of the samples, not decreasing [s].
+        q_D, q_K: (T, n_qD), (T, n_qK).
+        rates: (T, n) v_D, acc_D, v_K and acc_K; without them, interpolation is linear.
+    """
+
+    def __init__(
+        self,
+        marionette: Marionette,
+        t: Times,
+        q_D: Array,
+        q_K: Array,
+        rates: tuple[Array, Array, Array, Array] | None = None,
+    ):
+        self.marionette, self.t, self.q_D, self.q_K = marionette, t, q_D, q_K
+        self.h = np.diff(t)
+        self._rates, table = rates, marionette.coordinates
+        v_D, acc_D, v_K, acc_K = (None,) * 4 if rates is None else rates
+        self._of = {
+            Role.DYNAMIC: _Samples(
+                q_D, v_D, acc_D, table.scalars_D, table.quaternions_D, table.n_vD
+            ),
+            Role.DRIVEN: _Samples(
+                q_K, v_K, acc_K, table.scalars_K, table.quaternions_K, table.n_vK
+            ),
+        }
+        self._coef = {role: _polynomials(self.h, one) for role, one in self._of.items()}
+
+    @classmethod
+    def of(cls, marionette: Marionette, run: Trajectory, every: int = 1) -> Path:
+        """The path of a run; if ``every`` > 1, linear between every so many samples."""
+        t, q_D, q_K = run.t[::every], run.q_D[::every], run.q_K[::every]
+        if run.method != "event" or every > 1:
+            return cls(marionette, t, q_D, q_K)
+        return cls(marionette, t, q_D, q_K, (run.v_D, run.acc_D, run.v_K, run.acc_K))
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def part(self, begin: int, end: int) -> Path:
+        """The path from sample ``begin`` up to, but not including, ``end``."""
+        own = slice(begin, end)
+        rates = None
+        if self._rates is not None:
+            v_D, acc_D, v_K, acc_K = self._rates
+            rates = v_D[own], acc_D[own], v_K[own], acc_K[own]
+        return Path(self.marionette, self.t[own], self.q_D[own], self.q_K[own], rates)
+
+    def at(self, piece: Indices, s: Array) -> tuple[Array, Array]:
+        """q_D and q_K (m, ...) in pieces (m,), at times s (m,) since their beginnings [s]."""
+        found = []
+        for role, own in self._of.items():
+            value = polynomial.evaluate(self._coef[role][piece], s[:, None])[0]
+            q = own.q[piece].copy()
+            for place, v in own.scalars:
+                q[:, place] = value[:, v]
+            for place, v in own.quaternions:
+                spot = slice(place, place + 4)
+                q[:, spot] = rotation.multiply(q[:, spot], rotation.exp(value[:, v : v + 3]))
+            found.append(q)
+        return found[0], found[1]
+
+    def moves(self, piece: Indices, start: Array, end: Array) -> Moves:
+        """Bounds of the joints' paths in pieces (m,), between times (m,) within these [s].
+
+        A polynomial's path is no longer than the polygon of its Bezier control points.
+        """
+        tree = self.marionette.tree
+        steps = {
+            role: np.diff(polynomial.control_points(polynomial.shifted(coef[piece], start),
+                                                    (end - start)[:, None]))
+            for role, coef in self._coef.items()
+        }  # fmt: skip
+        m = len(piece)
+        slide, turn = np.zeros((2, m, len(tree.links)))
+        for i, link in enumerate(tree.links):
+            n_v = link.v.stop - link.v.start
+            if not n_v:
+                continue
+            own = steps[link.role][:, link.v]
+            n_turns = {"revolute": 1, "ball": 3, "free": 3}.get(link.kind, 0)
+            for out, part in ((slide, own[:, : n_v - n_turns]), (turn, own[:, n_v - n_turns :])):
+                out[:, i] = np.sqrt(np.einsum("mvk,mvk->mk", part, part)).sum(axis=1)
+        wound = np.zeros((m, len(tree.strings)))
+        for i, string in enumerate(tree.strings):
+            if string.length_index is not None:
+                wound[:, i] = np.abs(steps[string.length_role][:, string.length_index[1]]).sum(
+                    axis=1
+                )
+        return Moves(slide, turn, wound, self._loose[piece])
+
+    @cached_property
+    def _loose(self) -> Array:
+        """(T - 1, n_strings) 1.0 for strings that are slack at an end of a piece, else 0.0."""
+        marionette = self.marionette
+        lengths = marionette.model.string_lengths(self.q_D, self.q_K)
+        slack = np.zeros(lengths.shape, dtype=bool)
+        for i, points in enumerate(marionette.string_points(self.q_D, self.q_K)):
+            span = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
+            wire = marionette.tree.strings[i].wire
+            slack[:, i] = (lengths[:, i] > span * MIN_SLACK) & (not wire)
+        return np.array(slack[1:] | slack[:-1], dtype=float)
+
+    @cached_property
+    def around(self) -> Moves:
+        """Moves (T, ...) from each sample to the middles of the pieces before and after it."""
+        pieces, half = np.arange(len(self.h)), 0.5 * self.h
+        before = self.moves(pieces, half, self.h)
+        after = self.moves(pieces, np.zeros_like(half), half)
+        made = []
+        for early, late in zip(before, after, strict=True):
+            none = np.zeros((1, early.shape[1]))
+            made.append(np.maximum(np.concatenate([late, none]), np.concatenate([none, early])))
+        return Moves(*made)
+
+
+def _polynomials(h: Array, own: _Samples) -> Array:
+    """(T - 1, n_v, 6) coefficients: of scalars, and of rotation vectors from the left samples."""
+    T, moving = len(h) + 1, h > 0.0
+    coef = np.zeros((T - 1, own.n_v, polynomial.N_COEF))
+    by = np.where(moving, h, 1.0)[:, None]
+    for place, v in own.scalars:
+        q = own.q[:, place]
+        if own.v is None or own.acc is None:
+            coef[:, v, 0], coef[:, v, 1] = q[:-1], np.diff(q) / by[:, 0]
+        else:
+            rate, second = own.v[:, v], own.acc[:, v]
+            start, end = (q[:-1], rate[:-1], second[:-1]), (q[1:], rate[1:], second[1:])
+            coef[:, v] = polynomial.hermite(by[:, 0], start, end)
+        coef[~moving, v, 1:] = 0.0
+    for place, v in own.quaternions:
+        spot, slot = slice(place, place + 4), slice(v, v + 3)
+        turn = rotation.between(own.q[:-1, spot], own.q[1:, spot])
+        if own.v is None or own.acc is None:
+            coef[:, slot, 1] = turn / by
+        else:
+            rate, curve = rotation.tangent_motion(turn, own.v[1:, slot], own.acc[1:, slot])
+            none = np.zeros_like(turn)
+            coef[:, slot] = polynomial.hermite(
+                by, (none, own.v[:-1, slot], own.acc[:-1, slot]), (turn, rate, curve)
+            )
+        coef[~moving, slot] = 0.0
+    return coef

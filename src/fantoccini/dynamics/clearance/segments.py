@@ -1,0 +1,167 @@
+"""Distances of many segments from others, boxes and ellipsoids, and curves of slack strings."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Array, Vec3
+
+N_CHORDS = 12
+"""Segments that replace the curve of a slack string."""
+
+
+@dataclass(frozen=True)
+class _Tolerances:
+    """Where a case is degenerate."""
+
+    min_length: float = 1e-12
+    """Shorter segments count as points [m]."""
+    min_determinant: float = 1e-12
+    """sin^2 of an angle: parallel below it."""
+    fold: float = 1e-9
+    """Width per length of a slack string that the two legs of a fold keep."""
+    newton: float = 1e-9
+    """Last step per u; by how much the points are wrong, per length, is far less."""
+    max_steps: int = 60
+
+
+_TOLERANCES = _Tolerances()
+
+
+def dot(x: Vec3, y: Vec3) -> Array:
+    """(...) products of vectors (..., 3)."""
+    return np.einsum("...i,...i->...", x, y)
+
+
+def between_segments(a: Vec3, b: Vec3, c: Vec3, d: Vec3) -> tuple[Array, Array]:
+    """min |a + s (b - a) - c - t (d - c)|, 0 <= s, t <= 1.
+
+    Args:
+        a, b: (n, 3) ends of one segment [m].
+        c, d: (n, 3) of the other.
+
+    Returns:
+        (n,) distances [m], and s (n,).
+    """
+    u, v, w = b - a, d - c, a - c
+    tiny = _TOLERANCES.min_length**2
+    uu, vv, uv = dot(u, u) + tiny, dot(v, v) + tiny, dot(u, v)
+    wu, wv = dot(w, u), dot(w, v)
+    determinant = uu * vv - uv * uv
+    apart = determinant > _TOLERANCES.min_determinant * (uu * vv)
+    s = np.where(apart, (uv * wv - vv * wu) / np.where(apart, determinant, 1.0), 0.0)
+    # The nearest point of the other line, moved into its segment, and what is nearest to that.
+    t = np.clip((uv * np.clip(s, 0.0, 1.0) + wv) / vv, 0.0, 1.0)
+    s = np.clip((uv * t - wu) / uu, 0.0, 1.0)
+    gap = w + s[:, None] * u - t[:, None] * v
+    return np.sqrt(dot(gap, gap)), s
+
+
+def from_box(a: Vec3, b: Vec3, half: Vec3) -> tuple[Array, Array]:
+    """min |x - y| with x = a + t (b - a) on a segment and y in a box about the origin.
+
+    Half the derivative of the squared distance along the segment increases and is piecewise linear,
+    with breaks where the segment meets a face's plane: its zero lies between two of these.
+
+    Args:
+        a, b: (n, 3) ends of the segment in the box's frame [m].
+        half: (n, 3) half edges [m].
+
+    Returns:
+        (n,) distances [m], 0 where they meet, and t (n,).
+    """
+    d = b - a
+
+    def outside(t: Array) -> Vec3:
+        x = a + t[:, None] * d
+        return x - np.clip(x, -half, half)
+
+    low, high = np.zeros(len(a)), np.ones(len(a))
+    at_low, at_high = dot(outside(low), d), dot(outside(high), d)
+    moves = np.abs(d) > _TOLERANCES.min_length
+    step = np.where(moves, d, 1.0)
+    for k, side in itertools.product(range(3), (-1.0, 1.0)):
+        t = (side * half[:, k] - a[:, k]) / step[:, k]
+        inner = moves[:, k] & (t > low) & (t < high)
+        there = dot(outside(t), d)
+        before, after = inner & (there < 0.0), inner & (there >= 0.0)
+        low, at_low = np.where(before, t, low), np.where(before, there, at_low)
+        high, at_high = np.where(after, t, high), np.where(after, there, at_high)
+    turns = (at_low < 0.0) & (at_high > 0.0)
+    zero = low - at_low * (high - low) / np.where(turns, at_high - at_low, 1.0)
+    t = np.where(turns, zero, np.where(at_low < 0.0, high, low))
+    gap = outside(t)
+    return np.sqrt(dot(gap, gap)), t
+
+
+def from_ellipsoid(a: Vec3, b: Vec3, half: Vec3) -> tuple[Array, Array]:
+    """A lower bound of the distance of a segment from an ellipsoid, exact where they touch.
+
+        rho (rho - 1) / |A^-2 x|,   rho = |A^-1 x|,   A = diag(half)
+
+    with x the point of the segment of least rho: the gap between the planes through x and on the
+    ellipsoid that are square to the gradient of rho there. They part the two.
+
+    Args:
+        a, b: (n, 3) ends of the segment in the ellipsoid's frame [m].
+        half: (n, 3) half axes [m].
+
+    Returns:
+        (n,) bounds [m], negative where they overlap, and t (n,) of x = a + t (b - a).
+    """
+    x, d = a / half, (b - a) / half
+    t = np.clip(-dot(x, d) / np.maximum(dot(d, d), _TOLERANCES.min_length**2), 0.0, 1.0)
+    x += t[:, None] * d
+    rho = np.maximum(np.sqrt(dot(x, x)), _TOLERANCES.min_length)
+    slope = np.maximum(np.sqrt(dot(x / half, x / half)), rho / half.max(axis=1))
+    return rho * (rho - 1.0) / slope, t
+
+
+def hanging(start: Vec3, end: Vec3, length: Array) -> Vec3:
+    """Points along slack strings, which hang as threads of their length do.
+
+        x(s) = a asinh(s / a),   z(s) = sqrt(a^2 + s^2) - a,   a = w / (2 u),   sinh(u) / u = r
+
+    with s the arc length from the lowest point, w the ends' horizontal distance, v their difference
+    in height, L the length and r = sqrt(L^2 - v^2) / w.
+
+    Args:
+        start, end: (n, 3) ends [m].
+        length: (n,) of the strings, larger than the distance of the ends [m].
+
+    Returns:
+        (n, N_CHORDS + 1, 3) points in equal horizontal steps, close together where the curve bends
+        [m]: so the chords are nowhere farther from it than w / N_CHORDS.
+    """
+    along = end - start
+    flat = np.hypot(along[:, 0], along[:, 1])
+    width = np.maximum(flat, _TOLERANCES.fold * length)
+    log_r = 0.5 * np.log1p((length**2 - dot(along, along)) / width**2)
+    u = np.maximum(np.sqrt(6.0 * log_r), log_r + np.log1p(log_r) + 1.0)
+    for _ in range(_TOLERANCES.max_steps):
+        step = (_log_sinhc(u) - log_r) / _log_sinhc_slope(u)
+        u = u - step
+        if np.all(np.abs(step) <= _TOLERANCES.newton * u):
+            break
+    a, middle = width / (2.0 * u), along[:, 2] / np.tanh(u)
+    first, last = (np.arcsinh(0.5 * (middle + side * length) / a) for side in (-1.0, 1.0))
+    steps = np.linspace(0.0, 1.0, N_CHORDS + 1)
+    height = np.cosh(first[:, None] + (last - first)[:, None] * steps)
+    points = start[:, None] + steps[:, None] * along[:, None]
+    points[..., 2] = start[:, None, 2] + a[:, None] * (height - height[:, :1])
+    points[:, -1] = end
+    return points
+
+
+def _log_sinhc(u: Array) -> Array:
+    """ln(sinh(u) / u)."""
+    small = u * u * (1.0 / 6.0 - u * u * (1.0 / 180.0 - u * u / 2835.0))
+    return np.where(u < 0.05, small, u + np.log1p(-np.exp(-2.0 * u)) - np.log(2.0 * u))
+
+
+def _log_sinhc_slope(u: Array) -> Array:
+    small = u * (1.0 / 3.0 - u * u * (1.0 / 45.0 - 2.0 * u * u / 945.0))
+    return np.where(u < 0.05, small, 1.0 / np.tanh(u) - 1.0 / u)

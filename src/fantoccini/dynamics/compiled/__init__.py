@@ -1,0 +1,135 @@
+"""A compiled puppet: its libraries and parameters, and functions of one state."""
+
+from fantoccini.dynamics.compiled import configurations
+from fantoccini.dynamics.compiled.active_set import (
+    ROW_TOLERANCES,
+    ActiveSet,
+    taut_mask,
+)
+from fantoccini.dynamics.compiled.analysis import (
+    A_rate,
+    coriolis_full,
+    effort,
+    energies,
+    interpreted,
+    link_index,
+)
+from fantoccini.dynamics.compiled.checks import (
+    as_inputs,
+    bind_input,
+    bind_inputs,
+    check_apart,
+    check_memory,
+    check_samples,
+    check_start,
+    check_starts,
+    check_step,
+    check_steps,
+    checked_end,
+    count_samples,
+    refuse_contact,
+)
+from fantoccini.dynamics.compiled.configurations import (
+    difference,
+    integrate,
+    retract,
+)
+from fantoccini.dynamics.compiled.contact_geometry import (
+    GEOMETRY_TOLERANCES,
+    PairGeometry,
+    Touch,
+)
+from fantoccini.dynamics.compiled.critical_step import critical_step_of_tensions
+from fantoccini.dynamics.compiled.evaluation import Evaluation
+from fantoccini.dynamics.compiled.flow import Flow
+from fantoccini.dynamics.compiled.forward_dynamics import (
+    ForwardDynamics,
+    forward_dynamics,
+)
+from fantoccini.dynamics.compiled.mass_check import check_mass_matrix
+from fantoccini.dynamics.compiled.methods import (
+    Event,
+    Method,
+    MethodName,
+    TimeStepping,
+    Variational,
+    as_method,
+)
+from fantoccini.dynamics.compiled.model import (
+    LIMITS,
+    Model,
+)
+from fantoccini.dynamics.compiled.parameter_values import parameter_rows
+from fantoccini.dynamics.compiled.portable import PortablePuppet
+from fantoccini.dynamics.compiled.quantities import Quantities
+from fantoccini.dynamics.compiled.screws import (
+    OFFSETS,
+    PARAMETER_STEP,
+    WEIGHTS,
+    Screws,
+    bracket,
+    relations,
+)
+from fantoccini.dynamics.compiled.touching import TOUCHING
+from fantoccini.dynamics.compiled.vectors import (
+    vector,
+    vectors,
+)
+
+__all__ = [
+    "GEOMETRY_TOLERANCES",
+    "LIMITS",
+    "OFFSETS",
+    "PARAMETER_STEP",
+    "ROW_TOLERANCES",
+    "TOUCHING",
+    "WEIGHTS",
+    "A_rate",
+    "ActiveSet",
+    "Evaluation",
+    "Event",
+    "Flow",
+    "ForwardDynamics",
+    "Method",
+    "MethodName",
+    "Model",
+    "PairGeometry",
+    "PortablePuppet",
+    "Quantities",
+    "Screws",
+    "TimeStepping",
+    "Touch",
+    "Variational",
+    "as_inputs",
+    "as_method",
+    "bind_input",
+    "bind_inputs",
+    "bracket",
+    "check_apart",
+    "check_mass_matrix",
+    "check_memory",
+    "check_samples",
+    "check_start",
+    "check_starts",
+    "check_step",
+    "check_steps",
+    "checked_end",
+    "configurations",
+    "coriolis_full",
+    "count_samples",
+    "critical_step_of_tensions",
+    "difference",
+    "effort",
+    "energies",
+    "forward_dynamics",
+    "integrate",
+    "interpreted",
+    "link_index",
+    "parameter_rows",
+    "refuse_contact",
+    "relations",
+    "retract",
+    "taut_mask",
+    "vector",
+    "vectors",
+]

@@ -1,0 +1,88 @@
+"""The active set of a state: its taut strings and closed limits.
+
+A row that the state's ``taut`` marks is active. The others are where h = 0 and hdot = 0, up to
+rounding. What an active row pulls follows from tau >= 0, hddot <= 0, tau . hddot = 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Array, MaskRows, StateError
+from fantoccini.dynamics.compiled.evaluation import Evaluation
+from fantoccini.dynamics.compiled.model import Model
+from fantoccini.kernel.contract import CLOSED_GAP, REST_SPEED, START_GAP
+from fantoccini.motion import State
+
+
+@dataclass(frozen=True)
+class ActiveSetTolerances:
+    """Gaps h relative to 1 or the string's length; speeds hdot relative to 1 or the largest one."""
+
+    closed_gap: float = CLOSED_GAP  # Rounding: rows with -h below it are closed
+    start_gap: float = START_GAP
+    """Rows with |h| below it are closed where a run begins, which brings them to h = 0."""
+    stepped_gap: float = 1e-3  # What a fixed step may leave of h
+    touching: float = 1e-6  # Overlap of solids that an event-driven run mends at its start [m]
+    taut_gap: float = 1e-2
+    """Rows marked taut are active up to this -h: far above what a coarse fixed step leaves."""
+    rest_speed: float = REST_SPEED  # |hdot| that counts as rest
+    slip_speed: float = 1e-2
+    """hdot from which the winch of a taut string slips: fixed steps leave less."""
+
+
+ROW_TOLERANCES = ActiveSetTolerances()
+
+
+@dataclass(frozen=True, eq=False)
+class ActiveSet:
+    """The active rows of a state, by what they do.
+
+    Attributes:
+        held: (n_rows,) bool, closed rows, and wires.
+        slipping: (n_rows,) bool, strings whose winch slips: they pull with its largest tension.
+    """
+
+    held: MaskRows
+    slipping: MaskRows
+
+    @classmethod
+    def of(cls, model: Model, x: State, at: Evaluation) -> ActiveSet:
+        """The active set of a state, with the model evaluated there."""
+        scale = model.row_scales(x.q_D, x.q_K)
+        taut = taut_mask(model, x) & ~_far(model, at.h, scale)
+        top = max(1.0, float(np.max(np.abs(x.v_D), initial=0.0)))
+        reaches = at.h >= -ROW_TOLERANCES.closed_gap * scale
+        gives = np.isfinite(model.upper) & (taut | reaches)
+        at_bound = np.abs(at.h) <= ROW_TOLERANCES.start_gap * scale
+        stepped = taut & ~at_bound
+        slip_speed = np.where(stepped, ROW_TOLERANCES.slip_speed, ROW_TOLERANCES.rest_speed)
+        slipping = gives & (at.hdot > slip_speed * top)
+        held = taut | (reaches & (np.abs(at.hdot) <= ROW_TOLERANCES.rest_speed * top))
+        return cls((held | model.two_sided) & ~slipping, slipping)
+
+
+def taut_mask(model: Model, x: State) -> MaskRows:
+    """(n_rows,) bool, ``x.taut``; all False where the state does not know it."""
+    return x.taut if len(x.taut) else np.zeros(model.tree.n_rows, dtype=bool)
+
+
+def check_active_set(model: Model, x: State, at: Evaluation) -> None:
+    """Raises StateError where rows marked taut are slack, naming them and their gaps."""
+    scale = model.row_scales(x.q_D, x.q_K)
+    wrong = np.flatnonzero(taut_mask(model, x) & _far(model, at.h, scale))
+    if not len(wrong):
+        return
+    names = model.tree.row_names
+    gaps = "; ".join(f"{names[r]} by {-at.h[r]:.3g}" for r in wrong)
+    raise StateError(
+        f"the state marks these strings and limits as taut, but they are slack by more than "
+        f"{ROW_TOLERANCES.taut_gap:g} of their length or range: {gaps}. x.replace(taut=...) "
+        "corrects the active set, marionette.project(x) finds it"
+    )
+
+
+def _far(model: Model, h: Array, scale: Array) -> MaskRows:
+    return ~(h >= -ROW_TOLERANCES.taut_gap * scale) & ~model.two_sided

@@ -1,0 +1,357 @@
+"""Validation of a run's arguments: step, memory, start state, inputs."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+
+import numpy as np
+
+from fantoccini.base import Array, InputError, Mistake, StateError, floats, is_number
+from fantoccini.dynamics.compiled.active_set import ROW_TOLERANCES
+from fantoccini.dynamics.compiled.critical_step import critical_step
+from fantoccini.dynamics.compiled.model import Model
+from fantoccini.kernel.runtime import RunOptions, memory
+from fantoccini.motion import Input, Inputs, State, States, joints
+
+_STATES_AT_ONCE = 4096
+"""States evaluated together, which bounds the memory."""
+_MAX_LISTED = 20
+"""Mistakes of one kind that a message lists."""
+
+
+def checked_end(t_end: object, t: float) -> float:
+    """The end of a run that starts at t [s].
+
+    Raises:
+        ValueError: it is no finite time later than the start.
+    """
+    if not is_number(t_end) or not t < floats(t_end) < np.inf:
+        raise ValueError(
+            f"t_end is {t_end!r}; it must be a finite time later than the start at {t:g} s"
+        )
+    return float(t_end)
+
+
+def check_step(model: Model, method: str, q_D: Array, q_K: Array, dt: float) -> None:
+    """Raises StateError where time-stepping would be unstable on a spring or a chain.
+
+    dt <= 2 (sqrt(1 + zeta^2) - zeta) / omega,   omega = 2 sqrt(k / m) cos(pi / 2n)
+
+    omega is the fastest vibration of a chain with fixed ends, n the number of its pieces, k their
+    stiffness and m each of its masses; zeta = omega c / 2k is its damping ratio, c a piece's
+    damping. Both forces are taken at the step's start, v+ = v - dt (omega^2 q + 2 zeta omega v) and
+    q+ = q + dt v+, with an eigenvalue -1 at (omega dt)^2 + 4 zeta omega dt = 4. For springs see
+    :mod:`fantoccini.dynamics.compiled.critical_step`.
+
+    Args:
+        model: the puppet.
+        method: of the run; only ``timestepping`` takes these forces from the step's start.
+        q_D, q_K: (..., n_qD), (..., n_qK) configurations at the start.
+        dt: the step [s].
+    """
+    if method != "timestepping":
+        return
+    if found := critical_step(model, q_D, q_K, dt):
+        longest, name = found
+        raise StateError(
+            f"dt = {dt:g} s is too long for the spring {name}: with method='timestepping' its "
+            f"vibrations grow without bound in steps above {longest:.2g} s (2 / omega without "
+            "damping). Take a shorter dt, method='event', or a softer or less damped spring"
+        )
+    for chain in model.tree.chains:
+        n, length = chain.pieces, np.min(chain.own_length(q_D, q_K, model.number))
+        lump = model.tree.links[chain.points[1].link].lumps[0]
+        k = model.number(chain.stiffness) * n / length
+        m = model.number(lump.amount) * lump.volume
+        omega = 2.0 * np.sqrt(k / m) * np.cos(np.pi / (2 * n))
+        zeta = 0.5 * omega * model.number(chain.damping) / model.number(chain.stiffness)
+        longest = 2.0 / (omega * (np.hypot(1.0, zeta) + zeta))
+        if not dt <= longest:
+            raise StateError(
+                f"dt = {dt:g} s is too long for the chain {chain.name}: with method="
+                f"'timestepping' its vibrations grow without bound in steps above {longest:.2g} s. "
+                "Take a shorter dt, method='event', or fewer, softer, heavier or less damped pieces"
+            )
+
+
+def check_steps(model: Model, method: str, states: States, p: Array, dt: float) -> None:
+    """:func:`check_step` of many states, or of one, at parameters (1 or n, n_p)."""
+    rows, first = np.unique(p, axis=0, return_index=True)
+    if len(rows) == 1 or not (model.tree.chains or model.tree.springs):
+        check_step(model.with_p(p[0]), method, states.q_D, states.q_K, dt)
+        return
+    for i in map(int, np.sort(first)):
+        some = states.some(slice(i, i + 1) if len(states) > 1 else slice(None))
+        check_step(model.with_p(p[i]), method, some.q_D, some.q_K, dt)
+
+
+def check_samples(
+    model: Model,
+    method: str,
+    options: RunOptions,
+    t: float,
+    t_end: float,
+    save_at: Array | None = None,
+) -> None:
+    """Raises StateError where the samples of a run from t to t_end [s] will not fit in memory.
+
+    An event-driven run that writes its own steps (no ``save_at``) is stopped when its samples reach
+    the bound.
+    """
+    if method != "event":
+        n = count_samples(options, t, t_end)
+    elif save_at is not None:
+        n = len(save_at)
+    else:
+        return
+    width = sum(model.sample_layout.widths.values())
+    check_memory(method, options, t, t_end, n, memory.bytes_of(n, width))
+
+
+def count_samples(options: RunOptions, t: float, t_end: float) -> float:
+    """Number of samples that fixed steps write; StateError where the clock cannot resolve dt."""
+    finest = 4.0 * np.spacing(max(1.0, abs(t), abs(t_end)))
+    if options.dt < min(finest, 0.5 * (t_end - t)):
+        raise StateError(
+            f"dt is {options.dt:g} s; the clock of a run from {t:g} s to {t_end:g} s resolves "
+            f"{finest:.2g} s. Take longer steps, or count time from a start near 0"
+        )
+    return np.ceil((t_end - t) / options.dt / options.save_every) + 1.0
+
+
+def check_memory(
+    method: str, options: RunOptions, t: float, t_end: float, n: float, need: float
+) -> None:
+    """Raises StateError unless ``need`` bytes for n samples from t to t_end [s] may be used."""
+    most = memory.bound(need, options.max_memory)
+    if need <= most:
+        return
+    samples = f"{n:.3g} samples from {t:g} s to {t_end:g} s"
+    fewer = "give fewer times in save_at"
+    if method != "event":
+        every = np.ceil(1.1 * options.save_every * need / most)
+        samples += f", one every {options.save_every * options.dt:g} s,"
+        fewer = f"write fewer with save_every={every:.0f}"
+    raise StateError(
+        f"{samples} need {need / 1e9:.3g} GB of memory; {most / 1e9:.3g} GB may be used. End "
+        f"sooner, {fewer}, or allow more with max_memory"
+    )
+
+
+def check_start(model: Model, x: State, method: str = "event") -> None:
+    """Raises StateError when a run of a method cannot begin at a state, naming rows and violations.
+
+    ``event`` and ``variational`` require that no string is longer than its length, or at its length
+    and about to be longer, and that strings marked taut are not shorter. ``timestepping`` may
+    start from any state its steps produce: it corrects violations and catches imminent ones.
+    """
+    check_starts(model, model.states([x]), method)
+
+
+def check_starts(
+    model: Model, states: States, method: str = "event", p: Array | None = None
+) -> None:
+    """:func:`check_start` of many states; the first wrong one is reported.
+
+    Args:
+        model: the puppet.
+        states: one for all parameters, or one for each.
+        method: of the runs.
+        p: (1 or n, n_p) parameters of the runs; the model's own when not given.
+    """
+    p = model.p[None] if p is None else p
+    stepped = method == "timestepping"
+    _check_contact(model, states, method)
+    if len(states) == 1 and len(p) > 1:
+        states = states.repeated(len(p))
+    for first in range(0, len(states), _STATES_AT_ONCE):
+        some = states.some(slice(first, first + _STATES_AT_ONCE))
+        own = p if len(p) == 1 else p[first : first + _STATES_AT_ONCE]
+        h, hdot = _rows_of(model, some, own)
+        scale = model.row_scales(some.q_D, some.q_K)
+        wires, firm = model.two_sided, ~np.isfinite(model.upper)
+        near = (ROW_TOLERANCES.stepped_gap if stepped else ROW_TOLERANCES.start_gap) * scale
+        # Time-stepping may continue where it went on under inputs that nothing can follow.
+        known = some.taut if stepped else np.zeros_like(some.taut)
+        off = ~(np.where(wires, np.abs(h), h) <= near) & ~known
+        top = np.max(np.abs(some.v_D), axis=1, initial=1.0)[:, None]
+        speed = ROW_TOLERANCES.rest_speed * top
+        # A winch that slips absorbs the speed.
+        passing = ~(np.where(wires, np.abs(hdot), hdot) <= speed) & (wires | firm)
+        # A string slack by more than rounding is caught right after the start of the run.
+        open_ = (h < -ROW_TOLERANCES.closed_gap * scale) & ~some.taut & ~wires
+        passing &= ~off & ~open_ & (np.abs(h) <= near) & (not stepped)
+        slack = some.taut & ~(h >= -near) & ~off & (not stepped)
+        wrong = off | passing | slack
+        if not np.any(wrong):
+            continue
+        i = int(np.argmax(np.any(wrong, axis=1)))
+        which = f"states[{first + i}]" if len(states) > 1 else "the start state"
+        rows, findings = np.flatnonzero(wrong[i]), []
+        for r in rows:
+            name = model.tree.row_names[r]
+            if off[i, r]:
+                findings.append(f"{name} is violated by {h[i, r]:.3g}")
+            elif slack[i, r]:
+                findings.append(f"{name} is marked taut and slack by {-h[i, r]:.3g}")
+            else:
+                findings.append(f"{name} is at its bound and moves past it at {hdot[i, r]:.3g}/s")
+        raise StateError(
+            f"{which} violates {len(findings)} of the strings and limits: "
+            + "; ".join(findings)
+            + ". marionette.project(x) gives the nearest state that does not."
+        )
+
+
+def refuse_contact(model: Model, what: str) -> None:
+    """Raises StateError where a puppet has contact, which ``what`` does not know."""
+    if model.puppet.touching is not None:
+        text = f"{model.name} has contact, which {what} does not know; {_leave_out(model)}"
+        raise StateError(text)
+
+
+def _leave_out(model: Model) -> str:
+    """Advice on removing the contact of a puppet, with the path of its file."""
+    file, _ = model.puppet.locate("")
+    if not os.path.isfile(file):
+        return "leave its contact out (contact: false)"
+    return f"write contact: false in {file}, or in a copy of it"
+
+
+def _check_contact(model: Model, states: States, method: str) -> None:
+    """Raises StateError where a method knows no contact, or solids overlap at the start."""
+    if model.puppet.touching is None:
+        return
+    if method == "variational":
+        raise StateError(
+            f"{model.name} has contact, which method={method!r} does not know; take "
+            f"method='event' or 'timestepping', or {_leave_out(model)}"
+        )
+    allowed = ROW_TOLERANCES
+    check_apart(model, states, allowed.touching if method == "event" else allowed.stepped_gap)
+
+
+def check_apart(model: Model, states: States, most: float = ROW_TOLERANCES.stepped_gap) -> None:
+    """Raises StateError where solids overlap by more than ``most`` [m]."""
+    if model.contacts is None:
+        return
+    for first in range(0, len(states), _STATES_AT_ONCE):
+        some = slice(first, first + _STATES_AT_ONCE)
+        gaps = model.library.gaps(model.contacts, states.q_D[some], states.q_K[some], model.p)
+        deep = np.flatnonzero(np.any(gaps < -most, axis=1))
+        if not len(deep):
+            continue
+        i = first + int(deep[0])
+        found = model.overlaps(states.q_D[i], states.q_K[i], most)
+        which = f"states[{i}]" if len(states) > 1 else "the start state"
+        listed = "; ".join(f"{name} by {depth:.3g} m" for name, depth in found.items())
+        raise StateError(f"in {which} solids overlap: {listed}. Move them apart")
+
+
+def _rows_of(model: Model, x: States, p: Array) -> tuple[Array, Array]:
+    """h and hdot (n, n_rows) of states at parameters (1 or n, n_p)."""
+    tree, table = model.tree, model.coordinates
+    still = {"acc_K": np.zeros(table.n_vK), "u_D": np.zeros(table.n_vD)}
+    on = model.library.evaluate("dynamics", **model.at(x, p), **still)
+    hdot_limit = np.zeros_like(on.h_limit)
+    for i, limit in enumerate(tree.limits):
+        place = tree.links[limit.link].v
+        J = on.J_limit[:, : place.stop - place.start, i]
+        hdot_limit[:, i] = (J * x.v_D[:, place]).sum(axis=1)
+    hdot = on.hdot - model.rewinding(x.slip)
+    return np.hstack([on.h - x.slip, on.h_limit]), np.hstack([hdot, hdot_limit])
+
+
+def bind_input(
+    model: Model, inputs: Input, q_K: Array, v_K: Array, t: float, t_end: float
+) -> Input:
+    """Inputs bound to the driven configuration and velocity of a start state, for a run.
+
+    Args:
+        model: the puppet.
+        inputs: not bound yet.
+        q_K, v_K: (n_qK,), (n_vK,) of the start state.
+        t, t_end: the run [s].
+
+    Raises:
+        InputError: they are another puppet's, begin elsewhere, or begin or end abruptly.
+        StateError: a driven velocity would jump.
+    """
+    check_inputs(model, inputs, t, t_end)
+    if t < inputs.start or inputs.end < t_end:
+        inputs = inputs.at_rest()
+    bound = inputs.bound(q_K, t, v_K)
+    check_speeds(model, t, v_K[None], as_inputs(bound))
+    return bound
+
+
+def bind_inputs(
+    model: Model, inputs: Inputs, q_K: Array, v_K: Array, t: float, t_end: float
+) -> Inputs:
+    """:func:`bind_input` of many inputs, or for many states: (n or 1, ...)."""
+    check_inputs(model, inputs, t, t_end)
+    within = np.any(t < inputs.breaks[:, 0]) or np.any(inputs.breaks[:, -1] < t_end)
+    if within and not inputs.relative:
+        inputs = inputs.at_rest()
+    bound = inputs.bound(q_K, t, v_K)
+    check_speeds(model, t, v_K, bound)
+    return bound
+
+
+def check_inputs(model: Model, inputs: Input | Inputs, t: float, t_end: float) -> None:
+    """Raises InputError unless inputs are this puppet's and begin and end at rest in a run."""
+    inputs = as_inputs(inputs)
+    own, theirs = model.coordinates, inputs.coordinates
+    if (own.q_K, own.v_D) != (theirs.q_K, theirs.v_D):
+        text = (
+            "were made for a puppet with the driven coordinates "
+            f"{', '.join(theirs.q_K) or 'none'}; {model.name} has "
+            f"{', '.join(own.q_K) or 'none'}"
+        )
+        raise InputError([Mistake("inputs", None, "", text)])
+    mistakes = []
+    last = inputs.breaks[:, -1]
+    ends = (
+        ("begin", inputs.breaks[:, 0], inputs.breaks[:, 0] > t, inputs.coef[:, 0, :, 1]),
+        ("end", last, last < t_end, inputs.evaluate(last)[1]),
+    )
+    for what, when, inside, speed in ends:
+        wrong = ~(np.abs(speed) <= joints.TOLERANCES.speed) & inside[:, None]
+        if np.any(wrong):
+            wrong &= ~(np.abs(speed) <= joints.tolerances(own, inputs.breaks, inputs.coef)[1])
+        for n, i in np.argwhere(wrong)[:_MAX_LISTED]:
+            at = when[n if len(when) > 1 else 0]
+            which = f"inputs[{n}].{own.v_K[i]}" if len(inputs) > 1 else own.v_K[i]
+            text = (
+                f"the inputs {what} at t = {at:g} s with the velocity {speed[n, i]:.6g}, and the "
+                f"run goes from {t:g} s to {t_end:g} s; let them {what} at rest, or keep the run "
+                "within them"
+            )
+            mistakes.append(Mistake("inputs", None, which, text))
+    if mistakes:
+        raise InputError(mistakes)
+
+
+def check_speeds(model: Model, t: float, v_K: Array, bound: Inputs) -> None:
+    """Raises StateError where driven velocities v_K (n or 1, n_vK) at t jump to bound inputs."""
+    found = bound.evaluate(t)[1]
+    wrong = ~(np.abs(found - v_K) <= joints.TOLERANCES.speed)
+    if not np.any(wrong):
+        return
+    i = int(np.argmax(np.any(wrong, axis=1)))
+    rows = np.flatnonzero(wrong[i])
+    names = [model.coordinates.v_K[r] for r in rows]
+    has, begins = np.broadcast_to(v_K, wrong.shape)[i], np.broadcast_to(found, wrong.shape)[i]
+    which = f" of run {i}" if len(wrong) > 1 else ""
+    raise StateError(
+        f"the velocity of {', '.join(names)}{which} would jump at t = {t:g} s: the state has "
+        f"{has[rows[0]]:.6g}, the inputs begin with {begins[rows[0]]:.6g}"
+    )
+
+
+def as_inputs(inputs: Input | Inputs | Sequence[Input]) -> Inputs:
+    """One or many inputs, stacked."""
+    if isinstance(inputs, Inputs):
+        return inputs
+    return Inputs.of([inputs] if isinstance(inputs, Input) else list(inputs))

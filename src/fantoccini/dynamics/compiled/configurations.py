@@ -1,0 +1,33 @@
+"""Differences of configurations: tangent vectors, ordered as the velocities."""
+
+from __future__ import annotations
+
+from fantoccini.base import Array, tangent
+from fantoccini.dynamics.compiled.model import Model
+from fantoccini.dynamics.compiled.vectors import vectors
+
+
+def difference(model: Model, q0: Array, q1: Array, driven: bool = False) -> Array:
+    """dq with ``integrate(model, q0, dq)`` = q1; see :meth:`Marionette.difference`."""
+    scalars, quaternions, n_q, n_v = _layout(model, driven)
+    q0, q1 = (vectors("q", q, n_q) for q in (q0, q1))
+    return tangent.between(scalars, quaternions, q0, q1, n_v)
+
+
+def integrate(model: Model, q: Array, dq: Array, driven: bool = False) -> Array:
+    """q moved by dq; see :meth:`Marionette.integrate`."""
+    scalars, quaternions, n_q, n_v = _layout(model, driven)
+    return tangent.moved(scalars, quaternions, vectors("q", q, n_q), vectors("dq", dq, n_v))
+
+
+def retract(model: Model, q_D: Array, move: Array) -> Array:
+    """q_D (..., n_qD) moved by tangent vectors (..., n_vD), without checks of what is given."""
+    table = model.coordinates
+    return tangent.moved(table.scalars_D, table.quaternions_D, q_D, move)
+
+
+def _layout(model: Model, driven: bool) -> tuple[tangent.Places, tangent.Places, int, int]:
+    t = model.coordinates
+    if driven:
+        return t.scalars_K, t.quaternions_K, t.n_qK, t.n_vK
+    return t.scalars_D, t.quaternions_D, t.n_qD, t.n_vD

@@ -1,0 +1,159 @@
+"""The critical step of a puppet's springs: the longest fixed step at which they stay bounded.
+
+``timestepping`` takes springs and their dampers from the step's start, and ``variational`` solves
+for them by repeated steps of that kind:
+
+    M (v+ - v) = -dt (K q + C v),   q+ = q + dt v+
+
+which has an eigenvalue -1 where dt^2 K + 2 dt C reaches 4 M, and grows without bound beyond: at
+dt = 2 / omega without damping. With b the motions of the springs' points relative to each other,
+K = b^T k b and C = b^T c b, so that the largest eigenvalue of B^T M^-1 B must stay below 4, with
+B = b^T sqrt(dt^2 k + 2 dt c). A spring counts in all three directions, since it turns in a run.
+
+A taut string is such a spring across its segments, with k = tension / length: light things on it
+vibrate fast.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from fantoccini.base import Array
+from fantoccini.dynamics.compiled import analysis
+from fantoccini.dynamics.compiled.model import Model
+from fantoccini.model.tree import WORLD, Link, Point, Role, link_inertia
+
+_HALVINGS = 60
+"""Bisections of the step: to rounding."""
+_MIN_SEGMENT = 1e-6
+"""Length below which a segment has collapsed and has no direction [m]."""
+_STATES_AT_ONCE = 1024
+"""States evaluated together, which bounds the memory."""
+
+
+def critical_step(
+    model: Model, q_D: Array, q_K: Array, dt: float
+) -> tuple[float, str] | None:
+    """The critical step [s] and its spring; None where ``dt`` is below it at all configurations."""
+    names, k, c = _springs(model)
+    if not names:
+        return None
+    lead = np.broadcast_shapes(q_D.shape[:-1], q_K.shape[:-1])
+    n = int(np.prod(lead))
+    q_D, q_K = (
+        np.broadcast_to(q, (*lead, q.shape[-1])).reshape(n, q.shape[-1]) for q in (q_D, q_K)
+    )
+    found: tuple[float, str] | None = None
+    for first in range(0, len(q_D), _STATES_AT_ONCE):
+        some = slice(first, first + _STATES_AT_ONCE)
+        W = _columns(model, q_D[some], q_K[some])
+        inside = np.einsum("nik,njk->nij", W, W)
+
+        def largest(step: float, inside: Array = inside) -> tuple[float, int]:
+            root = np.sqrt(step * step * k + 2.0 * step * c)
+            sizes, ways = np.linalg.eigh(root[:, None] * inside * root)
+            worst = int(np.argmax(sizes[:, -1]))
+            return float(sizes[worst, -1]), int(np.argmax(np.abs(ways[worst, :, -1])))
+
+        if not largest(dt)[0] > 4.0:
+            continue
+        low, high = 0.0, dt
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            low, high = (low, middle) if largest(middle)[0] > 4.0 else (middle, high)
+        dt, found = low, (low, names[largest(high)[1]])
+    return found
+
+
+def _springs(model: Model) -> tuple[list[str], Array, Array]:
+    """Name, stiffness and damping of every column: of joints' springs, then of springs."""
+    names: list[str] = []
+    k: list[float] = []
+    c: list[float] = []
+    for link in model.tree.links:
+        stiffness = model.number(link.stiffness)
+        if link.role is Role.DYNAMIC and stiffness > 0.0:
+            n = link.v.stop - link.v.start
+            names += n * [link.joint]
+            k += n * [stiffness]
+            c += n * [0.0]
+    for spring in model.tree.springs:
+        names += 3 * [spring.name]
+        k += 3 * [model.number(spring.stiffness)]
+        c += 3 * [model.number(spring.damping)]
+    return names, np.array(k), np.array(c)
+
+
+def _columns(model: Model, q_D: Array, q_K: Array) -> Array:
+    """(n, columns, n_vD) F^-T b^T of every column at n states, M = F^T F."""
+    tree, table, n = model.tree, model.coordinates, len(q_D)
+    forces: list[Array] = []
+    for link in tree.links:
+        if link.role is Role.DYNAMIC and model.number(link.stiffness) > 0.0:
+            forces += [np.tile(row, (n, 1)) for row in np.eye(table.n_vD)[link.v]]
+    for spring in tree.springs:
+        forces += [_pull(model, q_D, q_K, spring.points, axis) for axis in np.eye(3)]
+    return _forth(model, q_D, q_K, forces)
+
+
+def critical_step_of_tensions(model: Model, q_D: Array, q_K: Array, tension: Array) -> float:
+    """2 / omega of the fastest vibration from tensions (n_strings,) [s]; infinity without one."""
+    poses, (q_D, q_K) = analysis.poses(model, q_D, q_K), (q_D[None], q_K[None])
+    forces, k = [], []
+    for string, pull in zip(model.tree.strings, tension, strict=True):
+        for ends in pairwise(string.points) if pull > 0.0 else ():
+            d = _place(model, poses, ends[1]) - _place(model, poses, ends[0])
+            length = float(np.linalg.norm(d))
+            if ends[0].link == ends[1].link or length < _MIN_SEGMENT:
+                continue
+            for across in np.linalg.svd(d[None])[2][1:]:
+                forces.append(_pull(model, q_D, q_K, ends, across))
+                k.append(pull / length)
+    if not forces:
+        return np.inf
+    root = np.sqrt(k)[:, None] * _forth(model, q_D, q_K, forces)[0]
+    fastest = float(np.linalg.norm(root, 2))
+    return 2.0 / fastest if fastest > 0.0 else np.inf
+
+
+def _forth(model: Model, q_D: Array, q_K: Array, forces: list[Array]) -> Array:
+    """(n, len(forces), n_vD) F^-T of forces (n, n_vD)."""
+    table, n = model.coordinates, len(q_D)
+    D, K = np.zeros((n, table.n_vD)), np.zeros((n, table.n_vK))
+    still = {"v_D": D, "u_D": D, "v_K": K, "acc_K": K, "p": model.p}
+    L = model.library.evaluate("dynamics", q_D=q_D, q_K=q_K, **still).L
+    return model.library.evaluate("forth", L=L[:, None], x=np.stack(forces, axis=1)).y
+
+
+def _pull(
+    model: Model, q_D: Array, q_K: Array, ends: tuple[Point, Point], axis: Array
+) -> Array:
+    """(n, n_vD) forces in the joints of a unit force on one point, its opposite on the other."""
+    n, n_links = len(q_D), len(model.tree.links)
+    poses = analysis.poses(model, q_D, q_K)
+    wrench = np.zeros((n, n_links, 6))
+    for point, sign in zip(ends, (1.0, -1.0), strict=True):
+        if point.link == WORLD:
+            continue
+        at = np.array([model.number(x) for x in point.at])
+        at = at - _centre(model, model.tree.links[point.link])
+        arm = poses[:, point.link, :, :3] @ at
+        wrench[:, point.link, :3] += sign * axis
+        wrench[:, point.link, 3:] += np.cross(arm, sign * axis)
+    return model.library.evaluate(
+        "wrench_forces", q_D=q_D, q_K=q_K, wrench=wrench.swapaxes(1, 2), p=model.p
+    ).u_D
+
+
+def _place(model: Model, poses: Array, point: Point) -> Array:
+    """(3,) of a point in the world [m]."""
+    at = np.array([model.number(x) for x in point.at])
+    return at if point.link == WORLD else poses[point.link, :, :3] @ at + poses[point.link, :, 3]
+
+
+def _centre(model: Model, link: Link) -> Array:
+    """(3,) centre of mass in the link's frame, its origin when massless [m]."""
+    mass, centre, _ = link_inertia(link, model.number)
+    return centre if mass > 0.0 else np.zeros(3)

@@ -1,0 +1,107 @@
+"""One evaluation of the compiled model with its rows: the Python side of ``model/evaluation.hpp``.
+
+    hddot = gamma + A_D acc_D,   acc_D = F^-1 (w0 + W lambda),   W = F^-T A_D^T,   M_DD = F^T F
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Array, Indices, MaskRows
+from fantoccini.dynamics.compiled.model import Model
+from fantoccini.dynamics.compiled.vectors import vector
+from fantoccini.kernel.contract import WINCH_AT, WINCH_DECELERATION
+from fantoccini.kernel.runtime import Complementarity, Library
+from fantoccini.motion import State
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """The model's quantities at one state.
+
+    Attributes:
+        library: the compiled puppet.
+        L: packed factor of M_DD.
+        w0: (n_vD,) F^-T of the forces without strings.
+        W: (n_vD, n_rows) F^-T A_D^T, strings then limits.
+        h, hdot, gamma: (n_rows,) [m or rad, and per s, per s^2]; for strings including slip.
+    """
+
+    library: Library
+    L: Array
+    w0: Array
+    W: Array
+    h: Array
+    hdot: Array
+    gamma: Array
+
+    @classmethod
+    def of(
+        cls,
+        model: Model,
+        x: State,
+        acc_K: Array | None = None,
+        u_D: Array | None = None,
+        dt: float = 0.0,
+    ) -> Evaluation:
+        """Evaluates the model at a state.
+
+        Args:
+            model: the puppet.
+            x: the state.
+            acc_K: (n_vK,) accelerations of the inputs; 0 when not given.
+            u_D: (n_vD,) user forces; 0 when not given.
+            dt: step over which damping and drag act implicitly, as in a first time step [s].
+
+        Raises:
+            StateError: the state or a vector does not fit the puppet.
+        """
+        library, tree, table = model.library, model.tree, model.coordinates
+        acc_K, u_D = vector("acc_K", acc_K, table.n_vK), vector("u_D", u_D, table.n_vD)
+        slip = model.states([x]).slip[0]
+        at = model.at(x) | {"acc_K": acc_K, "u_D": u_D}
+        on = factor = library.evaluate("dynamics", **at)
+        if dt:
+            factor = library.evaluate("step_dynamics", **at, v_ahead=x.v_D, dt=dt)
+        n_l = len(tree.limits)
+        J = np.zeros((n_l, table.n_vD))
+        limit, axis, velocity = tree.limit_entries
+        J[limit, velocity] = on.J_limit[axis, limit]
+        W_l = library.evaluate("forth", L=factor.L, x=J).y if n_l else J
+        # A winch that rewinds slip brakes before it stops.
+        speed = model.winches[:, WINCH_AT["rewind_speed"]]
+        braked = np.sqrt(2.0 * WINCH_DECELERATION * slip)
+        braking = np.where((braked > 0) & (braked < speed), WINCH_DECELERATION, 0.0)
+        return cls(
+            library,
+            factor.L,
+            factor.w0,
+            np.concatenate([factor.W.T, W_l]).T,
+            np.concatenate([on.h - slip, on.h_limit]),
+            np.concatenate([on.hdot - model.rewinding(slip), J @ x.v_D]),
+            np.concatenate([on.gamma - braking, on.gamma_limit]),
+        )
+
+    def back(self, w: Array) -> Array:
+        """F^-1 w for vectors (..., n_vD)."""
+        return self.library.evaluate("back", L=self.L, x=w).y
+
+    def forth(self, f: Array) -> Array:
+        """F^-T f for vectors (..., n_vD)."""
+        return self.library.evaluate("forth", L=self.L, x=f).y
+
+    def complementarity(
+        self, rows: Indices, b: Array, two_sided: MaskRows, upper: Array | None = None
+    ) -> Complementarity:
+        """x and s of G x - b = s over some rows; see :meth:`Library.complementarity`.
+
+        Args:
+            rows: indices.
+            b: (len(rows),) right-hand side.
+            two_sided: (n_rows,) bool.
+            upper: (n_rows,) bounds of x; none when not given.
+        """
+        bounds = None if upper is None else upper[rows]
+        return self.library.complementarity(self.W[:, rows], b, two_sided[rows], bounds)

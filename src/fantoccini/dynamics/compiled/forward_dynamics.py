@@ -1,0 +1,54 @@
+"""Accelerations and tensions of a state: Eqs. 10 and 11 with the rules of Sec. IV."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fantoccini.base import Array, StateError
+from fantoccini.dynamics.compiled.active_set import ActiveSet, check_active_set
+from fantoccini.dynamics.compiled.evaluation import Evaluation
+from fantoccini.dynamics.compiled.model import Model
+from fantoccini.motion import State
+
+ROUNDING = 1e-14
+"""hddot that counts as rounding, relative to its largest term or gravity."""
+
+
+class ForwardDynamics(NamedTuple):
+    """Accelerations and tensions at one state.
+
+    Attributes:
+        acc_D: (n_vD,) dynamic accelerations [rad/s^2 or m/s^2].
+        tension: (n_rows,) forces of strings and then limits, >= 0 [N or N m]; the least-norm one
+            where several give the same motion.
+    """
+
+    acc_D: Array
+    tension: Array
+
+
+def forward_dynamics(
+    model: Model, x: State, acc_K: Array | None = None, u_D: Array | None = None
+) -> ForwardDynamics:
+    """acc_D and tension of Eqs. 10 and 11; see :meth:`Marionette.forward_dynamics`."""
+    at = Evaluation.of(model, x, acc_K, u_D)
+    check_active_set(model, x, at)
+    active = ActiveSet.of(model, x, at)
+    tension = np.where(active.slipping, model.upper, 0.0)
+    w0 = at.w0 - at.W[:, active.slipping] @ tension[active.slipping]
+    rows = np.flatnonzero(active.held)
+    hddot = at.gamma[rows] + at.W[:, rows].T @ w0
+    # Rounding alone must not set opposing rows at odds.
+    terms = np.abs(at.gamma[rows]) + np.abs(at.W[:, rows]).T @ np.abs(w0)
+    top = max(float(np.max(terms, initial=0.0)), model.weight / (model.mass or 1.0))
+    hddot[np.abs(hddot) <= ROUNDING * top] = 0.0
+    found = at.complementarity(rows, hddot, model.two_sided, model.upper)
+    if not found.solved:
+        raise StateError(
+            "no acceleration satisfies these strings and limits: "
+            + ", ".join(model.names_of(rows, found.ray))
+        )
+    tension[rows] = found.x
+    return ForwardDynamics(at.back(w0 - at.W[:, rows] @ found.x), tension)

@@ -1,0 +1,173 @@
+"""A puppet's compiled libraries, each loaded from the cache or made when first needed."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from fantoccini.base import BuildError
+from fantoccini.dynamics.compiled.mass_check import check_mass_matrix
+from fantoccini.dynamics.compiled.touching import solids_of_shapes
+from fantoccini.kernel import build
+from fantoccini.kernel.runtime import (
+    BatchLibrary,
+    ClearanceLibrary,
+    DerivativeLibrary,
+    Functions,
+    GradientLibrary,
+    Library,
+    Loaded,
+    ReachLibrary,
+    RolloutLibrary,
+    StepDerivatives,
+)
+from fantoccini.model.puppet import Puppet
+from fantoccini.model.tree import Tree
+
+if TYPE_CHECKING:
+    from fantoccini.kernel.equations import Equations
+
+L = TypeVar("L")
+
+SOURCE_MODULES = ("fantoccini.model.tree.construction", "fantoccini.kernel.codegen.libraries")
+"""Modules that turn a puppet into source text."""
+
+
+@dataclass(frozen=True, eq=False)
+class Compiled:
+    """Equations and libraries of a puppet, shared by its models whatever their parameters.
+
+    Attributes:
+        puppet: as its file describes it.
+        tree: its links, strings, limits and coordinates.
+        progress: called with the stage that begins ("deriving", "compiling").
+
+    Raises:
+        BuildError: on access to a library: no compiler, or it failed.
+        PuppetError: on access to a library: the mass matrix is singular.
+    """
+
+    puppet: Puppet
+    tree: Tree
+    progress: Callable[[str], None] | None = None
+
+    @cached_property
+    def solids(self) -> tuple[int, ...]:
+        """Solids of each shape of the links, in turn: compiled code has room for no others."""
+        return solids_of_shapes(self.puppet.expanded(), self.tree)
+
+    @cached_property
+    def sized(self) -> Tree:
+        """The tree, with room for these solids."""
+        more = sum(self.solids) - len(self.solids)
+        return dataclasses.replace(self.tree, n_pieces=more) if more else self.tree
+
+    @cached_property
+    def equations(self) -> Equations:
+        """The symbolic equations and the functions made from them."""
+        from fantoccini.kernel.equations import derive  # cached puppets derive nothing
+
+        return derive(self.sized)
+
+    @cached_property
+    def library(self) -> Library:
+        """The model and its event-driven and time-stepping runs."""
+        return self._library("model", lambda file: Library(file, self.sized))
+
+    @cached_property
+    def lanes(self) -> BatchLibrary:
+        """The time-stepper for many trajectories in lanes."""
+        return self._library("lanes", self._lanes)
+
+    @cached_property
+    def clearances(self) -> ClearanceLibrary:
+        """Distances from obstacles."""
+        return self._library("clearance", lambda file: ClearanceLibrary(file, self.sized.sizes))
+
+    @cached_property
+    def rollouts(self) -> RolloutLibrary:
+        """The motions of planners."""
+        return self._library("rollouts", lambda file: RolloutLibrary(file, self.sized.sizes))
+
+    @cached_property
+    def variational(self) -> Library:
+        """The variational integrator, for single runs."""
+        return self._library("variational", lambda file: Library(file, self.sized))
+
+    @cached_property
+    def variational_lanes(self) -> BatchLibrary:
+        """The variational integrator of batches."""
+        return self._library("variational_lanes", self._lanes)
+
+    @cached_property
+    def derivatives(self) -> DerivativeLibrary:
+        """The derivatives of the model, and of the smooth pieces of event-driven runs."""
+        load = DerivativeLibrary
+        return self._library("derivatives", lambda file: load(file, self.sized.sizes))
+
+    @cached_property
+    def step_derivatives(self) -> StepDerivatives:
+        """The derivatives of time steps."""
+        load = StepDerivatives
+        return self._library("step_derivatives", lambda file: load(file, self.sized.sizes))
+
+    @cached_property
+    def gradients(self) -> GradientLibrary:
+        """Rollouts of the time-stepper with gradients of their costs."""
+        return self._library("gradients", lambda file: GradientLibrary(file, self.sized.sizes))
+
+    @cached_property
+    def variational_derivatives(self) -> Functions:
+        """The derivatives of the discrete Euler-Lagrange equations."""
+        return self._library(
+            "variational_derivatives", lambda file: Functions(file, self.sized.sizes)
+        )
+
+    @cached_property
+    def reach(self) -> ReachLibrary:
+        """Hanging poses nearest to places."""
+        return self._library("reach", lambda file: ReachLibrary(file, self.sized.sizes))
+
+    def batch_library_of(self, method: str) -> BatchLibrary:
+        """The library for batches of a method."""
+        if method == "event":
+            return BatchLibrary(self.library)
+        return self.lanes if method == "timestepping" else self.variational_lanes
+
+    def library_of(self, method: str) -> Library:
+        """The library for single runs of a method."""
+        return self.variational if method == "variational" else self.library
+
+    def source_files(self, library: str = "model") -> build.Source:
+        """The source files of a library of this puppet."""
+        from fantoccini.kernel import codegen  # cached puppets generate nothing
+
+        check_mass_matrix(self.puppet, self.tree)
+        made = codegen.generate(self.equations, library)
+        facts = {"operations": made.operations}
+        return build.Source(made.files, made.main, facts, made.units, made.shared_units)
+
+    def _lanes(self, file: Path) -> BatchLibrary:
+        return BatchLibrary(Loaded(file, self.sized.sizes))
+
+    def _library(self, name: str, load: Callable[[Path], L]) -> L:
+        """One of ``contract.LIBRARIES``, from the cache or made now."""
+        # Values of parameters are arguments of every function: nothing that is compiled has them.
+        canonical = self.puppet.canonical(values=False)
+        more = self.sized.n_pieces
+        flags = (name, f"{more} more solids") if more else (name,)
+        key = build.fingerprint(canonical, build.code_fingerprint(*SOURCE_MODULES), flags=flags)
+
+        def obtained(afresh: bool = False) -> Path:
+            files = partial(self.source_files, name)
+            folder = build.obtain(key, files, progress=self.progress, afresh=afresh)
+            return folder / build.LIBRARY
+
+        try:
+            return load(obtained())
+        except BuildError:
+            return load(obtained(afresh=True))

@@ -1,0 +1,86 @@
+"""Check that M_DD is not singular, joint by joint."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Array, Mistake, PuppetError
+from fantoccini.base.documents import Number, Parameter
+from fantoccini.model.puppet import Puppet
+from fantoccini.model.tree import Tree, joint_inertias
+
+_POSES = 3
+"""The file's pose and random ones: the first one without a singular joint is enough."""
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """What makes a joint's inertia singular, scaled to a unit diagonal."""
+
+    eigenvalue: float = 1e-12  # Smallest eigenvalue: above rounding, far below any puppet's
+    diagonal: float = 1e-300  # Diagonal entry that is 0 [kg or kg m^2]
+    part: float = 1e-3  # Part of the eigenvector's largest from which a coordinate is named
+
+
+TOLERANCES = Tolerances()
+
+
+def check_mass_matrix(
+    puppet: Puppet, tree: Tree, values: Mapping[str, float] | None = None
+) -> None:
+    """Raises where a joint moves no mass, in the file's pose and in random ones.
+
+    Args:
+        puppet: as its file describes it.
+        tree: of the puppet.
+        values: of parameters; those of the file when not given.
+
+    Raises:
+        PuppetError: naming the coordinates.
+    """
+    present = tree.parameters if values is None else values
+
+    def number(value: Number) -> float:
+        return float(present[value.parameter] if isinstance(value, Parameter) else value)
+
+    table = tree.coordinates
+    names: list[str] = []
+    rng = np.random.default_rng(0)
+    for trial in range(_POSES):
+        q_D, q_K = (np.nan_to_num(q, nan=1.0) for q in (table.start_D, table.start_K))
+        if trial:
+            q_D = q_D + rng.normal(size=table.n_qD)
+            for q, _ in table.quaternions_D:
+                q_D[q : q + 4] /= np.linalg.norm(q_D[q : q + 4])
+        names, what = _singular(tree, q_D, q_K, number)
+        if not names:
+            return
+    owner = puppet.owner_of(names[0])
+    file, line = puppet.locate(owner)
+    text = (
+        f"the mass matrix {what}: look at {', '.join(names)}; give the bodies below this joint a "
+        "mass and an inertia that are positive and finite, or the joint an armature, or make it "
+        "driven or fixed"
+    )
+    raise PuppetError([Mistake(file, line, owner, text)])
+
+
+def _singular(
+    tree: Tree, q_D: Array, q_K: Array, number: Callable[[Number], float]
+) -> tuple[list[str], str]:
+    """Velocities of the singular joint nearest the leaves, and what its inertia is."""
+    for i, held, D in joint_inertias(tree, q_D, q_K, number):
+        names = np.array(tree.coordinates.v_D)[tree.links[i].v]
+        if not np.all(np.isfinite(D)):
+            return list(names), "is not finite"
+        size = np.diag(held)
+        scale = 1.0 / np.sqrt(np.maximum(size, TOLERANCES.diagonal))
+        values, vectors = np.linalg.eigh(D * np.outer(scale, scale))
+        massless = size <= TOLERANCES.diagonal
+        if values[0] <= TOLERANCES.eigenvalue or np.any(massless):
+            part = np.where(massless, 1.0, np.abs(vectors[:, 0]))
+            return list(names[part > TOLERANCES.part * np.max(part)]), "is singular"
+    return [], ""

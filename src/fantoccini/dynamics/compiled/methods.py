@@ -1,0 +1,112 @@
+"""The three ways to make a run, each with its own options."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+from fantoccini.base import check_positive
+
+MethodName = Literal["event", "timestepping", "variational"]
+
+
+class _Options:
+    """Options of a method; numbers are checked when it is made."""
+
+    name: ClassVar[MethodName]
+
+    def __post_init__(self) -> None:
+        check_positive(**{k: x for k, x in self.options.items() if k != "extrapolate"})
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The run options that it sets."""
+        return dict(vars(self))
+
+
+@dataclass(frozen=True)
+class Event(_Options):
+    """Event-driven: adaptive order 8 between located events, with exact impulses.
+
+    Attributes:
+        rtol, atol: tolerances of the integrator.
+        max_step: its largest step [s].
+
+    Raises:
+        ValueError: a number is not positive and finite.
+    """
+
+    rtol: float = 1e-11
+    atol: float = 1e-11
+    max_step: float = 0.1
+
+    name: ClassVar[MethodName] = "event"
+
+
+@dataclass(frozen=True)
+class TimeStepping(_Options):
+    """Fixed steps that catch and release within themselves: interaction, planning, batches.
+
+    Attributes:
+        dt: step [s].
+        extrapolate: take velocity products half a step ahead, from the accelerations of the steps
+            before, which keeps the energy of spinning bodies. False makes each step depend on its
+            state alone, so that a run continues from any sample to the same bits.
+
+    Raises:
+        ValueError: the step is not positive and finite.
+    """
+
+    dt: float = 0.002
+    extrapolate: bool = True
+
+    name: ClassVar[MethodName] = "timestepping"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not isinstance(self.extrapolate, bool):
+            raise ValueError(f"extrapolate is {self.extrapolate!r}; it must be True or False")
+
+
+@dataclass(frozen=True)
+class Variational(_Options):
+    """Fixed steps of second order whose energy does not drift, with exact lengths at every step.
+
+    Attributes:
+        dt: step [s].
+
+    Raises:
+        ValueError: the step is not positive and finite.
+    """
+
+    dt: float = 0.002
+
+    name: ClassVar[MethodName] = "variational"
+
+
+Method = Event | TimeStepping | Variational
+
+METHODS: dict[str, type[Method]] = {kind.name: kind for kind in (Event, TimeStepping, Variational)}
+
+
+def as_method(method: Method | MethodName, **options: Any) -> Method:
+    """A method by its name, with the options given; or a method as it is.
+
+    Raises:
+        ValueError: no method has that name, or it does not take an option.
+    """
+    if isinstance(method, Method) and not options:
+        return method
+    if not isinstance(method, str) or method not in METHODS:
+        raise ValueError(
+            f"method is {method!r}; it must be one of {', '.join(map(repr, METHODS))}, or "
+            "fan.Event(...), fan.TimeStepping(...) or fan.Variational(...)"
+        )
+    kind = METHODS[method]
+    known = kind.__dataclass_fields__
+    for name in options:
+        if name not in known:
+            raise ValueError(
+                f"{name} does not go with method={method!r}, which takes {', '.join(known)}"
+            )
+    return kind(**options)

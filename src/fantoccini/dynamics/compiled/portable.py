@@ -1,0 +1,35 @@
+"""How a model travels to another process or machine: as the text of its puppet.
+
+The compiled libraries stay behind; the other machine has them in its cache, or makes them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fantoccini.model.puppet import Puppet
+from fantoccini.motion import mesh_files, restored
+
+
+@dataclass(frozen=True)
+class PortablePuppet:
+    """A puppet as plain data.
+
+    Attributes:
+        name: of the puppet.
+        text: YAML.
+        meshes: mesh file -> content.
+    """
+
+    name: str
+    text: str
+    meshes: dict[str, bytes]
+
+    @classmethod
+    def of(cls, puppet: Puppet) -> PortablePuppet:
+        """A puppet as plain data."""
+        return cls(puppet.name, puppet.to_yaml(), mesh_files(puppet))
+
+    def puppet(self) -> Puppet:
+        """The puppet again."""
+        return restored(self.text, f"<{self.name}>", self.meshes)

@@ -1,0 +1,41 @@
+"""Layout of a trajectory's samples as the runtime writes them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from fantoccini.base import Array
+from fantoccini.kernel.contract import SAMPLE
+from fantoccini.model.tree import Tree
+from fantoccini.motion import State
+
+
+@dataclass(frozen=True)
+class SampleLayout:
+    """Splits samples of a tree's motion into named parts."""
+
+    tree: Tree
+
+    @cached_property
+    def widths(self) -> dict[str, int]:
+        """Part name -> number of columns, in order."""
+        return {part.name: part.numel(self.tree.sizes) for part in SAMPLE}
+
+    def split(self, samples: Array) -> dict[str, Array]:
+        """Parts (T, n) of samples (T, width); single columns come as (T,)."""
+        return {name: samples[:, place] for name, place in self.places.items()}
+
+    def state(self, sample: Array) -> State:
+        """The state in a sample (width,)."""
+        return State.of_sample(sample, self.places, self.tree.coordinates)
+
+    @cached_property
+    def places(self) -> dict[str, slice | int]:
+        """Part name -> its columns; the column of a number."""
+        places: dict[str, slice | int] = {}
+        at = 0
+        for part, width in zip(SAMPLE, self.widths.values(), strict=True):
+            places[part.name] = slice(at, at + width) if part.shape else at
+            at += width
+        return places

@@ -1,0 +1,210 @@
+"""Motions of links by their joints' screws, and the derivatives of these motions.
+
+With s_k the screw of velocity k, twists about the world's origin in world axes, (v, w):
+
+    V = sum of s_k v_k,   A = sum of s_k a_k + sdot_k v_k,   sdot_k = [Omega_k, s_k]
+
+over the velocities that move a link; Omega_k is the twist of what carries the axis of k, and
+[a, b] = (w_a x v_b + v_a x w_b, w_a x w_b). A small change dq moves a link by the twist
+xi = sum of s_k dq_k and turns the screws as a motion does: ds_k = [xi_k, s_k].
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from fantoccini.base import Array
+from fantoccini.dynamics.compiled.model import Model
+from fantoccini.model.tree import TURNS_WITH_LINK, WORLD, Role, Tree
+from fantoccini.motion import State
+
+PARAMETER_STEP = 1e-3
+"""Of the differences by parameters, relative to 1 or the parameter: their error is some 1e-12."""
+
+OFFSETS = np.array([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])
+"""Places of a central difference of sixth order, in steps."""
+WEIGHTS = np.array([-1.0, 9.0, -45.0, 45.0, -9.0, 1.0]) / 60.0
+"""Its weights."""
+
+
+def bracket(a: Array, b: Array) -> Array:
+    """[a, b] of twists (..., 6): the rate of b when it is carried along by a."""
+    v = np.cross(a[..., 3:], b[..., :3]) + np.cross(a[..., :3], b[..., 3:])
+    return np.concatenate([v, np.cross(a[..., 3:], b[..., 3:])], axis=-1)
+
+
+class Screws:
+    """Links at a state, and how q_D, v_D, q_K, v_K, acc_K, u_D and p change their motions.
+
+    Changes are columns, m in all, in this order, or those that are given; acc_D stays.
+
+    Args:
+        model: the puppet.
+        x: the state.
+        acc_D, acc_K: (n_vD,), (n_vK,) accelerations; 0 when not given.
+        changes: (n_columns, m) of these quantities.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        x: State,
+        acc_D: Array | None = None,
+        acc_K: Array | None = None,
+        changes: Array | None = None,
+    ):
+        t, p = model.coordinates, model.p
+        self.n_D, n_K = t.n_vD, t.n_vK
+        n = self.n_D + n_K
+        self._moves, self._carries = relations(model.tree)
+        found = model.library.evaluate("screws", q_D=x.q_D, q_K=x.q_K, p=p)
+        self.poses = found.poses.T
+        self.s = np.concatenate([found.screw_D.T, found.screw_K.T])
+        self._v = np.concatenate([x.v_D, x.v_K])
+        none_D, none_K = np.zeros(self.n_D), np.zeros(n_K)
+        acc_D, acc_K = none_D if acc_D is None else acc_D, none_K if acc_K is None else acc_K
+        self._a = np.concatenate([acc_D, acc_K])
+        ends = np.cumsum([0, self.n_D, self.n_D, n_K, n_K, n_K, self.n_D, len(p)])
+        self.n_columns = int(ends[-1])
+        places = [slice(a, b) for a, b in pairwise(ends)]
+        q_D, v_D, q_K, v_K, a_K, _, of_p = places
+        self._dq, self._dv, self._da = (np.zeros((n, self.n_columns)) for _ in range(3))
+        for into, D, K in ((self._dq, q_D, q_K), (self._dv, v_D, v_K)):
+            into[: self.n_D, D], into[self.n_D :, K] = np.eye(self.n_D), np.eye(n_K)
+        self._da[self.n_D :, a_K] = np.eye(n_K)
+        self._dp = np.zeros((len(p), self.n_columns))
+        self._dp[:, of_p] = np.eye(len(p))
+        if changes is not None:
+            self.n_columns = changes.shape[1]
+            ours = (self._dq, self._dv, self._da, self._dp)
+            self._dq, self._dv, self._da, self._dp = (one @ changes for one in ours)
+        self._by_parameters(model, x)
+
+    def _by_parameters(self, model: Model, x: State) -> None:
+        """Twists of the links (n_links, 6, n_p) and changes of the screws (n, 6, n_p) by p."""
+        p, n_links = model.p, len(self.poses)
+        self._xi_p, self._s_p = np.zeros((n_links, 6, len(p))), np.zeros((len(self.s), 6, len(p)))
+        if not len(p):
+            return
+        step = PARAMETER_STEP * np.maximum(1.0, np.abs(p))
+        at = p + (OFFSETS[:, None, None] * np.diag(step)).reshape(-1, len(p))
+        found = model.library.evaluate("screws", q_D=x.q_D, q_K=x.q_K, p=at)
+        screws = np.concatenate([found.screw_D, found.screw_K], axis=-1).swapaxes(-1, -2)
+        self._s_p, poses = (
+            np.einsum("o,opij->ijp", WEIGHTS, x.reshape(len(OFFSETS), len(p), *x.shape[1:])) / step
+            for x in (screws, found.poses.swapaxes(-1, -2))
+        )
+        for i, pose in enumerate(self.poses):
+            R, dR = pose[:9].reshape(3, 3).T, poses[i, :9].reshape(3, 3, -1).swapaxes(0, 1)
+            turn = np.einsum("ijp,kj->ikp", dR, R)
+            w = np.stack([turn[2, 1], turn[0, 2], turn[1, 0]])
+            self._xi_p[i] = np.concatenate([poses[i, 9:] - np.cross(w.T, pose[9:]).T, w])
+
+    def twist(self, link: int) -> Array:
+        """(6,) V of a link [m/s, rad/s]."""
+        if link == WORLD:
+            return np.zeros(6)
+        return np.asarray((self._moves[link] * self._v) @ self.s)
+
+    def acceleration(self, link: int) -> Array:
+        """(6,) A of a link, dV/dt [m/s^2, rad/s^2]."""
+        if link == WORLD:
+            return np.zeros(6)
+        moves = self._moves[link]
+        return np.asarray((moves * self._a) @ self.s + (moves * self._v) @ self._s_dot)
+
+    def pose_by(self, link: int) -> Array:
+        """(6, m) twists by which a link moves."""
+        out = np.zeros((6, self.n_columns))
+        if link != WORLD:
+            out += (self.s.T * self._moves[link]) @ self._dq
+            out += self._xi_p[link] @ self._dp
+        return out
+
+    def twist_by(self, link: int) -> Array:
+        """(6, m) changes of V."""
+        if link == WORLD:
+            return np.zeros((6, self.n_columns))
+        moves = self._moves[link]
+        by_screws = np.einsum("k,kim->im", moves * self._v, self._ds)
+        return np.asarray((self.s.T * moves) @ self._dv + by_screws)
+
+    def acceleration_by(self, link: int) -> Array:
+        """(6, m) changes of A."""
+        if link == WORLD:
+            return np.zeros((6, self.n_columns))
+        moves = self._moves[link]
+        return np.asarray(
+            (self.s.T * moves) @ self._da
+            + np.einsum("k,kim->im", moves * self._a, self._ds)
+            + np.einsum("k,kim->im", moves * self._v, self._ds_dot)
+            + (self._s_dot.T * moves) @ self._dv
+        )
+
+    def subspace(self, link: int) -> Array:
+        """(6, n_vD) V by v_D."""
+        if link == WORLD:
+            return np.zeros((6, self.n_D))
+        return np.asarray((self.s.T * self._moves[link])[:, : self.n_D])
+
+    def force_by(self, link: int, wrench: Array, by: Array) -> Array:
+        """(n_vD, m) changes of the generalised forces of a wrench on a link.
+
+        Args:
+            link: its index.
+            wrench: (6,) force and torque about the world's origin [N, N m].
+            by: (6, m) its changes.
+        """
+        if link == WORLD:
+            return np.zeros((self.n_D, self.n_columns))
+        moved = self._moves[link][: self.n_D, None]
+        turned = np.einsum("kim,i->km", self._ds[: self.n_D], wrench)
+        return np.asarray(moved * (turned + self.s[: self.n_D] @ by))
+
+    @cached_property
+    def _carrier(self) -> Array:
+        """(n, 6) Omega_k."""
+        return np.asarray((self._carries * self._v) @ self.s)
+
+    @cached_property
+    def _s_dot(self) -> Array:
+        """(n, 6)."""
+        return bracket(self._carrier, self.s)
+
+    @cached_property
+    def _ds(self) -> Array:
+        """(n, 6, m) changes of the screws."""
+        moved = np.einsum("kj,jm,ji->kmi", self._carries, self._dq, self.s)
+        out = bracket(moved, self.s[:, None]).swapaxes(1, 2)
+        return np.asarray(out + self._s_p @ self._dp)
+
+    @cached_property
+    def _ds_dot(self) -> Array:
+        """(n, 6, m)."""
+        d = self._ds.swapaxes(1, 2)
+        carrier = np.einsum("kj,j,jmi->kmi", self._carries, self._v, d)
+        carrier += np.einsum("kj,jm,ji->kmi", self._carries, self._dv, self.s)
+        out = bracket(carrier, self.s[:, None]) + bracket(self._carrier[:, None], d)
+        return np.asarray(out.swapaxes(1, 2))
+
+
+def relations(tree: Tree) -> tuple[Array, Array]:
+    """Which velocities move each link (n_links, n), and which carry each screw (n, n); 0 or 1."""
+    t = tree.coordinates
+    n = t.n_vD + t.n_vK
+    moves, carries = np.zeros((len(tree.links), n)), np.zeros((n, n))
+    for i, link in enumerate(tree.links):
+        if link.parent != WORLD:
+            moves[i] = moves[link.parent]
+        if link.role is Role.FIXED:
+            continue
+        first = link.v.start + (t.n_vD if link.role is Role.DRIVEN else 0)
+        own = np.arange(first, first + link.v.stop - link.v.start)
+        carries[own] = moves[i]
+        moves[i, own] = 1.0
+        turning = own[list(TURNS_WITH_LINK.get(link.kind, ()))]
+        carries[np.ix_(turning, own)] = 1.0
+    return moves, carries

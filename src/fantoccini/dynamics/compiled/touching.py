@@ -1,0 +1,252 @@
+"""Which solids of a puppet may touch what, and how far they are apart."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Array, Mistake, PuppetError
+from fantoccini.kernel.runtime import (
+    Contacts,
+    Hull,
+    Library,
+    empty,
+    half_space,
+    hull_solid,
+    mesh_hulls,
+    solid,
+    stacked,
+)
+from fantoccini.model.puppet import FLOOR, Contact, Group, Mesh, Obstacle, Puppet, Shape
+from fantoccini.model.tree import WORLD, Role, Tree
+from fantoccini.motion import pair_name
+
+OVERLAP = 1e-9
+"""Depth from which solids overlap at the start pose and so never touch each other [m]."""
+TOUCHING = 1e-6
+"""Gap up to which solids count as touching [m]."""
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Something with a surface: the name of its body or obstacle, its link; None is the floor."""
+
+    name: str
+    link: int
+    shape: Shape | Obstacle | None
+
+
+def solids_of_shapes(puppet: Puppet, tree: Tree) -> tuple[int, ...]:
+    """Solids of each shape of the links, in turn: several of a dented mesh that touches something.
+
+    A mesh that :func:`contacts_of` will refuse counts as one.
+    """
+    own, standing = _parts(puppet, tree)
+    counts = [1] * len(own)
+    meshes = {i: part.shape for i, part in enumerate(own) if isinstance(part.shape, Mesh)}
+    if puppet.touching is None or not meshes:
+        return tuple(counts)
+    met = _pairs(puppet, tree, puppet.touching, own, standing)
+    for i in meshes.keys() & {i for a, b, _, _ in met for i in (a, b)}:
+        with contextlib.suppress(ValueError):
+            counts[i] = len(mesh_hulls(meshes[i]))
+    return tuple(counts)
+
+
+def contacts_of(
+    puppet: Puppet, tree: Tree, library: Library, counts: Sequence[int]
+) -> tuple[Contacts, Contacts] | None:
+    """The pairs of solids that may touch, and the pairs with prescribed relative motion.
+
+    None where the puppet's file says nothing of contact. Bodies of one joint do not touch; nor do
+    those of one tree that overlap at the file's pose. No force acts in a pair of the second kind:
+    both solids follow the inputs, and their overlap can only be measured.
+
+    Args:
+        puppet: with rules of contact.
+        tree: of the puppet.
+        library: its compiled model.
+        counts: of the solids that it has room for, as :func:`solids_of_shapes` gives them.
+
+    Raises:
+        PuppetError: a mesh is open or flat, or cannot be cut into convex pieces.
+    """
+    rules = puppet.touching
+    if rules is None:
+        return None
+    own, standing = _parts(puppet, tree)
+    parts = own + standing
+    meet = list(_pairs(puppet, tree, rules, own, standing))
+    touching = {i for a, b, _, _ in meet for i in (a, b)}
+    solids, hulls, place = _solids(puppet, parts, touching, counts)
+    # A dented mesh is several solids: each of them meets what the mesh meets.
+    pairs = [
+        (x, y, k) for k, (a, b, _, _) in enumerate(meet) for x in place[a] for y in place[b]
+    ]
+    links = solids["link"].tolist()
+    pairs.sort(key=lambda pair: (links[pair[0]], links[pair[1]], pair[1], pair[0]))
+    which = [k for _, _, k in pairs]
+    table = Contacts(
+        solids=solids,
+        pairs=np.array([pair[:2] for pair in pairs], dtype=np.int32).reshape(-1, 2),
+        friction=np.array([meet[k][2] for k in which]),
+        restitution=np.array([meet[k][3] for k in which]),
+        names=tuple((parts[meet[k][0]].name, parts[meet[k][1]].name) for k in which),
+        hulls=hulls,
+    )
+    start = tree.coordinates
+    p = np.array(list(tree.parameters.values()), dtype=float)
+    gaps = library.gaps(table, start.start_D, np.nan_to_num(start.start_K), p)
+    apart = {
+        k
+        for k, gap in zip(which, gaps, strict=True)
+        if gap < -OVERLAP and _kin(tree, *(parts[i].link for i in meet[k][:2]))
+    }
+    kept = np.array([k not in apart for k in which], dtype=np.bool_)
+    sides = [(parts[meet[k][0]].link, parts[meet[k][1]].link) for k in which]
+    dynamic = np.array([_moves(tree, a, b, Role.DYNAMIC) for a, b in sides], dtype=np.bool_)
+    return table.some(kept & dynamic), table.some(kept & ~dynamic)
+
+
+def _parts(puppet: Puppet, tree: Tree) -> tuple[list[_Part], list[_Part]]:
+    """What has a surface: the shapes of the links, and what stands."""
+    own = [_Part(link.name, i, shape) for i, link in enumerate(tree.links) for shape in link.shapes]
+    standing = [_Part(o.name, WORLD, o) for o in puppet.obstacles]
+    if puppet.floor is not None:
+        standing.append(_Part(FLOOR, WORLD, None))
+    return own, standing
+
+
+def _solids(
+    puppet: Puppet, parts: list[_Part], touching: set[int], counts: Sequence[int]
+) -> tuple[np.ndarray, tuple[Hull, ...], list[Sequence[int]]]:
+    """(n,) ``SOLID`` of parts, the hulls of the meshes that touch something, each part's solids."""
+    made: list[np.ndarray] = []
+    hulls: list[Hull] = []
+    place: list[Sequence[int]] = []
+    for i, part in enumerate(parts):
+        first = len(made)
+        if part.shape is None:
+            made.append(half_space((0.0, 0.0, puppet.floor or 0.0), (0.0, 0.0, 1.0)))
+        elif not isinstance(part.shape, Mesh):
+            made.append(solid(part.shape, part.link))
+        elif i in touching:
+            own = _hulls(puppet, part.shape, part.name)
+            if i < len(counts) and len(own) != counts[i]:
+                raise _refused(
+                    puppet, part.name, f"{part.shape.file} is not convex, and touched nothing when "
+                    "the puppet was compiled; load it together with what it now touches"
+                )  # fmt: skip
+            made += [hull_solid(h, len(hulls) + k, part.link) for k, h in enumerate(own)]
+            hulls += own
+        else:
+            made += [empty(part.link)] * counts[i]
+        place.append(range(first, len(made)))
+    return stacked(made), tuple(hulls), place
+
+
+def _hulls(puppet: Puppet, shape: Mesh, name: str) -> tuple[Hull, ...]:
+    try:
+        return mesh_hulls(shape)
+    except ValueError as reason:
+        raise _refused(puppet, name, str(reason)) from None
+
+
+def _refused(puppet: Puppet, name: str, reason: str) -> PuppetError:
+    file, line = puppet.locate(name)
+    return PuppetError([Mistake(file, line, f"shapes of {name}", reason)])
+
+
+def _pairs(
+    puppet: Puppet, tree: Tree, rules: Contact, own: list[_Part], standing: list[_Part]
+) -> Iterator[tuple[int, int, float, float]]:
+    """Indices of two parts that meet, their friction and restitution."""
+    for a, first in enumerate(own):
+        for b, second in enumerate([*own[:a], *standing]):
+            place = b if b < a else len(own) + b - a
+            links = first.link, second.link
+            moves = _moves(tree, *links, Role.DYNAMIC) or _moves(tree, *links, Role.DRIVEN)
+            if moves and not _joined(tree, first, second):
+                group = _group(puppet, first, second)
+                found = _rule(puppet, rules, first.name, second.name, group)
+                if found is not None:
+                    yield a, place, *found
+
+
+def _moves(tree: Tree, a: int, b: int, role: Role) -> bool:
+    """Whether a coordinate of a role moves one link against the other."""
+    ways = [{i for i in tree.ancestors(link) if tree.links[i].role is role} for link in (a, b)]
+    return ways[0] != ways[1]
+
+
+def _kin(tree: Tree, a: int, b: int) -> bool:
+    """Whether two links stand on one that is not fixed in the world."""
+    ways = [{i for i in tree.ancestors(x) if _rigid(tree, i) != WORLD} for x in (a, b)]
+    return bool(ways[0] & ways[1])
+
+
+def _joined(tree: Tree, a: _Part, b: _Part) -> bool:
+    """Whether one joint connects two bodies, or both are one."""
+    if WORLD in (a.link, b.link):
+        return False
+    one, other = _rigid(tree, a.link), _rigid(tree, b.link)
+    return one == other or other == _carrier(tree, one) or one == _carrier(tree, other)
+
+
+def _rigid(tree: Tree, link: int) -> int:
+    """The first of the links that fixed joints join to a link; the world where they end there."""
+    while link != WORLD and tree.links[link].kind == "fixed":
+        link = tree.links[link].parent
+    return link
+
+
+def _carrier(tree: Tree, link: int) -> int:
+    """What a link stands on: the nearest below with a shape, as :func:`_rigid` gives it."""
+    shaped = {_rigid(tree, i) for i, other in enumerate(tree.links) if other.shapes}
+    while link != WORLD:
+        link = _rigid(tree, tree.links[link].parent)
+        if link in shaped:
+            return link
+    return WORLD
+
+
+def _group(puppet: Puppet, a: _Part, b: _Part) -> Group:
+    """What the second part is to the first."""
+    if b.link == WORLD:
+        return "floor" if b.name == FLOOR else "obstacles"
+    owners = puppet.member_of(a.name), puppet.member_of(b.name)
+    if set(owners) & set(puppet.props):
+        return "props"
+    return "self" if owners[0] == owners[1] else "puppets"
+
+
+def _rule(
+    puppet: Puppet, rules: Contact, a: str, b: str, group: Group
+) -> tuple[float, float] | None:
+    """Friction and restitution of two parts; None where they do not meet."""
+    friction, restitution, meet = rules.friction, rules.restitution, group in rules.meets
+    owned = [{name, puppet.member_of(name)} for name in (a, b)]
+    for pair in rules.pairs:
+        one, other = pair.between
+        if not any(one in x and other in y for x, y in (owned, owned[::-1])):
+            continue
+        meet = pair.meet
+        friction = friction if pair.friction is None else pair.friction
+        restitution = restitution if pair.restitution is None else pair.restitution
+    return (friction, restitution) if meet else None
+
+
+def overlaps(
+    library: Library, contacts: Contacts, q_D: Array, q_K: Array, p: Array, depth: float
+) -> dict[str, float]:
+    """The pairs that overlap by more than a depth [m] at a configuration, and by how much [m]."""
+    gaps = library.gaps(contacts, q_D, q_K, p)
+    found: dict[str, float] = {}
+    for names, gap in zip(contacts.names, gaps, strict=True):
+        if gap < -depth:
+            name = pair_name(names)
+            found[name] = max(found.get(name, 0.0), -float(gap))
+    return found

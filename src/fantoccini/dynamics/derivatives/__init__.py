@@ -1,0 +1,79 @@
+"""Derivatives of accelerations, tensions and steps, with contacts in their modes."""
+
+from fantoccini.dynamics.derivatives.contact_rows import (
+    ContactMode,
+    ContactRows,
+    HeldPoint,
+    HeldRows,
+    PointMode,
+)
+from fantoccini.dynamics.derivatives.contact_state import (
+    FrozenModes,
+    motion_at,
+    with_active_set,
+)
+from fantoccini.dynamics.derivatives.kkt import KKTSystem
+from fantoccini.dynamics.derivatives.linearisation import (
+    Linearisation,
+    Partials,
+    linearise,
+    row_derivatives_at,
+    turning,
+)
+from fantoccini.dynamics.derivatives.mode_system import (
+    ModeSystem,
+    solve_in_modes,
+)
+from fantoccini.dynamics.derivatives.rollout_gradient import (
+    Rollout,
+    RolloutGradient,
+    rollout,
+)
+from fantoccini.dynamics.derivatives.small_motions import (
+    SmallMotions,
+    balanced_state,
+)
+from fantoccini.dynamics.derivatives.step_contacts import (
+    TOLERANCES,
+    closed_without_force,
+    geometries,
+)
+from fantoccini.dynamics.derivatives.step_linearisation import (
+    StepLinearisation,
+    linearise_step,
+)
+from fantoccini.dynamics.derivatives.step_partials import (
+    StepLinearisations,
+    linearise_steps,
+)
+
+__all__ = [
+    "TOLERANCES",
+    "ContactMode",
+    "ContactRows",
+    "FrozenModes",
+    "HeldPoint",
+    "HeldRows",
+    "KKTSystem",
+    "Linearisation",
+    "ModeSystem",
+    "Partials",
+    "PointMode",
+    "Rollout",
+    "RolloutGradient",
+    "SmallMotions",
+    "StepLinearisation",
+    "StepLinearisations",
+    "balanced_state",
+    "closed_without_force",
+    "geometries",
+    "linearise",
+    "linearise_step",
+    "linearise_steps",
+    "motion_at",
+    "rollout",
+    "row_derivatives_at",
+    "solve_in_modes",
+    "turning",
+    "with_active_set",
+]

@@ -1,0 +1,330 @@
+"""Derivatives of what solids that touch do in a mode: of their forces and of the rows they hold.
+
+With u the velocity of the first solid against the second at the point P, n the normal, t1 and t2
+tangents, and U = du/dv_D, a point that
+
+    sticks  holds n.u, t1.u and t2.u          by f = x_n n + x_1 t1 + x_2 t2,
+    slides  holds n.u                         by f = x_n (n - mu d),  d = u_T/|u_T|.
+
+An open one holds nothing. Q = U^T f are generalised forces. Tangents turn with the normal and not
+about it; d turns with u:  dd = (1 - d d^T) du_T/|u_T|.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+
+import numpy as np
+
+from fantoccini.base import Array
+from fantoccini.dynamics.compiled import Screws, Touch, bracket
+
+
+class ContactMode(StrEnum):
+    """What a point of contact does."""
+
+    STICK = "stick"
+    SLIDE = "slide"
+
+
+@dataclass(frozen=True, eq=False)
+class PointMode:
+    """Which point pushes, and in which mode.
+
+    Attributes:
+        name: of the two parts, ``foot|floor``.
+        pair, feature: index of the pair, and which of its points it is.
+        mode: what it does.
+        friction: coefficient mu.
+        along: (3,) d where it slides, in the world; 0 otherwise.
+        turns: whether d turns with u. Where u_T is zero it has no derivative, and d is kept.
+    """
+
+    name: str
+    pair: int
+    feature: int
+    mode: ContactMode
+    friction: float
+    along: Array
+    turns: bool
+
+
+@dataclass(frozen=True, eq=False)
+class HeldPoint(PointMode):
+    """A point that pushes in its mode.
+
+    Attributes:
+        touch: where it is, and its derivatives.
+        force: (3,) on the first solid, in the world [N].
+        velocity: (3,) u, of the first solid against the second [m/s].
+        closes: d(gap speed)/d(gap) that the normal row asks for [1/s]: 1/dt of fixed steps.
+        bounces: restitution that the normal row asks for.
+    """
+
+    touch: Touch
+    force: Array
+    velocity: Array
+    closes: float = 0.0
+    bounces: float = 0.0
+
+    @property
+    def directions(self) -> Array:
+        """(k, 3) unit vectors along which its velocity is held."""
+        n = self.touch.normal
+        return np.concatenate([n[None], tangents(n)]) if self.mode is ContactMode.STICK else n[None]
+
+    @property
+    def pushes(self) -> Array:
+        """(k, 3) its force by each of its multipliers."""
+        if self.mode is ContactMode.STICK:
+            return self.directions
+        return self.directions - self.friction * self.along
+
+    @property
+    def multipliers(self) -> Array:
+        """(k,) of its force."""
+        return np.asarray(self.directions @ self.force)
+
+
+    @classmethod
+    def of(cls, point: PointMode, touch: Touch, force: Array, velocity: Array) -> HeldPoint:
+        """A point at a place, with its force and velocity."""
+        own = (point.name, point.pair, point.feature, point.mode, point.friction, point.along)
+        return cls(*own, point.turns, touch, force, velocity)
+
+
+def tangents(normal: Array) -> Array:
+    """(2, 3) unit vectors across a normal and each other."""
+    axis = np.eye(3)[np.argmin(np.abs(normal))]
+    first = np.cross(axis, normal)
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(normal, first)])
+
+
+@dataclass(eq=False)
+class HeldRows:
+    """What some points hold, and by what.
+
+    Attributes:
+        names: of the points.
+        rows: (k, n_vD) of -u along the directions that are held.
+        forces: (k, n_vD) generalised forces of the multipliers, negated.
+        drags: (j, n_vD) of friction that turns with the velocity.
+    """
+
+    names: str
+    rows: Array
+    forces: Array
+    drags: Array
+
+
+class ContactRows(HeldRows):
+    """The rows and forces of some points at a state, with signs like those of strings: -u closes.
+
+    Args:
+        screws: of the links at the state; accelerations count for :attr:`accelerations`.
+        points: in their modes.
+        step: d(u)/d(acc_D) = step U: of fixed steps their length [s]; 0 where u is of the state.
+    """
+
+    def __init__(self, screws: Screws, points: Sequence[HeldPoint], step: float):
+        self._screws, self._step = screws, step
+        self._at = [_Moving(screws, point) for point in points]
+        n = screws.n_D
+        super().__init__(
+            ", ".join(dict.fromkeys(point.name for point in points)),
+            _stacked([-at.point.directions @ at.U for at in self._at], n),
+            _stacked([-at.point.pushes @ at.U for at in self._at], n),
+            _stacked([at.drag(step) for at in self._at], n),
+        )
+        self.multipliers = np.concatenate([np.zeros(0), *(p.multipliers for p in points)])
+
+    def force_by(self) -> Array:
+        """(n_vD, m) changes of -Q, at fixed multipliers and acc_D."""
+        out = np.zeros((self._screws.n_D, self._screws.n_columns))
+        for at in self._at:
+            out -= at.force_by()
+        return out
+
+    def gap_by(self) -> Array:
+        """(points, m) changes of -gap."""
+        return _stacked([-at.gap_by[None] for at in self._at], self._screws.n_columns)
+
+    def velocity_by(self) -> Array:
+        """(k, m) changes of -(u_n + closes gap) and of -u_T, at fixed acc_D."""
+        return _stacked([at.velocity_by() for at in self._at], self._screws.n_columns)
+
+    def bounce_by(self) -> Array:
+        """(k, m) changes of -e u_n in the normal rows: of the velocities before an impact."""
+        return _stacked([at.bounce_by() for at in self._at], self._screws.n_columns)
+
+    def accelerations(self) -> Array:
+        """(k,) -du/dt along the directions that are held."""
+        return np.concatenate([np.zeros(0), *(at.accelerations() for at in self._at)])
+
+    def acceleration_by(self) -> Array:
+        """(k, m) their changes at fixed acc_D."""
+        return _stacked([at.acceleration_by() for at in self._at], self._screws.n_columns)
+
+    def push_by(self, by: Array, acc_by: Array) -> Array:
+        """(3 points, m) changes of the forces, in the world.
+
+        Args:
+            by: (k, m) changes of the multipliers.
+            acc_by: (n_vD, m) changes of acc_D.
+        """
+        out, first = [], 0
+        for at in self._at:
+            last = first + len(at.point.directions)
+            out.append(at.push_by(by[first:last], self._step * at.U @ acc_by))
+            first = last
+        return _stacked(out, self._screws.n_columns)
+
+
+class _Moving:
+    """One point with the changes of P, n, gap and u."""
+
+    def __init__(self, screws: Screws, point: HeldPoint):
+        self.screws, self.point = screws, point
+        touch = point.touch
+        self.P, self.n = touch.point, touch.normal
+        a, b = touch.links
+        self.U = _at_point(screws.subspace(a) - screws.subspace(b), self.P)
+        self._pose_b, self._twist_b = screws.pose_by(b), screws.twist(b)
+        self._apart = screws.pose_by(a) - self._pose_b  # xi_1 - xi_2
+        self._twist = screws.twist(a) - self._twist_b
+        self._twist_by = screws.twist_by(a) - screws.twist_by(b)
+        moved = touch.by @ self._apart
+        self.gap_by = moved[0]
+        self.P_by = moved[1:4] + _at_point(self._pose_b, self.P)
+        self.n_by = moved[4:] + _cross(self._pose_b[3:], self.n)
+        self.u = self._twist[:3] + _cross(self._twist[3:], self.P)
+        self.u_by = _at_point(self._twist_by, self.P) + _cross(self._twist[3:], self.P_by)
+
+    @property
+    def _speed(self) -> float:
+        return float(np.linalg.norm(self.u - self.n * (self.n @ self.u)))
+
+    def drag(self, step: float) -> Array:
+        """(0 or 1, n_vD) z with z^T z acc_D the force that friction's turning adds."""
+        point, d = self.point, self.point.along
+        if point.mode is ContactMode.STICK or not point.turns or step == 0.0:
+            return np.zeros((0, self.screws.n_D))
+        size = point.friction * float(self.n @ point.force) * step / self._speed
+        return np.sqrt(size) * (_cross(self.n, d) @ self.U)[None]
+
+    def _turned(self, u_by: Array) -> Array:
+        """(3, m) changes of f at fixed multipliers where u changes so."""
+        n, point = self.n, self.point
+        if not point.turns:
+            return _cross(_cross(n, self.n_by), point.force)
+        d = point.along
+        across = u_by - np.outer(n, n @ u_by)
+        across -= self.n_by * (n @ self.u) + np.outer(n, self.u @ self.n_by)
+        d_by = (across - np.outer(d, d @ across)) / self._speed
+        return (n @ point.force) * (self.n_by - point.friction * d_by)
+
+    def force_by(self) -> Array:
+        """(n_vD, m) changes of Q at fixed multipliers and acc_D."""
+        f, screws, (a, b) = self.point.force, self.screws, self.point.touch.links
+        f_by = self._turned(self.u_by)
+        wrench = np.concatenate([f, _cross(self.P, f)])
+        by = np.concatenate([f_by, _cross(self.P_by, f) + _cross(self.P, f_by)])
+        return screws.force_by(a, wrench, by) - screws.force_by(b, wrench, by)
+
+    def push_by(self, by: Array, more: Array) -> Array:
+        """(3, m) changes of f; ``more`` are those of u by acc_D."""
+        return self.point.pushes.T @ by + self._turned(self.u_by + more)
+
+    def velocity_by(self) -> Array:
+        out = -self._along(self.u, self.u_by)
+        out[0] -= self.point.closes * self.gap_by
+        return out
+
+    def bounce_by(self) -> Array:
+        out = np.zeros((len(self.point.directions), self.screws.n_columns))
+        if self.point.bounces:
+            out[0] = -self.point.bounces * self._along(self.u, self.u_by)[0]
+        return out
+
+    def _along(self, u: Array, u_by: Array) -> Array:
+        """(k, m) changes of a vector along the directions held, which turn with the normal."""
+        n, own = self.n, self.point.directions
+        out = own @ u_by
+        out[0] += u @ self.n_by
+        out[1:] -= (n @ u) * (own[1:] @ self.n_by)
+        return out
+
+    def accelerations(self) -> Array:
+        _, n_dot, u_dot = self._rates
+        own = self.point.directions
+        out = own @ u_dot
+        out[0] += n_dot @ self.u
+        out[1:] -= (self.n @ self.u) * (own[1:] @ n_dot)
+        return -out
+
+    @cached_property
+    def _rates(self) -> tuple[Array, Array, Array]:
+        """Time derivatives of P, n and u."""
+        a, b = self.point.touch.links
+        moved = self.point.touch.by @ self._twist
+        P_dot = moved[1:4] + self._twist_b[:3] + _cross(self._twist_b[3:], self.P)
+        n_dot = moved[4:] + _cross(self._twist_b[3:], self.n)
+        A = self.screws.acceleration(a) - self.screws.acceleration(b)
+        u_dot = A[:3] + _cross(A[3:], self.P) + _cross(self._twist[3:], P_dot)
+        return P_dot, n_dot, u_dot
+
+    def acceleration_by(self) -> Array:
+        """(k, m) changes of ``accelerations``."""
+        screws, touch, (a, b) = self.screws, self.point.touch, self.point.touch.links
+        P_dot, n_dot, u_dot = self._rates
+        twist_b_by = screws.twist_by(b)
+        # The derivatives by the first link's twist move along with the second link.
+        moved = (
+            touch.rate_by @ self._apart
+            + touch.by @ (self._twist_by - bracket(self._pose_b.T, self._twist).T)
+        )  # fmt: skip
+        moved[1:4] += _cross(self._pose_b[3:], touch.by[1:4] @ self._twist)
+        moved[4:] += _cross(self._pose_b[3:], touch.by[4:] @ self._twist)
+        P_dot_by = moved[1:4] + _at_point(twist_b_by, self.P)
+        P_dot_by += _cross(self._twist_b[3:], self.P_by)
+        n_dot_by = moved[4:] + _cross(twist_b_by[3:], self.n)
+        n_dot_by += _cross(self._twist_b[3:], self.n_by)
+        A = screws.acceleration(a) - screws.acceleration(b)
+        u_dot_by = (
+            _at_point(screws.acceleration_by(a) - screws.acceleration_by(b), self.P)
+            + _cross(A[3:], self.P_by)
+            + _cross(self._twist_by[3:], P_dot)
+            + _cross(self._twist[3:], P_dot_by)
+        )
+        own, n, u = self.point.directions, self.n, self.u
+        out = self._along(u_dot, u_dot_by)
+        out[0] += n_dot @ self.u_by + u @ n_dot_by
+        # t_dot = -(t.n_dot) n, and t turns with n.
+        normal, normal_by = n @ u, n @ self.u_by + u @ self.n_by
+        for i, t in enumerate(own[1:], 1):
+            turned = t @ n_dot_by - (t @ self.n_by) * (n @ n_dot)
+            out[i] -= (t @ n_dot) * normal_by + normal * turned
+        return -out
+
+
+def _at_point(twist: Array, point: Array) -> Array:
+    """(3, m) velocities at a point by twists (6, m)."""
+    return np.asarray(twist[:3] + _cross(twist[3:], point))
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """a x b of columns (3, m), one of which must be a vector (3,)."""
+    return _skew(a) @ b if a.ndim == 1 else -_skew(b) @ a
+
+
+def _skew(v: Array) -> Array:
+    x, y, z = v.tolist()
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def _stacked(parts: list[Array], width: int) -> Array:
+    return np.concatenate(parts) if parts else np.zeros((0, width))

@@ -1,0 +1,273 @@
+"""What touches at a state: points, their modes and forces, as event-driven runs choose them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fantoccini.base import Array, Indices, StateError, Status
+from fantoccini.dynamics.compiled import (
+    TOUCHING,
+    Evaluation,
+    Model,
+    PairGeometry,
+    Screws,
+    check_start,
+    forward_dynamics,
+    taut_mask,
+)
+from fantoccini.dynamics.derivatives.contact_rows import (
+    ContactMode,
+    ContactRows,
+    HeldPoint,
+    PointMode,
+)
+from fantoccini.dynamics.derivatives.kkt import KKTSystem
+from fantoccini.dynamics.derivatives.mode_system import ModeSystem, solve_in_modes
+from fantoccini.dynamics.derivatives.step_contacts import (
+    TOLERANCES,
+    Contacts,
+    closed_without_force,
+    geometries,
+    mode_of,
+    still_speed,
+)
+from fantoccini.dynamics.steppers import held_input
+from fantoccini.kernel.runtime import Piece, Run, contact_points
+from fantoccini.motion import ContactPoints, State, pair_name
+
+JUMP = 1e-6
+"""Change of velocities at the start of a run, relative to 1 or the largest: an impact."""
+CLOSED = 1e-6
+"""Gap up to which a point touches [m], as where an event-driven run begins."""
+
+
+@dataclass(frozen=True, eq=False)
+class Resting:
+    """What holds at a state.
+
+    Attributes:
+        acc_D: (n_vD,) accelerations.
+        tension: (n_rows,) of strings and limits.
+        contacts: what touches.
+    """
+
+    acc_D: Array
+    tension: Array
+    contacts: Contacts
+
+
+def resting(model: Model, x: State, acc_K: Array, u_D: Array) -> Resting:
+    """Forces and modes at a state in which solids touch.
+
+    Raises:
+        StateError: solids strike one another there, or no event-driven run begins there.
+    """
+    sample, piece = _begun(model, x, acc_K, u_D)
+    assert model.contacts is not None
+    found = contact_points(piece.contacts, model.contacts.names).at(len(piece.samples) - 1)
+    screws = Screws(model, x, sample["acc_D"], acc_K)
+    contacts = _contacts(model, screws, x, found)
+    return Resting(sample["acc_D"], sample["tension"], contacts)
+
+
+def motion_at(model: Model, x: State) -> Resting:
+    """Accelerations, tensions and contacts at a state with its inputs at rest.
+
+    Raises:
+        StateError: see :func:`resting` and :func:`forward_dynamics`.
+    """
+    if touches(model, x):
+        table = model.coordinates
+        return resting(model, x, np.zeros(table.n_vK), np.zeros(table.n_vD))
+    return Resting(*forward_dynamics(model, x), Contacts((), ()))
+
+
+def touches(model: Model, x: State) -> bool:
+    """Whether solids touch at a state."""
+    return bool(model.overlaps(x.q_D, x.q_K, -TOUCHING))
+
+
+def with_active_set(model: Model, x: State) -> State:
+    """The state with its taut rows determined, with contact forces taken into account.
+
+    Where a motion begins with an impact, or cannot begin, the rows marked taut are kept.
+    """
+    if not touches(model, x):
+        tension = forward_dynamics(model, x).tension
+    else:
+        table = model.coordinates
+        try:
+            tension = _begun(model, x, np.zeros(table.n_vK), np.zeros(table.n_vD))[0]["tension"]
+        except StateError:
+            return x.replace(taut=taut_mask(model, x) | model.two_sided)
+    return x.replace(taut=(tension > 0.0) | model.two_sided)
+
+
+def _begun(
+    model: Model, x: State, acc_K: Array, u_D: Array
+) -> tuple[dict[str, Array], Piece]:
+    """The first sample of an event-driven run, and what else it writes there."""
+    check_start(model, x)
+    options = model.run_options()
+    inputs = held_input(model, x, options.dt, acc_K, u_D)
+    run = Run(model.library, "event", options, x, model.p, model.winches, inputs)
+    if run.status is not Status.RUNNING:
+        raise StateError(f"no motion begins at this state: {run.status.message}")
+    piece = run.present()
+    sample = {name: part[-1] for name, part in model.sample_layout.split(piece.samples).items()}
+    size = max(1.0, float(np.max(np.abs(x.v_D), initial=0.0)))
+    if np.max(np.abs(sample["v_D"] - x.v_D), initial=0.0) > JUMP * size:
+        raise StateError(
+            "solids or strings strike at this state: it lies between two motions, and has no "
+            "derivative"
+        )
+    return sample, piece
+
+
+def _contacts(model: Model, screws: Screws, x: State, found: ContactPoints) -> Contacts:
+    """The points found, in their modes; ``screws`` must have the accelerations."""
+    assert model.contacts is not None
+    still = still_speed(screws)
+    held: list[HeldPoint] = []
+    edges: list[str] = []
+    idle: list[tuple[str, PairGeometry, int, float]] = []
+    for pair in geometries(model, screws, x, sorted(set(found.pair.tolist()))):
+        name, own = pair_name(model.contacts.names[pair.pair]), found.some(found.pair == pair.pair)
+        mu, taken = float(model.contacts.friction[pair.pair]), set()
+        for k in range(len(own)):
+            feature = pair.nearest(own.point[k], CLOSED)
+            if feature is None:
+                raise StateError(f"{name} touch only where an event-driven run moves them first")
+            taken.add(feature)
+            touch = pair.touch(feature)
+            force, u = own.force[k], pair.velocity(screws, own.point[k])
+            mode, along, turns, edge = mode_of(mu, touch.normal, force, u, still)
+            kept = PointMode(name, pair.pair, feature, mode, mu, along, turns)
+            point = HeldPoint.of(kept, touch, force, u)
+            if edge and (slides := _begins_to_slide(screws, pair, point)):
+                point, edge = slides, "begins to slide, in a direction that has no derivative"
+            held.append(point)
+            if touch.normal @ force < TOLERANCES.force * model.reference_force:
+                edge = edge or "touches without force"
+            edges += [f"{name}: {edge}"] if edge else []
+        for feature, values in pair.points.items():
+            if feature not in taken and values[0] <= CLOSED:
+                opens = pair.velocity(screws, values[1:4]) @ values[4:]
+                idle.append((name, pair, feature, float(opens)))
+    edges += closed_without_force(screws, held, idle, still)
+    return Contacts(tuple(held), tuple(dict.fromkeys(edges)))
+
+
+def _begins_to_slide(screws: Screws, pair: PairGeometry, point: HeldPoint) -> HeldPoint | None:
+    """A point at the edge of its cone, sliding, if it does not stay where it is."""
+    touch = pair.touch(point.feature, pair.twist(screws))
+    rows = ContactRows(screws, [replace(point, touch=touch)], 0.0)
+    if np.linalg.norm(rows.accelerations()[1:]) <= TOLERANCES.acceleration:
+        return None
+    across = point.force - touch.normal * (touch.normal @ point.force)
+    along = -across / np.linalg.norm(across)
+    return replace(point, mode=ContactMode.SLIDE, along=along)
+
+
+class FrozenModes:
+    """Points that keep their modes, at any state near the one where these were found.
+
+    Args:
+        model: the puppet.
+        points: in their modes; the directions of sliding are those of their velocities, or, of
+            points almost at rest, those that they have.
+    """
+
+    def __init__(self, model: Model, points: Sequence[PointMode]):
+        self._model, self._points = model, tuple(points)
+
+    def at(self, screws: Screws) -> list[HeldPoint]:
+        """The points at a state, with second derivatives and without forces.
+
+        Raises:
+            StateError: a point is lost.
+        """
+        pairs: dict[int, PairGeometry] = {}
+        out = []
+        for point in self._points:
+            feature = point.feature
+            if point.pair not in pairs:
+                pairs[point.pair] = PairGeometry(self._model, screws.poses, point.pair)
+            pair = pairs[point.pair]
+            if feature not in pair.points:
+                raise StateError(f"{point.name} touch no longer where they did")
+            touch = pair.touch(feature, pair.twist(screws))
+            u = pair.velocity(screws, touch.point)
+            along, turns = point.along, False
+            if point.mode is ContactMode.SLIDE and point.friction > 0.0 and point.turns:
+                across = u - touch.normal * (touch.normal @ u)
+                speed = float(np.linalg.norm(across))
+                turns = speed > TOLERANCES.speed
+                along = across / speed if turns else along
+            made = HeldPoint.of(point, touch, np.zeros(3), u)
+            out.append(replace(made, along=along, turns=turns))
+        return out
+
+    def moving(
+        self, at: Evaluation, x: State, acc_K: Array, held: Indices
+    ) -> tuple[Array, Array, list[HeldPoint]]:
+        """acc_D, tensions of the held rows, and the points with their forces.
+
+        Args:
+            at: the model at the state.
+            x: the state.
+            acc_K: (n_vK,) accelerations of the inputs.
+            held: indices of the strings and limits that are held.
+        """
+        free = at.back(at.w0)
+        if not self._points:
+            hddot = at.gamma[held, None] + at.W[:, held].T @ at.w0[:, None]
+            acc, y = KKTSystem(at, held).solve(np.zeros((len(free), 1)), hddot)
+            return free + acc[:, 0], y[:, 0], []
+        screws = Screws(self._model, x, free, acc_K)
+        points = self.at(screws)
+        rows = ContactRows(screws, points, 0.0)
+        hddot = at.gamma[held] + at.W[:, held].T @ at.w0
+        rate = np.concatenate([hddot, rows.accelerations()])[:, None]
+        none = np.zeros((len(free), 1))
+        acc, y = ModeSystem(at, held, rows).solve(none, rate)
+        tension, forces, first = y[: len(held), 0], [], len(held)
+        for point in points:
+            k = len(point.directions)
+            forces.append(replace(point, force=point.pushes.T @ y[first : first + k, 0]))
+            first += k
+        return free + acc[:, 0], tension, forces
+
+    def solve(
+        self,
+        at: Evaluation,
+        x: State,
+        acc: tuple[Array, Array],
+        held: Indices,
+        points: Sequence[HeldPoint],
+        force: Array,
+        rate: Array,
+    ) -> tuple[Array, Array, Array]:
+        """Changes of acc_D, of the held rows' tensions, and of the points' forces (3 points, m).
+
+        Args:
+            at: the model at the state.
+            x: the state.
+            acc: acc_D and acc_K.
+            held: indices of the strings and limits that are held.
+            points: of :meth:`moving`.
+            force: (n_vD, m) changes of the other forces at fixed acc_D and tensions.
+            rate: (len(held), m) those of the held rows.
+        """
+        if not points:
+            return *KKTSystem(at, held).solve(force, rate), np.zeros((0, force.shape[1]))
+        screws = Screws(self._model, x, *acc)
+
+        def rows(those: Sequence[HeldPoint]) -> tuple[ContactRows, Array]:
+            made = ContactRows(screws, those, 0.0)
+            return made, made.acceleration_by()
+
+        return solve_in_modes(at, held, force, rate, rows, points)

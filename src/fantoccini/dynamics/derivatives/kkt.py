@@ -1,0 +1,56 @@
+"""The equations of motion with rows that are held, factorised."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from fantoccini.base import Array, Indices
+from fantoccini.dynamics.compiled import Evaluation
+
+DEPENDENT_ROWS = 1e-9
+"""Singular value of W, relative to the largest, below which rows depend on one another."""
+
+
+class KKTSystem:
+    """[M, A_D^T; A_D, 0] over held rows at one state, factorised.
+
+    Args:
+        at: the model at the state.
+        rows: indices of the held rows.
+    """
+
+    def __init__(self, at: Evaluation, rows: Indices):
+        self._at, self._W = at, at.W[:, rows]
+        u, s, vt = np.linalg.svd(self._W, full_matrices=False)
+        kept = s > DEPENDENT_ROWS * np.max(s, initial=0.0)
+        self._u, self._s, self._v = u[:, kept], s[kept], vt[kept].T
+
+    @cached_property
+    def _moved(self) -> Array:
+        """(n_vD, len(rows)) M^-1 A_D^T."""
+        return self._at.back(self._W.T).T
+
+    def solve(self, force: Array, rate: Array) -> tuple[Array, Array]:
+        """x (n_vD, m) and y (len(rows), m) with M x + A_D^T y = -force and A_D x = -rate.
+
+        y is the shortest where rows depend on one another.
+
+        Args:
+            force: (n_vD, m).
+            rate: (len(rows), m).
+        """
+        w = -self._at.forth(force.T).T
+        inner = self._u.T @ w + (self._v.T @ rate) / self._s[:, None]
+        y = self._v @ (inner / self._s[:, None])
+        return self._at.back((w - self._W @ y).T).T, y
+
+    def nearest(self, rate: Array) -> Array:
+        """x (n_vD, m) with A_D x = -rate, the smallest in the metric of M.
+
+        Args:
+            rate: (len(rows), m).
+        """
+        y = self._v @ ((self._v.T @ rate) / (self._s * self._s)[:, None])
+        return -(self._moved @ y)

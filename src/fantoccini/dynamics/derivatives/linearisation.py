@@ -1,0 +1,283 @@
+"""Linearisation: derivatives of accelerations and tensions while the active set stays.
+
+    M acc_D + M_DK acc_K + c - u_D + A_D^T tension = 0,   A_D acc_D + A_K acc_K + Adot v = 0
+
+By the implicit function theorem, with r and hddot the left sides and d a change of state, input
+or parameter:
+
+    M dacc_D + A_D^T dtension = -r_d,   A_D dacc_D = -hddot_d      over the held rows
+
+Solids that touch add their rows and forces, each point in its mode (``contact_rows``).
+
+Changes of a configuration are tangent vectors, of the size of the velocities: a scalar adds, an
+orientation turns by a rotation vector in the body's frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Array, Indices, UnknownNameError
+from fantoccini.base.documents import Parameter
+from fantoccini.dynamics.compiled import Evaluation, Model, forward_dynamics, vector
+from fantoccini.dynamics.derivatives.contact_rows import HeldPoint, PointMode
+from fantoccini.dynamics.derivatives.contact_state import FrozenModes, resting, touches
+from fantoccini.model.tree import CoordinateTable
+from fantoccini.motion import State
+
+
+@dataclass(frozen=True, eq=False)
+class Partials:
+    """Derivatives of one quantity, a row for each of its entries.
+
+    Attributes:
+        q_D: (n, n_vD) by tangent vectors of the dynamic configuration [per rad or m].
+        v_D: (n, n_vD) by the dynamic velocity.
+        q_K: (n, n_vK) by tangent vectors of the driven configuration.
+        v_K: (n, n_vK) by the driven velocity.
+        acc_K: (n, n_vK) by the driven acceleration.
+        u_D: (n, n_vD) by the user's forces.
+        p: (n, n_p) by the parameters.
+    """
+
+    q_D: Array
+    v_D: Array
+    q_K: Array
+    v_K: Array
+    acc_K: Array
+    u_D: Array
+    p: Array
+
+    @classmethod
+    def of(cls, columns: Array, widths: Iterable[int]) -> Partials:
+        """From all columns in one array."""
+        return cls(*np.split(columns, np.cumsum(list(widths))[:-1], axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """A puppet's accelerations and tensions near a state, with a fixed active set.
+
+    As a linear system in z = (dq_D, dv_D, dq_K, dv_K), with tangent vectors dq, around a motion::
+
+        zdot = A z + B dacc_K + B_u du_D + B_p dp
+
+    Only z with A_D dq_D + A_K dq_K = 0 over the held rows, and the same for the rates, are small
+    changes of the puppet, and those that keep points of contact closed, where they stick at rest.
+    Every held row adds two eigenvalues 0 to A.
+
+    Attributes:
+        x: the state.
+        rows: names of the held strings and limits.
+        acc_D: (n_vD,) acceleration there [rad/s^2 or m/s^2].
+        tension: (n_rows,) forces of strings and limits there [N or N m].
+        acc: derivatives of acc_D (n_vD, ...).
+        pull: derivatives of the tensions (n_rows, ...); 0 for rows that are not held.
+        contacts: the points that push, in their modes.
+        push: derivatives of their forces (3 n, ...), in the world: of least norm where the law
+            leaves them open, as the forces are.
+        edges: what is between two modes, as a point that touches without force: the derivatives
+            then are those of the modes taken, towards one side.
+        coordinates: names and places of the coordinates.
+    """
+
+    x: State
+    rows: tuple[str, ...]
+    acc_D: Array
+    tension: Array
+    acc: Partials
+    pull: Partials
+    contacts: tuple[HeldPoint, ...]
+    push: Partials
+    edges: tuple[str, ...]
+    coordinates: CoordinateTable
+
+    @property
+    def sharp(self) -> bool:
+        """Whether the derivative exists towards all sides: no contact is between two modes."""
+        return not self.edges
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the entries of z: ``dq:elbow``, ``v:elbow``, then the driven ones."""
+        t = self.coordinates
+        return tuple(
+            f"{kind}:{name}" for names in (t.v_D, t.v_K) for kind in ("dq", "v") for name in names
+        )
+
+    @property
+    def A(self) -> Array:
+        """(2 n_vD + 2 n_vK,) squared: zdot by z."""
+        t = self.coordinates
+        n, k = t.n_vD, t.n_vK
+        A = np.zeros((2 * (n + k), 2 * (n + k)))
+        A[:n, :n] = turning(t.quaternions_D, self.x.v_D)
+        A[:n, n : 2 * n] = np.eye(n)
+        parts = (self.acc.q_D, self.acc.v_D, self.acc.q_K, self.acc.v_K)
+        A[n : 2 * n] = np.concatenate(parts, axis=1)
+        A[2 * n : 2 * n + k, 2 * n : 2 * n + k] = turning(t.quaternions_K, self.x.v_K)
+        A[2 * n : 2 * n + k, 2 * n + k :] = np.eye(k)
+        return A
+
+    @property
+    def B(self) -> Array:
+        """(2 n_vD + 2 n_vK, n_vK): zdot by the driven acceleration, the input of Eq. 12."""
+        B = self._padded(self.acc.acc_K)
+        B[len(B) - B.shape[1] :] = np.eye(B.shape[1])
+        return B
+
+    @property
+    def B_u(self) -> Array:
+        """(2 n_vD + 2 n_vK, n_vD): zdot by the user's forces."""
+        return self._padded(self.acc.u_D)
+
+    @property
+    def B_p(self) -> Array:
+        """(2 n_vD + 2 n_vK, n_p): zdot by the parameters."""
+        return self._padded(self.acc.p)
+
+    def _padded(self, acc: Array) -> Array:
+        """zdot by a quantity that acc_D depends on and the rest of zdot does not."""
+        n, k = self.coordinates.n_vD, self.coordinates.n_vK
+        B = np.zeros((2 * (n + k), acc.shape[1]))
+        B[n : 2 * n] = acc
+        return B
+
+
+def linearise(
+    model: Model,
+    x: State,
+    acc_K: Array | None = None,
+    u_D: Array | None = None,
+    rows: Iterable[str] | None = None,
+    contacts: Iterable[PointMode] | None = None,
+) -> Linearisation:
+    """Derivatives of acc_D and of the tensions; see :meth:`Marionette.linearise`."""
+    table, n_p = model.coordinates, len(model.p)
+    acc_K, u_D = vector("acc_K", acc_K, table.n_vK), vector("u_D", u_D, table.n_vD)
+    at = Evaluation.of(model, x, acc_K, u_D)
+    points, edges = tuple(contacts or ()), tuple[str, ...]()
+    tension = np.zeros(model.tree.n_rows)
+    near = contacts is None and touches(model, x)
+    if near or (points and rows is None):
+        found = resting(model, x, acc_K, u_D)
+        acc_D, tension = found.acc_D, found.tension
+        if contacts is None:
+            points, edges = found.contacts.points, found.contacts.edges
+    elif rows is None:
+        acc_D, tension = forward_dynamics(model, x, acc_K, u_D)
+    if rows is None:
+        pulls = model.two_sided | ((tension > 0.0) & (tension < model.upper))
+        held: Indices = np.flatnonzero(pulls)
+    else:
+        held = named_rows(model, rows)
+    frozen, pushing = FrozenModes(model, points), list[HeldPoint]()
+    if rows is not None or points:
+        acc_D, pulling, pushing = frozen.moving(at, x, acc_K, held)
+        tension = np.zeros(model.tree.n_rows)
+        tension[held] = pulling
+    derivatives = derivatives_at(model, x, acc_D, acc_K, tension)
+    by = force_derivatives(model, derivatives, tension)
+    rate = row_derivatives(derivatives)[held]
+    dacc, dtension, dpush = frozen.solve(at, x, (acc_D, acc_K), held, pushing, by, rate)
+    widths = [table.n_vD] * 2 + [table.n_vK] * 3 + [table.n_vD, n_p]
+    return Linearisation(
+        x=x,
+        rows=tuple(model.tree.row_names[i] for i in held),
+        acc_D=acc_D,
+        tension=tension,
+        acc=Partials.of(dacc, widths),
+        pull=Partials.of(tension_derivatives(model, tension, held, dtension), widths),
+        contacts=tuple(pushing),
+        push=Partials.of(dpush, widths),
+        edges=edges,
+        coordinates=table,
+    )
+
+
+def named_rows(model: Model, names: Iterable[str]) -> Indices:
+    """Indices of strings and limits, in order."""
+    known = model.tree.row_names
+    names = (names,) if isinstance(names, str) else tuple(names)
+    for name in names:
+        if name not in known:
+            raise UnknownNameError("string or limit", name, known)
+    return np.array(sorted(known.index(name) for name in set(names)), dtype=int)
+
+
+def derivatives_at(
+    model: Model, x: State, acc_D: Array, acc_K: Array, tension: Array, dt: float = 0.0
+) -> dict[str, Array]:
+    """All compiled derivatives at one state, by their names (``equations.derivatives``)."""
+    values: dict[str, Array | float] = {
+        **model.at(x), "acc_D": acc_D, "acc_K": acc_K, "tension": tension, "dt": dt,
+    }  # fmt: skip
+    found: dict[str, Array] = {}
+    for name in ("force_by_q", "force_by_v", "force_by_K", "rows_by"):
+        found |= model.compiled.derivatives.at(name, values)
+    return found
+
+
+def row_derivatives_at(model: Model, x: State, v_D: Array | None = None) -> dict[str, Array]:
+    """Compiled derivatives of h and hdot at a state, by their names.
+
+    Args:
+        model: the puppet.
+        x: the state.
+        v_D: (..., n_vD) other velocities there; results are (..., *shape) then.
+    """
+    values = model.at(x) | {"acc_D": np.zeros_like(x.v_D), "acc_K": np.zeros_like(x.v_K)}
+    if v_D is not None:
+        values["v_D"] = v_D
+    return model.compiled.derivatives.at("rows_by", values)
+
+
+def force_derivatives(model: Model, found: dict[str, Array], tension: Array) -> Array:
+    """Derivatives of r by q_D, v_D, q_K, v_K, acc_K, u_D and p, in one array."""
+    n = len(found["r_q"])
+    by_p = found["r_p"] + found["A_D"].T @ _slipping_by_p(model, tension)
+    columns = (found["r_q"], found["r_v"], found["r_qK"], found["r_vK"], found["M_DK"])
+    return np.concatenate([*columns, -np.eye(n), by_p], axis=1)
+
+
+def row_derivatives(found: dict[str, Array]) -> Array:
+    """Derivatives of hddot by q_D, v_D, q_K, v_K, acc_K, u_D and p, in one array."""
+    names = ("hddot_q", "hddot_v", "hddot_qK", "hddot_vK", "A_K")
+    none = np.zeros_like(found["hddot_v"])
+    return np.concatenate([*(found[name] for name in names), none, found["hddot_p"]], axis=1)
+
+
+def tension_derivatives(
+    model: Model, tension: Array, held: Indices, dtension: Array
+) -> Array:
+    """(n_rows, m) derivatives of all tensions, from those of the held rows."""
+    out = np.zeros((model.tree.n_rows, dtension.shape[1]))
+    out[:, out.shape[1] - len(model.p) :] = _slipping_by_p(model, tension)
+    out[held] = dtension
+    return out
+
+
+def _slipping_by_p(model: Model, tension: Array) -> Array:
+    """(n_rows, n_p) derivatives of the tensions of strings that slip, by the parameters."""
+    out = np.zeros((len(tension), len(model.p)))
+    for i, string in enumerate(model.tree.strings):
+        if isinstance(string.max_tension, Parameter) and tension[i] >= model.upper[i]:
+            out[i, model.parameter_index[string.max_tension.parameter]] = 1.0
+    return out
+
+
+def turning(quaternions: Iterable[tuple[int, int]], v: Array) -> Array:
+    """(n_v, n_v) -[w]x of every rotation: the rate of a small rotation seen in a turning frame.
+
+    Args:
+        quaternions: (q, v) places where rotations begin.
+        v: (n_v,) velocity.
+    """
+    out = np.zeros((len(v), len(v)))
+    for _, at in quaternions:
+        x, y, z = v[at : at + 3]
+        out[at : at + 3, at : at + 3] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
+    return out

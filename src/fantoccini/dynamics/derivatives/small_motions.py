@@ -1,0 +1,120 @@
+"""Small motions about a state of rest, in the directions left free by rows and contact points.
+
+    dq_D = N eta + Y dq_K,   C N = 0,   N^T M N = 1,   C Y = -C_K
+    etaddot + D etadot + K eta = -N^T (r_q Y + r_qK) dq_K - N^T (r_v Y + r_vK) dv_K
+                                 - N^T M_DK dacc_K
+    D = N^T r_v N,   K = N^T r_q N,   Y = -M^-1 C^T (C M^-1 C^T)^-1 C_K
+
+C are A_D of the rows that pull and the rows of the points that push, C_K the same by the inputs.
+r_q is the derivative of gravity, springs, C^T tension and the forces of contact, so it includes
+the stiffness from tension.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Array, Indices, StateError
+from fantoccini.dynamics.compiled import Evaluation, Model, Screws, interpreted, retract
+from fantoccini.dynamics.derivatives.contact_rows import ContactRows
+from fantoccini.dynamics.derivatives.contact_state import Resting, motion_at
+from fantoccini.dynamics.derivatives.kkt import DEPENDENT_ROWS
+from fantoccini.dynamics.derivatives.linearisation import derivatives_at
+from fantoccini.dynamics.derivatives.mode_system import ModeSystem
+from fantoccini.motion import State
+
+
+@dataclass(frozen=True)
+class BalanceSettings:
+    """Bounds of the search for balance."""
+
+    rounds: int = 8
+    still: float = 1e-7
+    """Acceleration of a state that rests [rad/s^2 or m/s^2]: a tenth of what modes allow."""
+    move: float = 1e-3
+    """Longest move of a round [rad or m]: beyond it, the set of pulling rows may change."""
+    neutral: float = 1e-12  # Eigenvalues of K below this are 0, relative to the largest
+
+
+BALANCE = BalanceSettings()
+MIN_TENSION = 1e-9
+"""Tension of a taut row, relative to the puppet's weight."""
+
+
+@dataclass(frozen=True, eq=False)
+class SmallMotions:
+    """The matrices of the equations above, with m free directions.
+
+    Attributes:
+        held: indices of the strings and limits that pull.
+        N: (n_vD, m).
+        M: (n_vD, n_vD) M_DD.
+        K, D: (m, m).
+        forcing: factors of dq_K, dv_K and dacc_K on the right, (m, n_vK) each.
+    """
+
+    held: Indices
+    N: Array
+    M: Array
+    K: Array
+    D: Array
+    forcing: tuple[Array, Array, Array]
+
+    @classmethod
+    def of(cls, model: Model, x: State, motion: Resting) -> SmallMotions:
+        """The small motions about a state of rest.
+
+        Args:
+            model: the puppet.
+            x: the state.
+            motion: accelerations, tensions and contacts there.
+        """
+        tension, points = motion.tension, motion.contacts.points
+        held = np.flatnonzero(model.two_sided | (tension > MIN_TENSION * model.weight))
+        at, n, k = Evaluation.of(model, x), len(x.v_D), len(x.v_K)
+        none_D, none_K = np.zeros(n), np.zeros(k)
+        by = derivatives_at(model, x, none_D, none_K, tension)
+        r_q, r_v, r_qK, r_vK = (by[name] for name in ("r_q", "r_v", "r_qK", "r_vK"))
+        rows = ContactRows(Screws(model, x, none_D, none_K), points, 0.0)
+        widths = np.cumsum([n, n, k, k])
+        more = np.split(rows.force_by(), widths, axis=1)
+        r_q, r_v, r_qK, r_vK = r_q + more[0], r_v + more[1], r_qK + more[2], r_vK + more[3]
+        by_inputs = np.split(rows.velocity_by(), widths, axis=1)[3]
+        system = ModeSystem(at, held, rows)
+        u, size, _ = np.linalg.svd(system.held, full_matrices=True)
+        rank = int(np.sum(size > DEPENDENT_ROWS * np.max(size, initial=0.0)))
+        N = at.back(u[:, rank:].T).T
+        C_K = np.concatenate([by["A_K"][held], by_inputs])
+        Y, _ = system.solve(np.zeros((n, k)), C_K)
+        return cls(
+            held, N, interpreted(model, "mass_matrix", x).M, N.T @ r_q @ N, N.T @ r_v @ N,
+            (-N.T @ (r_q @ Y + r_qK), -N.T @ (r_v @ Y + r_vK), -N.T @ by["M_DK"]),
+        )  # fmt: skip
+
+
+def balanced_state(model: Model, x: State) -> State:
+    """A state near rest, moved until its forces balance, by Newton's method.
+
+    Rows and contact points stay held, K deta = N^T M acc_D; ``x`` if this does not converge.
+    """
+    best, least = x, np.inf
+    for _ in range(BALANCE.rounds):
+        try:
+            motion = motion_at(model, x)
+        except StateError:
+            break
+        left = float(np.max(np.abs(motion.acc_D), initial=0.0))
+        if not left < least:
+            break
+        best, least = x, left
+        if left <= BALANCE.still:
+            break
+        small = SmallMotions.of(model, x, motion)
+        eta = np.linalg.lstsq(small.K, small.N.T @ small.M @ motion.acc_D, BALANCE.neutral)[0]
+        move = small.N @ eta
+        if not 0.0 < np.max(np.abs(move), initial=0.0) < BALANCE.move:
+            break
+        x = x.replace(q_D=retract(model, x.q_D, move))
+    return best

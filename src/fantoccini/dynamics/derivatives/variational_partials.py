@@ -1,0 +1,270 @@
+"""Derivatives of many steps of the variational integrator, by the implicit function theorem.
+
+With Lambda over the rows that end the step at their bound, and mu over those that are held at its
+end (``cpp/fantoccini/variational/step.hpp``, ``variational/node.hpp``):
+
+    M v + M_DK v_K - A_D(q)^T Lambda = p_k(xi),          h(q_k+1, q_K) = 0
+    M v + M_DK v_K + A_D^T mu = p_k+1(xi)  at the end,   hdot = 0
+
+The first line gives xi and Lambda, the second the velocity at the end and mu. A step that was made
+in parts solves neither, and is not settled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from types import SimpleNamespace
+
+import numpy as np
+
+from fantoccini.base import N_COEF, Array, Indices, MaskRows, StateError, Status, rotation
+from fantoccini.dynamics.compiled import Model
+from fantoccini.kernel.runtime import Batch
+
+CLOSED = 1e-9
+"""-h up to which a row is at its bound at the end of a step [m or rad]."""
+NO_IMPULSE = 1e-9
+"""Impulse that is none, relative to the weight over the step."""
+RESIDUAL = 1e-8
+"""Residual of momenta, relative to the largest, above which a step was made in parts."""
+DEPENDENT = 1e-9
+"""Singular value, relative to the largest, below which rows depend on one another."""
+
+
+@dataclass(frozen=True, eq=False)
+class VariationalPartials:
+    """n steps; columns are by q_D, v_D, q_K, v_K, acc_K, u_D and p.
+
+    Attributes:
+        end: q_D, v_D, q_K and v_K, (n, ...) each, after the steps.
+        tension: (n, n_rows) impulses over dt [N or N m].
+        motion: (n, 2 n_vD, m) of (dq_D, v_D) after the steps.
+        pull: (n, n_rows, m) of the tensions.
+        held: (n, n_rows) rows with an impulse in the step or at its end.
+        solved: (n,) whether the steps were made in one part.
+    """
+
+    end: dict[str, Array]
+    tension: Array
+    motion: Array
+    pull: Array
+    held: MaskRows
+    solved: MaskRows
+
+
+def variational_partials(
+    model: Model,
+    x: Mapping[str, Array],
+    acc_K: Array,
+    u_D: Array | None,
+    p: Array,
+    dt: float,
+    threads: int,
+) -> VariationalPartials:
+    """n steps and their derivatives.
+
+    Args:
+        model: the puppet.
+        x: q_D, v_D, q_K and v_K, (n, ...) each, before the steps.
+        acc_K: (1 or n, n_vK) over the steps.
+        u_D: (1 or n, n_vD) user forces; None for none.
+        p: (1 or n, n_p).
+        dt: their length [s].
+        threads: that share the work of the steps.
+
+    Raises:
+        StateError: a driven joint turns, which is not differentiated.
+    """
+    t = model.coordinates
+    if t.quaternions_K:
+        raise StateError("variational steps with driven rotations are not differentiated")
+    n, n_v, n_k = len(x["q_D"]), t.n_vD, t.n_vK
+    acc = np.broadcast_to(acc_K, (n, n_k))
+    force = np.zeros((n, n_v)) if u_D is None else np.broadcast_to(u_D, (n, n_v))
+    values = np.broadcast_to(p, (n, p.shape[1]))
+    batch = _made(model, x, acc, force, values, dt, threads)
+    end = {
+        "q_D": batch.end_q_D, "v_D": batch.end_v_D, "q_K": x["q_K"].copy(),
+        "v_K": x["v_K"] + dt * acc,
+    }  # fmt: skip
+    rate = x["v_K"] + 0.5 * dt * acc
+    half = x["q_K"].copy()
+    for q, v in t.scalars_K:
+        half[:, q] += 0.5 * dt * rate[:, v]
+        end["q_K"][:, q] += dt * rate[:, v]
+    library, n_rows = model.compiled.variational_derivatives, model.tree.n_rows
+    mid = library.evaluate(
+        "midpoint_by", q_D=x["q_D"], xi=_steps(model, x["q_D"], end["q_D"]), q_mid=half, v_mid=rate,
+        acc_mid=acc, u_D=force, dt=dt, p=values,
+    )  # fmt: skip
+    start = library.evaluate("row_rates_by", p=values, **x)
+    last = library.evaluate("row_rates_by", p=values, **end)
+    h = model.library.evaluate("rows", q_D=end["q_D"], q_K=end["q_K"], p=values).h
+    closed = model.two_sided | (h > -CLOSED)
+    near = np.flatnonzero(np.any(closed, axis=0))  # few of the rows, in any of the steps
+    start, last = (_rows_of(found, near) for found in (start, last))
+    closed, wires = closed[:, near], model.two_sided[near]
+    none = NO_IMPULSE * dt * model.reference_force
+    begun, ended = (library.evaluate("momenta", p=values, **at).p_D for at in (x, end))
+    size = np.max(np.abs(begun), axis=1, initial=0.0)
+    Lambda, left = _impulses(start.A_D, closed, begun - mid.before)
+    mu, left_after = _impulses(last.A_D, closed, mid.after - ended)
+    solved = np.maximum(left, left_after) <= RESIDUAL * size + none
+    pulls = closed & (wires | (np.abs(Lambda) > none))
+    holds = closed & (wires | (np.abs(mu) > none))
+
+    def spread(of_near: Array) -> Array:
+        out = np.zeros((n, n_rows, *of_near.shape[2:]), dtype=of_near.dtype)
+        out[:, near] = of_near
+        return out
+
+    before = library.evaluate("momenta_by", p=values, tension=spread(-Lambda), **x)
+    after = library.evaluate("momenta_by", p=values, tension=spread(mu), **end)
+
+    columns = _Columns(n_v, n_k, values.shape[1], dt)
+    of_start = columns.of_inputs(before.e_qK, before.M_DK, None, before.e_p)
+    of_start[..., :n_v] = before.e_q - mid.before_q
+    of_start[..., n_v : 2 * n_v] = before.M
+    of_start -= columns.of_middle(mid, "before")
+    of_heights = columns.of_end(last.A_K, None, last.h_p)
+    of_heights[..., :n_v] = last.A_D @ mid.next_q
+    xi_by, Lambda_by = _held(
+        mid.before_xi, start.A_D, last.A_D @ mid.next_xi, pulls, of_start, -of_heights
+    )
+    dq = mid.next_xi @ xi_by
+    dq[..., :n_v] += mid.next_q
+    of_momenta = columns.of_middle(mid, "after") + mid.after_xi @ xi_by
+    of_momenta[..., :n_v] += mid.after_q
+    of_momenta -= after.e_q @ dq + columns.of_end(after.e_qK, after.M_DK, after.e_p)
+    of_rates = last.hdot_q @ dq + columns.of_end(last.hdot_qK, last.A_K, last.hdot_p)
+    dv, mu_by = _held(after.M, last.A_D, last.A_D, holds, of_momenta, -of_rates)
+    return VariationalPartials(
+        end=end,
+        tension=spread(Lambda * pulls + mu * holds) / dt,
+        motion=np.concatenate([dq, dv], axis=1),
+        pull=spread(Lambda_by + mu_by) / dt,
+        held=spread(pulls | holds).astype(np.bool_),
+        solved=solved & (batch.status == Status.DONE),
+    )
+
+
+def _made(
+    model: Model, x: Mapping[str, Array], acc_K: Array, u_D: Array, p: Array, dt: float,
+    threads: int,
+) -> Batch:  # fmt: skip
+    """The steps."""
+    n, t, table = len(acc_K), model.coordinates, model.tree
+    coef, force = np.zeros((n, 1, t.n_vK, N_COEF)), np.zeros((n, 1, t.n_vD, N_COEF))
+    for q, v in t.scalars_K:
+        coef[:, 0, v, 0] = x["q_K"][:, q]
+    coef[:, 0, :, 1], coef[:, 0, :, 2], force[:, 0, :, 0] = x["v_K"], 0.5 * acc_K, u_D
+    made = Batch(
+        n=n, t=0.0, t_end=dt, q_D=x["q_D"], v_D=x["v_D"], slip=np.zeros((1, len(table.strings))),
+        breaks=np.array([[0.0, dt]]), coef=coef, base=x["q_K"][:, None], force=force, p=p,
+        winches=model.winches, options=model.run_options(dt=dt), times=np.zeros(2),
+        parts={},
+        status=np.full(n, Status.STOPPED, dtype=np.int32), reached=np.zeros(n),
+        violation=np.zeros(n), catches=np.zeros(n, dtype=np.int64),
+        releases=np.zeros(n, dtype=np.int64), blame=np.zeros((n, len(table.blamable))),
+        end_q_D=np.full((n, t.n_qD), np.nan), end_v_D=np.full((n, t.n_vD), np.nan),
+    )  # fmt: skip
+    made.run(model.compiled.variational_lanes, threads)
+    return made
+
+
+@dataclass(frozen=True)
+class _Columns:
+    """Columns by q_D, v_D, q_K, v_K, acc_K, u_D and p."""
+
+    n_v: int
+    n_k: int
+    n_p: int
+    dt: float
+
+    def _blank(self, like: Array) -> tuple[Array, list[slice]]:
+        widths = [self.n_v, self.n_v, self.n_k, self.n_k, self.n_k, self.n_v, self.n_p]
+        ends = np.cumsum([0, *widths]).tolist()
+        out = np.zeros((*like.shape[:-1], ends[-1]))
+        return out, [slice(a, b) for a, b in pairwise(ends)]
+
+    def of_inputs(
+        self, by_q: Array, by_v: Array | None, by_acc: Array | None, by_p: Array
+    ) -> Array:
+        """Of what depends on q_K, v_K and acc_K at the start, and on p."""
+        out, (_, _, q, v, acc, _, p) = self._blank(by_q)
+        out[..., q], out[..., p] = by_q, by_p
+        if by_v is not None:
+            out[..., v] = by_v
+        if by_acc is not None:
+            out[..., acc] = by_acc
+        return out
+
+    def of_end(self, by_q: Array, by_v: Array | None, by_p: Array) -> Array:
+        """Of what depends on q_K and v_K after the step, and on p."""
+        dt, of_v = self.dt, 0.0 if by_v is None else by_v
+        return self.of_inputs(
+            by_q, dt * by_q + of_v, 0.5 * dt * dt * by_q + dt * of_v, by_p
+        )
+
+    def of_middle(self, mid: object, end: str) -> Array:
+        """Of the midpoint's momenta, by its inputs, forces and parameters."""
+        dt = self.dt
+        of_q, of_v, of_acc, of_u, of_p = (
+            getattr(mid, f"{end}_{name}") for name in ("qm", "vm", "am", "u", "p")
+        )
+        out = self.of_inputs(
+            of_q, 0.5 * dt * of_q + of_v, 0.25 * dt * dt * of_q + 0.5 * dt * of_v + of_acc, of_p
+        )
+        place = 2 * self.n_v + 3 * self.n_k
+        out[..., place : place + self.n_v] = of_u
+        return out
+
+
+def _rows_of(found: SimpleNamespace, rows: Indices) -> SimpleNamespace:
+    """Some rows of the results of ``row_rates_by``."""
+    return SimpleNamespace(**{name: a[:, rows] for name, a in vars(found).items()})
+
+
+def _steps(model: Model, q: Array, end: Array) -> Array:
+    """(n, n_vD) xi between configurations (n, n_qD): quaternions turn by 4 atan |xi/4|."""
+    t = model.coordinates
+    out = np.zeros((len(q), t.n_vD))
+    for i, v in t.scalars_D:
+        out[:, v] = end[:, i] - q[:, i]
+    for i, v in t.quaternions_D:
+        turn = rotation.between(q[:, i : i + 4], end[:, i : i + 4])
+        angle = np.linalg.norm(turn, axis=-1, keepdims=True)
+        small = angle < 1e-6
+        scale = np.where(small, 1.0, 4.0 * np.tan(0.25 * angle) / np.where(small, 1.0, angle))
+        out[:, v : v + 3] = scale * turn
+    return out
+
+
+def _impulses(A_D: Array, some: MaskRows, momenta: Array) -> tuple[Array, Array]:
+    """y (n, n_rows) with A_D^T y = momenta over some rows, and the largest residual (n,)."""
+    A = np.swapaxes(A_D * some[..., None], 1, 2)
+    y = (np.linalg.pinv(A, rcond=DEPENDENT) @ momenta[..., None])[..., 0] * some
+    left = momenta - (A @ y[..., None])[..., 0]
+    return y, np.max(np.abs(left), axis=1, initial=0.0)
+
+
+def _held(
+    M: Array, forces: Array, rows: Array, some: MaskRows, right: Array, rates: Array
+) -> tuple[Array, Array]:
+    """x and y with M x + forces^T y = right, and rows x = rates over some rows; y = 0 of others."""
+    k, n_v = some.shape[1], M.shape[1]
+    mask = some[..., None].astype(float)
+    K = np.zeros((len(M), n_v + k, n_v + k))
+    K[:, :n_v, :n_v] = M
+    K[:, :n_v, n_v:] = np.swapaxes(forces * mask, 1, 2)
+    K[:, n_v:, :n_v] = rows * mask
+    K[:, n_v:, n_v:] = (1.0 - mask) * np.eye(k)
+    whole = np.concatenate([right, rates * mask], axis=1)
+    depends = np.linalg.matrix_rank(forces * mask, rtol=DEPENDENT) < np.sum(some, axis=1)
+    out = np.empty_like(whole)
+    out[~depends] = np.linalg.solve(K[~depends], whole[~depends])
+    for i in np.flatnonzero(depends):
+        out[i] = np.linalg.lstsq(K[i], whole[i], rcond=DEPENDENT)[0]
+    return out[:, :n_v], out[:, n_v:]

@@ -1,0 +1,27 @@
+"""States of rest: projection, relaxation, descent; vibration modes; plausibility."""
+
+from fantoccini.dynamics.equilibrium import equilibrium, initial_state, projection
+from fantoccini.dynamics.equilibrium.initial_state import Values
+from fantoccini.dynamics.equilibrium.modes import (
+    Mode,
+    Modes,
+    modes,
+)
+from fantoccini.dynamics.equilibrium.plausible import (
+    InputWarning,
+    input_warnings,
+    warnings,
+)
+
+__all__ = [
+    "InputWarning",
+    "Mode",
+    "Modes",
+    "Values",
+    "equilibrium",
+    "initial_state",
+    "input_warnings",
+    "modes",
+    "projection",
+    "warnings",
+]

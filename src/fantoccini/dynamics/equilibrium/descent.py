@@ -1,0 +1,195 @@
+"""Equilibria by descent of V with its curvature.
+
+Dynamic relaxation (:mod:`.relaxation`) takes the steps of a puppet's stiffest spring over the time
+of its slowest sway or creep. Here each step solves, in coordinates y in which M_DD is the identity,
+
+    min  -w0 . y + 1/2 y . (|H| + mu) y    subject to  h + W^T y <= 0
+
+with H the Hessian of V and |H| the same with the absolute values of its eigenvalues, so that a step
+descends at a saddle as well; mu grows where V did not fall and shrinks where it did.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Array, Indices, StateError, tangent
+from fantoccini.dynamics.compiled import (
+    ROW_TOLERANCES,
+    Evaluation,
+    Model,
+    effort,
+    energies,
+    retract,
+)
+from fantoccini.dynamics.equilibrium.projection import onto_rows, positioned
+from fantoccini.dynamics.equilibrium.relaxation import (
+    Equilibrium,
+    derivatives,
+    in_step,
+    newton,
+    poles,
+    pushed,
+)
+from fantoccini.motion import State
+
+
+@dataclass(frozen=True)
+class Descent:
+    """Bounds of the descent. Moves are in rad or m."""
+
+    rounds: int = 3000
+    mu: float = 1e2  # mu at first [1/s^2]
+    min_mu: float = 1e-3  # mu below which it is dropped, and which it grows from [1/s^2]
+    max_mu: float = 1e14  # mu at which the search has stalled [1/s^2]
+    growth: float = 3.0  # Factor of mu after a step on which V did not fall
+    shrinkage: float = 0.2  # Factor of mu after one on which it did
+    least_curvature: float = 1e-3
+    """Curvature that steps use at least [1/s^2]: gravity alone may have none."""
+    max_move: float = 0.1  # Longest move of one round
+    pole_share: float = 0.25
+    """Longest move of a stepper motor in one round, relative to the distance of its poles."""
+    near_gap: float = 0.05  # Relative -h of rows that a step may reach
+    min_move: float = 1e-12  # Moves below which a puppet rests
+    farthest: float = 100.0  # Move from which the puppet has no equilibrium
+    flat_fall: float = 1e-15  # Fall of V on flat ground, over the puppet's weight [m]
+    rounding: float = 1e-14  # Rounding of V, a sum over all links and springs, relative to it
+    max_stalls: int = 3  # Moves with flat V on which the forces may stay as large as they were
+    unstable: float = 1e-9
+    """Growth rate squared of an instability, relative to the fastest oscillation's."""
+    difference: float = 1e-6  # Step of the finite differences that give the Hessian
+    balanced_force: float = 1e-6  # Largest unbalanced force at rest, relative to the weight
+    newton_move: float = 1e-3
+    """Largest move of Newton's method that refines an equilibrium instead of finding another."""
+
+
+DESCENT = Descent()
+
+
+def descended(model: Model, x: State) -> Equilibrium:
+    """A local minimum of V subject to the rows, from a state that satisfies them.
+
+    Raises:
+        StateError: V keeps falling, or the search stalled where forces do not balance.
+    """
+    found = _minimum(model, x)
+    moved = in_step(model, found.x)
+    if moved is not found.x:
+        found = _minimum(model, positioned(model, moved)[0])
+    finer = newton(model, found.x)
+    if finer is None or np.max(np.abs(finer.x.q_D - found.x.q_D)) > DESCENT.newton_move:
+        return found
+    return finer
+
+
+def _minimum(model: Model, x: State) -> Equilibrium:
+    wires, scale = model.two_sided, model.row_scales(x.q_D, x.q_K)
+    size_of_forces = model.weight / np.sqrt(model.mass)
+    mu, V, start = DESCENT.mu, energies(model, x)[1], x.q_D
+    longest = np.full(len(x.v_D), DESCENT.max_move)
+    for row, pole in poles(model):
+        longest[row.v] = np.minimum(longest[row.v], DESCENT.pole_share * pole)
+    rows: Indices = np.zeros(0, dtype=np.intp)
+    tension, unbalanced, stalls = np.zeros(0), np.inf, 0
+    for _ in range(DESCENT.rounds):
+        at = Evaluation.of(model, x)
+        near = np.flatnonzero((at.h > -DESCENT.near_gap * scale) | wires)
+        curvature, modes = _curvature(at, _force_derivative(model, Equilibrium(x, rows, tension)))
+        while True:
+            damped = np.maximum(np.abs(curvature) + mu, DESCENT.least_curvature)
+            softened = modes / np.sqrt(damped)
+            W = softened.T @ at.W[:, near]
+            force = softened.T @ at.w0
+            found = model.library.complementarity(W, at.h[near] + W.T @ force, wires[near])
+            move = at.back(softened @ (force - W @ found.x))
+            size = float(np.max(np.abs(move), initial=0.0))
+            move = move / max(1.0, float(np.max(np.abs(move) / longest, initial=0.0)))
+            other, worst = onto_rows(model, x.replace(q_D=retract(model, x.q_D, move)))
+            V_other = energies(model, other)[1]
+            fell = V - V_other + _motors_work(model, x, other)
+            flat = abs(fell) <= DESCENT.flat_fall * model.weight + DESCENT.rounding * abs(V)
+            lower = worst <= ROW_TOLERANCES.start_gap and (fell > 0.0 or flat)
+            if lower or mu > DESCENT.max_mu:
+                break
+            mu = max(DESCENT.growth * mu, DESCENT.min_mu)
+        pulls = found.x != 0.0
+        rows, tension = near[pulls], found.x[pulls]
+        before = unbalanced
+        unbalanced = float(np.linalg.norm(at.w0 - at.W[:, rows] @ tension))
+        # Where V is flat to rounding, forces still measure the distance. A move along a valley may
+        # once leave those across it as large as they were.
+        stalls = stalls + 1 if flat and unbalanced > 0.5 * before else 0
+        if size < DESCENT.min_move or stalls > DESCENT.max_stalls or mu > DESCENT.max_mu:
+            push = _unstable(at, rows, curvature, modes)
+            below = None if push is None else pushed(model, x, push)
+            if below is None and unbalanced > DESCENT.balanced_force * size_of_forces:
+                raise StateError(
+                    "the descent of the potential energy stalled with forces of "
+                    f"{unbalanced / size_of_forces:.2g} of the puppet's weight unbalanced; begin "
+                    "nearer to where the puppet hangs, or simulate with damping until it rests"
+                )
+            if below is None:
+                return Equilibrium(other if size < DESCENT.min_move else x, rows, tension)
+            other = below
+            V_other = energies(model, other)[1]
+        if np.max(np.abs(other.q_D - start), initial=0.0) > DESCENT.farthest:
+            break
+        shrunk = mu * DESCENT.shrinkage if mu > DESCENT.min_mu and not flat else 0.0
+        x, V, mu = other, V_other, shrunk
+    raise StateError(
+        "the descent of the potential energy does not end. Is every free body held by a string, a "
+        "limit or a joint to the world?"
+    )
+
+
+def _motors_work(model: Model, x: State, other: State) -> float:
+    """Work of the drives' motors between two states [J], by Simpson's rule: V does not have it."""
+    commanded = [(row, row.command[1]) for row in model.tree.drives if row.command is not None]
+    if not commanded:
+        return 0.0
+    table, n = model.coordinates, len(x.v_D)
+    places = table.scalars_D, table.quaternions_D
+    move = tangent.between(*places, x.q_D, other.q_D, n)
+    q_D = tangent.moved(*places, x.q_D, np.array([[0.0], [0.5], [1.0]]) * move)
+    k, strings = len(x.v_K), len(model.tree.strings)
+    still = np.zeros((3, n)), np.tile(x.q_K, (3, 1)), np.zeros((3, k))
+    force = effort(model, q_D, *still, still[0], still[2], np.zeros((3, strings)))
+    mean = (force[0] + 4.0 * force[1] + force[2]) / 6.0
+    work = 0.0
+    for row, first in commanded:
+        own = move[row.v]
+        work += float(mean[first:][: len(own)] @ own)
+    return work
+
+
+def _force_derivative(model: Model, found: Equilibrium) -> Array:
+    """Derivative (n_vD, n_vD) of w0 - W tau by a small move."""
+    if len(found.rows):
+        return derivatives(model, found)[0]
+    x, n = found.x, len(found.x.v_D)
+    moves = np.concatenate([np.eye(n), -np.eye(n)]) * DESCENT.difference
+    moved = retract(model, x.q_D, moves)
+    at = model.at(x) | {"q_D": moved, "acc_K": np.zeros_like(x.v_K), "u_D": np.zeros(n)}
+    w0 = model.library.evaluate("dynamics", **at).w0
+    return (w0[:n] - w0[n:]).T / (2 * DESCENT.difference)
+
+
+def _curvature(at: Evaluation, by_move: Array) -> tuple[Array, Array]:
+    """Eigenvalues [1/s^2] and vectors of V's Hessian where M_DD is the identity."""
+    H = -by_move @ at.back(np.eye(len(by_move))).T
+    return np.linalg.eigh(0.5 * (H + H.T))
+
+
+def _unstable(
+    at: Evaluation, rows: Indices, curvature: Array, modes: Array
+) -> Array | None:
+    """A push (n_vD,) along which V falls while the rows hold; None at a minimum."""
+    W = at.W[:, rows]
+    free = np.eye(len(modes)) - W @ np.linalg.pinv(W) if len(rows) else np.eye(len(modes))
+    values, vectors = np.linalg.eigh(free @ (modes * curvature) @ modes.T @ free)
+    if values[0] > -DESCENT.unstable * max(1.0, float(np.max(np.abs(values)))):
+        return None
+    push = at.back(free @ vectors[:, 0])
+    return push / np.max(np.abs(push))

@@ -1,0 +1,145 @@
+"""Rest: a hanging equilibrium, by relaxation or by descent."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fantoccini.base import StateError
+from fantoccini.dynamics.compiled import (
+    ROW_TOLERANCES,
+    Evaluation,
+    Model,
+    check_apart,
+    energies,
+    forward_dynamics,
+)
+from fantoccini.dynamics.derivatives import balanced_state, with_active_set
+from fantoccini.dynamics.equilibrium import descent, relaxation
+from fantoccini.dynamics.equilibrium.projection import onto_rows, overstepped, positioned
+from fantoccini.dynamics.equilibrium.settling import settled
+from fantoccini.dynamics.equilibrium.support import falling, falls
+from fantoccini.kernel.contract import WINCH_AT
+from fantoccini.motion import State
+
+
+@dataclass(frozen=True)
+class Acceptance:
+    """What counts as an equilibrium, and how long to look for a start."""
+
+    max_force: float = 1e-9  # Unbalanced force at rest, relative to the weight
+    max_force_of_chains: float = 1e-6
+    """The same for puppets on chains, whose stiff springs round more."""
+    max_rise: float = 1e-9
+    """Rise of V above the start's that is rounding, over the puppet's weight [m]."""
+    hauls: int = 20  # Runs of time-stepping that may haul in strings
+
+
+ACCEPTANCE = Acceptance()
+
+
+def rest(model: Model, x: State) -> State:
+    """A local minimum of V subject to h <= 0, near a state; see :meth:`Marionette.rest`.
+
+    The puppet is brought onto its strings and relaxed (:mod:`.relaxation`). Where that fails, or it
+    would overlap what it touches, one with contact is let go until it is still (:mod:`.settling`).
+    Otherwise, and first for puppets on chains, V is descended (:mod:`.descent`). Relaxation and
+    descent are accepted where forces balance, no row is violated and V is not above the start's.
+    Neutral coordinates, such as a load's angle about its string, keep their values in ``x``.
+
+    Raises:
+        StateError: there is no equilibrium below, or it was not found, or a winch would slip in it,
+            with the reason for each search.
+    """
+    if groups := falling(model):
+        raise StateError(
+            "there is no equilibrium: " + "; ".join(falls(model, group) for group in groups)
+        )
+    rewinds = model.winches[: len(x.slip), WINCH_AT["rewind_speed"]] > 0
+    still = x.replace(
+        v_D=np.zeros_like(x.v_D),
+        v_K=np.zeros_like(x.v_K),
+        slip=np.where(rewinds, 0.0, x.slip),
+        taut=np.zeros_like(x.taut),  # rows taut in a motion may be slack at rest
+    )
+    start = _begun(model, still)
+    if not len(start.q_D):
+        return with_active_set(model, start)
+    touches = [] if model.contacts is None else [_settled]
+    searches: list[Callable[[Model, State, State], State]] = (
+        [_descended, *touches] if model.tree.chains else [_relaxed, *touches, _descended]
+    )
+    failed = []
+    for search in searches:
+        try:
+            return with_active_set(model, search(model, start, still))
+        except StateError as error:
+            failed.append(str(error))
+    raise StateError("no equilibrium was found: " + "; ".join(failed))
+
+
+def _relaxed(model: Model, start: State, asked: State) -> State:
+    found = relaxation.relaxed(model, start)
+    return _hung(model, start, relaxation.as_asked(model, asked, found))
+
+
+def _descended(model: Model, start: State, asked: State) -> State:
+    found = descent.descended(model, start)
+    return _hung(model, start, relaxation.as_asked(model, asked, found))
+
+
+def _settled(model: Model, start: State, asked: State) -> State:
+    try:
+        return balanced_state(model, settled(model, start))
+    except StateError:
+        check_apart(model, model.states([start]))  # the likelier reason
+        raise
+
+
+def _hung(model: Model, start: State, found: relaxation.Equilibrium) -> State:
+    """The state of an equilibrium; StateError where it is not accepted."""
+    pulls = np.isin(np.arange(model.tree.n_rows), found.rows)
+    found = replace(found, x=found.x.replace(taut=pulls))
+    relaxation.check_winches(model, found)
+    if wrong := _wrong(model, start, found):
+        raise StateError(wrong)
+    if model.overlaps(found.x.q_D, found.x.q_K):
+        raise StateError("hung from its strings alone it overlaps what it touches")
+    return found.x
+
+
+def _begun(model: Model, x: State) -> State:
+    """The state brought onto its rows, by time-stepping where their slopes do not lead there."""
+    start, left = positioned(model, x)
+    for _ in range(ACCEPTANCE.hauls if left else 0):
+        x = relaxation.hauled_in(model, x)
+        if onto_rows(model, x)[1] <= ROW_TOLERANCES.start_gap:
+            start, left = positioned(model, x)
+            break
+    if left:
+        raise StateError(
+            f"no state of the puppet was found that fits these string ends and lengths: {left}. "
+            "Tried: moves onto the strings and limits, from many places nearby, and time-stepping "
+            "with the strings hauled in"
+        )
+    return start
+
+
+def _wrong(model: Model, start: State, found: relaxation.Equilibrium) -> str:
+    """Why an equilibrium is not accepted, in words; "" where it is."""
+    mass, weight = relaxation.sizes(model)
+    left = overstepped(model, found.x)
+    if left:
+        return f"where forces balance, {left}"
+    at = Evaluation.of(model, found.x)
+    _, tension = forward_dynamics(model, found.x)
+    force = np.linalg.norm(at.w0 - at.W @ tension) * np.sqrt(mass) / weight
+    if force > (ACCEPTANCE.max_force_of_chains if model.tree.chains else ACCEPTANCE.max_force):
+        return f"forces of {force:.2g} of the puppet's weight are unbalanced"
+    above = energies(model, found.x)[1] - energies(model, start)[1]
+    # V does not include the work of drives.
+    if above > ACCEPTANCE.max_rise * weight and not model.tree.drives:
+        return f"the equilibrium found lies {above:.2g} J above the start"
+    return ""

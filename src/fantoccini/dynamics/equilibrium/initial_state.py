@@ -1,0 +1,113 @@
+"""States at rest, written by name."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterable, Mapping, Sequence
+
+import numpy as np
+
+from fantoccini.base import Array, StateError, UnknownNameError, exp, floats
+from fantoccini.dynamics.compiled import Model
+from fantoccini.model import tree
+from fantoccini.model.tree import CoordinateTable, DriveRow
+from fantoccini.motion import State, reading
+
+Value = float | str | Iterable[float | str]
+"""A number, an angle such as ``30 deg``, a quaternion (w, x, y, z) or a rotation vector."""
+Values = Mapping[str, Value]
+
+
+def state(model: Model, values: Values | None = None) -> State:
+    """A state at rest from values by name; see :meth:`Marionette.state`."""
+    if values is not None and not isinstance(values, Mapping):
+        raise StateError(
+            f"found {values!r}; a state is given as names and values: {{'hand.length': 0.8}}"
+        )
+    table = model.coordinates
+    q_D, q_K = table.start_D.copy(), table.start_K.copy()
+    v_D, v_K = np.zeros(table.n_vD), np.zeros(table.n_vK)
+    for name, value in (values or {}).items():
+        _put(table, name, value, q_D, v_D, q_K, v_K)
+    # The masses of chains lie between the ends of this state, not of the file's pose.
+    q_D, q_K = tree.placed(model.tree, q_D, q_K, model.number, frozenset(values or ()))
+    if np.any(np.isnan(q_K)) or np.any(np.isnan(q_D)):
+        at = {"q_D": np.nan_to_num(q_D), "q_K": np.nan_to_num(q_K)}
+        h = model.library.evaluate("rows", **at, p=model.p).h
+        for string, span in zip(model.tree.strings, h, strict=False):
+            string.just_reaches(span, q_D, q_K)
+    put_commands(model.tree.drives, values or {}, q_D, q_K)
+    taut, slip = np.zeros(model.tree.n_rows, dtype=bool), np.zeros(len(model.tree.strings))
+    return State(0.0, q_D, v_D, q_K, v_K, taut, slip, table)
+
+
+def _put(
+    table: CoordinateTable, name: str, value: Value, q_D: Array, v_D: Array, q_K: Array, v_K: Array
+) -> None:
+    """Sets one named value in the arrays it belongs to."""
+    number = _numbers(table, name, value)
+    if not np.all(np.isfinite(number)):
+        raise StateError(f"{name}: found {value}; it must be finite")
+    length = name.endswith(".length") and not name.startswith("v:")
+    if length and number.ndim == 0 and number <= 0:
+        raise StateError(f"{name}: found {value}; a length must be positive")
+    scalar = name.startswith("v:") or name in table.q_D or name in table.q_K
+    if scalar and number.ndim:
+        raise StateError(f"{name}: found {number.size} numbers; it takes one")
+    for names, target in ((table.q_D, q_D), (table.q_K, q_K)):
+        if name in names:
+            target[names.index(name)] = float(number)
+            return
+        if name.endswith(".rotation") and name[: -len("rotation")] + "qw" in names:
+            at = names.index(name[: -len("rotation")] + "qw")
+            target[at : at + 4] = _quaternion(name, number)
+            return
+    if name.startswith("v:"):
+        for names, target in ((table.v_D, v_D), (table.v_K, v_K)):
+            if name[2:] in names:
+                target[names.index(name[2:])] = float(number)
+                return
+        raise UnknownNameError("velocity", name[2:], (*table.v_D, *table.v_K))
+    rotations = [n[:-2] + "rotation" for n in (*table.q_D, *table.q_K) if n.endswith(".qw")]
+    raise UnknownNameError("coordinate", name, (*table.q_D, *table.q_K, *rotations))
+
+
+def put_commands(
+    drives: Iterable[DriveRow], named: Container[str], q_D: Array, q_K: Array
+) -> None:
+    """Sets drives' commands in q_K to where their coordinates are in q_D, except those named.
+
+    Their velocities stay as they are: inputs begin at rest however fast the coordinates move.
+    """
+    for row in drives:
+        if row.command is None or row.command_name in named:
+            continue
+        q, _ = row.command
+        q_K[q : q + row.q.stop - row.q.start] = q_D[row.q]
+
+
+def _numbers(table: CoordinateTable, name: str, value: Value) -> Array:
+    angles = any(row.name == name and row.unit == "rad" for row in table.rows)
+    try:
+        if isinstance(value, str):
+            return np.array(reading.number(value, angles))
+        if isinstance(value, Sequence) and any(isinstance(x, str) for x in value):
+            turns = name.endswith(".rotation") and len(value) == 3
+            return np.array([reading.number(x, turns) for x in value])
+        return floats(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        raise StateError(
+            f"{name}: found {value!r}; it takes a number of metres or radians, an angle such as "
+            "'30 deg' where it is one, or a rotation"
+        ) from None
+
+
+def _quaternion(name: str, value: Array) -> Array:
+    if value.shape == (3,):
+        return exp(value)
+    size = np.linalg.norm(value)
+    if value.shape != (4,) or size == 0:
+        raise StateError(
+            f"{name}: found {value.tolist()}; it takes a quaternion (w, x, y, z), not all zero, or "
+            "a rotation vector of three numbers"
+        )
+    return value / size

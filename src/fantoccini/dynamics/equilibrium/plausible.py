@@ -1,0 +1,323 @@
+"""Warnings about puppet files and inputs: values that are legal but far out of the usual range.
+
+The ranges are wide, from a finger puppet to a crane. They catch mixed-up units (millimetres,
+g/cm^3, degrees without their name), which are wrong by factors from 57 to a billion.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fantoccini.base import Array
+from fantoccini.base.documents import Finding, Parameter
+from fantoccini.dynamics.compiled import Model
+from fantoccini.dynamics.equilibrium.initial_state import put_commands
+from fantoccini.dynamics.equilibrium.support import falling, falls
+from fantoccini.model.puppet import Body, Cone, String, has_mass, shape_inertia
+from fantoccini.model.tree import Size, link_inertia, measure, path_lengths
+from fantoccini.motion import Input
+
+Range = tuple[float, float]
+Path = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class Usual:
+    """Usual ranges."""
+
+    density: Range = (5.0, 25_000.0)  # Of solids [kg/m^3]: between foam and osmium (22,600)
+    body_density: Range = (0.5, 25_000.0)
+    """Mass over volume where a mass is given [kg/m^3]: hollow bodies may be lighter than air."""
+    body_length: Range = (1e-4, 20.0)  # Of one body [m]: between a bead and a crane's jib
+    puppet_length: Range = (2e-3, 100.0)  # Of a puppet [m]
+    mass: Range = (1e-6, 20_000.0)
+    """Of a puppet [kg]: between a paper snippet and a container under a crane."""
+    max_gravity: float = 30.0  # Acceleration of gravity [m/s^2]: Jupiter's is 25
+    max_angle: float = 2.0 * math.pi + 1e-9  # Of a limit, rest or start of a joint [rad]: one turn
+    string_length: Range = (0.05, 10.0)
+    """A string's length over its path in the start pose, and over the puppet's size."""
+    grams: Range = (0.05, 5.0)  # Densities that are usual in g/cm^3
+
+    max_reach: float = 5.0  # Distance from the start, over the size of the puppet on its strings
+    max_speed: float = 10.0  # Speed of a hand or a winch [m/s]: a hand that throws reaches 10 to 20
+    max_angular_speed: float = 100.0  # [rad/s]: 1,000 turns a minute
+    max_turns: float = 4.0  # Turns from one waypoint to the next
+
+
+USUAL = Usual()
+_TIMES = 9
+"""At which every piece of inputs is evaluated."""
+
+
+def warnings(model: Model, data: Any = None) -> list[Finding]:
+    """Places in the puppet's file with messages: what was found, what is usual, what to do.
+
+    Args:
+        model: the puppet.
+        data: the file's plain data, which distinguishes angles with a unit from those without.
+    """
+    size = measure(model.tree, model.number)
+    checks = _Checks(model, size, data)
+    return [
+        *checks.whole(), *checks.support(), *checks.bodies(), *checks.joints(), *checks.strings()
+    ]  # fmt: skip
+
+
+class _Checks:
+    """Checks of one puppet; mirrored originals stand for their twins."""
+
+    def __init__(self, model: Model, size: Size, data: Any):
+        self.model, self.size, self.data = model, size, data
+        self.puppet, self.number = model.puppet, model.number
+        self.index = {link.name: i for i, link in enumerate(model.tree.links)}
+
+    def whole(self) -> Iterator[Finding]:
+        g = [self.number(x) for x in self.puppet.gravity]
+        if np.linalg.norm(g) > USUAL.max_gravity:
+            text = f"found {np.linalg.norm(g):.4g} m/s^2; on earth it is 9.81"
+            yield ("gravity",), f"{text}: is it in other units?"
+        elif g[2] > 0:
+            yield ("gravity",), "found a positive z; z points up, gravity usually down: -9.81"
+        mass, longest = self.size.mass, float(self.size.lengths.max())
+        if mass and not USUAL.mass[0] <= mass <= USUAL.mass[1]:
+            usual = " to ".join(map(_mass, USUAL.mass))
+            text = f"found {_mass(mass)} in all; usual: {usual}"
+            yield ("bodies",), f"{text}; lengths are in m, densities in kg/m^3, masses in kg"
+        if longest and not USUAL.puppet_length[0] <= longest <= USUAL.puppet_length[1]:
+            text = f"found a puppet that measures {longest:.3g} m; usual: "
+            text += f"{_between(USUAL.puppet_length)} m; are lengths in other units?"
+            yield ("bodies",), text
+
+    def support(self) -> Iterator[Finding]:
+        places = {self.index[body.name]: i for i, body in enumerate(self.puppet.bodies)}
+        tree = self.model.tree
+        strung = {p.link for row in (*tree.strings, *tree.chains) for p in row.points}
+        for group in falling(self.model):
+            if strung.isdisjoint(group):
+                continue  # a prop, which may fly
+            first = next((places[i] for i in group if i in places), None)
+            path = ("bodies",) if first is None else ("bodies", first, "joint")
+            yield path, falls(self.model, group)
+
+    def bodies(self) -> Iterator[Finding]:
+        for i, body in enumerate(self.puppet.bodies):
+            link = self.index[body.name]
+            length = self.size.bodies[link].max() if len(body.shapes) else USUAL.body_length[0]
+            if not USUAL.body_length[0] <= length <= USUAL.body_length[1]:
+                text = f"found a body that measures {length:.3g} m; usual: "
+                text += f"{_between(USUAL.body_length)} m; "
+                mesh = any(s.type == "mesh" and s.scale == (1.0, 1.0, 1.0) for s in body.shapes)
+                text += "is the mesh in mm? then write scale: 0.001" if mesh else "is it in mm?"
+                yield ("bodies", i, "shapes"), text
+            yield from self._densities(i, body, link)
+
+    def _densities(self, i: int, body: Body, link: int) -> Iterator[Finding]:
+        volume = 0.0
+        for k, shape in enumerate(body.shapes):
+            if shape.type != "mesh" or has_mass(shape):
+                volume += shape_inertia(shape)[0]
+            if shape.density is not None and (density := self.number(shape.density)) > 0:
+                if not USUAL.density[0] <= density <= USUAL.density[1]:
+                    grams = USUAL.grams[0] <= density < USUAL.grams[1]
+                    hint = f"; in g/cm^3? then write {1000 * density:g}" if grams else ""
+                    text = f"found {density:g} kg/m^3; usual: {_between(USUAL.density)}"
+                    yield ("bodies", i, "shapes", k, "density"), f"{text}, wood 400 to 800{hint}"
+            elif shape.mass is not None and body.mass is None:
+                mass, own = self.number(shape.mass), shape_inertia(shape)[0]
+                if mass > 0 and not USUAL.body_density[0] <= mass / own <= USUAL.body_density[1]:
+                    yield ("bodies", i, "shapes", k, "mass"), _dense(mass, own)
+        if body.mass is None or not (mass := self.number(body.mass)) > 0:
+            return
+        if volume > 0 and not USUAL.body_density[0] <= mass / volume <= USUAL.body_density[1]:
+            yield ("bodies", i, "mass"), _dense(mass, volume)
+        if body.inertia is not None:
+            _, _, inertia = link_inertia(self.model.tree.links[link], self.number)
+            radius = math.sqrt(float(np.linalg.eigvalsh(inertia)[-1]) / mass)
+            if radius > USUAL.body_length[1]:
+                text = f"found a radius of gyration of {radius:.3g} m; usual: "
+                text += f"up to {USUAL.body_length[1]:g} m; are both in kg and m?"
+                yield ("bodies", i, "inertia"), text
+
+    def joints(self) -> Iterator[Finding]:
+        pose = self.puppet.pose
+        for i, body in enumerate(self.puppet.bodies):
+            joint, name = body.joint, body.joint.name or body.name
+            turns = joint.type == "revolute"
+            low, high = (
+                (joint.limits.lower, joint.limits.upper) if joint.limits else (None, None)
+            )
+            place: Path
+            for key, bound in (("lower", low), ("upper", high)):
+                if turns and bound is not None and abs(bound) > USUAL.max_angle:
+                    place = ("bodies", i, "joint", "limits", key)
+                    yield place, self._turns(place, bound, "a limit within a full turn")
+            rest = self.number(joint.spring.rest) if joint.spring else 0.0
+            if turns and abs(rest) > USUAL.max_angle:
+                place = ("bodies", i, "joint", "spring", "rest")
+                yield place, self._turns(place, rest, "a rest within a full turn")
+            start = pose.get(name)
+            if isinstance(start, float):
+                place = ("pose", name)
+                off = (low is not None and start < low) or (high is not None and start > high)
+                if turns and abs(start) > USUAL.max_angle:
+                    yield place, self._turns(place, start, "a start within a full turn")
+                elif off:
+                    unit = "rad" if turns else "m"
+                    bounds = " to ".join("none" if b is None else f"{b:.4g}" for b in (low, high))
+                    text = f"found {start:.4g} {unit}, beyond the joint's limits, {bounds} {unit}"
+                    yield place, f"{text}; a run does not start there: choose a pose within them"
+            q = pose.get(f"{name}.rotation")
+            if joint.cone is not None and isinstance(q, tuple):
+                yield from self._swing(name, joint.cone, np.array(q))
+
+    def _swing(self, name: str, cone: Cone, q: np.ndarray) -> Iterator[Finding]:
+        a, b = np.array(cone.axis), np.array(cone.body_axis)
+        w, u = q[0], q[1:]
+        turned = b + 2.0 * np.cross(u, np.cross(u, b) + w * b)
+        swing = math.acos(min(1.0, max(-1.0, float(a @ turned))))
+        if swing > cone.max + 1e-9:
+            text = f"found a swing of {math.degrees(swing):.3g} deg, beyond the joint's cone of "
+            text += f"{math.degrees(cone.max):.3g} deg; a run does not start there: choose a pose "
+            yield ("pose", f"{name}.rotation"), text + "within it"
+
+    def _turns(self, path: Path, angle: float, usual: str) -> str:
+        text = f"found {angle:g} rad, {abs(angle) / (2 * math.pi):.3g} turns; usual: {usual}"
+        return text if isinstance(_at(self.data, path), str) else f"{text}; is it {angle:g} deg?"
+
+    def strings(self) -> Iterator[Finding]:
+        largest = float(np.linalg.norm(self.size.lengths))
+        paths = path_lengths(self.model.tree, self.size.poses, self.number)
+        for i, string in enumerate(self.puppet.strings):
+            path = paths[string.name]
+            place, length = self._length(i, string)
+            if length is None:
+                continue
+            if length > USUAL.string_length[1] * (path + largest):
+                text = f"found {length:.4g} m; in the start pose its path measures {path:.3g} m, "
+                yield place, text + f"and the puppet {largest:.3g} m: is it in other units?"
+            elif length < USUAL.string_length[0] * path:
+                text = f"found {length:.4g} m; in the start pose its path measures {path:.3g} m"
+                yield place, f"{text}: is it in other units, or is a point misplaced?"
+
+    def _length(self, i: int, string: String) -> tuple[Path, float | None]:
+        """The length in the start pose and its place; None for one that just reaches."""
+        if isinstance(string.length, float | Parameter):
+            return ("strings", i, "length"), self.number(string.length)
+        key = f"{string.name}.length"
+        start = self.puppet.pose.get(key)
+        return ("pose", key), start if isinstance(start, float) else None
+
+
+def _dense(mass: float, volume: float) -> str:
+    text = f"found {_mass(mass)} in {volume:.3g} m^3, {mass / volume:.3g} kg/m^3; usual: "
+    return f"{text}{_between(USUAL.body_density)}; are lengths in m and the mass in kg?"
+
+
+def _between(usual: tuple[float, float]) -> str:
+    return f"{usual[0]:g} to {usual[1]:g}"
+
+
+def _mass(mass: float) -> str:
+    if mass >= 1e6:
+        return f"{mass / 1000:,.0f} t"
+    if mass >= 1e3:
+        return f"{mass / 1000:.4g} t"
+    return f"{mass:.4g} kg" if mass >= 0.1 or mass == 0 else f"{1000 * mass:.4g} g"
+
+
+def _at(data: Any, path: Path) -> Any:
+    """The value at a path of plain data; None where there is none."""
+    for part in path:
+        try:
+            data = data[part]
+        except (KeyError, IndexError, TypeError):
+            return None
+    return data
+
+
+@dataclass(frozen=True)
+class InputWarning:
+    """An input that is probably not intended.
+
+    Attributes:
+        name: of the driven coordinate, or of a rotation as a whole.
+        t: end of the piece of the motion in question [s].
+        message: what was found, what is usual, what to do.
+    """
+
+    name: str
+    t: float
+    message: str
+
+
+def input_warnings(model: Model, inputs: Input) -> list[InputWarning]:
+    """Where inputs are out of proportion to the puppet: one warning a coordinate and kind."""
+    table = model.coordinates
+    found: list[InputWarning] = []
+    ends = inputs.breaks[1:]
+    share = np.linspace(0.0, 1.0, _TIMES)
+    t = inputs.breaks[:-1, None] + share * np.diff(inputs.breaks)[:, None]
+    # Within each piece: at a break the next one's acceleration would be given.
+    q_K, v_K, _ = inputs.evaluate(np.nextafter(t, t.mean(axis=1, keepdims=True)))
+    scale, starts = _scale(model), _starts(model)
+    units = {row.name: row.unit for row in table.rows}
+    for q, v in table.scalars_K:
+        name = table.q_K[q]
+        if not inputs.named[v]:
+            continue
+        if units[name] == "m":
+            away = np.abs(q_K[:, :, q] - starts[q]).max(axis=1)
+            if away[k := int(away.argmax())] > USUAL.max_reach * scale:
+                text = f"goes {away[k]:.4g} m away from where it starts; the puppet on its strings "
+                text += f"measures {scale:.3g} m: is it in other units?"
+                found.append(InputWarning(name, float(ends[k]), text))
+        else:
+            turn = np.ptp(q_K[:, :, q], axis=1)
+            if turn[k := int(turn.argmax())] > USUAL.max_turns * 2 * np.pi:
+                text = f"turns by {turn[k]:.4g} rad, {turn[k] / (2 * np.pi):.3g} turns, since the "
+                text += "waypoint before; are these degrees? then write deg"
+                found.append(InputWarning(name, float(ends[k]), text))
+        metres = units[name] == "m"
+        bound = USUAL.max_speed if metres else USUAL.max_angular_speed
+        unit = "m/s" if metres else "rad/s"
+        found += _speed(name, ends, np.abs(v_K[:, :, v]), bound, unit)
+    for name, (_, v) in table.rotations.items():
+        if inputs.named[v]:
+            speed = np.linalg.norm(v_K[:, :, v : v + 3], axis=2)
+            found += _speed(name, ends, speed, USUAL.max_angular_speed, "rad/s")
+    return found
+
+
+def _speed(
+    name: str, ends: Array, speed: Array, bound: float, unit: str
+) -> list[InputWarning]:
+    fastest = speed.max(axis=1)
+    if not fastest[k := int(fastest.argmax())] > bound:
+        return []
+    text = f"moves at up to {fastest[k]:.4g} {unit}; usual: up to {bound:g} {unit}; "
+    return [InputWarning(name, float(ends[k]), text + "give it more time, or look at its units")]
+
+
+def _scale(model: Model) -> float:
+    """Size of the puppet and length of its longest string, together [m]."""
+    tree, number = model.tree, model.number
+    size = measure(tree, number)
+    lengths = [*path_lengths(tree, size.poses, number).values()]
+    lengths += [number(s.length) for s in (*tree.strings, *tree.chains) if s.length is not None]
+    return float(np.linalg.norm(size.lengths)) + max(lengths, default=0.0)
+
+
+def _starts(model: Model) -> Array:
+    """(n_qK,) the start pose; driven lengths that it does not give are those that just reach."""
+    tree, table = model.tree, model.coordinates
+    q_D, q_K = table.start_D.copy(), table.start_K.copy()
+    paths = path_lengths(tree, measure(tree, model.number).poses, model.number)
+    for string in (*tree.strings, *tree.chains):
+        string.just_reaches(paths[string.name], q_D, q_K)
+    put_commands(tree.drives, (), q_D, q_K)
+    return np.nan_to_num(q_K)

@@ -1,0 +1,78 @@
+"""Rest on what carries a puppet: it is let go among floor and props until it is still."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Array, StateError, Status
+from fantoccini.dynamics.compiled import Model
+from fantoccini.kernel.runtime import Run
+from fantoccini.motion import Input, State
+
+
+@dataclass(frozen=True)
+class Settling:
+    """How long a puppet may take to come to rest, and what counts as rest."""
+
+    dt: float = 1e-3  # Step of the runs [s]
+    piece: float = 0.25
+    """Mean length of a run [s]. Lengths differ by up to ``uneven`` of it: a swing of which each is
+    a half would never lose its energy."""
+    uneven: float = 0.4
+    stops: int = 60
+    """Runs after which all velocities are set to zero; afterwards friction must do it alone."""
+    pieces: int = 240
+    still: float = 1e-7  # Largest velocity at rest [rad/s or m/s]
+    moved: float = 1e-8  # Largest move over a run at rest [rad or m]
+
+
+SETTLING = Settling()
+_GOLDEN = 0.5 * (5.0**0.5 - 1.0)
+"""Whose multiples spread most evenly between whole numbers."""
+
+
+def settled(model: Model, x: State) -> State:
+    """The state in which a puppet comes to rest when it is let go, its inputs held.
+
+    Friction holds any of many states; this is the one that it falls into.
+
+    Args:
+        model: a puppet with contact.
+        x: where it is let go; its velocities do not count.
+
+    Raises:
+        StateError: it keeps moving, or the run stops.
+    """
+    q_D, v_D = np.array(x.q_D), np.zeros_like(x.v_D)
+    for piece in range(SETTLING.pieces):
+        spread = 2.0 * (piece * _GOLDEN % 1.0) - 1.0
+        duration = SETTLING.piece * (1.0 + SETTLING.uneven * spread)
+        status, samples = _let_go(model, x.replace(t=0.0, q_D=q_D, v_D=v_D), duration)
+        if status not in (Status.DONE, Status.LOST_STEPS):
+            raise StateError(f"let go, {status.message}")
+        v_D = samples["v_D"][-1]
+        moved = np.max(np.abs(samples["q_D"][-1] - q_D), initial=0.0)
+        q_D = samples["q_D"][-1]
+        if moved < SETTLING.moved and np.max(np.abs(v_D), initial=0.0) < SETTLING.still:
+            still = {"v_D": np.zeros_like(v_D), "v_K": np.zeros_like(x.v_K)}
+            return x.replace(q_D=q_D, **still, taut=samples["taut"][-1] > 0)
+        if piece < SETTLING.stops:
+            v_D = np.zeros_like(v_D)
+    names = model.coordinates.v_D
+    fastest = names[int(np.argmax(np.abs(v_D)))]
+    raise StateError(
+        f"let go, the puppet still moves after {SETTLING.pieces * SETTLING.piece:g} s: {fastest} "
+        f"at {np.max(np.abs(v_D)):.3g}/s"
+    )
+
+
+def _let_go(model: Model, x: State, duration: float) -> tuple[Status, dict[str, Array]]:
+    """A run with the inputs held: its status and samples."""
+    run = Run(
+        model.library, "timestepping", model.run_options(dt=SETTLING.dt), x, model.p, model.winches,
+        Input.hold(model.coordinates).bound(x.q_K),
+    )  # fmt: skip
+    samples = np.concatenate([piece.samples for piece in run.advance(duration)])
+    return run.status, model.sample_layout.split(samples)

@@ -1,0 +1,118 @@
+"""Support: bodies that nothing holds against gravity, found from the puppet's structure alone.
+
+Strings, springs and joints connect bodies, except joints that are free along gravity. Bodies not
+connected to the world fall for ever.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+
+from fantoccini.dynamics.compiled import Model
+from fantoccini.model.tree import WORLD, Link, Role, Tree, link_inertia, measure
+
+MIN_COSINE = 1e-9
+"""Cosine between an axis and gravity above which a body slides down the axis."""
+_LISTED = 6
+"""Maximum number of bodies named in a message."""
+
+
+def falling(model: Model) -> tuple[tuple[int, ...], ...]:
+    """Groups of links that nothing holds: the roots of each, the highest first, then the others.
+
+    A group that may touch the floor or obstacles is not listed, as these may carry it.
+    """
+    tree, number = model.tree, model.number
+    gravity = np.array([number(x) for x in tree.gravity])
+    if not np.any(gravity):
+        return ()
+    size = measure(tree, number)
+    group = {i: i for i in range(WORLD, len(tree.links))}
+
+    def of(i: int) -> int:
+        while group[i] != i:
+            i = group[i]
+        return i
+
+    for i, j in _ties(model, size.poses, gravity / np.linalg.norm(gravity)):
+        group[of(i)] = of(j)
+    members: dict[int, list[int]] = {}
+    for i in range(len(tree.links)):
+        members.setdefault(of(i), []).append(i)
+    members.pop(of(WORLD), None)
+    up = -size.poses[:, :, 3] @ gravity
+    found = []
+    for own in members.values():
+        touches = model.puppet.touching is not None and any(tree.links[i].shapes for i in own)
+        if touches or not any(link_inertia(tree.links[i], number)[0] > 0.0 for i in own):
+            continue
+        root = {i: tree.links[i].parent not in own for i in own}
+        found.append(tuple(sorted(own, key=lambda i: (not root[i], -up[i] if root[i] else 0.0, i))))
+    return tuple(found)
+
+
+def falls(model: Model, group: tuple[int, ...]) -> str:
+    """Message: a group of :func:`falling` has no support."""
+    chains = {p.link: chain.name for chain in model.tree.chains for p in chain.points[1:-1]}
+    bodies = [model.tree.links[i].name for i in group if i not in chains]
+    names = bodies or list(dict.fromkeys(chains[i] for i in group))
+    shown = ", ".join(names[:_LISTED])
+    if len(names) > _LISTED:
+        shown += f" and {len(names) - _LISTED} more"
+    return (
+        f"nothing holds {shown}: no string, spring, drive or joint ties {_them(names)} to the "
+        f"world, so that {_they(names)} for ever; make {names[0]} driven or fixed, or tie it to "
+        "the world"
+    )
+
+
+def _them(names: list[str]) -> str:
+    return "it" if len(names) == 1 else "them"
+
+
+def _they(names: list[str]) -> str:
+    return "it falls" if len(names) == 1 else "they fall"
+
+
+def _ties(model: Model, poses: np.ndarray, down: np.ndarray) -> Iterator[tuple[int, int]]:
+    """Pairs of links, or a link and the world, one of which holds the other."""
+    tree = model.tree
+    for i, link in enumerate(tree.links):
+        if not _slides(model, i, poses, down):
+            yield i, link.parent
+    for row in (*tree.strings, *tree.chains):
+        yield from pairwise(point.link for point in row.points)
+    for spring in tree.springs:
+        if model.number(spring.stiffness) > 0.0:
+            yield spring.points[0].link, spring.points[1].link
+
+
+def _slides(model: Model, i: int, poses: np.ndarray, down: np.ndarray) -> bool:
+    """Whether a link falls along its joint. Unknown, and False, where the axis may turn."""
+    tree = model.tree
+    link = tree.links[i]
+    if link.role is not Role.DYNAMIC or any(row.link == i for row in tree.drives):
+        return False
+    if link.kind == "free" or (link.kind == "translation" and link.axes.shape[1] == 3):
+        return True
+    if link.kind not in ("translation", "prismatic") or _turns(tree, link):
+        return False
+    carrier = np.eye(3) if link.parent == WORLD else poses[link.parent][:, :3]
+    along = down @ carrier @ link.rotation @ link.axes
+    if link.kind == "translation":
+        return bool(np.max(np.abs(along)) > MIN_COSINE)
+    side = "upper" if along[0] > 0.0 else "lower"
+    stops = any(limit.link == i and limit.side == side for limit in tree.limits)
+    return abs(along[0]) > MIN_COSINE and not stops and not model.number(link.stiffness) > 0.0
+
+
+def _turns(tree: Tree, link: Link) -> bool:
+    """Whether an ancestor of a link may turn."""
+    while link.parent != WORLD:
+        link = tree.links[link.parent]
+        if link.kind in ("revolute", "ball", "free") and link.role is not Role.FIXED:
+            return True
+    return False

@@ -1,0 +1,50 @@
+"""Marionettes from files and texts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Literal, get_args
+
+from fantoccini.dynamics.marionette.marionette import Marionette
+from fantoccini.model import scene
+from fantoccini.model.puppet import Puppet
+
+StringModel = Literal["constraint", "chain"]
+
+
+def load(
+    path: str | Path,
+    progress: Callable[[str], None] | None = None,
+    *,
+    string_model: StringModel = "constraint",
+) -> Marionette:
+    """The marionette of a puppet or scene file.
+
+    Args:
+        path: a YAML file.
+        progress: called with the stage that begins ("deriving", "compiling").
+        string_model: ``constraint`` for the massless strings of the file; ``chain`` for chains of
+            point masses joined by springs, as :meth:`Puppet.with_chains` makes them.
+
+    Raises:
+        PuppetError: with every mistake in the file.
+    """
+    return Marionette(_with_strings(scene.load(path), string_model), progress)
+
+
+def loads(
+    text: str,
+    progress: Callable[[str], None] | None = None,
+    *,
+    string_model: StringModel = "constraint",
+) -> Marionette:
+    """The marionette of YAML text; arguments and errors as of :func:`load`."""
+    return Marionette(_with_strings(scene.loads(text), string_model), progress)
+
+
+def _with_strings(found: Puppet, string_model: StringModel) -> Puppet:
+    if string_model not in (allowed := get_args(StringModel)):
+        names = ", ".join(allowed)
+        raise ValueError(f"string_model is {string_model!r}; it must be one of {names}")
+    return found.with_chains() if string_model == "chain" else found

@@ -1,0 +1,385 @@
+"""A puppet as MJCF text.
+
+Bodies have explicit inertia. Joints keep damping, springs and limits. Some parts of a puppet have
+an exact replacement in MuJoCo instead of a counterpart:
+
+- A string is a spatial tendon of limited length. A wire is a tendon of constrained length.
+- A driven length is a slide joint behind a pulley of its tendon, so that MuJoCo knows its rate.
+- A cone is a tendon between the tips of its axes:   |a - R b|^2 = 2 - 2 a.R b.
+- A limit of a twist is a tendon that is updated before every step: :mod:`.twists`.
+- The pieces of a chain are springs between its masses.
+- The spring of a ball joint is one spring between each axis before and after the rotation:
+      k/4 sum_i |e_i - R e_i|^2 = 2 k (1 - q_w^2).
+- Drag is an actuator on the velocity of the centre of mass.
+
+A driven coordinate is a joint so heavy that only the force applied to it moves it. Contacts,
+obstacles and the floor are left out, as in fantoccini's simulations. Anything else that MuJoCo
+cannot model is an error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from xml.etree.ElementTree import Element, indent, tostring
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from fantoccini.base import Array, ConfigK, ExchangeError, Mistake, Quaternion
+from fantoccini.base.documents import Number, Parameter
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.dynamics.mujoco.joints import Joint, joints_of, pose_in_parent, winch_of
+from fantoccini.dynamics.mujoco.twists import tendon_ends
+from fantoccini.model.tree import (
+    WORLD,
+    ChainRow,
+    LimitRow,
+    Link,
+    Point,
+    Role,
+    StringRow,
+    link_poses,
+    path_lengths,
+)
+
+_Value = str | Number | Sequence[Number] | Array
+"""Value of an attribute."""
+
+
+@dataclass(frozen=True)
+class Substitutes:
+    """Finite values given to MuJoCo where a puppet has 0 or infinity."""
+
+    spool: float = 1000.0
+    """Length of a driven string plus the length wound in [m]: longer than any string."""
+    driven_inertia: float = 1e6
+    """Inertia of a driven coordinate, in masses of the puppet [1 or m^2]: the puppet's forces
+    accelerate it by a millionth of its own acceleration."""
+    puppet_mass: float = 1.0  # Mass of a puppet without one, for driven_inertia [kg]
+    min_mass: float = 1e-12  # Mass of a moving body without one [kg]: MuJoCo refuses 0
+    min_moment: float = 1e-14  # Moments of inertia of such a body [kg m^2], likewise
+    twist_length: float = 3.0
+    """Largest length of a twist's tendon before its first update [m]: more than the distance of any
+    two points 1 m from the joint, so that the limit does not act."""
+    joint_range: float = 1e6  # Largest |q| of a joint that is limited on the other side [rad or m]
+
+
+SUBSTITUTES = Substitutes()
+
+
+def mjcf(marionette: Marionette, still: ConfigK | None = None) -> str:
+    """The puppet as MJCF text.
+
+    Args:
+        marionette: the puppet, with the present values of its parameters.
+        still: (n_qK,) fixes the driven coordinates at these values; without it they are joints.
+
+    Raises:
+        ExchangeError: MuJoCo cannot model a part of the puppet.
+    """
+    return _Document(marionette, still).text()
+
+
+class _Document:
+    """The XML elements of a puppet.
+
+    Attributes:
+        fixed: index of a link that cannot move, or ``WORLD`` -> its pose in the world.
+        bodies: index of any other link, or ``WORLD`` -> its element, parents first.
+        tendons, wires, drags: sections of the document.
+    """
+
+    def __init__(self, marionette: Marionette, still: ConfigK | None):
+        self.marionette, self.tree, self.still = marionette, marionette.tree, still
+        self.number = marionette.model.number
+        mistakes = [_located(marionette, name, text) for name, text in self._unsupported()]
+        if mistakes:
+            raise ExchangeError(mistakes)
+        self.fixed = {WORLD: (np.eye(3), np.zeros(3))}
+        self.bodies = {WORLD: Element("worldbody")}
+        self.tendons, self.wires, self.drags = map(Element, ("tendon", "equality", "actuator"))
+        for i, link in enumerate(self.tree.links):
+            R, r = self._pose(link)
+            if link.parent in self.fixed and not self._has_joints(link):
+                self.fixed[i] = R, r
+            else:
+                self.bodies[i] = self._body(i, link, R, r)
+
+    def text(self) -> str:
+        """The whole document."""
+        for string in self.tree.strings:
+            self._string(string)
+        for s in self.tree.springs:
+            spring = {"springlength": s.rest, "stiffness": s.stiffness, "damping": s.damping}
+            self._tendon(f"{s.name}.spring", s.points, **spring)
+        for chain in self.tree.chains:
+            self._chain(chain)
+        for limit in self.tree.limits:
+            if limit.b is not None:
+                self._ball_limit(limit, limit.b)
+        for i, body in reversed(self.bodies.items()):
+            if i != WORLD:
+                link = self.tree.links[i]
+                self._ball_spring(i, link)
+                self._drag(i, link)
+                self.bodies[WORLD if link.parent in self.fixed else link.parent].append(body)
+        root = Element("mujoco", model="puppet")
+        self._add(root, "compiler", angle="radian")
+        option = self._add(root, "option", gravity=self.tree.gravity)
+        self._add(option, "flag", contact="disable")
+        sections = self.bodies[WORLD], self.tendons, self.wires, self.drags
+        root.extend(section for section in sections if len(section))
+        indent(root)
+        return tostring(root, encoding="unicode")
+
+    def _new(self, tag: str, **attributes: _Value) -> Element:
+        """An element. Its numbers keep all 17 digits."""
+        return Element(tag, {name: self._written(x) for name, x in attributes.items()})
+
+    def _add(self, parent: Element, tag: str, **attributes: _Value) -> Element:
+        """A new element at the end of another."""
+        parent.append(element := self._new(tag, **attributes))
+        return element
+
+    def _written(self, value: _Value) -> str:
+        if isinstance(value, str):
+            return value
+        numbers = (value,) if isinstance(value, float | Parameter) else value
+        return " ".join(repr(self.number(x)) for x in numbers)
+
+    # -- bodies ------------------------------------------------------------------------------
+
+    def _has_joints(self, link: Link) -> bool:
+        """Whether a link moves relative to its parent."""
+        return link.role is Role.DYNAMIC or (link.role is Role.DRIVEN and self.still is None)
+
+    def _pose(self, link: Link) -> tuple[Array, Array]:
+        """A link's pose in its parent, or in the world if that is fixed; its joints are at zero."""
+        q = np.zeros(0)
+        if self.still is not None and link.role is Role.DRIVEN:
+            q = self.still[link.q]
+        R, r = pose_in_parent(link, q, self.number)
+        if link.parent not in self.fixed:
+            return R, r
+        R_up, r_up = self.fixed[link.parent]
+        return R_up @ R, r_up + R_up @ r
+
+    def _body(self, i: int, link: Link, R: Array, r: Array) -> Element:
+        """A link's body with its joints and inertia."""
+        body = self._new("body", name=link.name, pos=r, quat=_quaternion(R))
+        if self._has_joints(link):
+            for joint in joints_of(link):
+                self._link_joint(body, i, link, joint)
+        self._inertial(body, link)
+        return body
+
+    def _link_joint(self, body: Element, i: int, link: Link, joint: Joint) -> None:
+        """A joint with its damping, spring and range."""
+        if joint.kind == "free":
+            self._add(body, "freejoint", name=joint.name)
+            return
+        attributes: dict[str, _Value] = {"damping": link.damping}
+        if self.number(link.armature):
+            attributes["armature"] = link.armature
+        if joint.kind != "ball" and self.number(link.stiffness):
+            attributes |= {"stiffness": link.stiffness, "springref": link.rest}
+        bounds = {limit.side: limit.bound for limit in self.tree.limits if limit.link == i}
+        if "lower" in bounds or "upper" in bounds:
+            far = SUBSTITUTES.joint_range
+            ends = bounds.get("lower", -far), bounds.get("upper", far)
+            attributes |= {"limited": "true", "range": ends}
+        self._joint(body, joint, **attributes)
+
+    def _joint(self, body: Element, joint: Joint, **attributes: _Value) -> None:
+        if joint.axis is not None:
+            attributes["axis"] = joint.axis
+        if joint.role is Role.DRIVEN:
+            mass = self.marionette.mass or SUBSTITUTES.puppet_mass
+            attributes["armature"] = SUBSTITUTES.driven_inertia * mass
+        self._add(body, "joint", name=joint.name, type=joint.kind, **attributes)
+
+    def _inertial(self, body: Element, link: Link) -> None:
+        m, com, about_com = self._mass(link)
+        moments, axes = np.linalg.eigh(about_com)
+        if np.linalg.det(axes) < 0.0:
+            axes[:, 2] *= -1.0
+        moments = np.maximum(moments, 0.0)
+        if self._has_joints(link):
+            m = max(m, SUBSTITUTES.min_mass)
+            moments = np.maximum(moments, SUBSTITUTES.min_moment)
+        if m:
+            quat = _quaternion(axes)
+            self._add(body, "inertial", mass=m, pos=com, quat=quat, diaginertia=moments)
+
+    def _mass(self, link: Link) -> tuple[float, Array, Array]:
+        """Mass, centre of mass and inertia about it: the link's own values, or its shapes'."""
+        masses = [self.number(lump.amount) * lump.volume for lump in link.lumps]
+        units = [lump.unit for lump in link.lumps]
+        m = sum(masses)
+        c = sum((a * np.array(u.com) for a, u in zip(masses, units, strict=True)), np.zeros(3))
+        c = c / m if m else c
+        about_com = np.zeros((3, 3))
+        for a, u in zip(masses, units, strict=True):
+            d = np.array(u.com) - c
+            about_com += a * (np.array(u.inertia) + d @ d * np.eye(3) - np.outer(d, d))
+        if link.mass is not None:
+            about_com *= self.number(link.mass) / m if m else 0.0
+            m = self.number(link.mass)
+        if link.com is not None:
+            c = np.array([self.number(x) for x in link.com])
+        if link.inertia is not None:
+            xx, yy, zz, xy, xz, yz = map(self.number, link.inertia)
+            about_com = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        return m, c, about_com
+
+    # -- strings, springs, limits, drag ------------------------------------------------------
+
+    def _site(self, name: str, point: Point) -> None:
+        """Adds a site to the body that carries a point."""
+        at, link = np.array([self.number(x) for x in point.at]), point.link
+        if link in self.fixed:
+            R, r = self.fixed[link]
+            link, at = WORLD, r + R @ at
+        self._add(self.bodies[link], "site", name=name, pos=at)
+
+    def _tendon(self, name: str, points: Iterable[Point], **attributes: _Value) -> Element:
+        """A tendon through points of links."""
+        tendon = self._add(self.tendons, "spatial", name=name, **attributes)
+        for k, point in enumerate(points):
+            self._site(f"{name}.{k}", point)
+            self._add(tendon, "site", site=f"{name}.{k}")
+        return tendon
+
+    def _chain(self, chain: ChainRow) -> None:
+        """A spring for each piece of a chain."""
+        piece = self._length(chain) / chain.pieces
+        stiffness = self.number(chain.stiffness) / piece
+        damping = self.number(chain.damping) / piece
+        for k, ends in enumerate(pairwise(chain.points)):
+            name = f"{chain.name}.spring.{k}"
+            self._tendon(name, ends, springlength=piece, stiffness=stiffness, damping=damping)
+
+    def _string(self, string: StringRow) -> None:
+        winch = string.driven_length is not None and self.still is None
+        if winch:
+            self._winch(string)
+        if string.wire:
+            # MuJoCo counts a wire's length from its zero pose; MuJoCoPuppet sets a winch's.
+            tendon = self._tendon(string.name, string.points)
+            more = 0.0 if winch else self._length(string) - self.zero_lengths[string.name]
+            polycoef = np.array([more, 0.0, 0.0, 0.0, 0.0])
+            name = string.name
+            self._add(self.wires, "tendon", name=name, tendon1=name, polycoef=polycoef)
+        else:
+            span = 0.0, self._length(string)
+            tendon = self._tendon(string.name, string.points, limited="true", range=span)
+        if winch:
+            self._add(tendon, "pulley", divisor=1.0)
+            for end in ("spool", "wound"):
+                self._add(tendon, "site", site=f"{string.name}.{end}")
+
+    def _winch(self, string: StringRow) -> None:
+        """A slide joint whose distance from its spool is the length wound in."""
+        far, world = (SUBSTITUTES.spool, 0.0, 0.0), self.bodies[WORLD]
+        mass, moments = SUBSTITUTES.min_mass, np.full(3, SUBSTITUTES.min_moment)
+        self._add(world, "site", name=f"{string.name}.spool")
+        body = self._add(world, "body", name=f"{string.name}.winch", pos=far)
+        self._joint(body, winch_of(string))
+        self._add(body, "inertial", mass=mass, pos=np.zeros(3), diaginertia=moments)
+        self._add(body, "site", name=f"{string.name}.wound")
+
+    @cached_property
+    def zero_lengths(self) -> dict[str, float]:
+        """Lengths of the strings' paths where MuJoCo's joints are at zero [m]."""
+        table = self.tree.coordinates
+        q_D = np.zeros(table.n_qD)
+        q_K = np.zeros(table.n_qK) if self.still is None else self.still.copy()
+        q_D[[q for q, _ in table.quaternions_D]] = 1.0
+        if self.still is None:
+            q_K[[q for q, _ in table.quaternions_K]] = 1.0
+        poses = link_poses(self.tree.links, q_D[None], q_K[None], self.number)[0]
+        return path_lengths(self.tree, poses, self.number)
+
+    def _length(self, row: StringRow | ChainRow) -> float:
+        """L [m]; for a driven length that is a joint, L plus the length wound in."""
+        if row.driven_length is not None:
+            return SUBSTITUTES.spool if self.still is None else self.still[row.driven_length[0]]
+        assert row.length is not None
+        return self.number(row.length)
+
+    def _ball_limit(self, limit: LimitRow, b: Array) -> None:
+        """A cone or a twist."""
+        if limit.side == "cone":
+            assert limit.a is not None
+            begin, end, length = limit.a, b, 2.0 * np.sin(0.5 * limit.bound)
+        else:
+            (begin, end), length = tendon_ends(b), SUBSTITUTES.twist_length
+        ends = self._in_parent(limit.link, begin), Point(limit.link, tuple(end))
+        self._tendon(limit.name, ends, limited="true", range=(0.0, length))
+
+    def _in_parent(self, i: int, at: Array) -> Point:
+        """A point of a link's joint frame, as one of its parent."""
+        link = self.tree.links[i]
+        R, r = pose_in_parent(link, np.zeros(0), self.number)
+        return Point(link.parent, tuple(r + R @ at))
+
+    def _ball_spring(self, i: int, link: Link) -> None:
+        half = 0.5 * self.number(link.stiffness)
+        if half and link.kind == "ball":
+            for axis, e in zip("xyz", np.eye(3), strict=True):
+                ends = self._in_parent(i, e), Point(i, tuple(e))
+                name = f"{link.joint}.spring.{axis}"
+                self._tendon(name, ends, springlength=0.0, stiffness=half)
+
+    def _drag(self, i: int, link: Link) -> None:
+        linear, _, angular = map(self.number, link.drag)
+        if not linear and not angular:
+            return
+        if not len(self.drags):
+            self._add(self.bodies[WORLD], "site", name="world")
+        m, com, _ = self._mass(link)
+        air = f"{link.name}.air"
+        self._site(air, Point(i, tuple(com if m else np.zeros(3))))
+        axes = np.eye(6)
+        for strength, gears in ((linear, axes[:3]), (angular, axes[3:])):
+            for gear in gears if strength else ():
+                self._add(
+                    self.drags, "general", site=air, refsite="world", gear=gear,
+                    gainprm=0.0, biastype="affine", biasprm=(0.0, 0.0, -strength),
+                )  # fmt: skip
+
+    # -- errors ------------------------------------------------------------------------------
+
+    def _unsupported(self) -> Iterator[tuple[str, str]]:
+        """Name of each part that MuJoCo cannot model, and the reason."""
+        for string in self.tree.strings:
+            if string.max_tension is not None:
+                yield string.name, "has max_tension: MuJoCo cannot model a winch that slips"
+            if self.number(string.restitution):
+                yield string.name, "has restitution: MuJoCo's strings have none"
+        for chain in self.tree.chains:
+            if chain.length_index is not None and self.still is None:
+                text = "is a chain that is wound: MuJoCo's springs have constant rest lengths"
+                yield chain.name, text
+        for link in self.tree.links:
+            if self.number(link.drag[1]):
+                yield link.name, "has quadratic drag: MuJoCo supports it only for whole models"
+            if link.role is Role.DRIVEN and self.still is None and link.kind in ("ball", "free"):
+                text = "has a driven rotation: MuJoCo can receive driven slides and hinges only"
+                yield link.joint, text
+        for row in self.tree.drives:
+            yield row.name, "has a drive: MuJoCo can receive driven coordinates without drives only"
+
+
+def _located(marionette: Marionette, name: str, message: str) -> Mistake:
+    """A mistake with the place of a body, joint or string in the puppet's file."""
+    file, line = marionette.puppet.locate(marionette.puppet.owner_of(name))
+    return Mistake(file, line, name, message)
+
+
+def _quaternion(R: Array) -> Quaternion:
+    x, y, z, w = Rotation.from_matrix(R).as_quat()
+    return np.array([w, x, y, z])

@@ -1,0 +1,200 @@
+"""A puppet in MuJoCo: its model and data, indexed by the puppet's coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from fantoccini.base import Array, ConfigD, ConfigK, MissingLibraryError, VecD, VecK
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.dynamics.mujoco.joints import all_joints
+from fantoccini.dynamics.mujoco.mjcf_model import SUBSTITUTES, mjcf
+from fantoccini.dynamics.mujoco.twists import Twists
+from fantoccini.model.tree import Role, Tree
+
+
+@dataclass(frozen=True)
+class Settings:
+    """MuJoCo's solver and constraints, as exact and as stiff as it permits."""
+
+    tolerance: float = 1e-20
+    """Improvement of the scaled cost at which the solver stops [1]. The scale contains the inertias
+    of the driven joints, so that ordinary values are coarse for the puppet."""
+    iterations: int = 200  # Most iterations of the solver in one evaluation
+    time_constant: float = 2.0
+    """Time in which strings, wires and limits recover, in steps: MuJoCo permits no less."""
+    damping_ratio: float = 1.0  # Damping of that recovery [1]: critical
+    impedance: tuple[float, ...] = (0.9999, 0.9999, 0.001, 0.5, 2.0)
+    """``solimp`` of strings, wires and limits. The first two numbers are MuJoCo's largest impedance
+    [1]. As they are equal, the width [m or rad], midpoint [1] and power [1] have no effect."""
+
+
+SETTINGS = Settings()
+
+
+def library() -> ModuleType:
+    """The module ``mujoco``.
+
+    Raises:
+        MissingLibraryError: it is not installed.
+    """
+    try:
+        import mujoco
+    except ImportError:
+        raise MissingLibraryError("a puppet in MuJoCo", "mujoco", "mujoco") from None
+    return mujoco
+
+
+class MuJoCoPuppet:
+    """A puppet in MuJoCo. Strings and limits are as stiff as it permits: see :class:`Settings`.
+
+    Attributes:
+        mujoco: the module.
+        model, data: MuJoCo's.
+        q_D, v_D, q_K, v_K: places of the puppet's coordinates in qpos and qvel.
+        strings: places of the strings among the tendons.
+        twists: tendons that :meth:`evaluate` updates.
+
+    Args:
+        marionette: the puppet.
+        dt: longest step [s].
+        text: its MJCF, such as one with solids that touch; that of :func:`mjcf` when not given.
+
+    Raises:
+        ExchangeError: MuJoCo cannot model a part of the puppet.
+        MissingLibraryError: MuJoCo is not installed.
+    """
+
+    def __init__(self, marionette: Marionette, dt: float, text: str | None = None):
+        self.mujoco, tree = library(), marionette.tree
+        text = mjcf(marionette) if text is None else text
+        self.model = m = self.mujoco.MjModel.from_xml_string(text)
+        self.data = self.mujoco.MjData(m)
+        option = m.opt
+        option.timestep = dt
+        option.integrator = self.mujoco.mjtIntegrator.mjINT_RK4
+        option.tolerance, option.iterations = SETTINGS.tolerance, SETTINGS.iterations
+        for reference in (m.jnt_solref, m.tendon_solref_lim, m.eq_solref):
+            reference[:] = SETTINGS.time_constant * dt, SETTINGS.damping_ratio
+        for impedance in (m.jnt_solimp, m.tendon_solimp_lim, m.eq_solimp):
+            impedance[:] = SETTINGS.impedance
+        self.q_D, self.v_D = self._places(marionette, Role.DYNAMIC)
+        self.q_K, self.v_K = self._places(marionette, Role.DRIVEN)
+        self._armature = m.dof_armature[self.v_K].copy()
+        self.strings = np.array([m.tendon(s.name).id for s in tree.strings], dtype=int)
+        for k, tendon in enumerate(m.eq_obj1id):
+            L = tree.strings[list(self.strings).index(tendon)].length
+            length = SUBSTITUTES.spool if L is None else marionette.model.number(L)
+            # MuJoCo counts a wire's length from its value in MuJoCo's zero pose.
+            m.eq_data[k, 0] = length - m.tendon_length0[tendon]
+        kinds = self.mujoco.mjtConstraint
+        names = "LIMIT_TENDON", "LIMIT_JOINT", "EQUALITY"
+        self._kinds = [int(getattr(kinds, f"mjCNSTR_{name}")) for name in names]
+        self._limits, self.twists = _Limits.of(m, tree), Twists(m, tree)
+
+    def put(self, q_D: ConfigD, v_D: VecD) -> None:
+        """Sets the dynamic coordinates."""
+        self.data.qpos[self.q_D], self.data.qvel[self.v_D] = q_D, v_D
+
+    def drive(self, q_K: ConfigK, v_K: VecK, acc_K: VecK) -> None:
+        """Sets the driven coordinates and their accelerations until the next call."""
+        data = self.data
+        data.qpos[self.q_K], data.qvel[self.v_K] = q_K, v_K
+        data.qfrc_applied[self.v_K] = self._armature * acc_K
+
+    def evaluate(self) -> None:
+        """Computes accelerations and forces."""
+        if self.twists:
+            self.twists.update(self.data.qpos)
+        self.mujoco.mj_forward(self.model, self.data)
+
+    def step(self) -> None:
+        """Advances by one step of the Runge-Kutta method of order 4, after :meth:`evaluate`.
+
+        A state that is not finite stays so; ``mj_step`` would reset it.
+        """
+        self.mujoco.mj_RungeKutta(self.model, self.data, 4)
+
+    def forces(self) -> tuple[Array, Array]:
+        """(n_strings,) tensions [N] and (n_limits,) forces of limits, at the last evaluation."""
+        d, (tendon_kind, joint_kind, wire_kind) = self.data, self._kinds
+        kind, owner, force = (a[: d.nefc] for a in (d.efc_type, d.efc_id, d.efc_force))
+        tension, torque = np.zeros(self.model.ntendon), np.zeros(self.model.njnt)
+        for total, wanted in ((tension, tendon_kind), (torque, joint_kind)):
+            on = kind == wanted
+            total[owner[on]] += force[on]
+        on = kind == wire_kind
+        tension[self.model.eq_obj1id[owner[on]]] -= force[on]
+        limit_force = self._limits.forces(d, tension, torque)
+        limit_force[self.twists.places] = tension[self.twists.tendons] * self.twists.scale
+        return tension[self.strings], limit_force
+
+    def _places(self, marionette: Marionette, role: Role) -> tuple[Array, Array]:
+        """Places in qpos and qvel of the coordinates of a role."""
+        q, v = [], []
+        for joint in all_joints(marionette.tree):
+            if joint.role is role:
+                own = self.model.joint(joint.name)
+                q.append((joint.q, own.qposadr[0]))
+                v.append((joint.v, own.dofadr[0]))
+        table = marionette.coordinates
+        dynamic = role is Role.DYNAMIC
+        sizes = (table.n_qD, table.n_vD) if dynamic else (table.n_qK, table.n_vK)
+        return _gathered(q, sizes[0]), _gathered(v, sizes[1])
+
+
+@dataclass(frozen=True)
+class _Limits:
+    """Places in MuJoCo of a puppet's limits, without twists.
+
+    Attributes:
+        n: number of limits, with twists.
+        ends: of the lower and upper limits: places among all limits, joints, places of these in
+            qpos, middles of their ranges, and whether the limit is the upper one.
+        cones: of the cones: places among all limits, and tendons.
+    """
+
+    n: int
+    ends: tuple[Array, Array, Array, Array, Array]
+    cones: tuple[Array, Array]
+
+    @classmethod
+    def of(cls, model: Any, tree: Tree) -> _Limits:
+        """The limits of a tree in MuJoCo's model of it."""
+        sides = [limit.side for limit in tree.limits]
+        ends = [i for i, side in enumerate(sides) if side in ("lower", "upper")]
+        cones = [i for i, side in enumerate(sides) if side == "cone"]
+        joints = np.array(
+            [model.joint(tree.links[tree.limits[i].link].joint).id for i in ends], dtype=int
+        )
+        upper = np.array([sides[i] == "upper" for i in ends], dtype=bool)
+        middle = model.jnt_range[joints].mean(axis=1)
+        tendons = [model.tendon(tree.limits[i].name).id for i in cones]
+        places = np.array(ends, dtype=int), joints, model.jnt_qposadr[joints], middle, upper
+        return cls(len(sides), places, (np.array(cones, dtype=int), np.array(tendons, dtype=int)))
+
+    def forces(self, data: Any, tension: Array, torque: Array) -> Array:
+        """(n,) forces of limits, from those of tendons (n_tendons,) and joints (n_joints,)."""
+        found = np.zeros(self.n)
+        places, joints, at, middle, upper = self.ends
+        found[places] = np.where((data.qpos[at] > middle) == upper, torque[joints], 0.0)
+        places, tendons = self.cones
+        # h = cos(max) - a.R b and length^2 = 2 - 2 a.R b, so that dh = length dlength.
+        found[places] = tension[tendons] / data.ten_length[tendons]
+        return found
+
+
+def _gathered(found: list[tuple[slice, int]], n: int) -> Array:
+    """(n,) places in MuJoCo of the puppet's coordinates.
+
+    Args:
+        found: coordinates of each joint, and the place in MuJoCo of the first of them.
+        n: number of coordinates.
+    """
+    out = np.zeros(n, dtype=int)
+    for part, first in found:
+        out[part] = first + np.arange(part.stop - part.start)
+    return out

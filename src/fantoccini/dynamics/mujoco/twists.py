@@ -1,0 +1,90 @@
+"""Limits of twists in MuJoCo: tendons that are updated before every step.
+
+MuJoCo limits the whole rotation of a ball joint, never its part about one axis. But a tendon
+between two points 1 m from the joint's centre, a right angle apart about the axis g, lengthens at
+the rate sqrt(1/2) g.w, with w the joint's angular velocity. An update sets g along J, where
+hdot = J w, and the largest length to the present one minus sqrt(1/2) h/|J|. Then the tendon limits
+the twist like the row h <= 0, to first order in the angle of a step.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fantoccini.base import Array, rotation
+from fantoccini.model.tree import Tree
+
+_LENGTH, _RATE = np.sqrt(2.0), np.sqrt(0.5)
+"""Length of a tendon after an update [m], and its derivative by the angle about g [m/rad]."""
+
+_NEXT, _LAST = [1, 2, 0], [2, 0, 1]
+"""Axis after and before x, y and z in cyclic order."""
+
+
+class Twists:
+    """The tendons that limit a puppet's twists. False if it has none.
+
+    Attributes:
+        places: (n,) places among the puppet's limits.
+        tendons: (n,) their tendons in MuJoCo.
+        scale: (n,) change of a tendon's length per change of h, since the last update.
+
+    Args:
+        model: MuJoCo's model; :meth:`update` changes it.
+        tree: the puppet's tree.
+    """
+
+    def __init__(self, model: Any, tree: Tree):
+        found = [i for i, limit in enumerate(tree.limits) if limit.side.startswith("twist")]
+        limits = [tree.limits[i] for i in found]
+        self.places, self._model = np.array(found, dtype=int), model
+        self.tendons = np.array([model.tendon(limit.name).id for limit in limits], dtype=int)
+        joints = np.array(
+            [model.joint(tree.links[limit.link].joint).id for limit in limits], dtype=int
+        )
+        self._q = model.jnt_qposadr[joints][:, None] + np.arange(4)
+        # The joint frame in the parent: the body's pose where its joint is at zero.
+        bodies = model.jnt_bodyid[joints]
+        self._centre = model.body_pos[bodies].copy()
+        self._frame = rotation.matrix(model.body_quat[bodies])
+        sites = [model.site(f"{limit.name}.{end}").id for limit in limits for end in (0, 1)]
+        self._sites = np.array(sites, dtype=int).reshape(-1, 2)
+        self._b = np.array([limit.b for limit in limits]).reshape(-1, 3)
+        self._bound = np.array([limit.bound for limit in limits])
+        self._sign = np.array([-1.0 if limit.side == "twist.lower" else 1.0 for limit in limits])
+        self.scale = np.ones(len(found))
+
+    def __bool__(self) -> bool:
+        return len(self.places) > 0
+
+    def update(self, qpos: Array) -> None:
+        """Moves the tendons' ends and limits to MuJoCo's configuration (n_q,)."""
+        q, b = qpos[self._q], self._b
+        s, v = q[:, :1], q[:, 1:]
+        x = np.sum(v * b, axis=1, keepdims=True)
+        twist = 2.0 * np.arctan2(np.where(s < 0.0, -x, x), np.abs(s))[:, 0]
+        h = self._sign * (twist - self._bound)
+        J = self._sign[:, None] * (s * (s * b + _cross(b, v)) + x * v) / (s * s + x * x)
+        size = np.linalg.norm(J, axis=1)
+        self.scale = _RATE / size
+        g = J / size[:, None]
+        begin, end = tendon_ends(g)
+        around = 2.0 * _cross(v, begin)
+        turned = self._frame @ (begin + s * around + _cross(v, around))[..., None]
+        self._model.site_pos[self._sites[:, 0]] = self._centre + turned[..., 0]
+        self._model.site_pos[self._sites[:, 1]] = end
+        self._model.tendon_range[self.tendons, 1] = _LENGTH - self.scale * h
+
+
+def tendon_ends(g: Array) -> tuple[Array, Array]:
+    """Unit vectors (..., 3): the second is the first after a quarter turn about g (..., 3)."""
+    end = _cross(g, np.eye(3)[np.argmin(np.abs(g), axis=-1)])
+    end /= np.linalg.norm(end, axis=-1, keepdims=True)
+    return _cross(end, g), end
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """a x b (..., 3); ten times as fast as NumPy's for a few vectors."""
+    return a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]

@@ -1,0 +1,405 @@
+"""Many runs at once: states x inputs -> Trajectories."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from itertools import combinations
+from typing import Any, TypeVar
+
+import numpy as np
+
+from fantoccini.base import ARRIVED, Array, Status, Times
+from fantoccini.dynamics.compiled import (
+    Method,
+    MethodName,
+    Model,
+    as_inputs,
+    as_method,
+    bind_inputs,
+    check_memory,
+    check_starts,
+    check_steps,
+    checked_end,
+    count_samples,
+    parameter_rows,
+)
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.dynamics.simulation.batch_progress import batch_progress
+from fantoccini.dynamics.simulation.checks import check_marionette, save_times
+from fantoccini.dynamics.simulation.run import ledger_of
+from fantoccini.dynamics.simulation.soundness import (
+    ends_fast,
+    gains,
+    left_by_last_step,
+    swings,
+    unbooked,
+    verdict,
+)
+from fantoccini.dynamics.steppers import (
+    CONTRADICTION_STATUSES,
+    contradiction,
+    deepest,
+    first_excess_tension,
+    looks,
+    may_be_redundant,
+    parted_starts,
+    prescribed_overlaps,
+)
+from fantoccini.kernel.contract import BOOKS, PARTS
+from fantoccini.kernel.runtime import Batch, RunOptions, default_threads, whole
+from fantoccini.motion import LEDGER, RESIDUAL, SAVED, Columns, Input, Inputs, State, Trajectories
+
+SAVE = ("q_D", "v_D", "tension")
+"""What a batch saves unless told otherwise."""
+
+_PART = {"tension": "force", "limit_force": "force", "ledger": "books"}
+"""Saved array -> the runtime's part that it is read from, where the names differ."""
+
+T = TypeVar("T", State, Input)
+
+
+_BYTES = 8
+"""Of a number."""
+_LEDGER_NUMBERS, _TIME_NUMBERS = 16, 4
+"""Numbers of a sample while its ledger, and its time, are made."""
+
+
+def simulate_batch(
+    marionette: Marionette,
+    x0: State | Sequence[State],
+    inputs: Inputs | Input | Sequence[Input] | None = None,
+    t_end: float | None = None,
+    *,
+    method: Method | MethodName = "event",
+    save_at: Array | None = None,
+    save_every: int | None = None,
+    save: Sequence[str] | str | None = None,
+    out: Mapping[str, Array] | None = None,
+    threads: int | None = None,
+    parameters: Mapping[str, Array | float] | None = None,
+    progress: Callable[[float], None] | None = None,
+    max_memory: float | None = None,
+) -> Trajectories:
+    """Many runs of :func:`simulate` at once, on threads, and fixed steps in lanes.
+
+    A run that stops early does not raise; see its status. Ctrl-C keeps what was reached, with the
+    others STOPPED.
+
+    Args:
+        marionette: the puppet.
+        x0: states of one time where the runs start, or one for all.
+        inputs: as many as states, or one for all; they hold still when not given.
+        t_end: end of the runs [s]; the end of the inputs when not given.
+        method: as in :func:`simulate`.
+        save_at: (n,) times to write (event-driven only) [s]; start and end when not given.
+        save_every: write every so many steps (not event-driven); every one when not given.
+        save: ``all``, or names of the arrays to save; q_D, v_D and tension when not given.
+        out: arrays to write into, by name, with the shapes of the batch's: C-contiguous
+            (n, T, width); new ones where not given. ``force`` holds tension and limit_force,
+            ``books`` the entries of the ledger.
+        threads: all processors when not given.
+        parameters: name -> value, or (n,) values, one for each run; the marionette's own when not
+            given. All runs share the numbers of winches.
+        progress: called with the mean time reached, for a progress bar [s].
+        max_memory: for the arrays [bytes]; half of the free memory when not given.
+
+    Raises:
+        StateError: a state violates a row, the step is too long for a chain or a spring, or
+            the arrays do not fit in memory.
+        InputError: inputs do not start where their states are.
+        TypeError: ``x0`` or ``inputs`` are no states or inputs.
+        ValueError: an invalid argument.
+    """
+    chosen = as_method(method)
+    name = chosen.name
+    check_marionette(marionette)
+    model = marionette.model
+    options = model.run_options(
+        **chosen.options, save_steps=False, max_memory=max_memory,
+        save_every=1 if save_every is None else save_every,
+    )
+    save_at = save_times(save_at, save_every, name, -np.inf, np.inf)
+    states = model.states(_listed(x0, State, "x0", "marionette.rest()"))
+    t = states.t
+    if inputs is None:
+        inputs = Input.hold(marionette).shifted(t)
+    elif not isinstance(inputs, Inputs):
+        inputs = _listed(inputs, Input, "inputs", "Input.waypoints()")
+    given = as_inputs(inputs)
+    p = parameter_rows(model, parameters)
+    n = max(len(states), len(given), len(p))
+    if not {len(states), len(given), len(p)} <= {1, n}:
+        several = f" and {len(p)} values of parameters" if len(p) > 1 else ""
+        raise ValueError(
+            f"{len(states)} states and {len(given)} inputs{several} do not go together; give equal "
+            "numbers of both, or a single one"
+        )
+    t_end = checked_end(given.end if t_end is None else t_end, t)
+    bound = bind_inputs(model, given, states.q_K, states.v_K, t, t_end)
+    states = parted_starts(model, states, p)
+    check_starts(model, states, name, p)
+    check_steps(model, name, states, p, options.dt)
+    if threads is not None:
+        threads = whole("threads", threads, least=1)
+    saved = _saved(model, save)
+    _check_memory(model, name, options, saved, n, t, t_end, save_at, out or {})
+    times = _times(name, options, t, t_end, save_at)
+    batch = Batch(
+        n=n, t=t, t_end=t_end,
+        q_D=states.q_D, v_D=states.v_D, slip=states.slip,
+        breaks=bound.breaks, coef=bound.coef, base=bound.base, force=bound.force,
+        p=p, winches=model.winches, options=options, times=times,
+        parts=_parts(model, saved, n, len(times), out or {}),
+        status=np.full(n, Status.STOPPED, dtype=np.int32), reached=np.full(n, np.nan),
+        violation=np.zeros(n),
+        catches=np.zeros(n, dtype=np.int64), releases=np.zeros(n, dtype=np.int64),
+        blame=np.zeros((n, len(model.tree.blamable))),
+        end_q_D=np.full((n, states.q_D.shape[1]), np.nan),
+        end_v_D=np.full((n, states.v_D.shape[1]), np.nan),
+    )  # fmt: skip
+    library = model.compiled.batch_library_of(name)
+    threads = min(default_threads() if threads is None else threads, -(-n // library.width))
+    # Ctrl-C keeps what was reached; the other runs have the status they began with.
+    bar = batch_progress(f"{n} runs", progress, t, t_end)
+    with bar as show, contextlib.suppress(KeyboardInterrupt):
+        batch.run(library, threads, show)
+    if may_be_redundant(model):
+        _find_contradictions(model, batch, bound, name)
+    if name != "event":
+        _judge(marionette, batch, bound, name)
+    _judge_prescribed(model, batch, bound)
+    return _trajectories(marionette, batch, name, saved)
+
+
+def _find_contradictions(model: Model, batch: Batch, inputs: Inputs, method: str) -> None:
+    """Names the runs that redundant strings stopped.
+
+    Those that fixed steps completed are examined where tensions are saved with the motion.
+    """
+    tree, table, parts = model.tree, model.coordinates, batch.parts
+    n_s, strings = len(tree.strings), [s.name for s in tree.strings]
+    none = np.zeros(tree.n_rows, dtype=bool)
+    examined = method != "event" and {"q_D", "v_D", "force"} <= set(parts)
+    for i in map(int, np.flatnonzero(np.isfinite(batch.reached))):
+        given = inputs[i if len(inputs) > 1 else 0]
+
+        def motion(t: float, q_D: Array, v_D: Array, given: Input = given) -> tuple[State, Array]:
+            q_K, v_K, acc_K = given.evaluate(t)
+            # Winches that slip are no rigid strings, so their slip does not matter here.
+            return State(float(t), q_D, v_D, q_K, v_K, none, coordinates=table), acc_K
+
+        def saved(
+            k: int, i: int = i, motion: Callable[..., tuple[State, Array]] = motion
+        ) -> tuple[State, Array]:
+            return motion(batch.times[k], parts["q_D"][i, k], parts["v_D"][i, k])
+
+        found = None
+        own = model.with_p(batch.p[i if len(batch.p) > 1 else 0])
+        if batch.status[i] in CONTRADICTION_STATUSES:
+            end = motion(batch.reached[i], batch.end_q_D[i], batch.end_v_D[i])
+            found = contradiction(own, *end)
+        elif examined and batch.status[i] in ARRIVED:
+            first = first_excess_tension(own, parts["force"][i, :, :n_s], saved)
+            found = None if first is None else contradiction(own, *saved(first))
+        if found:
+            batch.status[i], batch.blame[i] = Status.REDUNDANT_STRINGS, 0.0
+            batch.blame[i, [strings.index(name) for name in found.names]] = 1.0
+
+
+def _judge(marionette: Marionette, batch: Batch, inputs: Inputs, method: str) -> None:
+    """Names the runs that reached their end and are not sound; energy only with a saved ledger."""
+    done = np.isin(batch.status, ARRIVED) & (batch.reached >= batch.t_end)
+    gain, share = np.zeros(batch.n), np.zeros(batch.n)
+    if "books" in batch.parts and np.any(done):
+        columns = np.moveaxis(_ledger(batch.parts["books"][done]), -1, 0)
+        ledger = dict(zip(LEDGER, columns, strict=True))
+        gain[done] = gains(marionette, ledger)
+        if method == "timestepping":
+            share[done] = unbooked(marionette, ledger, batch.times, batch.options.dt)
+    most = batch.violation.copy()
+    for i in map(int, np.flatnonzero(done & ends_fast(batch.end_v_D, batch.options.dt))):
+        q_K = inputs[i if len(inputs) > 1 else 0].evaluate(batch.t_end)[0]
+        left = left_by_last_step(marionette, batch.end_q_D[i], q_K)
+        most[i] = max([most[i], *left.values()])
+    for i in map(int, np.flatnonzero(done)):
+        found = verdict(float(most[i]), float(gain[i]), float(share[i]))
+        if found is Status.UNBALANCED and _swings(marionette, batch, inputs, i):
+            continue
+        if found is not Status.DONE:
+            batch.status[i], batch.blame[i] = found, 0.0
+
+
+def _places(inputs: Input, t: Times) -> Array:
+    """(T, n_qK) driven configurations at times."""
+    return inputs.evaluate(t)[0]
+
+
+def _judge_prescribed(model: Model, batch: Batch, inputs: Inputs) -> None:
+    """Sets the status of finished runs whose inputs moved solids through one another."""
+    if model.prescribed is None:
+        return
+    done = np.isin(batch.status, ARRIVED) & (batch.reached >= batch.t_end)
+    known: dict[tuple[int, int], float] = {}
+    for i in map(int, np.flatnonzero(done)):
+        own, parameters = (i if n > 1 else 0 for n in (len(inputs), len(batch.p)))
+        if (own, parameters) not in known:
+            given = inputs[own]
+            times = looks(given.breaks, batch.t, batch.t_end)
+            held = model.with_p(batch.p[parameters])
+            found = prescribed_overlaps(held, partial(_places, given), times)
+            known[own, parameters] = deepest(found)
+        if known[own, parameters]:
+            batch.status[i], batch.blame[i] = Status.OVERSTEPPED, 0.0
+
+
+def _swings(marionette: Marionette, batch: Batch, inputs: Inputs, i: int) -> bool:
+    """As :func:`swings`, at the start of the i-th run."""
+    q_K = inputs[i if len(inputs) > 1 else 0].evaluate(batch.t)[0]
+    q_D = batch.q_D[i if len(batch.q_D) > 1 else 0]
+    return swings(marionette, q_D, q_K, batch.options.dt)
+
+
+def _listed(given: object, kind: type[T], name: str, maker: str) -> list[T]:
+    """One or many of a kind, as a list."""
+    many = [given] if isinstance(given, kind) else given
+    if isinstance(many, Sequence) and many and all(isinstance(one, kind) for one in many):
+        return list(many)
+    raise TypeError(
+        f"{name} is {given!r}; it must be {kind.__name__}, as {maker} gives it, or a list of one "
+        "or more of them"
+    )
+
+
+def _times(
+    method: str, options: RunOptions, t: float, t_end: float, save_at: Array | None
+) -> Array:
+    """The times of the samples."""
+    if method == "event":
+        return np.union1d([] if save_at is None else save_at, [t, t_end])
+    dt, every = options.dt, options.save_every
+    n_steps = max(1, int(np.ceil((t_end - t) / dt - 1e-6)))
+    steps = np.append(np.arange(0, n_steps, every), n_steps)
+    return np.append(t + steps[:-1] * dt, t_end)
+
+
+def _saved(model: Model, save: Sequence[str] | str | None) -> tuple[str, ...]:
+    """The names asked for; all but the residual of contacts where nothing may touch anything."""
+    if save is None:
+        return SAVE
+    if save == "all":
+        return tuple(name for name in SAVED if name != RESIDUAL or model.contacts is not None)
+    names = (save,) if isinstance(save, str) else tuple(save)
+    for name in names:
+        if name not in SAVED:
+            raise ValueError(f"save names {name!r}; it takes 'all' or names of {', '.join(SAVED)}")
+    return names
+
+
+def _check_memory(
+    model: Model,
+    method: str,
+    options: RunOptions,
+    saved: tuple[str, ...],
+    n: int,
+    t: float,
+    t_end: float,
+    save_at: Array | None,
+    out: Mapping[str, Array],
+) -> None:
+    """Raises StateError where the arrays that a batch would make do not fit in memory."""
+    if method == "event":
+        n_samples = 2.0 + (0 if save_at is None else len(save_at))
+    else:
+        n_samples = count_samples(options, t, t_end)
+    widths, made = _widths(model), {_PART.get(name, name) for name in saved} - set(out)
+    sample = sum(widths[name] * (1 if name == "taut" else _BYTES) for name in made)
+    sample += _LEDGER_NUMBERS * _BYTES if "ledger" in saved else 0
+    need = n_samples * (n * sample + _TIME_NUMBERS * _BYTES)
+    check_memory(method, options, t, t_end, n_samples, need)
+
+
+def _widths(model: Model) -> dict[str, int]:
+    """Numbers in a sample, by the runtime's part."""
+    return {part.name: part.numel(model.tree.sizes) for part in PARTS}
+
+
+def _parts(
+    model: Model, saved: tuple[str, ...], n: int, n_times: int, out: Mapping[str, Array]
+) -> dict[str, Array]:
+    """The runtime's arrays: those of ``out`` where given, and new ones. All begin as NaN."""
+    widths = _widths(model)
+    wanted = {_PART.get(name, name) for name in saved}
+    for name in out:
+        if name not in wanted:
+            raise ValueError(
+                f"out has an array {name!r}, which this batch does not write; it writes "
+                f"{', '.join(sorted(wanted))} ('force' is tension and limit_force in one array, "
+                "'books' the entries of the ledger)"
+            )
+    for (name, part), (other, same) in combinations(out.items(), 2):
+        if np.may_share_memory(part, same):
+            raise ValueError(
+                f"out[{other!r}] and out[{name!r}] share their memory; each takes its own array"
+            )
+    parts = {}
+    for name in sorted(wanted):
+        kind = np.dtype(np.bool_ if name == "taut" else np.float64)
+        shape = (n, n_times, widths[name])
+        part = out[name] if name in out else np.empty(shape, dtype=kind)
+        if part.shape != shape or part.dtype != kind or not part.flags.c_contiguous:
+            raise ValueError(
+                f"out[{name!r}] is {part.dtype} of shape {part.shape}; it must be a C-contiguous "
+                f"{kind} array of shape {shape}"
+            )
+        if not part.flags.writeable:
+            raise ValueError(f"out[{name!r}] is read-only")
+        part.fill(False if name == "taut" else np.nan)
+        parts[name] = part
+    return parts
+
+
+def _trajectories(
+    marionette: Marionette, batch: Batch, method: str, saved: tuple[str, ...]
+) -> Trajectories:
+    tree, n_s = marionette.tree, len(marionette.tree.strings)
+    strings = tuple(s.name for s in tree.strings)
+    limits = tuple(limit.name for limit in tree.limits)
+    made: dict[str, Any] = {}
+    for name in saved:
+        view = _read_only(batch.parts[_PART.get(name, name)])
+        if name in ("tension", "taut", "slip"):
+            made[name] = Columns(strings, view[..., :n_s], "string")
+        elif name == "limit_force":
+            made[name] = Columns(limits, view[..., n_s:], "limit")
+        elif name == "ledger":
+            made[name] = Columns(LEDGER, _read_only(_ledger(view)), "entry")
+        elif name == RESIDUAL:
+            made[name] = view[..., 0]
+        else:
+            made[name] = view
+    names = tuple(tree.parameters)
+    values = np.ascontiguousarray(np.broadcast_to(batch.p, (batch.n, len(names))))
+    ends = ("status", "reached", "violation", "catches", "releases")
+    made |= {name: _read_only(getattr(batch, name)) for name in ends}
+    return Trajectories(
+        t=_read_only(batch.times),
+        blame=Columns(tree.blamable, batch.blame, "string, limit or drive"),
+        method=method,
+        coordinates=marionette.coordinates,
+        puppet=marionette.model.described,
+        parameters=Columns(names, _read_only(values), "parameter"),
+        **made,
+    )
+
+
+def _ledger(books: Array) -> Array:
+    """(n, T, 7) the ledger from (n, T, 6) books."""
+    return ledger_of(dict(zip(BOOKS, np.moveaxis(books, -1, 0), strict=True)))
+
+
+def _read_only(array: Array) -> Array:
+    view = array.view()
+    view.setflags(write=False)
+    return view

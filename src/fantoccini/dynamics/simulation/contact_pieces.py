@@ -1,0 +1,221 @@
+"""The modes of contact of an event-driven run, step by step, and changes of mode without an impact.
+
+A run's samples end its steps. Where only some points of two parts change their modes, it writes no
+second sample; so the modes of each step are read from the points at its end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fantoccini.base import Array, Indices, StateError
+from fantoccini.dynamics.compiled import Evaluation, PairGeometry, Screws
+from fantoccini.dynamics.derivatives import (
+    TOLERANCES,
+    ContactMode,
+    ContactRows,
+    FrozenModes,
+    HeldPoint,
+    PointMode,
+)
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.dynamics.simulation.input_piece import InputVariation
+from fantoccini.motion import State, Trajectory, pair_name
+
+SAME_PLACE = 1e-7
+"""Distance of a run's point from the narrow phase's at the same state [m]."""
+AGREE = 1e-5
+"""Difference of the times at which points stop, relative to the largest, that is none."""
+JUMP = 1e-7
+"""Change of accelerations, relative to 1 or the largest, that is none."""
+
+Key = frozenset[tuple[int, int, ContactMode]]
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """A point at a sample: its velocity across the normal and the direction of its friction."""
+
+    name: str
+    speed: float
+    across: Array
+    friction: Array
+    mu: float
+
+
+class ContactPieces:
+    """The modes of contact along a run.
+
+    Args:
+        marionette: the puppet.
+        run: its event-driven run, with all samples.
+    """
+
+    def __init__(self, marionette: Marionette, run: Trajectory):
+        self._model, self._run = marionette.model, run
+        self._seen: dict[int, dict[tuple[int, int], _Seen]] = {}
+
+    def groups(self, first: int, last: int) -> list[tuple[int, int, tuple[PointMode, ...]]]:
+        """(sample, sample, modes) of the stretches of samples first to last with the same modes.
+
+        Steps in which a point begins or ceases to slide are stretches of their own: its direction
+        is that of its friction where it is at rest.
+        """
+        if self._model.contacts is None:
+            return [(first, last, ())]
+        out: list[tuple[int, int, tuple[PointMode, ...]]] = []
+        alone = False
+        for i in range(first, last):
+            modes, turning = self._modes(i)
+            if out and not alone and not turning and key_of(out[-1][2]) == key_of(modes):
+                out[-1] = (out[-1][0], i + 1, out[-1][2])
+            else:
+                out.append((i, i + 1, modes))
+            alone = turning
+        return out
+
+    def touches(self, i: int) -> bool:
+        """Whether anything pushes at a sample."""
+        return self._model.contacts is not None and bool(self._points(i))
+
+    def stops(self, i: int, modes: Sequence[PointMode]) -> bool:
+        """Whether a point that slides in some modes is at rest at a sample."""
+        sliding = [p for p in modes if p.mode is ContactMode.SLIDE and p.friction > 0.0]
+        if not sliding:
+            return False
+        seen, still = self._points(i), self._still(i)
+        at = [seen.get((p.pair, p.feature)) for p in sliding]
+        return any(own is not None and own.speed <= still for own in at)
+
+    def _still(self, i: int) -> float:
+        """Speed that is none at a sample [m/s]."""
+        return TOLERANCES.speed * max(1.0, float(np.max(np.abs(self._run.v_D[i]), initial=0.0)))
+
+    def _modes(self, i: int) -> tuple[tuple[PointMode, ...], bool]:
+        """The modes of the step from sample i to the next; whether one begins or ends with rest."""
+        before, after = self._points(i), self._points(i + 1)
+        still = self._still(i)
+        modes, turning = [], False
+        for (pair, feature), own in after.items():
+            old = before.get((pair, feature))
+            begins = old is None or old.speed <= still
+            ends = own.speed <= still
+            mode, along, turns = ContactMode.STICK, np.zeros(3), False
+            if own.mu == 0.0:
+                mode = ContactMode.SLIDE
+            elif not (begins and ends):
+                mode, turns = ContactMode.SLIDE, True
+                turning = turning or begins or ends
+                along = -own.friction if ends or old is None else -old.friction
+            modes.append(PointMode(own.name, pair, feature, mode, own.mu, along, turns))
+        return tuple(modes), turning
+
+    def _points(self, i: int) -> dict[tuple[int, int], _Seen]:
+        """What pushes at a sample, by pair and feature."""
+        if i in self._seen:
+            return self._seen[i]
+        run, contacts = self._run, self._model.contacts
+        assert run.contact is not None and contacts is not None
+        found = run.contact.at(i)
+        screws = Screws(self._model, run.state(i)) if len(found) else None
+        out: dict[tuple[int, int], _Seen] = {}
+        for k in range(len(found)):
+            assert screws is not None
+            number, name = int(found.pair[k]), pair_name(contacts.names[found.pair[k]])
+            pair = PairGeometry(self._model, screws.poses, number)
+            feature = pair.nearest(found.point[k], SAME_PLACE)
+            if feature is None:
+                raise StateError(f"{name} touch at t = {run.t[i]:.6g} s where no solid is")
+            n, u, f = found.normal[k], found.velocity[k], found.force[k]
+            across, friction = u - n * (n @ u), f - n * (n @ f)
+            size = float(np.linalg.norm(friction))
+            out[number, feature] = _Seen(
+                name, float(np.linalg.norm(across)), across, friction / (size or 1.0),
+                float(contacts.friction[number]),
+            )  # fmt: skip
+        self._seen[i] = out
+        return out
+
+
+def key_of(modes: Sequence[PointMode]) -> Key:
+    """What tells modes apart."""
+    return frozenset((point.pair, point.feature, point.mode) for point in modes)
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """A change of modes at which velocities do not jump.
+
+    Where a point stops, accelerations may jump: with its speed s falling to 0 at sdot < 0,
+
+        dv+ = dv- + (acc- - acc+) (-ds / sdot)
+
+    Attributes:
+        names: of the points that stop.
+        late: (1, m) change of the time at which they do [s].
+        jump: (n_vD,) acc- - acc+.
+        sharp: whether all of them stop at once near by, too.
+    """
+
+    names: tuple[str, ...]
+    late: Array
+    jump: Array
+    sharp: bool
+
+    @classmethod
+    def of(
+        cls,
+        marionette: Marionette,
+        x: State,
+        acc_K: Array,
+        u_D: Array,
+        before: tuple[Indices, Sequence[PointMode]],
+        after: tuple[Indices, Sequence[PointMode]],
+        D: Array,
+    ) -> Change | None:
+        """The change at a state, or None where accelerations do not jump.
+
+        Args:
+            marionette: the puppet.
+            x: the state.
+            acc_K, u_D: inputs.
+            before, after: rows and points that are held.
+            D: (n_columns, m) changes of q_D, v_D, q_K, v_K, acc_K, u_D and p.
+        """
+        model = marionette.model
+        at = Evaluation.of(model, x, acc_K, u_D)
+        acc, _, points = FrozenModes(model, before[1]).moving(at, x, acc_K, before[0])
+        new, _, _ = FrozenModes(model, after[1]).moving(at, x, acc_K, after[0])
+        size = max(1.0, float(np.max(np.abs(acc))), float(np.max(np.abs(new))))
+        if np.max(np.abs(acc - new)) <= JUMP * size:
+            return None
+        screws = Screws(model, x, acc, acc_K)
+        lates, names = [], []
+        for point in points:
+            if point.mode is ContactMode.SLIDE and point.friction > 0.0 and not point.turns:
+                speed, by = _slowing(screws, point)
+                if speed < 0.0:
+                    lates.append(-(by @ D)[None] / speed)
+                    names.append(point.name)
+        if not lates:
+            return cls((), np.zeros((1, D.shape[1])), acc - new, False)
+        apart = max(float(np.max(np.abs(late - lates[0]), initial=0.0)) for late in lates)
+        sharp = apart <= AGREE * float(np.max(np.abs(lates[0]), initial=1e-9))
+        return cls(tuple(dict.fromkeys(names)), lates[0], acc - new, sharp)
+
+
+def _slowing(screws: Screws, point: HeldPoint) -> tuple[float, Array]:
+    """d/dt of the speed of a sliding point, and its changes (n_columns,)."""
+    rows = ContactRows(screws, [replace(point, mode=ContactMode.STICK, closes=0.0)], 0.0)
+    parts = replace(point, mode=ContactMode.STICK).directions @ point.along
+    parts[0] = 0.0
+    return -float(parts @ rows.accelerations()), -parts @ rows.velocity_by()
+
+
+def stacked(Z: Array, by_input: InputVariation) -> Array:
+    """(n_columns, m) changes of q_D, v_D, q_K, v_K, acc_K, u_D and p."""
+    b = by_input
+    return np.concatenate([Z, b.q_K, b.v_K, b.acc_K, b.u_D, b.p])

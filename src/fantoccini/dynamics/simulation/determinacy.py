@@ -1,0 +1,288 @@
+"""Tensions and efforts that a motion does not determine.
+
+Forces x of the active strings, limits and contacts give the motion B x, with B = F^-T A_D^T in the
+metric of M_DD = F^T F. Changes dx with B dx = 0 within the bounds of x do not change the motion, as
+with redundant taut strings. Near such a state rounding decides: an uncertainty a of a row's
+acceleration changes x by
+
+    |dx_i| <= a |(G^-1)_i|,   G = B^T B
+
+An effort, E x, is uncertain in the same way. Redundant contact points share forces arbitrarily as
+well; this matters only if a tension or effort takes part.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fantoccini.base import Array, Indices, Mask
+from fantoccini.dynamics.compiled import Model
+from fantoccini.model.tree import WORLD, Role
+from fantoccini.motion import Columns, Trajectory
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """Tolerances of the decision whether a motion determines a force."""
+
+    acceleration: float = 1e-6
+    """Uncertainty of rows' accelerations [m/s^2]: sampled lengths from an exact inverse kinematics
+    contradict one another by as much between samples."""
+    change: float = 0.01
+    """Change of a tension or effort that matters, relative to the puppet's weight."""
+    singular: float = 0.03
+    """Regularisation of G's diagonal, relative to the eigenvalue below which changes matter; also
+    the smallest component of a null vector with which a row takes part."""
+    rounding: float = 1e-13  # Minimum regularisation, relative to the trace of G
+    bound: float = 1e-6  # Distance from a bound, relative to the weight, that counts as being at it
+    moving: float = 1e-5  # Speed from which a winch slips or a point of contact slides [m/s]
+    closed: float = 1e-6  # -h below which a row is closed, relative to its length
+    blocked: float = 1e-6
+    """Distance from a cone, relative to the vector, that counts as inside; and part of a unit
+    vector that counts as none."""
+
+
+TOLERANCES = Tolerances()
+_AT_ONCE = 512
+"""Samples whose matrices are in memory together."""
+
+
+def undetermined(model: Model, run: Trajectory) -> Columns:
+    """By string and driven velocity (T,): whether its tension or effort is not determined.
+
+    Args:
+        model: the run's puppet.
+        run: a run of it.
+    """
+    names = tuple(s.name for s in model.tree.strings) + model.coordinates.v_K
+    parts = [_flags(model, _part(run, k, k + _AT_ONCE)) for k in range(0, len(run), _AT_ONCE)]
+    return Columns(names, np.concatenate(parts), "string or driven velocity")
+
+
+def _part(run: Trajectory, begin: int, end: int) -> Trajectory:
+    """The samples of a run from one to before another."""
+    if begin == 0 and end >= len(run):
+        return run
+    more: dict[str, Any] = {}
+    for field in dataclasses.fields(run):
+        value = getattr(run, field.name)
+        if isinstance(value, Columns):
+            more[field.name] = dataclasses.replace(value, values=value.values[begin:end])
+        elif isinstance(value, np.ndarray):
+            more[field.name] = value[begin:end]
+    if run.contact is not None:
+        own = slice(*np.searchsorted(run.contact.sample, [begin, end]))
+        points = {
+            field.name: getattr(run.contact, field.name)[own]
+            for field in dataclasses.fields(run.contact) if field.name != "names"
+        }  # fmt: skip
+        points["sample"] = points["sample"] - begin
+        more["contact"] = dataclasses.replace(run.contact, **points)
+    return dataclasses.replace(run, **more)
+
+
+def _flags(model: Model, run: Trajectory) -> Mask:
+    """(T, n) the same of a run with few samples."""
+    table, n_s = model.coordinates, len(model.tree.strings)
+    out = np.zeros((len(run), n_s + table.n_vK), dtype=bool)
+    if table.n_vD and (n_s or run.contact is not None):
+        rows = _Rows(model, run)
+        points = _Points(model, run, rows.L)
+        for samples, held, places in _groups(rows.held, points.first):
+            B = np.concatenate([rows.B[samples][:, held], points.B[places]], axis=1)
+            low = np.concatenate([rows.low[samples][:, held], points.low[places]], axis=1)
+            high = np.concatenate(
+                [rows.high[samples][:, held], np.zeros(places.shape, dtype=bool)], axis=1
+            )
+            weak = _is_weak(model, B)
+            if not np.any(weak):
+                continue
+            samples, B, low, high = samples[weak], B[weak], low[weak], high[weak]
+            pulls = np.zeros((len(samples), n_s, B.shape[1]))
+            own = np.flatnonzero(held < n_s)
+            pulls[:, held[own], own] = 1.0
+            efforts = np.concatenate(
+                [rows.efforts(samples, held), points.efforts[places[weak]]], axis=1
+            )
+            S = np.concatenate([pulls, np.swapaxes(efforts, 1, 2)], axis=1)
+            out[samples] = _uncertain(model, B, S, low, high)
+    return out
+
+
+class _Rows:
+    """The strings and limits of a run, T samples of n rows.
+
+    Attributes:
+        L: of the samples' M_DD.
+        held: (T, n) whether they are active and not slipping, as a slipping winch's force is known.
+        B: (T, n, n_vD) motion by their forces.
+        low, high: (T, n) whether a force is at its lower or upper bound.
+    """
+
+    def __init__(self, model: Model, run: Trajectory):
+        self._model, self._run = model, run
+        table, library, tree = model.coordinates, model.library, model.tree
+        n_l, n_s = len(tree.limits), len(tree.strings)
+        on = library.evaluate(
+            "dynamics", q_D=run.q_D, v_D=run.v_D, q_K=run.q_K, v_K=run.v_K, acc_K=run.acc_K,
+            u_D=np.zeros(table.n_vD), p=model.p,
+        )  # fmt: skip
+        self.L = on.L
+        T, forces = len(run), np.hstack([run.tension.values, run.limit_force.values])
+        J = np.zeros((T, n_l, table.n_vD))
+        limit, axis, velocity = tree.limit_entries
+        J[:, limit, velocity] = on.J_limit[:, axis, limit]
+        W_l = library.evaluate("forth", L=on.L[:, None], x=J).y if n_l else J
+        self.B = -np.concatenate([np.swapaxes(on.W, 1, 2), W_l], axis=1)
+        near = TOLERANCES.bound * _force(model)
+        self.low = ~model.two_sided & (forces <= near)
+        self.high = forces >= model.upper - near
+        # Only some of several dependent rows pull; the others are closed, or open by rounding.
+        slip = 0.0 if run.slip is None else run.slip.values
+        h = np.hstack([on.h - slip, on.h_limit])
+        held = h >= -TOLERANCES.closed * model.row_scales(run.q_D, run.q_K)
+        if run.method == "event":  # fixed steps leave speeds that take back their violations
+            held[:, :n_s] &= np.abs(on.hdot) <= TOLERANCES.moving
+        held |= np.hstack([run.taut.values, run.limit_force.values > 0.0])
+        held[:, :n_s] &= ~(self.high[:, :n_s] & (on.hdot > TOLERANCES.moving))
+        self.held = held
+
+    def efforts(self, samples: Indices, held: Indices) -> Array:
+        """(m, k, n_vK) effort by the forces of rows: limits have none."""
+        model, run, n_s = self._model, self._run, len(self._model.tree.strings)
+        at = {
+            name: getattr(run, name)[samples][:, None]
+            for name in ("q_D", "v_D", "q_K", "v_K", "acc_D", "acc_K")
+        }
+        lam = np.zeros((len(held) + 1, n_s))
+        strings = np.flatnonzero(held < n_s)
+        lam[strings, held[strings]] = -1.0
+        force = model.library.evaluate("effort", **at, lam=lam, p=model.p).f_K
+        return np.asarray(force[:, :-1] - force[:, -1:])
+
+
+class _Points:
+    """The contact points of a run, as n forces in turn.
+
+    Attributes:
+        first: (T + 1,) index of the first force of every sample.
+        B: (n, n_vD) motion by each.
+        low: (n,) whether it is at its lower bound.
+        efforts: (n, n_vK) on driven coordinates.
+    """
+
+    def __init__(self, model: Model, run: Trajectory, L: Array):
+        table, contact, contacts = model.coordinates, run.contact, model.contacts
+        self.first = np.zeros(len(run) + 1, dtype=np.intp)
+        self.B, self.low = np.zeros((0, table.n_vD)), np.zeros(0, dtype=bool)
+        self.efforts = np.zeros((0, table.n_vK))
+        if contact is None or contacts is None or not len(contact):
+            return
+        size = np.linalg.norm(contact.force, axis=1)
+        idle = size <= TOLERANCES.bound * _force(model)
+        slides = (contacts.friction[contact.pair] == 0.0) | (contact.sliding > TOLERANCES.moving)
+        along = contact.force / np.where(idle, 1.0, size)[:, None]
+        along[idle] = contact.normal[idle]
+        sticks = ~(idle | slides)
+        count = np.where(sticks, 3, 1)
+        which = np.repeat(np.arange(len(contact)), count)
+        start = np.cumsum(count) - count
+        way = along[which]
+        for axis in range(3):
+            way[start[sticks] + axis] = np.eye(3)[axis]
+        sample = contact.sample[which]
+        self.first = np.searchsorted(sample, np.arange(len(run) + 1)).astype(np.intp)
+        self.low = idle[which]
+        place = {"q_D": run.q_D, "q_K": run.q_K, "p": model.p}
+        screws = model.library.evaluate("screws", **place)
+        wrench = np.hstack([way, np.cross(contact.point[which], way)])
+        force = np.zeros((len(which), table.n_vD))
+        self.efforts = np.zeros((len(which), table.n_vK))
+        links = contacts.solids["link"][contacts.pairs[contact.pair[which]]]
+        for side, sign in ((0, 1.0), (1, -1.0)):
+            for link in set(links[:, side].tolist()) - {WORLD}:
+                those = np.flatnonzero(links[:, side] == link)
+                for i in model.tree.ancestors(link):
+                    moved = model.tree.links[i]
+                    driven = moved.role is Role.DRIVEN
+                    by = screws.screw_K if driven else screws.screw_D
+                    for k in range(moved.v.start, moved.v.stop):
+                        screw = by[sample[those], :, k]
+                        part = sign * np.einsum("nc,nc->n", screw, wrench[those])
+                        if driven:
+                            self.efforts[those, k] -= part
+                        elif moved.role is Role.DYNAMIC:
+                            force[those, k] += part
+        self.B = model.library.evaluate("forth", L=L[sample], x=force).y
+
+
+def _groups(held: Mask, first: Indices) -> Iterator[tuple[Indices, Indices, Indices]]:
+    """Samples (m,) with the same held rows (k,) and as many contact forces, at places (m, c)."""
+    keys = np.hstack([held.astype(np.intp), np.diff(first)[:, None]])
+    kinds, which = np.unique(keys, axis=0, return_inverse=True)
+    for kind, key in enumerate(kinds):
+        samples = np.flatnonzero(which.ravel() == kind)
+        rows, c = np.flatnonzero(key[:-1]), int(key[-1])
+        if len(rows) + c:
+            yield samples, rows, first[samples][:, None] + np.arange(c)
+
+
+def _is_weak(model: Model, B: Array) -> Mask:
+    """(m,) whether some change of forces causes almost no motion."""
+    least = np.linalg.eigvalsh(B @ np.swapaxes(B, 1, 2))[:, 0]
+    return np.asarray(least < _weak(model))
+
+
+def _weak(model: Model) -> float:
+    """Eigenvalue of G below which rounding changes forces significantly [1/kg]."""
+    return TOLERANCES.acceleration / (TOLERANCES.change * _force(model))
+
+
+def _force(model: Model) -> float:
+    """The puppet's weight, with which forces are compared [N]."""
+    return model.reference_force or 1.0
+
+
+def _uncertain(model: Model, B: Array, S: Array, low: Mask, high: Mask) -> Mask:
+    """(m, n) whether S x (n,) is significantly uncertain, for forces x (m, k) with bounds."""
+    out = _changes(model, B, S)
+    for i in np.flatnonzero(np.any(low | high, axis=1) & np.any(out, axis=1)):
+        size, V = np.linalg.eigh(B[i] @ B[i].T)
+        free = ~_blocked(V[:, size < _weak(model)], low[i], high[i])
+        if not np.all(free):
+            out[i] = _changes(model, B[i][free], S[i][:, free])
+    return out
+
+
+def _changes(model: Model, B: Array, S: Array) -> Mask:
+    """Whether a |S G^-1| (..., n) is significant."""
+    if not B.shape[-2]:
+        return np.zeros(S.shape[:-1], dtype=bool)
+    # Solving is several times faster than eigenvectors of many small matrices.
+    G = B @ np.swapaxes(B, -1, -2)
+    least = TOLERANCES.rounding * np.trace(G, axis1=-2, axis2=-1)
+    least = np.maximum(least, TOLERANCES.singular * _weak(model))[..., None, None]
+    G = G + least * np.eye(G.shape[-1])
+    by = np.linalg.norm(np.linalg.solve(G, np.swapaxes(S, -1, -2)), axis=-2)
+    return np.asarray(TOLERANCES.acceleration * by > TOLERANCES.change * _force(model))
+
+
+def _blocked(null: Array, low: Mask, high: Mask) -> Mask:
+    """(k,) forces at a bound that no combination of vectors (k, r) takes off it.
+
+    By Farkas' lemma, those whose negative vector lies in the cone of all vectors at bounds.
+    """
+    from scipy.optimize import nnls
+
+    signed = np.where(high[:, None], -null, null)
+    size = np.linalg.norm(signed, axis=1)
+    at = np.flatnonzero((low | high) & (size > TOLERANCES.blocked))
+    out = np.zeros(len(null), dtype=bool)
+    for i in at:
+        out[i] = nnls(signed[at].T, -signed[i])[1] <= TOLERANCES.blocked * size[i]
+    return out

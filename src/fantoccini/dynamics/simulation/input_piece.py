@@ -1,0 +1,204 @@
+"""The inputs over smooth pieces of a run, and their variations."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+import numpy as np
+
+from fantoccini.base import N_COEF, Array, shifted
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.motion import Input, InputDerivative, Inputs, constants
+
+_POWERS = np.arange(N_COEF)
+
+
+@dataclass(frozen=True, eq=False)
+class InputVariation:
+    """Changes of inputs and parameters at one time, a column for each.
+
+    Attributes:
+        q_K: (n_vK, m) tangent vectors of the driven configuration.
+        v_K, acc_K: (n_vK, m).
+        u_D: (n_vD, m).
+        p: (n_p, m).
+    """
+
+    q_K: Array
+    v_K: Array
+    acc_K: Array
+    u_D: Array
+    p: Array
+
+    @classmethod
+    def none(cls, marionette: Marionette, m: int) -> InputVariation:
+        """No change, for m columns."""
+        t = marionette.coordinates
+        sizes = (t.n_vK, t.n_vK, t.n_vK, t.n_vD, len(marionette.p))
+        return cls(*(np.zeros((size, m)) for size in sizes))
+
+    def widened(self, more: int) -> InputVariation:
+        """The changes, and none in some more columns."""
+        parts = (self.q_K, self.v_K, self.acc_K, self.u_D, self.p)
+        out = [np.zeros((len(part), part.shape[1] + more)) for part in parts]
+        for wide, part in zip(out, parts, strict=True):
+            wide[:, : part.shape[1]] = part
+        return InputVariation(*out)
+
+
+class InputPiece:
+    """The inputs over one smooth piece, and their changes.
+
+    Attributes:
+        start, end: of the piece, within which no input has a break [s].
+        inputs: of this piece alone.
+        powers: (6, 3 n_vK + n_vD, changes) changes of q_K, v_K, acc_K and u_D along the inputs, in
+            powers of the time since the start over the whole.
+    """
+
+    def __init__(
+        self, variation: InputVariation, inputs: Input, powers: Array, start: float, end: float
+    ):
+        self.start, self.end = start, end
+        self.inputs, self.powers, self._variation = inputs, powers, variation
+
+    def at(self, t: float) -> tuple[Array, Array, Array, Array]:
+        """q_K, v_K, acc_K and u_D at a time of the piece [s]."""
+        t = min(max(t, self.start), self.end)
+        return *self.inputs.evaluate(t), self.inputs.evaluate_force(t)
+
+    def variation(self, t: float) -> InputVariation:
+        """The changes at a time of the piece [s], valid until the next call.
+
+        Columns: by the state at the start (all 0), by the parameters, towards the other inputs,
+        along the derivatives.
+        """
+        out, n, m = self._variation, len(self._variation.q_K), self.powers.shape[2]
+        if m:
+            s = (min(max(t, self.start), self.end) - self.start) / (self.end - self.start)
+            found = np.tensordot(s**_POWERS, self.powers, axes=1)
+            parts = (out.q_K, out.v_K, out.acc_K, out.u_D)
+            for change, values in zip(parts, np.split(found, [n, 2 * n, 3 * n]), strict=True):
+                change[:, -m:] = values
+        return out
+
+
+class InputChanges:
+    """The inputs of a run, and their changes.
+
+    Args:
+        marionette: the puppet.
+        inputs: bound inputs.
+        toward: bound inputs; a change goes from ``inputs`` towards each. None for none.
+        along: derivatives of the inputs, each a change by itself.
+
+    Attributes:
+        inputs: those of the run.
+        breaks: of all of them [s].
+        columns: of variations.
+    """
+
+    def __init__(
+        self,
+        marionette: Marionette,
+        inputs: Input,
+        toward: Inputs | None,
+        along: Sequence[InputDerivative],
+    ):
+        table, n_p = marionette.coordinates, len(marionette.p)
+        self.inputs, self._own = inputs, Inputs.of([inputs])
+        self._toward = toward
+        # Derivatives with the same breaks are moved together.
+        alike = groupby(along, key=lambda one: one.breaks.tobytes())
+        groups = [list(group) for _, group in alike]
+        self._along = [(g[0].breaks[None], np.array([one.coef for one in g])) for g in groups]
+        breaks = [self._own.breaks, *(found for found, _ in self._along)]
+        breaks += [] if toward is None else [toward.breaks]
+        self.breaks = np.unique(np.concatenate([found.ravel() for found in breaks]))
+        self._turns = np.setdiff1d(np.arange(table.n_vK), [v for _, v in table.scalars_K])
+        first = 2 * table.n_vD + n_p
+        self.columns = first + (0 if toward is None else len(toward)) + len(along)
+        self._variation = InputVariation.none(marionette, self.columns)
+        self._variation.p[:, first - n_p : first] = np.eye(n_p)
+
+    def piece(self, start: float, end: float) -> InputPiece:
+        """Between two times without a break between them [s]."""
+        n_v, n = len(self._variation.v_K), len(self._variation.u_D)
+        moved, pushed = [np.zeros((0, n_v, N_COEF))], [np.zeros((0, n, N_COEF))]
+        if self._toward is not None:
+            own, other = (_about(one, start, end) for one in (self._own, self._toward))
+            moved.append(other[0] - own[0])
+            moved[-1][:, self._turns] = 0.0
+            pushed.append(np.broadcast_to(other[1] - own[1], (len(other[0]), n, N_COEF)))
+        for breaks, coef in self._along:
+            moved.append(_moved(breaks, coef, start, end))
+            pushed.append(np.zeros((len(coef), n, N_COEF)))
+        powers = in_powers(np.concatenate(moved), np.concatenate(pushed), end - start)
+        return InputPiece(self._variation, one_piece(self.inputs, start, end), powers, start, end)
+
+
+def in_powers(moved: Array, pushed: Array, whole: float) -> Array:
+    """Changes of q_K, v_K, acc_K and u_D, (6, 3 n_vK + n_vD, m), as :class:`InputPiece` has them.
+
+    Args:
+        moved: (m, n_vK, 6) those of q_K in powers of the time [s].
+        pushed: (m, n_vD, 6) those of u_D.
+        whole: duration [s].
+    """
+    q_K, u_D = moved * whole**_POWERS, pushed * whole**_POWERS
+    v_K, acc_K = np.zeros_like(q_K), np.zeros_like(q_K)
+    v_K[..., :-1] = q_K[..., 1:] * (_POWERS[1:] / whole)
+    acc_K[..., :-1] = v_K[..., 1:] * (_POWERS[1:] / whole)
+    return np.concatenate([q_K, v_K, acc_K, u_D], axis=1).transpose(2, 1, 0)
+
+
+def _about(inputs: Inputs, start: float, end: float) -> tuple[Array, Array]:
+    """The polynomials of n inputs between two times, about the first: (n, n_vK or n_vD, 6)."""
+    moved = _moved(inputs.breaks, inputs.coef, start, end)
+    if inputs.force is None:
+        return moved, np.zeros((1, inputs.coordinates.n_vD, N_COEF))
+    pushed = _moved(inputs.breaks, inputs.force, start, end)
+    middle = 0.5 * (start + end)
+    pushed[~((inputs.breaks[:, 0] <= middle) & (middle <= inputs.breaks[:, -1]))] = 0.0
+    return moved, pushed
+
+
+def _moved(breaks: Array, coef: Array, start: float, end: float) -> Array:
+    """Polynomials (n, n_seg, k, 6) between two times, about the first: (n, k, 6).
+
+    Before the first break and after the last one they are constant.
+    """
+    n, n_seg = coef.shape[:2]
+    breaks = np.broadcast_to(breaks, (n, n_seg + 1))
+    first, last, every = breaks[:, 0], breaks[:, -1], np.arange(n)
+    middle = 0.5 * (start + end)
+    here = np.clip(middle, first, last)
+    lasting = (np.diff(breaks) > 0.0).sum(axis=1) - 1  # pieces at the end may last no time
+    i = np.minimum((breaks[:, :-1] <= here[:, None]).sum(axis=1) - 1, lasting)
+    held = (middle < first) | (middle > last)
+    at = np.where(held, here, start) - breaks[every, i]
+    found = shifted(coef[every, i], at)
+    found[held, :, 1:] = 0.0
+    return found
+
+
+def one_piece(inputs: Input, start: float, end: float) -> Input:
+    """The one piece of inputs between two times; where they have ended, one that holds."""
+    middle = 0.5 * (start + end)
+    if not inputs.start <= middle <= inputs.end:
+        q_K = inputs.evaluate(min(max(middle, inputs.start), inputs.end))[0]
+        coef, base = constants(inputs.coordinates, q_K)
+        return dataclasses.replace(
+            inputs, breaks=np.array([start, end]), coef=coef[None], base=base[None], force=None
+        )
+    i = min(int(np.searchsorted(inputs.breaks, middle, "right")) - 1, len(inputs.coef) - 1)
+    return dataclasses.replace(
+        inputs,
+        breaks=inputs.breaks[i : i + 2],
+        coef=inputs.coef[i : i + 1],
+        base=inputs.base[i : i + 1],
+        force=None if inputs.force is None else inputs.force[i : i + 1],
+    )

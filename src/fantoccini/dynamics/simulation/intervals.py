@@ -1,0 +1,147 @@
+"""Derivatives of an event-driven run from interval to interval of its inputs.
+
+Over interval i, in which driven coordinates have constant accelerations,
+
+    z_{i+1} = A_i z_i + B_i dacc_K + C_i dp,   z = (dq_D, dv_D, dq_K, dv_K)
+
+with the saltation matrices of the events in it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import N_COEF, Array, InputError, Mistake, check_positive, shifted
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.dynamics.simulation.catch import Passage
+from fantoccini.dynamics.simulation.input_piece import (
+    InputPiece,
+    InputVariation,
+    in_powers,
+    one_piece,
+)
+from fantoccini.dynamics.simulation.run_changes import RunChanges, check_differentiable
+from fantoccini.dynamics.simulation.variation import Variation
+from fantoccini.motion import Input, Trajectory
+
+_SAME_TIME = 1e-9
+"""Distance of times that are one [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class IntervalDerivatives:
+    """Derivatives over N intervals. Changes at their starts that would stretch or slacken rows that
+    are taut there stand for the nearest ones that do not, in the metric of M_DD.
+
+    Attributes:
+        A: (N, n_z, n_z) by (dq_D, dv_D, dq_K, dv_K) at the start.
+        B: (N, n_z, n_vK) by the accelerations.
+        C: (N, n_z, n_p) by the parameters.
+        passages: the catches and impacts of every interval, and where points of contact stop.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    passages: tuple[tuple[Passage, ...], ...]
+
+    @property
+    def sharp(self) -> bool:
+        """Whether the derivatives exist; see :class:`fantoccini.dynamics.simulation.Sensitivity`."""
+        return all(passage.sharp for passages in self.passages for passage in passages)
+
+
+def interval_derivatives(
+    marionette: Marionette,
+    run: Trajectory,
+    inputs: Input,
+    *,
+    rtol: float = 1e-10,
+    atol: float = 1e-10,
+) -> IntervalDerivatives:
+    """A_i, B_i and C_i of the intervals between the breaks of inputs, through the events of a run.
+
+    Args:
+        marionette: the puppet; none of its driven coordinates is a rotation.
+        run: event-driven, with samples at all breaks, as one has by default.
+        inputs: bound inputs of the run, of constant accelerations (``Input.segments``).
+        rtol, atol: of the integration of state and derivatives.
+
+    Raises:
+        InputError: accelerations are not constant, rotations are driven, or the run has no sample
+            at a break.
+        StateError: there is no derivative; see :func:`fantoccini.sensitivity`.
+    """
+    check_positive(rtol=rtol, atol=atol)
+    table = marionette.coordinates
+    n, k, n_p = table.n_vD, table.n_vK, len(marionette.p)
+    at = np.searchsorted(run.t, inputs.breaks + _SAME_TIME, side="right") - 1
+    _check(marionette, run, inputs, run.t[np.maximum(at, 0)])
+    check_differentiable(run)
+    changes = _IntervalChanges(marionette, inputs)
+    along = RunChanges(run, changes, Variation(marionette, rtol, atol))
+    N = len(at) - 1
+    A, B, C = (np.zeros((N, 2 * (n + k), m)) for m in (2 * (n + k), k, n_p))
+    passages = []
+    for i, T in enumerate(np.diff(inputs.breaks)):
+        first = len(along.passages)
+        *_, (_, Z) = along.records(np.zeros(0), int(at[i]), int(at[i + 1]))
+        by_z, C[i, : 2 * n], by_K, B[i, : 2 * n] = np.split(
+            Z, [2 * n, 2 * n + n_p, 2 * n + n_p + 2 * k], axis=1
+        )
+        A[i, : 2 * n] = np.concatenate([by_z, by_K], axis=1)
+        A[i, 2 * n :, 2 * n :] = np.kron([[1.0, T], [0.0, 1.0]], np.eye(k))
+        B[i, 2 * n :] = np.kron([[0.5 * T * T], [T]], np.eye(k))
+        passages.append(tuple(along.passages[first:]))
+    return IntervalDerivatives(A, B, C, tuple(passages))
+
+
+def _check(marionette: Marionette, run: Trajectory, inputs: Input, found: Array) -> None:
+    """Raises InputError unless the run's samples are at the breaks, of constant accelerations."""
+    table, mistakes = marionette.coordinates, list[Mistake]()
+    for name in table.rotations:
+        text = "turns; only scalar coordinates may be driven"
+        mistakes.append(Mistake("inputs", None, name, text))
+    for q, v in table.scalars_K:
+        if np.any(inputs.coef[:, v, 3:]):
+            text = "has an acceleration that is not constant between the breaks"
+            mistakes.append(Mistake("inputs", None, table.q_K[q], text))
+    missing = inputs.breaks[~(np.abs(found - inputs.breaks) <= _SAME_TIME)]
+    if len(missing):
+        text = f"break at {missing[0]:g} s, where the run has no sample"
+        mistakes.append(Mistake("inputs", None, "", text))
+    if mistakes:
+        raise InputError(mistakes)
+
+
+class _IntervalChanges:
+    """Changes of the inputs that begin anew at every break: by q_K and v_K there, and by acc_K.
+
+    Attributes:
+        inputs: those of the run.
+        breaks: theirs [s].
+        columns: of variations.
+    """
+
+    def __init__(self, marionette: Marionette, inputs: Input):
+        table = marionette.coordinates
+        self.inputs, self.breaks = inputs, inputs.breaks
+        k, n_p, first = table.n_vK, len(marionette.p), 2 * table.n_vD
+        self.columns = first + n_p + 3 * k
+        self._variation = InputVariation.none(marionette, self.columns)
+        self._variation.p[:, first : first + n_p] = np.eye(n_p)
+        self._moved = np.zeros((3, k, k, N_COEF))
+        for power, size in enumerate((1.0, 1.0, 0.5)):
+            self._moved[power, :, :, power] = size * np.eye(k)
+
+    def piece(self, start: float, end: float) -> InputPiece:
+        """Between two times without a break between them [s]."""
+        i = np.searchsorted(self.breaks, 0.5 * (start + end), side="right") - 1
+        k, n = self._moved.shape[1], len(self._variation.u_D)
+        late = np.full(3 * k, start - self.breaks[i])
+        moved = shifted(self._moved.reshape(3 * k, k, N_COEF), late)
+        powers = in_powers(moved, np.zeros((3 * k, n, N_COEF)), end - start)
+        piece = one_piece(self.inputs, start, end)
+        return InputPiece(self._variation, piece, powers, start, end)

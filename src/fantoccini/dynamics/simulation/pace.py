@@ -1,0 +1,111 @@
+"""The pace of a run: computing time per motion, and the causes of short steps."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections import Counter, deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Times
+from fantoccini.motion import ContactPoints, EventRecord, pair_name
+
+
+@dataclass(frozen=True)
+class _Limits:
+    """Limits above which a run counts as slow."""
+
+    first_look: float = 3.0
+    """Computing time before the first check of the pace [s]."""
+    recent: float = 1.0
+    """Computing time over which the pace is measured [s]."""
+    left: float = 60.0
+    """Remaining computing time, at this pace, above which a run warns [s]."""
+    samples: int = 500
+    """Number of last samples searched for chattering strings and bodies."""
+    names: int = 3
+    """Maximum number of names in the message."""
+
+
+LIMITS = _Limits()
+
+
+class SlowRunWarning(UserWarning):
+    """A run takes far more computing time than its motion lasts."""
+
+
+class Pace:
+    """Watches a run's computing time.
+
+    Attributes:
+        seconds: of computing so far [s].
+
+    Args:
+        t, t_end: of the run [s].
+        limit: computing time after which it is late; none by default [s].
+        cause: text on why its present steps are short.
+    """
+
+    def __init__(self, t: float, t_end: float, limit: float | None, cause: Callable[[], str]):
+        self._began = time.perf_counter()
+        self._t_end, self._limit, self._cause = t_end, limit, cause
+        self._marks = deque([(0.0, t)])
+        self._told = False
+
+    @property
+    def seconds(self) -> float:
+        return time.perf_counter() - self._began
+
+    @property
+    def late(self) -> bool:
+        """Whether the limit is reached."""
+        return self._limit is not None and self.seconds > self._limit
+
+    def note(self, t: float) -> None:
+        """Records the time reached [s]; warns once if the end is far away at this pace."""
+        now, marks = self.seconds, self._marks
+        marks.append((now, t))
+        while len(marks) > 2 and now - marks[1][0] > LIMITS.recent:
+            marks.popleft()
+        if self._told or now < LIMITS.first_look:
+            return
+        spent, done = now - marks[0][0], t - marks[0][1]
+        left = (self._t_end - t) * spent / done if done > 0.0 else np.inf
+        if left <= LIMITS.left:
+            return
+        self._told = True
+        takes = "does not come nearer to" if left == np.inf else f"needs {left:.2g} s more to"
+        warnings.warn(
+            f"after {now:.1f} s of computing the run is at t = {t:.6g} s and {takes} its end at "
+            f"{self._t_end:g} s: {self._cause()}. method='timestepping' steps over events "
+            "this fast, at less accuracy; time_limit bounds the computing time",
+            SlowRunWarning, stacklevel=4,
+        )  # fmt: skip
+
+
+def chatter(t: Times, contact: ContactPoints | None, events: Iterable[EventRecord]) -> str:
+    """Text on why the last steps of a run are short, with the events and contacts in them.
+
+    Args:
+        t: (T,) times of the samples [s].
+        contact: points that pushed, if anything may touch.
+        events: of the run.
+    """
+    first = max(0, len(t) - LIMITS.samples)
+    if len(t) - first < 2:  # so few are saved
+        return "its steps are short"
+    text = f"its last {len(t) - first} samples take {t[-1] - t[first]:.2g} s of motion"
+    counts = Counter(e.name for e in events if e.name and e.t >= t[first])
+    if counts:
+        most = counts.most_common(LIMITS.names)
+        text += ", with events of " + ", ".join(f"{name} ({n})" for name, n in most)
+    if contact is not None:
+        pushing = contact.some(contact.sample >= first)
+        pairs = Counter(pair_name(contact.names[k]) for k in pushing.pair.tolist())
+        names = [name for name, _ in pairs.most_common(LIMITS.names) if name not in counts]
+        if names:
+            text += f", while {', '.join(names)} {'touches' if len(names) == 1 else 'touch'}"
+    return text

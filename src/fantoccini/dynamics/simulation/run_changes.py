@@ -1,0 +1,222 @@
+"""Small changes along an event-driven run: its smooth pieces, and the events between them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Protocol
+
+import numpy as np
+
+from fantoccini.base import Array, Indices, StateError, Times
+from fantoccini.dynamics.derivatives import PointMode
+from fantoccini.dynamics.simulation.catch import Catch, Passage
+from fantoccini.dynamics.simulation.contact_pieces import Change, ContactPieces, key_of, stacked
+from fantoccini.dynamics.simulation.impact import Impact
+from fantoccini.dynamics.simulation.input_piece import InputPiece, InputVariation
+from fantoccini.dynamics.simulation.variation import Variation
+from fantoccini.motion import EventKind, Input, Trajectory
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """Decisions about the pieces of a run."""
+
+    jump: float = 1e-9
+    """Change of velocity at a catch, relative to 1 or the largest velocity: above rounding."""
+    stop: float = 1e-8
+    """Likewise, up to which a point of contact that slides is brought to rest where it stops."""
+    time: float = 1e-12  # Distance of times that are one [s]
+
+
+TOLERANCES = Tolerances()
+
+
+def check_differentiable(run: Trajectory) -> None:
+    """Raises StateError where a winch slips, or bounces of solids accumulate."""
+    if run.slip is not None and np.any(run.slip.values > 0.0):
+        names = [name for name, slip in run.slip.items() if np.any(slip > 0.0)]
+        raise StateError(
+            f"the winch of {', '.join(names)} slips in this run; sensitivities go through releases "
+            "and catches only: raise max_tension, or let the run end earlier"
+        )
+    ends = [event.t for event in run.events if event.kind is EventKind.ACCUMULATION]
+    if ends and run.contact is not None and len(run.contact):
+        raise StateError(
+            f"bounces accumulate at t = {ends[0]:.6g} s: infinitely many impacts have no "
+            "derivative. Let the run end earlier; what springs back, and does not rock, may be "
+            "given restitution 0"
+        )
+
+
+class Changing(Protocol):
+    """Inputs and how they change.
+
+    Attributes:
+        inputs: those of the run.
+        breaks: times at which they or their changes are not smooth [s].
+        columns: changes: by the state, by the parameters, along the inputs.
+    """
+
+    inputs: Input
+    breaks: Times
+    columns: int
+
+    def piece(self, start: float, end: float) -> InputPiece:
+        """Between two times without a break between them [s]."""
+        ...
+
+
+class RunChanges:
+    """Small changes along a run.
+
+    Args:
+        run: event-driven; with contact it must have all samples.
+        changes: of its inputs.
+        variation: of its puppet.
+
+    Attributes:
+        passages: the events that were passed.
+    """
+
+    def __init__(self, run: Trajectory, changes: Changing, variation: Variation):
+        self.marionette, self.run = variation.marionette, run
+        self._inputs, self._changes = changes.inputs, changes
+        self._variation = variation
+        self.passages: list[Passage] = []
+        self._contacts = ContactPieces(self.marionette, run)
+        self._times = {
+            kind: {event.t for event in run.events if event.kind is kind}
+            for kind in (EventKind.TOUCH, EventKind.CATCH)
+        }
+
+    def records(
+        self, saved: Times, start: int = 0, end: int | None = None
+    ) -> Iterator[tuple[float, Array]]:
+        """(time, changes) at the start, at the times to save, around every event, at the end.
+
+        Args:
+            saved: the times to save [s].
+            start, end: samples of the run; its first and its last when not given.
+        """
+        run, n = self.run, self.marionette.coordinates.n_vD
+        columns = self._changes.columns
+        Z, by_input = np.eye(2 * n, columns), InputVariation.none(self.marionette, columns)
+        end = len(run.t) - 1 if end is None else end
+        edges = start + np.flatnonzero(np.diff(run.t[start : end + 1]) == 0.0)
+        firsts = np.concatenate([[start], edges + 1])
+        lasts = np.concatenate([edges, [end]])
+        before: tuple[PointMode, ...] = ()
+        for first, last in zip(firsts, lasts, strict=True):
+            groups = self._contacts.groups(first, last)
+            if first > start:
+                after = groups[0][2] if groups else ()
+                Z = self._across(first - 1, Z, by_input, (before, after))
+            if first == last:
+                yield run.t[first], Z
+                continue
+            for a, b, points in groups:
+                if a > first:
+                    Z = self._changed(a, Z, by_input, (a, a), (before, points))
+                    if run.t[a] in saved:
+                        yield run.t[a], Z
+                before = points
+                x, held = run.state(a), self._held(first)
+                pieces = self._between(run.t[a], run.t[b])
+                Z = self._variation.projected(x, held, Z, pieces[0].variation(x.t), points)
+                if a == first:
+                    yield x.t, Z
+                for piece in pieces:
+                    inside = saved[(saved > piece.start) & (saved < piece.end)]
+                    times = np.append(inside, piece.end)
+                    states, changes = self._variation.along(x, held, Z, piece, times, points)
+                    yield from zip(inside, changes[:-1], strict=True)
+                    Z = changes[-1]
+                    if piece is pieces[-1]:
+                        break
+                    q_D, v_D = np.split(states[-1], [len(x.q_D)])
+                    q_K, v_K, *_ = piece.at(piece.end)
+                    x = x.replace(t=piece.end, q_D=q_D, v_D=v_D, q_K=q_K, v_K=v_K)
+                    if piece.end in saved:
+                        yield piece.end, Z
+                self._variation.check(states[-1], run.t[b], run.q_D[b], run.v_D[b])
+                by_input = pieces[-1].variation(pieces[-1].end)
+            yield run.t[last], Z
+
+    def _across(
+        self,
+        i: int,
+        Z: Array,
+        by_input: InputVariation,
+        points: tuple[Sequence[PointMode], Sequence[PointMode]],
+    ) -> Array:
+        """The changes after the event between sample i and the next."""
+        run = self.run
+        size = max(1.0, np.max(np.abs(run.v_D[i]), initial=0.0))
+        stops = self._contacts.touches(i) and not self._struck(i)
+        most = TOLERANCES.stop if stops else TOLERANCES.jump
+        if np.max(np.abs(run.v_D[i + 1] - run.v_D[i]), initial=0.0) <= most * size:
+            return self._changed(i, Z, by_input, (i, i + 1), points)
+        before, after = run.state(i), run.state(i + 1)
+        held = self._held(i), self._held(i + 1)
+        acc, acc_K = (run.acc_D[i], run.acc_D[i + 1]), run.acc_K[i]
+        if self._contacts.touches(i) or self._contacts.touches(i + 1) or self._struck(i, False):
+            impact = Impact(self.marionette, before, after, held)
+            self.passages.append(impact.passage(acc, acc_K, Z))
+            return impact.carried(Z, by_input, acc, acc_K)
+        catch = Catch(self.marionette, before, after, held)
+        Z, passage = catch.across(Z, by_input, acc, acc_K)
+        self.passages.append(passage)
+        return Z
+
+    def _struck(self, i: int, catches: bool = True) -> bool:
+        """Whether solids strike, or with ``catches`` rows, at the time of sample i."""
+        t = float(self.run.t[i])
+        return t in self._times[EventKind.TOUCH] or (catches and t in self._times[EventKind.CATCH])
+
+    def _changed(
+        self,
+        i: int,
+        Z: Array,
+        by_input: InputVariation,
+        samples: tuple[int, int],
+        points: tuple[Sequence[PointMode], Sequence[PointMode]],
+    ) -> Array:
+        """The changes after a change of contacts' modes at sample i, at which velocities stay."""
+        if key_of(points[0]) == key_of(points[1]) and not self._contacts.stops(i, points[0]):
+            return Z
+        run, model = self.run, self.marionette.model
+        if np.min(np.abs(self._inputs.breaks - run.t[i])) <= TOLERANCES.time:
+            return Z  # at a time that stays
+        x, u_D = run.state(i), self._force(run.t[i])
+        before, after = (
+            (self._held(k), these) for k, these in zip(samples, points, strict=True)
+        )
+        D = stacked(np.concatenate([Z, np.eye(len(Z))], axis=1), by_input.widened(len(Z)))
+        change = Change.of(self.marionette, x, run.acc_K[i], u_D, before, after, D)
+        if change is None:
+            return Z
+        n, m = model.coordinates.n_vD, Z.shape[1]
+        jump = np.eye(2 * n)
+        jump[n:] += np.outer(change.jump, change.late[0, m:])
+        self.passages.append(Passage(float(run.t[i]), change.names, 0.0, jump, change.sharp))
+        return np.concatenate([Z[:n], Z[n:] + np.outer(change.jump, change.late[0, :m])])
+
+    def _force(self, t: float) -> Array:
+        """(n_vD,) user forces up to a time."""
+        inside = min(max(t, self._inputs.start), self._inputs.end)
+        return np.array(self._inputs.evaluate_force(inside))
+
+    def _held(self, i: int) -> Indices:
+        """The rows that are taut from sample i on."""
+        run = self.run
+        holds = np.concatenate([run.taut.values[i], run.limit_force.values[i] > 0.0])
+        return np.flatnonzero(holds | self.marionette.model.two_sided)
+
+    def _between(self, start: float, end: float) -> list[InputPiece]:
+        """The smooth pieces of the inputs from one time to another."""
+        inner = self._changes.breaks
+        inner = inner[(inner > start + TOLERANCES.time) & (inner < end - TOLERANCES.time)]
+        times = np.concatenate([[start], inner, [end]])
+        return [self._changes.piece(a, b) for a, b in pairwise(times)]

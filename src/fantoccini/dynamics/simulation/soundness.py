@@ -1,0 +1,231 @@
+"""Verdict on a run of fixed steps that reached its end: violations and energy.
+
+Time-stepping continues whatever happens. A run that reached its end is DONE only where its rows
+held and its energy has a source.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Array, Mask, StateError, Status
+from fantoccini.dynamics.compiled import check_step, critical_step_of_tensions
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.dynamics.steppers import Overlap, deepest
+from fantoccini.motion import Columns, Trajectory, pair_name
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Bounds beyond which a run is not sound."""
+
+    violation: float = 0.02  # Of a string, limit or contact [m or rad]
+    fast: float = 0.02
+    """Largest velocity in a step beyond which the state that the last one leaves is looked at: what
+    a slower step bends off its straight course by is far below ``violation`` [rad or m]."""
+    gain: float = 5.0
+    """Energy without a source, relative to all available energy. Near the critical step of a spring
+    the energy swings to several times its own, and does not grow."""
+    unbooked: float = 0.2
+    """The ledger's residual, relative to the energy exchanged. Over many small impacts the error of
+    sound steps adds up: the bundled walk has 0.105 in steps of 2 ms, and half of it in half."""
+    coarse: float = 20.0
+    """Steps that are coarse: for a fall that lasts no longer, whose energy is wrong by as much; and
+    for springs, whose energy swings by as much, in their longest stable step."""
+    fall: float = 1e-3  # Fall of the puppet whose energy is always available [m]
+    energy: float = 1e-9  # Energy that is always available [J]
+    max_named: int = 5  # Rows that a message names
+
+
+BOUNDS = Bounds()
+
+
+def verdict(violation: float, gain: float, unbooked: float) -> Status:
+    """DONE, or what is wrong; numbers that are not finite count as too large.
+
+    Args:
+        violation: largest of strings, limits and contacts [m or rad].
+        gain: as :func:`gains`.
+        unbooked: as :func:`unbooked`.
+    """
+    if not violation <= BOUNDS.violation:
+        return Status.OVERSTEPPED
+    if not gain <= BOUNDS.gain:
+        return Status.GAINED_ENERGY
+    return Status.DONE if unbooked <= BOUNDS.unbooked else Status.UNBALANCED
+
+
+def gains(marionette: Marionette, ledger: Mapping[str, Array] | Columns) -> Array:
+    """(...,) largest residual of ledgers, relative to the available energy.
+
+    That is T at the start, the largest fall of V, and all work, taken as positive. The columns of
+    the ledger are (..., T) [J].
+    """
+    potential, work = ledger["potential"], ledger["work"]
+    fallen = np.max(potential[..., :1] - potential, axis=-1)
+    worked = np.sum(np.abs(np.diff(work, axis=-1)), axis=-1)
+    available = ledger["kinetic"][..., 0] + fallen + worked
+    available = available + BOUNDS.fall * marionette.weight + BOUNDS.energy
+    return np.max(ledger["residual"], axis=-1) / available
+
+
+def unbooked(
+    marionette: Marionette, ledger: Mapping[str, Array] | Columns, t: Array, dt: float
+) -> Array:
+    """(...,) largest residual of ledgers, of either sign, relative to the energy exchanged.
+
+    The energy exchanged is the largest T, the range of V and the largest work, and that of a fall
+    for as few steps as are coarse for it. Left out is the damping of the steps beside a sample,
+    which is booked a step late.
+
+    Args:
+        marionette: the puppet.
+        ledger: its columns are (..., T) [J].
+        t: (T,) times of the samples [s].
+        dt: the step [s].
+    """
+    g = marionette.weight / max(marionette.mass, BOUNDS.energy)
+    step = min(dt, float(t[-1] - t[0]))
+    least = 0.5 * marionette.weight * g * (BOUNDS.coarse * step) ** 2
+    exchanged = np.max(ledger["kinetic"], axis=-1) + np.ptp(ledger["potential"], axis=-1)
+    exchanged = exchanged + np.max(np.abs(ledger["work"]), axis=-1) + least + BOUNDS.energy
+    damped = np.abs(np.diff(ledger["damping"])) / np.maximum(np.diff(t) / dt, 1.0)
+    late = np.zeros((*damped.shape[:-1], damped.shape[-1] + 2))
+    late[..., 1:-1] = damped
+    late = np.maximum(late[..., 1:], late[..., :-1])
+    return np.max(np.maximum(np.abs(ledger["residual"]) - late, 0.0), axis=-1) / exchanged
+
+
+def swings(marionette: Marionette, q_D: Array, q_K: Array, dt: float) -> bool:
+    """Whether springs or chains vibrate so fast that the energy of sound steps swings by a tenth.
+
+    In steps of a part s of the longest stable one it swings by 2 s / (1 - s), and does not grow.
+    """
+    try:
+        check_step(marionette.model, "timestepping", q_D, q_K, BOUNDS.coarse * dt)
+    except StateError:
+        return True
+    return False
+
+
+def ends_fast(v_D: Array, dt: float) -> Mask:
+    """(...,) whether the last step of a run may have left what no step has measured.
+
+    Steps measure what they find where they begin, and leave more only where they bend off their
+    straight course. ``v_D`` (..., n_vD) is the velocity at the end, ``dt`` the step [s].
+    """
+    return ~(dt * np.max(np.abs(v_D), axis=-1, initial=0.0) <= BOUNDS.fast)
+
+
+def left_by_last_step(marionette: Marionette, q_D: Array, q_K: Array) -> dict[str, float]:
+    """What the state at the end of a run oversteps by more than is allowed, by how much [m or rad].
+
+    Strings on winches that may slip are left out.
+    """
+    model, tree = marionette.model, marionette.tree
+    h = np.array(model.library.evaluate("rows", q_D=q_D, q_K=q_K, p=model.p).h)
+    h[model.two_sided] = np.abs(h[model.two_sided])
+    h[np.isfinite(model.upper)] = 0.0
+    names = [*(s.name for s in tree.strings), *(limit.name for limit in tree.limits)]
+    rows = {name: float(x) for name, x in zip(names, h, strict=True) if x > BOUNDS.violation}
+    return rows | model.overlaps(q_D, q_K, BOUNDS.violation)
+
+
+def judged(marionette: Marionette, made: Trajectory, dt: float, worst: float) -> tuple[Status, str]:
+    """Status of a run with a fixed step that reached its end, and the reason in words.
+
+    Args:
+        marionette: the puppet.
+        made: the run.
+        dt: its step [s].
+        worst: the largest violation of all its steps [m or rad]; samples may have smaller ones.
+    """
+    ledger, table = made.ledger, made.violation
+    if table is None:
+        return Status.DONE, ""
+    fast = ends_fast(made.v_D[-1], dt)
+    left = left_by_last_step(marionette, made.q_D[-1], made.q_K[-1]) if fast else {}
+    most = max([float(np.max(table.values, initial=worst)), *left.values()])
+    gain, share = float(gains(marionette, ledger)), float(unbooked(marionette, ledger, made.t, dt))
+    if share > BOUNDS.unbooked and (
+        made.method != "timestepping" or swings(marionette, made.q_D[0], made.q_K[0], dt)
+    ):
+        share = 0.0
+    status = verdict(most, gain, share)
+    advice = _advice(marionette, made, dt)
+    if status is Status.OVERSTEPPED:
+        what = _overstepped(made, worst, left)
+        text = f"{what}. {advice}; or the puppet cannot follow the inputs"
+        if made.contact is None:
+            text += ", which method='event' finds out"
+        return status, text
+    if status is Status.GAINED_ENERGY:
+        text = (
+            f"the ledger's residual reached {np.max(ledger['residual']):.3g} J, {gain:.2g} times "
+            f"all available energy. {advice}"
+        )
+        return status, text
+    if status is Status.UNBALANCED:
+        arose = np.diff(ledger["residual"])
+        k = int(np.argmax(np.abs(arose)))
+        turn = dt * float(np.max(np.abs(made.v_D[k : k + 2])))
+        text = (
+            f"the ledger's residual reached {100 * share:.2g} % of the energy exchanged, more than "
+            f"{100 * BOUNDS.unbooked:g} %; most of it, {arose[k]:.3g} J, arose from t = "
+            f"{made.t[k]:.6g} to {made.t[k + 1]:.6g} s, where a coordinate moves by {turn:.2g} rad "
+            f"or m in a step. {advice}"
+        )
+        return status, text
+    return status, ""
+
+
+def prescribed_verdict(overlaps: tuple[Overlap, ...]) -> tuple[Status, str]:
+    """Status and error message of a run whose inputs move solids through one another."""
+    if not deepest(overlaps):
+        return Status.DONE, ""
+    worst: dict[tuple[str, str], Overlap] = {}
+    for overlap in overlaps:
+        if overlap.names not in worst or overlap.depth > worst[overlap.names].depth:
+            worst[overlap.names] = overlap
+    named = sorted(worst.values(), key=lambda overlap: -overlap.depth)[: BOUNDS.max_named]
+    listed = "; ".join(str(overlap) for overlap in named if deepest((overlap,)))
+    return Status.OVERSTEPPED, (
+        f"{listed}. Both follow the inputs, so that no force parts them: move the driven "
+        "coordinates otherwise, or let the two pass through one another by contact.pairs with "
+        "meet: false"
+    )
+
+
+def _overstepped(made: Trajectory, worst: float, left: dict[str, float]) -> str:
+    """What was overstepped, by how much, and from when on."""
+    table = made.violation
+    assert table is not None
+    most = np.max(table.values, axis=0)
+    rows = [r for r in np.argsort(-most)[: BOUNDS.max_named] if not most[r] <= BOUNDS.violation]
+    if rows:
+        names = ", ".join(f"{table.names[r]} by {most[r]:.3g}" for r in rows)
+        first = int(np.argmax(~(np.max(table.values, axis=1, initial=0.0) <= BOUNDS.violation)))
+        when = f"from t = {made.t[first]:.6g} s on"
+        return f"{names} m or rad, more than {BOUNDS.violation:g} {when}"
+    if not worst <= BOUNDS.violation:
+        if made.contact is not None and -made.contact.gap.min(initial=0.0) > 0.0:
+            deepest = int(np.argmin(made.contact.gap))
+            name = pair_name(made.contact.names[made.contact.pair[deepest]])
+            return f"{name} overlap by {-made.contact.gap[deepest]:.3g} m"
+        return f"by {worst:.3g} m or rad in a step between the samples that were written"
+    names = ", ".join(f"{name} by {x:.3g}" for name, x in left.items())
+    return f"{names} m or rad after the last step, at t = {made.t[-1]:.6g} s"
+
+
+def _advice(marionette: Marionette, made: Trajectory, dt: float) -> str:
+    start = made.q_D[0], made.q_K[0], made.tension.values[0]
+    longest = critical_step_of_tensions(marionette.model, *start)
+    if dt <= longest:
+        return f"Take a dt shorter than {dt:g} s"
+    return (
+        f"The tensions at the start make vibrations that grow in steps above {longest:.2g} s: take "
+        f"a dt below that instead of {dt:g} s"
+    )

@@ -1,0 +1,230 @@
+"""Variational equations of an event-driven run.
+
+Between events (q_D, v_D) and the columns Z of small changes are integrated together, with the
+active set fixed:
+
+    Zdot = [-[w]x, 1; dacc_D/dq_D, dacc_D/dv_D] Z + (acc_D's derivatives by inputs and parameters)
+
+At a release Z is continuous; at a catch it jumps: :mod:`fantoccini.dynamics.simulation.catch`. Points of
+contact keep their modes between events, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import linalg
+
+from fantoccini.base import Array, Indices, SimulationError, Status, Times, multiply
+from fantoccini.dynamics.compiled import Evaluation, Screws
+from fantoccini.dynamics.derivatives import (
+    ContactRows,
+    FrozenModes,
+    HeldRows,
+    KKTSystem,
+    ModeSystem,
+    PointMode,
+    linearise,
+    row_derivatives_at,
+    turning,
+)
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.dynamics.simulation.catch import rate_change
+from fantoccini.dynamics.simulation.contact_pieces import stacked
+from fantoccini.dynamics.simulation.input_piece import InputPiece, InputVariation
+from fantoccini.motion import State
+
+FIRST_STEP = 0.01
+"""That is tried at the start of a run; each piece begins with the step of the one before [s]."""
+MAX_ERROR = 1e-6
+"""Largest distance of the integration from the run, relative to 1 or to the state."""
+_LONG = 5.0
+"""Steps of a piece from which on it pays to look for columns that depend on one another."""
+_ROUNDING = 1e-14
+"""Largest part of a column that is rounding, relative to the largest column."""
+
+
+class Variation:
+    """Changes of the state along a run of one puppet.
+
+    Args:
+        marionette: the puppet.
+        rtol, atol: of the integration.
+    """
+
+    def __init__(self, marionette: Marionette, rtol: float, atol: float):
+        self.marionette = marionette
+        self._rtol, self._atol, self._step = rtol, atol, FIRST_STEP
+        self._table = marionette.coordinates
+
+    def projected(
+        self,
+        x: State,
+        rows: Indices,
+        Z: Array,
+        by_input: InputVariation,
+        points: Sequence[PointMode] = (),
+    ) -> Array:
+        """The changes nearest to Z, in the metric of M_DD, that keep h = 0 and hdot = 0 of rows.
+
+        And the gaps and velocities of points that are held.
+        """
+        if points:
+            return self._projected_with(x, rows, Z, by_input, points)
+        n, found = len(x.v_D), row_derivatives_at(self.marionette.model, x)
+        system = KKTSystem(Evaluation.of(self.marionette.model, x), rows)
+        Z_q, Z_v = Z[:n], Z[n:]
+        gap = found["A_D"] @ Z_q + found["A_K"] @ by_input.q_K + found["h_p"] @ by_input.p
+        Z_q = Z_q + system.nearest(gap[rows])
+        rate = rate_change(found, Z_q, by_input.q_K, by_input.v_K, by_input.p)
+        rate = rate + found["A_D"] @ Z_v
+        Z_v = Z_v + system.nearest(rate[rows])
+        return np.concatenate([Z_q, Z_v])
+
+    def _projected_with(
+        self,
+        x: State,
+        rows: Indices,
+        Z: Array,
+        by_input: InputVariation,
+        points: Sequence[PointMode],
+    ) -> Array:
+        model, n = self.marionette.model, len(x.v_D)
+        at, found = Evaluation.of(model, x), row_derivatives_at(model, x)
+        still = np.zeros((n, Z.shape[1]))
+        held = FrozenModes(model, points).at(Screws(model, x))
+        touching = ContactRows(Screws(model, x, changes=stacked(Z, by_input)), held, 0.0)
+        first = np.cumsum([0, *(len(p.directions) for p in held)])[:-1]
+        gap = found["A_D"] @ Z[:n] + found["A_K"] @ by_input.q_K + found["h_p"] @ by_input.p
+        gaps = np.concatenate([gap[rows], touching.gap_by()])
+        system = ModeSystem(at, rows, _frictionless(touching, touching.rows[first]))
+        Z_q = Z[:n] + system.solve(still, gaps)[0]
+        rate = rate_change(found, Z_q, by_input.q_K, by_input.v_K, by_input.p)
+        rate = (rate + found["A_D"] @ Z[n:])[rows]
+        Z = np.concatenate([Z_q, Z[n:]])
+        touching = ContactRows(Screws(model, x, changes=stacked(Z, by_input)), held, 0.0)
+        rates = np.concatenate([rate, touching.velocity_by()])
+        system = ModeSystem(at, rows, _frictionless(touching, touching.rows))
+        return np.concatenate([Z_q, Z[n:] + system.solve(still, rates)[0]])
+
+    def along(
+        self,
+        x: State,
+        rows: Indices,
+        Z: Array,
+        piece: InputPiece,
+        times: Times,
+        points: Sequence[PointMode] = (),
+    ) -> tuple[Array, Array]:
+        """The state and the changes at some times of a piece with these rows and points held.
+
+        Returns:
+            (len(times), n_qD + n_vD) and (len(times), 2 n_vD, m).
+
+        Raises:
+            SimulationError: steps became too small.
+        """
+        if points:
+            return self._along_with(x, rows, Z, piece, times, points)
+        model = self.marionette.model
+        held = np.zeros(model.tree.n_rows, dtype=bool)
+        held[rows] = True
+        is_long = times[-1] - x.t > _LONG * self._step
+        basis, shares = _spanned(Z, 2 * len(x.v_D)) if is_long else (Z, None)
+        found = model.compiled.derivatives.flow(
+            (x.t, x.q_D, x.v_D, basis), times, piece.inputs, piece.powers, held, model.p,
+            rtol=self._rtol, atol=self._atol, step=self._step,
+        )  # fmt: skip
+        self._step = found.step
+        if found.status is not Status.DONE:
+            raise SimulationError(found.status, f"after t = {x.t:.6g} s")
+        changes = found.changes if shares is None else _combined(found.changes, shares)
+        return np.concatenate([found.q_D, found.v_D], axis=1), changes
+
+    def _along_with(
+        self,
+        x: State,
+        rows: Indices,
+        Z: Array,
+        piece: InputPiece,
+        times: Array,
+        points: Sequence[PointMode],
+    ) -> tuple[Array, Array]:
+        n_q, n, m = self._table.n_qD, self._table.n_vD, Z.shape[1]
+        names = [self.marionette.tree.row_names[i] for i in rows]
+
+        def rate(t: float, y: Array) -> Array:
+            q_D, v_D, Z = y[:n_q], y[n_q : n_q + n], y[n_q + n :].reshape(2 * n, m)
+            q_K, v_K, acc_K, u_D = piece.at(t)
+            here = x.replace(t=t, q_D=q_D, v_D=v_D, q_K=q_K, v_K=v_K)
+            lin = linearise(self.marionette.model, here, acc_K, u_D, names, points)
+            out, acc = piece.variation(t), lin.acc
+            Z_q = turning(self._table.quaternions_D, v_D) @ Z[:n] + Z[n:]
+            Z_v = (
+                acc.q_D @ Z[:n] + acc.v_D @ Z[n:] + acc.q_K @ out.q_K + acc.v_K @ out.v_K
+                + acc.acc_K @ out.acc_K + acc.u_D @ out.u_D + acc.p @ out.p
+            )  # fmt: skip
+            moved = self._configuration_rate(q_D, v_D), lin.acc_D, Z_q.ravel(), Z_v.ravel()
+            return np.concatenate(moved)
+
+        start = np.concatenate([x.q_D, x.v_D, Z.ravel()])
+        from scipy.integrate import solve_ivp  # slow to import
+
+        found = solve_ivp(
+            rate, (x.t, times[-1]), start, "DOP853", times, rtol=self._rtol, atol=self._atol
+        )
+        if not found.success:
+            raise SimulationError(Status.STEP_TOO_SMALL, f"at t = {found.t[-1]:.6g} s")
+        y = found.y.T
+        return y[:, : n_q + n], y[:, n_q + n :].reshape(-1, 2 * n, m)
+
+    def check(self, reached: Array, t: float, q_D: Array, v_D: Array) -> None:
+        """Raises SimulationError unless the integration ended at the run's state at t [s]."""
+        run = np.concatenate([q_D, v_D])
+        apart = np.max(np.abs(reached - run) / (1.0 + np.abs(run)))
+        if not apart < MAX_ERROR:
+            raise SimulationError(
+                Status.NOT_SETTLED,
+                f"the run and its linearisation are {apart:.2g} apart at t = {t:.6g} s",
+            )
+
+    def _configuration_rate(self, q_D: Array, v_D: Array) -> Array:
+        rate = np.empty_like(q_D)
+        for q, v in self._table.scalars_D:
+            rate[q] = v_D[v]
+        for q, v in self._table.quaternions_D:
+            turn = np.concatenate([[0.0], 0.5 * v_D[v : v + 3]])
+            rate[q : q + 4] = multiply(q_D[q : q + 4], turn)
+        return rate
+
+
+def _spanned(Z: Array, own: int) -> tuple[Array, Array | None]:
+    """Fewer columns that span the first ``own`` of Z, then the others; and shares of them.
+
+    Taut strings leave changes of the state fewer dimensions than it has numbers. Columns that only
+    depend on the state are integrated as combinations of a basis, the first of what is returned::
+
+        Z[:, :own] = basis[:, :r] @ shares
+
+    The shares are None where all columns are independent.
+    """
+    Q, R, order = linalg.qr(Z[:, :own], mode="economic", pivoting=True, check_finite=False)
+    sizes = np.abs(np.diag(R))
+    r = int(np.count_nonzero(sizes > _ROUNDING * sizes[0]))
+    if r == own or not np.all(np.isfinite(sizes)):
+        return Z, None
+    shares = np.empty((r, own))
+    shares[:, order] = R[:r]
+    return np.concatenate([Q[:, :r], Z[:, own:]], axis=1), shares
+
+
+def _combined(changes: Array, shares: Array) -> Array:
+    """What a basis became, as the columns that it spans."""
+    r = len(shares)
+    return np.concatenate([changes[:, :, :r] @ shares, changes[:, :, r:]], axis=2)
+
+
+def _frictionless(touching: ContactRows, rows: Array) -> HeldRows:
+    """Rows that forces along themselves hold."""
+    return HeldRows(touching.names, rows, rows, rows[:0])

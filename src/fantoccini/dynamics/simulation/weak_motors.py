@@ -1,0 +1,109 @@
+"""Why drives lost steps or ran away in a run, in words: their loads and their motors' torques."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from fantoccini.base import Array
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.model.puppet import DirectCurrent
+from fantoccini.model.tree import DriveRow
+from fantoccini.motion import Trajectory
+
+SAMPLES = 8
+"""Samples before a motor gave way at which its load is computed."""
+MAX_NAMED = 4
+"""Drives that a message names."""
+
+
+def weak_motors(marionette: Marionette, run: Trajectory) -> str:
+    """Which drives lost steps or ran away, when, by how much, and the torque needed; "" if none."""
+    found = run.overloads
+    rows = {row.name: row for row in marionette.tree.watched if row.name in found}
+    if not rows:
+        return ""
+    loads = _loads(marionette, run, min(found[name].since for name in rows))
+    texts = []
+    for name in list(rows)[:MAX_NAMED]:
+        row, overload, load = rows[name], found[name], loads[name]
+        unit = "m" if _moves(row) else "rad"
+        did = "ran away" if overload.ran_away else "lost steps"
+        off = overload.error
+        where = "" if off is None else f", {abs(off):.3g} {unit} off at the end"
+        force = "N" if _moves(row) and row.drive.drum is None else "N m"
+        has = _max_torque(marionette, row)
+        need = f"its load takes {load:.3g} {force} to follow the command, "
+        if row.drive.motor is None:
+            need += "and its controller asks for too little"
+        elif load > has:
+            need += f"its motor has {has:.3g}"
+        else:
+            need += f"its motor has {has:.3g} and gives way to catches and accelerations"
+            if not row.steps:
+                need += ", or its controller asks for too little"
+        texts.append(f"{name} {did} from t = {overload.since:.6g} s on{where}: {need}")
+    if len(rows) > MAX_NAMED:
+        texts.append(f"{len(rows) - MAX_NAMED} more")
+    advice = "give them stronger motors, more gear or stiffer control, or ask less of them"
+    return "".join(f"; {text}" for text in texts) + f"; {advice}"
+
+
+def _moves(row: DriveRow) -> bool:
+    """Whether a drive's coordinate is a length."""
+    return row.drive.drum is not None or row.drive.mass is not None
+
+
+def _max_torque(marionette: Marionette, row: DriveRow) -> float:
+    """The largest torque or force of a motor at rest [N m or N]."""
+    motor, number = row.drive.motor, marionette.model.number
+    if motor is None:
+        return math.inf
+    if not isinstance(motor, DirectCurrent):
+        return number(motor.torque)
+    most = min(number(motor.current), number(motor.voltage) / number(motor.resistance))
+    return number(motor.constant) * most
+
+
+def _loads(marionette: Marionette, run: Trajectory, before: float) -> dict[str, float]:
+    """By drive, the largest load at samples before a time, if it followed its command [N m or N].
+
+    That is f of  M acc + M_DK acc_K + c + A_D^T tension = S f,  with the commands' accelerations
+    S^T acc and the taut rows of the run.
+    """
+    last = max(1, int(np.searchsorted(run.t, before)))
+    samples = np.unique(np.linspace(0, last - 1, min(last, SAMPLES)).astype(int))
+    led = [row for row in marionette.tree.drives if row.command is not None]
+    most = np.max([np.abs(_forces(marionette, run, i, led)) for i in samples], axis=0)
+    found, at = {}, 0
+    for row in led:
+        width = row.v.stop - row.v.start
+        size = float(np.linalg.norm(most[at : at + width]))
+        found[row.name] = size / row.ratio(marionette.model.number)
+        at += width
+    return found
+
+
+def _forces(marionette: Marionette, run: Trajectory, i: int, led: list[DriveRow]) -> Array:
+    """The forces with which drives follow their commands at sample ``i`` of a run."""
+    x, acc_K, n = run.state(i), run.acc_K[i], marionette.coordinates.n_vD
+    places = np.array([k for row in led for k in range(row.v.start, row.v.stop)])
+    commanded = np.array([
+        acc_K[row.command[1] + k]
+        for row in led if row.command is not None
+        for k in range(row.v.stop - row.v.start)
+    ])  # fmt: skip
+    A = marionette.A_D(x)[x.taut]
+    bias = (marionette.Adot_v(x) + marionette.A_K(x) @ acc_K)[x.taut]
+    load = marionette.bias(x) + marionette.damping(x) + marionette.mass_matrix_DK(x) @ acc_K
+    S, m, k = np.eye(n)[:, places], len(A), len(places)
+    zero = np.zeros
+    system = np.block([
+        [marionette.mass_matrix(x), A.T, -S],
+        [A, zero((m, m)), zero((m, k))],
+        [S.T, zero((k, m)), zero((k, k))],
+    ])  # fmt: skip
+    wanted = np.concatenate([-load, -bias, commanded])
+    # Redundant strings: least squares give the shortest of all solutions.
+    return np.linalg.lstsq(system, wanted, rcond=1e-12)[0][n + m :]

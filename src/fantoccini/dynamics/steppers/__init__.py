@@ -1,0 +1,43 @@
+"""Runs that are advanced piece by piece, and the starts that they accept."""
+
+from fantoccini.dynamics.steppers.parting import (
+    parted,
+    parted_starts,
+)
+from fantoccini.dynamics.steppers.prescribed import (
+    Overlap,
+    deepest,
+    looks,
+    overlap_events,
+    prescribed_overlaps,
+)
+from fantoccini.dynamics.steppers.redundant import (
+    CONTRADICTION_STATUSES,
+    Contradiction,
+    contradiction,
+    first_excess_tension,
+    may_be_redundant,
+)
+from fantoccini.dynamics.steppers.stepper import (
+    Stepper,
+    held_input,
+)
+from fantoccini.dynamics.steppers.stepper_batch import StepperBatch
+
+__all__ = [
+    "CONTRADICTION_STATUSES",
+    "Contradiction",
+    "Overlap",
+    "Stepper",
+    "StepperBatch",
+    "contradiction",
+    "deepest",
+    "first_excess_tension",
+    "held_input",
+    "looks",
+    "may_be_redundant",
+    "overlap_events",
+    "parted",
+    "parted_starts",
+    "prescribed_overlaps",
+]

@@ -1,0 +1,125 @@
+"""Small overlaps of solids at the start of a run, removed by the smallest move.
+
+    min |dq|_M   with   gap + d(gap)/dq dq >= 0,   h + A_D dq <= 0
+
+solved repeatedly, over all nearby contact points, strings and limits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import nnls
+
+from fantoccini.base import Array
+from fantoccini.dynamics.compiled import (
+    ROW_TOLERANCES,
+    Evaluation,
+    Model,
+    PairGeometry,
+    Screws,
+    retract,
+)
+from fantoccini.motion import State, States
+
+MAX_OVERLAP = 1e-12
+"""Overlap up to which solids count as apart [m]."""
+INFEASIBLE = 1e-10
+"""Residual of the least squares below which the program has no solution."""
+ROUNDS = 20
+"""Maximum number of rounds; overlaps of flat faces take one."""
+
+
+def parted(model: Model, x: State) -> State:
+    """The state with small overlaps removed: those that a fixed step may leave.
+
+    Velocities are unchanged. Where overlaps are deeper, or driven bodies leave no room, the state
+    is returned unchanged.
+    """
+    if model.contacts is None or not model.coordinates.n_vD:
+        return x
+    most = _deepest(model, x)
+    if not ROW_TOLERANCES.touching < most <= ROW_TOLERANCES.stepped_gap:
+        return x
+    moved = x
+    for _ in range(ROUNDS):
+        at, rows = Evaluation.of(model, moved), list(_rows(model, moved))
+        W = at.forth(np.stack([row for row, _ in rows])).T
+        depth, wires = np.array([depth for _, depth in rows]), model.two_sided
+        move = _shortest(
+            np.concatenate([W, at.W, -at.W[:, wires]], axis=1),
+            np.concatenate([depth, at.h, -at.h[wires]]),
+        )
+        if move is None:
+            return x
+        moved = moved.replace(q_D=retract(model, moved.q_D, at.back(move)))
+        if _deepest(model, moved) <= MAX_OVERLAP:
+            return moved
+    return x
+
+
+def parted_starts(model: Model, states: States, p: Array) -> States:
+    """:func:`parted` of many states, or of one, at parameters (1 or n, n_p)."""
+    if model.contacts is None or not model.coordinates.n_vD:
+        return states
+    gaps = np.concatenate([
+        model.library.gaps(model.contacts, states.q_D[some], states.q_K[some], p[k])
+        for k, some in enumerate(_lanes(len(states), len(p)))
+    ])  # fmt: skip
+    touching = np.flatnonzero(np.min(gaps, axis=1) < -ROW_TOLERANCES.touching)
+    if not len(touching):
+        return states
+    if len(states) == 1 and len(p) > 1:
+        states = states.repeated(len(p))
+    q_D = states.q_D.copy()
+    for i in touching:
+        x = State(
+            float(states.t), states.q_D[i], states.v_D[i], states.q_K[i], states.v_K[i],
+            states.taut[i], states.slip[i], model.coordinates,
+        )  # fmt: skip
+        q_D[i] = parted(model.with_p(p[i if len(p) > 1 else 0]), x).q_D
+    return replace(states, q_D=q_D)
+
+
+def _lanes(n_states: int, n_p: int) -> Iterator[slice]:
+    """Slices of the states that share the same parameters."""
+    for k in range(n_p):
+        yield slice(None) if n_p == 1 else slice(0, 1) if n_states == 1 else slice(k, k + 1)
+
+
+def _shortest(W: Array, b: Array) -> Array | None:
+    """z (n,) of least norm with W^T z + b <= 0, or None where there is none.
+
+    Least distance programming as non-negative least squares (Lawson and Hanson, *Solving Least
+    Squares Problems*, 1974, chapter 23).
+    """
+    size = float(np.max(np.abs(b)))
+    one = np.zeros(len(W) + 1)
+    one[-1] = 1.0
+    E = np.concatenate([-W, b[None] / size])
+    left = E @ nnls(E, one)[0] - one
+    if not abs(left[-1]) > INFEASIBLE:
+        return None
+    return np.asarray(-left[:-1] / left[-1] * size)
+
+
+def _deepest(model: Model, x: State) -> float:
+    """Depth of the deepest overlap [m]."""
+    assert model.contacts is not None
+    return -float(np.min(model.library.gaps(model.contacts, x.q_D, x.q_K, model.p)))
+
+
+def _rows(model: Model, x: State) -> Iterator[tuple[Array, float]]:
+    """Per nearby point: (n_vD,) derivative of its closing speed by v_D, and its depth [m]."""
+    assert model.contacts is not None
+    screws = Screws(model, x)
+    gaps = model.library.gaps(model.contacts, x.q_D, x.q_K, model.p)
+    for k in np.flatnonzero(np.isfinite(gaps)):
+        pair = PairGeometry(model, screws.poses, int(k))
+        twist = screws.subspace(pair.links[0]) - screws.subspace(pair.links[1])
+        for values in pair.points.values():
+            gap, point, normal = float(values[0]), values[1:4], values[4:7]
+            by = twist[:3].T + np.cross(twist[3:].T, point)
+            yield -by @ normal, -gap

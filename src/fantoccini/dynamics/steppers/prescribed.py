@@ -1,0 +1,229 @@
+"""Overlaps of solids whose relative motion is prescribed by the inputs.
+
+Both solids follow the inputs, so no force acts between them; the overlap can only be measured.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Array, MaskRows, Times
+from fantoccini.dynamics.compiled import Model
+from fantoccini.kernel.contract import EVENT, EventCode, SolidKind
+from fantoccini.kernel.runtime import Contacts
+from fantoccini.motion import pair_name
+
+Motion = Callable[[Times], Array]
+"""Times (n,) [s] -> q_K (n, n_qK)."""
+
+
+@dataclass(frozen=True)
+class PrescribedTolerances:
+    """Tolerances of overlaps that the inputs prescribe."""
+
+    touching: float = 1e-6  # Overlap from which solids count as touching [m]
+    overlap: float = 1e-3
+    """Largest overlap of a sound run [m], the same as at the start of a run."""
+    travel: float = 1e-3
+    """Largest relative travel of two solids between looks at a gap that they may close [m]."""
+    turn: float = 1.0  # Change of a driven coordinate between looks, at most [rad or m]
+    looks_per_piece: int = 8  # Minimum number of looks at each piece of the inputs
+    max_looks: int = 200_000  # Maximum number of looks at a motion
+    rounds: int = 50  # Bisections of the time of a touch
+
+
+TOLERANCES = PrescribedTolerances()
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """Overlap of two parts over an interval of time, prescribed by the inputs.
+
+    Attributes:
+        names: of the two parts.
+        begin: time of the touch, or of the start [s].
+        end: time at which they part; inf where they still overlap at the end [s].
+        depth: largest overlap [m].
+        speed: closing speed at ``begin`` [m/s].
+    """
+
+    names: tuple[str, str]
+    begin: float
+    end: float
+    depth: float
+    speed: float
+
+    def __str__(self) -> str:
+        when = f"from t = {self.begin:.6g} s on"
+        return f"{pair_name(self.names)} overlap by {self.depth:.3g} m {when}"
+
+
+def looks(breaks: Times, t: float, t_end: float) -> Times:
+    """Times at which a motion with these breaks is looked at first, from t to t_end [s]."""
+    inner = breaks[(breaks > t) & (breaks < t_end)]
+    ends = np.concatenate([[t], inner, [t_end]])
+    share = np.linspace(0.0, 1.0, TOLERANCES.looks_per_piece, endpoint=False)
+    return np.append((ends[:-1, None] + np.diff(ends)[:, None] * share).ravel(), t_end)
+
+
+def prescribed_overlaps(model: Model, motion: Motion, t: Times) -> tuple[Overlap, ...]:
+    """Overlaps of the pairs with prescribed relative motion, in order of their beginning.
+
+    A gap is measured again wherever the travel of the two solids since the last look may have
+    closed it.
+
+    Args:
+        model: the puppet.
+        motion: of the driven coordinates.
+        t: (n,) increasing times to look at first, the ends among them [s].
+    """
+    contacts = model.prescribed
+    if contacts is None:
+        return ()
+    measured = _Gaps(model, contacts, motion)
+    t, gap = measured.over(np.unique(t))
+    found: list[Overlap] = []
+    for k, names in enumerate(measured.names):
+        inside = gap[:, k] < -TOLERANCES.touching
+        edges = np.flatnonzero(np.diff(inside))
+        begins = [-1] * bool(inside[0]) + [int(i) for i in edges if not inside[i]]
+        ends = [int(i) for i in edges if inside[i]]
+        for n, i in enumerate(begins):
+            begin, speed = (t[0], 0.0) if i < 0 else measured.crossing(k, t[i], t[i + 1])
+            last = ends[n] if n < len(ends) else len(t) - 1
+            end = measured.crossing(k, t[last], t[last + 1])[0] if n < len(ends) else np.inf
+            depth = -float(np.min(gap[i + 1 : last + 1, k]))
+            found.append(Overlap(names, float(begin), float(end), depth, speed))
+    return tuple(sorted(found, key=lambda overlap: overlap.begin))
+
+
+def deepest(overlaps: tuple[Overlap, ...]) -> float:
+    """The largest depth beyond the tolerance [m]; 0 if all are within it."""
+    return max((o.depth for o in overlaps if o.depth > TOLERANCES.overlap), default=0.0)
+
+
+def overlap_events(model: Model, overlaps: tuple[Overlap, ...], t: float) -> Array:
+    """(n, 5) touches after a time [s] and lifts, laid out as the events of a run."""
+    if model.prescribed is None or model.contacts is None:
+        return np.zeros((0, len(EVENT)))
+    first = len(model.tree.blamable) + len(model.contacts.names)
+    rows = []
+    for overlap in overlaps:
+        row = first + model.prescribed.names.index(overlap.names)
+        if overlap.begin > t:
+            rows.append((overlap.begin, EventCode.TOUCH, row, 0.0, overlap.speed))
+        if np.isfinite(overlap.end):
+            rows.append((overlap.end, EventCode.LIFT, row, 0.0, 0.0))
+    return np.array(rows, dtype=float).reshape(-1, len(EVENT))
+
+
+class _Gaps:
+    """Gaps of the pairs over a motion, the parts of one body taken together."""
+
+    def __init__(self, model: Model, contacts: Contacts, motion: Motion):
+        self._model, self._contacts, self._motion = model, contacts, motion
+        self.names = tuple(dict.fromkeys(contacts.names))
+        self._meeting = [self.names.index(names) for names in contacts.names]
+        self._links = contacts.solids["link"][contacts.pairs]
+        n_links = len(model.tree.links)
+        self._reach = np.zeros(n_links + 1)  # Last: standing solids, which do not travel
+        for solid in contacts.solids:
+            if solid["link"] >= 0:
+                own = _reach(solid, contacts)
+                self._reach[solid["link"]] = max(self._reach[solid["link"]], own)
+
+    def over(self, t: Times) -> tuple[Times, Array]:
+        """Times (n,) and gaps (n, pairs by name); infinite where a gap cannot be closed."""
+        t, q_K = self._turning_little(t)
+        while True:
+            way = self._travel(q_K)
+            margin = float(np.max(way, initial=0.0)) + TOLERANCES.overlap
+            gap = self._gap(q_K, margin)
+            here, there = gap[:-1], gap[1:]
+            deep = np.maximum(here, there) < -TOLERANCES.overlap
+            doubtful = (way > TOLERANCES.travel) & (here + there < way) & ~deep
+            which = np.flatnonzero(np.any(doubtful, axis=1))
+            middle = 0.5 * (t[which] + t[which + 1])
+            between = (middle > t[which]) & (middle < t[which + 1])
+            which, middle = which[between], middle[between]
+            if not len(which):
+                return t, gap
+            if len(t) > TOLERANCES.max_looks:
+                text = f"{', '.join(map(pair_name, self.names))}: gaps are measured at {len(t)} "
+                text += "times of the inputs, which move too far between them to see every touch"
+                warnings.warn(text, RuntimeWarning, stacklevel=2)
+                return t, gap
+            q_K = np.insert(q_K, which + 1, self._motion(middle), axis=0)
+            t = np.insert(t, which + 1, middle)
+
+    def _turning_little(self, t: Times) -> tuple[Times, Array]:
+        """Times (n,) and q_K there: joints turn by at most 1 rad from one to the next.
+
+        Poses before and after a whole turn are the same.
+        """
+        q_K = self._motion(t)
+        while len(t) <= TOLERANCES.max_looks:
+            far = np.max(np.abs(np.diff(q_K, axis=0)), axis=1, initial=0.0) > TOLERANCES.turn
+            middle = 0.5 * (t[:-1] + t[1:])
+            which = np.flatnonzero(far & (middle > t[:-1]) & (middle < t[1:]))
+            if not len(which):
+                break
+            q_K = np.insert(q_K, which + 1, self._motion(middle[which]), axis=0)
+            t = np.insert(t, which + 1, middle[which])
+        return t, q_K
+
+    def crossing(self, k: int, t: float, t_end: float) -> tuple[float, float]:
+        """Time at which a gap crosses the touching threshold [s], and its closing speed [m/s]."""
+        ends = np.array([t, t_end])
+        margin = float(np.max(self._travel(self._motion(ends)))) + 1.0
+
+        def inside(times: Times) -> MaskRows:
+            """(n,) bool, whether the pair overlaps."""
+            return self._gap(self._motion(times), margin)[:, k] < -TOLERANCES.touching
+
+        first = inside(ends[:1])[0]
+        for _ in range(TOLERANCES.rounds):
+            middle = 0.5 * (ends[0] + ends[1])
+            if not ends[0] < middle < ends[1]:
+                break
+            ends[0 if inside(np.array([middle]))[0] == first else 1] = middle
+        at = 0.5 * (ends[0] + ends[1])
+        step = 1e-6 * max(t_end - t, 1e-9)
+        around = self._gap(self._motion(np.array([at - step, at + step])), margin)[:, k]
+        speed = float((around[0] - around[1]) / (2.0 * step))
+        return float(at), speed if np.isfinite(speed) else 0.0
+
+    def _gap(self, q_K: Array, margin: float) -> Array:
+        """(n, pairs by name)."""
+        model, n = self._model, len(q_K)
+        q_D = np.tile(model.coordinates.start_D, (n, 1))
+        found = model.library.gaps(self._contacts, q_D, q_K, model.p, margin)
+        out = np.full((n, len(self.names)), np.inf)
+        for k, meeting in enumerate(self._meeting):
+            out[:, meeting] = np.minimum(out[:, meeting], found[:, k])
+        return out
+
+    def _travel(self, q_K: Array) -> Array:
+        """(n - 1, pairs by name) bound of the relative travel of two solids [m]."""
+        model = self._model
+        q_D = np.broadcast_to(model.coordinates.start_D, (len(q_K), model.coordinates.n_qD))
+        poses = model.library.evaluate("poses", q_D=q_D, q_K=q_K, p=model.p).poses
+        moved = np.diff(poses, axis=0)
+        turned = np.linalg.norm(moved[:, :9], axis=1) * self._reach[:-1]
+        way = np.zeros((len(q_K) - 1, len(self._reach)))
+        way[:, :-1] = np.linalg.norm(moved[:, 9:], axis=1) + turned
+        out = np.zeros((len(way), len(self.names)))
+        for meeting, links in zip(self._meeting, self._links, strict=True):
+            out[:, meeting] = np.maximum(out[:, meeting], way[:, links].sum(axis=1))
+        return out
+
+
+def _reach(solid: np.void, contacts: Contacts) -> float:
+    """Largest distance of a solid from its link's origin [m]."""
+    ends = max(float(np.linalg.norm(solid["a"])), float(np.linalg.norm(solid["b"])))
+    outer = contacts.hulls[solid["mesh"]].outer if solid["kind"] == SolidKind.HULL else 0.0
+    return ends + float(solid["radius"]) + float(np.linalg.norm(solid["half"])) + outer

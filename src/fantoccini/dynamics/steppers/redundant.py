@@ -1,0 +1,201 @@
+"""Redundant strings whose lengths contradict one another.
+
+More rigid strings than degrees of freedom hold a body only while their lengths agree. For a
+self-stress, tensions y >= 0 that balance,
+
+    A_D^T y = 0,  sum y = 1,   y . hdot = y . A_K v_K,   y . hddot = y . (A_K acc_K + rates)
+
+no motion satisfies rows with y . hdot > 0, or y . hdot = 0 and y . hddot > 0. Integrators of rigid
+strings then give unbounded tensions, or tensions that only their own regularisation bounds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Array, Indices, Status
+from fantoccini.dynamics.compiled import Evaluation, Model
+from fantoccini.model.tree import Role, StringRow
+from fantoccini.motion import State
+
+Motion = tuple[State, Array]
+"""A state and (n_vK,) the accelerations of the driven coordinates there."""
+
+CONTRADICTION_STATUSES = (
+    Status.IMPOSSIBLE_INPUT,
+    Status.TENSION_CAP,
+    Status.TOO_MANY_EVENTS,
+    Status.NOT_SETTLED,
+    Status.PROJECTION_FAILED,
+    Status.STEP_TOO_SMALL,
+)
+"""Statuses with which runs of contradicting strings end."""
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """Decisions about which strings contradict one another."""
+
+    taut_gap: float = 1e-6  # -h below which a string counts as taut, relative to its length
+    least_share: float = 1e-6  # Part of the largest entry of y from which a string takes part
+    dependent: float = 1e-9
+    """Singular value of W, relative to the largest, below which strings are redundant."""
+    excess: float = 10.0
+    """Tensions, relative to those of least norm plus the weight, that need a contradiction."""
+    min_samples: int = 2
+    """Samples with such tensions: a single one, as at a catch, is no contradiction."""
+    max_samples: int = 32  # Samples of a run whose tensions are examined, which bounds the time
+    speed_rounding: float = 1e-10  # y . hdot that is rounding [m/s]
+    equality_weight: float = 1e6  # Weight of W z = W x against |z| in least tensions, relative to W
+
+
+TOLERANCES = Tolerances()
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """Rates at which the lengths of redundant strings contradict one another.
+
+    Attributes:
+        names: of the strings.
+        freedoms: degrees of freedom that they move.
+        speed: y . hdot [m/s].
+        acceleration: y . hddot [m/s^2].
+    """
+
+    names: tuple[str, ...]
+    freedoms: int
+    speed: float
+    acceleration: float
+
+    def __str__(self) -> str:
+        return (
+            f"{', '.join(self.names)} are {len(self.names)} strings on {self.freedoms} degrees of "
+            f"freedom, and their lengths contradict one another by {max(0.0, self.speed):.2g} m/s "
+            f"and {max(0.0, self.acceleration):.2g} m/s^2, which rigid strings cannot bear: drop "
+            "strings, let some hang slack, or give some a max_tension, so that winches give way"
+        )
+
+
+def may_be_redundant(model: Model) -> bool:
+    """Whether the puppet has more rigid strings than the degrees of freedom that they move.
+
+    By Hall's theorem it does not where every string can be assigned a degree of freedom of its own.
+    """
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import maximum_bipartite_matching
+
+    strings = model.tree.strings
+    moved = [
+        _moved(model, s)
+        for s, most in zip(strings, model.upper[: len(strings)], strict=True)
+        if not np.isfinite(most)
+    ]
+    moved = [places for places in moved if places]
+    if not moved:
+        return False
+    reaches = np.zeros((len(moved), model.coordinates.n_vD), dtype=np.int8)
+    for row, places in zip(reaches, moved, strict=True):
+        row[list(places)] = 1
+    own = maximum_bipartite_matching(csr_array(reaches), perm_type="column")
+    return bool(np.any(own < 0))
+
+
+def contradiction(model: Model, x: State, acc_K: Array) -> Contradiction | None:
+    """How redundant strings contradict one another at a state; None where they do not."""
+    x = x.replace(slip=np.maximum(x.slip, 0.0))  # of winches that slip: may be rounding
+    at = Evaluation.of(model, x, acc_K)
+    n = len(model.tree.strings)
+    scale = model.row_scales(x.q_D, x.q_K)[:n]
+    rigid = ~np.isfinite(model.upper[:n])
+    holds = np.flatnonzero((at.h[:n] >= -TOLERANCES.taut_gap * scale) & rigid)
+    W = at.W[:, holds]
+    least = TOLERANCES.dependent * np.linalg.norm(W, 2) if len(holds) else 0.0
+    if not len(holds) or np.linalg.matrix_rank(W, least) == len(holds):
+        return None
+    hddot = at.gamma[holds] + W.T @ at.w0
+    found = []
+    for rate in (at.hdot[holds], hddot):
+        y = _self_stress(W, rate)
+        if y is None:
+            return None
+        found.append((y, float(rate @ y)))
+    (y, speed), (y_rate, acceleration) = found
+    y = y if speed > TOLERANCES.speed_rounding else y_rate
+    stressed = holds[y > TOLERANCES.least_share * np.max(y)]
+    group, freedoms = _group(model, holds, stressed)
+    if not freedoms or len(group) <= freedoms:
+        return None  # a string that moves nothing contradicts its own ends
+    names = tuple(model.tree.strings[i].name for i in group)
+    return Contradiction(names, freedoms, speed, acceleration)
+
+
+def first_excess_tension(
+    model: Model, tension: Array, motion: Callable[[int], Motion]
+) -> int | None:
+    """The first sample whose tensions are far beyond what its motion needs; None without one.
+
+    Compared with the least tensions x >= 0 of the same A_D^T x; the excess are tensions that pull
+    against one another.
+
+    Args:
+        model: the puppet.
+        tension: (T, n_strings) [N].
+        motion: sample -> the state there and the driven accelerations.
+    """
+    pulls = np.max(tension, axis=1, initial=0.0)
+    large = np.flatnonzero(pulls > TOLERANCES.excess * model.reference_force)
+    some = large[:: max(1, len(large) // TOLERANCES.max_samples)]
+    excess = [int(i) for i in some if _exceeds(model, tension[i], *motion(int(i)))]
+    return excess[0] if len(excess) >= TOLERANCES.min_samples else None
+
+
+def _exceeds(model: Model, tension: Array, x: State, acc_K: Array) -> bool:
+    some = np.flatnonzero(tension > 0.0)
+    W = Evaluation.of(model, x.replace(slip=()), acc_K).W[:, some]
+    if np.max(np.abs(W), initial=0.0) == 0.0:
+        return False  # strings that move nothing pull against no other
+    least = np.max(_least(W, tension[some]))
+    return bool(np.max(tension) > TOLERANCES.excess * (least + model.reference_force))
+
+
+def _self_stress(W: Array, rate: Array) -> Array | None:
+    """y >= 0 with W y = 0 and sum y = 1 of largest rate . y; None where there is no such y."""
+    from scipy.optimize import linprog
+
+    size = np.max(np.abs(W), initial=0.0)
+    if size == 0.0:
+        return None  # strings that move nothing: each contradicts its own ends
+    equal = np.vstack([W / size, np.ones(len(rate))])
+    right = np.append(np.zeros(len(W)), 1.0)
+    largest = np.max(np.abs(rate), initial=0.0) or 1.0
+    found = linprog(-rate / largest, A_eq=equal, b_eq=right, bounds=(0.0, None))
+    return found.x if found.success else None
+
+
+def _least(W: Array, x: Array) -> Array:
+    """The shortest z >= 0 with W z = W x."""
+    from scipy.optimize import nnls
+
+    heavy = TOLERANCES.equality_weight / np.max(np.abs(W))
+    return nnls(np.vstack([heavy * W, np.eye(len(x))]), np.append(heavy * (W @ x), 0.0 * x))[0]
+
+
+def _group(model: Model, holds: Indices, stressed: Indices) -> tuple[list[int], int]:
+    """The taut strings that move nothing but what stressed ones do, and how many freedoms."""
+    strings = model.tree.strings
+    moved = set().union(*(_moved(model, strings[i]) for i in stressed))
+    group = [int(i) for i in holds if _moved(model, strings[i]) <= moved]
+    return group, len(moved)
+
+
+def _moved(model: Model, string: StringRow) -> set[int]:
+    """Places in v_D that a string can pull at."""
+    tree = model.tree
+    ways = {i for point in string.points for i in tree.ancestors(point.link)}
+    links = [tree.links[i] for i in ways if tree.links[i].role is Role.DYNAMIC]
+    places = {k for link in links for k in range(link.v.start, link.v.stop)}
+    return places | ({string.wound_length[1]} if string.wound_length else set())

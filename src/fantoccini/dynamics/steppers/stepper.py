@@ -1,0 +1,309 @@
+"""Stepper: a run that is advanced piece by piece, for feedback and live control."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from fantoccini.base import (
+    ARRIVED,
+    Array,
+    SimulationError,
+    Status,
+    UnknownNameError,
+    check_positive,
+)
+from fantoccini.dynamics.compiled import (
+    Method,
+    MethodName,
+    Model,
+    as_method,
+    bind_input,
+    check_samples,
+    check_start,
+    check_step,
+    checked_end,
+    vector,
+)
+from fantoccini.dynamics.steppers.parting import parted
+from fantoccini.dynamics.steppers.prescribed import looks, overlap_events, prescribed_overlaps
+from fantoccini.dynamics.steppers.redundant import (
+    CONTRADICTION_STATUSES,
+    Contradiction,
+    contradiction,
+)
+from fantoccini.kernel.contract import EVENT_AT
+from fantoccini.kernel.runtime import HeldInput, Piece, Run, RunOptions
+from fantoccini.motion import Input, State
+
+Accelerations = Array | Mapping[str, float]
+Law = Callable[[State], Accelerations]
+
+
+class Stepper:
+    """Advances a puppet under inputs that are decided on the way.
+
+    The input of the paper's Eq. 12 is the acceleration of the driven coordinates, u_L: held
+    constant over a piece, it keeps their velocity continuous.
+
+    ``copy.copy``, ``copy.deepcopy`` and ``pickle`` give an independent stepper that continues to
+    the same bits. A pickle loaded with another compiled library of the puppet continues from the
+    state alone: ledger, lost steps and velocity products begin anew.
+
+    Attributes:
+        state: the present state.
+        tension: (n_rows,) forces of strings and limits at ``state`` [N or N m].
+        samples: (n, width) written by the last advance, laid out as ``model.sample_layout`` says;
+            before the first one, the start.
+        events: (n, 5) of the last advance: time, kind, row, impulse, speed.
+        contacts: (n, width) contact points of the last advance, as the contract's ``CONTACT``.
+        contradiction: of redundant strings, where the status is ``REDUNDANT_STRINGS``; else None.
+
+    Args:
+        model: the puppet.
+        x0: where it starts.
+        method: its name.
+        options: of the run; the bound on memory is that of one advance.
+    """
+
+    def __init__(self, model: Model, x0: State, method: MethodName, options: RunOptions):
+        self.model = model
+        self.method = method
+        self.state, self._end = x0.replace(coordinates=model.coordinates), x0.t
+        self._measured, self._overlap = x0.t, 0.0
+        self._options, self._run, self._held = options, *self._begun(options)
+        piece = self._run.present()
+        self.samples, self.events, self.contacts = piece.samples[-1:], *piece[1:]
+        self.tension = self.samples[0, model.sample_layout.places["tension"]]
+        self.contradiction: Contradiction | None = None
+
+    @classmethod
+    def of(cls, model: Model, x0: State, method: Method | MethodName) -> Stepper:
+        """A stepper whose start and step are checked; see :meth:`Marionette.stepper`."""
+        chosen = as_method(method)
+        if chosen.name == "event":
+            x0 = parted(model, x0)
+        check_start(model, x0, chosen.name)
+        options = model.run_options(**chosen.options)
+        check_step(model, chosen.name, x0.q_D, x0.q_K, options.dt)
+        return cls(model, x0, chosen.name, options)
+
+    def _begun(self, options: RunOptions) -> tuple[Run, HeldInput]:
+        """A run from the present state at its driven velocities, and its inputs."""
+        model = self.model
+        library = model.compiled.library_of(self.method)
+        coasting = held_input(model, self.state, options.dt, None, None)
+        about = options, self.state, model.p, model.winches, coasting
+        return Run(library, self.method, *about), coasting
+
+    def __getstate__(self) -> dict[str, Any]:
+        # The library keeps the run, and gives it as bytes.
+        return {name: x for name, x in vars(self).items() if name not in ("_run", "_held")} | {
+            "_status": int(self.status),
+            "_memory": (self._run.library.key, self._run.checkpoint()),
+        }
+
+    def __setstate__(self, kept: dict[str, Any]) -> None:
+        kept = dict(kept)
+        status, (library, memory) = kept.pop("_status"), kept.pop("_memory")
+        self.__dict__.update(kept)
+        self._run, self._held = self._begun(self._options)
+        self._run.present()
+        if self._run.library.key == library:
+            self._run.restore(memory)
+        if status not in (Status.DONE, Status.RUNNING):
+            self._run.status = status
+
+    @property
+    def status(self) -> Status:
+        """How the last advance ended; ``LOST_STEPS`` or ``RUNAWAY`` once a drive was too weak."""
+        return self._run.status
+
+    @property
+    def blame(self) -> Array:
+        """(n_rows + n_watched,) share of each row and drive in the blame for the status, 0 to 1."""
+        return self._run.blame
+
+    @property
+    def violation(self) -> float:
+        """Largest h of all rows since the start, of fixed steps [m, rad or 1].
+
+        With either method, at least the largest overlap of solids with prescribed relative motion.
+        """
+        return max(float(self._run.progress.violation), self._overlap)
+
+    def __repr__(self) -> str:
+        return (
+            f"<Stepper {self.model.name}: {self.method}, t = {self.state.t:g} s, "
+            f"{self.status.name}>"
+        )
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the last advance reached its end, even with lost steps."""
+        status = self.status
+        return status is Status.DONE or (status in ARRIVED and self.state.t >= self._end)
+
+    def advance(
+        self,
+        duration: float,
+        acc_K: Accelerations | None = None,
+        *,
+        inputs: Input | None = None,
+        u_D: Array | None = None,
+        throw: bool = True,
+    ) -> State:
+        """Advances by ``duration`` [s].
+
+        Args:
+            duration: > 0 and finite.
+            acc_K: (n_vK,) accelerations of the driven coordinates, or by name (the others 0);
+                constant over the piece. The driven velocities are continuous.
+            inputs: instead: inputs in absolute time that start where the puppet is.
+            u_D: (n_vD,) user forces, constant over the piece (not together with ``inputs``).
+            throw: raise :class:`SimulationError` when the run cannot continue. Lost steps of
+                stepper motors do not end it: see ``status`` and ``events``.
+
+        Ctrl-C leaves the stepper in the state reached, from which it can be advanced again.
+
+        Returns:
+            The state reached.
+        """
+        check_positive(duration=duration)
+        end = self.state.t + duration
+        check_samples(self.model, self.method, self._options, self.state.t, end)
+        if inputs is not None and (acc_K is not None or u_D is not None):
+            raise ValueError("inputs carry their own motion and forces: give them or acc_K and u_D")
+        if inputs is None:
+            self._hold(duration, acc_K, u_D)
+            chosen: Input | HeldInput = self._held
+        else:
+            t = self.state.t
+            chosen = bind_input(self.model, inputs, self.state.q_K, self.state.v_K, t, end)
+        self._run.set_input(chosen)
+        written: list[Piece] = []
+        self._end = end
+        try:
+            written.extend(self._run.advance(end))
+        except BaseException:
+            written.append(self._run.present())
+            raise
+        finally:
+            self._take(written)
+        self._measure(chosen)
+        self._diagnose()
+        if not self.arrived and throw:
+            where = f"at t = {self.state.t:.6g} s"
+            if self.contradiction:
+                where += f": {self.contradiction}"
+            raise SimulationError(self.status, where)
+        return self.state
+
+    def run(
+        self, t_end: float, law: Law, rate: float, *, throw: bool = True
+    ) -> list[State]:
+        """Advances to ``t_end`` [s] under a feedback law that is called ``rate`` times a second.
+
+        Args:
+            t_end: [s].
+            law: state -> accelerations of the driven coordinates, as in :meth:`advance`; never
+                None.
+            rate: [1/s].
+            throw: raise :class:`SimulationError` when the run cannot continue; otherwise see
+                ``status``.
+
+        Returns:
+            The states at which the law was called, and the last one.
+
+        Raises:
+            TypeError: the law returned nothing.
+        """
+        check_positive(rate=rate)
+        t_end = checked_end(t_end, self.state.t)
+        states = [self.state]
+        n = max(1, round((t_end - self.state.t) * rate))
+        times = np.linspace(self.state.t, t_end, n + 1)
+        for t in times[1:]:
+            acc_K = law(self.state)
+            if acc_K is None:
+                raise TypeError(
+                    f"the law returned None at t = {self.state.t:g} s; it must return the "
+                    "accelerations of the driven coordinates, an array or {name: value}. Does it "
+                    "end with return?"
+                )
+            self.advance(t - self.state.t, acc_K, throw=throw)
+            states.append(self.state)
+            if not self.arrived:
+                break
+        return states
+
+    def _take(self, written: list[Piece]) -> None:
+        """Keeps what an advance wrote; the last sample becomes the state."""
+        self.samples, self.events, self.contacts = Piece.joined(written)
+        if not len(self.samples):
+            return
+        layout, last = self.model.sample_layout, self.samples[-1]
+        self.state = layout.state(last)
+        self.tension = last[layout.places["tension"]]
+
+    def _measure(self, chosen: Input | HeldInput) -> None:
+        """Adds touches and lifts of solids with prescribed relative motion."""
+        model = self.model
+        if model.prescribed is None or not self.state.t > self._measured:
+            return
+
+        def motion(t: Array) -> Array:
+            return chosen.evaluate(t)[0] if isinstance(chosen, Input) else chosen.evaluate(t)
+
+        if isinstance(chosen, Input):
+            times = looks(chosen.breaks, self._measured, self.state.t)
+        else:  # of constant acceleration
+            times = np.linspace(self._measured, self.state.t, 3)
+        found = prescribed_overlaps(model, motion, times)
+        told = overlap_events(model, found, self._measured)
+        self._measured = self.state.t
+        self._overlap = max([self._overlap, *(overlap.depth for overlap in found)])
+        if len(told):
+            both = np.concatenate([self.events, told])
+            self.events = both[np.argsort(both[:, EVENT_AT["t"]], kind="stable")]
+
+    def _diagnose(self) -> None:
+        """Sets status and contradiction where redundant strings stopped the run."""
+        if self.status not in CONTRADICTION_STATUSES or not len(self.samples):
+            return
+        acc_K = self.model.sample_layout.split(self.samples[-1:])["acc_K"][0]
+        self.contradiction = contradiction(self.model, self.state, acc_K)
+        if self.contradiction:
+            self._run.status = Status.REDUNDANT_STRINGS
+
+    def _hold(self, duration: float, acc_K: Accelerations | None, u_D: Array | None) -> None:
+        """Makes the held input that of constant accelerations and forces from the present state."""
+        table = self.model.coordinates
+        if isinstance(acc_K, Mapping):
+            named, acc_K = acc_K, np.zeros(table.n_vK)
+            for name, value in named.items():
+                if name not in table.v_K:
+                    raise UnknownNameError("driven velocity", name, table.v_K)
+                acc_K[table.v_K.index(name)] = value
+        _fill(self._held, self.model, self.state, duration, acc_K, u_D)
+
+
+def held_input(
+    model: Model, x: State, duration: float, acc_K: Array | None, u_D: Array | None
+) -> HeldInput:
+    """Inputs with constant accelerations (n_vK,) and forces (n_vD,) from a state on."""
+    made = HeldInput(model.coordinates)
+    _fill(made, model, x, duration, acc_K, u_D)
+    return made
+
+
+def _fill(
+    held: HeldInput, model: Model, x: State, duration: float, acc_K: Array | None, u_D: Array | None
+) -> None:
+    table = model.coordinates
+    acc = vector("acc_K", acc_K, table.n_vK)
+    force = None if u_D is None else vector("u_D", u_D, table.n_vD)
+    # A trace longer than the piece, so that its last instant still lies within the input.
+    held.fill(x.t, x.t + (1.0 + 1e-6) * duration, x.q_K, x.v_K, acc, force)

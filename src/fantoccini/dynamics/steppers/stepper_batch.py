@@ -1,0 +1,328 @@
+"""StepperBatch: many runs that are advanced piece by piece, for learning and identification."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fantoccini.base import (
+    ARRIVED,
+    Array,
+    Indices,
+    MaskRows,
+    Status,
+    UnknownNameError,
+    check_positive,
+)
+from fantoccini.dynamics.compiled import (
+    Method,
+    MethodName,
+    Model,
+    as_method,
+    check_starts,
+    check_steps,
+    parameter_rows,
+    vectors,
+)
+from fantoccini.dynamics.steppers.stepper import Stepper
+from fantoccini.kernel.contract import BOOKS
+from fantoccini.kernel.runtime import AnyArray, LaneSteppers, RunOptions, default_threads, whole
+from fantoccini.motion import State, States
+
+T = TypeVar("T", bound=np.generic)
+
+_SUMS = tuple(name for name in BOOKS if name not in ("kinetic", "potential"))
+_STATE = ("q_D", "v_D", "q_K", "v_K", "slip")
+
+
+class _Engine(Protocol):
+    """What advances the runs of a batch, reading and writing its arrays."""
+
+    def advance(self, duration: float, acc_K: Array, u_D: Array | None) -> None: ...
+
+
+class StepperBatch:
+    """n runs of one puppet that are advanced together, each with its own time and parameters.
+
+    The arrays are the batch's own and change with every call; copy what is to be kept.
+    Time-stepping advances in lanes, on threads; other methods run by run.
+
+    Attributes:
+        t: (n,) time that each has reached [s].
+        q_D, v_D, q_K, v_K, slip: (n, ...) present states, as of :class:`State`.
+        tension: (n, n_rows) forces of strings and limits [N or N m].
+        taut: (n, n_rows) bool.
+        books: (n, 5) work of the inputs, and losses by damping, impacts, slipping winches and
+            friction, since each began [J].
+        violation: (n,) largest h of all rows since each began, of time-stepping [m, rad or 1].
+        status: (n,) :class:`Status` numbers; a run that stopped keeps its state until it is reset.
+        p: (n, n_p) parameters.
+        method: its name.
+
+    Args:
+        model: the puppet.
+        x0: one state, or n of one time.
+        n: number of runs; as many as states and parameters when not given.
+        method: of all runs.
+        parameters: name -> value, or (n,) values.
+        threads: all processors when not given.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        x0: State | Sequence[State],
+        n: int | None = None,
+        method: Method | MethodName = "timestepping",
+        parameters: Mapping[str, Array | float] | None = None,
+        threads: int | None = None,
+    ):
+        chosen = as_method(method)
+        states = model.states([x0] if isinstance(x0, State) else list(x0))
+        p = parameter_rows(model, parameters)
+        counts = {"states": len(states), "values of parameters": len(p)}
+        if n is None:
+            n = max(counts.values())
+        n = whole("n", n, least=1)
+        for what, found in counts.items():
+            if found not in (1, n):
+                raise ValueError(f"found {found} {what} for {n} runs; give one, or {n}")
+        self.model, self.method, self._n = model, chosen.name, n
+        options = model.run_options(**chosen.options)
+        threads = default_threads() if threads is None else whole("threads", threads, least=1)
+        tree = model.tree
+        rows, blamable = tree.n_rows, len(tree.blamable)
+        self.t, self.p = np.zeros(n), np.zeros((n, len(model.p)))
+        self.q_D, self.v_D, self.q_K, self.v_K, self.slip = (
+            np.zeros((n, getattr(states, name).shape[1])) for name in _STATE
+        )
+        self.tension, self.taut = np.zeros((n, rows)), np.zeros((n, rows), dtype=np.bool_)
+        self.books, self.violation = np.zeros((n, len(_SUMS))), np.zeros(n)
+        self.status, self._blame = np.zeros(n, dtype=np.int32), np.zeros((n, blamable))
+        self._fresh, self._advanced = np.zeros(n, dtype=np.uint8), np.zeros(n)
+        self._arrays: dict[str, AnyArray] = {
+            name: getattr(self, name)
+            for name in (*_STATE, "p", "tension", "taut", "books", "violation", "status")
+        } | {"fresh": self._fresh, "advanced": self._advanced, "blame": self._blame}
+        self._starts, self._parameters = states, p
+        self._options = options
+        self._engine = self._engine_of(options, threads)
+        self.reset()
+
+    def _engine_of(self, options: RunOptions, threads: int) -> _Engine:
+        if self.method != "timestepping":
+            return _Runs(self.model, self.method, options, self._arrays, self.t, threads)
+        library = self.model.compiled.lanes
+        threads = min(threads, -(-self._n // library.width))
+        return _Lanes(
+            LaneSteppers(library, self._n, threads, options, self.model.winches), self._arrays
+        )
+
+    def __len__(self) -> int:
+        return self._n
+
+    def __repr__(self) -> str:
+        return f"<StepperBatch {self.model.name}: {self._n} runs, {self.method}>"
+
+    @property
+    def arrived(self) -> MaskRows:
+        """(n,) bool, the runs that reached the end of the last piece, even with lost steps."""
+        return np.isin(self.status, ARRIVED)
+
+    def blamed(self, i: int, least: float = 0.1) -> tuple[str, ...]:
+        """Names whose share of the blame for the status of run i exceeds ``least``."""
+        share = self._blame[i]
+        return tuple(n for n, x in zip(self.model.tree.blamable, share, strict=True) if x > least)
+
+    def state(self, i: int) -> State:
+        """The state of run i."""
+        return State(
+            float(self.t[i]), taut=self.taut[i], coordinates=self.model.coordinates,
+            **{name: self._arrays[name][i] for name in _STATE},
+        )  # fmt: skip
+
+    def reset(
+        self,
+        which: Indices | MaskRows | None = None,
+        x0: State | Sequence[State] | None = None,
+        parameters: Mapping[str, Array | float] | None = None,
+        **arrays: Array,
+    ) -> None:
+        """Runs begin anew.
+
+        Args:
+            which: (m,) numbers of runs, or (n,) bool; all when not given.
+            x0: where they begin: one state, or one for each of them; where they began at first
+                when not given.
+            parameters: name -> value, or one for each of them; those of the beginning when not
+                given.
+            arrays: instead of parts of x0: ``q_D``, ``v_D``, ``q_K``, ``v_K``, ``slip`` (m, ...)
+                and ``t`` (m,).
+
+        Raises:
+            StateError: a start violates a row or overlaps, or a number is not finite.
+        """
+        runs = _numbers(which, self._n)
+        if len(runs) == 0:
+            return
+        m, model = len(runs), self.model
+        if x0 is None:
+            states = _of(self._starts, runs)
+        else:
+            states = model.states([x0] if isinstance(x0, State) else list(x0))
+        p = _rows("parameters", parameter_rows(model, parameters), m)
+        if parameters is None:
+            p = self._parameters if len(self._parameters) == 1 else self._parameters[runs]
+        times = _rows("t", arrays.pop("t", np.full(1, states.t)), m)
+        parts = {name: getattr(states, name) for name in _STATE}
+        for name, given in arrays.items():
+            if name not in parts:
+                raise TypeError(f"reset takes no {name!r}; it takes t, {', '.join(_STATE)}")
+            width = parts[name].shape[1]
+            parts[name] = vectors(name, given, width).reshape(-1, width)
+        parts = {name: _rows(name, x, m) for name, x in parts.items()}
+        taut = states.taut if not arrays else np.zeros_like(states.taut)
+        starts = States(states.t, **parts, taut=_rows("x0", taut, m))
+        check_starts(model, starts, self.method, p)
+        check_steps(model, self.method, starts, p, self._options.dt)
+        for name, x in parts.items():
+            self._arrays[name][runs] = x
+        self.p[runs], self.t[runs] = p, times
+        self._fresh[runs] = 1
+        self._engine.advance(0.0, np.zeros((1, model.coordinates.n_vK)), None)
+
+    def advance(
+        self,
+        duration: float,
+        acc_K: Array | Mapping[str, Array | float] | None = None,
+        *,
+        u_D: Array | None = None,
+    ) -> MaskRows:
+        """Advances all runs that have not stopped by ``duration`` [s].
+
+        Args:
+            duration: > 0 and finite.
+            acc_K: (n, n_vK) or (n_vK,) accelerations of the driven coordinates, held over the
+                piece; or by name, a number or (n,), the others 0. Driven velocities are continuous.
+            u_D: (n, n_vD) or (n_vD,) user forces, held over the piece.
+
+        Returns:
+            (n,) bool, :attr:`arrived`. What has not arrived has its status.
+        """
+        check_positive(duration=duration)
+        table = self.model.coordinates
+        acc = self._accelerations(acc_K)
+        force = None
+        if u_D is not None:
+            force = _rows("u_D", vectors("u_D", u_D, table.n_vD).reshape(-1, table.n_vD), self._n)
+        going = self.arrived
+        self._engine.advance(duration, acc, force)
+        self.t[going] += self._advanced[going]
+        return self.arrived
+
+    def _accelerations(self, given: Array | Mapping[str, Array | float] | None) -> Array:
+        """(1 or n, n_vK)."""
+        table = self.model.coordinates
+        if given is None:
+            return np.zeros((1, table.n_vK))
+        if not isinstance(given, Mapping):
+            rows = vectors("acc_K", given, table.n_vK).reshape(-1, table.n_vK)
+            return _rows("acc_K", rows, self._n)
+        acc = np.zeros((self._n, table.n_vK))
+        for name, values in given.items():
+            if name not in table.v_K:
+                raise UnknownNameError("driven velocity", name, table.v_K)
+            acc[:, table.v_K.index(name)] = values
+        return vectors("acc_K", acc, table.n_vK)
+
+
+class _Lanes:
+    """Time-stepping, by compiled code."""
+
+    def __init__(self, steppers: LaneSteppers, arrays: dict[str, AnyArray]):
+        self._steppers, self._arrays = steppers, arrays
+
+    def advance(self, duration: float, acc_K: Array, u_D: Array | None) -> None:
+        self._steppers.advance(self._arrays, duration, acc_K, u_D)
+
+
+class _Runs:
+    """Any other method: a stepper for each run, on threads."""
+
+    def __init__(
+        self,
+        model: Model,
+        method: MethodName,
+        options: RunOptions,
+        arrays: dict[str, AnyArray],
+        t: Array,
+        threads: int,
+    ):
+        self._model, self._method, self._options = model, method, options
+        self._arrays, self._t = arrays, t
+        self._steppers: list[Stepper | None] = [None] * len(t)
+        self._pool = ThreadPoolExecutor(threads)
+
+    def advance(self, duration: float, acc_K: Array, u_D: Array | None) -> None:
+        def one(i: int) -> None:
+            self._begin(i)
+            stepper = self._steppers[i]
+            assert stepper is not None
+            start = stepper.state.t
+            if duration > 0.0 and stepper.status in (Status.RUNNING, *ARRIVED):
+                force = None if u_D is None else u_D[i % len(u_D)]
+                stepper.advance(duration, acc_K[i % len(acc_K)], u_D=force, throw=False)
+            self._take(i, stepper, stepper.state.t - start)
+
+        list(self._pool.map(one, range(len(self._t))))
+
+    def _begin(self, i: int) -> None:
+        arrays = self._arrays
+        if not arrays["fresh"][i]:
+            return
+        arrays["fresh"][i] = 0
+        model = self._model.with_p(arrays["p"][i])
+        x0 = State(
+            float(self._t[i]), taut=np.zeros(model.tree.n_rows, dtype=bool),
+            coordinates=model.coordinates, **{name: arrays[name][i] for name in _STATE},
+        )  # fmt: skip
+        self._steppers[i] = Stepper(model, x0, self._method, self._options)
+
+    def _take(self, i: int, stepper: Stepper, advanced: float) -> None:
+        arrays, x = self._arrays, stepper.state
+        for name in _STATE:
+            arrays[name][i] = getattr(x, name)
+        arrays["taut"][i], arrays["tension"][i] = x.taut, stepper.tension
+        arrays["advanced"][i] = advanced
+        status = stepper.status
+        arrays["status"][i] = Status.DONE if status is Status.RUNNING else status
+        arrays["blame"][i] = stepper.blame
+        if len(stepper.samples):
+            split = self._model.sample_layout.split(stepper.samples[-1:])
+            arrays["books"][i] = [split[name][0] for name in _SUMS]
+        arrays["violation"][i] = stepper.violation
+
+
+def _numbers(which: Indices | MaskRows | None, n: int) -> NDArray[np.intp]:
+    """Numbers of the runs that are meant, of n."""
+    given = np.arange(n) if which is None else np.asarray(which)
+    return np.flatnonzero(given) if given.dtype == bool else given.astype(np.intp)
+
+
+def _of(states: States, runs: NDArray[np.intp]) -> States:
+    """Those of some runs; the one that all share."""
+    if len(states) == 1:
+        return states
+    parts = {name: getattr(states, name)[runs] for name in (*_STATE, "taut")}
+    return States(states.t, **parts)
+
+
+def _rows(name: str, values: NDArray[T], n: int) -> NDArray[T]:
+    """(n, ...), or a single row for all."""
+    if len(values) not in (1, n):
+        raise ValueError(f"{name} has {len(values)} rows; it must have 1 or {n}")
+    return values

@@ -1,0 +1,47 @@
+"""Source text -> a shared library on this machine, compiled once and kept in a cache.
+
+:func:`fingerprint` makes the key from everything that can change the library; :func:`obtain`
+returns the library's folder, and derives and compiles only if the cache has no such library.
+"""
+
+from fantoccini.kernel.build.cache import (
+    clear,
+    obtain,
+)
+from fantoccini.kernel.build.closure import code_fingerprint
+from fantoccini.kernel.build.compiler import (
+    Compiler,
+    compile_flags,
+    default_flags,
+    find_compiler,
+)
+from fantoccini.kernel.build.description import describe
+from fantoccini.kernel.build.entry import (
+    INFO,
+    LIBRARY,
+    Source,
+)
+from fantoccini.kernel.build.folders import cache_folder
+from fantoccini.kernel.build.kept import kept_arrays
+from fantoccini.kernel.build.key import (
+    fingerprint,
+    runtime_folder,
+)
+
+__all__ = [
+    "INFO",
+    "LIBRARY",
+    "Compiler",
+    "Source",
+    "cache_folder",
+    "clear",
+    "code_fingerprint",
+    "compile_flags",
+    "default_flags",
+    "describe",
+    "find_compiler",
+    "fingerprint",
+    "kept_arrays",
+    "obtain",
+    "runtime_folder",
+]

@@ -1,0 +1,91 @@
+"""The source files that a module depends on, and a hash of their code."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterable
+from functools import cache
+from pathlib import Path
+
+from fantoccini.kernel.build.significant import significant_python
+
+ROOT = Path(__file__).resolve().parents[2]
+_PACKAGE = ROOT.name
+
+
+@cache
+def code_fingerprint(*modules: str) -> str:
+    """A hash of the code of some modules and of all that they import within fantoccini.
+
+    Comments and docstrings do not change it.
+
+    Args:
+        modules: full names.
+    """
+    digest = hashlib.sha256()
+    for file in sorted(closure(modules)):
+        code = significant_python(file.read_text(encoding="utf-8")).encode()
+        digest.update(f"{file.relative_to(ROOT).as_posix()}\0{len(code)}\0".encode() + code)
+    return digest.hexdigest()
+
+
+def closure(modules: Iterable[str]) -> set[Path]:
+    """The files of some modules and of all that they import within fantoccini.
+
+    A package counts as the modules that define the names imported from it, wherever ``__init__``
+    gets them; the rest of what ``__init__`` imports does not belong.
+    """
+    waiting: list[tuple[str, str | None]] = [(name, None) for name in modules]
+    seen: set[tuple[str, str | None]] = set()
+    files: set[Path] = set()
+    while waiting:
+        wanted = waiting.pop()
+        if wanted in seen:
+            continue
+        seen.add(wanted)
+        module, name = wanted
+        if name and (file := file_of(f"{module}.{name}")):  # a submodule
+            module, name = f"{module}.{name}", None
+        elif (file := file_of(module)) is None:
+            continue
+        imports = imports_of(file)
+        defining = [found for found, binds in imports if binds == name]
+        if defining and file.name == "__init__.py":
+            waiting += defining
+        else:  # a module, or a package that defines the name itself
+            files.add(file)
+            waiting += (found for found, _ in imports)
+    return files
+
+
+@cache
+def file_of(module: str) -> Path | None:
+    """The file of a module of fantoccini; None for others."""
+    path = ROOT.joinpath(*module.split(".")[1:])
+    for file in (path.with_suffix(".py"), path / "__init__.py"):
+        if module.split(".")[0] == _PACKAGE and file.is_file():
+            return file
+    return None
+
+
+@cache
+def imports_of(file: Path) -> tuple[tuple[tuple[str, str | None], str], ...]:
+    """((module, name imported from it), name that it is bound to) of every import.
+
+    Found by a regular expression: parsing all files takes a second.
+    """
+    found: list[tuple[tuple[str, str | None], str]] = []
+    for match in _IMPORT.finditer(file.read_text(encoding="utf-8")):
+        module, names = match["module"] or "", match["names"] or ""
+        for words in (part.split() for part in re.sub(r"#.*|[()]", "", names).split(",")):
+            if words and module:
+                found.append(((module, words[0]), words[-1]))
+            elif words:
+                found.append(((words[0], None), words[-1]))
+    return tuple(found)
+
+
+_IMPORT = re.compile(
+    r"^[ ]*(?:from (?P<module>[\w.]+) )?import (?P<names>\([^)]*\)|[^\n(]*)", re.MULTILINE
+)

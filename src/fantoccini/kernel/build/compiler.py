@@ -1,0 +1,354 @@
+"""The system's C++ compiler: finding it, its flags, running it.
+
+The only module that starts a compiler. Commands are lists, never shell text, and contain nothing
+from a puppet file.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import os
+import platform
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from fantoccini.base import BuildError
+from fantoccini.kernel.build.entry import LIBRARY, Source
+
+Kind = Literal["gcc", "clang", "zig"]
+
+COMPILE_SECONDS = 600.0
+"""A compilation that takes longer is stopped."""
+
+BASE_FLAGS = (
+    "-std=c++17",
+    "-fPIC",
+    "-shared",
+    "-fvisibility=hidden",
+    "-ffp-contract=fast",
+)
+"""Always given. Never -ffast-math: the runtime relies on infinities and on the order of sums."""
+
+APART = "-DFAN_APART"
+"""Defined where the units of a source are compiled separately."""
+
+_VERSION_SECONDS = 60.0
+_ENGLISH = {"LC_ALL": "C"}
+_FULL = ("No space left on device", "Disk quota exceeded", "Read-only file system")
+
+
+@dataclass(frozen=True)
+class Compiler:
+    """A C++ compiler that runs on this machine.
+
+    Attributes:
+        command: program and fixed arguments, without flags.
+        kind: decides on flags.
+        version: first line of the output of ``--version``.
+    """
+
+    command: tuple[str, ...]
+    kind: Kind
+    version: str
+
+
+class DiskError(OSError):
+    """The compiler could not write its output: the disk is full or read-only."""
+
+
+def find_compiler() -> Compiler:
+    """The C++ compiler in the environment variable FANTOCCINI_CXX or CXX.
+
+    Without them the first that runs of g++, c++, clang++ and the ziglang package.
+
+    Raises:
+        BuildError: there is none (with the command that installs one), or the named one fails.
+    """
+    for variable in ("FANTOCCINI_CXX", "CXX"):
+        value = os.environ.get(variable, "").strip()
+        if not value:
+            continue
+        try:
+            command = tuple(shlex.split(value))
+        except ValueError as error:
+            raise BuildError(f"{variable}={value!r} is not a command: {error}") from None
+        try:
+            return _identify(command, os.environ.get("PATH", ""))
+        except OSError as error:
+            raise BuildError(
+                f"{variable}={value!r} names a C++ compiler that does not run ({error}); "
+                f"set it to one that does, or unset it to use the system's"
+            ) from None
+    for command in (("g++",), ("c++",), ("clang++",), (sys.executable, "-m", "ziglang", "c++")):
+        with contextlib.suppress(OSError):
+            return _identify(command, os.environ.get("PATH", ""))
+    commands = ["pip install 'fantoccini[compiler]'", *filter(None, [system_install_command()])]
+    raise BuildError(
+        f"a puppet is compiled on this machine, and no C++ compiler was found "
+        f"(g++, c++, clang++, ziglang); install one with:  {'  or:  '.join(commands)}"
+    )
+
+
+@functools.lru_cache(maxsize=16)
+def _identify(command: tuple[str, ...], path: str) -> Compiler:
+    """Kind and version of a compiler by its answer to --version, which is slow and cached.
+
+    Args:
+        command: program and fixed arguments.
+        path: the search path; part of the cache's key.
+
+    Raises:
+        OSError: there is no such program or it does not answer; not cached, so that the user can
+            install it and try again.
+    """
+    program = shutil.which(command[0], path=path or None)
+    if program is None:
+        raise FileNotFoundError("there is no such program")
+    try:
+        answer = subprocess.run(
+            [program, *command[1:], "--version"],
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=_VERSION_SECONDS,
+            stdin=subprocess.DEVNULL,
+            env={**os.environ, **_ENGLISH},
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        raise OSError("it gives no answer") from None
+    if answer.returncode != 0:
+        raise OSError(f"--version ends with exit code {answer.returncode}")
+    lines = answer.stdout.strip().splitlines()
+    kind: Kind = "clang" if "clang" in answer.stdout.lower() else "gcc"
+    if any(Path(word).stem in ("zig", "ziglang") for word in command):
+        kind = "zig"
+    return Compiler((program, *command[1:]), kind, lines[0] if lines else "")
+
+
+def first_build_notice(compiler: Compiler) -> str:
+    """Notice that this compiler's first build on this machine is slow; empty if it is not."""
+    folder = "LOCALAPPDATA" if sys.platform == "win32" else "XDG_CACHE_HOME"
+    caches = os.environ.get(folder) or os.path.expanduser("~/.cache")
+    zig_cache = Path(os.environ.get("ZIG_GLOBAL_CACHE_DIR") or Path(caches, "zig"))
+    if compiler.kind != "zig" or zig_cache.exists():
+        return ""
+    return "zig first builds its C++ standard library, once on this machine; this takes a minute"
+
+
+def system_install_command() -> str:
+    """Command that installs a C++ compiler with the system's package manager; empty if unknown."""
+    if sys.platform == "darwin":
+        return "xcode-select --install"
+    as_root = "" if hasattr(os, "geteuid") and os.geteuid() == 0 else "sudo "
+    for program, arguments in (
+        ("apt-get", "install -y g++"),
+        ("dnf", "install -y gcc-c++"),
+        ("pacman", "-S --needed gcc"),
+        ("zypper", "install -y gcc-c++"),
+        ("apk", "add g++"),
+    ):
+        if shutil.which(program):
+            return f"{as_root}{program} {arguments}"
+    return ""
+
+
+def compile_flags(compiler: Compiler) -> tuple[str, ...]:
+    """The flags that depend on the compiler, the processor and the user.
+
+    -O2 at every size: code in pieces compiles in time proportional to its length (docs/growth.md
+    compares -O1). Flags in the environment variable FANTOCCINI_CXXFLAGS come last and win.
+
+    Raises:
+        BuildError: FANTOCCINI_CXXFLAGS cannot be split into flags.
+    """
+    # On ARM only -mcpu is understood by every compiler; elsewhere -march.
+    arm = platform.machine().lower() in ("arm64", "aarch64")
+    native = "-mcpu=native" if arm or compiler.kind == "zig" else "-march=native"
+    # zig instruments for undefined behaviour unless told not to.
+    extra = ("-fno-sanitize=undefined",) if compiler.kind == "zig" else ()
+    return ("-O2", native, *extra, *_flags_of_the_user())
+
+
+def _flags_of_the_user() -> list[str]:
+    """The flags in FANTOCCINI_CXXFLAGS, split as a shell would."""
+    value = os.environ.get("FANTOCCINI_CXXFLAGS", "")
+    try:
+        return shlex.split(value)
+    except ValueError as error:
+        raise BuildError(f"FANTOCCINI_CXXFLAGS={value!r} are not flags: {error}") from None
+
+
+def default_flags(source: Source) -> tuple[str, ...]:
+    """The default flags of :func:`obtain`, the same for every source."""
+    return compile_flags(find_compiler())
+
+
+def command_lines(
+    compiler: Compiler,
+    source: Source,
+    flags: tuple[str, ...],
+    include: Path,
+    object_files: Sequence[str] = (),
+) -> tuple[list[list[str]], list[str]]:
+    """The commands that make the library, to run inside the entry's folder.
+
+    Args:
+        compiler: compiler to call.
+        source: source files of the library.
+        flags: compiler flags beyond the standard ones; with ``-c`` the library is an object file.
+        include: folder of the runtime's headers.
+        object_files: object files to link.
+
+    Returns:
+        Commands that can run at the same time, and the one that links their output; the first list
+        is empty where one command does both.
+    """
+    files = [source.main, *source.units]
+    common = [*compiler.command, *BASE_FLAGS, *flags]
+    if "-c" in flags:
+        common.remove("-shared")
+    if len(files) == 1:
+        return [], [*common, "-I", str(include), source.main, *object_files, "-o", LIBRARY]
+    alone = [flag for flag in common if flag != "-shared"] + [APART, "-I", str(include), "-c"]
+    unit_objects = [f"{Path(file).stem}.o" for file in files]
+    parts = [[*alone, f, "-o", o] for f, o in zip(files, unit_objects, strict=True)]
+    return parts, [*common, *unit_objects, *object_files, "-o", LIBRARY]
+
+
+def run_compilers(
+    commands: list[list[str]], folder: Path, seconds: float = COMPILE_SECONDS
+) -> None:
+    """Runs compilers in a folder, as many at a time as there are processors.
+
+    Args:
+        commands: each as in :func:`run_compiler`.
+        folder: where they run.
+        seconds: how long each may take.
+
+    Raises:
+        BuildError, DiskError: of the first to fail; the others are killed.
+    """
+    together = _Together()
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        made = [pool.submit(run_compiler, c, folder, seconds, together) for c in commands]
+        try:
+            for future in as_completed(made):
+                future.result()
+        except BaseException:
+            for future in made:
+                future.cancel()
+            together.end()
+            raise
+
+
+class _Together:
+    """Compilers that run at the same time and are killed together."""
+
+    def __init__(self) -> None:
+        self._ended = threading.Event()
+        self._running: set[subprocess.Popen[str]] = set()
+
+    def add(self, process: subprocess.Popen[str]) -> None:
+        """Adds a process; kills it at once if the others have been killed."""
+        self._running.add(process)
+        if self._ended.is_set():
+            _kill(process)
+
+    def discard(self, process: subprocess.Popen[str]) -> None:
+        """Forgets a process that has ended."""
+        self._running.discard(process)
+
+    def end(self) -> None:
+        """Kills the processes, and any that is added from now on."""
+        self._ended.set()
+        for process in self._running.copy():
+            _kill(process)
+
+
+def run_compiler(
+    command: list[str],
+    folder: Path,
+    seconds: float = COMPILE_SECONDS,
+    together: _Together | None = None,
+) -> None:
+    """Runs a compiler in a folder and waits for it.
+
+    Args:
+        command: program and arguments, the last one the file to write.
+        folder: where it runs; relative names in the command are inside it.
+        seconds: how long it may take.
+        together: the compilers that run at the same time.
+
+    Raises:
+        BuildError: it failed, or took too long.
+        DiskError: it could not write.
+    """
+    try:
+        process = subprocess.Popen(
+            command,
+            cwd=folder,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            # Temporary files go into the same folder: one disk to fill, one to clean.
+            env={**os.environ, **_ENGLISH, "TMPDIR": str(folder)},
+            start_new_session=True,
+        )
+    except OSError as error:
+        raise BuildError(f"the compiler {command[0]!r} does not start: {error}") from error
+    together = together or _Together()
+    together.add(process)
+    try:
+        output, _ = process.communicate(timeout=seconds)
+    except subprocess.TimeoutExpired:
+        _end(process)
+        raise BuildError(
+            f"the compiler was stopped after {seconds:g} s; the command was\n"
+            f"  {shlex.join(command)}"
+        ) from None
+    except BaseException:
+        _end(process)
+        raise
+    finally:
+        together.discard(process)
+    if process.returncode == 0:
+        if not (folder / command[-1]).is_file():
+            raise BuildError(f"{command[0]} reports success and has not written {command[-1]}")
+        return
+    if any(sign in output for sign in _FULL):
+        raise DiskError(next(line for line in output.splitlines() if any(s in line for s in _FULL)))
+    lines = output.strip().splitlines()
+    shown = "\n".join(f"  {line}" for line in lines[:20]) or "  (it printed nothing)"
+    more = f"\n  ... and {len(lines) - 20} lines more" if len(lines) > 20 else ""
+    raise BuildError(
+        f"the compiler failed with exit code {process.returncode}; the command was\n"
+        f"  {shlex.join(command)}\nand it said\n{shown}{more}"
+    )
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    """Ends a compiler and waits for it."""
+    _kill(process)
+    process.communicate()
+
+
+def _kill(process: subprocess.Popen[str]) -> None:
+    """Kills a compiler and the programs it started, which would outlive it."""
+    if hasattr(os, "killpg"):
+        with contextlib.suppress(OSError):
+            os.killpg(process.pid, signal.SIGKILL)
+    else:
+        process.kill()

@@ -1,0 +1,65 @@
+"""Facts on this machine for ``fantoccini doctor``."""
+
+from __future__ import annotations
+
+import os
+import platform
+from pathlib import Path
+
+from fantoccini.base import BuildError
+from fantoccini.kernel.build.cache import entries
+from fantoccini.kernel.build.compiler import BASE_FLAGS, compile_flags, find_compiler
+from fantoccini.kernel.build.folders import cache_folder, distrust
+from fantoccini.kernel.build.key import casadi_version, processor
+
+
+def describe() -> dict[str, str]:
+    """The compiler, its flags, the processor and the cache, as label -> text.
+
+    Never raises: faults are reported under the key ``problem``, without which this machine can
+    compile puppets.
+    """
+    facts: dict[str, str] = {}
+    problems: list[str] = []
+    try:
+        compiler = find_compiler()
+        facts["compiler"] = f"{compiler.version} ({' '.join(compiler.command)})"
+        facts["flags"] = " ".join((*BASE_FLAGS, *compile_flags(compiler)))
+    except BuildError as error:
+        facts["compiler"] = "none"
+        problems.append(str(error))
+    facts["processor"] = platform.processor() or platform.machine()
+    facts["features"] = _features()
+    facts["casadi"] = casadi_version()
+    root = cache_folder()
+    facts["cache"] = str(root)
+    facts["cache entries"] = _contents(root)
+    if trouble := distrust(root) or _unwritable(root):
+        problems.append(f"the cache folder is not used: {trouble}")
+    if problems:
+        facts["problem"] = "\n".join(problems)
+    return facts
+
+
+def _features() -> str:
+    """The processor's vector extensions, widest last."""
+    have = processor().split()
+    known = ("asimd", "neon", "sve", "sse2", "sse4_2", "avx", "avx2", "fma", "avx512f")
+    return " ".join(name for name in known if name in have) or "unknown"
+
+
+def _contents(root: Path) -> str:
+    """Number and total size of the entries below a cache folder."""
+    found = entries(root)
+    size = sum(file.stat().st_size for entry in found for file in entry.iterdir())
+    return f"{len(found)} ({size / 1e6:.1f} MB)"
+
+
+def _unwritable(root: Path) -> str:
+    """Why a folder, or its nearest parent that exists, cannot be written; empty if it can."""
+    above = root
+    while not above.exists() and above != above.parent:
+        above = above.parent
+    if not above.is_dir():
+        return f"{above} is not a folder"
+    return "" if os.access(above, os.W_OK) else f"{above} cannot be written"

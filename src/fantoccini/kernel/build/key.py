@@ -1,0 +1,77 @@
+"""The key of a library: a hash of everything that can change it, and of nothing else."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+import sys
+from collections.abc import Iterable
+from importlib import metadata
+from pathlib import Path
+
+from fantoccini.kernel.build.compiler import BASE_FLAGS, compile_flags, find_compiler
+from fantoccini.kernel.build.significant import significant_cpp
+
+
+def fingerprint(canonical: str, generator: str, flags: Iterable[str] = ()) -> str:
+    """The key under which a puppet's library is kept.
+
+    Args:
+        canonical: the puppet in its canonical form.
+        generator: hash of the code that makes the source text (:func:`code_fingerprint`).
+        flags: compiler flags beyond the standard ones, and whatever else distinguishes libraries
+            of one puppet.
+
+    Returns:
+        64 hexadecimal digits. They depend on the arguments, CasADi's version, the runtime's
+        headers, the compiler, the standard flags and the processor, but not on Python's version.
+    """
+    compiler = find_compiler()
+    parts = {
+        "canonical": canonical,
+        "generator": generator,
+        "flags": list(flags),
+        "standard flags": [*BASE_FLAGS, *compile_flags(compiler)],
+        "casadi": casadi_version(),
+        "runtime": runtime_hash(runtime_folder()),
+        "compiler": [compiler.kind, compiler.version, *compiler.command],
+        "processor": [sys.platform, platform.machine(), processor()],
+    }
+    text = json.dumps(parts, sort_keys=True, ensure_ascii=True)
+    return hashlib.sha256(text.encode("ascii")).hexdigest()
+
+
+def runtime_folder() -> Path:
+    """The include folder of the C++ runtime."""
+    return Path(__file__).resolve().parent.parent / "cpp"
+
+
+def runtime_hash(folder: Path) -> str:
+    """SHA-256 of the names and the code, without comments, of the runtime's headers."""
+    total = hashlib.sha256()
+    for file in sorted(folder.rglob("*.hpp")):
+        code = significant_cpp(file.read_text(encoding="utf-8")).encode()
+        total.update(f"{file.relative_to(folder).as_posix()}\0{len(code)}\0".encode() + code)
+    return total.hexdigest()
+
+
+def casadi_version() -> str:
+    """The installed CasADi's version, from its metadata: importing it takes far longer."""
+    try:
+        return metadata.version("casadi")
+    except metadata.PackageNotFoundError:
+        return "none"
+
+
+def processor(cpuinfo: Path = Path("/proc/cpuinfo")) -> str:
+    """The processor's features, which ``-march=native`` may use; its name if they are unknown."""
+    try:
+        with open(cpuinfo, encoding="utf-8", errors="replace") as lines:
+            for line in lines:
+                label, _, value = line.partition(":")
+                if label.strip() in ("flags", "Features"):
+                    return " ".join(sorted(set(value.split())))
+    except OSError:
+        pass
+    return platform.processor()

@@ -1,0 +1,21 @@
+"""Equations -> source text: the libraries that are compiled here, and C99 to take elsewhere."""
+
+from fantoccini.kernel.codegen.c99 import c99_files
+from fantoccini.kernel.codegen.libraries import generate
+from fantoccini.kernel.codegen.model import (
+    STEM,
+    Generated,
+    model_text,
+    operations,
+    tables_text,
+)
+
+__all__ = [
+    "STEM",
+    "Generated",
+    "c99_files",
+    "generate",
+    "model_text",
+    "operations",
+    "tables_text",
+]

@@ -1,0 +1,237 @@
+"""The source text of a puppet's libraries: generated functions under the runtime's C interfaces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import prod
+
+from fantoccini.kernel.codegen.model import (
+    SIZES,
+    STEM,
+    Generated,
+    Real,
+    assembled,
+    programs,
+    tables_text,
+)
+from fantoccini.kernel.codegen.straight import Program, program, together
+from fantoccini.kernel.contract import FUNCTIONS, compiled
+from fantoccini.kernel.equations import Derivatives, Equations, Variational, VariationalDerivatives
+
+WIDE = Real("fan::Wide", "wide", "fantoccini/math/wide.hpp")
+"""As many doubles as a processor's vector holds: one trajectory or configuration for each lane."""
+
+_BESIDE = replace(WIDE, stem="wide")
+"""The same beside functions of doubles."""
+_SINGLE = replace(Real(), stem="single")
+"""Doubles beside lanes: those whose contacts are not those of the others make steps one by one."""
+_IN_LANES = ("force_by_q", "force_by_v", "force_by_K", "rows_by", "row_rates_by")
+"""Functions that libraries ``with_lanes`` evaluate at several states at once."""
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """Properties of a library.
+
+    Attributes:
+        header: its C interface in the runtime's folder `interface`, without the ending.
+        real: the type that its functions compute with.
+        mapped: whether Python calls its functions over arrays.
+        columns: whether it has ``column``.
+        touches: whether it makes time steps with contact.
+        several: whether it has ``forth`` and ``back`` of several vectors at once.
+        with_lanes: whether it evaluates derivatives at several states at once.
+    """
+
+    header: str
+    real: Real
+    mapped: bool = False
+    columns: bool = True
+    touches: bool = False
+    several: bool = False
+    with_lanes: bool = False
+
+
+_KINDS = {
+    "model": _Kind("model", Real(), mapped=True, touches=True),
+    "lanes": _Kind("lanes", WIDE, touches=True),
+    "clearance": _Kind("clearance", WIDE, columns=False),
+    "rollouts": _Kind("rollouts", WIDE, touches=True),
+    "variational": _Kind("variational", Real()),
+    "variational_lanes": _Kind("variational_lanes", WIDE),
+    "derivatives": _Kind(
+        "derivatives", Real(), mapped=True, several=True, with_lanes=True
+    ),
+    "step_derivatives": _Kind("step_derivatives", Real(), several=True, with_lanes=True),
+    "gradients": _Kind("gradients", Real(), touches=True),
+    "variational_derivatives": _Kind("map", Real(), mapped=True, columns=False),
+    "reach": _Kind("reach", Real(), columns=False),
+}
+
+
+def generate(equations: Equations, library: str = "model") -> Generated:
+    """The source text of one of a puppet's libraries.
+
+    Args:
+        equations: the derived equations.
+        library: one of ``fantoccini.kernel.contract.LIBRARIES``.
+    """
+    kind, names = _KINDS[library], compiled(library, equations.tree.sizes)
+    made = _programs(equations, library, names, kind.columns)
+    plain = library == "variational_derivatives"
+    sizes = {**equations.tree.sizes, "n_packed": 0} if plain else None
+    beside = {name: made.pop(name) for name in list(made) if kind.with_lanes and name in _IN_LANES}
+    own = [name for name in names if name not in beside]
+    members = [
+        _member(name, kind.real, kind.mapped) for name in (*own, *["column"] * kind.columns)
+    ]
+    members += [_member(name, _BESIDE, kind.mapped) for name in beside]
+    # Contact points push along three directions each. Bundles have a width of 1 on some processors.
+    in_threes = kind.touches and equations.tree.n_contacts > 0
+    if in_threes:
+        members.append(_PUSH.format(space=kind.real.space))
+    singly = in_threes and kind.real is WIDE
+    if singly:
+        single = [_member(name, _SINGLE, kind.mapped) for name in (*own, "column")]
+        members += [_SEVERAL_LANES, *single, "#endif"]
+    templates = [_pushes(equations, made["forth"])] if in_threes else []
+    if kind.several:
+        for name in ("forth", "back"):
+            templates.append(together(made[name], f"fan_{name}_of", SIZES.piece))
+            members.append(_SEVERAL.format(name=name, space=kind.real.space))
+    more = _SPACE.format(**vars(_BESIDE)) if beside else ""
+    if singly:
+        more = f"{_SEVERAL_LANES}\n{_SPACE.format(**vars(_SINGLE))}#endif\n"
+    parts = {kind.real: made} | ({_BESIDE: beside} if beside else {})
+    main = _MAIN.format(
+        library=library.replace("_", " "),
+        templates="\n".join([*templates, ""]) if templates else "",
+        more_headers=f'#include "{_BESIDE.header}"\n' if beside else "",
+        more=more,
+        members="\n".join(members),
+        maps="".join(_map(equations, n, n in beside) for n in names) if kind.mapped else "",
+        abi=kind.header,
+        width="1" if kind.real.type == "double" else "FAN_WIDTH",
+        **vars(kind.real),
+    )
+    files = {f"{STEM}.hpp": tables_text(equations, sizes), "main.cpp": main}
+    generated = assembled(parts | ({_SINGLE: made} if singly else {}), files)
+    shared_units = ("collision/touch_unit",) if equations.tree.n_contacts else ()
+    return replace(generated, shared_units=shared_units)
+
+
+def _programs(
+    equations: Equations, library: str, names: tuple[str, ...], columns: bool
+) -> dict[str, Program]:
+    if library in ("derivatives", "step_derivatives", "gradients", "reach"):
+        own = Derivatives(equations.tree).functions(library)
+    elif library == "variational_derivatives":
+        own = VariationalDerivatives(equations).functions(library)
+    elif library.startswith("variational"):
+        own = Variational(equations).functions()
+    else:
+        own = {}
+    shared = programs(equations, [name for name in names if name not in own], columns=columns)
+    return shared | {name: program(function) for name, function in own.items()}
+
+
+def _pushes(equations: Equations, forth: Program) -> str:
+    """``fan_push(link, L, x, y)``: ``forth`` of several x; shorter for one link alone."""
+    made = {f"fan_push_{i}": program(function) for i, function in equations.pushes.items()}
+    texts = [together(whole, name, SIZES.piece) for name, whole in made.items()]
+    cases = [f"    case {i}: return fan_push_{i}(L, x, y);" for i in equations.pushes]
+    switch = [
+        "template <class A, class V>",
+        "inline void fan_push(int link, const A* L, const V* x, V* y) {",
+        "  switch (link) {",
+        *cases,
+        "    default: return fan_push_all(L, x, y);",
+        "  }",
+        "}",
+    ]
+    return "\n".join([*texts, together(forth, "fan_push_all", SIZES.piece), *switch, ""])
+
+
+def _member(name: str, real: Real, mapped: bool) -> str:
+    """A function as a member of the C++ struct ``Model``."""
+    space, type_ = real.space, real.type
+    if name == "column":
+        return (
+            f"  static void column(int which, const {type_}** arg, {type_}** res) {{\n"
+            f"    {space}::fan_column(which, arg, res);\n  }}"
+        )
+    varying = [name] if mapped or not FUNCTIONS[name].standing else []
+    lines = []
+    if FUNCTIONS[name].standing:
+        varying.append(f"{name}_varying")
+        constants = f"static void {name}_constants({type_}** res)"
+        lines.append(f"  {constants} {{ {space}::fan_{name}_constants(res); }}")
+    lines += [
+        f"  static int {one}(const {type_}** arg, {type_}** res) {{\n"
+        f"    return {space}::fan_{one}(arg, res, nullptr, nullptr, 0);\n  }}"
+        for one in varying
+    ]
+    return "\n".join(lines)
+
+
+def _map(equations: Equations, name: str, in_lanes: bool) -> str:
+    """The definition through which Python calls a function over arrays."""
+    function = FUNCTIONS[name]
+    if not function.mapped:
+        return ""
+    if not in_lanes:
+        return f"FAN_MAP({name}, {len(function.arguments)}, {len(function.results)})\n"
+    sizes = equations.tree.sizes
+    widths = (
+        ", ".join(str(prod(q.dimensions(sizes))) for q in quantities)
+        for quantities in (function.arguments, function.results)
+    )
+    return "FAN_MAP_IN_LANES({}, ({}), ({}))\n".format(name, *widths)
+
+
+_PUSH = """\
+  template <class A, class V>
+  static void push(int link, const A* L, const V* x, V* y) {{
+    {space}::fan_push(link, L, x, y);
+  }}"""
+
+_SEVERAL = """\
+  template <class V>
+  static void {name}_of(const double* L, const V* x, V* y) {{
+    {space}::fan_{name}_of(L, x, y);
+  }}"""
+
+_SEVERAL_LANES = "#if FAN_WIDTH > 1"
+
+_SPACE = """\
+namespace {space} {{
+#define casadi_real {type}
+#include "{stem}.c"
+#undef casadi_real
+}}  // namespace {space}
+"""
+
+_MAIN = """\
+// A compiled puppet: its library of {library}.
+#define FAN_TOUCH_EXTERNAL
+#include <cmath>
+
+#include "{header}"
+{more_headers}#include "model.hpp"
+
+namespace fan {{
+namespace {space} {{
+#define casadi_real {type}
+#include "model.c"
+#undef casadi_real
+{templates}}}  // namespace {space}
+{more}
+struct Model : ModelTables {{
+{members}
+}};
+}}  // namespace fan
+
+#include "fantoccini/interface/{abi}.hpp"
+
+FAN_EXPORT void fan_identity(long long* out) {{ fan::identity<fan::Model>({width}, out); }}
+{maps}"""

@@ -1,0 +1,368 @@
+"""Equations -> source text. No disk, no names from the user's file.
+
+A library consists of ``model.c`` and its pieces (the functions), ``model.hpp`` (sizes and index
+tables as constants) and ``main.cpp`` (the C interface). Pieces can be compiled separately, in
+parallel. The text depends on the equations alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import accumulate
+from typing import NamedTuple
+
+from fantoccini.base.documents import Parameter
+from fantoccini.kernel.codegen.straight import Program, dealt, pieces, program
+from fantoccini.kernel.contract import FUNCTIONS
+from fantoccini.kernel.equations import Equations
+from fantoccini.model.tree import TURNS_WITH_LINK, WORLD, LimitRow, Role, StringRow, Tree
+
+STEM = "model"
+"""Name of the files that hold the model, without their endings."""
+
+Places = tuple[tuple[int, int], ...]
+
+
+class PieceSizes(NamedTuple):
+    """Sizes at which generated functions are cut, chosen by compile time (docs/growth.md).
+
+    Attributes:
+        piece: arithmetic statements of a piece, at most.
+        file: statements at which the next piece starts another file.
+        separate: arithmetic statements of a library from which on files of pieces are compiled
+            separately from the runtime.
+    """
+
+    piece: int = 1000
+    file: int = 6000
+    separate: int = 2000
+
+
+SIZES = PieceSizes()
+
+
+@dataclass(frozen=True)
+class Generated:
+    """Source text of a puppet.
+
+    Attributes:
+        files: file name -> text.
+        main: the file to compile.
+        units: further files to compile, all with ``FAN_APART`` defined; without it ``main`` alone
+            is complete.
+        operations: arithmetic operations of every generated function.
+        shared_units: runtime headers compiled once per machine and linked (see ``build.Source``).
+    """
+
+    files: dict[str, str]
+    main: str
+    units: tuple[str, ...]
+    operations: dict[str, int]
+    shared_units: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Real:
+    """The type that functions compute with.
+
+    Attributes:
+        type: in C++.
+        space: namespace inside ``fan`` that holds the functions.
+        header: where the type is declared.
+        stem: of the names of the files that hold them.
+    """
+
+    type: str = "double"
+    space: str = "scalar"
+    header: str = "fantoccini/math/elementary.hpp"
+    stem: str = STEM
+
+
+def assembled(parts: Mapping[Real, dict[str, Program]], files: dict[str, str]) -> Generated:
+    """Functions with the files that call them; large functions in units of their own.
+
+    Args:
+        parts: functions by name, for each type that they compute with.
+        files: ``main.cpp`` and what else it includes.
+    """
+    texts, units, counts = dict[str, str](), dict[str, str](), dict[str, int]()
+    for real, functions in parts.items():
+        text = model_text(functions, stem=real.stem)
+        counts |= _counted(functions)
+        texts |= text
+        units |= {
+            name.replace("pieces", "unit").replace(".c", ".cpp"): _UNIT.format(
+                pieces=name, type=real.type, space=real.space, header=real.header
+            )
+            for name in text
+            if "pieces" in name
+        }
+    if sum(counts.values()) < SIZES.separate:
+        units = {}
+    return Generated(texts | units | files, "main.cpp", tuple(units), counts)
+
+
+def programs(
+    equations: Equations, names: Iterable[str] | None = None, columns: bool = True
+) -> dict[str, Program]:
+    """The statements of compiled functions, by name.
+
+    Args:
+        equations: the derived equations.
+        names: of the functions; those of the model by default.
+        columns: whether to add ``column_0`` and so on, those of ``Equations.columns`` in order.
+    """
+    names = equations.model if names is None else names
+    made = {name: program(equations[name]) for name in names}
+    found = equations.columns.values() if columns else ()
+    return made | {f"column_{k}": program(function) for k, (_, function) in enumerate(found)}
+
+
+def operations(equations: Equations) -> dict[str, int]:
+    """Arithmetic operations of every compiled function, and of all ``columns`` together."""
+    return _counted(programs(equations))
+
+
+def _counted(functions: dict[str, Program]) -> dict[str, int]:
+    counts = {n: whole.operations for n, whole in functions.items() if not _is_column(n)}
+    columns = [whole.operations for n, whole in functions.items() if _is_column(n)]
+    return counts | ({"columns": sum(columns)} if columns else {})
+
+
+def _is_column(name: str) -> bool:
+    return name.startswith("column_")
+
+
+def model_text(
+    functions: dict[str, Program], longest: int = SIZES.piece, stem: str = STEM
+) -> dict[str, str]:
+    """The functions as C, to be included where ``casadi_real`` is defined.
+
+    ``model.c`` declares the pieces, includes them unless ``FAN_APART`` is defined, and defines the
+    functions that call them. ``pieces0.c`` and so on hold the pieces.
+
+    Args:
+        functions: by name.
+        longest: arithmetic statements of a piece, at most.
+        stem: of the files' names, if it is another.
+
+    Returns:
+        File name -> text.
+    """
+    made = {
+        name: pieces(whole, f"fan_{name}", longest, _standing(name))
+        for name, whole in functions.items()
+    }
+    files = dealt([piece for cut in made.values() for piece in cut.pieces], SIZES.file)
+    first = "" if stem == STEM else f"{stem}_"
+    names = [f"{first}pieces{k}.c" for k in range(len(files))]
+    declarations = [line for cut in made.values() for line in cut.declarations]
+    definitions = [cut.definition for cut in made.values()] + [_switch(functions)]
+    text = _MODEL.format(
+        declarations="\n".join(declarations),
+        includes="\n".join(f'#include "{name}"' for name in names),
+        definitions="\n\n".join(definitions),
+    )
+    return {f"{stem}.c": text} | dict(zip(names, files, strict=True))
+
+
+def _standing(name: str) -> tuple[str, ...]:
+    return FUNCTIONS[name].standing if name in FUNCTIONS else ()
+
+
+def _switch(functions: dict[str, Program]) -> str:
+    """The function that calls a column of ``Equations.columns`` by its number."""
+    calls = [
+        f"    case {k}: fan_{name}(arg, res, nullptr, nullptr, 0); break;"
+        for k, name in enumerate(filter(_is_column, functions))
+    ]
+    head = "inline void fan_column(int which, const casadi_real** arg, casadi_real** res) {"
+    return "\n".join([head, "  switch (which) {", *calls, "  }", "}"])
+
+
+def tables_text(equations: Equations, sizes: dict[str, int] | None = None) -> str:
+    """``model.hpp``: sizes and index tables of a tree as C++ constants.
+
+    Args:
+        equations: the derived equations.
+        sizes: the constants, for functions that need no tables; these are then left out.
+    """
+    constants = [
+        f"  static constexpr int {name} = {value};"
+        for name, value in (sizes or equations.sizes).items()
+    ]
+    tables = [] if sizes else _tables(equations)
+    lines = ["#pragma once", "", "namespace fan {", "", "struct ModelTables {", *constants, *tables]
+    return "\n".join([*lines, "};", "", "}  // namespace fan", ""])
+
+
+def _tables(equations: Equations) -> list[str]:
+    tree, table = equations.tree, equations.tree.coordinates
+    columns = equations.columns
+    numbered = {link: k for k, link in enumerate(columns)}
+    places = [_limit_place(tree, limit) for limit in tree.limits]
+    units = {row.name: row.unit for row in table.rows}
+    turns = [int(units.get(name, "rad") != "m") for name in table.v_D]
+    length_q = [s.driven_length[0] if s.driven_length else -1 for s in tree.strings]
+    length_v = [s.driven_length[1] if s.driven_length else -1 for s in tree.strings]
+    wound_q = [s.wound_length[0] if s.wound_length else -1 for s in tree.strings]
+    return [
+        f"  static constexpr bool coupled = {int(_coupled(tree))};",
+        # Whether driven accelerations act on dynamic coordinates by themselves, not through rows.
+        f"  static constexpr bool accelerated = {int(_coupled(tree) or _follows(tree))};",
+        _array("bool", "wire", [int(s.wire) for s in tree.strings]),
+        # Where a length is in q_K and v_K, and in q_D when a drive winds it; -1 where it is not.
+        _array("int", "length_q", length_q),
+        _array("int", "length_v", length_v),
+        _array("int", "wound_q", wound_q),
+        _array("double", "nominal_length", [_nominal(s) for s in tree.strings]),
+        _array("int", "string_points", [len(s.points) for s in tree.strings]),
+        # Where the entries of a string's column of W are in v_D.
+        *_lists("string", [_pulled(tree, s) for s in tree.strings]),
+        _array("bool", "turns", turns),
+        _array("int", "motor_v", tree.motor_places),
+        _array("bool", "watched_steps", [int(row.steps) for row in tree.watched]),
+        _array("bool", "watched_turns", [turns[row.v.start] for row in tree.watched]),
+        _array("int", "limit_v", [first for first, _ in places]),
+        _array("int", "limit_n", [n for _, n in places]),
+        # Which column of Equations.columns a limit has, and where its entries are in v_D.
+        f"  static constexpr int n_columns = {len(columns)};",
+        _array("int", "limit_column", [numbered[r.link] for r in tree.limits if columns]),
+        *_lists("column", [entries for entries, _ in columns.values()]),
+        *_ways(tree),
+        *_space("Dynamic", table.n_qD, table.n_vD, table.scalars_D, table.quaternions_D),
+        *_space("Driven", table.n_qK, table.n_vK, table.scalars_K, table.quaternions_K),
+    ]
+
+
+def _space(name: str, n_q: int, n_v: int, scalars: Places, quaternions: Places) -> list[str]:
+    return [
+        f"  struct {name} {{",
+        f"    static constexpr int n_q = {n_q}, n_v = {n_v};",
+        f"    static constexpr int n_scalars = {len(scalars)};",
+        f"    static constexpr int n_quaternions = {len(quaternions)};",
+        "  " + _array("int", "scalar_q", [q for q, _ in scalars]),
+        "  " + _array("int", "scalar_v", [v for _, v in scalars]),
+        "  " + _array("int", "quaternion_q", [q for q, _ in quaternions]),
+        "  " + _array("int", "quaternion_v", [v for _, v in quaternions]),
+        "  };",
+    ]
+
+
+def _array(kind: str, name: str, values: Sequence[float]) -> str:
+    """A constant array; one unused entry where it would be empty, which C++ does not have."""
+    body = ", ".join(repr(v) for v in values) or "0"
+    return f"  static constexpr {kind} {name}[{max(1, len(values))}] = {{{body}}};"
+
+
+def _coupled(tree: Tree) -> bool:
+    """Whether M_DK is not zero: some link is moved by a dynamic and by a driven one."""
+    ways = (tree.ancestors(i) for i in range(len(tree.links)))
+    return any(len({tree.links[i].role for i in way} - {Role.FIXED}) > 1 for way in ways)
+
+
+def _follows(tree: Tree) -> bool:
+    """Whether the force of a drive depends on its command's acceleration."""
+    return any(row.command is not None for row in tree.drives)
+
+
+def _lists(name: str, lists: list[list[int]]) -> list[str]:
+    """Lists one after the other as ``name_entry``, and where each begins as ``name_begin``."""
+    begins = accumulate((len(entries) for entries in lists), initial=0)
+    return [
+        _array("int", f"{name}_begin", list(begins)),
+        _array("int", f"{name}_entry", [entry for entries in lists for entry in entries]),
+    ]
+
+
+def _ways(tree: Tree) -> list[str]:
+    """Where links may touch: their parents, and where what moves each is in v_D and in v_K."""
+    if not tree.n_contacts:
+        return []
+    found: dict[Role, list[list[int]]] = {Role.DYNAMIC: [], Role.DRIVEN: []}
+    for i in range(len(tree.links)):
+        for role, ways in found.items():
+            links = [tree.links[j] for j in reversed(tree.ancestors(i))]
+            ways.append([k for a in links if a.role is role for k in range(a.v.start, a.v.stop)])
+    return [
+        _array("int", "link_parent", [link.parent for link in tree.links]),
+        *_lists("moved_D", found[Role.DYNAMIC]),
+        *_lists("moved_K", found[Role.DRIVEN]),
+        *_lists("carried", _carriers(tree, found)),
+    ]
+
+
+def _carriers(tree: Tree, moved: dict[Role, list[list[int]]]) -> list[list[int]]:
+    """What carries the axis of each velocity, those of v_K after those of v_D."""
+    t = tree.coordinates
+    carriers: list[list[int]] = [[] for _ in range(t.n_vD + t.n_vK)]
+    for i, link in enumerate(tree.links):
+        if link.role is Role.FIXED:
+            continue
+        first = t.n_vD if link.role is Role.DRIVEN else 0
+        for k in range(link.v.start, link.v.stop):
+            turns = k - link.v.start in TURNS_WITH_LINK.get(link.kind, ())
+            carrier = i if turns else link.parent
+            if carrier != WORLD:
+                driven = [t.n_vD + j for j in moved[Role.DRIVEN][carrier]]
+                carriers[first + k] = moved[Role.DYNAMIC][carrier] + driven
+    return carriers
+
+
+def _pulled(tree: Tree, string: StringRow) -> list[int]:
+    """Places in v_D of the links on the way from a string's points to the world, in order."""
+    ways = (tree.ancestors(point.link) for point in string.points)
+    links = {i for way in ways for i in way if tree.links[i].role is Role.DYNAMIC}
+    if string.wound_length:
+        links |= {d.link for d in tree.drives if d.v.start == string.wound_length[1]}
+    return [k for i in sorted(links) for k in range(tree.links[i].v.start, tree.links[i].v.stop)]
+
+
+def _nominal(string: StringRow) -> float:
+    if string.length is None:
+        return 0.0
+    length = string.length
+    return length.value if isinstance(length, Parameter) else float(length)
+
+
+def _limit_place(tree: Tree, limit: LimitRow) -> tuple[int, int]:
+    place = tree.links[limit.link].v
+    return place.start, place.stop - place.start
+
+
+_MODEL = """\
+#ifndef casadi_int
+#define casadi_int long long int
+#endif
+#ifdef FAN_APART
+#define FAN_PIECE
+#else
+#define FAN_PIECE static __attribute__((noinline))
+#endif
+
+{declarations}
+
+#ifndef FAN_APART
+{includes}
+#endif
+
+{definitions}
+
+#undef FAN_PIECE
+"""
+
+_UNIT = """\
+// Pieces of a compiled puppet's functions.
+#include <cmath>
+
+#include "{header}"
+
+namespace fan {{
+namespace {space} {{
+#define casadi_real {type}
+#define FAN_PIECE
+#include "{pieces}"
+}}  // namespace {space}
+}}  // namespace fan
+"""

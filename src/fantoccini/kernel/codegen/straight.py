@@ -1,0 +1,390 @@
+"""A CasADi function as straight-line C, cut into pieces that compile fast.
+
+Compile time grows faster than the length of straight-line code. The statements of a function are
+therefore split, in order, into pieces: functions that take the arguments, the results and a work
+array. A value used in a later piece is passed in the work array, or read back from its result.
+Inside a piece values are named constants.
+
+Slow operations are done once: a divisor of several quotients is inverted, a root that divides
+becomes an inverse root, and sine and cosine of an angle are computed together.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections import Counter
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import casadi as ca
+
+from fantoccini.kernel.codegen.statements import expression, literal
+
+_NOT_ARITHMETIC = (ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT)
+
+INVERSE_ROOT = -1
+"""Operation that CasADi does not have: 1 / sqrt(x)."""
+
+_OWN = {
+    INVERSE_ROOT: "inverse_root({})",
+    ca.OP_ATAN: "arctangent({})",
+    ca.OP_LT: "one_if({} < {})",
+    ca.OP_LE: "one_if({} <= {})",
+    ca.OP_EQ: "one_if({} == {})",
+    ca.OP_NE: "one_if({} != {})",
+    ca.OP_AND: "one_if({} != 0.0 && {} != 0.0)",
+    ca.OP_OR: "one_if({} != 0.0 || {} != 0.0)",
+    ca.OP_NOT: "one_if({} == 0.0)",
+    ca.OP_IF_ELSE_ZERO: "zero_unless({} != 0.0, {})",
+}
+"""Functions of the runtime, for doubles and lanes: a comparison of lanes is no number yet."""
+
+
+@dataclass(frozen=True)
+class Statement:
+    """An operation; its value is named by its index in the list.
+
+    Attributes:
+        operation: CasADi's code, or ``INVERSE_ROOT``.
+        of: indices of its operands.
+        constant: its value, for OP_CONST.
+        argument: (which, entry), for OP_INPUT.
+    """
+
+    operation: int
+    of: tuple[int, ...] = ()
+    constant: float = 0.0
+    argument: tuple[int, int] = (0, 0)
+
+    @property
+    def is_arithmetic(self) -> bool:
+        return self.operation not in _NOT_ARITHMETIC
+
+
+@dataclass(frozen=True)
+class Program:
+    """The statements of a function, each value assigned once.
+
+    Attributes:
+        statements: operands first.
+        results: (which, entry, index of the value) of every entry of every result.
+        names: of the results.
+    """
+
+    statements: list[Statement]
+    results: list[tuple[int, int, int]]
+    names: tuple[str, ...]
+
+    @property
+    def operations(self) -> int:
+        """Arithmetic operations of one evaluation."""
+        return sum(s.is_arithmetic for s in self.statements)
+
+
+def program(function: ca.Function) -> Program:
+    """The statements of a function of dense SX, with slow operations done once."""
+    statements: list[Statement] = []
+    results: list[tuple[int, int, int]] = []
+    holds: dict[int, int] = {}  # place in CasADi's work vector -> statement
+    for k in range(function.n_instructions()):
+        operation = function.instruction_id(k)
+        into, of = function.instruction_output(k), function.instruction_input(k)
+        if operation == ca.OP_OUTPUT:
+            results.append((into[0], into[1], holds[of[0]]))
+            continue
+        if operation == ca.OP_CONST:
+            made = Statement(operation, constant=function.instruction_constant(k))
+        elif operation == ca.OP_INPUT:
+            made = Statement(operation, argument=(of[0], of[1]))
+        else:
+            made = Statement(operation, tuple(holds[i] for i in of))
+        holds[into[0]] = len(statements)
+        statements.append(made)
+    names = tuple(function.name_out())
+    return _Rewriting(Program(statements, results, names)).done()
+
+
+class _Rewriting:
+    """Rewrites a program so that slow operations are done once.
+
+    CasADi turns x (1 / y) into x / y: a divisor of several quotients is inverted once, a root that
+    divides becomes an inverse root (and the root x times that: x is then positive), and sine and
+    cosine of one angle become neighbours.
+
+    Args:
+        whole: CasADi's program.
+    """
+
+    def __init__(self, whole: Program):
+        self.whole = whole
+        old = whole.statements
+        quotients = [s for s in old if s.operation in (ca.OP_DIV, ca.OP_INV)]
+        self.divided = Counter(s.of[-1] for s in quotients)
+        self.used = Counter([i for s in old for i in s.of] + [v for *_, v in whole.results])
+        self.statements: list[Statement] = []
+        self.place: list[int] = []
+        self.inverse: dict[int, int] = {}
+        self.sine: dict[int, int] = {}
+
+    def done(self) -> Program:
+        for k, s in enumerate(self.whole.statements):
+            self.place.append(self._place(k, s))
+        results = [(r, k, self.place[v]) for r, k, v in self.whole.results]
+        return Program(self.statements, results, self.whole.names)
+
+    def _add(self, operation: int, *of: int) -> int:
+        self.statements.append(Statement(operation, of))
+        return len(self.statements) - 1
+
+    def _place(self, k: int, s: Statement) -> int:
+        """Index in the new program of the value of statement k of the old one."""
+        of = tuple(self.place[i] for i in s.of)
+        if s.operation == ca.OP_SQRT and self.divided[k]:
+            self.inverse[k] = self._add(INVERSE_ROOT, *of)
+            only_divides = self.used[k] == self.divided[k]
+            return self.inverse[k] if only_divides else self._add(ca.OP_MUL, *of, self.inverse[k])
+        if s.operation in (ca.OP_DIV, ca.OP_INV):
+            divisor = s.of[-1]
+            if divisor not in self.inverse and self.divided[divisor] > 1:
+                self.inverse[divisor] = self._add(ca.OP_INV, of[-1])
+            if divisor in self.inverse:
+                reciprocal = self.inverse[divisor]
+                product = s.operation == ca.OP_DIV
+                return self._add(ca.OP_MUL, of[0], reciprocal) if product else reciprocal
+        if s.operation in (ca.OP_SIN, ca.OP_COS):
+            return self._sine_or_cosine(s)
+        self.statements.append(Statement(s.operation, of, s.constant, s.argument))
+        return len(self.statements) - 1
+
+    def _sine_or_cosine(self, s: Statement) -> int:
+        """A sine or cosine; the first of an angle adds both, the sine first."""
+        angle = s.of[0]
+        if angle not in self.sine:
+            self.sine[angle] = self._add(ca.OP_SIN, self.place[angle])
+            self._add(ca.OP_COS, self.place[angle])
+        return self.sine[angle] + (s.operation == ca.OP_COS)
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """The C text of a function.
+
+    Attributes:
+        name: of the function.
+        declarations: of the pieces.
+        pieces: their definitions.
+        definition: of the function, which calls them in order.
+    """
+
+    name: str
+    declarations: list[str]
+    pieces: list[str]
+    definition: str
+
+
+def pieces(
+    whole: Program, name: str, longest: int, standing: Collection[str] = ()
+) -> Pieces:
+    """The text of a function in pieces.
+
+    The including file defines ``casadi_real`` and ``FAN_PIECE`` (qualifiers of the pieces). Only
+    pointers of empty arguments and results may be null.
+
+    Args:
+        whole: the function's statements.
+        name: of the C function.
+        longest: arithmetic statements of a piece, at most.
+        standing: names of results whose constants need not be written every time:
+            ``name_constants`` then writes these and ``name_varying`` the rest.
+    """
+    kept = frozenset(r for r, result in enumerate(whole.names) if result in standing)
+    cut = _Cut(whole, longest, kept)
+    head = "const casadi_real* const* arg, casadi_real* const* res, casadi_real* w"
+    names = [f"{name}_{k}" for k in range(cut.n)]
+    texts = [
+        "\n".join([f"FAN_PIECE void {n}({head}) {{", *cut.body(k), "}"])
+        for k, n in enumerate(names)
+    ]
+    arguments = "const casadi_real** arg, casadi_real** res, casadi_int*, casadi_real*, int"
+    whole_name, name = name, f"{name}_varying" if kept else name
+    lines = [
+        f"inline int {name}({arguments}) {{",
+        f"  casadi_real work[{max(1, cut.n_work)}];",
+        *(f"  {n}(arg, res, work);" for n in names),
+        "  return 0;",
+        "}",
+    ]
+    if kept:
+        lines += [
+            "",
+            f"inline void {whole_name}_constants(casadi_real** res) {{",
+            *cut.constants(),
+            "}",
+            "",
+            f"inline int {whole_name}({arguments}) {{",
+            f"  {whole_name}_constants(res);",
+            f"  return {name}(arg, res, nullptr, nullptr, 0);",
+            "}",
+        ]
+    declarations = [f"FAN_PIECE void {n}({head});" for n in names]
+    return Pieces(whole_name, declarations, texts, "\n".join(lines))
+
+
+def together(whole: Program, name: str, longest: int) -> str:
+    """The text of ``name(a, x, y)``: a function of (a, x) that is linear in x, for several x.
+
+    ``a`` is an array of any scalar type ``A``, ``x`` and ``y`` of any type ``V`` of several.
+
+    Args:
+        whole: the function's statements, with two arguments and one result.
+        name: of the C function.
+        longest: arithmetic statements of a piece, at most.
+    """
+    cut, lines = _Cut(whole, longest, frozenset()), []
+    for k in range(cut.n):
+        lines += [
+            "template <class A, class V>",
+            f"void {name}_{k}(const A* a, const V* x, V* y, V* w) {{",
+            "  (void)a, (void)x, (void)y, (void)w;",
+            *(_of_several(line) for line in cut.body(k)),
+            "}",
+            "",
+        ]
+    lines += [
+        "template <class A, class V>",
+        f"inline void {name}(const A* a, const V* x, V* y) {{",
+        f"  V work[{max(1, cut.n_work)}];",
+        *(f"  {name}_{k}(a, x, y, work);" for k in range(cut.n)),
+        "}",
+    ]
+    return "\n".join(lines)
+
+
+_NAMES = (
+    ("const casadi_real ", "const auto "), ("arg[0][", "a["), ("arg[1][", "x["), ("res[0][", "y[")
+)  # fmt: skip
+
+
+def _of_several(line: str) -> str:
+    """A line of a piece where values that do not depend on x are of type A, and others V."""
+    for old, new in _NAMES:
+        line = line.replace(old, new)
+    into, value = line.strip(" ;").split(" = ", 1)
+    # Values passed to the next piece, and constant results, may be of type A: V{} + value is a V.
+    is_double = into.startswith("w[") or (into.startswith("y[") and not value.startswith("t"))
+    return f"  {into} = V{{}} + {value};" if is_double else line
+
+
+def dealt(texts: list[str], statements: int) -> list[str]:
+    """Texts joined in order to files of at least so many statements, except the last."""
+    files: list[list[str]] = [[]]
+    n = 0
+    for text in texts:
+        if n >= statements:
+            files.append([])
+            n = 0
+        files[-1].append(text)
+        n += text.count("\n")
+    return ["\n\n".join(file) + "\n" for file in files]
+
+
+class _Cut:
+    """The pieces of a program, and how values pass between them.
+
+    Args:
+        whole: the program.
+        longest: arithmetic statements of a piece, at most.
+        kept: results whose constants are written separately.
+    """
+
+    def __init__(self, whole: Program, longest: int, kept: frozenset[int]):
+        self.whole, self.kept = whole, kept
+        done = 0
+        self.piece: list[int] = []
+        for s in whole.statements:
+            # A cosine stays with its sine.
+            follows = s.operation == ca.OP_COS
+            self.piece.append(self.piece[-1] if follows else done // longest)
+            done += s.is_arithmetic
+        self.n = self.piece[-1] + 1 if self.piece else 1
+        self.last = list(self.piece)
+        for k, s in enumerate(whole.statements):
+            for i in s.of:
+                self.last[i] = max(self.last[i], self.piece[k])
+        self.results: dict[int, list[tuple[int, int]]] = {}
+        for which, entry, value in whole.results:
+            self.results.setdefault(value, []).append((which, entry))
+        self.slot = self._slots()
+        self.n_work = max(self.slot.values(), default=-1) + 1
+
+    def _slots(self) -> dict[int, int]:
+        """Value -> its place in the work array, for values that later pieces use."""
+        slot: dict[int, int] = {}
+        free: list[int] = []
+        ends: dict[int, list[int]] = {}
+        used, piece = 0, 0
+        for k, s in enumerate(self.whole.statements):
+            while piece < self.piece[k]:
+                free += ends.pop(piece, [])
+                piece += 1
+            if not s.is_arithmetic or self.last[k] == self.piece[k] or k in self.results:
+                continue
+            slot[k] = free.pop() if free else used
+            used = max(used, slot[k] + 1)
+            ends.setdefault(self.last[k], []).append(slot[k])
+        return slot
+
+    def _is_apart(self, which: int, value: int) -> bool:
+        return which in self.kept and self.whole.statements[value].operation == ca.OP_CONST
+
+    def constants(self) -> list[str]:
+        """Statements that write the constants of ``standing`` results."""
+        return [
+            f"  res[{which}][{entry}] = {literal(self.whole.statements[value].constant)};"
+            for which, entry, value in self.whole.results
+            if self._is_apart(which, value)
+        ]
+
+    def body(self, piece: int) -> list[str]:
+        """The lines of a piece."""
+        lines: list[str] = []
+        named: set[int] = set()
+        for k in range(bisect_left(self.piece, piece), bisect_right(self.piece, piece)):
+            s = self.whole.statements[k]
+            if s.is_arithmetic:
+                operands = [self._operand(i, piece, named, lines) for i in s.of]
+                lines += self._text(k, operands)
+                named.add(k)
+                if k in self.slot:
+                    lines.append(f"  w[{self.slot[k]}] = t{k};")
+            for which, entry in self.results.get(k, ()):
+                if self._is_apart(which, k):
+                    continue
+                value = self._operand(k, piece, named, lines)
+                lines.append(f"  res[{which}][{entry}] = {value};")
+        return lines
+
+    def _text(self, k: int, operands: list[str]) -> list[str]:
+        """The lines of statement k; a sine computes the cosine that follows it."""
+        operation = self.whole.statements[k].operation
+        if operation == ca.OP_COS:
+            return []
+        if operation == ca.OP_SIN:
+            called = f"sine_cosine({operands[0]}, &t{k}, &t{k + 1})"
+            return [f"  casadi_real t{k}, t{k + 1};", f"  {called};"]
+        text = _OWN.get(operation, "").format(*operands) or expression(operation, operands)
+        return [f"  const casadi_real t{k} = {text};"]
+
+    def _operand(self, k: int, piece: int, named: set[int], lines: list[str]) -> str:
+        """The name of a value in a piece; one of an earlier piece is fetched on first use."""
+        s = self.whole.statements[k]
+        if s.operation == ca.OP_CONST:
+            return literal(s.constant)
+        if s.operation == ca.OP_INPUT:
+            return f"arg[{s.argument[0]}][{s.argument[1]}]"
+        if k not in named:
+            which, entry = self.results[k][0] if k in self.results else (0, 0)
+            source = f"w[{self.slot[k]}]" if k in self.slot else f"res[{which}][{entry}]"
+            lines.append(f"  const casadi_real t{k} = {source};")
+            named.add(k)
+        return f"t{k}"

@@ -1,0 +1,442 @@
+"""Every generated function: its arguments, its results and the libraries that have it.
+
+To add a quantity, declare it here and derive it in ``equations/functions.py``. Signatures of the
+CasADi functions, callers in C++, named results in Python, the C99 header and ``docs/functions.md``
+are made from the entry.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from fantoccini.kernel.contract.arguments import ARGUMENTS
+from fantoccini.kernel.contract.quantity import Quantity, Shape
+
+MODEL, LANES, CLEARANCE, ROLLOUTS = "model", "lanes", "clearance", "rollouts"
+VARIATIONAL, VARIATIONAL_LANES, DERIVATIVES = "variational", "variational_lanes", "derivatives"
+STEP_DERIVATIVES, GRADIENTS = "step_derivatives", "gradients"
+VARIATIONAL_DERIVATIVES, REACH = "variational_derivatives", "reach"
+LIBRARIES = (
+    MODEL, LANES, CLEARANCE, ROLLOUTS, VARIATIONAL, VARIATIONAL_LANES, DERIVATIVES,
+    STEP_DERIVATIVES, GRADIENTS, VARIATIONAL_DERIVATIVES, REACH,
+)  # fmt: skip
+"""The libraries of a puppet, each compiled when it is first needed."""
+
+
+@dataclass(frozen=True)
+class Function:
+    """One generated function.
+
+    Attributes:
+        name: of the function.
+        purpose: in one sentence.
+        arguments, results: in the order of compiled code.
+        libraries: that have it; without any, CasADi's interpreter evaluates it.
+        mapped: whether Python may call it over whole arrays.
+        exported: whether the C99 export has it.
+        needs: the size that is above 0 where a puppet has it; empty where all puppets have it.
+        standing: results with many constants, which are written once.
+    """
+
+    name: str
+    purpose: str
+    arguments: tuple[Quantity, ...]
+    results: tuple[Quantity, ...]
+    libraries: tuple[str, ...] = ()
+    mapped: bool = False
+    exported: bool = False
+    needs: str = ""
+    standing: tuple[str, ...] = ()
+
+
+_FORCE, _PER_VELOCITY = "N or N m", "row's unit / s per velocity's unit"
+
+
+def _arguments(names: str) -> tuple[Quantity, ...]:
+    return tuple(ARGUMENTS[name] for name in names.split())
+
+
+_L = Quantity("L", ("n_packed",), "", "the factor M = F^T F, for forth and back only")
+_STRINGS: Shape = ("n_strings",)
+_FACTOR = (
+    _L,
+    Quantity("w0", ("n_vD",), "", "F^-T (u_D - c - damping - M_DK acc_K)"),
+    Quantity("W", ("n_vD", "n_strings"), "", "F^-T A_D^T"),
+    Quantity("G", ("n_strings", "n_strings"), "1/kg", "A_D M^-1 A_D^T = W^T W"),
+)
+_H = Quantity("h", _STRINGS, "m", "path length minus string length")
+_HDOT = Quantity("hdot", _STRINGS, "m/s", "its rate")
+_A0 = Quantity("a0", _STRINGS, "m/s^2", "W^T w0")
+_HDOT_K = Quantity("hdot_K", _STRINGS, "m/s", "A_K v_K, the inputs' part of hdot")
+_LIMITS = (
+    Quantity("h_limit", ("n_limits",), "", "h of the limits"),
+    Quantity("J_limit", (3, "n_limits"), "", "their rows of A_D, in their own joints"),
+)
+_POWER = (
+    Quantity("power0", (), "W", "power of the inputs at acc_D = 0 without tensions"),
+    Quantity("M_DK_v_K", ("n_vD",), "", "M_DK v_K"),
+    Quantity("loss", (), "W", "power of damping and drag"),
+)
+_DYNAMICS = (
+    *_FACTOR, _H, _HDOT,
+    Quantity("gamma", _STRINGS, "m/s^2", "hddot at acc_D = 0"),
+    _A0, _HDOT_K, *_LIMITS,
+    Quantity("gamma_limit", ("n_limits",), "", "hddot of the limits at acc_D = 0"),
+    *_POWER,
+)  # fmt: skip
+_STEP = (*_FACTOR, _H, _HDOT, _A0, _HDOT_K, *_LIMITS, *_POWER)
+_STANDING = ("W", "J_limit", "M_DK_v_K")
+_ROWS = Quantity("h", ("n_rows",), "m", "path length minus string length; limits as listed")
+_Y = Quantity("y", ("n_vD",), "", "the solution")
+_STATE = _arguments("q_D v_D q_K v_K p")
+_PLACE = _arguments("q_D q_K p")
+_FULL = _arguments("q_D v_D acc_D q_K v_K acc_K tension dt p")
+_STEPPING = (LANES, ROLLOUTS, VARIATIONAL, VARIATIONAL_LANES, STEP_DERIVATIVES, GRADIENTS)
+
+
+def _derivative(name: str, rows: str, by: str, meaning: str) -> Quantity:
+    return Quantity(name, (rows, by), "", meaning)
+
+
+_BY_RATES = (
+    _derivative("A_D", "n_rows", "n_vD", "of hdot by v_D"),
+    _derivative("A_K", "n_rows", "n_vK", "of hdot by v_K"),
+    _derivative("h_p", "n_rows", "n_p", "of h by the parameters"),
+    _derivative("hdot_q", "n_rows", "n_vD", "of hdot by tangents of q_D"),
+    _derivative("hdot_qK", "n_rows", "n_vK", "of hdot by tangents of q_K"),
+    _derivative("hdot_p", "n_rows", "n_p", "of hdot by the parameters"),
+)
+_BY_ACCELERATIONS = (
+    _derivative("hddot_q", "n_rows", "n_vD", "of hddot by tangents of q_D"),
+    _derivative("hddot_v", "n_rows", "n_vD", "of hddot by v_D"),
+    _derivative("hddot_qK", "n_rows", "n_vK", "of hddot by tangents of q_K"),
+    _derivative("hddot_vK", "n_rows", "n_vK", "of hddot by v_K"),
+    _derivative("hddot_p", "n_rows", "n_p", "of hddot by the parameters"),
+)
+
+_ENDS = "before", "after"
+_OF_MIDPOINT = (
+    ("q", "n_vD", "tangents of q_D"), ("xi", "n_vD", "xi"), ("qm", "n_vK", "tangents of q_mid"),
+    ("vm", "n_vK", "v_mid"), ("am", "n_vK", "acc_mid"), ("u", "n_vD", "u_D"),
+    ("p", "n_p", "the parameters"),
+)  # fmt: skip
+
+
+_DECLARED = (
+    Function(
+        "dynamics",
+        "Accelerations and tensions of any active set (Eqs. 10, 11): "
+        "acc_D = back(L, w0 + W lam), hddot = gamma + a0 + G lam, lam = -tension.",
+        _arguments("q_D v_D q_K v_K acc_K u_D p"), _DYNAMICS,
+        (MODEL, DERIVATIVES), mapped=True, exported=True, standing=_STANDING,
+    ),
+    Function(
+        "step_dynamics",
+        "The same over a step dt: damping and drag are in F, velocity products those of v_ahead.",
+        _arguments("q_D v_D q_K v_K acc_K u_D v_ahead dt p"),
+        (
+            *_STEP,
+            Quantity("f_M", ("n_motors",), _FORCE, "motors exert f_M - y_M dv over the step"),
+            Quantity("y_M", ("n_motors",), "", "derivative by the change dv of velocity"),
+        ),
+        (MODEL, LANES, ROLLOUTS, STEP_DERIVATIVES, GRADIENTS), mapped=True, standing=_STANDING,
+    ),
+    Function(
+        "limit_rates", "hdot of the limits at a velocity.", _arguments("J_limit v_D"),
+        (Quantity("rates", ("n_limits",), "1/s", "hdot of the limits"),), (MODEL, *_STEPPING),
+    ),
+    Function(
+        "rows", "h of strings and limits, for compiled code.", _PLACE, (_ROWS,), (MODEL,),
+        mapped=True,
+    ),
+    Function(
+        "energy", "Kinetic energy (Eq. 5) and potential energy (Eq. 6, and springs).", _STATE,
+        (
+            Quantity("T", (), "J", "kinetic energy"),
+            Quantity("V", (), "J", "potential energy"),
+        ),
+        (MODEL, LANES, VARIATIONAL, VARIATIONAL_LANES), mapped=True, exported=True,
+    ),
+    Function(
+        "momentum", "Momentum of all links about their centre of mass, in world axes.", _STATE,
+        (Quantity("momentum", (6,), "N s, N m s", "linear, then angular"),),
+        (MODEL, LANES), mapped=True, exported=True,
+    ),
+    Function(
+        "effort",
+        "Force on every driven coordinate: M_KD acc_D + M_KK acc_K + c_K - A_K^T lam.",
+        _arguments("q_D v_D q_K v_K acc_D acc_K lam p"),
+        (Quantity("f_K", ("n_vK",), _FORCE, "force; for a command the force of its motor"),),
+        (MODEL,), mapped=True, exported=True,
+    ),
+    Function(
+        "wrench_forces", "User forces u_D of Eq. 8 from a wrench on every link.",
+        _arguments("q_D q_K wrench p"),
+        (Quantity("u_D", ("n_vD",), _FORCE, "equivalent user forces"),),
+        (MODEL,), mapped=True, exported=True,
+    ),
+    Function(
+        "poses", "World pose of every link (Eqs. 2, 3).", _PLACE,
+        (Quantity("poses", (12, "n_links"), "1, m", "R column by column, then the origin"),),
+        (MODEL, CLEARANCE, ROLLOUTS), mapped=True, exported=True,
+    ),
+    Function(
+        "points", "World positions of the points of every string's path.", _PLACE,
+        (Quantity("points", (3, "n_points"), "m", "x, y, z"),),
+        (MODEL, CLEARANCE, ROLLOUTS), mapped=True, exported=True,
+    ),
+    Function(
+        "screws",
+        "Poses of all links, and the twist about the world's origin that a unit velocity gives all "
+        "links beyond its joint.", _PLACE,
+        (
+            Quantity("poses", (12, "n_links"), "1, m", "R column by column, then the origin"),
+            Quantity("screw_D", (6, "n_vD"), "1 or m", "of v_D: linear, then angular; world axes"),
+            Quantity("screw_K", (6, "n_vK"), "1 or m", "of v_K, likewise"),
+        ),
+        (MODEL, LANES, ROLLOUTS, GRADIENTS, REACH), mapped=True,
+    ),
+    Function(
+        "forth", "y = F^-T x.", _arguments("L x"), (_Y,), (MODEL, *_STEPPING, DERIVATIVES),
+        mapped=True, exported=True,
+    ),
+    Function(
+        "back", "y = F^-1 x.", _arguments("L x"), (_Y,), (MODEL, *_STEPPING, DERIVATIVES),
+        mapped=True, exported=True,
+    ),
+    Function(
+        "motor_lags", "Lag of the drives that may be too weak.", _PLACE,
+        (
+            Quantity("at", ("n_watched",), "rad or m", "position of the drive"),
+            Quantity("command", ("n_watched",), "rad or m", "position that its command asks for"),
+            Quantity("lag", ("n_watched",), "1", "lag in periods of a stepper motor"),
+        ),
+        (MODEL, *_STEPPING), needs="n_watched",
+    ),
+    Function(
+        "motor_shares", "Share of the force its controller asks for that a motor can exert.",
+        _arguments("q_D v_D q_K v_K acc_K p"),
+        (Quantity("share", ("n_watched",), "1", "force it can exert over force asked for"),),
+        (MODEL, *_STEPPING), needs="n_watched",
+    ),
+    Function(
+        "motor_demands", "Force that controllers ask motors for, whatever these can exert.",
+        _arguments("q_D v_D q_K v_K acc_K p"),
+        (Quantity("f_D", ("n_vD",), _FORCE, "force asked for; 0 without a drive"),),
+        (MODEL,), needs="n_watched", mapped=True,
+    ),
+    Function(
+        "node", "Dynamics at a node of a variational run, and the factor with damping over dt.",
+        _arguments("q_D v_D q_K v_K acc_K u_D dt p"),
+        (
+            *_STEP,
+            Quantity("L_firm", ("n_packed",), "", "L with damping and drag over dt"),
+            Quantity("W_firm", ("n_vD", "n_strings"), "", "W of that factor"),
+            Quantity("G_firm", ("n_strings", "n_strings"), "1/kg", "G of that factor"),
+        ),
+        (VARIATIONAL, VARIATIONAL_LANES), standing=("W", "W_firm", "J_limit", "M_DK_v_K"),
+    ),
+    Function(
+        "midpoint_rule", "The momenta at both ends of a step by the midpoint rule.",
+        _arguments("q_D xi q_mid v_mid acc_mid q_K u_D dt p"),
+        (
+            Quantity("before", ("n_vD",), "", "momentum p_k(xi) at the step's start"),
+            Quantity("after", ("n_vD",), "", "momentum p_k+1 at its end"),
+            Quantity("q_next", ("n_qD",), "", "configuration q_k+1"),
+            Quantity("h", ("n_rows",), "m", "h of all rows there"),
+            Quantity("work_M", (), "J", "work of the motors"),
+        ),
+        (VARIATIONAL, VARIATIONAL_LANES),
+    ),
+    Function(
+        "momenta", "p_D = M_DD v_D + M_DK v_K.", _STATE,
+        (Quantity("p_D", ("n_vD",), "", "momenta of the dynamic coordinates"),),
+        (VARIATIONAL, VARIATIONAL_LANES, VARIATIONAL_DERIVATIVES), mapped=True,
+    ),
+    *(
+        Function(
+            f"force_by_{by}", purpose, _FULL, results, (DERIVATIVES, STEP_DERIVATIVES), mapped=True,
+            standing=tuple(result.name for result in results),
+        )
+        for by, purpose, results in (
+            ("q", "Derivative of Eq. 10's residual r by the dynamic configuration.",
+             (_derivative("r_q", "n_vD", "n_vD", "of r by tangents of q_D"),)),
+            ("v", "Derivative of r by the dynamic velocity.",
+             (_derivative("r_v", "n_vD", "n_vD", "of r by v_D"),)),
+            ("K", "Derivatives of r by the driven coordinates and the parameters.",
+             (_derivative("r_qK", "n_vD", "n_vK", "of r by tangents of q_K"),
+              _derivative("r_vK", "n_vD", "n_vK", "of r by v_K"),
+              _derivative("M_DK", "n_vD", "n_vK", "of r by acc_K"),
+              _derivative("r_p", "n_vD", "n_p", "of r by the parameters"))),
+        )
+    ),
+    Function(
+        "rows_by", "A_D, A_K and the derivatives of h, hdot and hddot of strings and limits.",
+        _arguments("q_D v_D acc_D q_K v_K acc_K p"), (*_BY_RATES, *_BY_ACCELERATIONS),
+        (DERIVATIVES,), mapped=True,
+        standing=tuple(q.name for q in (*_BY_RATES, *_BY_ACCELERATIONS)),
+    ),
+    Function(
+        "row_rates_by", "A_D, A_K and the derivatives of h and hdot of strings and limits.",
+        _STATE, _BY_RATES, (STEP_DERIVATIVES, VARIATIONAL_DERIVATIVES), mapped=True,
+        standing=tuple(q.name for q in _BY_RATES),
+    ),
+    Function(
+        "hanging",
+        "Forces that do not balance at rest, r of Eq. 10, h, and their derivatives.",
+        _arguments("q_D q_K tension p"),
+        (
+            Quantity("r", ("n_vD",), _FORCE, "g + A_D^T tension, and springs"),
+            Quantity("h", ("n_rows",), "m", "of strings and limits"),
+            _derivative("r_q", "n_vD", "n_vD", "of r by tangents of q_D"),
+            _derivative("r_qK", "n_vD", "n_vK", "of r by tangents of q_K"),
+            _derivative("r_p", "n_vD", "n_p", "of r by the parameters"),
+            _derivative("A_D", "n_rows", "n_vD", "of h by tangents of q_D"),
+            _derivative("A_K", "n_rows", "n_vK", "of h by tangents of q_K"),
+            _derivative("h_p", "n_rows", "n_p", "of h by the parameters"),
+        ),
+        (REACH,),
+    ),
+    Function(
+        "momenta_by", "M v_D + M_DK v_K + A_D^T tension and its derivatives.",
+        _arguments("q_D v_D q_K v_K tension p"),
+        (
+            Quantity("e", ("n_vD",), "", "itself"),
+            _derivative("e_q", "n_vD", "n_vD", "by tangents of q_D"),
+            _derivative("M", "n_vD", "n_vD", "by v_D"),
+            _derivative("e_qK", "n_vD", "n_vK", "by tangents of q_K"),
+            _derivative("M_DK", "n_vD", "n_vK", "by v_K"),
+            _derivative("e_p", "n_vD", "n_p", "by the parameters"),
+        ),
+        (VARIATIONAL_DERIVATIVES,), mapped=True,
+    ),
+    Function(
+        "midpoint_by", "The midpoint rule's momenta at both ends of a step, and derivatives.",
+        _arguments("q_D xi q_mid v_mid acc_mid u_D dt p"),
+        (
+            *(Quantity(end, ("n_vD",), "", f"momenta {end} the step") for end in _ENDS),
+            *(
+                _derivative(f"{end}_{by}", "n_vD", size, f"of `{end}` by {what}")
+                for end in _ENDS for by, size, what in _OF_MIDPOINT
+            ),
+            _derivative("next_q", "n_vD", "n_vD", "of tangents of q_D after it by those before"),
+            _derivative("next_xi", "n_vD", "n_vD", "of them by xi"),
+        ),
+        (VARIATIONAL_DERIVATIVES,), mapped=True,
+    ),
+    Function(
+        "step_back",
+        "Gradient of z . r + y . hdot + y_h . h; r has the velocity products of v_ahead, hdot is "
+        "at v_next.",
+        _arguments("q_D v_D v_ahead v_next acc_D q_K v_K acc_K tension z y y_h dt p"),
+        (
+            Quantity("g_q", ("n_vD",), "", "by tangents of q_D"),
+            Quantity("g_v", ("n_vD",), "", "by v_D"),
+            Quantity("g_ahead", ("n_vD",), "", "by v_ahead"),
+            Quantity("g_next", ("n_vD",), "", "by v_next"),
+            Quantity("g_qK", ("n_vK",), "", "by tangents of q_K"),
+            Quantity("g_vK", ("n_vK",), "", "by v_K"),
+            Quantity("g_aK", ("n_vK",), "", "by acc_K"),
+            Quantity("g_p", ("n_p",), "", "by the parameters"),
+        ),
+        (GRADIENTS,),
+    ),
+    Function(
+        "mass_matrix", "M of Eq. 8 and its blocks for the driven coordinates.", _PLACE,
+        (
+            Quantity("M", ("n_vD", "n_vD"), "", "symmetric, positive definite"),
+            Quantity("M_DK", ("n_vD", "n_vK"), "", "not zero where a driven joint moves mass"),
+            Quantity("M_KK", ("n_vK", "n_vK"), "", "symmetric"),
+        ),
+        exported=True,
+    ),
+    Function(
+        "mass_times", "M_DD acc_D.", _arguments("q_D q_K acc_D p"),
+        (Quantity("f", ("n_vD",), _FORCE, "M_DD acc_D"),),
+    ),
+    Function(
+        "coriolis",
+        "C of Eq. 8 over (v_D, v_K): C v is the velocity's part of the bias.", _STATE,
+        (Quantity("C", ("n_v", "n_v"), "", "dM/dt - 2 C is skew"),), exported=True,
+    ),
+    Function(
+        "bias", "c(q, v) of Eq. 8: Coriolis, gravity and springs, without damping and drag.",
+        _STATE, (Quantity("c", ("n_vD",), _FORCE, "bias force"),), exported=True,
+    ),
+    Function(
+        "gravity", "g(q) of Eq. 8: gradient of the potential energy.", _PLACE,
+        (Quantity("g_D", ("n_vD",), _FORCE, "gradient"),), exported=True,
+    ),
+    Function(
+        "damping", "Force of damping and drag, on the same side as the bias.", _STATE,
+        (Quantity("f", ("n_vD",), _FORCE, "force"),), exported=True,
+    ),
+    Function(
+        "constraint", "h (Eq. 9): a string is slack at h < 0 and taut at h = 0; limits likewise.",
+        _PLACE, (_ROWS,), exported=True,
+    ),
+    Function(
+        "A_D", "A_D of Eq. 10: partial derivative of hdot by v_D.", _PLACE,
+        (Quantity("A_D", ("n_rows", "n_vD"), _PER_VELOCITY, "strings, then limits"),),
+        exported=True,
+    ),
+    Function(
+        "A_K", "A_K of Eq. 10: partial derivative of hdot by v_K.", _PLACE,
+        (Quantity("A_K", ("n_rows", "n_vK"), _PER_VELOCITY, "strings, then limits"),),
+        exported=True,
+    ),
+    Function(
+        "Adot_v", "dA/dt v of Eq. 11: hddot = A_D acc_D + A_K acc_K + Adot_v.", _STATE,
+        (Quantity("Adot_v", ("n_rows",), "row's unit / s^2", "strings, then limits"),),
+        exported=True,
+    ),
+    Function(
+        "A_rate", "dA_D/dt and dA_K/dt of Eq. 11 along the velocity.", _STATE,
+        (
+            Quantity("Adot_D", ("n_rows", "n_vD"), "", "of A_D"),
+            Quantity("Adot_K", ("n_rows", "n_vK"), "", "of A_K"),
+        ),
+    ),
+    Function(
+        "body_velocity", "V^b of every link (Eq. 4).", _STATE,
+        (Quantity("V", (6, "n_links"), "m/s, rad/s", "linear, then angular, in the link's frame"),),
+        exported=True,
+    ),
+    Function(
+        "lagrangian", "L = T - V (Eq. 7).", _STATE,
+        (Quantity("lagrangian", (), "J", "T - V"),),
+    ),
+    Function(
+        "potential", "Potential energy (Eq. 6, and springs).", _PLACE,
+        (Quantity("V", (), "J", "potential energy"),),
+    ),
+    Function(
+        "kinetic", "Kinetic energy (Eq. 5).", _STATE,
+        (Quantity("T", (), "J", "kinetic energy"),),
+    ),
+)  # fmt: skip
+
+FUNCTIONS: dict[str, Function] = {f.name: f for f in _DECLARED}
+"""Every generated function, by name."""
+
+COLUMN = Function(
+    "column", "The entries of y = F^-T x that are not zero for x in one joint, by its number.",
+    _arguments("L x_joint"), (Quantity("y", ("n_vD",), "", "these entries, side by side"),),
+)  # fmt: skip
+"""One for every joint with limits: ``column(which, ...)`` in compiled code."""
+
+
+def needed(function: Function, sizes: Mapping[str, int]) -> bool:
+    """Whether a puppet of these sizes has a function."""
+    return not function.needs or sizes[function.needs] > 0
+
+
+def compiled(library: str, sizes: Mapping[str, int]) -> tuple[str, ...]:
+    """Names of the functions that a library has.
+
+    Args:
+        library: one of ``LIBRARIES``.
+        sizes: of the puppet.
+    """
+    return tuple(f.name for f in _DECLARED if library in f.libraries and needed(f, sizes))

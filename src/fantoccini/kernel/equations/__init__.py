@@ -1,0 +1,27 @@
+"""Derivation: Tree -> Equations (Eqs. 1-11), symbolically with CasADi."""
+
+from fantoccini.kernel.equations import printing
+from fantoccini.kernel.equations.derivatives import Derivatives
+from fantoccini.kernel.equations.functions import (
+    Equations,
+    derive,
+)
+from fantoccini.kernel.equations.printing import (
+    Printable,
+    TooLargeError,
+    decimal,
+)
+from fantoccini.kernel.equations.variational import Variational
+from fantoccini.kernel.equations.variational_derivatives import VariationalDerivatives
+
+__all__ = [
+    "Derivatives",
+    "Equations",
+    "Printable",
+    "TooLargeError",
+    "Variational",
+    "VariationalDerivatives",
+    "decimal",
+    "derive",
+    "printing",
+]

@@ -1,0 +1,242 @@
+"""Derivatives of the residual of the equations of motion.
+
+    r = M acc_D + M_DK acc_K + c + damping + A_D^T tension - u_D        (Eq. 10; r = 0)
+    hddot = A_D acc_D + A_K acc_K + Adot v                              (Eq. 11; 0 on taut rows)
+
+The implicit function theorem turns them into derivatives of acc_D and of the tensions, with the
+factor of M and of the taut rows that the model has. The residual is recursive Newton-Euler, a tenth
+of the solved form. Derivatives by a configuration are along tangent vectors: a scalar adds, a
+quaternion turns in the body's frame, dq/ddelta = N(q) with qdot = N(q) v.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+
+from fantoccini.kernel.contract import DERIVATIVES, compiled
+from fantoccini.kernel.equations import drives, dynamics
+from fantoccini.kernel.equations.algebra import (
+    column,
+    cross,
+    dot,
+    elements,
+    scaled,
+    stacked,
+    symbolic,
+    zeros,
+)
+from fantoccini.kernel.equations.declared import declared
+from fantoccini.kernel.equations.kinematics import configuration_rate
+from fantoccini.kernel.equations.rows import segment_length
+from fantoccini.kernel.equations.symbols import Symbols
+from fantoccini.kernel.equations.system import System
+from fantoccini.model.tree import WORLD, Point, Role, Tree
+
+_FUNCTIONS = (
+    "force_by_q", "force_by_v", "force_by_K", "rows_by", "row_rates_by", "step_back", "hanging",
+)  # fmt: skip
+
+
+class Derivatives:
+    """The derivatives of a tree's equations as CasADi functions.
+
+    Attributes:
+        tree: the tree.
+        system: its symbolic expressions.
+    """
+
+    def __init__(self, tree: Tree):
+        self.tree = tree
+        self.system = System(tree)
+
+    def functions(self, library: str = DERIVATIVES) -> dict[str, ca.Function]:
+        """The functions of a library that are derivatives, by name; all results are dense."""
+        symbols = self.system.symbols
+        names = [n for n in compiled(library, self.tree.sizes) if n in _FUNCTIONS]
+        if "step_back" in names:
+            found = self._gradient()
+        elif "hanging" in names:
+            found = self._hanging()
+        else:
+            found = {**self._forces(symbols.tension), **self._rows()}
+        return {name: declared(name, symbols, found) for name in names}
+
+    def residual(self, tension: ca.SX, v_D: ca.SX | None = None) -> ca.SX:
+        """r (n_vD,) of Eq. 10 without u_D; damping and drag act on v_D + dt acc_D.
+
+        Strings pull as forces on the links, which one pass towards the root projects together with
+        inertia and gravity.
+
+        Args:
+            tension: (n_rows,) of strings and limits [N or N m].
+            v_D: (n_vD,) of the velocity products alone; that of the state when not given.
+        """
+        system, s, tree = self.system, self.system.symbols, self.tree
+        motions = system.full_motions
+        if v_D is not None:
+            motions = system.motions(*map(elements, (v_D, s.v_K, s.acc_D, s.acc_K)))
+        loads = system.loads(motions)
+        tau, pulls = elements(tension), [(zeros(3), zeros(3)) for _ in tree.links]
+        for i, string in enumerate(tree.strings):
+            self._pull(string.points, tau[i], pulls)
+        late_drag = self._late_drag()
+        wrenches = [
+            (torque - pulled[0] + late[0], force - pulled[1] + late[1])
+            for (torque, force), pulled, late in zip(loads.wrenches, pulls, late_drag, strict=True)
+        ]
+        f_D, _ = system.generalised(dataclasses.replace(loads, wrenches=wrenches))
+        acc_D, motors = elements(s.acc_D), drives.forces(system, s.dt)
+        f_D = f_D + (system.armature + motors.armature) * acc_D - motors.f_D
+        for link in tree.links:
+            if link.role is Role.DYNAMIC:
+                late = scaled(s.dt * system.value(link.damping), acc_D[link.v])
+                f_D[link.v] = f_D[link.v] + late
+        for i, row in enumerate(system.string_rows):
+            f_D = f_D + scaled(tau[i], row.winding)
+        for i, limit in enumerate(tree.limits):
+            place = tree.links[limit.link].v
+            _, J, _ = system.limit_rows[i]
+            f_D[place] = f_D[place] + scaled(tau[len(tree.strings) + i], J)
+        return column(f_D)
+
+    def _late_drag(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Change of the drag on every link over a step at acc_D."""
+        system, s = self.system, self.system.symbols
+        moved = system.motions(elements(s.acc_D))
+        return [
+            system.drag_inertia(i, s.dt).momentum(motion.w, motion.v)
+            for i, motion in enumerate(moved)
+        ]
+
+    def _pull(
+        self, points: tuple[Point, ...], tension: ca.SX, external: list[dynamics.Wrench]
+    ) -> None:
+        """Adds a string's pull to the wrenches on its links."""
+        system = self.system
+        around = system.around(system.full_motions)
+        pulls = [zeros(3) for _ in points]
+        for k, (first, second) in enumerate(pairwise(points)):
+            if first.link == second.link:
+                continue
+            d = around.place(second) - around.place(first)
+            along = scaled(tension / segment_length(d), d)
+            pulls[k] = pulls[k] + along
+            pulls[k + 1] = pulls[k + 1] - along
+        for point, pull in zip(points, pulls, strict=True):
+            if point.link == WORLD:
+                continue
+            force = system.full_motions[point.link].R.T.dot(pull)
+            at = symbolic([system.value(x) for x in point.at])
+            torque, before = external[point.link]
+            external[point.link] = (torque + cross(at, force), before + force)
+
+    def _forces(self, tension: ca.SX) -> dict[str, ca.SX]:
+        names = {"r_q": "q_D", "r_v": "v_D", "r_qK": "q_K", "r_vK": "v_K", "M_DK": "acc_K",
+                 "r_p": "p"}  # fmt: skip
+        found = self._derivatives(ca.cse(self.residual(tension)), names.values())
+        return {name: found[by] for name, by in names.items()}
+
+    def _rows(self) -> dict[str, ca.SX]:
+        """A_D, A_K and the derivatives of h, hdot and hddot of strings and limits."""
+        system, s, tree = self.system, self.system.symbols, self.tree
+        n, n_K = tree.coordinates.n_vD, tree.coordinates.n_vK
+        v_D, acc_D = elements(s.v_D), elements(s.acc_D)
+        rows = system.full_string_rows
+        h, hdot, hddot = ([getattr(r, k) for r in rows] for k in ("length", "rate", "bias"))
+        A_D, A_K = [r.A_D for r in rows], [r.A_K for r in rows]
+        for limit, (height, J, gamma) in zip(tree.limits, system.limit_rows, strict=True):
+            place = tree.links[limit.link].v
+            row = zeros(n)
+            row[place] = J
+            A_D.append(row)
+            A_K.append(zeros(n_K))
+            h.append(height)
+            hdot.append(dot(J, v_D[place]))
+            hddot.append(dot(J, acc_D[place]) + gamma)
+        found = {"A_D": stacked(A_D, n), "A_K": stacked(A_K, n_K)}
+        # A string hangs on few links: backward from each row is the shorter way.
+        for name, values, by in (
+            ("h", h, "p"), ("hdot", hdot, "q_D q_K p"), ("hddot", hddot, "q_D v_D q_K v_K p")
+        ):  # fmt: skip
+            made = self._derivatives(ca.cse(column(values)), by.split(), backward=True)
+            for symbol, x in made.items():
+                found[f"{name}_{symbol.removesuffix('_D').replace('_', '')}"] = x
+        return found
+
+    def _gradient(self) -> dict[str, ca.SX]:
+        """That of z . r + y . hdot + y_h . h, in one backward pass."""
+        s = self.system.symbols
+        h, hdot = self._heights()
+        rates = ca.substitute(hdot, s.v_D, s.v_next)
+        value = ca.dot(s.z, self.residual(s.tension, s.v_ahead))
+        value = ca.cse(value + ca.dot(s.y, rates) + ca.dot(s.y_h, h))
+        names = {"g_q": "q_D", "g_v": "v_D", "g_ahead": "v_ahead", "g_next": "v_next",
+                 "g_qK": "q_K", "g_vK": "v_K", "g_aK": "acc_K", "g_p": "p"}  # fmt: skip
+        given = [getattr(s, name) for name in names.values()]
+        # One vector for all symbols, so that what they share is differentiated once.
+        whole = ca.SX.sym("whole", sum(x.numel() for x in given))
+        cuts = np.cumsum([0, *(x.numel() for x in given)]).tolist()
+        value = ca.substitute([value], given, ca.vertsplit(whole, cuts))[0]
+        back = ca.substitute(ca.gradient(value, whole), whole, ca.vertcat(*given))
+        return {
+            result: tangents(s, self.tree, name).T @ part
+            for (result, name), part in zip(names.items(), ca.vertsplit(back, cuts), strict=True)
+        }
+
+    def _hanging(self) -> dict[str, ca.SX]:
+        """r and h at rest, with derivatives."""
+        s, (h, _) = self.system.symbols, self._heights()
+        moving = [s.v_D, s.v_K, s.acc_D, s.acc_K, s.dt]
+        still = [ca.SX.zeros(*x.shape) for x in moving]
+        r = ca.cse(ca.substitute([self.residual(s.tension)], moving, still)[0])
+        by = {"q_D": "q", "q_K": "qK", "p": "p"}
+        found = {f"r_{by[name]}": x for name, x in self._derivatives(r, by).items()}
+        names = {"q_D": "A_D", "q_K": "A_K", "p": "h_p"}
+        made = self._derivatives(ca.cse(h), names, backward=True)
+        return {"r": r, "h": h, **found, **{names[name]: x for name, x in made.items()}}
+
+    def _heights(self) -> tuple[ca.SX, ca.SX]:
+        """h and hdot (n_rows,) of strings and limits."""
+        system, v_D = self.system, elements(self.system.symbols.v_D)
+        rows = system.full_string_rows
+        h, hdot = [row.length for row in rows], [row.rate for row in rows]
+        for limit, (height, J, _) in zip(self.tree.limits, system.limit_rows, strict=True):
+            h.append(height)
+            hdot.append(dot(J, v_D[self.tree.links[limit.link].v]))
+        return column(h), column(hdot)
+
+    def _derivatives(
+        self, values: ca.SX, names: Iterable[str], backward: bool = False
+    ) -> dict[str, ca.SX]:
+        """Derivatives of a column by some symbols, along tangents of configurations."""
+        symbols = self.system.symbols
+        return {n: along_tangents(values, symbols, self.tree, n, backward) for n in names}
+
+
+def along_tangents(
+    values: ca.SX, symbols: Symbols, tree: Tree, name: str, backward: bool = False
+) -> ca.SX:
+    """Derivatives of a column by a symbol, along tangents of a configuration."""
+    by, along = symbols[name], tangents(symbols, tree, name)
+    if not by.numel() or not values.numel():
+        return ca.SX(values.numel(), along.shape[1])
+    if backward:
+        return ca.jtimes(values, by, ca.SX.eye(values.numel()), True).T @ along
+    return ca.jtimes(values, by, along)
+
+
+def tangents(symbols: Symbols, tree: Tree, name: str) -> ca.SX:
+    """N(q) of a configuration, one of everything else."""
+    s, t = symbols, tree.coordinates
+    if name == "q_D":
+        rate = configuration_rate(s.q_D, s.v_D, t.quaternions_D, t.scalars_D)
+        return ca.jacobian(rate, s.v_D)
+    if name in ("q_K", "q_mid"):
+        rate = configuration_rate(s[name], s.v_K, t.quaternions_K, t.scalars_K)
+        return ca.jacobian(rate, s.v_K)
+    return ca.SX.eye(s[name].numel())

@@ -1,0 +1,299 @@
+"""Drives: reflected inertia, friction, and the forces of motors.
+
+With n the rotor angle per unit of the coordinate q (a gear g on a drum of radius r: n = g / r), a
+rotor of inertia J and a carriage of mass m put m + n^2 J on the diagonal of M_DD. The motor follows
+the command r by the error e = r - q, edot = rdot - v:
+
+    PD               f = k e + d edot
+    computed torque  f = [M_MM a + c] + friction,  a = rddot + 2 zeta w edot + w^2 e
+    stepper          f = n T sin(s/4 (angle(r) - n q)),  angle(r) in whole microsteps
+    servo            |f| <= n T
+    direct current   f = n k i,  |i| <= I,  |R i + k n v| <= U
+
+c is the force that gravity, velocities and driven coordinates require at acc_M = a, with acc_D = 0
+elsewhere and without strings. Orientations have the error 2 e_w (e_x, e_y, e_z) of the quaternion
+from q to r, in the body's frame, so that k phi restores a small rotation phi.
+
+Over a step dt drives are implicit, like the damping of joints: f is evaluated at the error
+e + dt edot, and its change by the step's own acceleration is on the diagonal of M_DD,
+
+    armature = m + n^2 J + dt (d + friction / v) + dt^2 k
+
+so that a drive is stable however stiff it is. Where computed torque couples several coordinates,
+the sums of |M| over each row stand for M: a diagonal that bounds all their motions. At its voltage
+bound a motor's force has the derivative (n k)^2 / R. dt = 0 gives the exact equations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from fantoccini.kernel.equations import dynamics
+from fantoccini.kernel.equations.algebra import (
+    REGULAR,
+    cross,
+    dot,
+    elements,
+    quaternion_rotation,
+    scaled,
+    symbolic,
+    zeros,
+)
+from fantoccini.kernel.equations.inertia import Value
+from fantoccini.kernel.equations.system import System
+from fantoccini.model.puppet import PD, ComputedTorque, Servo, StepperMotor
+from fantoccini.model.tree import DriveRow, Role
+
+
+@dataclass(frozen=True)
+class DriveForces:
+    """Forces of all drives over a step.
+
+    Attributes:
+        f_D: (n_vD,) forces of the motors, if the step does not change the velocities [N or N m].
+        yields: (n_vD,) their negative derivative by the change of velocity over the step.
+        armature: (n_vD,) what the step adds to the diagonal of M_DD, besides the drives' inertia.
+    """
+
+    f_D: np.ndarray
+    yields: np.ndarray
+    armature: np.ndarray
+
+
+def forces(system: System, dt: ca.SX) -> DriveForces:
+    """Forces of the motors over a step dt; 0 for the exact equations."""
+    n = system.tree.coordinates.n_vD
+    f_D, yields, friction = zeros(n), zeros(n), zeros(n)
+    wanted = _Wanted(system, dt)
+    v_D = elements(system.symbols.v_D)
+    for row in system.tree.drives:
+        force, stiffness, damping = wanted.of(row)
+        force, share, braked = _bounded(row, force, v_D[row.v], system.value)
+        f_D[row.v] = force
+        n = len(force)
+        yields[row.v] = scaled(share, damping + scaled(dt, stiffness)) + _each(braked, n)
+        friction[row.v] = _each(system.resistance(row), n)
+    return DriveForces(f_D, yields, scaled(dt, yields + friction))
+
+
+def lags(system: System) -> dict[str, np.ndarray]:
+    """The results of ``motor_lags``: how watched drives follow their commands.
+
+    ``at`` and ``command`` are positions; of an orientation its angle from its command, and 0
+    [m or rad]. ``lag`` is in periods of four full steps of a stepper motor, which holds at most
+    half a period.
+    """
+    s, found = system.symbols, []
+    for row in system.tree.watched:
+        q, own, lag = _command(row)[0], elements(s.q_D)[row.q], ca.SX(0)
+        if row.turns:
+            there = elements(s.q_K)[q : q + 4]
+            vector = _between(own, there)
+            sine = ca.sqrt(dot(vector, vector) + REGULAR.square)
+            cosine = ca.sqrt(dot(own, there) ** 2 + REGULAR.square)
+            at, command = 2 * ca.atan(sine / cosine), ca.SX(0)
+        else:
+            at, command = own[0], s.q_K[q]
+        motor = row.drive.motor
+        if isinstance(motor, StepperMotor):
+            periods = _periods(system, row, motor) / (2 * np.pi) * row.ratio(system.value)
+            lag = periods * (command - at)
+        found.append((at, command, lag))
+    columns = zip(*found, strict=True) if found else ((), (), ())
+    return {n: symbolic(list(c)) for n, c in zip(("at", "command", "lag"), columns, strict=True)}
+
+
+def shares(system: System) -> np.ndarray:
+    """1 for each watched drive whose motor exerts the force asked for, less where it cannot."""
+    wanted, v_D, found = _Wanted(system, ca.SX(0)), elements(system.symbols.v_D), []
+    for row in system.tree.watched:
+        force, _, _ = wanted.of(row)
+        found.append(_bounded(row, force, v_D[row.v], system.value)[1])
+    return symbolic(found)
+
+
+def demands(system: System) -> np.ndarray:
+    """(n_vD,) forces that controllers ask for, whatever their motors can exert [N or N m]."""
+    wanted, f_D = _Wanted(system, ca.SX(0)), zeros(system.tree.coordinates.n_vD)
+    for row in system.tree.drives:
+        f_D[row.v] = wanted.of(row)[0]
+    return f_D
+
+
+def _command(row: DriveRow) -> tuple[int, int]:
+    """Places of the command in q_K and v_K."""
+    assert row.command is not None, "the drive follows no command"
+    return row.command
+
+
+def _periods(system: System, row: DriveRow, motor: StepperMotor) -> float:
+    """Pole pairs of a stepper motor: periods of its torque in a radian, or in 1 / 2 pi metres."""
+    pairs = motor.steps / 4
+    return 2 * np.pi * pairs if _is_linear(system, row) else pairs
+
+
+def _is_linear(system: System, row: DriveRow) -> bool:
+    """Whether a motor moves along: a coordinate in metres without a drum."""
+    return row.drive.drum is None and system.tree.links[row.link].kind != "revolute"
+
+
+class _Wanted:
+    """Forces that controllers ask for, before the motors' bounds.
+
+    Args:
+        system: the equations.
+        dt: step over which the controllers are implicit.
+    """
+
+    def __init__(self, system: System, dt: ca.SX):
+        self.system, self.dt = system, dt
+        s = system.symbols
+        self.v_D, self.q_D = elements(s.v_D), elements(s.q_D)
+        self.q_K, self.v_K, self.acc_K = (elements(x) for x in (s.q_K, s.v_K, s.acc_K))
+        self.needed = self._inverse_dynamics()
+
+    def of(self, row: DriveRow) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Force, and its derivatives by the error and the error's rate, at the coordinate."""
+        value, control, none = self.system.value, row.drive.control, zeros(row.v.stop - row.v.start)
+        if row.command is None:
+            return none, none, none
+        if isinstance(row.drive.motor, StepperMotor):
+            return self._stepper(row, row.drive.motor)
+        if isinstance(control, PD):
+            late, rate, _ = self._error(row)
+            k, d = value(control.stiffness), value(control.damping)
+            return scaled(k, late) + scaled(d, rate), _each(k, len(none)), _each(d, len(none))
+        assert control is not None, "a command is followed by a stepper motor or a controller"
+        w, zeta = value(control.bandwidth), value(control.damping_ratio)
+        own = self.inertia[row.v]
+        return self.needed[row.v], scaled(w * w, own), scaled(2 * zeta * w, own)
+
+    def _error(self, row: DriveRow) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """e and edot at the end of the step, and rddot; of an orientation in the body's frame.
+
+        Over a step v_K is the command's mean velocity and acc_K its mean acceleration.
+        """
+        q, v = _command(row)
+        own, w = self.q_D[row.q], self.v_D[row.v]
+        n = row.v.stop - row.v.start
+        mean, curve = self.v_K[v : v + n], self.acc_K[v : v + n]
+        last = mean + scaled(0.5 * self.dt, curve)
+        if not row.turns:
+            late = self.q_K[q : q + 1] - own + scaled(self.dt, mean - w)
+            return late, last - w, curve
+        there = self.q_K[q : q + 4]
+        scalar = dot(own, there)
+        vector = _between(own, there)
+        R = quaternion_rotation(np.concatenate([[scalar], vector]))
+        late = scaled(2 * scalar, vector) + scaled(self.dt, R.dot(mean) - w)
+        return late, R.dot(last) - w, R.dot(curve)
+
+    def _inverse_dynamics(self) -> np.ndarray:
+        """(n_vD,) forces of computed torque at the error at the end of the step."""
+        system, tree = self.system, self.system.tree
+        acc, some = zeros(tree.coordinates.n_vD), False
+        for row in tree.drives:
+            control = row.drive.control
+            if not isinstance(control, ComputedTorque):
+                continue
+            some = True
+            w, zeta = system.value(control.bandwidth), system.value(control.damping_ratio)
+            late, rate, curve = self._error(row)
+            acc[row.v] = curve + scaled(2 * zeta * w, rate) + scaled(w * w, late)
+        if not some:
+            return acc
+        motions = system.motions(self.v_D, self.v_K, acc, self.acc_K)
+        wrenches = dynamics.link_wrenches(system.regrouped, motions)
+        found = dynamics.joint_forces(tree, system.joints, wrenches)
+        needed = system.by_velocity(found)[0] + system.armature * acc
+        for row in tree.drives:
+            needed[row.v] += scaled(system.resistance(row), self.v_D[row.v])
+        return needed
+
+    @cached_property
+    def inertia(self) -> np.ndarray:
+        """(n_vD,) sums of |M| over the coordinates that computed torque moves, row by row."""
+        found, links = self.system.armature.copy(), self.system.tree.links
+        moved = [d for d in self.system.tree.drives if isinstance(d.drive.control, ComputedTorque)]
+        places = {k for row in moved for k in range(row.v.start, row.v.stop)}
+        for (i, j), block in self.system.mass_blocks.items():
+            for a, b in np.ndindex(block.shape):
+                k, m = links[j].v.start + a, links[i].v.start + b
+                dynamic = links[i].role is links[j].role is Role.DYNAMIC
+                entry: Any = block[a, b]
+                if not dynamic or not {k, m} <= places or entry.is_zero():
+                    continue
+                size = entry if k == m else ca.sqrt(entry**2 + REGULAR.square)
+                found[k] = found[k] + size
+                if i != j:
+                    found[m] = found[m] + size
+        return found
+
+    def _stepper(
+        self, row: DriveRow, motor: StepperMotor
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """n T sin(s/4 (angle(r) - n q)) with angle(r) in whole microsteps."""
+        value, (q, v) = self.system.value, _command(row)
+        n, pairs = row.ratio(value), _periods(self.system, row, motor)
+        turn = 1.0 if _is_linear(self.system, row) else 2 * np.pi
+        micro = turn / (motor.steps * motor.microsteps)
+        coming, own = self.q_K[q] + self.dt * self.v_K[v], row.q.start
+        angle = micro * ca.floor(n * coming / micro + 0.5)
+        torque = value(motor.torque)
+        if motor.corner_speed is not None:
+            corner = value(motor.corner_speed)
+            speed = ca.sqrt((n * self.v_K[v]) ** 2 + REGULAR.square)
+            torque = torque * ca.fmin(1, corner / ca.fmax(speed, corner))
+        lag = pairs * (angle - n * (self.q_D[own] + self.dt * self.v_D[row.v.start]))
+        stiffness = n * n * torque * pairs * ca.fmax(ca.cos(lag), 0)
+        return symbolic([n * torque * ca.sin(lag)]), symbolic([stiffness]), zeros(1)
+
+
+def _bounded(
+    row: DriveRow, force: np.ndarray, v: np.ndarray, value: Value
+) -> tuple[np.ndarray, ca.SX, ca.SX]:
+    """A force within its motor's bounds; 1 where they do not bind, else 0; -d force/dv there."""
+    motor, none = row.drive.motor, ca.SX(0)
+    if motor is None or isinstance(motor, StepperMotor):
+        return force, ca.SX(1), none
+    n = row.ratio(value)
+    if isinstance(motor, Servo):
+        most = n * value(motor.torque)
+        if row.turns:
+            size = ca.sqrt(dot(force, force) + REGULAR.square)
+            share = most / ca.fmax(size, most)
+            return scaled(share, force), share, none
+        held = _clipped(force[0], -most, most)
+        return symbolic([held]), _same(force[0], held, most), none
+    gain = n * value(motor.constant)
+    most, R = gain * value(motor.current), value(motor.resistance)
+    top, back = gain * value(motor.voltage) / R, gain * gain / R * v[0]
+    held = _clipped(force[0], -most, most)
+    within = _clipped(held, -top - back, top - back)
+    # Above its no-load speed the motor brakes, at most with the largest current.
+    made = _clipped(within, -most, most)
+    by_voltage = (1 - _same(held, within, most)) * _same(within, made, most)
+    return symbolic([made]), _same(force[0], made, most), by_voltage * gain * gain / R
+
+
+def _between(own: np.ndarray, there: np.ndarray) -> np.ndarray:
+    """(3,) vector part of the quaternion from one orientation to another."""
+    return scaled(own[0], there[1:]) - scaled(there[0], own[1:]) - cross(own[1:], there[1:])
+
+
+def _each(x: ca.SX, n: int) -> np.ndarray:
+    return symbolic([x] * n)
+
+
+def _clipped(x: ca.SX, low: ca.SX, high: ca.SX) -> ca.SX:
+    return ca.fmax(low, ca.fmin(high, x))
+
+
+def _same(a: ca.SX, b: ca.SX, size: ca.SX) -> ca.SX:
+    """1 where a is b, 0 where they differ."""
+    return ca.fmax(0, 1 - ((a - b) / (REGULAR.same * size)) ** 2)

@@ -1,0 +1,106 @@
+"""Springs between two points, and the pieces of chains.
+
+With the stretch s = d - l of points at the distance d:
+
+    V = k s^2 / 2,    pull = k s + c sdot.
+
+A piece of a chain has l = L / n, k = EA / l, c = damping / l. Where L is driven l and k follow it:
+winding in removes relaxed string, and by virtual work
+
+    -dV/dl = k s + k s^2 / (2 l) = EA e (1 + e / 2),    e = s / l.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+
+from fantoccini.kernel.equations.algebra import scaled
+from fantoccini.kernel.equations.rows import PathRow, Surroundings, path_row
+from fantoccini.model.tree import ChainRow
+
+
+@dataclass(frozen=True)
+class Elastic:
+    """A spring, stretched.
+
+    Attributes:
+        row: its stretch s and how it changes.
+        k: [N/m].
+        c: [N s/m].
+        relaxed: length l [m] where it is part of a moving length; else None.
+    """
+
+    row: PathRow
+    k: ca.SX
+    c: ca.SX
+    relaxed: ca.SX | None = None
+
+    @property
+    def energy(self) -> ca.SX:
+        """V = k s^2 / 2 [J]."""
+        return 0.5 * self.k * self.row.length**2
+
+    def add_gradient(self, f_D: np.ndarray, f_K: np.ndarray) -> None:
+        """Adds dV/dq_D (n_vD,) and dV/dq_K (n_vK,)."""
+        self._pull(self.k * self.row.length, f_D, f_K)
+        own = self.row.own
+        if self.relaxed is None or own is None:
+            return
+        for f, place in ((f_D, own.wound_length), (f_K, own.driven_length)):
+            if place is not None:
+                f[place[1]] -= self.row.share * self.energy / self.relaxed
+
+    def add_damping(self, f_D: np.ndarray, f_K: np.ndarray) -> ca.SX:
+        """Adds the damping forces, on the side of the bias; returns their power [W]."""
+        pull = self.c * self.row.rate
+        self._pull(pull, f_D, f_K)
+        return pull * self.row.rate
+
+    def _pull(self, pull: ca.SX, f_D: np.ndarray, f_K: np.ndarray) -> None:
+        f_D += scaled(pull, self.row.A_D)
+        f_K += scaled(pull, self.row.A_K)
+
+
+def elastics(
+    around: Surroundings, own_length: Callable[[ChainRow], tuple[ca.SX, ca.SX, ca.SX]]
+) -> list[Elastic]:
+    """The springs of a tree, then the pieces of its chains.
+
+    Args:
+        around: arguments of rows.
+        own_length: returns L of a chain, its rate and acceleration.
+    """
+    found = []
+    for spring in around.tree.springs:
+        row = path_row(around, spring.points)
+        row = replace(row, length=row.length - around.value(spring.rest))
+        found.append(Elastic(row, around.value(spring.stiffness), around.value(spring.damping)))
+    for chain in around.tree.chains:
+        found.extend(_pieces(around, chain, *own_length(chain)[:2]))
+    return found
+
+
+def _pieces(
+    around: Surroundings, chain: ChainRow, length: ca.SX, rate: ca.SX
+) -> Iterator[Elastic]:
+    share = 1.0 / chain.pieces
+    relaxed = share * length
+    k, c = around.value(chain.stiffness) / relaxed, around.value(chain.damping) / relaxed
+    for ends in pairwise(chain.points):
+        row = path_row(around, ends)
+        if chain.length_index is None:
+            yield Elastic(replace(row, length=row.length - relaxed), k, c)
+            continue
+        moving = replace(
+            row,
+            length=row.length - relaxed,
+            rate=row.rate - share * rate,
+            own=chain,
+            share=share,
+        )
+        yield Elastic(moving, k, c, relaxed)

@@ -1,0 +1,190 @@
+"""Inertia of a link from its shapes and its explicit values.
+
+A link's inertia about its own origin is kept as (m, h, J): the mass, the first moment h = m c and
+the second moment J = tr(I)/2 1 - I, with I = I_c + m (c.c 1 - c c^T) the rotational inertia.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from fantoccini.base.documents import Number
+from fantoccini.kernel.equations.algebra import cross, dot, scaled, symbolic, zeros
+from fantoccini.model.tree import WORLD, Link, Tree
+
+Value = Callable[[Number], ca.SX]
+
+
+@dataclass(frozen=True)
+class BodyInertia:
+    """Mass and its first and second moments about a frame's origin.
+
+    Attributes:
+        m: mass [kg].
+        h: (3,) first moment, the sum of m r [kg m].
+        J: (3, 3) second moment, the sum of m r r^T [kg m^2].
+    """
+
+    m: ca.SX
+    h: np.ndarray
+    J: np.ndarray
+
+    def __add__(self, other: BodyInertia) -> BodyInertia:
+        return BodyInertia(self.m + other.m, self.h + other.h, self.J + other.J)
+
+    @classmethod
+    def nothing(cls) -> BodyInertia:
+        """The inertia of a massless frame."""
+        return cls(ca.SX(0), zeros(3), zeros(3, 3))
+
+    def is_zero(self) -> bool:
+        """Whether mass and moments are zero."""
+        return all(ca.SX(x).is_zero() for x in (self.m, *self.h.flat, *self.J.flat))
+
+    @property
+    def I(self) -> np.ndarray:  # noqa: E743 the quantity's symbol
+        """(3, 3) rotational inertia about the origin, tr(J) 1 - J [kg m^2]."""
+        out = -self.J
+        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+            out[i, i] = self.J[j, j] + self.J[k, k]
+        return out
+
+    def momentum(self, omega: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(I w + h x v, m v - h x w): angular and linear momentum about the origin."""
+        return self.I.dot(omega) + cross(self.h, v), scaled(self.m, v) - cross(self.h, omega)
+
+    def wrench(self, a: np.ndarray, U: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(torque about the origin, force) that accelerate all points by a + U r.
+
+        The force is m a + U h; the torque is h x a plus the skew part of U J.
+        """
+        J = self.J
+        yz, xz, xy = J[1, 2], J[0, 2], J[0, 1]
+        turn = [
+            U[2, 1] * J[1, 1] - U[1, 2] * J[2, 2] + yz * (U[2, 2] - U[1, 1])
+            + (U[2, 0] * xy - U[1, 0] * xz),
+            U[0, 2] * J[2, 2] - U[2, 0] * J[0, 0] + xz * (U[0, 0] - U[2, 2])
+            + (U[0, 1] * yz - U[2, 1] * xy),
+            U[1, 0] * J[0, 0] - U[0, 1] * J[1, 1] + xy * (U[1, 1] - U[0, 0])
+            + (U[1, 2] * xz - U[0, 2] * yz),
+        ]  # fmt: skip
+        return cross(self.h, a) + np.array(turn, dtype=object), scaled(self.m, a) + U.dot(self.h)
+
+    def in_parent(self, R: np.ndarray, r: np.ndarray) -> BodyInertia:
+        """The same inertia about the parent's origin, with pose (R, r) of the link in the parent.
+
+        J' = R J R^T + h r^T + r h'^T, with h and h' = h + m r in the parent's axes.
+        """
+        h = R.dot(self.h)
+        moved = h + scaled(self.m, r)
+        out = rotated(R, self.J)
+        for i in range(3):
+            for j in range(i + 1):
+                out[i, j] = out[j, i] = out[i, j] + (h[i] * r[j] + r[i] * moved[j])
+        return BodyInertia(self.m, moved, out)
+
+    def without_mass(self) -> tuple[BodyInertia, BodyInertia]:
+        """Splits off the mass at the origin; returns (rest, split off), as the next two do."""
+        nothing = BodyInertia.nothing()
+        return BodyInertia(ca.SX(0), self.h, self.J), BodyInertia(self.m, nothing.h, nothing.J)
+
+    def without_axis(self, axis: np.ndarray) -> tuple[BodyInertia, BodyInertia]:
+        """Splits off mass on an axis, which rotation about it does not move."""
+        e = symbolic(axis)
+        along, second = dot(e, self.h), dot(e, self.J.dot(e))
+        axial = np.array([[second * x * y for y in e] for x in e], dtype=object)
+        h, J = self.h - scaled(along, e), self.J - axial
+        for k in range(3):
+            if abs(axis[k]) == 1.0:
+                h[k], J[k, k] = ca.SX(0), ca.SX(0)
+        return BodyInertia(ca.SX(0), h, J), BodyInertia(self.m, scaled(along, e), axial)
+
+    def without_turning(self) -> tuple[BodyInertia, BodyInertia]:
+        """Splits off the second moment, which matters only in rotation."""
+        return BodyInertia(self.m, self.h, zeros(3, 3)), BodyInertia(ca.SX(0), zeros(3), self.J)
+
+
+def regrouped(
+    tree: Tree, inertias: list[BodyInertia], at: list[np.ndarray]
+) -> list[BodyInertia]:
+    """Inertias with more zeros that give the same equations of motion.
+
+    Mass that a joint does not move in the parent may belong to the parent: all of a link on a fixed
+    joint, a point mass at the centre of a ball joint, mass on the axis of a revolute joint, the
+    second moment on a prismatic joint. It moves from the leaves to the root; the world drops it.
+
+    Args:
+        tree: the tree.
+        inertias: of the links about their origins.
+        at: (3,) origin of each link in its parent; used where the joint does not move it.
+    """
+    kept = list(inertias)
+    for i in reversed(range(len(tree.links))):
+        link = tree.links[i]
+        if link.kind == "free" or kept[i].is_zero():
+            continue
+        if link.kind == "fixed":
+            kept[i], moved = BodyInertia.nothing(), kept[i]
+        elif link.kind == "ball":
+            kept[i], moved = kept[i].without_mass()
+        elif link.kind == "revolute":
+            kept[i], moved = kept[i].without_axis(link.axes[:, 0])
+        else:
+            kept[i], moved = kept[i].without_turning()
+        if link.parent != WORLD:
+            moved = moved.in_parent(symbolic(link.rotation), at[i])
+            kept[link.parent] = kept[link.parent] + moved
+    return kept
+
+
+def rotated(R: np.ndarray, A: np.ndarray) -> np.ndarray:
+    """R A R^T of a symmetric A (3, 3)."""
+    half = R.dot(A)
+    out = zeros(3, 3)
+    for i in range(3):
+        for j in range(i + 1):
+            out[i, j] = out[j, i] = dot(half[i], R[j])
+    return out
+
+
+def link_inertia(link: Link, value: Value) -> BodyInertia:
+    """The sum of a link's lumps; explicit mass, centre and inertia take precedence.
+
+    Args:
+        link: the link.
+        value: turns a number or parameter into a CasADi scalar.
+    """
+    m, h, about_origin = ca.SX(0), zeros(3), zeros(3, 3)
+    for lump in link.lumps:
+        mass = value(lump.amount) * lump.volume
+        c = symbolic(lump.unit.com)
+        m = m + mass
+        h = h + scaled(mass, c)
+        about_origin = about_origin + scaled(
+            mass, _second_moment(symbolic(lump.unit.inertia)) + np.outer(c, c)
+        )
+    massless = m.is_zero()
+    com = zeros(3) if massless else scaled(1 / m, h)
+    about_com = about_origin - scaled(m, np.outer(com, com))
+    if link.mass is not None:
+        mass = value(link.mass)
+        about_com = zeros(3, 3) if massless else scaled(mass / m, about_com)
+        m = mass
+    if link.com is not None:
+        com = symbolic([value(x) for x in link.com])
+    if link.inertia is not None:
+        xx, yy, zz, xy, xz, yz = (value(x) for x in link.inertia)
+        about_com = _second_moment(symbolic([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+    return BodyInertia(m, scaled(m, com), about_com + scaled(m, np.outer(com, com)))
+
+
+def _second_moment(inertia: np.ndarray) -> np.ndarray:
+    """J = tr(I)/2 1 - I."""
+    out = -inertia
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        out[i, i] = 0.5 * (inertia[j, j] + inertia[k, k] - inertia[i, i])
+    return out

@@ -1,0 +1,112 @@
+"""The textbook's symbols for a puppet's coordinates.
+
+An angle is theta, a slide s, a position x, y, z, a string's length L, a drive's command r, a unit
+quaternion e_0 ... e_3 with the angular velocity omega_1 ... omega_3; each has a number where there
+are several of its kind. Velocities carry a dot. A parameter keeps its name.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import sympy as sp
+
+from fantoccini.model.tree import Role, Tree
+
+_BALL = ("qw", "qx", "qy", "qz")
+
+
+@dataclass(frozen=True)
+class Notation:
+    """Symbols and what they stand for.
+
+    Attributes:
+        symbols: q_D, v_D, q_K, v_K, p -> the symbols of their entries.
+        names: symbol of a coordinate or parameter -> its name in the puppet file.
+        quaternions: q_D, q_K -> places where a unit quaternion begins.
+    """
+
+    symbols: dict[str, list[sp.Symbol]]
+    names: dict[sp.Symbol, str]
+    quaternions: dict[str, list[int]]
+    _taken: dict[str, int] = field(default_factory=dict)
+
+    def fresh(self, letter: str) -> sp.Symbol:
+        """A symbol with the letter and the next number."""
+        taken = {s.name for part in self.symbols.values() for s in part}
+        while True:
+            self._taken[letter] = self._taken.get(letter, 0) + 1
+            name = f"{letter}_{self._taken[letter]}"
+            if name not in taken:
+                return sp.Symbol(name, real=True)
+
+
+def notation(tree: Tree) -> Notation:
+    """The symbols of a tree's coordinates and parameters."""
+    hinges = {link.joint for link in tree.links if link.kind == "revolute"}
+    lengths = {f"{string.name}.length" for string in tree.strings}
+    table = tree.coordinates
+    letters = {
+        row.name: _letter(row.name, row.owner in hinges)
+        for row in table.rows
+        if row.role is not Role.FIXED
+    }
+    letters |= dict.fromkeys(lengths & letters.keys(), "L")
+    letters |= dict.fromkeys(letters.keys() & set(table.commands.values()), "r")
+    count: dict[str, list[str]] = {}
+    for name, letter in letters.items():
+        count.setdefault(letter, []).append(name)
+    symbols: dict[str, list[sp.Symbol]] = {}
+    names: dict[sp.Symbol, str] = {}
+    written: dict[str, tuple[str, str]] = {}
+    for name, letter in letters.items():
+        same = count[letter]
+        place = str(same.index(name) + 1) if len(same) > 1 else ""
+        written[name] = (letter, place)
+    for role in ("D", "K"):
+        q, v = getattr(table, f"q_{role}"), getattr(table, f"v_{role}")
+        symbols[f"q_{role}"] = [_symbol(*_split(*written[name])) for name in q]
+        names.update(zip(symbols[f"q_{role}"], q, strict=True))
+        symbols[f"v_{role}"] = [_velocity(name, written) for name in v]
+    taken = {s.name for part in symbols.values() for s in part}
+    symbols["p"] = []
+    for name in tree.parameters:
+        text = name.replace("-", "_")
+        while text in taken:
+            text += "_p"
+        taken.add(text)
+        symbols["p"].append(sp.Symbol(text, real=True))
+        names[symbols["p"][-1]] = name
+    quaternions = {
+        "q_D": [q for q, _ in table.quaternions_D],
+        "q_K": [q for q, _ in table.quaternions_K],
+    }
+    return Notation(symbols, names, quaternions)
+
+
+def _letter(name: str, turns: bool) -> str:
+    """The letter of a joint's configuration number; a digit after it is a component."""
+    last = name.rsplit(".", 1)[-1] if "." in name else ""
+    if last in _BALL:
+        return f"e{_BALL.index(last)}"
+    if last in ("x", "y", "z"):
+        return last
+    return "theta" if turns else "s"
+
+
+def _split(letter: str, place: str) -> tuple[str, str]:
+    """Letter and subscript: a component's digit stands last."""
+    return (letter[0], place + letter[1]) if letter[0] == "e" else (letter, place)
+
+
+def _velocity(name: str, written: dict[str, tuple[str, str]]) -> sp.Symbol:
+    last = name.rsplit(".", 1)[-1]
+    if last in ("wx", "wy", "wz"):
+        _, place = written[f"{name[: -len(last)]}qw"]
+        return _symbol("omega", f"{place}{('wx', 'wy', 'wz').index(last) + 1}")
+    letter, place = written[name]
+    return _symbol(f"{letter}dot", place)
+
+
+def _symbol(letter: str, subscript: str) -> sp.Symbol:
+    return sp.Symbol(f"{letter}_{subscript}" if subscript else letter, real=True)

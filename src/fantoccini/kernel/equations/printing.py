@@ -1,0 +1,348 @@
+"""Equations for people: CasADi's graphs as SymPy expressions in the textbook's symbols.
+
+A graph is evaluated once over sparse polynomials with rational coefficients. Their generators are
+the state, the parameters, cos and sin of every angle, and a symbol for each root, quotient or other
+function. sin^2 = 1 - cos^2 and the unit length of quaternions are applied at once, so that equal
+expressions are equal polynomials. Every polynomial is then written in the shortest of a few forms,
+including one with sines and cosines of sums of angles. Work is bounded; TooLargeError beyond it.
+
+Constants have 15 digits, and the rounding of a segment's length at coincident points (1e-9 m) is
+left out: values differ from the interpreter's by rounding only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import casadi as ca
+import sympy as sp
+from sympy.polys.domains import QQ
+from sympy.polys.rings import PolyElement, PolyRing
+
+from fantoccini.base import FantocciniError
+from fantoccini.kernel.equations.algebra import REGULAR
+from fantoccini.kernel.equations.forms import Form
+from fantoccini.kernel.equations.functions import Equations
+from fantoccini.kernel.equations.notation import Notation, notation
+
+
+class PrintingBounds(NamedTuple):
+    """Bounds on what is printed, chosen so that it takes seconds and fits a page.
+
+    Attributes:
+        operations: of a puppet's equations.
+        terms: of a polynomial.
+        products: of terms, in all.
+        rounding: coefficients below this, relative to the largest of the matrix, are what is left
+            where terms cancel.
+        digits: of a printed number.
+    """
+
+    operations: int = 1500
+    terms: int = 1200
+    products: int = 400_000
+    rounding: Any = QQ(1, 10**13)
+    digits: int = 6
+
+
+BOUNDS = PrintingBounds()
+
+_OBJECTS = {
+    "mass_matrix": ("M", "M_DK", "M_KK"),
+    "coriolis": ("C",),
+    "gravity": ("g",),
+    "damping": ("f",),
+    "constraint": ("h",),
+    "A_D": ("A_D",),
+    "A_K": ("A_K",),
+    "kinetic": ("T",),
+    "potential": ("V",),
+}
+_ARGUMENTS = ("q_D", "v_D", "q_K", "v_K", "p")
+
+_UNARY = {
+    ca.OP_TAN: sp.tan,
+    ca.OP_ASIN: sp.asin,
+    ca.OP_ACOS: sp.acos,
+    ca.OP_ATAN: sp.atan,
+    ca.OP_EXP: sp.exp,
+    ca.OP_LOG: sp.log,
+    ca.OP_FABS: sp.Abs,
+    ca.OP_TANH: sp.tanh,
+}
+_BINARY = {ca.OP_ATAN2: sp.atan2, ca.OP_POW: sp.Pow, ca.OP_CONSTPOW: sp.Pow}
+_OWN_SYMBOL = (ca.OP_SQRT, ca.OP_INV, ca.OP_DIV, ca.OP_SIN, ca.OP_COS, *_UNARY, *_BINARY)
+
+
+class TooLargeError(FantocciniError):
+    """The puppet's equations are too large to print."""
+
+
+@dataclass(frozen=True)
+class Printable:
+    """A puppet's equations as SymPy expressions.
+
+    Attributes:
+        notation: which symbol stands for what.
+        objects: M, M_DK (n_vD, n_vK), M_KK, C over (v_D, v_K), g, f (damping), h, A_D, A_K as
+            matrices, T and V as expressions; those that were asked for.
+        lengths: symbols of roots, distances between the points of strings above all, and what
+            they stand for; a later one may contain earlier ones.
+    """
+
+    notation: Notation
+    objects: dict[str, sp.Matrix | sp.Expr]
+    lengths: tuple[tuple[sp.Symbol, sp.Expr], ...]
+
+    @property
+    def lagrangian(self) -> sp.Expr:
+        """L = T - V (Eq. 7)."""
+        return self.objects["T"] - self.objects["V"]
+
+
+def operation_counts(
+    equations: Equations, functions: tuple[str, ...] = tuple(_OBJECTS)
+) -> dict[str, int]:
+    """Operations of the functions that hold a puppet's equations, by the paper's symbol."""
+    return {", ".join(_OBJECTS[f]): equations[f].n_instructions() for f in functions}
+
+
+def printable(equations: Equations, functions: tuple[str, ...] = tuple(_OBJECTS)) -> Printable:
+    """The equations of a small puppet as SymPy expressions.
+
+    Args:
+        equations: the derived equations.
+        functions: those of the analysis that are wanted; all that are printed when not given.
+
+    Raises:
+        TooLargeError: they would fill pages.
+    """
+    total = sum(operation_counts(equations, functions).values())
+    if total > BOUNDS.operations:
+        raise TooLargeError(f"{total} operations; up to {BOUNDS.operations} are printed")
+    symbols = {name: getattr(equations.system.symbols, name) for name in _ARGUMENTS}
+    outputs, shapes = [], {}
+    for function in functions:
+        made, names = equations[function], _OBJECTS[function]
+        results = made.call([symbols[name] for name in made.name_in()])
+        for name, result in zip(names, results, strict=False):
+            outputs.append(ca.densify(result))
+            shapes[name] = result.shape
+    graph = ca.Function("graph", list(symbols.values()), outputs)
+    reading = _Reading(graph, notation(equations.tree))
+    entries = reading.outputs()
+    objects: dict[str, sp.Matrix | sp.Expr] = {}
+    for k, (name, (rows, columns)) in enumerate(shapes.items()):
+        values = [entries.get((k, i), sp.S.Zero) for i in range(rows * columns)]
+        objects[name] = (
+            values[0]
+            if name in ("T", "V")
+            else sp.Matrix(rows, columns, lambda i, j, v=values, n=rows: v[i + n * j])
+        )
+    return Printable(reading.notation, objects, tuple(reading.lengths))
+
+
+def decimal(expression: sp.Expr) -> sp.Expr:
+    """The expression as it is printed: fractions as decimals with six digits, but in exponents."""
+    if isinstance(expression, sp.MatrixBase):
+        return expression.applyfunc(decimal)
+    if expression.is_Rational:
+        return expression if expression.is_Integer else sp.Float(expression, BOUNDS.digits)
+    if expression.is_Pow:
+        return sp.Pow(decimal(expression.base), expression.exp)
+    if not expression.args:
+        return expression
+    return expression.func(*(decimal(part) for part in expression.args))
+
+
+def rational(number: float) -> sp.Rational:
+    """A constant of the graph as the short decimal it was, before it was folded with others."""
+    return sp.Rational(format(number, ".15g"))
+
+
+def _short(coefficient: Any) -> Any:
+    """A coefficient as a short decimal, where it is one but for the rounding of its parts."""
+    short = rational(float(coefficient))
+    close = abs(QQ(short.p, short.q) - coefficient) <= BOUNDS.rounding * abs(coefficient)
+    return QQ(short.p, short.q) if close and short.q < coefficient.denominator else coefficient
+
+
+class _Reading:
+    """Runs a graph over polynomials.
+
+    Args:
+        graph: its arguments are ``_ARGUMENTS``.
+        notation: the symbols of the arguments' entries.
+    """
+
+    def __init__(self, graph: ca.Function, notation: Notation):
+        self.graph, self.notation = graph, notation
+        self.lengths: list[tuple[sp.Symbol, sp.Expr]] = []
+        self._n_products = 0
+        inputs = [s for name in _ARGUMENTS for s in notation.symbols[name]]
+        self._first = dict(
+            zip(_ARGUMENTS, _starts([notation.symbols[name] for name in _ARGUMENTS]), strict=True)
+        )
+        ids = [graph.instruction_id(k) for k in range(graph.n_instructions())]
+        trigonometric = sum(i in (ca.OP_SIN, ca.OP_COS) for i in ids)
+        extra = 2 * trigonometric + sum(i in _OWN_SYMBOL for i in ids)
+        names = [f"g{k}" for k in range(len(inputs) + extra)]
+        self.ring = PolyRing(names, QQ)
+        velocities = {
+            self._first[name] + k
+            for name in ("v_D", "v_K")
+            for k in range(len(notation.symbols[name]))
+        }
+        self.form = Form(list(inputs), velocities=velocities, inverse=set(), pairs={})
+        self._known: dict[tuple[Any, ...], PolyElement] = {}
+        self._squares: dict[int, PolyElement] = {}
+        for name, firsts in notation.quaternions.items():
+            for first in firsts:
+                _, x, y, z = self.ring.gens[self._first[name] + first :][:4]
+                self._squares[self._first[name] + first] = 1 - x**2 - y**2 - z**2
+
+    def outputs(self) -> dict[tuple[int, int], sp.Expr]:
+        """(output, entry) -> expression."""
+        graph = self.graph
+        work: dict[int, _Value] = {}
+        found: dict[tuple[int, int], PolyElement] = {}
+        for k in range(graph.n_instructions()):
+            op = graph.instruction_id(k)
+            into, out = graph.instruction_input(k), graph.instruction_output(k)
+            if op == ca.OP_OUTPUT:
+                found[out[0], out[1]] = work[into[0]].value
+            elif op == ca.OP_INPUT:
+                first = self._first[_ARGUMENTS[into[0]]]
+                work[out[0]] = _Value(self.ring.gens[first + into[1]])
+            elif op == ca.OP_CONST:
+                number = graph.instruction_constant(k)
+                exact = sp.S.Zero if number == REGULAR.segment**2 else rational(number)
+                work[out[0]] = _Value(self.ring.ground_new(QQ(exact.p, exact.q)))
+            else:
+                work[out[0]] = self._operation(op, [work[i] for i in into])
+        shortest: dict[PolyElement, sp.Expr] = {}
+        for output in {k for k, _ in found}:
+            places = [place for place in found if place[0] == output]
+            largest = max((abs(c) for p in places for c in found[p].values()), default=0)
+            for place in places:
+                terms = found[place].items()
+                found[place] = self.ring.from_dict(
+                    {m: _short(c) for m, c in terms if abs(c) > BOUNDS.rounding * largest}
+                )
+                if found[place] not in shortest:
+                    shortest[found[place]] = self.form.shortest(found[place])
+        return {place: shortest[value] for place, value in found.items()}
+
+    def _operation(self, op: int, given: list[_Value]) -> _Value:
+        x, y = given[0], given[-1]
+        match op:
+            case ca.OP_ASSIGN:
+                return x
+            case ca.OP_ADD:
+                return _Value(x.value + y.value, (*x.summands, *y.summands))
+            case ca.OP_SUB:
+                return _Value(x.value - y.value)
+            case ca.OP_NEG:
+                return _Value(-x.value)
+            case ca.OP_TWICE:
+                return _Value(2 * x.value)
+            case ca.OP_MUL | ca.OP_SQ:
+                square = self._product(x.value, y.value)
+                same = op == ca.OP_SQ or x.value == y.value
+                return _Value(square, ((x.value, 2),) if same else ())
+            case ca.OP_INV:
+                return _Value(self._inverse(x.value))
+            case ca.OP_DIV:
+                return _Value(self._product(x.value, self._inverse(y.value)))
+            case ca.OP_SIN | ca.OP_COS:
+                return _Value(self._angle(x.value)[op == ca.OP_SIN])
+            case ca.OP_SQRT:
+                return _Value(self._root(x))
+        function = _UNARY.get(op) or _BINARY.get(op)
+        if function is None:
+            raise TooLargeError(f"they hold an operation that is not printed ({op})")
+        arguments = [self.form.shortest(v.value) for v in given]
+        return _Value(self._generator((op, *(v.value for v in given)), function(*arguments)))
+
+    def _product(self, x: PolyElement, y: PolyElement) -> PolyElement:
+        self._n_products += len(x) * len(y)
+        if self._n_products > BOUNDS.products:
+            raise TooLargeError("expanding them takes too long")
+        product = self._reduced(x * y)
+        if len(product) > BOUNDS.terms:
+            raise TooLargeError(f"an expression has more than {BOUNDS.terms} terms")
+        return product
+
+    def _reduced(self, value: PolyElement) -> PolyElement:
+        """Squares with a rule are replaced until none is left."""
+        for generator, square in self._squares.items():
+            while high := {m: c for m, c in value.items() if m[generator] > 1}:
+                lowered = self.ring.from_dict(
+                    {(*m[:generator], m[generator] - 2, *m[generator + 1 :]): high[m] for m in high}
+                )
+                value = value - self.ring.from_dict(high) + lowered * square
+        return value
+
+    def _generator(self, key: tuple[Any, ...], expression: sp.Expr) -> PolyElement:
+        """The generator that stands for an expression; the same one for the same key."""
+        if key not in self._known:
+            self._known[key] = self.ring.gens[len(self.form.meaning)]
+            self.form.meaning.append(expression)
+        return self._known[key]
+
+    def _angle(self, angle: PolyElement) -> tuple[PolyElement, PolyElement]:
+        written = self.form.shortest(angle)
+        if angle.is_ground:
+            numbers = [rational(float(f(written))) for f in (sp.cos, sp.sin)]
+            return tuple(self.ring.ground_new(QQ(n.p, n.q)) for n in numbers)
+        cosine = self._generator((ca.OP_COS, angle), sp.cos(written, evaluate=False))
+        sine = self._generator((ca.OP_SIN, angle), sp.sin(written, evaluate=False))
+        generators = self.ring.gens
+        self.form.pairs[generators.index(cosine)] = generators.index(sine)
+        self._squares[generators.index(sine)] = 1 - cosine**2
+        return cosine, sine
+
+    def _inverse(self, value: PolyElement) -> PolyElement:
+        if value.is_ground:
+            return self.ring.ground_new(1 / value.coeff(1))
+        made = self._generator((ca.OP_INV, value), 1 / self.form.shortest(value))
+        self.form.inverse.add(self.ring.gens.index(made))
+        return made
+
+    def _root(self, value: _Value) -> PolyElement:
+        """A symbol for a root; a distance is written as the root of a sum of squares."""
+        total = value.value
+        if total.is_ground:
+            number = rational(float(sp.sqrt(self.form.shortest(total))))
+            return self.ring.ground_new(QQ(number.p, number.q))
+        key = (ca.OP_SQRT, total)
+        if key in self._known:
+            return self._known[key]
+        moving = any(m[k] for m in total for k in self.form.velocities)
+        symbol = self.notation.fresh("u" if moving else "d")
+        parts = value.summands or ((total, 1),)
+        squares = sp.Add(*(self.form.shortest(part) ** power for part, power in parts))
+        self.lengths.append((symbol, sp.sqrt(squares)))
+        return self._generator(key, symbol)
+
+
+@dataclass(frozen=True)
+class _Value:
+    """A polynomial, and where it was made as a sum the summands (polynomial, power)."""
+
+    value: PolyElement
+    made_of: tuple[tuple[PolyElement, int], ...] = ()
+
+    @cached_property
+    def summands(self) -> tuple[tuple[PolyElement, int], ...]:
+        """Summands whose sum it is; itself where it is not known as a sum of few."""
+        if self.value == 0:
+            return ()
+        return self.made_of if 0 < len(self.made_of) <= 4 else ((self.value, 1),)
+
+
+def _starts(parts: list[list[sp.Symbol]]) -> list[int]:
+    """Where each list begins when all are laid end to end."""
+    return [sum(len(part) for part in parts[:k]) for k in range(len(parts))]

@@ -1,0 +1,248 @@
+"""One-sided rows: strings and limits, their rates and their Jacobians.
+
+String (Sec. III-B):  h = sum_k |p_k+1 - p_k| - L,  hdot = A_D v_D + A_K v_K          (Eq. 9)
+                      hddot = A_D acc_D + gamma,    gamma = Adot v + A_K acc_K        (Eq. 11)
+
+A segment's length is sqrt(d.d + eps^2): a slack string through coincident points stays finite.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+
+from fantoccini.kernel.equations.algebra import (
+    REGULAR,
+    cross,
+    dot,
+    quaternion_rotation,
+    scaled,
+    symbolic,
+    zeros,
+)
+from fantoccini.kernel.equations.inertia import Value
+from fantoccini.kernel.equations.kinematics import JointMotion, LinkMotion
+from fantoccini.model.tree import WORLD, ChainRow, LimitRow, Point, Role, StringRow, Tree
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """Arguments of the rows of a tree."""
+
+    tree: Tree
+    joints: list[JointMotion]
+    motions: list[LinkMotion]
+    gravity: np.ndarray
+    value: Value
+
+    def at(self, point: Point) -> np.ndarray:
+        """Place of a point in its link's frame (3,)."""
+        return symbolic([self.value(x) for x in point.at])
+
+    def place(self, point: Point) -> np.ndarray:
+        """World position of a point (3,)."""
+        at = self.at(point)
+        return at if point.link == WORLD else self.motions[point.link].point(at)
+
+    def velocity(self, point: Point) -> np.ndarray:
+        """World velocity of a point (3,)."""
+        if point.link == WORLD:
+            return zeros(3)
+        return self.motions[point.link].point_velocity(self.at(point))
+
+    def add_pull(
+        self, point: Point, direction: np.ndarray, role: Role, row: np.ndarray
+    ) -> None:
+        """Adds direction . d(point velocity)/dv to a row: the pull J^T direction.
+
+        Args:
+            point: where it pulls.
+            direction: (3,) in the world.
+            role: of the joints whose velocities the row is over.
+            row: (n_vD,) or (n_vK,), by role.
+        """
+        if point.link == WORLD:
+            return
+        place = self.place(point)
+        for i in self.tree.ancestors(point.link):
+            link = self.tree.links[i]
+            if link.role is not role:
+                continue
+            v0 = link.v.start
+            motion, joint = self.motions[i], self.joints[i]
+            linear = motion.R.T.dot(direction)
+            if link.kind in ("prismatic", "translation"):
+                for k in range(link.v.stop - v0):
+                    row[v0 + k] = row[v0 + k] + dot(joint.S_v[:, k], linear)
+                continue
+            arm = cross(place - motion.r, direction)
+            if link.kind == "revolute":
+                row[v0] = row[v0] + dot(motion.R.dot(joint.S_w[:, 0]), arm)
+                continue
+            if link.kind == "free":
+                moved = joint.R_joint.dot(linear)
+                if link.parent == WORLD:
+                    # The joint frame is fixed in the world: fewer products than through the body.
+                    moved = symbolic(link.rotation).T.dot(direction)
+                row[v0 : v0 + 3] = row[v0 : v0 + 3] + moved
+                v0 = v0 + 3
+            row[v0 : v0 + 3] = row[v0 : v0 + 3] + motion.R.T.dot(arm)
+
+
+@dataclass(frozen=True)
+class PathRow:
+    """A path's length, or that less a string's, and how it changes.
+
+    Attributes:
+        around: arguments of the row.
+        points: the path.
+        pulls: (3,) derivative of the length by each point's place, in the world.
+        length: sum of the segments, less the string's length [m].
+        rate: d length / dt.
+        bias: d^2 length / dt^2 for the accelerations the motions were computed with.
+        own: the string or chain whose length is subtracted, if any.
+        share: of that length.
+    """
+
+    around: Surroundings
+    points: tuple[Point, ...]
+    pulls: list[np.ndarray]
+    length: ca.SX
+    rate: ca.SX
+    bias: ca.SX
+    own: StringRow | ChainRow | None = None
+    share: float = 1.0
+
+    @cached_property
+    def A_D(self) -> np.ndarray:
+        """(n_vD,) derivative of the rate by v_D."""
+        return self._pulled(Role.DYNAMIC, self.around.tree.coordinates.n_vD) + self.winding
+
+    @cached_property
+    def A_K(self) -> np.ndarray:
+        """(n_vK,) derivative of the rate by v_K."""
+        row = self._pulled(Role.DRIVEN, self.around.tree.coordinates.n_vK)
+        if self.own is not None and self.own.driven_length:
+            row[self.own.driven_length[1]] -= self.share
+        return row
+
+    @cached_property
+    def wrenches(self) -> dict[int, tuple[np.ndarray, np.ndarray]]:
+        """Link -> (torque, force) about its origin, in its frame, of a unit multiplier."""
+        found: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+        for point, pull in zip(self.points, self.pulls, strict=True):
+            if point.link == WORLD:
+                continue
+            force = self.around.motions[point.link].R.T.dot(pull)
+            torque = cross(self.around.at(point), force)
+            before = found.get(point.link, (zeros(3), zeros(3)))
+            found[point.link] = (before[0] + torque, before[1] + force)
+        return found
+
+    @property
+    def winding(self) -> np.ndarray:
+        """(n_vD,) force of a unit multiplier on the drive that winds the length."""
+        row = zeros(self.around.tree.coordinates.n_vD)
+        if self.own is not None and self.own.wound_length:
+            row[self.own.wound_length[1]] -= self.share
+        return row
+
+    def _pulled(self, role: Role, n: int) -> np.ndarray:
+        row = zeros(n)
+        for point, pull in zip(self.points, self.pulls, strict=True):
+            self.around.add_pull(point, pull, role, row)
+        return row
+
+
+def path_row(around: Surroundings, points: tuple[Point, ...]) -> PathRow:
+    """Length, rate and bias of a path through points."""
+    length, rate, bias = ca.SX(0), ca.SX(0), ca.SX(0)
+    pulls = [zeros(3) for _ in points]
+    for k, (first, second) in enumerate(pairwise(points)):
+        d = around.place(second) - around.place(first)
+        segment = segment_length(d)
+        length = length + segment
+        if first.link == second.link:
+            continue
+        dv = around.velocity(second) - around.velocity(first)
+        u = scaled(1 / segment, d)
+        along = dot(u, dv)
+        rate = rate + along
+        bias = bias + (dot(dv, dv) - along * along) / segment
+        pulls[k] = pulls[k] - u
+        pulls[k + 1] = pulls[k + 1] + u
+    for point, pull in zip(points, pulls, strict=True):
+        if point.link == WORLD:
+            # Links' accelerations exclude gravity, and the pulls sum to zero.
+            bias = bias - dot(pull, around.gravity)
+        else:
+            motion = around.motions[point.link]
+            acceleration = motion.a + motion.U.dot(around.at(point))
+            bias = bias + dot(motion.R.T.dot(pull), acceleration)
+    return PathRow(around, points, pulls, length, rate, bias)
+
+
+def string_row(
+    around: Surroundings, string: StringRow, length: ca.SX, rate: ca.SX, curve: ca.SX
+) -> PathRow:
+    """h, hdot, gamma, A_D and A_K of a string: its path's row less its length.
+
+    Args:
+        around: arguments of the row.
+        string: the string.
+        length, rate, curve: L and its derivatives by time.
+    """
+    row = path_row(around, string.points)
+    return replace(
+        row,
+        length=row.length - length,
+        rate=row.rate - rate,
+        bias=row.bias - curve,
+        own=string,
+    )
+
+
+def limit_row(
+    limit: LimitRow, q: np.ndarray, w: np.ndarray
+) -> tuple[ca.SX, np.ndarray, ca.SX]:
+    """h, Jacobian by the joint's own velocities, and bias of a limit.
+
+    Args:
+        limit: the limit.
+        q: the joint's configuration numbers.
+        w: the joint's velocities; the angular velocity in the body's frame for ball joints.
+
+    Returns:
+        h, J (k,), gamma with hdot = J w and hddot = J wdot + gamma.
+    """
+    if limit.side in ("lower", "upper"):
+        sign = -1.0 if limit.side == "lower" else 1.0
+        return sign * (q[0] - limit.bound), symbolic([sign]), ca.SX(0)
+    b = symbolic(limit.b)
+    if limit.side == "cone":
+        R = quaternion_rotation(q)
+        a = R.T.dot(symbolic(limit.a))
+        cosine = dot(a, b)
+        gamma = cosine * dot(w, w) - dot(a, w) * dot(b, w)
+        return np.cos(limit.bound) - cosine, cross(a, b), gamma
+    sign = -1.0 if limit.side == "twist.lower" else 1.0
+    scalar, vector = q[0], q[1:]
+    x = dot(vector, b)
+    # The twist is known modulo one turn; atan of the ratio gives the value nearest to zero.
+    twist = 2 * ca.atan(x / scalar)
+    # With n = scalar^2 + x^2 the rate is (scalar alpha + x beta) / n; the second derivatives of
+    # scalar and x at wdot = 0 are both -|w|^2/4 of them, so that only n's rate is left.
+    n = scalar * scalar + x * x
+    J = scaled(1 / n, scaled(scalar, scaled(scalar, b) + cross(b, vector)) + scaled(x, vector))
+    alpha, beta = dot(b, scaled(scalar, w) + cross(vector, w)), dot(vector, w)
+    gamma = (scalar * alpha + x * beta) * (scalar * beta - x * alpha) / (n * n)
+    return sign * (twist - limit.bound), scaled(sign, J), sign * gamma
+
+
+def segment_length(d: np.ndarray) -> ca.SX:
+    """|d|, rounded off where the ends of the segment coincide [m]."""
+    return ca.sqrt(dot(d, d) + REGULAR.segment**2)

@@ -1,0 +1,24 @@
+"""The symbols that all expressions are in, by the paper's letters."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from fantoccini.kernel.contract import ARGUMENTS
+from fantoccini.model.tree import Tree
+
+
+class Symbols(dict[str, ca.SX]):
+    """The contract's arguments as symbols, by name and as attributes; all but the factor L."""
+
+    @classmethod
+    def of(cls, tree: Tree) -> Symbols:
+        """Fresh symbols with the sizes of a tree."""
+        known = (q for q in ARGUMENTS.values() if "n_packed" not in q.shape)
+        return cls({q.name: ca.SX.sym(q.name, *q.dimensions(tree.sizes)) for q in known})
+
+    def __getattr__(self, name: str) -> ca.SX:
+        try:
+            return self[name]
+        except KeyError:
+            raise AttributeError(name) from None

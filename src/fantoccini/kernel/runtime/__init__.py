@@ -1,0 +1,144 @@
+"""The compiled puppet: the only package that calls the shared library, through ctypes."""
+
+from fantoccini.kernel.runtime import memory, solids
+from fantoccini.kernel.runtime.batch import (
+    Batch,
+    BatchLibrary,
+    default_threads,
+)
+from fantoccini.kernel.runtime.clamped_stages import (
+    ClampedOutcome,
+    ClampedStages,
+)
+from fantoccini.kernel.runtime.clearance import (
+    BOX,
+    HALF_SPACE,
+    SEGMENT,
+    ClearanceLibrary,
+    Moves,
+    Records,
+    Solids,
+    moved_by,
+)
+from fantoccini.kernel.runtime.compiled import (
+    Complementarity,
+    Library,
+    Piece,
+    Run,
+)
+from fantoccini.kernel.runtime.contact_points import contact_points
+from fantoccini.kernel.runtime.contacts import Contacts
+from fantoccini.kernel.runtime.flow_derivatives import (
+    DerivativeLibrary,
+    FlowChanges,
+)
+from fantoccini.kernel.runtime.frozen_flow import FrozenFlow
+from fantoccini.kernel.runtime.functions import (
+    AnyArray,
+    Functions,
+    Loaded,
+    whole,
+)
+from fantoccini.kernel.runtime.gradients import (
+    GradientLibrary,
+    GradientRun,
+)
+from fantoccini.kernel.runtime.hulls import (
+    Hull,
+    mesh_hulls,
+)
+from fantoccini.kernel.runtime.lane_steppers import LaneSteppers
+from fantoccini.kernel.runtime.options import RunOptions
+from fantoccini.kernel.runtime.reach import (
+    MAX_TARGETS,
+    Reached,
+    ReachLibrary,
+)
+from fantoccini.kernel.runtime.rollouts import (
+    POINT,
+    POSE,
+    STATE,
+    UNKNOWN,
+    Funnel,
+    GoalNumbers,
+    RolloutLibrary,
+    RolloutPool,
+    RolloutSettings,
+    Segments,
+)
+from fantoccini.kernel.runtime.solids import (
+    SOLID,
+    empty,
+    half_space,
+    hull_solid,
+    solid,
+    stacked,
+)
+from fantoccini.kernel.runtime.stage_programs import StagePrograms
+from fantoccini.kernel.runtime.step_derivatives import StepDerivatives
+from fantoccini.kernel.runtime.structures import HeldInput
+from fantoccini.kernel.runtime.touching_steps import (
+    StepTouches,
+    step_touches,
+)
+
+__all__ = [
+    "BOX",
+    "HALF_SPACE",
+    "MAX_TARGETS",
+    "POINT",
+    "POSE",
+    "SEGMENT",
+    "SOLID",
+    "STATE",
+    "UNKNOWN",
+    "AnyArray",
+    "Batch",
+    "BatchLibrary",
+    "ClampedOutcome",
+    "ClampedStages",
+    "ClearanceLibrary",
+    "Complementarity",
+    "Contacts",
+    "DerivativeLibrary",
+    "FlowChanges",
+    "FrozenFlow",
+    "Functions",
+    "Funnel",
+    "GoalNumbers",
+    "GradientLibrary",
+    "GradientRun",
+    "HeldInput",
+    "Hull",
+    "LaneSteppers",
+    "Library",
+    "Loaded",
+    "Moves",
+    "Piece",
+    "ReachLibrary",
+    "Reached",
+    "Records",
+    "RolloutLibrary",
+    "RolloutPool",
+    "RolloutSettings",
+    "Run",
+    "RunOptions",
+    "Segments",
+    "Solids",
+    "StagePrograms",
+    "StepDerivatives",
+    "StepTouches",
+    "contact_points",
+    "default_threads",
+    "empty",
+    "half_space",
+    "hull_solid",
+    "memory",
+    "mesh_hulls",
+    "moved_by",
+    "solid",
+    "solids",
+    "stacked",
+    "step_touches",
+    "whole",
+]

@@ -1,0 +1,104 @@
+"""Programs of stages in real time, compiled (``cpp/fantoccini/search/stage_clamped.hpp``)."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fantoccini.base import Array
+from fantoccini.kernel.runtime.functions import AnyArray, pointer
+from fantoccini.kernel.runtime.stage_programs import stage_library
+from fantoccini.kernel.runtime.structures import structures
+
+
+class ClampedOutcome(NamedTuple):
+    """What the compiled solver leaves.
+
+    Attributes:
+        u: (N, n_vK) changes of the accelerations.
+        decrease: of the program's cost.
+        iterations: factorisations begun.
+        stages: factorised in all; N in a whole factorisation.
+        solved: whether the bounds in force are the right ones.
+    """
+
+    u: Array
+    decrease: float
+    iterations: int
+    stages: int
+    solved: bool
+
+
+class ClampedStages:
+    """A solver with its memory, which is kept from program to program.
+
+    Raises:
+        BuildError: there is no compiler, or it failed.
+        MemoryError: no memory for it.
+    """
+
+    def __init__(self) -> None:
+        self._dll = stage_library()
+        made = self._dll.fan_clamped_stages_new()
+        if not made:
+            raise MemoryError("no memory for a program of stages")
+        self._handle = ctypes.c_void_p(made)
+
+    def __del__(self) -> None:
+        if getattr(self, "_handle", None):
+            self._dll.fan_clamped_stages_free(self._handle)
+            self._handle = ctypes.c_void_p()
+
+    def add_step(self, motion: Array, driven: Array, k: int, is_first: bool) -> None:
+        """Adds a time step to every interval of the next program.
+
+        Args:
+            motion: (N, n_d, columns) derivatives of the step, as ``linearise_steps`` has them.
+            driven: (N or 1, 2 k, 3 k) derivatives of the driven coordinates before the step.
+            k: driven velocities.
+            is_first: of an interval's steps.
+
+        Raises:
+            MemoryError: no memory for it.
+        """
+        motion, driven = (np.ascontiguousarray(a, dtype=float) for a in (motion, driven))
+        N, n_d, columns = motion.shape
+        arrays = structures["StageStepArrays"](
+            N=N, n_d=n_d, k=k, columns=columns, is_first=int(is_first), motion=pointer(motion),
+            driven=_shared(driven),
+        )  # fmt: skip
+        if self._dll.fan_clamped_stages_step(self._handle, ctypes.byref(arrays)):
+            raise MemoryError("no memory for a program of stages")
+
+    def solve(
+        self, numbers: Mapping[str, float], arrays: Mapping[str, AnyArray], driven: Array
+    ) -> ClampedOutcome:
+        """The best motion found, of the steps added since the first.
+
+        Args:
+            numbers, arrays: of the contract's ``StageClampArrays``, by name.
+            driven: (N or 1, 2 n_vK, 3 n_vK) derivatives of the driven coordinates.
+
+        Raises:
+            MemoryError: no memory for it.
+        """
+        u = np.zeros(arrays["acc"].shape)
+        kept = {
+            name: np.ascontiguousarray(a, dtype=np.int32 if a.dtype.kind == "i" else float)
+            for name, a in {**arrays, "driven": driven}.items()
+        }
+        shared = _shared(kept.pop("driven"))
+        made: Any = structures["StageClampArrays"](
+            **numbers, driven=shared, u=pointer(u), **{k: pointer(a) for k, a in kept.items()}
+        )
+        if self._dll.fan_clamped_stages_solve(self._handle, ctypes.byref(made)):
+            raise MemoryError("no memory for a program of stages")
+        return ClampedOutcome(u, made.decrease, made.iterations, made.stages, bool(made.solved))
+
+
+def _shared(values: Array) -> Any:
+    stride = 0 if len(values) == 1 else values[0].size
+    return structures["Shared"](pointer(values), stride)

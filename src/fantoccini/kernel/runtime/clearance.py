@@ -1,0 +1,235 @@
+"""Clearances of many configurations, measured by a puppet's compiled library."""
+
+from __future__ import annotations
+
+import ctypes
+import signal
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from types import FrameType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fantoccini.base import Array
+from fantoccini.kernel.contract import STRUCTURES, SolidKind
+from fantoccini.kernel.runtime.functions import Loaded, pointer
+from fantoccini.kernel.runtime.solids import SOLID
+from fantoccini.kernel.runtime.structures import dtype_of, structures
+from fantoccini.model.tree import Role, Tree
+
+SEGMENT, BOX, HALF_SPACE = SolidKind.SEGMENT, SolidKind.BOX, SolidKind.HALF_SPACE
+"""Kinds of solids."""
+
+JOINT = dtype_of(next(s for s in STRUCTURES if s.name == "JointPlace"))
+"""A link's joint, and where its coordinates are."""
+
+_EXACT: Any = next(f[1] for f in structures["ClearanceArrays"]._fields_ if f[0] == "exact")
+
+_CONFIGURATIONS_PER_THREAD = 4096
+"""Fewer take less time than a thread takes to start."""
+
+
+Records = NDArray[np.void]
+
+
+@dataclass(frozen=True, eq=False)
+class Solids:
+    """Solids, and which of them clearance is measured between.
+
+    Attributes:
+        moving, standing: (n,) ``SOLID``; every moving one is measured against all standing ones
+            that are not left out.
+        pairs: (n, 2) indices of moving solids that are measured against one another.
+        left_out: (moving, standing) bool, those that are not measured against one another.
+        string_radius: (n_strings,) of strings against standing solids [m]; negative: not measured.
+        joints: (n_links,) ``JOINT``, the joints of the links that carry solids and string points.
+        carriers: (n_points,) links of the strings' points; -1 for the world.
+        exact: distance of two placed solids (``SOLID`` records) one of which is a mesh, without
+            radii [m]; negative where they overlap. None without meshes.
+    """
+
+    moving: Records
+    standing: Records
+    pairs: NDArray[np.int32]
+    left_out: NDArray[np.bool_]
+    string_radius: Array
+    joints: Records
+    carriers: NDArray[np.int32]
+    exact: Callable[[np.void, np.void], float] | None = None
+
+    @classmethod
+    def none(cls, tree: Tree) -> Solids:
+        """No solids: clearance is infinite."""
+        solids = np.zeros(0, dtype=SOLID)
+        none = np.zeros((0, 2), dtype=np.int32), np.zeros((0, 0), dtype=bool)
+        return cls(solids, solids, *none, np.full(len(tree.strings), -1.0), *moved_by(tree))
+
+
+def moved_by(tree: Tree) -> tuple[Records, NDArray[np.int32]]:
+    """``joints`` and ``carriers`` of :class:`Solids`."""
+    joints = []
+    for link in tree.links:
+        moves = link.v.stop > link.v.start
+        turns = {"revolute": 1, "ball": 4, "free": 4}.get(link.kind, 0) if moves else 0
+        role = 1 + (Role.DYNAMIC, Role.DRIVEN).index(link.role) if moves else 0
+        slides = link.q.stop - link.q.start - turns
+        joints.append((link.parent, role, link.q.start, slides, turns))
+    carriers = [point.link for string in tree.strings for point in string.points]
+    return np.array(joints, dtype=JOINT), np.array(carriers, dtype=np.int32)
+
+
+def clearance_arrays(solids: Solids, exact: Exact, kept: list[Any]) -> ctypes.Structure:
+    """The structure; ``exact`` and ``kept`` must live as long as it is read."""
+    held = {
+        "moving": np.ascontiguousarray(solids.moving, dtype=SOLID),
+        "standing": np.ascontiguousarray(solids.standing, dtype=SOLID),
+        "pairs": np.ascontiguousarray(solids.pairs, dtype=np.int32),
+        "left_out": np.ascontiguousarray(solids.left_out, dtype=np.uint8),
+        "string_radius": np.ascontiguousarray(solids.string_radius, dtype=float),
+        "joints": np.ascontiguousarray(solids.joints, dtype=JOINT),
+        "carriers": np.ascontiguousarray(solids.carriers, dtype=np.int32),
+    }
+    kept += held.values()
+    counts = {f"n_{name}": len(held[name]) for name in ("moving", "standing", "pairs")}
+    addresses = {name: pointer(array) for name, array in held.items()}
+    return structures["ClearanceArrays"](**counts, **addresses, exact=exact.function)
+
+
+class Exact:
+    """``Solids.exact`` as a C callback; call the library inside ``with``.
+
+    An exception cannot pass through compiled code: the callback then reports overlap, so that the
+    call soon ends, and leaving ``with`` raises it.
+
+    Args:
+        solids: whose function it is.
+    """
+
+    def __init__(self, solids: Solids):
+        self._raised: list[BaseException] = []
+        self._handler: Callable[[int, FrameType | None], Any] | None = None
+        raised, exact = self._raised, solids.exact
+        if exact is None:
+            self.function = _EXACT()
+            return
+
+        def callback(x: int, y: int) -> float:
+            try:
+                return -1.0 if raised else exact(_record(x), _record(y))
+            except BaseException as error:
+                raised.append(error)
+                return -1.0
+
+        self.function = _EXACT(callback)
+
+    def __enter__(self) -> Exact:
+        # Ctrl-C would be raised on entry to `callback`, before its `try`, and be lost.
+        if self.function and threading.current_thread() is threading.main_thread():
+            handler = signal.getsignal(signal.SIGINT)
+            if callable(handler):
+                self._handler = handler
+                signal.signal(signal.SIGINT, self._interrupted)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
+        if self._handler is not None:
+            signal.signal(signal.SIGINT, self._handler)
+        if self._raised and kind is None:
+            raise self._raised[0]
+
+    def _interrupted(self, number: int, frame: FrameType | None) -> None:
+        try:
+            if self._handler is not None:
+                self._handler(number, frame)
+        except BaseException as error:
+            self._raised.append(error)
+
+
+def _record(address: int) -> np.void:
+    solid: np.void = np.frombuffer(ctypes.string_at(address, SOLID.itemsize), SOLID)[0].copy()
+    return solid
+
+
+class Moves(NamedTuple):
+    """Bounds of the joints' motion about n configurations.
+
+    Attributes:
+        slide, turn: (n, n_links) path of each link's origin in its parent's frame [m], and the
+            angle that its joint turns [rad].
+        wound: (n, n_strings) bound of the change of lengths [m].
+        loose: (n, n_strings) 1.0 for strings that may go slack on the way; else 0.0.
+    """
+
+    slide: Array
+    turn: Array
+    wound: Array
+    loose: Array
+
+
+class ClearanceLibrary(Loaded):
+    """A library that measures clearances."""
+
+    def measure(
+        self,
+        solids: Solids,
+        q_D: Array,
+        q_K: Array,
+        p: Array,
+        threads: int,
+        moves: Moves | None = None,
+    ) -> tuple[Array, Array, NDArray[np.int64]]:
+        """The clearance at each of n configurations, and the index of the pair that has it.
+
+        Args:
+            solids: what is measured.
+            q_D, q_K: (n, n_qD), (n, n_qK).
+            p: (n_p,) parameters.
+            threads: that share the work of many configurations.
+            moves: about the configurations; none by default.
+
+        Returns:
+            (n,) [m]; (n,) lower bounds of all distances on these moves [m]; and (n,) indices
+            in the order of ``Clearance::measure``, -1 without pairs.
+
+        Raises:
+            MemoryError: no memory.
+        """
+        kept: list[Any] = []
+        n = len(q_D)
+        q_D, q_K, p = (np.ascontiguousarray(a, dtype=float) for a in (q_D, q_K, p))
+        about: list[Array | None] = [None] * len(Moves._fields)
+        if moves is not None:
+            about = [np.ascontiguousarray(a, dtype=float) for a in moves]
+        clearance, lower, pair = np.empty(n), np.empty(n), np.empty(n, dtype=np.int64)
+        failed: list[int] = []
+        exact = Exact(solids)
+        arrays = clearance_arrays(solids, exact, kept)
+
+        def work(first: int, last: int) -> None:
+            part = slice(first, last)
+            failed.append(
+                self.dll.fan_clearance(
+                    ctypes.c_longlong(last - first), pointer(q_D[part]), pointer(q_K[part]),
+                    pointer(p), *(None if a is None else pointer(a[part]) for a in about),
+                    ctypes.byref(arrays), pointer(clearance[part]), pointer(lower[part]),
+                    pointer(pair[part]),
+                )
+            )  # fmt: skip
+
+        parts = max(1, min(threads, n // _CONFIGURATIONS_PER_THREAD))
+        ends = np.linspace(0, n, parts + 1).astype(int)
+        others = [threading.Thread(target=work, args=span) for span in pairwise(ends[1:])]
+        with exact:
+            for other in others:
+                other.start()
+            if n:
+                work(0, ends[1])
+            for other in others:
+                other.join()
+        if any(failed):
+            raise MemoryError("no memory for clearances")
+        return clearance, lower, pair

@@ -1,0 +1,26 @@
+"""Contact points of a run, decoded from the rows that compiled code writes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fantoccini.base import Array
+from fantoccini.kernel.contract import CONTACT
+from fantoccini.motion import ContactPoints
+
+
+def contact_points(rows: Array, names: tuple[tuple[str, str], ...]) -> ContactPoints:
+    """The contact points of a run.
+
+    Args:
+        rows: (n, width) as compiled code writes them, laid out as ``CONTACT``.
+        names: of the two parts of every pair.
+    """
+    ends = np.cumsum([part.numel({}) for part in CONTACT])
+    parts: dict[str, Any] = {
+        part.name: rows[:, end - part.numel({}) : end] if part.shape else rows[:, end - 1]
+        for part, end in zip(CONTACT, ends, strict=True)
+    }
+    return ContactPoints(**parts, names=names)

@@ -1,0 +1,86 @@
+"""Solids that may touch, as compiled code reads them."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fantoccini.base import Array
+from fantoccini.kernel.contract import SolidKind
+from fantoccini.kernel.runtime.functions import pointer
+from fantoccini.kernel.runtime.hulls import Hull
+from fantoccini.kernel.runtime.structures import structures
+from fantoccini.model.tree import WORLD
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """Solids and the pairs of them that may touch.
+
+    Attributes:
+        solids: (n,) ``SOLID``: those of the links in their order, then those that stand.
+        pairs: (m, 2) of solids; the first is a link's. Those of the same two links, and of a link
+            and a solid that stands, are neighbours.
+        friction: (m,) coefficients of friction.
+        restitution: (m,) 0 to 1.
+        names: (m,) of the body and of what it touches: another body, an obstacle, ``floor``.
+        hulls: those that solids of the kind ``HULL`` name by their ``mesh``.
+    """
+
+    solids: NDArray[np.void]
+    pairs: NDArray[np.int32]
+    friction: Array
+    restitution: Array
+    names: tuple[tuple[str, str], ...]
+    hulls: tuple[Hull, ...] = ()
+
+    def some(self, which: NDArray[np.bool_]) -> Contacts:
+        """The pairs (m,) that are marked."""
+        names = tuple(name for name, kept in zip(self.names, which, strict=True) if kept)
+        kept = (self.pairs[which], self.friction[which], self.restitution[which])
+        return Contacts(self.solids, *kept, names, self.hulls)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        fields = (self.solids, self.pairs, self.friction, self.restitution, self.names)
+        return type(self), (*fields, self.hulls)
+
+    @cached_property
+    def structure(self) -> ctypes.Structure:
+        """For compiled code; it and its arrays live as long as this object."""
+        groups = self._groups()
+        arrays = (
+            self._solids(), self.pairs, groups, self.friction, self.restitution, self._meetings()
+        )  # fmt: skip
+        held = [np.ascontiguousarray(a) for a in arrays]
+        names = ("solids", "pairs", "groups", "friction", "restitution", "meetings")
+        made = structures["ContactArrays"](
+            n_solids=len(self.solids), n_pairs=len(self.pairs), n_groups=len(groups),
+            **{name: pointer(a) for name, a in zip(names, held, strict=True)},
+        )  # fmt: skip
+        made.held = held
+        return made
+
+    def _solids(self) -> NDArray[np.void]:
+        """(n,) solids that point to their hulls."""
+        solids = self.solids.copy()
+        for i in np.flatnonzero(solids["kind"] == SolidKind.HULL):
+            hull = self.hulls[solids["mesh"][i]]
+            solids["hull"][i] = ctypes.addressof(hull.structure)
+        return solids
+    def _meetings(self) -> NDArray[np.int32]:
+        """(m,) the first pair of the same two names: the parts of one body meet together."""
+        first: dict[frozenset[str], int] = {}
+        meetings = [first.setdefault(frozenset(pair), k) for k, pair in enumerate(self.names)]
+        return np.array(meetings, dtype=np.int32)
+
+    def _groups(self) -> NDArray[np.int32]:
+        """(n, 3) links of neighbouring pairs, -1 - solid for one that stands; where they end."""
+        links = self.solids["link"][self.pairs]
+        links[:, 1] = np.where(links[:, 1] == WORLD, -1 - self.pairs[:, 1], links[:, 1])
+        last = np.flatnonzero(np.any(np.diff(links, axis=0, append=-links[-1:] - 9), axis=1))
+        return np.column_stack([links[last], last + 1]).astype(np.int32)

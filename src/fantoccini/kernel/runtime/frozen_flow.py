@@ -1,0 +1,90 @@
+"""The flow of an event-driven run, for integrators from elsewhere.
+
+    ydot = f(t, y),   y = (q_D, v_D, work, loss, slip loss),   with the active set frozen
+"""
+
+from __future__ import annotations
+
+import ctypes
+
+import numpy as np
+
+from fantoccini.base import Array
+from fantoccini.kernel.runtime.compiled import Library, Run
+from fantoccini.kernel.runtime.options import RunOptions
+from fantoccini.motion import Input, State
+
+_ADDRESS, _TIME = ctypes.c_void_p, ctypes.c_double
+
+_SIGNATURES = {
+    "look": (None, _TIME, *[_ADDRESS] * 4),
+    "smooth_until": (ctypes.c_int, _TIME, _ADDRESS, _ADDRESS),
+    "present": (_TIME, _ADDRESS, _ADDRESS),
+}
+"""Result and arguments after the run of the functions ``fan_...``."""
+
+
+class FrozenFlow(Run):
+    """An event-driven run at its start, whose flow is evaluated at any states.
+
+    Attributes:
+        t: time of the start [s].
+        y: (n_y,) at the start: q_D [rad, m or 1], v_D [rad/s or m/s], work of the inputs, loss to
+            damping and drag, loss of slipping winches [J].
+        active_set: (n_rows,) what every row does (``contract.Hold``); 0 for slack.
+
+    Args:
+        library, options, x0, p, winches, inputs: as for :class:`Run`.
+    """
+
+    def __init__(
+        self, library: Library, options: RunOptions, x0: State, p: Array, winches: Array,
+        inputs: Input,
+    ):  # fmt: skip
+        dll, sizes = library.dll, library.sizes
+        for name, (result, *arguments) in _SIGNATURES.items():
+            function = getattr(dll, f"fan_{name}")
+            function.restype, function.argtypes = result, [_ADDRESS, *arguments]
+        super().__init__(library, "event", options, x0, p, winches, inputs)
+        self.y = np.empty(sizes["n_qD"] + sizes["n_vD"] + 3)
+        self.active_set = np.empty(sizes["n_rows"], dtype=np.int8)
+        self.t: float = dll.fan_present(
+            self._run, self.y.ctypes.data, self.active_set.ctypes.data
+        )
+
+    def rate(self, t: float, y: Array) -> Array:
+        """ydot (n_y,) at a time [s] and y (n_y,)."""
+        rate = np.empty(len(self.y))
+        self._look(t, y, rate, None, None)
+        return rate
+
+    def guards(self, t: float, y: Array) -> Array:
+        """(n_rows + n_watched,) guards at (t, y), positive where the active set no longer holds.
+
+        h over its length for a slack row, the missing tension over the weight for a taut one, for
+        a stepper motor the lag beyond what it holds.
+        """
+        guards = np.empty(self.library.n_blamable)
+        self._look(t, y, None, guards, None)
+        return guards
+
+    def slip(self, t: float, y: Array) -> Array:
+        """(n_strings,) what the winches have let out at (t, y) [m]."""
+        slip = np.empty(self.library.sizes["n_strings"])
+        self._look(t, y, None, None, slip)
+        return slip
+
+    def smooth_until(self, t_end: float) -> float:
+        """The end of the smooth stretch of the inputs from the start, at most ``t_end`` [s]."""
+        end = ctypes.c_double()
+        out = ctypes.addressof(self._record)
+        self.library.dll.fan_smooth_until(self._run, t_end, ctypes.addressof(end), out)
+        return end.value
+
+    def _look(self, t: float, y: Array, *into: Array | None) -> None:
+        """Writes rate, guards and slip at (t, y) where arrays are given."""
+        y = np.ascontiguousarray(y, dtype=float)
+        if y.shape != self.y.shape:
+            raise ValueError(f"y has the shape {y.shape}; it must be {self.y.shape}")
+        addresses = [None if a is None else a.ctypes.data for a in into]
+        self.library.dll.fan_look(self._run, t, y.ctypes.data, *addresses)

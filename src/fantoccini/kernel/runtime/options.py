@@ -1,0 +1,73 @@
+"""Options of a run, for compiled code."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+
+from fantoccini.base import check_positive
+from fantoccini.kernel.runtime.contacts import Contacts
+from fantoccini.kernel.runtime.functions import whole
+from fantoccini.kernel.runtime.structures import structures
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """Options of a run; see :func:`fantoccini.dynamics.simulation.simulate` for their meaning.
+
+    Attributes:
+        rtol, atol: tolerances of the event-driven integrator.
+        first_step, max_step: its step sizes [s].
+        tension_cap: [N]; times 1 m of a limit, times 1 s of an impulse.
+        energy_scale: size of the energies the integrals are compared with [J].
+        force_scale: size of the forces that balance at rest, where M_DD is one [kg^1/2 m/s^2].
+        recovery_speed: cap on how fast time-stepping undoes a violation [m/s].
+        dt: step of the methods with a fixed one [s].
+        max_steps, max_events: bounds.
+        save_steps: save every accepted step of the event-driven integrator.
+        save_every: fixed steps from sample to sample.
+        max_memory: for the samples and events of one run [bytes]; half of what is free when None.
+        extrapolate: time-stepping takes velocity products half a step ahead.
+        contacts: solids that may touch, of time-stepping; None where nothing touches anything.
+
+    Raises:
+        ValueError: a tolerance, a step or a bound is not positive and finite, or a number of steps
+            or events is more than the runtime can count.
+    """
+
+    rtol: float
+    atol: float
+    first_step: float
+    max_step: float
+    tension_cap: float
+    energy_scale: float
+    force_scale: float
+    recovery_speed: float
+    dt: float
+    max_steps: int
+    max_events: int
+    save_steps: bool
+    save_every: int = 1
+    max_memory: float | None = None
+    extrapolate: bool = True
+    contacts: Contacts | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("rtol", "atol", "first_step", "max_step", "dt"):
+            check_positive(**{name: getattr(self, name)})
+        for name, kind in (
+            ("save_every", ctypes.c_int),
+            ("max_steps", ctypes.c_longlong),
+            ("max_events", ctypes.c_longlong),
+        ):
+            object.__setattr__(self, name, whole(name, getattr(self, name), kind, least=1))
+        if self.max_memory is not None and not self.max_memory > 0:
+            raise ValueError(f"max_memory is {self.max_memory}; it must be positive [bytes]")
+
+    def structure(self) -> ctypes.Structure:
+        """The options for the library."""
+        options = structures["Options"]
+        given = {field[0]: getattr(self, field[0]) for field in options._fields_}
+        if self.contacts is not None:
+            given["contacts"] = ctypes.addressof(self.contacts.structure)
+        return options(**given)

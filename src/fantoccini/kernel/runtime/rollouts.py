@@ -1,0 +1,362 @@
+"""A planner's rollouts, by the compiled library: the Python side of ``search/rollouts.hpp``."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike
+
+from fantoccini.base import Array, Indices, MaskRows
+from fantoccini.kernel.contract import GoalKind
+from fantoccini.kernel.runtime.clearance import Exact, Solids, clearance_arrays
+from fantoccini.kernel.runtime.functions import Loaded, pointer
+from fantoccini.kernel.runtime.options import RunOptions
+from fantoccini.kernel.runtime.structures import UNLIMITED, structures
+
+UNKNOWN, POSE, POINT = GoalKind
+"""Kinds of goals; ``UNKNOWN`` is a Python function, which the library does not evaluate."""
+
+STATE = ("q_D", "v_D", "slip", "q_K", "v_K")
+"""Parts of a state."""
+
+_GoalArrays, _FunnelArrays, _BoundArrays, _SegmentArrays, _RolloutArrays, _RolloutProgress = (
+    structures[name]
+    for name in (
+        "GoalArrays", "FunnelArrays", "BoundArrays", "SegmentArrays", "RolloutArrays",
+        "RolloutProgress",
+    )
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class GoalNumbers:
+    """A goal as numbers for the compiled library; see ``search/goal.hpp``.
+
+    Attributes:
+        kind: ``UNKNOWN``, ``POSE`` or ``POINT``.
+        low, high: (n_qD,) interval of a pose.
+        weight: (n_vD,) weights of its coordinates.
+        v_D, v_K: (n_vD,), (n_vK,) target velocities.
+        link: index of the link that carries the point.
+        at: (3,) the point in the link's frame [m].
+        place, place_high: (3,) corners of the target box [m].
+        speed_weight, driven_weight: weights of the errors of v_D and v_K [s].
+        touches: (n_pairs,) the touch that a pair of contact is part of, or -1; None without any.
+        n_touches: touches that are asked for.
+        open: added to the distance while some touch does not push.
+    """
+
+    kind: int
+    low: Array
+    high: Array
+    weight: Array
+    v_D: Array
+    v_K: Array
+    link: int = 0
+    at: Array = field(default_factory=lambda: np.zeros(3))
+    place: Array = field(default_factory=lambda: np.zeros(3))
+    place_high: Array = field(default_factory=lambda: np.zeros(3))
+    speed_weight: float = 0.0
+    driven_weight: float = 0.0
+    touches: Indices | None = None
+    n_touches: int = 0
+    open: float = 0.0
+
+    def structure(self, tolerance: float, kept: list[Array]) -> Any:
+        """The C structure; ``kept`` owns its memory and must outlive it."""
+        arrays = ("low", "high", "weight", "v_D", "v_K")
+        corners = ("at", "place", "place_high")
+        return _GoalArrays(
+            kind=self.kind, link=self.link, tolerance=tolerance,
+            speed_weight=self.speed_weight, driven_weight=self.driven_weight,
+            n_touches=self.n_touches, open=self.open,
+            touches=None if self.touches is None else _held(self.touches, kept, np.int32),
+            **{name: _held(getattr(self, name), kept) for name in arrays},
+            **{name: (ctypes.c_double * 3)(*getattr(self, name)) for name in corners},
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Funnel:
+    """An equilibrium and the feedback law that leads there; see ``search/feedback.hpp``.
+
+    Attributes:
+        q_D, q_K: (n_qD,), (n_qK,) the equilibrium.
+        gains: (n_vK, 2 n_vD + 2 n_vK) on (dq_D, v_D, dq_K, v_K).
+    """
+
+    q_D: Array
+    q_K: Array
+    gains: Array
+
+
+@dataclass(frozen=True, eq=False)
+class RolloutSettings:
+    """What all rollouts of a planner share.
+
+    Attributes:
+        options: of the time-stepper; ``save_every`` steps from one check to the next.
+        looks: checks of a segment.
+        p, winches: as of :class:`fantoccini.kernel.runtime.Run`.
+        bounds: speed and acceleration (n_vK,), low and high (n_qK,).
+        margin: least clearance [m].
+        slack: whether taut strings may go slack.
+        solids: what is kept clear of what.
+        kept_off: (n_pairs,) bool, the pairs of contact that must not touch.
+        goal: where a rollout ends.
+        tolerance: distance from the goal at which it ends; negative where it goes on.
+    """
+
+    options: RunOptions
+    looks: int
+    p: Array
+    winches: Array
+    bounds: dict[str, Array]
+    margin: float
+    slack: bool
+    solids: Solids
+    goal: GoalNumbers
+    tolerance: float
+    kept_off: MaskRows | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Segments:
+    """The segments of n rollouts.
+
+    Attributes:
+        states: part of a state -> (n, segments, width), at the segments' ends.
+        acc_K: (n, segments, n_vK) [m/s^2 or rad/s^2].
+        looks: (n, segments) checks that a segment lasted; 0 where it was not completed.
+        distance: (n, segments) from the goal at its end.
+        catches: (n, segments) strings and limits caught.
+        n_made: rollouts simulated: all up to the first that reached the goal.
+    """
+
+    states: dict[str, Array]
+    acc_K: Array
+    looks: Indices
+    distance: Array
+    catches: Indices
+    n_made: int
+
+
+class RolloutLibrary(Loaded):
+    """A puppet's compiled library of rollouts."""
+
+    def distances(
+        self, goal: GoalNumbers, q_D: Array, v_D: Array, q_K: Array, v_K: Array, p: Array
+    ) -> Array:
+        """(n,) distances of states (n, n_qD), (n, n_vD), (n, n_qK), (n, n_vK) from a goal."""
+        kept: list[Array] = []
+        structure = goal.structure(0.0, kept)
+        states = [_held(a, kept) for a in (q_D, v_D, q_K, v_K, p)]
+        found = np.empty(len(q_D))
+        n = ctypes.c_longlong(len(q_D))
+        self.dll.fan_goal_distances(n, *states, ctypes.byref(structure), pointer(found))
+        return found
+
+
+class RolloutPool:
+    """Simulates rollouts on several threads.
+
+    Args:
+        library: of the puppet.
+        settings: what the rollouts share.
+        threads: how many work on them; results do not depend on it.
+    """
+
+    def __init__(self, library: RolloutLibrary, settings: RolloutSettings, threads: int):
+        self._library, self._others = library, threads - 1
+        self._kept: list[Array] = []
+        kept = self._kept
+        self._solids = settings.solids
+        bounds = settings.bounds
+        self._arrays = _RolloutArrays(
+            looks=settings.looks,
+            steps=settings.options.save_every,
+            options=settings.options.structure(),
+            p=_held(settings.p, kept),
+            winches=_held(np.minimum(settings.winches, UNLIMITED), kept),
+            bounds=_BoundArrays(**{name: _held(a, kept) for name, a in bounds.items()}),
+            margin=settings.margin,
+            may_slacken=int(settings.slack),
+            goal=settings.goal.structure(settings.tolerance, kept),
+            kept_off=_bytes(settings.kept_off, kept),
+        )
+        self._widths = {
+            "q_D": len(settings.goal.low),
+            "v_D": len(settings.goal.weight),
+            "slip": len(settings.solids.string_radius),
+            "q_K": len(bounds["low"]),
+            "v_K": len(bounds["speed"]),
+        }
+
+    def __call__(
+        self,
+        starts: dict[str, Array],
+        start: Indices,
+        acc_K: Array,
+        n_given: Indices,
+        n_segments: Indices | None = None,
+        funnels: Sequence[Funnel] = (),
+        funnel: Indices | None = None,
+        lead_time: Array | None = None,
+        looks: int | None = None,
+    ) -> Segments:
+        """Simulates each rollout until it is complete, reaches the goal, or leaves its bounds.
+
+        The first that reaches the goal ends the search: later ones are discarded.
+
+        Args:
+            starts: part of a state -> (m, width).
+            start: (n,) index of the start of each rollout.
+            acc_K: (n, segments, n_vK) accelerations of its first segments.
+            n_given: (n,) how many of these are given; a funnel leads the others.
+            n_segments: (n,) segments of each, at least one; all by default.
+            funnels: the laws that may lead.
+            funnel: (n,) index of the funnel of each; the first by default.
+            lead_time: (n,) time by which a funnel's reference runs ahead; 1 by default [s].
+            looks: checks of a segment; those of the settings by default.
+
+        Raises:
+            ValueError: shapes that do not fit, or indices out of range.
+            MemoryError: the library had no memory.
+        """
+        kept: list[Array] = []
+        n, segments = acc_K.shape[:2]
+        acc_K = np.array(acc_K, dtype=float, order="C")
+        indices: dict[str, Indices] = {
+            "start": start,
+            "n_segments": np.full(n, segments) if n_segments is None else n_segments,
+            "n_given": n_given,
+            "funnel": np.zeros(n, dtype=int) if funnel is None else funnel,
+        }
+        self._check(starts, acc_K, indices, len(funnels))
+        laws = (_FunnelArrays * max(1, len(funnels)))(
+            *(
+                _FunnelArrays(**{name: _held(a, kept) for name, a in vars(f).items()})
+                for f in funnels
+            )
+        )
+        states = {name: np.full((n, segments, w), np.nan) for name, w in self._widths.items()}
+        distance = np.full((n, segments), np.inf)
+        lasted = np.zeros((n, segments), dtype=np.int32)
+        catches = np.zeros((n, segments), dtype=np.int32)
+        arrays = _RolloutArrays.from_buffer_copy(self._arrays)
+        arrays.n, arrays.segments = n, segments
+        exact = Exact(self._solids)
+        solids = clearance_arrays(self._solids, exact, kept)
+        arrays.solids = ctypes.addressof(solids)
+        arrays.looks = looks or arrays.looks
+        for name in STATE:
+            setattr(arrays, name, _held(starts[name], kept))
+        arrays.acc_K = pointer(acc_K)
+        for name, a in indices.items():
+            setattr(arrays, name, _held(a, kept, np.int64 if name == "start" else np.int32))
+        arrays.lead_time = _held(np.ones(n) if lead_time is None else lead_time, kept)
+        arrays.funnels = ctypes.addressof(laws)
+        out = {**states, "distance": distance, "looks": lasted, "catches": catches}
+        arrays.out = _SegmentArrays(**{name: pointer(a) for name, a in out.items()})
+        # Ctrl-C may leave a worker behind: what it uses lives as long as `arrays`.
+        arrays.held = (self._kept, kept, acc_K, laws, out, solids, exact)
+        with exact:
+            reached = self._work(arrays)
+        lasted[reached + 1 :] = 0
+        return Segments(states, acc_K, lasted, distance, catches, min(reached + 1, n))
+
+    def _check(
+        self, starts: dict[str, Array], acc_K: Array, indices: dict[str, Indices], n_funnels: int
+    ) -> None:
+        """Raises ValueError where sizes or indices would lead out of the arrays."""
+        n, segments = acc_K.shape[:2]
+        n_starts = len(starts["q_D"])
+        shapes = {name: a.shape for name, a in starts.items()}
+        if shapes != {name: (n_starts, w) for name, w in self._widths.items()}:
+            raise ValueError(f"the starts have the shapes {shapes}, which are not this puppet's")
+        if acc_K.shape[2] != self._widths["v_K"] or not segments:
+            raise ValueError(f"the accelerations have the shape {acc_K.shape}")
+        if any(np.shape(a) != (n,) for a in indices.values()):
+            raise ValueError(f"{', '.join(indices)} must have one entry for each rollout")
+        led = np.any(np.less(indices["n_given"], indices["n_segments"]))
+        for name, low, high in (
+            ("start", 0, n_starts - 1),
+            ("n_segments", 1, segments),
+            ("n_given", 0, segments),
+            ("funnel", 0, n_funnels - 1 if led else max(0, n_funnels - 1)),
+        ):
+            a = indices[name]
+            if n and not (low <= np.min(a) and np.max(a) <= high):
+                span = f"{np.min(a)} to {np.max(a)}"
+                raise ValueError(f"{name} ranges from {span}; it must lie in {low} to {high}")
+
+    def _work(self, arrays: Any) -> int:
+        """Simulates the rollouts; index of the first that reached the goal, n where none did."""
+        progress = _RolloutProgress(next=0, reached=arrays.n)
+
+        def work() -> int:
+            return self._library.dll.fan_rollouts(ctypes.byref(arrays), ctypes.byref(progress))
+
+        others: list[Future[int]] = []
+        needed = -(-arrays.n // _THREADING.lanes) - 1
+        # Python handles signals only while this thread is outside the library.
+        steps = arrays.n * arrays.segments * arrays.looks * arrays.steps
+        away = steps > _THREADING.max_blocking_steps
+        try:
+            for _ in range(min(self._others, needed) + away):
+                others.append(_helpers(self._others + 1).submit(work))
+            failed = [] if away else [work()]
+            failed += [other.result() for other in others]
+        except BaseException:
+            # Their output arrays must live until they have stopped, however often Ctrl-C comes.
+            progress.reached = -1
+            while not all(other.done() or other.cancel() for other in others):
+                with contextlib.suppress(KeyboardInterrupt):
+                    wait(others)
+            raise
+        if any(failed):
+            raise MemoryError("no memory for rollouts")
+        return progress.reached
+
+
+@dataclass(frozen=True)
+class _Threading:
+    """When rollouts are worth other threads."""
+
+    max_blocking_steps: int = 500_000
+    """Time steps for which this thread may be deaf to signals: some tenths of a second."""
+    lanes: int = 8
+    """Rollouts that one thread simulates at once at the widest lanes; fewer need no other."""
+
+
+_THREADING = _Threading()
+
+
+@cache
+def _helpers(n: int) -> ThreadPoolExecutor:
+    """Threads that wait for work: starting one takes as long as some rollouts."""
+    return ThreadPoolExecutor(n, thread_name_prefix="fantoccini-rollouts")
+
+
+# A forked child has none of its parent's threads.
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_helpers.cache_clear)
+
+
+def _bytes(flags: MaskRows | None, kept: list[Any]) -> ctypes.c_void_p | None:
+    """The address of flags as bytes; None without any that is set."""
+    return None if flags is None or not np.any(flags) else _held(flags, kept, np.uint8)
+
+
+def _held(array: ArrayLike, kept: list[Any], dtype: DTypeLike = float) -> ctypes.c_void_p:
+    """The address of an array's numbers, contiguous and kept alive in ``kept``."""
+    kept.append(np.ascontiguousarray(array, dtype=dtype))
+    return pointer(kept[-1])

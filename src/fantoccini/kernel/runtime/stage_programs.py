@@ -1,0 +1,117 @@
+"""Quadratic programs of stages, solved by compiled code (``search/stage_program.hpp``)."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fantoccini.base import Array
+from fantoccini.kernel import build
+from fantoccini.kernel.contract import digest
+from fantoccini.kernel.runtime.functions import pointer
+from fantoccini.kernel.runtime.structures import structures
+
+_MAIN = '#include "fantoccini/interface/stages.hpp"\n'
+
+
+class StageOutcome(NamedTuple):
+    """What the compiled solver leaves.
+
+    Attributes:
+        u: (N, k) inputs.
+        z: (N, n_z) states after them.
+        costate: (N, n_z) multipliers of the dynamics.
+        passed: (N, m) how far rows are passed.
+        force: (N, m) multipliers of the rows; at an upper bound they are positive.
+        gain: (k, n_z) the best u_0 changes by gain z_0, with the bounds' weights of the end.
+        solved: whether the tolerance was reached.
+        iterations: factorisations made.
+        primal, dual, gap: residuals of bounds and stationarity, and the mean product of slacks and
+            multipliers.
+    """
+
+    u: Array
+    z: Array
+    costate: Array
+    passed: Array
+    force: Array
+    gain: Array
+    solved: bool
+    iterations: int
+    primal: float
+    dual: float
+    gap: float
+
+
+class StagePrograms:
+    """A solver with its memory, which is kept from program to program.
+
+    Raises:
+        BuildError: there is no compiler, or it failed.
+        MemoryError: no memory for it.
+    """
+
+    def __init__(self) -> None:
+        self._dll = stage_library()
+        made = self._dll.fan_stage_solver_new()
+        if not made:
+            raise MemoryError("no memory for a program of stages")
+        self._handle = ctypes.c_void_p(made)
+
+    def __del__(self) -> None:
+        if getattr(self, "_handle", None):
+            self._dll.fan_stage_solver_free(self._handle)
+            self._handle = ctypes.c_void_p()
+
+    def solve(
+        self, given: Mapping[str, Array], *, unit: float, unbounded: float, tolerance: float,
+        barrier: float, iterations: int,
+    ) -> StageOutcome:  # fmt: skip
+        """The solution of a program.
+
+        Args:
+            given: the arrays of the contract's ``StageProgramArrays``, by name.
+            unit: of the cost.
+            unbounded: from which a bound is none.
+            tolerance: of the residuals.
+            barrier: least product of slacks and multipliers that is aimed at.
+            iterations: at most.
+
+        Raises:
+            MemoryError: no memory for it.
+        """
+        N, n_z, k = given["B"].shape
+        m = given["C"].shape[1]
+        out = {
+            "u": np.empty((N, k)), "z": np.empty((N, n_z)), "costate": np.empty((N, n_z)),
+            "passed": np.empty((N, m)), "force": np.empty((N, m)), "gain": np.empty((k, n_z)),
+        }  # fmt: skip
+        kept = {name: np.ascontiguousarray(a, dtype=float) for name, a in given.items()}
+        numbers: Any = structures["StageProgramArrays"](
+            N=N, n_z=n_z, k=k, m=m, unit=unit, unbounded=unbounded, tolerance=tolerance,
+            barrier=barrier, most_iterations=iterations,
+            **{name: pointer(a) for name, a in (kept | out).items()},
+        )  # fmt: skip
+        if self._dll.fan_stage_solve(self._handle, ctypes.byref(numbers)):
+            raise MemoryError("no memory for a program of stages")
+        finite = all(bool(np.all(np.isfinite(a))) for a in out.values())
+        return StageOutcome(
+            **out, solved=bool(numbers.solved) and finite, iterations=numbers.iterations,
+            primal=numbers.primal, dual=numbers.dual, gap=numbers.gap,
+        )  # fmt: skip
+
+
+@cache
+def stage_library() -> ctypes.CDLL:
+    """The library, which is the same for all puppets; from the cache or made now."""
+    key = build.fingerprint("programs of stages", str(digest()))
+    source = build.Source({"main.cpp": _MAIN}, "main.cpp")
+    folder = build.obtain(key, lambda: source)
+    dll = ctypes.CDLL(str(folder / build.LIBRARY))
+    dll.fan_stage_solver_new.restype = ctypes.c_void_p
+    dll.fan_clamped_stages_new.restype = ctypes.c_void_p
+    return dll

@@ -1,0 +1,96 @@
+"""Derivatives of many time steps at once (``cpp/fantoccini/derivatives/step_derivatives.hpp``)."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from fantoccini.base import Array, MaskRows
+from fantoccini.kernel.runtime.functions import AnyArray, Loaded, pointer
+from fantoccini.kernel.runtime.structures import structures
+from fantoccini.kernel.runtime.touching_steps import StepTouches, in_parts, shared
+
+
+class StepPartials(NamedTuple):
+    """Derivatives of n steps; m columns: q_D, v_D, q_K, v_K, acc_K, u_D if asked for, p.
+
+    Attributes:
+        acc_D: (n, n_vD) mean accelerations over the steps.
+        motion: (n, 2 n_vD, m) of (dq_D, v_D) after the step. Columns of v_K and acc_K of driven
+            rotations are by dq_K/dt and dv_K/dt over the step instead.
+        pull: (n, n_rows, m) of the tensions, if asked for.
+    """
+
+    acc_D: Array
+    motion: Array
+    pull: Array | None
+
+
+class StepDerivatives(Loaded):
+    """A puppet's library of derivatives of time steps."""
+
+    def find(
+        self,
+        starts: Mapping[str, Array],
+        held: MaskRows,
+        p: Array,
+        u_D: Array | None,
+        *,
+        dt: float,
+        recovery_speed: float,
+        forces: bool,
+        pull: bool,
+        threads: int,
+        touches: StepTouches | None = None,
+        room: Array | None = None,
+    ) -> StepPartials:
+        """The derivatives of n steps.
+
+        Args:
+            starts: q_D, v_D, q_K, rate (dq_K/dt over the step), mean (dv_K/dt) and tension,
+                (n, ...) each.
+            held: (n, n_rows) rows that the steps hold.
+            p: (1 or n, n_p) parameters.
+            u_D: (1 or n, n_vD) user forces; None for none.
+            dt: length of the steps [s].
+            recovery_speed: cap on how fast a violation is taken back [m/s].
+            forces: differentiate by u_D, too.
+            pull: also of the tensions.
+            threads: that share the work.
+            touches: what touches in the steps; its ``edges`` are added to. None: nothing.
+            room: for ``motion``, where it is kept from call to call: new pages cost more than the
+                derivatives.
+        """
+        n, sizes = len(held), self.sizes
+        n_v, n_k = sizes["n_vD"], sizes["n_vK"]
+        m = 2 * n_v + 3 * n_k + (n_v if forces else 0) + sizes["n_p"]
+        if room is None or room.shape != (n, 2 * n_v, m):
+            room = np.empty((n, 2 * n_v, m))
+        out = StepPartials(
+            np.empty((n, n_v)), room,
+            np.empty((n, sizes["n_rows"], m)) if pull else None,
+        )  # fmt: skip
+        kept: list[AnyArray] = [np.ascontiguousarray(held, dtype=np.uint8)]
+
+        def address(a: Array) -> ctypes.c_void_p:
+            kept.append(np.ascontiguousarray(a, dtype=float))
+            return pointer(kept[-1])
+
+        held_points = {} if touches is None else {
+            "room": touches.points.shape[1], "n_points": pointer(touches.n_points),
+            "points": pointer(touches.points), "screws": pointer(touches.screws),
+            "by_p": pointer(touches.by_p), "edges": pointer(touches.edges),
+        }  # fmt: skip
+        arrays = structures["StepDerivativeArrays"](
+            dt=dt, recovery_speed=recovery_speed, forces=int(forces),
+            p=shared(p, address), u_D=shared(u_D, address), held=pointer(kept[0]),
+            acc_D=pointer(out.acc_D), motion=pointer(out.motion),
+            pull=None if out.pull is None else pointer(out.pull),
+            **{name: address(a) for name, a in starts.items()},
+            **held_points,
+        )  # fmt: skip
+        in_parts(self.dll.fan_step_derivatives, arrays, n, threads)
+        return out

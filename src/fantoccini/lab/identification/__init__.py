@@ -1,0 +1,57 @@
+"""Identification: the numbers of a puppet from records of its motion."""
+
+from fantoccini.lab.identification.channels import Marker
+from fantoccini.lab.identification.estimating import identify
+from fantoccini.lab.identification.judging import (
+    columns,
+    doubts,
+    from_before,
+    jump_names,
+    leaning,
+)
+from fantoccini.lab.identification.record import (
+    Record,
+    Unknown,
+)
+from fantoccini.lab.identification.record_file import (
+    load_record,
+    record_files,
+)
+from fantoccini.lab.identification.result import (
+    LISTED,
+    Combination,
+    Identified,
+    Outlier,
+)
+from fantoccini.lab.identification.schema import record_schema
+from fantoccini.lab.identification.suggesting import (
+    Candidate,
+    suggest_motion,
+)
+from fantoccini.lab.identification.units import (
+    channel_units,
+    units,
+)
+
+__all__ = [
+    "LISTED",
+    "Candidate",
+    "Combination",
+    "Identified",
+    "Marker",
+    "Outlier",
+    "Record",
+    "Unknown",
+    "channel_units",
+    "columns",
+    "doubts",
+    "from_before",
+    "identify",
+    "jump_names",
+    "leaning",
+    "load_record",
+    "record_files",
+    "record_schema",
+    "suggest_motion",
+    "units",
+]

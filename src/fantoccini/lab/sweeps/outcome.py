@@ -1,0 +1,139 @@
+"""How a case is run, and its outcome."""
+
+from __future__ import annotations
+
+import threading
+import time
+import traceback
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from fantoccini.base import FantocciniError
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.lab.sweeps.case import PUPPET, Case
+
+Study = Callable[[Case], Mapping[str, Any]]
+
+_MAX_TRACE = 20_000
+"""Characters kept of a traceback."""
+_building = threading.Lock()
+"""One thread at a time derives equations."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a case has no results.
+
+    Attributes:
+        error: name of the exception, or ``WorkerDied``.
+        message: of the exception.
+        trace: its traceback.
+    """
+
+    error: str
+    message: str
+    trace: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.error}: {self.message}" if self.message else self.error
+
+    @classmethod
+    def of(cls, error: BaseException) -> Failure:
+        """The failure of an exception just caught, without the frame that caught it."""
+        inner = error.__traceback__ and error.__traceback__.tb_next
+        lines = traceback.format_exception(type(error), error, inner)
+        return cls(type(error).__name__, str(error), "".join(lines)[-_MAX_TRACE:])
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """The outcome of one case.
+
+    Attributes:
+        figures: name -> array; shape () for a number.
+        seconds: duration [s].
+        failure: why there are no figures, or None.
+    """
+
+    figures: dict[str, np.ndarray]
+    seconds: float
+    failure: Failure | None = None
+
+
+@dataclass
+class Job:
+    """What every worker of a sweep needs.
+
+    Attributes:
+        study: the function to run.
+        puppets: label -> marionette.
+        names: of all values; figures must have other names.
+    """
+
+    study: Study
+    puppets: dict[str, Marionette]
+    names: tuple[str, ...]
+    _compiled: set[str] = field(default_factory=set)
+    _broken: dict[str, FantocciniError] = field(default_factory=dict)
+
+    def run(self, case: Case) -> Outcome:
+        """Runs one case. An exception becomes its outcome."""
+        start = time.perf_counter()
+        try:
+            label = case.values.get(PUPPET)
+            ready = case.with_marionette(None if label is None else self._marionette(label))
+            figures = as_figures(self.study(ready), self.names)
+        except BaseException as error:
+            return Outcome({}, time.perf_counter() - start, Failure.of(error))
+        return Outcome(figures, time.perf_counter() - start)
+
+    def _marionette(self, label: str) -> Marionette:
+        """A compiled marionette; a failed compilation is not repeated for every case."""
+        if label in self._compiled:
+            return self.puppets[label]
+        with _building:
+            if label in self._broken:
+                raise self._broken[label].with_traceback(None)
+            try:
+                self.puppets[label].compile()
+            except FantocciniError as error:
+                self._broken[label] = error
+                raise
+            self._compiled.add(label)
+            return self.puppets[label]
+
+
+def as_figures(found: Any, names: tuple[str, ...] = ()) -> dict[str, np.ndarray]:
+    """The dict that a study returned, as arrays.
+
+    Args:
+        found: name -> number, text or array of numbers.
+        names: that are taken.
+
+    Raises:
+        TypeError: it is something else; names the figure.
+    """
+    if not isinstance(found, Mapping):
+        raise TypeError(
+            f"the study returned {found!r:.80}; it must return a dict: name -> number, text, array"
+        )
+    figures = {}
+    for name, value in found.items():
+        if not isinstance(name, str) or not name or name in names:
+            raise TypeError(
+                f"the study returned a figure called {name!r}; the name must be a text that no "
+                f"varied value has ({', '.join(names) or 'there are none'})"
+            )
+        try:
+            array = np.array(value)
+        except ValueError as error:
+            raise TypeError(f"the figure {name!r} is not an array of numbers: {error}") from None
+        if array.dtype.kind not in "biufcU":
+            raise TypeError(
+                f"the figure {name!r} is {value!r:.80}; figures are numbers, texts and arrays"
+            )
+        figures[name] = array
+    return figures

@@ -1,0 +1,114 @@
+"""Numbers in a glTF document."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from fantoccini.base import Array, Indices
+from fantoccini.model.meshes.limits import LIMITS
+
+_KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+
+
+def whole(value: object, what: str) -> int:
+    """A whole number of at least 0.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+        raise ValueError(f"{what} is {str(value)[:40]}; needed: a whole number of at least 0")
+    return value
+
+
+class Accessors:
+    """Reads arrays of numbers.
+
+    Args:
+        header: the document's JSON.
+        buffers: contents of its buffers.
+    """
+
+    def __init__(self, header: dict[str, Any], buffers: list[bytes]):
+        self.header, self.buffers = header, buffers
+        self._floats: dict[int, Array] = {}
+        self._left = 6 * LIMITS.max_triangles  # elements of arrays that may still be kept
+
+    def count(self, index: int) -> int:
+        """Elements of an array, which is not read."""
+        return _count(self.header["accessors"][whole(index, "an accessor")])
+
+    def numbers(self, index: int, *widths: int) -> Array:
+        """(n, width) floats; ``widths`` are allowed. Normalised integers are 0 to 1 or -1 to 1."""
+        about = self.header["accessors"][whole(index, "an accessor")]
+        if index not in self._floats:
+            self._left -= _count(about)
+            if self._left < 0:
+                raise ValueError("its accessors have too many elements together")
+            raw = self._raw(about)
+            out = raw.astype(float)
+            if about.get("normalized") and raw.dtype.kind in "iu":
+                out = np.maximum(out / np.iinfo(raw.dtype).max, -1.0)
+            out.setflags(write=False)
+            self._floats[index] = out
+        found = self._floats[index]
+        if found.shape[1] not in widths:
+            raise ValueError(f"its accessor {index} is {str(about['type'])[:9]}; that is no such")
+        return found
+
+    def whole_numbers(self, index: int) -> Indices:
+        """(n,) whole numbers."""
+        raw = self._raw(self.header["accessors"][whole(index, "an accessor")])
+        if raw.dtype.kind != "u" or raw.shape[1] != 1:
+            raise ValueError(f"its accessor {index} has no indices")
+        return raw[:, 0].astype(np.int64)
+
+    def view(self, index: int) -> tuple[bytes, int | None]:
+        """The bytes of a view, and the distance of its elements if it has one."""
+        about = self.header["bufferViews"][whole(index, "a view of a buffer")]
+        buffer = self.buffers[whole(about["buffer"], "a buffer")]
+        start = whole(about.get("byteOffset", 0), "an offset")
+        end = start + whole(about["byteLength"], "a length")
+        if end > len(buffer):
+            raise ValueError(f"its bufferView {index} reaches beyond its buffer")
+        return buffer[start:end], about.get("byteStride")
+
+    def _raw(self, about: dict[str, Any]) -> np.ndarray:
+        """(n, width) as the file has them."""
+        kind, width = np.dtype(_KINDS[about["componentType"]]), _WIDTHS[about["type"]]
+        count = _count(about)
+        if "bufferView" in about:
+            out = self._strided(about, kind, width, count)
+        else:
+            out = np.zeros((count, width), dtype=kind)
+        if "sparse" in about:
+            sparse = about["sparse"]
+            n = whole(sparse["count"], "the count of an accessor")
+            places = self._strided(sparse["indices"], None, 1, min(n, count))[:, 0]
+            out = out.copy()
+            out[places.astype(int)] = self._strided(sparse["values"], kind, width, len(places))
+        return out
+
+    def _strided(
+        self, about: dict[str, Any], kind: np.dtype[Any] | None, width: int, count: int
+    ) -> np.ndarray:
+        kind = np.dtype(_KINDS[about["componentType"]]) if kind is None else kind
+        content, stride = self.view(about["bufferView"])
+        start, row = whole(about.get("byteOffset", 0), "an offset"), width * kind.itemsize
+        stride = row if stride is None else whole(stride, "a byteStride")
+        if count and (stride < row or start + (count - 1) * stride + row > len(content)):
+            raise ValueError(f"an accessor reaches beyond its bufferView {about['bufferView']}")
+        if not count:
+            return np.zeros((0, width), dtype=kind)
+        return np.ndarray((count, width), kind, content, start, (stride, kind.itemsize))
+
+
+def _count(about: dict[str, Any]) -> int:
+    """Elements of an accessor."""
+    count = whole(about["count"], "the count of an accessor")
+    if count > 3 * LIMITS.max_triangles:
+        raise ValueError(f"it has an accessor of {count} elements")
+    return count

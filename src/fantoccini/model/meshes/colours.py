@@ -1,0 +1,126 @@
+"""Colours of triangles, from factors, colours of corners and textures."""
+
+from __future__ import annotations
+
+import io
+import posixpath
+from dataclasses import dataclass
+from urllib.parse import quote, unquote
+
+import numpy as np
+
+from fantoccini.base import Array
+from fantoccini.model.meshes.beside import Beside
+from fantoccini.model.meshes.limits import LIMITS
+
+_SPLIT = 4
+"""A triangle's texture is its mean over the middles of 4 x 4 smaller triangles."""
+
+
+@dataclass(frozen=True, eq=False)
+class Texture:
+    """An image and where it lies.
+
+    Attributes:
+        pixels: (height, width, 3) sRGB bytes, rows from the top.
+        repeats: (2,) whether it repeats along u and v; elsewhere its edge goes on.
+    """
+
+    pixels: np.ndarray
+    repeats: tuple[bool, bool] = (True, True)
+
+    def over(self, uv: Array) -> Array:
+        """(m, 3) linear colours of triangles with corners (m, 3, 2), v from the top."""
+        height, width = self.pixels.shape[:2]
+        total = np.zeros((len(uv), 3))
+        points = _middles()
+        for weights in points:
+            at = np.einsum("k,mkc->mc", weights, uv)
+            places = []
+            for axis, size in enumerate((width, height)):
+                n = np.floor(np.nan_to_num(at[:, axis] * size, posinf=0.0, neginf=0.0))
+                wrapped = n % size if self.repeats[axis] else np.clip(n, 0, size - 1)
+                places.append(wrapped.astype(int))
+            total += linear(self.pixels[places[1], places[0]] / 255.0)
+        return total / len(points)
+
+
+def image(content: bytes, name: str) -> np.ndarray:
+    """(height, width, 3) sRGB bytes of an image, which is PNG, JPEG or WebP.
+
+    Raises:
+        ValueError: it is too large or cannot be read.
+    """
+    from PIL import Image
+
+    try:
+        with Image.open(io.BytesIO(content), formats=("PNG", "JPEG", "WEBP")) as found:
+            width, height = found.size
+            if width * height <= LIMITS.max_pixels:
+                return np.asarray(found.convert("RGB"))
+    except Exception as reason:  # Pillow's readers raise whatever their parsing meets
+        text = f"its image {name} is not a PNG, JPEG or WebP that can be read"
+        raise ValueError(text) from reason
+    most = LIMITS.max_pixels / 1e6
+    raise ValueError(f"its image {name} has {width} x {height} pixels; allowed: {most:.0f} million")
+
+
+def image_beside(path: str, beside: Beside) -> np.ndarray | None:
+    """The image of this name, or that of its last part where the whole name leads elsewhere.
+
+    Names are often those of the machine that wrote them: None where neither can be read.
+    """
+    name = unquote(path).replace("\\", "/").removeprefix("./")
+    for place in (name, posixpath.basename(name)):
+        try:
+            return image(beside.read(quote(place)), repr(place[:40]))
+        except ValueError:
+            continue
+    return None
+
+
+def linear(colour: Array) -> Array:
+    """Linear red, green and blue of sRGB."""
+    return np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
+
+
+def srgb(colour: Array) -> Array:
+    """sRGB, which screens have, of linear red, green and blue."""
+    colour = np.clip(np.nan_to_num(colour), 0.0, 1.0)
+    bent = 1.055 * colour ** (1.0 / 2.4) - 0.055
+    return np.where(colour <= 0.0031308, 12.92 * colour, bent)
+
+
+def few(colours: Array) -> Array:
+    """The colours (m, 3), sRGB, or nan for none, as at most ``LIMITS.max_colours`` different ones.
+
+    More of them are merged by median cut.
+    """
+    from PIL import Image
+
+    out = np.array(colours, dtype=float)
+    known = np.isfinite(out).all(axis=1)
+    if not known.any():
+        return out
+    exact = np.round(255.0 * np.clip(out[known], 0.0, 1.0)).astype(np.uint8)
+    if len(np.unique(exact, axis=0)) > LIMITS.max_colours:
+        row = Image.fromarray(exact[None, :, :])
+        merged = row.quantize(
+            LIMITS.max_colours, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE
+        )
+        exact = np.asarray(merged.convert("RGB"))[0]
+    out[known] = exact / 255.0
+    out[~known] = np.nan
+    return out
+
+
+def _middles() -> Array:
+    """(16, 3) weights of corners at the middles of smaller triangles."""
+    n, out = _SPLIT, []
+    for i in range(n):
+        for j in range(n - i):
+            out.append((i + 1 / 3, j + 1 / 3))
+            if i + j < n - 1:
+                out.append((i + 2 / 3, j + 2 / 3))
+    first = np.array(out) / n
+    return np.column_stack([first, 1.0 - first.sum(axis=1)])

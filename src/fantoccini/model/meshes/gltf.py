@@ -1,0 +1,258 @@
+"""glTF 2.0 (.glb, .gltf): nodes, triangles, base colours. Its y is up; here z is, as in Blender.
+
+Cameras, lights, animations, skins and morph targets are left out. Of a file nothing is believed:
+every index and length is checked before memory is taken.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import json
+import struct
+from typing import Any
+
+import numpy as np
+
+from fantoccini.base import Array, Indices
+from fantoccini.model.meshes.accessors import Accessors, whole
+from fantoccini.model.meshes.beside import Beside
+from fantoccini.model.meshes.colours import Texture, image, srgb
+from fantoccini.model.meshes.limits import LIMITS
+from fantoccini.model.meshes.part import Y_UP, Count, Part, lost
+
+_KNOWN = ("KHR_materials_", "KHR_lights_", "KHR_texture_transform", "KHR_mesh_quantization",
+          "EXT_texture_webp", "KHR_xmp")  # fmt: skip
+"""Extensions, or how their names begin, that a file may need: read here, or not about shapes."""
+
+_CLAMPED = 33071
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+
+
+def read_gltf(content: bytes, beside: Beside) -> list[Part]:
+    """The parts of a file, z up [m].
+
+    Args:
+        content: of the .glb or the .gltf file.
+        beside: reads what it names.
+
+    Raises:
+        ValueError: the file is broken, names what may not be read, or needs what is not known.
+    """
+    text, chunk = _unpacked(content)
+    header = json.loads(text)
+    if not isinstance(header, dict):
+        raise ValueError("it is no glTF")
+    version = str(header.get("asset", {}).get("version"))
+    if not version.startswith("2."):
+        raise ValueError(f"it is glTF {version[:20]}; allowed: 2.0")
+    needed = header.get("extensionsRequired", [])
+    unknown = sorted(name for name in needed if not name.startswith(_KNOWN))
+    if unknown:
+        raise ValueError(f"it needs {', '.join(unknown)[:99]}: export it without compression")
+    return _Reader(header, chunk, beside).parts()
+
+
+def _unpacked(content: bytes) -> tuple[bytes, bytes | None]:
+    """The JSON and, of a .glb, its chunk of numbers."""
+    if content[:4] != b"glTF":
+        return content, None
+    chunks, at = dict[int, bytes](), 12
+    while at + 8 <= len(content):
+        length, kind = struct.unpack_from("<II", content, at)
+        if at + 8 + length > len(content):
+            raise ValueError("it ends in the middle of a chunk")
+        chunks.setdefault(kind, content[at + 8 : at + 8 + length])
+        at += 8 + length
+    if 0x4E4F534A not in chunks:
+        raise ValueError("it has no chunk of JSON")
+    return chunks[0x4E4F534A], chunks.get(0x004E4942)
+
+
+_Primitive = tuple[Array, Indices, Array | None, frozenset[str]]
+"""Vertices, faces, colours, and what its look has besides."""
+
+
+class _Reader:
+    """Reads one file.
+
+    Args:
+        header: its JSON.
+        chunk: numbers of a .glb.
+        beside: reads what it names.
+    """
+
+    def __init__(self, header: dict[str, Any], chunk: bytes | None, beside: Beside):
+        self.header, self.chunk, self.beside = header, chunk, beside
+        buffers = [self._buffer(k, b) for k, b in enumerate(header.get("buffers", []))]
+        self.accessors = Accessors(header, buffers)
+        self._images: dict[int, np.ndarray] = {}
+        self._meshes: dict[int, list[_Primitive]] = {}
+        self._count = Count()
+
+    def parts(self) -> list[Part]:
+        """Those of all nodes of the scene."""
+        up = np.eye(4)
+        up[:3, :3] = Y_UP
+        nodes, seen = self.header.get("nodes", []), set[int]()
+        parts: list[Part] = []
+        waiting = [(k, up) for k in reversed(self._roots(nodes))]
+        while waiting:
+            k, above = waiting.pop()
+            if whole(k, "a node") in seen:
+                raise ValueError(f"its node {k} has two parents")
+            if len(seen) > LIMITS.max_nodes:
+                raise ValueError(f"it has more than {LIMITS.max_nodes} nodes")
+            seen.add(k)
+            matrix = above @ _pose(nodes[k])
+            waiting += [(child, matrix) for child in reversed(nodes[k].get("children", []))]
+            if "mesh" in nodes[k]:
+                for primitive in self._mesh(whole(nodes[k]["mesh"], "a mesh")):
+                    parts.append(Part.placed(matrix, *primitive))
+        return parts
+
+    def _roots(self, nodes: list[Any]) -> list[int]:
+        scenes = self.header.get("scenes", [])
+        if scenes:
+            return list(scenes[whole(self.header.get("scene", 0), "a scene")].get("nodes", []))
+        below = {child for node in nodes for child in node.get("children", [])}
+        return [k for k in range(len(nodes)) if k not in below]
+
+    def _mesh(self, index: int) -> list[_Primitive]:
+        """Each primitive that has triangles, which are counted."""
+        primitives = [
+            p for p in self.header["meshes"][index]["primitives"]
+            if p.get("mode", _TRIANGLES) >= _TRIANGLES
+        ]  # fmt: skip
+        for primitive in primitives:
+            given = primitive.get("indices", primitive["attributes"]["POSITION"])
+            corners = self.accessors.count(given)
+            listed = primitive.get("mode", _TRIANGLES) == _TRIANGLES
+            self._count.add(corners // 3 if listed else max(corners - 2, 0))
+        if index not in self._meshes:
+            self._meshes[index] = [self._primitive(p) for p in primitives]
+        return self._meshes[index]
+
+    def _primitive(self, primitive: dict[str, Any]) -> _Primitive:
+        attributes = primitive["attributes"]
+        vertices = self.accessors.numbers(attributes["POSITION"], 3)
+        if "indices" in primitive:
+            corners = self.accessors.whole_numbers(primitive["indices"])
+        else:
+            corners = np.arange(len(vertices))
+        faces = _faces(corners, whole(primitive.get("mode", _TRIANGLES), "a mode"))
+        if len(faces) and int(faces.max()) >= len(vertices):
+            raise ValueError("a triangle has a corner that is not there")
+        colours = self._colours(primitive, attributes, faces)
+        used, own = np.unique(faces, return_inverse=True)  # others may have the rest
+        return vertices[used], own.reshape(-1, 3), colours, self._lost(primitive)
+
+    def _lost(self, primitive: dict[str, Any]) -> frozenset[str]:
+        if "material" not in primitive:
+            return frozenset()
+        material = self.header["materials"][whole(primitive["material"], "a material")]
+        textured = "baseColorTexture" in material.get("pbrMetallicRoughness", {})
+        return lost(textured, material.get("alphaMode", "OPAQUE") != "OPAQUE")
+
+    def _colours(
+        self, primitive: dict[str, Any], attributes: dict[str, Any], faces: Indices
+    ) -> Array | None:
+        """Base colours: factor, colours of the corners, texture; multiplied in linear light."""
+        if "material" not in primitive and "COLOR_0" not in attributes:
+            return None
+        colours = np.ones((len(faces), 3))
+        if "COLOR_0" in attributes:
+            corners = self.accessors.numbers(attributes["COLOR_0"], 3, 4)[:, :3]
+            colours *= corners[faces].mean(axis=1)
+        if "material" in primitive:
+            material = self.header["materials"][whole(primitive["material"], "a material")]
+            look = material.get("pbrMetallicRoughness", {})
+            colours *= np.array(look.get("baseColorFactor", [1.0] * 4), dtype=float)[:3]
+            if "baseColorTexture" in look:
+                colours *= self._texture(look["baseColorTexture"], attributes, faces)
+        return srgb(colours)
+
+    def _texture(self, about: dict[str, Any], attributes: dict[str, Any], faces: Indices) -> Array:
+        moved = about.get("extensions", {}).get("KHR_texture_transform", {})
+        name = f"TEXCOORD_{whole(moved.get('texCoord', about.get('texCoord', 0)), 'a texCoord')}"
+        if name not in attributes:
+            return np.ones((len(faces), 3))
+        uv = self.accessors.numbers(attributes[name], 2) * moved.get("scale", [1.0, 1.0])
+        c, s = np.cos(moved.get("rotation", 0.0)), np.sin(moved.get("rotation", 0.0))
+        uv = uv @ np.array([[c, -s], [s, c]]) + moved.get("offset", [0.0, 0.0])
+        texture = self.header["textures"][whole(about["index"], "a texture")]
+        webp = texture.get("extensions", {}).get("EXT_texture_webp", {})
+        source = whole(webp.get("source", texture.get("source")), "the source of a texture")
+        sampler: dict[str, Any] = {}
+        if "sampler" in texture:
+            sampler = self.header["samplers"][whole(texture["sampler"], "a sampler")]
+        repeats = sampler.get("wrapS") != _CLAMPED, sampler.get("wrapT") != _CLAMPED
+        return Texture(self._image(source), repeats).over(uv[faces])
+
+    def _image(self, index: int) -> np.ndarray:
+        if index not in self._images:
+            about = self.header["images"][index]
+            if "uri" in about:
+                content = self._linked(about["uri"])
+            else:
+                content = self.accessors.view(about["bufferView"])[0]
+            name = about.get("name") or str(about.get("uri", index))[:40]
+            self._images = {index: image(content, repr(name))}
+        return self._images[index]
+
+    def _buffer(self, index: int, about: dict[str, Any]) -> bytes:
+        if "uri" in about:
+            content = self._linked(about["uri"])
+        elif index == 0 and self.chunk is not None:
+            content = self.chunk
+        else:
+            raise ValueError(f"its buffer {index} has no content")
+        length = whole(about["byteLength"], "the length of a buffer")
+        if length > len(content):
+            text = f"its buffer {index} has {len(content)} bytes; it says {length}"
+            raise ValueError(text)
+        return content[:length]
+
+    def _linked(self, uri: str) -> bytes:
+        """The content of a data URI or of a file beside this one."""
+        if not uri.startswith("data:"):
+            return self.beside.read(uri)
+        kind, comma, text = uri.partition(",")
+        if not comma or not kind.endswith(";base64"):
+            raise ValueError("it has a data URI that is not base64")
+        try:
+            return base64.b64decode(text, validate=True)
+        except binascii.Error:
+            raise ValueError("it has a data URI that is not base64") from None
+
+
+def _faces(corners: Indices, mode: int) -> Indices:
+    """(m, 3) triangles of a list, a strip, which turns every second one, or a fan."""
+    if mode == _TRIANGLES:
+        return corners[: len(corners) // 3 * 3].reshape(-1, 3)
+    if mode not in (_STRIP, _FAN):
+        raise ValueError(f"a primitive has the mode {mode}; allowed: 0 to 6")
+    k = np.arange(max(len(corners) - 2, 0))
+    if mode == _FAN:
+        return corners[np.stack([np.zeros_like(k), k + 1, k + 2], axis=1)]
+    odd = k % 2
+    return corners[np.stack([k, k + 1 + odd, k + 2 - odd], axis=1)]
+
+
+def _pose(node: dict[str, Any]) -> Array:
+    """(4, 4) of a node in its parent: its matrix, or T R S."""
+    if "matrix" in node:
+        return np.array(node["matrix"], dtype=float).reshape(4, 4).T
+    out = np.eye(4)
+    x, y, z, w = np.array(node.get("rotation", [0.0, 0.0, 0.0, 1.0]), dtype=float)
+    n = x * x + y * y + z * z + w * w
+    if not n > 0.0:
+        raise ValueError("a node has a rotation of zero")
+    out[:3, :3] = np.eye(3) + 2.0 / n * np.array([
+        [-y * y - z * z, x * y - w * z, x * z + w * y],
+        [x * y + w * z, -x * x - z * z, y * z - w * x],
+        [x * z - w * y, y * z + w * x, -x * x - y * y],
+    ])  # fmt: skip
+    out[:3, :3] *= np.array(node.get("scale", [1.0, 1.0, 1.0]), dtype=float)
+    out[:3, 3] = node.get("translation", [0.0, 0.0, 0.0])
+    return out

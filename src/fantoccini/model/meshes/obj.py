@@ -1,0 +1,297 @@
+"""Wavefront OBJ with its materials: triangles by material, with colours and images."""
+
+from __future__ import annotations
+
+import posixpath
+import re
+from array import array
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import NoReturn
+from urllib.parse import quote, unquote
+
+import numpy as np
+
+from fantoccini.base import Array, decoded, lines_of
+from fantoccini.model.meshes.beside import Beside
+from fantoccini.model.meshes.colours import Texture, image_beside, srgb
+from fantoccini.model.meshes.limits import LIMITS
+from fantoccini.model.meshes.part import Count, Part, lost
+
+_NUMBERS = {"v": 3, "vt": 1}
+"""Keyword -> minimum number of values after it."""
+_NO_TINT = (np.nan, np.nan, np.nan)
+_COMMENT = re.compile(r"(?:^|\s)#")
+"""Start of a comment; inside a word, ``#`` is part of a name."""
+_ANY_COMMENT = re.compile("#")
+"""Begins a comment behind numbers, which have no such mark."""
+_NUMERIC = ("v", "vt", "vn", "f")
+"""Keywords of lines of numbers."""
+
+
+@dataclass
+class _Material:
+    """A material: diffuse colour, name of its image, and whether it lets light through."""
+
+    diffuse: tuple[float, ...] = ()
+    image: str = ""
+    transparent: bool = False
+
+
+@dataclass
+class _Faces:
+    """Triangles of one material: three indices each of places and of texture coordinates.
+
+    An index of -1 is none.
+    """
+
+    places: array[int] = field(default_factory=lambda: array("q"))
+    textures: array[int] = field(default_factory=lambda: array("q"))
+
+
+def read_obj(content: bytes, beside: Beside) -> list[Part]:
+    """The parts of a file, one for each material.
+
+    Faces with more than three corners become triangle fans. Free-form surfaces, lines and points,
+    and materials and images missing from the file's folder, are left out.
+
+    Args:
+        content: of the file.
+        beside: reads materials and images.
+
+    Raises:
+        ValueError: the file is broken; with the line.
+    """
+    reader = _Reader(beside)
+    reader.read(decoded(content))
+    return list(reader.parts())
+
+
+class _Reader:
+    """Reads lines.
+
+    Attributes:
+        places: x, y, z of each place.
+        tints: red, green, blue of each place; nan where it has none.
+        textures: u, v of each pair of texture coordinates.
+        faces: by the name of the material; empty for none.
+        materials: by name.
+    """
+
+    def __init__(self, beside: Beside):
+        self.beside, self.line = beside, 0
+        self.places, self.tints, self.textures = array("d"), array("d"), array("d")
+        self.faces: dict[str, _Faces] = {}
+        self.materials: dict[str, _Material] = {}
+        self._material, self._count = "", Count()
+        self._libraries = set[str]()
+        self._last = (0, 0)  # the largest index of a place, and its line
+
+    def read(self, text: str) -> None:
+        """Reads a text."""
+        for self.line, words, line in _statements(text):
+            key = words[0]
+            if key == "f" and "-" not in line and "/0" not in line and self._plain_face(words):
+                continue
+            match key.lower():
+                case "v":
+                    x = self._numbers(words)
+                    self.places.extend(x[:3])
+                    self.tints.extend(x[3:6] if len(x) >= 6 else _NO_TINT)
+                case "vt":
+                    self.textures.extend((*self._numbers(words), 0.0)[:2])
+                case "f" | "fo":
+                    self._face(words[1:])
+                case "usemtl":
+                    self._material = " ".join(words[1:])
+                case "mtllib":
+                    self._library(_rest(line, words))
+        most, self.line = self._last
+        if 3 * most > len(self.places):
+            self._fail(f"names vertex {most}; the file has {len(self.places) // 3}")
+
+    def parts(self) -> Iterator[Part]:
+        """Triangles by material."""
+        places = np.array(self.places).reshape(-1, 3)
+        tints = np.array(self.tints).reshape(-1, 3)
+        if np.nanmax(tints, initial=0.0) > 1.0:
+            tints /= 255.0
+        for name, faces in self.faces.items():
+            corners = np.array(faces.places, dtype=int).reshape(-1, 3)
+            used, renamed = np.unique(corners, return_inverse=True)
+            material = self.materials.get(name)
+            colours = None if material is None else self._colours(material, faces)
+            if material is None and np.isfinite(tints[used]).all():
+                colours = np.clip(tints[corners].mean(axis=1), 0.0, 1.0)
+            missing = lost(False, False)
+            if material is not None:
+                missing = lost(bool(material.image), material.transparent)
+            yield Part(places[used], renamed.reshape(-1, 3), colours, missing)
+
+    def _colours(self, material: _Material, faces: _Faces) -> Array | None:
+        """sRGB of triangles: the image, or the diffuse colour."""
+        corners = np.array(faces.textures, dtype=int).reshape(-1, 3)
+        there = np.all((corners >= 0) & (2 * corners < len(self.textures)), axis=1)
+        found: Array = np.full((len(corners), 3), np.nan)
+        if len(material.diffuse) == 3:
+            found[:] = np.clip(material.diffuse, 0.0, 1.0)
+        pixels = image_beside(material.image, self.beside) if material.image else None
+        if pixels is not None and there.any():
+            uv = np.array(self.textures).reshape(-1, 2)[corners[there]]
+            found[there] = srgb(Texture(pixels).over(uv * [1.0, -1.0] + [0.0, 1.0]))
+        return found if np.isfinite(found).any() else None
+
+    def _numbers(self, words: list[str]) -> list[float]:
+        try:
+            found = [float(word) for word in words[1:]]
+        except ValueError:
+            found = []
+        least = _NUMBERS[words[0].lower()]
+        if len(found) < least:
+            needed = f"{least} number{'s' if least > 1 else ''} with decimal points"
+            self._fail(f"found {' '.join(words)[:60]!r}; needed: {needed}")
+        return found
+
+    def _plain_face(self, words: list[str]) -> bool:
+        """Adds a triangle with positive indices, the common case; returns whether it was one."""
+        try:
+            a, b, c = (corner.split("/", 2) for corner in words[1:])
+            i, j, k = int(a[0]), int(b[0]), int(c[0])
+            if "" in (a[1:2] + b[1:2] + c[1:2]) or len(a) == 1 or len(b) == 1 or len(c) == 1:
+                u = v = w = 0
+            else:
+                u, v, w = int(a[1]), int(b[1]), int(c[1])
+        except ValueError:
+            return False
+        most = max(i, j, k)
+        if min(i, j, k) < 1 or max(most, u, v, w) > LIMITS.max_bytes:
+            return False
+        if most > self._last[0]:
+            self._last = most, self.line
+        faces = self.faces.get(self._material)
+        if faces is None:
+            faces = self.faces[self._material] = _Faces()
+        self._count.add(1)
+        faces.places.extend((i - 1, j - 1, k - 1))
+        faces.textures.extend((u - 1, v - 1, w - 1))
+        return True
+
+    def _face(self, corners: list[str]) -> None:
+        """Adds a face; indices count from 1, and negative ones back from this line."""
+        try:
+            given = [
+                [int(n) if n else None for n in corner.split("/")[:2]] for corner in corners
+            ]
+        except ValueError:
+            given = [[None]]
+        if any(place is None for place, *_ in given):
+            self._fail(f"found {' '.join(corners)[:60]!r}; needed: vertices such as 1, -1 or 1/2/3")
+        n_places, n_textures = len(self.places) // 3, len(self.textures) // 2
+        places = [self._index(place, n_places) for place, *_ in given]
+        textures = [self._index(more[0], n_textures) if more else -1 for _, *more in given]
+        if len(corners) < 3:
+            return  # it bounds nothing
+        self._count.add(len(corners) - 2)
+        self._last = max(self._last, (max(places) + 1, self.line))
+        faces = self.faces.setdefault(self._material, _Faces())
+        for k in range(1, len(corners) - 1):
+            faces.places.extend((places[0], places[k], places[k + 1]))
+            faces.textures.extend((textures[0], textures[k], textures[k + 1]))
+
+    def _index(self, given: int | None, count: int) -> int:
+        """A file's index counted from 0, out of ``count`` entries so far; -1 for none."""
+        if given is None:
+            return -1
+        found = given - 1 if given > 0 else count + given
+        if given == 0 or not 0 <= found < LIMITS.max_bytes:
+            allowed = f"1 and more, or {-count} to -1" if count else "1 and more"
+            self._fail(f"found the index {given}; allowed here: {allowed}")
+        return found
+
+    def _library(self, rest: str) -> None:
+        """Reads a material file, or several; a name may have spaces."""
+        if not self._add_library(rest):
+            for name in rest.split():
+                self._add_library(name)
+
+    def _add_library(self, given: str) -> bool:
+        name = unquote(given).replace("\\", "/").removeprefix("./")
+        for place in dict.fromkeys((name, posixpath.basename(name))):
+            try:
+                if not place.lower().endswith(".mtl"):
+                    return False
+                if place in self._libraries:
+                    return True
+                self.materials |= _materials(decoded(self.beside.read(quote(place))))
+            except ValueError:
+                continue
+            self._libraries.add(place)
+            return True
+        return False
+
+    def _fail(self, text: str) -> NoReturn:
+        raise ValueError(f"line {self.line}: {text}")
+
+
+def _materials(text: str) -> dict[str, _Material]:
+    """Materials of a file by name."""
+    found: dict[str, _Material] = {}
+    made = _Material()
+    for _, words, line in _statements(text):
+        rest = _rest(line, words)
+        match words[0].lower():
+            case "newmtl":
+                made = found[" ".join(words[1:])] = _Material()
+            case "kd":
+                made.diffuse = _three(words[1:])
+            case "map_kd" if rest:
+                # Options stand before the name.
+                made.image = words[-1] if rest.startswith("-") else rest
+            case "d":
+                made.transparent |= _last(words, 1.0) != 1.0
+            case "tr":
+                made.transparent |= _last(words, 0.0) != 0.0
+            case "map_d":
+                made.transparent = True
+    return found
+
+
+def _statements(text: str) -> Iterator[tuple[int, list[str], str]]:
+    """Number, words and text of each line that has words, without comments.
+
+    A backslash at its end continues a line.
+    """
+    before, number = "", 0
+    for number, line in enumerate(lines_of(text.replace("\ufeff", "")), 1):
+        if "#" in line:
+            words = line.split(maxsplit=1)
+            comment = _ANY_COMMENT if words[0].lower() in _NUMERIC else _COMMENT
+            line = comment.split(line, maxsplit=1)[0]
+        # The second byte of a character, read as Latin-1, may look like a backslash.
+        if line.endswith("\\") and not (len(line) > 1 and line[-2] > "\x7f"):
+            before += line[:-1]
+            continue
+        line, before = before + line, ""
+        if words := line.split():
+            yield number, words, line
+    if words := before.split():
+        yield number, words, before
+
+
+def _rest(line: str, words: list[str]) -> str:
+    """The rest of a line after its first word."""
+    return line.strip()[len(words[0]) :].strip()
+
+
+def _three(words: list[str]) -> tuple[float, ...]:
+    try:
+        return tuple(float(word) for word in words)
+    except ValueError:
+        return ()
+
+
+def _last(words: list[str], default: float) -> float:
+    try:
+        return float(words[-1])
+    except ValueError:
+        return default

@@ -1,0 +1,188 @@
+"""Closed surfaces: whether one is closed, the pieces it has, and which way they face."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fantoccini.base import Array, Indices, Mask
+from fantoccini.model.meshes.limits import LIMITS
+
+
+def is_closed(faces: Indices) -> bool:
+    """Whether triangles (m, 3) bound a volume: every edge is run through as often either way.
+
+    Pieces may share edges and corners.
+    """
+    key, way, _ = _edges(faces)
+    _, edge = np.unique(key, return_inverse=True)
+    return not np.any(np.bincount(edge, weights=way))
+
+
+def pieces(mesh: Any) -> list[Any]:
+    """The pieces of a closed mesh, each a ``trimesh.Trimesh``, with the hollows in it.
+
+    Where pieces share an edge, faces belong together that have the inside between them.
+    """
+    shells = _Shells.of(mesh)
+    if len(shells.volumes) == 1:
+        return [mesh]
+    owner = np.arange(len(shells.volumes))
+    for k in np.flatnonzero(shells.volumes <= 0.0):
+        around = shells.around(int(k), shells.volumes > 0.0)
+        owner[k] = around[np.argmin(shells.volumes[around])] if len(around) else -1
+    of = owner[shells.label]
+    return [shells.part(np.flatnonzero(of == k)) for k in np.unique(owner) if k >= 0]
+
+
+def facing_out(mesh: Any) -> Mask:
+    """(m,) faces of a closed mesh that must be turned over, so that each piece's face outwards.
+
+    Pieces of negative volume within another piece are its hollows, and stay as they are.
+
+    Raises:
+        ValueError: there are too many pieces, or too many within one another.
+    """
+    shells = _Shells.of(mesh)
+    if len(shells.volumes) > LIMITS.max_pieces:
+        raise ValueError(f"it has more than {LIMITS.max_pieces} closed pieces")
+    whole = float(shells.volumes.sum()) < 0.0
+    volumes = -shells.volumes if whole else shells.volumes
+    turned = np.full(len(volumes), whole)
+    for k in np.flatnonzero(volumes < 0.0):
+        turned[k] ^= len(shells.around(int(k), volumes > 0.0)) == 0
+    return np.asarray(turned[shells.label])
+
+
+def inside(mesh: Any, points: Array) -> Mask:
+    """(n,) whether points (n, 3) lie in a closed mesh: its winding number, by solid angles.
+
+        tan(angle / 2) = a . (b x c) / (|a||b||c| + (a . b)|c| + (b . c)|a| + (c . a)|b|)
+
+    (Van Oosterom, Strackee, IEEE Trans. Biomed. Eng. 30, 1983).
+    """
+    return np.array([_winding(mesh.triangles - x) > 0.5 for x in points], dtype=bool)
+
+
+@dataclass(eq=False)
+class _Shells:
+    """Connected parts of a closed mesh.
+
+    Attributes:
+        mesh: all of it.
+        label: (m,) part of each face.
+        volumes: (k,) of what each bounds; negative where it faces inwards.
+        low, high: (k, 3) corners of the boxes around them.
+        tested: faces against which points were tested.
+    """
+
+    mesh: Any
+    label: Indices
+    volumes: Array
+    low: Array
+    high: Array
+    tested: int = 0
+
+    @classmethod
+    def of(cls, mesh: Any) -> _Shells:
+        """Those of a mesh."""
+        label = _labels(mesh)
+        count = int(label.max()) + 1
+        a, b, c = np.moveaxis(np.array(mesh.triangles) - mesh.vertices[0], 1, 0)
+        parts = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
+        low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+        for corner in (a, b, c):
+            np.minimum.at(low, label, corner)
+            np.maximum.at(high, label, corner)
+        return cls(mesh, label, np.bincount(label, parts).astype(float), low, high)
+
+    def around(self, k: int, among: Mask) -> Indices:
+        """Shells in which one lies, among some (k,), whichever way they face."""
+        boxes = among & np.all((self.low <= self.low[k]) & (self.high >= self.high[k]), axis=1)
+        boxes[k] = False
+        found = []
+        point = self.mesh.triangles[np.argmax(self.label == k), 0]
+        for i in np.flatnonzero(boxes):
+            outer = self.mesh.triangles[self.label == i]
+            self.tested += len(outer)
+            if self.tested > LIMITS.max_tested:
+                raise ValueError("it has too many pieces within one another")
+            if abs(_winding(outer - point)) > 0.5:
+                found.append(i)
+        return np.array(found, dtype=int)
+
+    def part(self, faces: Indices) -> Any:
+        """Some faces as a mesh."""
+        import trimesh
+
+        used, renamed = np.unique(self.mesh.faces[faces], return_inverse=True)
+        return trimesh.Trimesh(self.mesh.vertices[used], renamed.reshape(-1, 3), process=False)
+
+
+def _winding(triangles: NDArray[np.float64]) -> float:
+    """Turns of the surface (n, 3, 3) around the origin."""
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
+    ab, bc, ca = (np.einsum("ij,ij->i", x, y) for x, y in ((a, b), (b, c), (c, a)))
+    angle = np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb)
+    return float(np.sum(angle) / (2.0 * np.pi))
+
+
+def _edges(faces: Indices) -> tuple[Indices, NDArray[np.float64], Indices]:
+    """Of each side of each face: a number for its edge, way (1, -1, or 0 for none), face."""
+    start, end = faces[:, [0, 1, 2]].ravel().astype(np.int64), faces[:, [1, 2, 0]].ravel()
+    key = np.minimum(start, end) * (int(faces.max()) + 1) + np.maximum(start, end)
+    return key, np.sign(end - start).astype(float), np.repeat(np.arange(len(faces)), 3)
+
+
+def _labels(mesh: Any) -> Indices:
+    """(m,) connected part of each face of a closed mesh."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    key, way, face = _edges(mesh.faces)
+    order = np.argsort(2 * key + (way > 0.0), kind="stable")
+    order = order[way[order] != 0.0]
+    begins = np.flatnonzero(np.diff(key[order], prepend=-1))
+    counts = np.diff(np.append(begins, len(order)))
+    plain = begins[counts == 2]
+    first, second = face[order[plain]], face[order[plain + 1]]
+    more = [
+        pair
+        for at, n in zip(begins[counts > 2], counts[counts > 2], strict=True)
+        for pair in _pairs(mesh, key[order[at]], face[order[at : at + n]], way[order[at : at + n]])
+    ]
+    if more:
+        first, second = np.concatenate([np.stack([first, second]), np.array(more).T], axis=1)
+    n = len(mesh.faces)
+    links = coo_array((np.ones(len(first)), (first, second)), shape=(n, n))
+    return np.asarray(connected_components(links, directed=False)[1])
+
+
+def _pairs(
+    mesh: Any, key: int, faces: Indices, way: NDArray[np.float64]
+) -> list[tuple[int, int]]:
+    """Faces around one edge, in pairs with the inside between them.
+
+    A face that runs up the edge has its inside on the side of smaller angles, seen with the edge
+    towards the eye: its partner is the next one that runs down.
+    """
+    ends = divmod(int(key), int(mesh.faces.max()) + 1)
+    a, b = mesh.vertices[list(ends)]
+    axis = (b - a) / np.linalg.norm(b - a)
+    third = mesh.vertices[[next(v for v in f if v not in ends) for f in mesh.faces[faces].tolist()]]
+    away = third - a - np.outer((third - a) @ axis, axis)
+    x = away[np.argmax(np.linalg.norm(away, axis=1))]
+    angle = np.arctan2(away @ np.cross(axis, x), away @ x)
+    down, pairs = np.flatnonzero(way < 0.0).tolist(), []
+    for up in np.flatnonzero(way > 0.0):
+        # Faces that lie on one another have nothing between them: the last choice.
+        gap = np.mod(angle[up] - angle[down], 2.0 * np.pi)
+        gap = np.where(gap < 1e-7, 2.0 * np.pi, gap)
+        best = down.pop(int(np.argmin(gap)))
+        pairs.append((int(faces[up]), int(faces[best])))
+    return pairs

@@ -1,0 +1,182 @@
+"""Joints: how they carry bodies, how they move, and their limits."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from fantoccini.base.documents import Axes, Direction, Model, Orientation, PartName, mistake
+from fantoccini.model.puppet.quantities import (
+    Angle,
+    AngleOrPlace,
+    Armature,
+    Damping,
+    NumberAngleOrPlace,
+    Point,
+    Stiffness,
+)
+
+_ALLOWED_IN = {
+    "axis": ("revolute", "prismatic"),
+    "axes": ("translation",),
+    "driven": ("revolute", "prismatic", "translation", "ball", "free"),
+    "damping": ("revolute", "prismatic", "translation", "ball", "free"),
+    "armature": ("revolute", "prismatic", "translation", "ball", "free"),
+    "spring": ("revolute", "prismatic", "ball"),
+    "limits": ("revolute", "prismatic"),
+    "cone": ("ball",),
+    "twist": ("ball",),
+}
+
+
+class JointSpring(Model):
+    """V = k/2 (q - rest)^2; in a ball joint V = 2 k (1 - q_w^2), k/2 phi^2 for small angles."""
+
+    stiffness: Stiffness
+    """k [N m/rad or N/m]."""
+    rest: NumberAngleOrPlace = 0.0
+    """Coordinate at which the spring is relaxed [rad or m]; not for ball joints."""
+
+
+class Limits(Model):
+    """Lower and upper limit of a joint's coordinate; at least one of them."""
+
+    lower: AngleOrPlace | None = None
+    """[rad or m]."""
+    upper: AngleOrPlace | None = None
+    """[rad or m]."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Limits:
+        _check_range(self.lower, self.upper)
+        return self
+
+
+class Cone(Model):
+    """Swing limit of a ball joint: cos(max) - a . R b <= 0."""
+
+    max: Angle
+    """Largest angle between the two axes, between 0 and 180 deg."""
+    axis: Direction
+    """a, the cone's axis, in the joint frame."""
+    of: Direction | None = None
+    """b, the axis it limits, in the body frame; by default the same numbers as `axis`."""
+
+    @field_validator("max")
+    @classmethod
+    def _open(cls, angle: float) -> float:
+        if not 0 < angle < np.pi:
+            raise mistake(f"found {angle:g} rad; needed: more than 0 and less than 180 deg")
+        return angle
+
+    @property
+    def body_axis(self) -> tuple[float, float, float]:
+        """b, the axis that is limited, in the body frame."""
+        return self.axis if self.of is None else self.of
+
+
+class Twist(Model):
+    """Limit on a ball joint's rotation about an axis of the body (swing-twist)."""
+
+    lower: Angle | None = None
+    """[rad]."""
+    upper: Angle | None = None
+    """[rad]."""
+    axis: Direction | None = None
+    """b, in the body frame; by default the axis that the cone limits."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Twist:
+        _check_range(self.lower, self.upper)
+        if any(x is not None and abs(x) > np.pi for x in (self.lower, self.upper)):
+            raise mistake("a twist lies between -180 deg and 180 deg")
+        return self
+
+
+def _check_range(lower: float | None, upper: float | None) -> None:
+    if lower is None and upper is None:
+        raise mistake("needed: lower, upper or both")
+    if lower is not None and upper is not None and lower >= upper:
+        raise mistake(f"found lower {lower:g} and upper {upper:g}; lower must be below upper")
+
+
+class Joint(Model):
+    """The joint that carries a body. At coordinates 0 the body frame is the joint frame."""
+
+    type: Literal["fixed", "revolute", "prismatic", "translation", "ball", "free"]
+    """Kind of motion."""
+    name: PartName | None = None
+    """Name of its coordinates; by default the body's name."""
+    driven: bool = Field(default=False, strict=True)
+    """True when a person or a motor moves it: its coordinates are inputs."""
+    axis: Annotated[Direction | None, Field(validate_default=True)] = None
+    """Axis of a revolute or prismatic joint, in the joint frame."""
+    axes: Annotated[Axes | None, Field(validate_default=True)] = None
+    """Axes along which a translation moves, in the joint frame."""
+    at: Point = (0.0, 0.0, 0.0)
+    """Origin of the joint frame in the parent's body frame [m]."""
+    orientation: Orientation | None = None
+    """Orientation of the joint frame in the parent's body frame."""
+    damping: Damping = 0.0
+    """Damping of every velocity of the joint [N m s/rad or N s/m]."""
+    armature: Armature = 0.0
+    """Inertia of a rotor geared to every velocity of the joint [kg m^2 or kg]."""
+    spring: JointSpring | None = None
+    """Pulls the joint to a rest position."""
+    limits: Limits | None = None
+    """Limits of a revolute or prismatic joint."""
+    cone: Cone | None = None
+    """Swing limit of a ball joint."""
+    twist: Twist | None = None
+    """Twist limit of a ball joint."""
+
+    @field_validator("axis", "axes")
+    @classmethod
+    def _needed(cls, value: Any, info: ValidationInfo) -> Any:
+        kind = info.data.get("type")
+        if kind in _ALLOWED_IN[str(info.field_name)] and value is None:
+            raise mistake(f"a {kind} joint needs this key")
+        return value
+
+    @field_validator(*_ALLOWED_IN)
+    @classmethod
+    def _fits(cls, value: Any, info: ValidationInfo) -> Any:
+        name = str(info.field_name)
+        if value is None or value is False or (name in ("damping", "armature") and not value):
+            return value
+        kind, allowed = info.data.get("type"), _ALLOWED_IN[name]
+        if kind is not None and kind not in allowed:
+            raise mistake(f"a {kind} joint has none; it belongs to {', '.join(allowed)} joints")
+        if name not in ("driven", "axis", "axes") and info.data.get("driven"):
+            text = "a driven joint follows its input; it has no damping, spring or limits"
+            if name == "armature":
+                text = "a driven joint follows its input; a drive gives it a rotor"
+            raise mistake(text)
+        return value
+
+    @field_validator("spring", "limits", mode="before")
+    @classmethod
+    def _mapped_numbers(cls, value: Any, info: ValidationInfo) -> Any:
+        if info.field_name == "limits" and isinstance(value, (list, tuple)):
+            raise mistake("found a list; needed: {lower: ..., upper: ...}")
+        if info.data.get("type") == "prismatic" and isinstance(value, dict):
+            words = [v for v in value.values() if isinstance(v, str)]
+            if words:
+                raise mistake(f"found {words[0]!r}; needed: a length in metres, without a unit")
+        return value
+
+    @field_validator("spring")
+    @classmethod
+    def _ball_rests_at_zero(cls, spring: Any, info: ValidationInfo) -> Any:
+        if spring is not None and info.data.get("type") == "ball" and spring.rest != 0:
+            raise mistake("a ball joint's spring has no rest; turn the joint frame instead")
+        return spring
+
+    @field_validator("twist")
+    @classmethod
+    def _twist_axis(cls, twist: Any, info: ValidationInfo) -> Any:
+        if twist is not None and twist.axis is None and info.data.get("cone", ...) is None:
+            raise mistake("needed: axis, or a cone, which gives the axis")
+        return twist

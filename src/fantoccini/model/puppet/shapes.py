@@ -1,0 +1,365 @@
+"""Shapes: geometry for pictures and collisions, and inertia.
+
+A shape with a mass or a density counts towards its body's inertia.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    Field,
+    PrivateAttr,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+
+from fantoccini.base.documents import (
+    Located,
+    Model,
+    Orientation,
+    Origin,
+    PartName,
+    mistake,
+    shown,
+    sized,
+    value_of,
+)
+from fantoccini.model import meshes
+from fantoccini.model.puppet.quantities import QUANTITIES, Density, Mass, Scale, Size, Sizes, Vector
+
+MIN_MESH_VOLUME = 1e-15
+"""Volume of a mesh with mass [m^3]; a smaller one is flat, and its inertia is rounding."""
+
+
+def _colour(text: str) -> str:
+    if not re.fullmatch(r"#[0-9a-fA-F]{6}", text):
+        raise mistake(f"found {shown(text)}; needed: a colour like '#c08040', in quotes")
+    return text
+
+
+Colour = Annotated[str, AfterValidator(_colour)]
+
+
+class Shape(Model):
+    """A solid of uniform density, fixed on a body."""
+
+    mass: Mass | None = None
+    """Mass [kg]; a shape without mass and density has no inertia."""
+    density: Density | None = None
+    """Density [kg/m^3], instead of a mass."""
+    colour: Colour | None = None
+    """Colour as `"#rrggbb"`."""
+
+    @field_validator("density")
+    @classmethod
+    def _mass_or_density(cls, density: Any, info: ValidationInfo) -> Any:
+        if density is not None and info.data.get("mass") is not None:
+            raise mistake("found mass and density; allowed: one of the two")
+        return density
+
+
+class Capsule(Shape):
+    """A cylinder closed by two half-spheres."""
+
+    type: Literal["capsule"] = "capsule"
+    from_: Vector = Field(alias="from")
+    """Centre of the first half-sphere [m]."""
+    to: Vector
+    """Centre of the second half-sphere [m]."""
+    radius: Size
+    """[m]."""
+
+
+class Box(Shape):
+    """A box, centred at `at`."""
+
+    type: Literal["box"] = "box"
+    size: Sizes
+    """Lengths of its edges along x, y, z [m]."""
+    at: Vector = (0.0, 0.0, 0.0)
+    """Centre [m]."""
+    orientation: Orientation | None = None
+    """Turns the box about its centre."""
+
+
+class Sphere(Shape):
+    """A ball, centred at `at`."""
+
+    type: Literal["sphere"] = "sphere"
+    radius: Size
+    """[m]."""
+    at: Vector = (0.0, 0.0, 0.0)
+    """Centre [m]."""
+
+
+class Ellipsoid(Shape):
+    """An ellipsoid, centred at `at`."""
+
+    type: Literal["ellipsoid"] = "ellipsoid"
+    radii: Sizes
+    """Half axes along x, y, z [m]."""
+    at: Vector = (0.0, 0.0, 0.0)
+    """Centre [m]."""
+    orientation: Orientation | None = None
+    """Turns the ellipsoid about its centre."""
+
+
+class Mesh(Shape):
+    """Triangles from a file (glTF, COLLADA, OBJ, STL, PLY) in the puppet file's folder or below.
+
+    Metres and z up, as the program shows it that wrote it, where the format has a unit and an axis:
+    glTF and COLLADA. Without a `colour`, the colours are those of the file's materials.
+    """
+
+    type: Literal["mesh"] = "mesh"
+    file: str
+    """Path relative to the puppet file, with forward slashes."""
+    scale: Annotated[tuple[Scale, Scale, Scale], sized(3)] = (1.0, 1.0, 1.0)
+    """Factors along x, y, z (file units to metres); a negative factor mirrors."""
+    at: Vector = (0.0, 0.0, 0.0)
+    """Position of the mesh's origin [m]."""
+    orientation: Orientation | None = None
+    """Turns the mesh about its origin."""
+
+    _origin: Origin = PrivateAttr(default_factory=Origin)
+
+    @field_validator("scale", mode="before")
+    @classmethod
+    def _one_or_three(cls, scale: Any) -> Any:
+        return scale if isinstance(scale, (list, tuple, dict, np.ndarray)) else (scale,) * 3
+
+    @field_validator("scale")
+    @classmethod
+    def _not_flat(cls, scale: tuple[float, ...]) -> tuple[float, ...]:
+        if 0.0 in scale:
+            raise mistake("found a factor of zero; needed: three factors that are not zero")
+        return scale
+
+    @field_validator("file")
+    @classmethod
+    def _inside(cls, file: str, info: ValidationInfo) -> str:
+        folder = info.context.folder if isinstance(info.context, Located) else Path.cwd()
+        path = PurePosixPath(file)
+        plain = file.isprintable() and "\\" not in file and ":" not in file and len(file) < 256
+        if not plain or path.is_absolute() or ".." in path.parts or not path.parts:
+            raise mistake(f"found {shown(file)}; needed: a path inside the puppet file's folder")
+        if path.suffix.lower() not in meshes.FORMATS:
+            raise mistake(f"found {shown(file)}; allowed: {', '.join(meshes.FORMATS)} files")
+        try:
+            place = Path(os.path.realpath(folder / path))
+            if not place.is_relative_to(os.path.realpath(folder)):
+                raise mistake(f"found {shown(file)}; it leads out of the puppet file's folder")
+            if not place.is_file():
+                raise mistake(f"found no file {shown(file)} in {folder}")
+            size = place.stat().st_size
+        except OSError as reason:
+            raise mistake(f"found {shown(file)}, which cannot be read: {reason}") from None
+        most = meshes.LIMITS.max_bytes
+        if size > most:
+            raise mistake(f"found {size / 1e6:.0f} MB; allowed: up to {most / 1e6:.0f} MB")
+        try:
+            meshes.read(folder / path, folder)
+        except (OSError, ValueError) as reason:
+            raise mistake(f"{file} is not a mesh that can be read: {reason}") from None
+        return file
+
+    def model_post_init(self, context: Any) -> None:
+        if isinstance(context, Located):
+            self._origin = Origin(context.file, context.folder)
+
+    @model_validator(mode="after")
+    def _readable(self) -> Mesh:
+        try:
+            load_mesh(self)
+        except (OSError, ValueError) as reason:
+            raise mistake(str(reason)) from None
+        return self
+
+    @property
+    def path(self) -> Path:
+        """Path of the mesh file."""
+        return self._origin.folder / self.file
+
+    def read(self) -> meshes.MeshFile:
+        """The content of the mesh file."""
+        return meshes.read(self.path, self._origin.folder)
+
+    def digest(self) -> str:
+        """SHA-256 of the mesh file's content and of the files that it names, in hexadecimal."""
+        own, *others = self.contents().items()
+        found = hashlib.sha256(own[1])
+        for name, content in sorted(others):
+            found.update(f"\n{name}\n".encode() + hashlib.sha256(content).digest())
+        return found.hexdigest()
+
+    def contents(self) -> dict[str, bytes]:
+        """Contents of the mesh file, first, and of the files that it names, by names like it."""
+        found = meshes.contents(self.path, self._origin.folder)
+        folder = PurePosixPath(self.file).parent
+        return {self.file if n == "." else (folder / n).as_posix(): c for n, c in found.items()}
+
+
+AnyShape = Annotated[Capsule | Box | Sphere | Ellipsoid | Mesh, Field(discriminator="type")]
+
+
+class Obstacle(Shape):
+    """A shape fixed in the world."""
+
+    name: PartName
+    """The obstacle's name."""
+    mass: None = None
+    """An obstacle has no mass."""
+    density: None = None
+    """An obstacle has no density."""
+
+
+class CapsuleObstacle(Obstacle, Capsule):
+    """A capsule fixed in the world."""
+
+
+class BoxObstacle(Obstacle, Box):
+    """A box fixed in the world."""
+
+
+class SphereObstacle(Obstacle, Sphere):
+    """A ball fixed in the world."""
+
+
+class EllipsoidObstacle(Obstacle, Ellipsoid):
+    """An ellipsoid fixed in the world."""
+
+
+class MeshObstacle(Obstacle, Mesh):
+    """A mesh fixed in the world."""
+
+
+AnyObstacle = Annotated[
+    CapsuleObstacle | BoxObstacle | SphereObstacle | EllipsoidObstacle | MeshObstacle,
+    Field(discriminator="type"),
+]
+
+
+@dataclass(frozen=True, eq=False)
+class UnitInertia:
+    """Inertia of a solid per unit of its mass.
+
+    Attributes:
+        com: (3,) centre of mass in the body frame [m].
+        inertia: (3, 3) about the centre of mass, body axes, per unit mass [m^2].
+    """
+
+    com: np.ndarray
+    inertia: np.ndarray
+
+
+def shape_inertia(shape: Shape) -> tuple[float, UnitInertia]:
+    """Volume and unit inertia of a solid of uniform density.
+
+    Args:
+        shape: any shape.
+
+    Returns:
+        The volume [m^3], and centre of mass and inertia per unit mass.
+    """
+    match shape:
+        case Sphere(radius=r):
+            return 4 / 3 * math.pi * r**3, _placed(shape, (0.4 * r * r,) * 3)
+        case Box(size=(x, y, z)):
+            moments = (y * y + z * z) / 12, (x * x + z * z) / 12, (x * x + y * y) / 12
+            return x * y * z, _placed(shape, moments)
+        case Ellipsoid(radii=(a, b, c)):
+            moments = (b * b + c * c) / 5, (a * a + c * c) / 5, (a * a + b * b) / 5
+            return 4 / 3 * math.pi * a * b * c, _placed(shape, moments)
+        case Capsule():
+            return _capsule(shape)
+        case Mesh():
+            return _mesh(shape)
+    raise TypeError(f"{type(shape).__name__} is not a shape")
+
+
+def _placed(shape: Box | Sphere | Ellipsoid, moments: tuple[float, float, float]) -> UnitInertia:
+    """R diag(moments) R^T at the shape's centre."""
+    orientation = None if isinstance(shape, Sphere) else shape.orientation
+    R = np.eye(3) if orientation is None else orientation.matrix
+    return UnitInertia(np.array(shape.at), R @ np.diag(moments) @ R.T)
+
+
+def _capsule(shape: Capsule) -> tuple[float, UnitInertia]:
+    """Cylinder of length l and two half-spheres of radius r, about the middle.
+
+    A half-sphere of mass m: centre of mass 3/8 r beyond its flat face, transverse moment about
+    that centre (2/5 - 9/64) m r^2, so about the capsule's middle m (2/5 r^2 + l^2/4 + 3/8 l r).
+    """
+    start, end, r = np.array(shape.from_), np.array(shape.to), shape.radius
+    length = float(np.linalg.norm(end - start))
+    cylinder, ball = math.pi * r * r * length, 4 / 3 * math.pi * r**3
+    volume = cylinder + ball
+    along = (cylinder * r * r / 2 + ball * 0.4 * r * r) / volume
+    across = (
+        cylinder * (length**2 / 12 + r * r / 4)
+        + ball * (0.4 * r * r + length**2 / 4 + 0.375 * length * r)
+    ) / volume
+    axis = (end - start) / length if length > 0 else np.zeros(3)
+    inertia = across * np.eye(3) + (along - across) * np.outer(axis, axis)
+    return volume, UnitInertia((start + end) / 2, inertia)
+
+
+def _mesh(shape: Mesh) -> tuple[float, UnitInertia]:
+    """Volume and unit inertia of the enclosed solid."""
+    mesh = load_mesh(shape)
+    volume = float(mesh.volume)
+    return volume, UnitInertia(np.array(mesh.center_mass), np.array(mesh.moment_inertia) / volume)
+
+
+def load_mesh(shape: Mesh) -> Any:
+    """The mesh in the body frame, as a ``trimesh.Trimesh``.
+
+    Args:
+        shape: its file, scale and pose.
+
+    Raises:
+        ValueError: the file is no mesh, or the mesh has a mass but is not closed, or a size that
+            is not allowed.
+    """
+    import trimesh
+
+    found = shape.read()
+    mesh = trimesh.Trimesh(found.vertices.copy(), found.faces.copy(), process=False)
+    placed = np.eye(4)
+    placed[:3, :3] = np.eye(3) if shape.orientation is None else shape.orientation.matrix
+    placed[:3, :3] = placed[:3, :3] @ np.diag(shape.scale)
+    placed[:3, 3] = shape.at
+    mesh.apply_transform(placed)
+    length, extent = QUANTITIES["length"], float(np.max(mesh.extents))
+    if not length.min_size <= extent <= length.max_size:
+        text = f"{shape.file} measures {extent:g} m with its scale"
+        raise ValueError(f"{text}; allowed: {length.min_size:g} to {length.max_size:g} m")
+    if has_mass(shape) and not found.closed:
+        raise ValueError(f"{shape.file} {unclosed(mesh)}, so its mass has no centre")
+    if mesh.volume < 0:
+        mesh.invert()
+    if has_mass(shape) and not mesh.volume >= MIN_MESH_VOLUME:
+        raise ValueError(f"{shape.file} has no volume, so its mass has no centre")
+    return mesh
+
+
+def unclosed(mesh: Any) -> str:
+    """What is wrong with a mesh that is not closed."""
+    if mesh.is_watertight:
+        return "has triangles that face inwards beside such that face outwards"
+    return "is not closed"
+
+
+def has_mass(shape: Shape) -> bool:
+    """Whether a shape counts towards its body's inertia."""
+    return any(n is not None and value_of(n) > 0 for n in (shape.mass, shape.density))

@@ -1,0 +1,34 @@
+"""Words of other programs for the words of puppet files."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from fantoccini.base.documents import Words
+
+OWN_WORDS = {
+    **dict.fromkeys(("hinge", "pin", "rotary", "rotational", "rotation", "continuous"), "revolute"),
+    **dict.fromkeys(("slider", "slide", "sliding", "linear"), "prismatic"),
+    **dict.fromkeys(("translational", "planar", "cartesian"), "translation"),
+    **dict.fromkeys(("spherical", "socket", "ball-and-socket", "ball-socket", "point"), "ball"),
+    **dict.fromkeys(("floating", "6dof", "freejoint", "root"), "free"),
+    **dict.fromkeys(("weld", "rigid", "static"), "fixed"),
+    **dict.fromkeys(("cube", "cuboid", "brick"), "box"),
+    **dict.fromkeys(("cylinder", "rod", "pill"), "capsule"),
+    **dict.fromkeys(("ball", "circle"), "sphere"),
+    **dict.fromkeys(("stl", "obj", "ply", "glb", "gltf", "dae"), "mesh"),
+}
+"""Another program's word -> ours, for joints and shapes. Our `ball` is a joint, theirs a sphere."""
+
+PLACE_WORDS = ("at", "orientation", "origin", "pos", "position", "quat", "rpy", "xyz")
+"""Keys that place a body in other programs; here its joint does."""
+
+
+def _placed_by_joint(key: str, allowed: Collection[str]) -> str | None:
+    if key in PLACE_WORDS and {"joint", "parent"} <= set(allowed):
+        return "a body is placed by its joint: joint: {at: [x, y, z], orientation: ...}"
+    return None
+
+
+WORDS = Words(OWN_WORDS, _placed_by_joint)
+"""For the mistakes of every file that describes bodies, joints or shapes."""

@@ -1,0 +1,177 @@
+"""The schema of a scene file: puppets, each placed, named and posed; props, obstacles, a floor."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import Annotated, Any
+
+from pydantic import (
+    Discriminator,
+    Field,
+    InstanceOf,
+    PrivateAttr,
+    Tag,
+    ValidationInfo,
+    model_validator,
+)
+
+from fantoccini.base import Mistake, PuppetError
+from fantoccini.base.documents import (
+    Finding,
+    Located,
+    Model,
+    Name,
+    Orientation,
+    Path,
+    Real,
+    entries,
+    mistake,
+    value_of,
+)
+from fantoccini.model.puppet import (
+    AnyObstacle,
+    AnyShape,
+    ContactRule,
+    Drag,
+    Gravity,
+    Mass,
+    Place,
+    Point,
+    PoseValue,
+    Puppet,
+    SolidInertia,
+    Vector,
+    has_mass,
+)
+
+
+def _puppet_kind(value: Any) -> str:
+    return "<puppet>" if isinstance(value, Puppet) else "<file>"
+
+
+class Member(Model):
+    """A puppet of a scene, and where it stands."""
+
+    name: Name
+    """Its name in the scene; names of its parts and coordinates begin with it and a dot."""
+    puppet: Annotated[
+        Annotated[str, Tag("<file>")] | Annotated[InstanceOf[Puppet], Tag("<puppet>")],
+        Discriminator(_puppet_kind),
+    ]
+    """Its file, relative to the scene's, or the name of a bundled one; in Python also a Puppet."""
+    at: Vector = (0.0, 0.0, 0.0)
+    """Place of the origin of its world in the scene [m]."""
+    orientation: Orientation | None = None
+    """Orientation of the axes of its world in the scene."""
+    pose: dict[str, PoseValue] = Field(default_factory=dict)
+    """Start values that replace those of its file, under the names of its file."""
+    parameters: dict[str, Real] = Field(default_factory=dict)
+    """Values of its parameters that replace those of its file."""
+
+
+class Prop(Model):
+    """A rigid body that nothing holds: a ball, a chair, a hat."""
+
+    name: Name
+    """Its name; its coordinates are `ball.x`, `ball.y`, `ball.z` and `ball.rotation`."""
+    shapes: Annotated[tuple[AnyShape, ...], entries(1)]
+    """Its solids; those with mass or density give its inertia."""
+    mass: Mass | None = None
+    """Mass [kg], instead of the shapes' sum."""
+    com: Point | None = None
+    """Centre of mass in its frame [m], instead of the shapes'."""
+    inertia: SolidInertia | None = None
+    """ixx, iyy, izz and perhaps ixy, ixz, iyz about the centre of mass [kg m^2]."""
+    drag: Drag | None = None
+    """Air drag."""
+    at: Vector = (0.0, 0.0, 0.0)
+    """Where its frame is at the start [m]."""
+    orientation: Orientation | None = None
+    """Orientation of its frame at the start."""
+
+    @model_validator(mode="after")
+    def _has_mass(self) -> Prop:
+        own = any(map(has_mass, self.shapes)) if self.mass is None else value_of(self.mass) > 0
+        if not own:
+            raise mistake("this prop has no mass; give it one, or one of its shapes")
+        return self
+
+
+class Scene(Model):
+    """Puppets, props, obstacles and a floor that share gravity."""
+
+    scene: Name
+    """The scene's name."""
+    gravity: Gravity | None = None
+    """Acceleration of gravity [m/s^2]; by default that of the puppets' files."""
+    floor: Place | None = None
+    """Height of the floor [m]; by default that of the puppets' files."""
+    contact: ContactRule | None = None
+    """Contact of everything in the scene; by default that of the puppets' files."""
+    puppets: Annotated[tuple[Member, ...], entries(1)]
+    """The puppets, in the order of their coordinates."""
+    props: tuple[Prop, ...] = ()
+    """Bodies that nothing holds."""
+    obstacles: tuple[AnyObstacle, ...] = ()
+    """Shapes that stand in the scene."""
+
+    _located: Located = PrivateAttr(default_factory=Located)
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _with_its_place(cls, data: Any, handler: Any, info: ValidationInfo) -> Any:
+        scene: Scene = handler(data)
+        if isinstance(info.context, Located):
+            scene._located = info.context
+        found = _name_mistakes(scene)
+        if found:
+            raise scene._located.error(found, PuppetError)
+        return scene
+
+    @classmethod
+    def of(cls, *puppets: Puppet, name: str | None = None) -> Scene:
+        """The scene of these puppets, where their files place them.
+
+        Args:
+            puppets: one or more, with different names.
+            name: of the scene; by default the puppets' names, joined by _.
+
+        Raises:
+            PuppetError: naming the puppets that do not go together.
+        """
+        if not puppets:
+            raise PuppetError([Mistake("<python>", None, "puppets", "a scene needs a puppet")])
+        members = tuple(Member(name=puppet.name, puppet=puppet) for puppet in puppets)
+        return cls(scene=name or "_".join(p.name for p in puppets), puppets=members)
+
+    @property
+    def name(self) -> str:
+        """The scene's name."""
+        return self.scene
+
+    def names(self) -> Iterator[tuple[Path, str]]:
+        """Where the puppets, props and obstacles are named, and their names."""
+        for i, member in enumerate(self.puppets):
+            yield ("puppets", i, "name"), member.name
+        for i, prop in enumerate(self.props):
+            yield ("props", i, "name"), prop.name
+        for i, obstacle in enumerate(self.obstacles):
+            yield ("obstacles", i, "name"), obstacle.name
+
+
+def _name_mistakes(scene: Scene) -> list[Finding]:
+    """Names that are used twice, or are the world's."""
+    uses = Counter(name for _, name in scene.names())
+    found: list[Finding] = []
+    for path, name in scene.names():
+        if name == "world":
+            found.append((path, "found 'world', which is the name of the world itself"))
+        elif uses[name] > 1:
+            found.append((path, f"the name {name!r} is used {uses[name]} times; names differ"))
+    return found
+
+
+def is_scene(located: Located) -> bool:
+    """Whether a file is a scene rather than a puppet."""
+    return isinstance(located.data, dict) and "scene" in located.data

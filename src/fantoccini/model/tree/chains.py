@@ -1,0 +1,85 @@
+"""Chains: the point masses of strings, and where they start."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fantoccini.base.documents import Number
+from fantoccini.model.puppet import UnitInertia
+from fantoccini.model.tree.coordinates import Role
+from fantoccini.model.tree.placement import Value, link_poses, place
+from fantoccini.model.tree.structure import WORLD, Link, Lump, Tree
+
+
+def mass_link(name: str, mass: Number, masses: int) -> Link:
+    """A point mass of a chain, free in the world.
+
+    Args:
+        name: of the link and of its joint: string, dot, number from 1.
+        mass: of the whole string [kg].
+        masses: number of point masses that share it.
+    """
+    point = Lump(mass, 1.0 / masses, UnitInertia(np.zeros(3), np.zeros((3, 3))))
+    return Link(
+        name=name,
+        parent=WORLD,
+        joint=name,
+        kind="translation",
+        axes=np.eye(3),
+        rotation=np.eye(3),
+        offset=(0.0, 0.0, 0.0),
+        role=Role.DYNAMIC,
+        q=slice(0, 0),
+        v=slice(0, 0),
+        lumps=(point,),
+    )
+
+
+def placed(
+    tree: Tree, q_D: np.ndarray, q_K: np.ndarray, number: Value, given: frozenset[str] = frozenset()
+) -> tuple[np.ndarray, np.ndarray]:
+    """A configuration with the masses of chains placed between the strings' ends.
+
+    They lie on the straight line or, if the string is longer, on a V that hangs down, where the
+    springs are relaxed.
+
+    Args:
+        tree: with the chains.
+        q_D: (n_qD,) configuration without these places.
+        q_K: (n_qK,); a driven length that is nan becomes the distance of the ends.
+        number: value of a number of the puppet.
+        given: names of coordinates that stay as they are.
+
+    Returns:
+        q_D, q_K.
+    """
+    q_D, q_K = q_D.copy(), q_K.copy()
+    if not tree.chains:
+        return q_D, q_K
+    poses = link_poses(tree.links, np.nan_to_num(q_D)[None], np.nan_to_num(q_K)[None], number)
+    for chain in tree.chains:
+        start, end = (place(poses, chain.points[k], number)[0] for k in (0, -1))
+        chain.just_reaches(float(np.linalg.norm(end - start)), q_D, q_K)
+        line = _line(start, end, float(chain.own_length(q_D, q_K, number)), chain.pieces)
+        for point, at in zip(chain.points[1:-1], line, strict=True):
+            place_in = tree.links[point.link].q
+            names = tree.coordinates.q_D[place_in]
+            if not given.intersection(names):
+                q_D[place_in] = at
+    return q_D, q_K
+
+
+def _line(start: np.ndarray, end: np.ndarray, length: float, pieces: int) -> np.ndarray:
+    """(pieces - 1, 3) places between two points [m]."""
+    away = end - start
+    distance = float(np.linalg.norm(away))
+    share = np.arange(1, pieces)[:, None] / pieces
+    depth = 0.5 * np.sqrt(max(length**2 - distance**2, 0.0))
+    down = np.array([0.0, 0.0, -1.0])
+    if distance > 0.0:
+        along = away / distance
+        down = down - (down @ along) * along
+        if np.linalg.norm(down) < 1e-6:  # a vertical string sags to one side
+            down = np.array([1.0, 0.0, 0.0])
+        down = down / np.linalg.norm(down)
+    return start + share * away + depth * (1.0 - np.abs(2.0 * share - 1.0)) * down

@@ -1,0 +1,233 @@
+"""Puppet -> Tree: links in topological order, rows, and the places of coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from fantoccini.base.documents import Number, value_of
+from fantoccini.model.puppet import Attachment, Body, Chain, Joint, Puppet, String, shape_inertia
+from fantoccini.model.tree.chains import mass_link, placed
+from fantoccini.model.tree.coordinates import Coordinate, Role
+from fantoccini.model.tree.joints import AXES, Joints, carriage, suffixes
+from fantoccini.model.tree.structure import (
+    WORLD,
+    ChainRow,
+    LimitRow,
+    Lump,
+    Point,
+    SpringRow,
+    StringRow,
+    Tree,
+)
+
+MAX_CONTACTS = 64
+"""Contact points that a step has room for, where solids may touch."""
+
+Pose = dict[str, float | tuple[float, ...]]
+"""Coordinate -> start value, or ``joint.rotation`` -> quaternion."""
+
+
+class _Grower:
+    """Collects the links, rows and coordinates of a puppet."""
+
+    def __init__(self) -> None:
+        self.joints = Joints()
+        self.strings: list[StringRow] = []
+        self.springs: list[SpringRow] = []
+        self.limits: list[LimitRow] = []
+        self.chains: list[ChainRow] = []
+        self.parameters: dict[str, float] = {}
+
+    def puppet(self, puppet: Puppet) -> None:
+        place = {"world": WORLD}
+        self.joints.motors = {name: drive for drive in puppet.drives for name in drive.on}
+        for body in _parents_first(puppet.bodies):
+            place[body.name] = self.body(body, place[body.parent], puppet.pose)
+        for string in puppet.strings:
+            self.string(string, place, puppet.pose)
+        for spring in puppet.springs:
+            start, end = (_point(a, place) for a in spring.between)
+            row = SpringRow(
+                spring.name, (start, end), spring.stiffness, spring.rest, spring.damping
+            )
+            self.springs.append(row)
+        self.parameters = puppet.parameters()
+
+    def body(self, body: Body, parent: int, pose: Pose) -> int:
+        joint = body.joint
+        name = joint.name or body.name
+        link = replace(
+            carriage(body.name, name),
+            parent=parent,
+            damping=joint.damping,
+            armature=joint.armature,
+            stiffness=joint.spring.stiffness if joint.spring else 0.0,
+            rest=joint.spring.rest if joint.spring else 0.0,
+            lumps=_lumps(body),
+            mass=body.mass,
+            com=body.com,
+            inertia=None if body.inertia is None else _six(body.inertia),
+            drag=(body.drag.linear, body.drag.quadratic, body.drag.angular)
+            if body.drag
+            else (0.0, 0.0, 0.0),
+            shapes=tuple(body.shapes),
+        )
+        index = self.joints.body(link, joint, _start(name, pose))
+        self.joint_limits(joint, name, index)
+        return index
+
+    def joint_limits(self, joint: Joint, name: str, link: int) -> None:
+        def add(
+            side: str,
+            bound: float | None,
+            a: tuple[float, ...] | None = None,
+            b: tuple[float, ...] | None = None,
+        ) -> None:
+            if bound is not None:
+                axes = (None if axis is None else np.array(axis) for axis in (a, b))
+                self.limits.append(LimitRow(f"{name}.{side}", link, side, bound, *axes))
+
+        if joint.limits:
+            add("lower", joint.limits.lower)
+            add("upper", joint.limits.upper)
+        if joint.cone:
+            add("cone", joint.cone.max, joint.cone.axis, joint.cone.body_axis)
+        if joint.twist:
+            b = joint.twist.axis or (joint.cone.body_axis if joint.cone else None)
+            add("twist.lower", joint.twist.lower, None, b)
+            add("twist.upper", joint.twist.upper, None, b)
+
+    def string(self, string: String, place: dict[str, int], pose: Pose) -> None:
+        points = tuple(
+            self.driven_end(string.name, a, a.driven, place) if a.driven else _point(a, place)
+            for a in string.path
+        )
+        length: Number | None = None
+        length_index: tuple[int, int] | None = None
+        if string.length == "driven":
+            start = _start(string.name, pose).get(".length", np.nan)
+            role, length_index = self.joints.length(string.name, start)
+        else:
+            length, role = string.length, Role.FIXED
+            row = Coordinate(f"{string.name}.length", role, string.name, "m", None)
+            self.joints.table.rows.append(row)
+        if string.chain is not None:
+            self.chain(string, string.chain, points, length, length_index, role)
+            return
+        self.strings.append(
+            StringRow(
+                name=string.name,
+                points=points,
+                length=length,
+                length_index=length_index,
+                wire=string.wire,
+                colour=string.colour,
+                restitution=string.restitution,
+                max_tension=string.max_tension,
+                rewind_speed=string.rewind_speed,
+                length_role=role,
+            )
+        )
+
+    def chain(
+        self, string: String, chain: Chain, ends: tuple[Point, ...], length: Number | None,
+        length_index: tuple[int, int] | None, role: Role,
+    ) -> None:  # fmt: skip
+        """Adds a string as springs and point masses, hand.1 to hand.7."""
+        masses = []
+        for k in range(1, chain.pieces):
+            name = f"{string.name}.{k}"
+            start = {f".{a}": np.nan for a in AXES}
+            link = mass_link(name, chain.mass, chain.pieces - 1)
+            masses.append(Point(self.joints.add(link, "translation", AXES, start), (0.0,) * 3))
+        self.chains.append(
+            ChainRow(
+                name=string.name,
+                points=(ends[0], *masses, ends[1]),
+                stiffness=chain.stiffness,
+                damping=chain.damping,
+                length=length,
+                length_index=length_index,
+                colour=string.colour,
+                length_role=role,
+            )
+        )
+
+    def driven_end(
+        self, string: str, end: Attachment, axes: tuple[str, ...], place: dict[str, int]
+    ) -> Point:
+        """A massless body on driven axes: `driven: [x, y]` gives hand.x and hand.y."""
+        return Point(self.joints.end(string, place[end.parent], axes, end.at), (0.0, 0.0, 0.0))
+
+
+def grow(puppet: Puppet) -> Tree:
+    """The tree of a puppet: links in topological order, rows, the coordinate table."""
+    grower = _Grower()
+    grower.puppet(puppet.expanded())
+    tree = Tree(
+        name=puppet.name,
+        gravity=puppet.gravity,
+        links=tuple(grower.joints.links),
+        strings=tuple(grower.strings),
+        springs=tuple(grower.springs),
+        limits=tuple(grower.limits),
+        coordinates=grower.joints.table.finish(),
+        parameters=grower.parameters,
+        drives=tuple(grower.joints.drives),
+        chains=tuple(grower.chains),
+        n_contacts=MAX_CONTACTS if puppet.touching else 0,
+    )
+    table = tree.coordinates
+    # A driven length without a start stays nan: the initial state sets it.
+    start_D, _ = placed(tree, table.start_D, table.start_K, value_of)
+    return replace(tree, coordinates=replace(table, start_D=start_D))
+
+
+def _parents_first(bodies: Iterable[Body]) -> list[Body]:
+    children: dict[str, list[Body]] = {}
+    for body in bodies:
+        children.setdefault(body.parent, []).append(body)
+    order: list[Body] = []
+    stack = list(reversed(children.get("world", [])))
+    while stack:
+        body = stack.pop()
+        order.append(body)
+        stack.extend(reversed(children.get(body.name, [])))
+    return order
+
+
+def _start(joint: str, pose: Pose) -> dict[str, float]:
+    """Suffix of a joint's or length's configuration number -> its value in the pose, if given."""
+    found: dict[str, float] = {}
+    for key, value in pose.items():
+        if joint not in (key, key.rpartition(".")[0]):
+            continue
+        if isinstance(value, tuple):
+            found |= dict(zip(suffixes("ball")[0], value, strict=True))
+        else:
+            found[key[len(joint) :]] = value
+    return found
+
+
+def _point(attachment: Attachment, place: dict[str, int]) -> Point:
+    if attachment.world is not None:
+        return Point(WORLD, attachment.world)
+    assert attachment.body is not None, "a driven end is no point of a body"
+    return Point(place[attachment.body], attachment.at)
+
+
+def _lumps(body: Body) -> tuple[Lump, ...]:
+    lumps = []
+    for shape in body.shapes:
+        if shape.mass is not None:
+            lumps.append(Lump(shape.mass, 1.0, shape_inertia(shape)[1]))
+        elif shape.density is not None:
+            lumps.append(Lump(shape.density, *shape_inertia(shape)))
+    return tuple(lumps)
+
+
+def _six(inertia: tuple[Number, ...]) -> tuple[Number, ...]:
+    return inertia if len(inertia) == 6 else (*inertia, 0.0, 0.0, 0.0)

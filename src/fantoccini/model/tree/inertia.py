@@ -1,0 +1,119 @@
+"""Masses and inertias of links and joints as numbers, without symbolic derivation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from fantoccini.model.tree.coordinates import Role
+from fantoccini.model.tree.placement import Value, link_poses
+from fantoccini.model.tree.structure import WORLD, Link, Tree
+
+
+def link_inertia(link: Link, number: Value) -> tuple[float, np.ndarray, np.ndarray]:
+    """Mass [kg], centre of mass (3,) [m] and inertia about it (3, 3) [kg m^2], in body axes.
+
+    The link's lumps are summed; explicit mass, centre and inertia override the sum.
+
+    Args:
+        link: the link.
+        number: value of a number of the puppet.
+    """
+    masses = np.array([number(lump.amount) * lump.volume for lump in link.lumps])
+    m, com, about_com = float(masses.sum()), np.zeros(3), np.zeros((3, 3))
+    if m > 0:
+        com = sum(k * lump.unit.com for k, lump in zip(masses, link.lumps, strict=True)) / m
+        for k, lump in zip(masses, link.lumps, strict=True):
+            about_com = about_com + k * (lump.unit.inertia + _point(lump.unit.com - com))
+    if link.mass is not None:
+        about_com = about_com * (number(link.mass) / m if m > 0 else 0.0)
+        m = number(link.mass)
+    if link.com is not None:
+        com = np.array([number(x) for x in link.com])
+    if link.inertia is not None:
+        xx, yy, zz, xy, xz, yz = (number(x) for x in link.inertia)
+        about_com = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return m, com, about_com
+
+
+def joint_inertias(
+    tree: Tree, q_D: np.ndarray, q_K: np.ndarray, number: Value
+) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
+    """Inertias of the dynamic joints, with the joints beyond them held and free.
+
+    Those with free joints are the pivots of M's factorisation from the leaves to the root: M is
+    singular if one of them is.
+
+    Args:
+        tree: the tree.
+        q_D, q_K: (n_qD,), (n_qK,) configuration, all finite.
+        number: value of a number of the puppet.
+
+    Yields:
+        Index of the link, and (k, k) inertias for its joint's velocities with the joints beyond
+        held and with them free.
+    """
+    poses = link_poses(tree.links, q_D[None], q_K[None], number)[0]
+    rotors = np.zeros(tree.coordinates.n_vD)
+    for link in tree.links:
+        if link.role is Role.DYNAMIC:
+            rotors[link.v] = number(link.armature)
+    for drive in tree.drives:
+        rotors[drive.v] = drive.inertia(number)
+    held, free = np.zeros((len(tree.links), 6, 6)), np.zeros((len(tree.links), 6, 6))
+    for i in reversed(range(len(tree.links))):
+        link, pose = tree.links[i], poses[i]
+        own = _about_origin(*link_inertia(link, number), pose[:, :3])
+        held[i] += own
+        free[i] += own
+        if link.role is Role.DYNAMIC:
+            up = np.eye(3) if link.parent == WORLD else poses[link.parent][:, :3]
+            S = _motions(link, pose[:, :3], up @ link.rotation)
+            rotor = np.diag(rotors[link.v])
+            D = S.T @ free[i] @ S + rotor
+            yield i, S.T @ held[i] @ S + rotor, D
+            F = free[i] @ S
+            free[i] -= F @ np.linalg.pinv(D, hermitian=True) @ F.T
+        if link.parent != WORLD:
+            away = pose[:, 3] - poses[link.parent][:, 3]
+            held[link.parent] += _shifted(held[i], away)
+            free[link.parent] += _shifted(free[i], away)
+
+
+def _skew(r: np.ndarray) -> np.ndarray:
+    x, y, z = r
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def _point(r: np.ndarray) -> np.ndarray:
+    """r.r 1 - r r^T: inertia about the origin of a unit mass at r."""
+    return r @ r * np.eye(3) - np.outer(r, r)
+
+
+def _about_origin(m: float, com: np.ndarray, inertia: np.ndarray, R: np.ndarray) -> np.ndarray:
+    """(6, 6) inertia about a link's origin in the world's axes; rotation first."""
+    c = R @ com
+    turning = R @ inertia @ R.T + m * _point(c)
+    return np.block([[turning, m * _skew(c)], [m * _skew(c).T, m * np.eye(3)]])
+
+
+def _shifted(inertia: np.ndarray, r: np.ndarray) -> np.ndarray:
+    """(6, 6) inertia about another origin; the present one lies at r from it."""
+    X = np.eye(6)
+    X[3:, :3] = -_skew(r)
+    return X.T @ inertia @ X
+
+
+def _motions(link: Link, R: np.ndarray, R_joint: np.ndarray) -> np.ndarray:
+    """(6, k) twists of a link per joint velocity, about its origin in the world's axes."""
+    turns, slides = np.zeros((6, 3)), np.zeros((6, 3))
+    turns[:3], slides[3:] = R, R_joint
+    match link.kind:
+        case "free":
+            return np.hstack([slides, turns])
+        case "ball":
+            return turns
+        case "revolute":
+            return turns @ link.axes
+    return slides @ link.axes

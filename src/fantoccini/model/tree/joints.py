@@ -1,0 +1,266 @@
+"""Joints become links, and their coordinates get places in q_D, v_D, q_K, v_K.
+
+A driven joint that a drive moves is dynamic, and its command is driven. Where drives move only
+some of a joint's coordinates, the joint is split: the part without drives carries the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from fantoccini.base.documents import Number, value_of
+from fantoccini.model.puppet import Drive, Joint
+from fantoccini.model.tree.coordinates import COMMAND, Coordinate, CoordinateTable, Role
+from fantoccini.model.tree.structure import WORLD, DriveRow, Link
+
+AXES = ("x", "y", "z")
+
+_QUATERNION = (".qw", ".qx", ".qy", ".qz")
+_TURNING = (".wx", ".wy", ".wz")
+TURNS_WITH_LINK: dict[str, tuple[int, ...]] = {"ball": (0, 1, 2), "free": (3, 4, 5)}
+"""By kind, the velocities of a joint whose axes are fixed in the link that it carries."""
+_UNITS = {"revolute": "rad", ".x": "m", ".y": "m", ".z": "m", "prismatic": "m", ".length": "m"}
+
+
+def suffixes(kind: str, axes: tuple[str, ...] = ()) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Suffixes of the names of a joint's configuration numbers and velocities."""
+    if kind == "translation":
+        found = tuple(f".{a}" for a in axes)
+        return found, found
+    if kind == "length":
+        return (".length",), (".length",)
+    scalars = {"revolute": ("",), "prismatic": ("",), "free": suffixes("translation", AXES)[0]}
+    first, turns = scalars.get(kind, ()), kind in ("ball", "free")
+    return first + _QUATERNION * turns, first + _TURNING * turns
+
+
+class Table:
+    """Assigns places in q_D, v_D, q_K, v_K while the tree is built."""
+
+    def __init__(self) -> None:
+        self.rows: list[Coordinate] = []
+        self.names: dict[tuple[Role, str], list[str]] = {
+            (role, what): [] for role in (Role.DYNAMIC, Role.DRIVEN) for what in "qv"
+        }
+        self.start: dict[Role, list[float]] = {Role.DYNAMIC: [], Role.DRIVEN: []}
+        self.quaternions: dict[Role, list[tuple[int, int]]] = {Role.DYNAMIC: [], Role.DRIVEN: []}
+        self.scalars: dict[Role, list[tuple[int, int]]] = {Role.DYNAMIC: [], Role.DRIVEN: []}
+        self.rotations: dict[str, tuple[int, int]] = {}
+        self.commands: dict[str, str] = {}
+
+    def add(
+        self,
+        owner: str,
+        kind: str,
+        role: Role,
+        q: tuple[str, ...],
+        v: tuple[str, ...],
+        start: list[float],
+    ) -> tuple[slice, slice]:
+        """Adds coordinates of one role; their places in q and v.
+
+        Args:
+            owner: prefix of their names.
+            kind: of the joint, or ``length``.
+            role: of the coordinates.
+            q, v: suffixes of the names of configuration numbers and velocities.
+            start: configuration in the file's pose.
+        """
+        if role is Role.FIXED or not q:
+            return slice(0, 0), slice(0, 0)
+        q_names, v_names = self.names[role, "q"], self.names[role, "v"]
+        q0, v0 = len(q_names), len(v_names)
+        for k, suffix in enumerate(q):
+            unit = _UNITS.get(suffix) or _UNITS.get(kind) or "1"
+            self.rows.append(Coordinate(owner + suffix, role, owner, unit, q0 + k))
+        q_names.extend(owner + s for s in q)
+        v_names.extend(owner + s for s in v)
+        self.start[role].extend(start)
+        n_scalar = q.index(".qw") if ".qw" in q else len(q)
+        self.scalars[role].extend((q0 + k, v0 + k) for k in range(n_scalar))
+        if n_scalar < len(q):
+            place = (q0 + n_scalar, v0 + n_scalar)
+            self.quaternions[role].append(place)
+            if role is Role.DRIVEN:
+                self.rotations[owner + ".rotation"] = place
+        return slice(q0, q0 + len(q)), slice(v0, v0 + len(v))
+
+    def finish(self) -> CoordinateTable:
+        """The coordinate table."""
+        dynamic, driven = Role.DYNAMIC, Role.DRIVEN
+        return CoordinateTable(
+            rows=tuple(self.rows),
+            q_D=tuple(self.names[dynamic, "q"]),
+            v_D=tuple(self.names[dynamic, "v"]),
+            q_K=tuple(self.names[driven, "q"]),
+            v_K=tuple(self.names[driven, "v"]),
+            quaternions_D=tuple(self.quaternions[dynamic]),
+            quaternions_K=tuple(self.quaternions[driven]),
+            scalars_D=tuple(self.scalars[dynamic]),
+            scalars_K=tuple(self.scalars[driven]),
+            rotations=dict(self.rotations),
+            commands=dict(self.commands),
+            start_D=np.array(self.start[dynamic], dtype=float),
+            start_K=np.array(self.start[driven], dtype=float),
+        )
+
+
+@dataclass
+class Joints:
+    """The links of all joints, and the drives that move some.
+
+    Attributes:
+        table: assigns places.
+        links: parents before children.
+        drives: rows of the drives.
+        motors: coordinate -> the drive that moves it.
+    """
+
+    table: Table = field(default_factory=Table)
+    links: list[Link] = field(default_factory=list)
+    drives: list[DriveRow] = field(default_factory=list)
+    motors: dict[str, Drive] = field(default_factory=dict)
+
+    def body(self, last: Link, joint: Joint, start: dict[str, float]) -> int:
+        """Adds the links of a body's joint.
+
+        Args:
+            last: the body's link, without the fields that the joint determines.
+            joint: as in the file.
+            start: suffix -> configuration number in the file's pose.
+
+        Returns:
+            The body's index.
+        """
+        rotation = np.eye(3) if joint.orientation is None else joint.orientation.matrix
+        offset, parent = joint.at, last.parent
+        parts = list(self._parts(last.joint, joint.type, joint.axes or (), joint.driven))
+        for n, (kind, axes, role) in enumerate(parts, 1):
+            link = last if n == len(parts) else carriage(f"{last.name}.carriage{n}", last.joint)
+            link = replace(
+                link, parent=parent, kind=kind, role=role, rotation=rotation, offset=offset,
+                axes=columns(axes, joint.axis),
+            )  # fmt: skip
+            parent = self.add(link, kind, axes, start)
+            rotation, offset = np.eye(3), (0.0, 0.0, 0.0)
+        return parent
+
+    def end(
+        self, string: str, parent: int, axes: tuple[str, ...], at: tuple[Number, Number, Number]
+    ) -> int:
+        """Adds the massless body at a string's driven end, on axes of its parent; its index."""
+        start = {f".{a}": value_of(x) for a, x in zip(AXES, at, strict=True)}
+        x, y, z = (0.0 if a in axes else x for a, x in zip(AXES, at, strict=True))
+        parts = list(self._parts(string, "translation", axes, True))
+        for n, (kind, own, role) in enumerate(parts, 1):
+            name = f"{string}.end" if n == len(parts) else f"{string}.carriage{n}"
+            link = replace(
+                carriage(name, string), parent=parent, kind=kind, role=role, offset=(x, y, z),
+                axes=columns(own, None),
+            )  # fmt: skip
+            parent = self.add(link, kind, own, start)
+            x = y = z = 0.0
+        return parent
+
+    def length(self, string: str, start: float) -> tuple[Role, tuple[int, int]]:
+        """Adds a string's driven length; its role, and its places in q and v.
+
+        A length with a drive is the coordinate of a link of its own, the winch.
+        """
+        role = self._role(string, (".length",))
+        if role is Role.DRIVEN:
+            names = suffixes("length")
+            q, v = self.table.add(string, "length", role, *names, [start])
+        else:
+            link = carriage(f"{string}.winch", string)
+            link = replace(link, kind="prismatic", role=role, axes=np.eye(3)[:, :1])
+            index = self.add(link, "length", (), {".length": start})
+            q, v = self.links[index].q, self.links[index].v
+        return role, (q.start, v.start)
+
+    def add(self, link: Link, kind: str, axes: tuple[str, ...], start: dict[str, float]) -> int:
+        """Adds a link with the places of its coordinates, and the rows of their drives.
+
+        Args:
+            link: without q and v.
+            kind: of the coordinates: the joint's, or ``length``.
+            axes: of a translation.
+            start: suffix -> configuration number in the file's pose; 0 by default.
+        """
+        names = suffixes(kind, axes)
+        values = {s: start.get(s, 1.0 if s == ".qw" else 0.0) for s in names[0]}
+        q, v = self.table.add(link.joint, kind, link.role, *names, list(values.values()))
+        self.links.append(replace(link, q=q, v=v))
+        index, at_q, at_v = len(self.links) - 1, q.start, v.start
+        for name, own_q, own_v in _driveable(names):
+            n_q, n_v = len(own_q), len(own_v)
+            places = slice(at_q, at_q + n_q), slice(at_v, at_v + n_v)
+            at_q, at_v = at_q + n_q, at_v + n_v
+            drive = self.motors.get(link.joint + name) if link.role is Role.DYNAMIC else None
+            if drive is None:
+                continue
+            command, command_name = None, ""
+            if drive.follows:
+                owner = link.joint + COMMAND
+                own_start = [values[s] for s in own_q]
+                q_K, v_K = self.table.add(owner, kind, Role.DRIVEN, own_q, own_v, own_start)
+                command, command_name = (q_K.start, v_K.start), owner + name
+                self.table.commands[link.joint + name] = command_name
+            row = DriveRow(link.joint + name, index, *places, command_name, command, drive)
+            self.drives.append(row)
+        return index
+
+    def _parts(
+        self, name: str, kind: str, axes: tuple[str, ...], driven: bool
+    ) -> Iterator[tuple[str, tuple[str, ...], Role]]:
+        """Kind, axes and role of the joints that a joint is split into."""
+        if not driven:
+            yield kind, axes, Role.FIXED if kind == "fixed" else Role.DYNAMIC
+            return
+        moved = [s for s, _, _ in _driveable(suffixes(kind, axes)) if name + s in self.motors]
+        if kind == "free" and moved:
+            yield from self._parts(name, "translation", AXES, True)
+            yield from self._parts(name, "ball", (), True)
+            return
+        if kind != "translation":
+            yield kind, axes, Role.DYNAMIC if moved else Role.DRIVEN
+            return
+        by_hand = tuple(a for a in axes if f".{a}" not in moved)
+        by_motor = tuple(a for a in axes if f".{a}" in moved)
+        if by_hand:
+            yield kind, by_hand, Role.DRIVEN
+        if by_motor:
+            yield kind, by_motor, Role.DYNAMIC
+
+    def _role(self, name: str, own: tuple[str, ...]) -> Role:
+        return Role.DYNAMIC if any(name + s in self.motors for s in own) else Role.DRIVEN
+
+
+def carriage(name: str, joint: str) -> Link:
+    """A massless link on the world, which a driven joint moves."""
+    none = slice(0, 0)
+    return Link(
+        name=name, parent=WORLD, joint=joint, kind="translation", axes=np.eye(3)[:, :0],
+        rotation=np.eye(3), offset=(0.0, 0.0, 0.0), role=Role.DRIVEN, q=none, v=none,
+    )  # fmt: skip
+
+
+def columns(axes: tuple[str, ...], axis: tuple[float, float, float] | None) -> np.ndarray:
+    """(3, k) unit columns: the axes of a translation, or a joint's one axis."""
+    if axis is not None:
+        return np.array(axis)[:, None]
+    return np.eye(3)[:, [AXES.index(a) for a in axes]]
+
+
+def _driveable(
+    names: tuple[tuple[str, ...], tuple[str, ...]],
+) -> Iterator[tuple[str, tuple[str, ...], tuple[str, ...]]]:
+    """Suffix of each coordinate that a drive can move, and suffixes of its entries in q and v."""
+    q, v = names
+    scalars = [s for s in q if s not in _QUATERNION]
+    yield from ((s, (s,), (s,)) for s in scalars)
+    if len(scalars) < len(q):
+        yield ".rotation", q[len(scalars) :], v[len(scalars) :]

@@ -1,0 +1,105 @@
+"""Poses of links and places of points, by numerical forward kinematics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from fantoccini.base.documents import Number, rotation_rows
+from fantoccini.model.tree.coordinates import Role
+from fantoccini.model.tree.structure import WORLD, Link, Point
+
+Value = Callable[[Number], float]
+
+
+def link_poses(
+    links: Sequence[Link], q_D: np.ndarray, q_K: np.ndarray, number: Value
+) -> np.ndarray:
+    """World poses (R | r) of links.
+
+    Args:
+        links: parents before children.
+        q_D: (T, n_qD), or (1, n_qD) where the other has T rows.
+        q_K: (T, n_qK) or (1, n_qK).
+        number: value of a number of the puppet.
+
+    Returns:
+        (T, n_links, 3, 4).
+    """
+    n = max(len(q_D), len(q_K))
+    out = np.zeros((n, len(links), 3, 4))
+    for k, link in enumerate(links):
+        q = (q_D if link.role is Role.DYNAMIC else q_K)[:, link.q]
+        up = np.broadcast_to(np.eye(3, 4), (n, 3, 4))
+        if link.parent != WORLD:
+            up = out[:, link.parent]
+        R, r = _joint(link, q)
+        to_joint = up[:, :, :3] @ link.rotation
+        offset = _numbers(link.offset, number)
+        out[:, k, :, :3] = to_joint @ R
+        out[:, k, :, 3] = (to_joint @ r[:, :, None])[..., 0] + up[:, :, :3] @ offset
+        out[:, k, :, 3] += up[:, :, 3]
+    return out
+
+
+def place(poses: np.ndarray, point: Point, number: Value) -> np.ndarray:
+    """(T, 3) place of a point [m], from (T, n_links, 3, 4) poses of the links."""
+    at = _numbers(point.at, number)
+    if point.link == WORLD:
+        return np.tile(at, (len(poses), 1))
+    return poses[:, point.link, :, :3] @ at + poses[:, point.link, :, 3]
+
+
+def _numbers(numbers: tuple[Number, ...], number: Value) -> np.ndarray:
+    return np.array([number(n) for n in numbers])
+
+
+def joint_transform(
+    link: Link, q: Sequence[Any], cos: Callable[[Any], Any], sin: Callable[[Any], Any]
+) -> tuple[list[list[Any]], list[Any]]:
+    """Rotation (3 x 3 entries) and translation (3 entries) of a joint's motion.
+
+    Args:
+        link: that the joint carries.
+        q: the joint's configuration: numbers, arrays (T,) or symbols.
+        cos, sin: for these.
+    """
+    rotation: list[list[Any]] = np.eye(3).tolist()
+    translation: list[Any] = [0.0, 0.0, 0.0]
+    match link.kind:
+        case "revolute":
+            rotation = _axis_rows(link.axes[:, 0].tolist(), cos(q[0]), sin(q[0]))
+        case "prismatic" | "translation":
+            columns = link.axes.tolist()
+            translation = [sum(a * x for a, x in zip(row, q, strict=True)) for row in columns]
+        case "ball":
+            rotation = rotation_rows(*q)
+        case "free":
+            rotation, translation = rotation_rows(*q[3:]), list(q[:3])
+    return rotation, translation
+
+
+def _axis_rows(axis: list[float], c: Any, s: Any) -> list[list[Any]]:
+    """R = c 1 + s [a] + (1 - c) a a^T: rotation about a unit axis by an angle's cosine and sine."""
+    x, y, z = axis
+    skew = ((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))
+    return [
+        [((i == j) - a * b) * c + skew[i][j] * s + a * b for j, b in enumerate(axis)]
+        for i, a in enumerate(axis)
+    ]
+
+
+def _joint(link: Link, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation (T, 3, 3) and translation (T, 3) of a joint's motion at q (T, n)."""
+    if link.kind in ("ball", "free"):
+        unit = q[:, -4:] / np.linalg.norm(q[:, -4:], axis=1, keepdims=True)
+        q = np.hstack([q[:, :-4], unit])
+    rotation, translation = joint_transform(link, list(q.T), np.cos, np.sin)
+    R, r = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
+    for i in range(3):
+        r[:, i] = translation[i]
+        for j in range(3):
+            R[:, i, j] = rotation[i][j]
+    return R, r

@@ -1,0 +1,405 @@
+"""The tree: links in topological order, and the rows of strings, springs, limits and drives.
+
+The derivation reads a :class:`Tree`. Every link carries one joint to its parent; every
+joint coordinate and every string length is one row of its
+:class:`~fantoccini.model.tree.coordinates.CoordinateTable`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from fantoccini.base.documents import Number
+from fantoccini.model.puppet import Drive, Shape, StepperMotor, UnitInertia
+from fantoccini.model.tree.coordinates import CoordinateTable, Role
+
+WORLD = -1
+"""Index of the world, as the parent of a link or the carrier of a point."""
+
+
+@dataclass(frozen=True)
+class Lump:
+    """One contribution to a link's inertia.
+
+    Attributes:
+        amount: the mass [kg], or the density [kg/m^3] when ``volume`` is not 1.
+        volume: factor that turns ``amount`` into a mass.
+        unit: centre of mass (3,) [m] and inertia per unit mass about it (3, 3) [m^2].
+    """
+
+    amount: Number
+    volume: float
+    unit: UnitInertia
+
+
+@dataclass(frozen=True)
+class Link:
+    """A body, and the joint that carries it.
+
+    The body frame's pose in its parent is T(offset) R(rotation) J(q), with J the joint's motion.
+
+    Attributes:
+        name: the body's name.
+        parent: index of the parent link, ``WORLD`` for the world.
+        joint: the joint's name.
+        kind: fixed, revolute, prismatic, translation, ball or free.
+        axes: (3, k) unit columns, in the joint frame: the axis of a revolute or prismatic joint,
+            the axes of a translation.
+        rotation: (3, 3) orientation of the joint frame in the parent.
+        offset: origin of the joint frame in the parent [m].
+        role: what determines the joint's motion.
+        q, v: places of the joint's coordinates in (q_D, v_D) or (q_K, v_K), by role.
+        damping: on every velocity of the joint [N s/m or N m s/rad].
+        armature: inertia of a rotor on every velocity of the joint [kg or kg m^2].
+        stiffness, rest: joint spring [N/m or N m/rad], [m or rad].
+        lumps: contributions of the shapes to the inertia.
+        mass, com, inertia: explicit values that override the lumps, or None;
+            the inertia is (ixx, iyy, izz, ixy, ixz, iyz) about the centre of mass.
+        drag: (linear [N s/m], quadratic [N s^2/m^2], angular [N m s]).
+        shapes: geometry, for pictures and collisions.
+    """
+
+    name: str
+    parent: int
+    joint: str
+    kind: str
+    axes: np.ndarray
+    rotation: np.ndarray
+    offset: tuple[Number, Number, Number]
+    role: Role
+    q: slice
+    v: slice
+    damping: Number = 0.0
+    armature: Number = 0.0
+    stiffness: Number = 0.0
+    rest: Number = 0.0
+    lumps: tuple[Lump, ...] = ()
+    mass: Number | None = None
+    com: tuple[Number, Number, Number] | None = None
+    inertia: tuple[Number, ...] | None = None
+    drag: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)
+    shapes: tuple[Shape, ...] = ()
+
+
+@dataclass(frozen=True)
+class Point:
+    """A point fixed on a link or on the world.
+
+    Attributes:
+        link: index of the link, ``WORLD`` for the world.
+        at: place in the link's frame [m].
+    """
+
+    link: int
+    at: tuple[Number, Number, Number]
+
+
+class Lengthed:
+    """Base of rows with a length L, which is a number or a coordinate."""
+
+    name: str
+    points: tuple[Point, ...]
+    length: Number | None
+    length_index: tuple[int, int] | None
+    length_role: Role
+
+    @property
+    def driven_length(self) -> tuple[int, int] | None:
+        """Place of the length in (q_K, v_K); None if it is not driven."""
+        return self.length_index if self.length_role is Role.DRIVEN else None
+
+    @property
+    def wound_length(self) -> tuple[int, int] | None:
+        """Place of the length in (q_D, v_D); None if no drive moves it."""
+        return self.length_index if self.length_role is Role.DYNAMIC else None
+
+    def just_reaches(self, span: float, q_D: np.ndarray, q_K: np.ndarray) -> None:
+        """Sets a length that is a coordinate and nan to the span.
+
+        Args:
+            span: length of the path [m].
+            q_D, q_K: (n_qD,), (n_qK,) changed in place.
+        """
+        for own, q in ((self.driven_length, q_K), (self.wound_length, q_D)):
+            if own is not None and np.isnan(q[own[0]]):
+                q[own[0]] = span
+
+    def own_length(
+        self, q_D: np.ndarray, q_K: np.ndarray, number: Callable[[Number], float]
+    ) -> np.ndarray:
+        """L [m] at configurations (..., n_qD), (..., n_qK): of shape (...) or ()."""
+        if self.length_index is not None:
+            return (q_K if self.driven_length else q_D)[..., self.length_index[0]]
+        assert self.length is not None, "a length without a place is a number"
+        return np.array(number(self.length), dtype=float)
+
+
+@dataclass(frozen=True)
+class StringRow(Lengthed):
+    """A string: h = (path length) - L <= 0.
+
+    Attributes:
+        name: the string's name.
+        points: two or more points the string runs through.
+        length: L [m], or None when the length is driven.
+        length_index: place of the length in (q_K, v_K), or in (q_D, v_D) where a drive moves it;
+            None when it is a number.
+        wire: True for a two-sided constraint (Sec. III-B).
+        colour: "#rrggbb" or None.
+        restitution: part of the speed that a catch gives back.
+        max_tension: tension at which its winch slips [N]; None for no slip.
+        rewind_speed: speed at which the winch rewinds the slipped length [m/s]; None for never.
+        length_role: of the length, where it has a place.
+    """
+
+    name: str
+    points: tuple[Point, ...]
+    length: Number | None
+    length_index: tuple[int, int] | None
+    wire: bool
+    colour: str | None
+    restitution: Number = 0.0
+    max_tension: Number | None = None
+    rewind_speed: Number | None = None
+    length_role: Role = Role.DRIVEN
+
+
+@dataclass(frozen=True)
+class SpringRow:
+    """A spring between two points: V = stiffness/2 (d - rest)^2, with damping along the line."""
+
+    name: str
+    points: tuple[Point, Point]
+    stiffness: Number
+    rest: Number
+    damping: Number
+
+
+@dataclass(frozen=True)
+class DriveRow:
+    """A coordinate that a drive moves: one number, or the orientation of a ball joint.
+
+    Attributes:
+        name: of the coordinate: ``hand.length``, ``bar.rotation``.
+        link: index of the link whose joint it belongs to.
+        q, v: its places in q_D and v_D.
+        command_name: of its command, ``hand.command.length``; empty without a command.
+        command: place of the command in (q_K, v_K); None without a command.
+        drive: as the puppet's file describes it.
+    """
+
+    name: str
+    link: int
+    q: slice
+    v: slice
+    command_name: str
+    command: tuple[int, int] | None
+    drive: Drive
+
+    @property
+    def steps(self) -> bool:
+        """Whether a stepper moves it."""
+        return isinstance(self.drive.motor, StepperMotor)
+
+    @property
+    def turns(self) -> bool:
+        """Whether it is an orientation."""
+        return self.v.stop - self.v.start == 3
+
+    def ratio(self, number: Callable[[Number], Any]) -> Any:
+        """n: angle of the rotor [rad] per unit of the coordinate.
+
+        Args:
+            number: value of a number of the puppet, or its symbol.
+        """
+        drum = self.drive.drum
+        return number(self.drive.gear) / (1.0 if drum is None else number(drum))
+
+    def inertia(self, number: Callable[[Number], Any]) -> Any:
+        """m + n^2 J: inertia of the drive at the coordinate [kg or kg m^2]."""
+        mass, rotor = self.drive.mass, self.drive.inertia
+        own = 0.0 if mass is None else number(mass)
+        return own + (0.0 if rotor is None else number(rotor) * self.ratio(number) ** 2)
+
+
+@dataclass(frozen=True)
+class ChainRow(Lengthed):
+    """A string of point masses joined by springs: V = sum_k EA/(2 l) (d_k - l)^2, l = L / pieces.
+
+    Attributes:
+        name: the string's name.
+        points: its ends, and between them the masses.
+        stiffness: EA [N].
+        damping: force per unit of strain rate [N s].
+        length: L, relaxed [m], or None when it is driven.
+        length_index: place of the length, as in :class:`StringRow`.
+        colour: "#rrggbb" or None.
+        length_role: of the length, where it has a place.
+    """
+
+    name: str
+    points: tuple[Point, ...]
+    stiffness: Number
+    damping: Number
+    length: Number | None
+    length_index: tuple[int, int] | None
+    colour: str | None = None
+    length_role: Role = Role.DRIVEN
+
+    @property
+    def pieces(self) -> int:
+        """Number of springs."""
+        return len(self.points) - 1
+
+
+@dataclass(frozen=True)
+class LimitRow:
+    """A one-sided limit of a joint, h <= 0.
+
+    ``lower``: bound - q; ``upper``: q - bound; ``cone``: cos(bound) - a . R b;
+    ``twist.lower``, ``twist.upper``: the same as lower and upper for the twist of R about b.
+
+    Attributes:
+        name: joint name, dot, side.
+        link: index of the link whose joint is limited.
+        side: lower, upper, cone, twist.lower or twist.upper.
+        bound: [rad or m].
+        a, b: unit axes (3,) in the joint frame and in the body frame (ball joints only).
+    """
+
+    name: str
+    link: int
+    side: str
+    bound: float
+    a: np.ndarray | None = None
+    b: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class Tree:
+    """Links, strings, springs, limits and coordinates of a puppet, in the order of the equations.
+
+    Attributes:
+        name: of the puppet.
+        gravity: [m/s^2].
+        links: parents before children.
+        strings, springs, limits: one-sided rows are strings first, then limits.
+        drives: coordinates with drives.
+        coordinates: the coordinate table.
+        parameters: names and values of the argument p.
+        chains: strings modelled as masses and springs; they have no rows.
+        n_contacts: contact points that a step has room for; 0 where nothing touches anything.
+        n_pieces: solids beyond one for each shape: those of dented meshes, which are several.
+    """
+
+    name: str
+    gravity: tuple[Number, Number, Number]
+    links: tuple[Link, ...]
+    strings: tuple[StringRow, ...]
+    springs: tuple[SpringRow, ...]
+    limits: tuple[LimitRow, ...]
+    coordinates: CoordinateTable
+    parameters: dict[str, float] = field(default_factory=dict)
+    drives: tuple[DriveRow, ...] = ()
+    chains: tuple[ChainRow, ...] = ()
+    n_contacts: int = 0
+    n_pieces: int = 0
+
+    @property
+    def n_rows(self) -> int:
+        """Number of one-sided rows: strings, then limits."""
+        return len(self.strings) + len(self.limits)
+
+    @cached_property
+    def sizes(self) -> dict[str, int]:
+        """Sizes by their names in :mod:`fantoccini.kernel.contract`."""
+        t = self.coordinates
+        return {
+            "n_qD": t.n_qD, "n_vD": t.n_vD, "n_qK": t.n_qK, "n_vK": t.n_vK, "n_v": t.n_vD + t.n_vK,
+            "n_strings": len(self.strings), "n_limits": len(self.limits), "n_rows": self.n_rows,
+            "n_p": len(self.parameters), "n_links": len(self.links),
+            "n_points": sum(len(s.points) for s in self.strings),
+            "n_motors": len(self.motor_places), "n_watched": len(self.watched),
+            "n_contacts": self.n_contacts,
+            "n_solids": self.n_pieces + sum(len(i.shapes) for i in self.links)
+            if self.n_contacts else 0,
+        }  # fmt: skip
+
+    @cached_property
+    def row_names(self) -> tuple[str, ...]:
+        """Names of the one-sided rows: strings, then limits."""
+        return tuple(r.name for r in self.strings) + tuple(r.name for r in self.limits)
+
+    @cached_property
+    def limit_entries(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The limits' entries of A_D: limits, axes of their joints, and places in v_D."""
+        places = [self.links[limit.link].v for limit in self.limits]
+        found = [(i, k - v.start, k) for i, v in enumerate(places) for k in range(v.start, v.stop)]
+        limit, axis, velocity = np.array(found, dtype=np.intp).reshape(-1, 3).T
+        return limit, axis, velocity
+
+    @property
+    def motor_places(self) -> list[int]:
+        """Places in v_D of the coordinates with drives, in order."""
+        return [k for row in self.drives for k in range(row.v.start, row.v.stop)]
+
+    @property
+    def watched(self) -> tuple[DriveRow, ...]:
+        """Drives whose motor or controller may be too weak to follow the command."""
+        return tuple(d for d in self.drives if d.command)
+
+    @cached_property
+    def blamable(self) -> tuple[str, ...]:
+        """Names that a run's status may blame: rows, then watched drives."""
+        return (*self.row_names, *(row.name for row in self.watched))
+
+    def lead(self, link: int) -> tuple[slice, slice] | None:
+        """Places in (q_K, v_K) of a driven joint's coordinates, or of its drives' commands.
+
+        None for a winch, and for a joint with coordinates that are neither driven nor commanded.
+        """
+        joint = self.links[link]
+        if joint.role is Role.DRIVEN:
+            return joint.q, joint.v
+        rows = [(row, row.command) for row in self.drives if row.link == link and row.command]
+        if sum(row.v.stop - row.v.start for row, _ in rows) != joint.v.stop - joint.v.start:
+            return None
+        if not rows or rows[0][0].name.endswith(".length"):
+            return None
+        (first, (q, v)), (last, _) = rows[0], rows[-1]
+        return slice(q, q + last.q.stop - first.q.start), slice(v, v + last.v.stop - first.v.start)
+
+    def length_lead(self, string: Lengthed) -> tuple[int, int] | None:
+        """Place in (q_K, v_K) of a driven length, or of the command of the drive that winds it."""
+        if string.wound_length is None:
+            return string.driven_length
+        rows = [row for row in self.drives if row.name == f"{string.name}.length"]
+        return rows[0].command
+
+    def string_lengths(
+        self, q_D: np.ndarray, q_K: np.ndarray, number: Callable[[Number], float]
+    ) -> np.ndarray:
+        """(..., n_strings) lengths of the strings [m].
+
+        Args:
+            q_D, q_K: (..., n_qD), (..., n_qK) configurations.
+            number: value of a number of the puppet.
+        """
+        q_D, q_K = np.asarray(q_D, dtype=float), np.asarray(q_K, dtype=float)
+        out = np.zeros((*q_K.shape[:-1], len(self.strings)))
+        for i, string in enumerate(self.strings):
+            out[..., i] = string.own_length(q_D, q_K, number)
+        return out
+
+    def ancestors(self, link: int) -> list[int]:
+        """Indices of ``link`` and all links between it and the world, nearest first."""
+        path = []
+        while link != WORLD:
+            path.append(link)
+            link = self.links[link].parent
+        return path

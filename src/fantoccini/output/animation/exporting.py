@@ -1,0 +1,104 @@
+"""``export``: the one way by which a motion leaves as an animation."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TypeAlias
+
+from fantoccini.base import replacing
+from fantoccini.control.optimal import Optimum
+from fantoccini.control.planning import PlanResult
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.model.tree import grow
+from fantoccini.motion import Trajectory
+from fantoccini.output.animation.formats import format_of
+from fantoccini.output.animation.scene import AnimatedScene, Bodies
+from fantoccini.output.view import Drawable, Still
+from fantoccini.theatre.perform import Recording
+from fantoccini.theatre.plays import Verification
+from fantoccini.theatre.retarget import Followed
+
+Moving: TypeAlias = Trajectory | Recording | PlanResult | Optimum | Followed | Verification
+"""What has a motion."""
+
+
+def export(
+    what: Moving,
+    path: str | os.PathLike[str],
+    fps: float | None = None,
+    bodies: Bodies | None = None,
+    marionette: Marionette | None = None,
+) -> Path:
+    """Writes a motion as an animation that other programs open. The file appears whole.
+
+    The ending selects the format:
+
+    - ``.glb``: glTF 2.0. The keys are cubic splines through positions and velocities of the motion,
+      as many as keep every point of a body within 0.01 mm. With ``fps`` they are linear, at so many
+      a second: for programs that do not read splines, as Blender.
+    - ``.usda``, ``.usdc``: OpenUSD, text or binary; linear, at 60 a second unless ``fps`` is given.
+    - ``.bvh``: the bodies as a skeleton, in metres, y up; at 60 frames a second unless ``fps`` is
+      given.
+    - ``.csv``: the columns of the run, at every sample, or at ``fps`` a second; with ``bodies``
+      their poses and the ends of their strings as well.
+    - ``.mcap``: messages for Foxglove and Rerun; at 60 a second unless ``fps`` is given.
+
+    Args:
+        what: a run, recording, plan, optimum, followed clip or verified play. A run that stopped
+            early is written as far as it got.
+        path: of the file.
+        fps: keys per second.
+        bodies: names of those that are written, with strings between them and the world; all unless
+            given, and for ``all``.
+        marionette: what moved, where a run should be shown with other obstacles than its puppet's.
+
+    Returns:
+        The path.
+
+    Raises:
+        ValueError: an unknown ending, a wrong rate, no motion, or a run of an unknown puppet.
+        UnknownNameError: there is no such body.
+        MissingLibraryError: OpenUSD, or what writes MCAP, is not installed.
+        FileNotFoundError: there is no such folder.
+    """
+    path = Path(path)
+    form, rate = format_of(path, fps)
+    shown, run = _parts(what)
+    if marionette is not None:
+        shown = marionette
+    scene = AnimatedScene.of(shown, run, bodies, rate)
+    with replacing(path) as temporary:
+        # The name of the temporary file ends otherwise; what USD writes hangs on the ending.
+        whole = temporary.with_name(temporary.name + path.suffix.lower())
+        try:
+            form.write(scene, whole)
+            os.replace(whole, temporary)
+        finally:
+            whole.unlink(missing_ok=True)
+    return path
+
+
+def _parts(what: Moving) -> tuple[Drawable, Trajectory]:
+    """What moves, and its motion."""
+    match what:
+        case Trajectory():
+            if what.puppet is None:
+                raise ValueError("the run has no puppet; give `marionette`")
+            return Still(what.puppet, grow(what.puppet)), what
+        case Recording():
+            return what.marionette, what.trajectory
+        case PlanResult():
+            if what.reason:
+                raise ValueError(f"there is no plan to export: {what.reason}")
+            return what.problem.drawn_marionette, what.trajectory
+        case Optimum():
+            return what.marionette, what.run
+        case Verification():
+            return what.play.marionette, what.run
+        case Followed():
+            return what.retargeted.marionette, what.run
+    raise ValueError(
+        f"found {type(what).__name__}; what can be exported is a run, a recording, a plan, an "
+        "optimum, a followed clip or a verified play"
+    )

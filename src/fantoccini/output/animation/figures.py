@@ -1,0 +1,60 @@
+"""Meshes and materials of solids in a glTF document; what looks the same is kept once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from fantoccini.base import Array
+from fantoccini.output.animation.gltf import Document, Node, placed
+from fantoccini.output.animation.pieces import ROUGHNESS, floor_of, hex_of, linear_colour, piece_of
+from fantoccini.output.animation.scene import AnimatedScene
+from fantoccini.output.view import LIGHT, Solid, TriangleMesh, coloured
+
+
+def material(document: Document, colour: Array) -> int:
+    """The material of a colour (3,), named after the colour."""
+    look = {
+        "baseColorFactor": [*linear_colour(colour), 1.0],
+        "metallicFactor": 0.0,
+        "roughnessFactor": ROUGHNESS,
+    }
+    made = {"name": f"colour_{hex_of(colour)}", "pbrMetallicRoughness": look}
+    return document.once("materials", made)
+
+
+def mesh(document: Document, surfaces: Iterable[tuple[Array, TriangleMesh]]) -> int:
+    """The mesh of surfaces with their colours (3,)."""
+    return document.once("meshes", {"primitives": [_primitive(document, *s) for s in surfaces]})
+
+
+def _primitive(document: Document, colour: Array, surface: TriangleMesh) -> dict[str, Any]:
+    small = len(surface.vertices) < 65535
+    faces = surface.faces.reshape(-1).astype(np.uint16 if small else np.uint32)
+    vertices = surface.vertices.astype(np.float32)
+    attributes = {"POSITION": document.numbers("vectors", vertices, bounds=True)}
+    if surface.normals is not None:
+        attributes["NORMAL"] = document.numbers("vectors", surface.normals.astype(np.float32))
+    return {
+        "attributes": attributes,
+        "indices": document.numbers("indices", faces),
+        "material": material(document, colour),
+    }
+
+
+def solid_node(document: Document, solid: Solid, name: str) -> Node:
+    """A node with a solid, in its link's frame."""
+    piece = piece_of(solid)
+    several = solid.full.colours is not None
+    surfaces = coloured(solid) if several else [(solid.colour, piece.surface)]
+    node: Node = {"name": name, "mesh": mesh(document, surfaces)}
+    return placed(node, piece.r, piece.q, piece.scale)
+
+
+def floor_node(document: Document, scene: AnimatedScene) -> Node:
+    """A node with the floor."""
+    piece = floor_of(scene)
+    node: Node = {"name": "floor", "mesh": mesh(document, [(LIGHT.bottom, piece.surface)])}
+    return placed(node, piece.r)

@@ -1,0 +1,246 @@
+"""MCAP (.mcap): messages that Foxglove draws, and Rerun as far as it knows them; z up, metres.
+
+Each frame has the poses of the bodies relative to their parents (``/tf``), the strings
+(``/strings``), the coordinates (``/joints``), the tensions [N] (``/tension``), and 1 where the
+motion does not determine a tension or effort (``/undetermined``). Shapes of the bodies come once,
+in the bodies' frames (``/bodies``). Messages are in Protocol Buffers, with their schemas.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from foxglove_schemas_protobuf.Color_pb2 import Color
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.JointState_pb2 import JointState
+from foxglove_schemas_protobuf.JointStates_pb2 import JointStates
+from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
+from foxglove_schemas_protobuf.Point3_pb2 import Point3
+from foxglove_schemas_protobuf.Pose_pb2 import Pose
+from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion as TurnMessage
+from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrimitive
+from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from google.protobuf.timestamp_pb2 import Timestamp
+from mcap_protobuf.writer import Writer
+
+from fantoccini.base import Array, Quaternion, Status, rotation
+from fantoccini.model.tree import WORLD
+from fantoccini.motion import Trajectory
+from fantoccini.output.animation.pieces import Piece, floor_of, named_solids, piece_of
+from fantoccini.output.animation.scene import AnimatedScene, Line
+from fantoccini.output.animation.spans import Looks, Spans
+from fantoccini.output.animation.strands import COLOUR, RINGS, THICKNESS
+from fantoccini.output.view import LIGHT
+
+ROOT = "world"
+"""Name of the frame that stands still."""
+
+Messages = Callable[[int, Timestamp], Any]
+"""The message of a frame, by its number and time."""
+
+
+def write(scene: AnimatedScene, path: Path) -> None:
+    """Writes a scene; times count from the start of 1970, as those of a clock that begins at 0.
+
+    A run that begins before 0 begins at 0 there: the messages have no times before 1970.
+    """
+    assert scene.fps is not None
+    run = scene.run.resample(scene.frames(scene.fps))
+    with path.open("wb") as file, Writer(file) as writer:
+        about = {"name": scene.tree.name}
+        if scene.run.status is not Status.DONE:
+            about["stopped"] = scene.run.status.message
+        writer.add_metadata("fantoccini", about)
+        topics = dict(_topics(scene, run))
+        for k, t in enumerate(run.t - min(0.0, float(run.t[0]))):
+            now = round(float(t) * 1e9)
+            stamp = Timestamp(seconds=now // 10**9, nanos=now % 10**9)
+            if k == 0:
+                writer.write_message("/bodies", _bodies(scene, stamp), now, now)
+            for topic, message in topics.items():
+                writer.write_message(topic, message(k, stamp), now, now)
+
+
+def _topics(scene: AnimatedScene, run: Trajectory) -> Iterator[tuple[str, Messages]]:
+    yield "/tf", _transforms(scene, run)
+    if scene.lines:
+        yield "/strings", _strings(scene, run)
+    joints = _joints(run)
+    if joints is not None:
+        yield "/joints", joints
+    names = [line.name for line in scene.lines if line.string is not None]
+    if names:
+        columns = dict(run.tension.items())
+        yield "/tension", _numbers("Tension", {name: columns[name] for name in names})
+        flags = run.undetermined
+        if flags is not None and np.any(flags.values):
+            told = [n for n in flags.names if n in names or n not in columns]
+            undetermined = {name: flags[name].astype(float) for name in told}
+            yield "/undetermined", _numbers("Undetermined", undetermined)
+
+
+def _transforms(scene: AnimatedScene, run: Trajectory) -> Messages:
+    """Frames of all links, each in that of its parent."""
+    frames = []
+    for k in scene.links:
+        motion, parent = scene.motion(k, run), scene.parents[k]
+        above = ROOT if parent == WORLD else scene.tree.links[parent].name
+        frames.append(
+            (scene.tree.links[k].name, above, motion.r, rotation.continuous(motion.q))
+        )
+
+    def message(i: int, stamp: Timestamp) -> Any:
+        return FrameTransforms(transforms=[
+            FrameTransform(
+                timestamp=stamp, parent_frame_id=above, child_frame_id=name,
+                translation=_vector(r[i]), rotation=_turn(q[i]),
+            )
+            for name, above, r, q in frames
+        ])  # fmt: skip
+
+    return message
+
+
+def _bodies(scene: AnimatedScene, stamp: Timestamp) -> Any:
+    """All shapes, which stay with their frames."""
+    shapes: dict[int, list[Any]] = {}
+    for _, solid in named_solids(scene):
+        shapes.setdefault(solid.link, []).append(_triangles(piece_of(solid), solid.colour))
+    if scene.geometry.ground and scene.whole:
+        shapes.setdefault(WORLD, []).append(_triangles(floor_of(scene), LIGHT.bottom))
+    entities = []
+    for link, triangles in shapes.items():
+        name = ROOT if link == WORLD else scene.tree.links[link].name
+        entities.append(SceneEntity(
+            timestamp=stamp, frame_id=name, id=name, frame_locked=True, triangles=triangles
+        ))  # fmt: skip
+    return SceneUpdate(entities=entities)
+
+
+def _triangles(piece: Piece, colour: Array) -> Any:
+    return TriangleListPrimitive(
+        pose=Pose(position=_vector(piece.r), orientation=_turn(piece.q)),
+        points=_points(piece.surface.vertices * piece.scale),
+        indices=piece.surface.faces.ravel().tolist(), color=_colour(colour),
+    )  # fmt: skip
+
+
+def _strings(scene: AnimatedScene, run: Trajectory) -> Messages:
+    """Curves in the world."""
+    looks = Looks.of(scene, run, run.t, np.arange(len(run)))
+    curves = [(line, _curve(Spans.of(scene, line, looks))) for line in scene.lines]
+    width = 2.0 * THICKNESS * scene.geometry.size
+
+    def strip(line: Line, points: Array) -> Any:
+        return LinePrimitive(
+            type=LinePrimitive.LINE_STRIP, thickness=width, points=_points(points),
+            color=_colour(COLOUR if line.colour is None else line.colour),
+            pose=Pose(position=_vector(np.zeros(3)), orientation=_turn(np.eye(4)[0])),
+        )  # fmt: skip
+
+    def message(i: int, stamp: Timestamp) -> Any:
+        return SceneUpdate(entities=[
+            SceneEntity(timestamp=stamp, frame_id=ROOT, id=line.name, lines=[strip(line, x[i])])
+            for line, x in curves
+        ])  # fmt: skip
+
+    return message
+
+
+def _curve(spans: Spans) -> Array:
+    """(T, n, 3) points along a line, whose spans meet in one point each."""
+    points = spans.curves(2 if spans.sag is None else RINGS)
+    first, rest = points[:, 0, :1], points[:, :, 1:]
+    return np.concatenate([first, rest.reshape(len(points), -1, 3)], axis=1)
+
+
+def _joints(run: Trajectory) -> Messages | None:
+    """Coordinates with velocity, acceleration, and the effort of driven ones."""
+    table = run.coordinates
+    efforts = {} if run.effort is None else dict(run.effort.items())
+    columns = [
+        *((table.q_D[q], run.q_D[:, q], run.v_D[:, v], run.acc_D[:, v], None)
+          for q, v in table.scalars_D),
+        *((table.q_K[q], run.q_K[:, q], run.v_K[:, v], run.acc_K[:, v],
+           efforts.get(table.v_K[v])) for q, v in table.scalars_K),
+    ]  # fmt: skip
+    if not columns:
+        return None
+
+    def message(i: int, stamp: Timestamp) -> Any:
+        return JointStates(timestamp=stamp, joints=[
+            JointState(
+                name=name, position=p[i], velocity=v[i], acceleration=a[i],
+                effort=None if effort is None else effort[i],
+            )
+            for name, p, v, a, effort in columns
+        ])  # fmt: skip
+
+    return message
+
+
+def _numbers(kind: str, columns: dict[str, Array]) -> Messages:
+    """A message with a field for each column, and the time."""
+    proto = descriptor_pb2.FileDescriptorProto(
+        name=f"puppet/{kind}.proto", package="puppet", syntax="proto3",
+        dependency=["google/protobuf/timestamp.proto"],
+    )  # fmt: skip
+    field = descriptor_pb2.FieldDescriptorProto
+    made = proto.message_type.add(name=kind)
+    made.field.add(
+        name="timestamp", number=1, type=field.TYPE_MESSAGE, label=field.LABEL_OPTIONAL,
+        type_name=".google.protobuf.Timestamp",
+    )  # fmt: skip
+    fields = dict(zip(identifiers(columns), columns.values(), strict=True))
+    for number, name in enumerate(fields, 2):
+        made.field.add(
+            name=name, number=number, type=field.TYPE_DOUBLE, label=field.LABEL_OPTIONAL
+        )
+    pool = descriptor_pool.DescriptorPool()
+    pool.AddSerializedFile(Timestamp.DESCRIPTOR.file.serialized_pb)
+    pool.Add(proto)
+    factory = message_factory.GetMessageClass(pool.FindMessageTypeByName(f"puppet.{kind}"))
+
+    def message(i: int, stamp: Timestamp) -> Any:
+        values = {name: float(x[i]) for name, x in fields.items()}
+        made = factory(**values)
+        made.timestamp.seconds, made.timestamp.nanos = stamp.seconds, stamp.nanos
+        return made
+
+    return message
+
+
+def identifiers(names: Iterable[str]) -> list[str]:
+    """Names as fields can have them: letters, digits and _, each once."""
+    out: list[str] = []
+    for name in names:
+        made = re.sub(r"\W", "_", name, flags=re.ASCII)
+        made = f"_{made}" if made[:1].isdigit() else made
+        while made in ("timestamp", *out):
+            made += "_"
+        out.append(made)
+    return out
+
+
+def _vector(x: Array) -> Any:
+    return Vector3(x=x[0], y=x[1], z=x[2])
+
+
+def _points(points: Array) -> list[Any]:
+    return [Point3(x=x, y=y, z=z) for x, y, z in points.tolist()]
+
+
+def _turn(q: Quaternion) -> Any:
+    return TurnMessage(w=q[0], x=q[1], y=q[2], z=q[3])
+
+
+def _colour(colour: Array) -> Any:
+    return Color(r=colour[0], g=colour[1], b=colour[2], a=1.0)

@@ -1,0 +1,162 @@
+"""A glTF 2.0 document: numbers in one buffer, everything else as JSON, both in one file."""
+
+from __future__ import annotations
+
+import json
+import struct
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fantoccini.base import Array
+
+Node = dict[str, Any]
+
+_COMPONENTS = {"float32": 5126, "uint16": 5123, "uint32": 5125, "uint8": 5121}
+_SHAPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+_VIEWS: dict[str, dict[str, int]] = {
+    "keys": {},
+    "indices": {"target": 34963},
+    "vectors": {"target": 34962, "byteStride": 12},
+    "weights": {"target": 34962, "byteStride": 16},
+    "joints": {"target": 34962, "byteStride": 4},
+}
+"""Parts of the buffer. Attributes of vertices have one for each stride."""
+
+
+@dataclass
+class Document:
+    """What a file holds.
+
+    Attributes:
+        content: the JSON, without buffers.
+    """
+
+    content: dict[str, Any]
+    _parts: dict[str, bytearray] = field(default_factory=lambda: {v: bytearray() for v in _VIEWS})
+    _known: dict[tuple[Any, ...], int] = field(default_factory=dict)
+    _accessors: list[dict[str, Any]] = field(default_factory=list)
+
+    def add(self, kind: str, what: dict[str, Any]) -> int:
+        """Appends to one of the document's lists, such as ``nodes``; returns the place in it."""
+        made: list[dict[str, Any]] = self.content.setdefault(kind, [])
+        made.append(what)
+        return len(made) - 1
+
+    def once(self, kind: str, what: dict[str, Any]) -> int:
+        """As :meth:`add`, but the same thing is kept once."""
+        key = (kind, json.dumps(what, sort_keys=True))
+        if key not in self._known:
+            self._known[key] = self.add(kind, what)
+        return self._known[key]
+
+    def numbers(self, part: str, values: NDArray[Any], bounds: bool = False) -> int:
+        """An accessor of values (n,) or (n, k) in a part of the buffer; equal ones are kept once.
+
+        Args:
+            part: ``keys``, or what attribute or index of vertices it is; see ``_VIEWS``.
+            values: of the type that is stored.
+            bounds: give the least and the largest value of every component.
+        """
+        data = np.ascontiguousarray(values)
+        key = (part, str(data.dtype), data.shape, data.tobytes(), bounds)
+        if key not in self._known:
+            self._known[key] = len(self._accessors)
+            flat = data.reshape(len(data), -1)
+            made: dict[str, Any] = {
+                "bufferView": part,
+                "byteOffset": len(self._parts[part]),
+                "componentType": _COMPONENTS[str(data.dtype)],
+                "count": len(data),
+                "type": _SHAPES[flat.shape[1]],
+            }
+            if bounds:
+                made |= {"min": flat.min(axis=0).tolist(), "max": flat.max(axis=0).tolist()}
+            self._accessors.append(made)
+            self._parts[part] += _padded(data.tobytes(), b"\0")
+        return self._known[key]
+
+    def save(self, path: Path) -> None:
+        """Writes a .glb file."""
+        views: dict[str, int] = {}
+        data, listed = bytearray(), list[dict[str, int]]()
+        for part, more in _VIEWS.items():
+            if self._parts[part]:
+                views[part] = len(listed)
+                about = {"buffer": 0, "byteOffset": len(data), "byteLength": len(self._parts[part])}
+                listed.append(about | more)
+                data += self._parts[part]
+        accessors = [a | {"bufferView": views[a["bufferView"]]} for a in self._accessors]
+        content = dict(self.content)
+        if data:
+            content |= {
+                "accessors": accessors,
+                "bufferViews": listed,
+                "buffers": [{"byteLength": len(data)}],
+            }
+        text = json.dumps(content, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+        chunks = [(b"JSON", _padded(text.encode(), b" "))]
+        chunks += [(b"BIN\0", bytes(data))] if data else []
+        body = b"".join(struct.pack("<I", len(c)) + kind + c for kind, c in chunks)
+        path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body)
+
+
+@dataclass
+class Channels:
+    """An animation: its samplers and channels."""
+
+    document: Document
+    samplers: list[dict[str, Any]] = field(default_factory=list)
+    channels: list[dict[str, Any]] = field(default_factory=list)
+
+    def add(self, node: int, path: str, t: Array, values: Array, interpolation: str) -> None:
+        """Animates a property of a node.
+
+        Args:
+            node: its place.
+            path: ``translation``, ``rotation`` or ``weights``.
+            t: (K,) times of the keys [s].
+            values: (n, k); for CUBICSPLINE three rows a key, for weights k = 1.
+            interpolation: ``LINEAR`` or ``CUBICSPLINE``.
+        """
+        self.channels.append(
+            {"sampler": len(self.samplers), "target": {"node": node, "path": path}}
+        )
+        self.samplers.append({
+            "input": self.document.numbers("keys", t.astype(np.float32), bounds=True),
+            "output": self.document.numbers("keys", values.astype(np.float32)),
+            "interpolation": interpolation,
+        })  # fmt: skip
+
+    def finish(self, name: str) -> None:
+        """Puts the animation into the document, if anything moves."""
+        if self.channels:
+            made = {"name": name, "samplers": self.samplers, "channels": self.channels}
+            self.document.add("animations", made)
+
+
+def xyzw(q: Array) -> Array:
+    """Quaternions in the order of glTF, from w, x, y, z."""
+    return np.roll(q, -1, axis=-1)
+
+
+def placed(node: Node, r: Array, q: Array | None = None, scale: Array | None = None) -> Node:
+    """A node with place (3,), orientation (4,) and scale (3,), without what does nothing."""
+    if np.any(r):
+        node["translation"] = _plain(r)
+    if q is not None and abs(q[0]) < 1.0:
+        node["rotation"] = _plain(xyzw(q))
+    if scale is not None and np.any(scale != 1.0):
+        node["scale"] = _plain(scale)
+    return node
+
+
+def _plain(values: Array) -> list[float]:
+    return [float(f"{x:.9g}") for x in values]
+
+
+def _padded(data: bytes, filler: bytes) -> bytes:
+    return data + filler * (-len(data) % 4)

@@ -1,0 +1,86 @@
+"""Motion of a link in the frame of a link above it: place, orientation, and their rates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+
+from fantoccini.base import Array, Quaternion, Vec3, rotation
+from fantoccini.base.documents import Number
+from fantoccini.model.tree import Link, Role
+from fantoccini.motion import Trajectory
+
+
+@dataclass(frozen=True)
+class LocalMotion:
+    """Pose and rate of a link over time.
+
+    Attributes:
+        r: (T, 3) place of its origin [m].
+        q: (T, 4) orientation, as unit quaternion w, x, y, z.
+        v: (T, 3) rate of ``r`` [m/s].
+        w: (T, 3) angular velocity, in the link's frame [rad/s].
+    """
+
+    r: Vec3
+    q: Quaternion
+    v: Vec3
+    w: Vec3
+
+    @property
+    def q_rate(self) -> Quaternion:
+        """(T, 4) rate of the quaternion: qdot = q (0, w) / 2 [1/s]."""
+        return 0.5 * rotation.multiply(self.q, _pure(self.w))
+
+    def then(self, other: LocalMotion) -> LocalMotion:
+        """The motion of a link that moves by ``other`` in the frame of this one."""
+        turn = rotation.matrix(self.q)
+        back = np.swapaxes(rotation.matrix(other.q), -1, -2)
+        return LocalMotion(
+            self.r + rotation.apply(turn, other.r),
+            rotation.multiply(self.q, other.q),
+            self.v + rotation.apply(turn, other.v + np.cross(self.w, other.r)),
+            rotation.apply(back, self.w) + other.w,
+        )
+
+    @classmethod
+    def chained(cls, motions: Iterable[LocalMotion]) -> LocalMotion:
+        """Joint by joint, from above."""
+        return reduce(cls.then, motions)
+
+
+def local_motion(link: Link, run: Trajectory, number: Callable[[Number], float]) -> LocalMotion:
+    """T(offset) R(rotation) J(q) of a link at the samples of a run, and its rate (Eqs. 2 to 4)."""
+    dynamic = link.role is Role.DYNAMIC
+    q = (run.q_D if dynamic else run.q_K)[:, link.q]
+    u = (run.v_D if dynamic else run.v_K)[:, link.v]
+    n = len(run)
+    none, same = np.zeros((n, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+    moved = LocalMotion(none, same, none, none)
+    match link.kind:
+        case "revolute":
+            axis = link.axes[:, 0]
+            moved = LocalMotion(none, rotation.exp(q * axis), none, u * axis)
+        case "prismatic" | "translation":
+            moved = LocalMotion(q @ link.axes.T, same, u @ link.axes.T, none)
+        case "ball":
+            moved = LocalMotion(none, rotation.normalised(q), none, u)
+        case "free":
+            moved = LocalMotion(q[:, :3], rotation.normalised(q[:, 3:]), u[:, :3], u[:, 3:])
+    offset = np.tile([number(x) for x in link.offset], (n, 1))
+    fixed = LocalMotion(offset, np.tile(quaternion_of(link.rotation), (n, 1)), none, none)
+    return fixed.then(moved)
+
+
+def quaternion_of(matrix: Array) -> Quaternion:
+    """Unit quaternion (w, x, y, z) of a rotation matrix (3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    return np.roll(Rotation.from_matrix(matrix).as_quat(), 1)
+
+
+def _pure(w: Vec3) -> Quaternion:
+    return np.concatenate([np.zeros((len(w), 1)), w], axis=1)

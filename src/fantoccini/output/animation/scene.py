@@ -1,0 +1,196 @@
+"""What an animation shows: bodies, strings, floor and obstacles, and how a run moves them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from fantoccini.base import Array, Times, UnknownNameError
+from fantoccini.model.tree import WORLD, Point, Tree
+from fantoccini.motion import Trajectory
+from fantoccini.output.animation.joints import LocalMotion, local_motion
+from fantoccini.output.view import Drawable, Geometry, Still, geometry_of, rgb
+
+Bodies: TypeAlias = Sequence[str] | Literal["all"]
+"""Names of bodies, or all."""
+
+_SAMPLES = 200
+"""Samples of a run from which its extent and floor are found."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A string, a chain or a spring: straight between points of links, unless it is slack.
+
+    Attributes:
+        name: its own; of a spring ``spring`` and its number.
+        points: that it runs through.
+        string: its place among the strings; None for what is never slack.
+        colour: (3,) of its own, or None.
+    """
+
+    name: str
+    points: tuple[Point, ...]
+    string: int | None
+    colour: Array | None
+
+
+@dataclass(frozen=True, eq=False)
+class AnimatedScene:
+    """A run with what it moves.
+
+    Attributes:
+        still: the puppet, or the puppets of a scene, assembled.
+        run: the motion.
+        links: indices of the links that are shown, parents first.
+        parents: of each of them the nearest ancestor that is shown, or ``WORLD``.
+        lines: strings, chains and springs that are shown.
+        whole: everything is shown.
+        named: bodies were asked for, by name or all.
+        fps: keys per second; None where the motion decides.
+    """
+
+    still: Still
+    run: Trajectory
+    links: tuple[int, ...]
+    parents: dict[int, int]
+    lines: tuple[Line, ...]
+    whole: bool
+    named: bool
+    fps: float | None
+
+    @classmethod
+    def of(
+        cls, shown: Drawable, run: Trajectory, bodies: Bodies | None, fps: float | None
+    ) -> AnimatedScene:
+        """The scene of a run.
+
+        Args:
+            shown: what moves.
+            run: its motion.
+            bodies: names of those that are shown; all for ``all`` and None.
+            fps: keys per second.
+
+        Raises:
+            UnknownNameError: there is no such body.
+            ValueError: the run is not one of this puppet.
+        """
+        still = Still(shown.puppet, shown.tree, shown.model.number)
+        tree = still.tree
+        own, found = (
+            (table.q_D, table.q_K) for table in (tree.coordinates, run.coordinates)
+        )
+        if own != found:
+            raise ValueError(f"the run is of another puppet than {tree.name}")
+        check_bodies(still, bodies)
+        names = None if bodies == "all" else bodies
+        named = _chosen(tree, names)
+        every = _lines(still)
+        lines = tuple(line for line in every if _ends_on(line, named, tree))
+        ends = {point.link for line in lines for point in line.points} - {WORLD}
+        links = tuple(sorted({*named, *ends}))
+        return cls(
+            still, run, links, _parents(tree, links), lines, whole=names is None,
+            named=bodies is not None, fps=fps,
+        )  # fmt: skip
+
+    def without_lines(self) -> AnimatedScene:
+        """With bodies alone: no strings, and nothing that only holds one."""
+        names = body_names(self.tree)
+        links = tuple(k for k in self.links if self.tree.links[k].name in names)
+        return replace(self, links=links, parents=_parents(self.tree, links), lines=())
+
+    @property
+    def tree(self) -> Tree:
+        """Links and strings."""
+        return self.still.tree
+
+    @cached_property
+    def geometry(self) -> Geometry:
+        """Solids, floor and size, with poses at a few times of the run."""
+        first, last = self.run.t[0], self.run.t[-1]
+        return geometry_of(self.still, self.run.resample(np.linspace(first, last, _SAMPLES)))
+
+    def motion(self, link: int, run: Trajectory) -> LocalMotion:
+        """The motion of a link that is shown in the frame of its parent, at samples of a run."""
+        path, parent = self.tree.ancestors(link), self.parents[link]
+        steps = path if parent == WORLD else path[: path.index(parent)]
+        number = self.still.number
+        return LocalMotion.chained(
+            local_motion(self.tree.links[k], run, number) for k in reversed(steps)
+        )
+
+    def place(self, point: Point, poses: Array) -> Array:
+        """(T, 3) world positions of a point of a line [m], from link poses (T, n_links, 3, 4)."""
+        at = self.at(point)
+        if point.link == WORLD:
+            return np.tile(at, (len(poses), 1))
+        where: Array = poses[:, point.link, :, :3] @ at + poses[:, point.link, :, 3]
+        return where
+
+    def at(self, point: Point) -> Array:
+        """(3,) position of a point in its link's frame [m]."""
+        return np.array([self.still.number(x) for x in point.at])
+
+    def frames(self, fps: float) -> Times:
+        """Times of frames [s], from the run's start to its end."""
+        n = int(np.floor(self.run.duration * fps * (1.0 + 1e-12)))
+        times: Times = self.run.t[0] + np.arange(n + 1) / fps
+        return np.minimum(times, self.run.t[-1])
+
+
+def check_bodies(shown: Drawable, bodies: Bodies | None) -> None:
+    """Raises UnknownNameError where one of the names is no body's."""
+    if bodies == "all":
+        return
+    names = [link.name for link in shown.tree.links]
+    for name in bodies or ():
+        if name not in names:
+            raise UnknownNameError("body", name, body_names(shown.tree))
+
+
+def body_names(tree: Tree) -> list[str]:
+    """Names of the links that are bodies, mirrored twins too; the others hold ends of strings."""
+    strings = {row.name for row in (*tree.strings, *tree.chains)}
+    names = [link.name for link in tree.links]
+    # An end is called after its string, as `hand.end`.
+    return [name for name in names if name.rpartition(".")[0] not in strings]
+
+
+def _parents(tree: Tree, links: Sequence[int]) -> dict[int, int]:
+    """Of each of these links the nearest ancestor among them, or ``WORLD``."""
+    return {
+        k: next((above for above in tree.ancestors(k)[1:] if above in links), WORLD) for k in links
+    }
+
+
+def _chosen(tree: Tree, bodies: Sequence[str] | None) -> tuple[int, ...]:
+    """Indices of the links of these names, parents first; all links for None."""
+    names = [link.name for link in tree.links]
+    return tuple(k for k, name in enumerate(names) if bodies is None or name in bodies)
+
+
+def _ends_on(line: Line, links: Sequence[int], tree: Tree) -> bool:
+    """Whether a line hangs on one of the links, and otherwise on nothing but world and hands."""
+    bodies = body_names(tree)
+    on = {point.link for point in line.points} - {WORLD}
+    rest = [k for k in on.difference(links) if tree.links[k].name in bodies]
+    return not rest and (not on or not on.isdisjoint(links))
+
+
+def _lines(still: Still) -> list[Line]:
+    tree = still.tree
+    found = [
+        Line(s.name, s.points, k, None if s.colour is None else rgb(s.colour))
+        for k, s in enumerate(tree.strings)
+    ]
+    found += [
+        Line(c.name, c.points, None, None if c.colour is None else rgb(c.colour))
+        for c in tree.chains
+    ]
+    found += [Line(f"spring{k + 1}", s.points, None, None) for k, s in enumerate(tree.springs)]
+    return found

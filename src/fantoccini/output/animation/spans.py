@@ -1,0 +1,162 @@
+"""The spans of a line over time: where they point, how they are turned, how they sag."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from fantoccini.base import Array, Indices, Quaternion, Times, rotation
+from fantoccini.model.tree import WORLD
+from fantoccini.motion import Trajectory
+from fantoccini.output.animation.grid import Grid
+from fantoccini.output.animation.scene import AnimatedScene, Line
+from fantoccini.output.view import rope
+
+_RATE = 60.0
+"""Samples of a second at which strings are looked at, and all at which one catches or releases."""
+
+
+@dataclass(frozen=True, eq=False)
+class Looks:
+    """Samples at which strings are looked at, and what holds there.
+
+    Attributes:
+        t: (T,) their times [s].
+        poses: (T, n_links, 3, 4).
+        turns: orientations (T, 4) by link.
+        lengths, taut: (T, n_strings) of the strings [m].
+        floor: height under which nothing sags [m]; minus infinity without a floor.
+    """
+
+    t: Times
+    poses: Array
+    turns: dict[int, Quaternion]
+    lengths: Array
+    taut: Array
+    floor: float
+
+    @classmethod
+    def among(cls, scene: AnimatedScene, grid: Grid) -> Looks:
+        """Even samples, and those around every change of a taut string to a slack one or back."""
+        taut, last = grid.run.taut.values, len(grid.t) - 1
+        even = np.searchsorted(grid.t, np.arange(0.0, grid.t[-1], 1.0 / _RATE))
+        change = np.flatnonzero(np.any(taut[1:] != taut[:-1], axis=1))
+        at = np.unique(np.clip([*even, *change, *(change + 1), last], 0, last))
+        return cls.of(scene, grid.run, grid.t, at[np.append(np.diff(grid.t[at]) > 0.0, True)])
+
+    @classmethod
+    def of(cls, scene: AnimatedScene, run: Trajectory, t: Times, at: Indices) -> Looks:
+        """Samples of a run, whose times in the file are ``t``."""
+        still, q_D, q_K = scene.still, run.q_D[at], run.q_K[at]
+        poses = still.poses(q_D, q_K)
+        slip = 0.0 if run.slip is None else run.slip.values[at]
+        wires = np.array([s.wire for s in scene.tree.strings], dtype=bool)
+        links = {point.link for line in scene.lines for point in line.points} - {WORLD}
+        return cls(
+            t=t[at],
+            poses=poses,
+            turns={k: _quaternions(poses[:, k, :, :3]) for k in links},
+            lengths=still.string_lengths(q_D, q_K) + slip,
+            taut=run.taut.values[at] | wires,
+            floor=scene.geometry.floor if scene.geometry.ground else -np.inf,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Spans:
+    """The spans of a line; S spans, T samples.
+
+    Attributes:
+        t: (T,) times [s].
+        points: (T, S + 1, 3) that the line runs through [m].
+        directions: (S, T, 3) unit vectors along the spans.
+        frames: (S, T, 4) orientations whose z axes are the directions, turning no more than these.
+        turns: orientations of links, by index.
+        sag: (T,) length of the string where it is slack, and zero where it is not [m]; None for a
+            line that never is.
+        floor: height under which nothing sags [m].
+    """
+
+    t: Times
+    points: Array
+    directions: Array
+    frames: Quaternion
+    turns: dict[int, Quaternion]
+    sag: Array | None
+    floor: float
+
+    @classmethod
+    def of(cls, scene: AnimatedScene, line: Line, looks: Looks) -> Spans:
+        """The spans of a line of a scene."""
+        points = np.stack([scene.place(point, looks.poses) for point in line.points], axis=1)
+        away = np.swapaxes(np.diff(points, axis=1), 0, 1)
+        length = np.linalg.norm(away, axis=-1, keepdims=True)
+        directions = np.where(length > 1e-9, away / np.maximum(length, 1e-9), [0.0, 0.0, 1.0])
+        sag = None
+        if line.string is not None:
+            slack = np.logical_not(looks.taut[:, line.string])
+            if slack.any():
+                sag = np.where(slack, looks.lengths[:, line.string], 0.0)
+        return cls(
+            looks.t, points, directions, _carried(directions), looks.turns, sag, looks.floor
+        )
+
+    def sags(self, rings: int) -> Array:
+        """(T, S, rings, 3) by how much the string is off the straight spans, in their frames [m].
+
+        The rings are evenly spread along the string.
+        """
+        turns = np.swapaxes(rotation.matrix(self.frames), 0, 1)
+        return (self.curves(rings) - self._straight(rings)) @ turns
+
+    def curves(self, rings: int) -> Array:
+        """(T, S, rings, 3) points along the string [m]."""
+        out, n = self._straight(rings), len(self.directions)
+        sag = np.zeros(len(self.t)) if self.sag is None else self.sag
+        for k in np.flatnonzero(sag > 0.0):
+            points = self.points[k]
+            lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+            own = sag[k] * (lengths / lengths.sum() if lengths.sum() else 1.0 / n)
+            for s in range(n):
+                line = rope.hanging(points[s], points[s + 1], float(own[s]))
+                line = np.maximum(line, [-np.inf, -np.inf, min(self.floor, *points[s : s + 2, 2])])
+                out[k, s] = _even(line, rings)
+        return out
+
+    def _straight(self, rings: int) -> Array:
+        share = np.linspace(0.0, 1.0, rings)[:, None]
+        starts, ends = self.points[:, :-1, None], self.points[:, 1:, None]
+        straight: Array = starts + share * (ends - starts)
+        return straight
+
+
+def _even(line: Array, n: int) -> Array:
+    """(n, 3) points at even distances along a polyline (m, 3)."""
+    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
+    at = np.linspace(0.0, along[-1], n)
+    return np.column_stack([np.interp(at, along, x) for x in line.T])
+
+
+def _carried(directions: Array) -> Quaternion:
+    """Frames (S, T, 4) with these z axes (S, T, 3), each turned from the one before it."""
+    frames = np.empty((*directions.shape[:2], 4))
+    before, frame = np.tile([0.0, 0.0, 1.0], (len(directions), 1)), np.eye(1, 4)
+    for k in range(directions.shape[1]):
+        frame = rotation.normalised(rotation.multiply(_arc(before, directions[:, k]), frame))
+        frames[:, k] = frame
+        before = directions[:, k]
+    return frames
+
+
+def _arc(a: Array, b: Array) -> Quaternion:
+    """(n, 4) the shortest rotations from unit vectors to others."""
+    w = 1.0 + np.sum(a * b, axis=-1, keepdims=True)
+    turn = np.concatenate([w, np.cross(a, b)], axis=-1)
+    turn[w[:, 0] < 1e-9] = [0.0, 1.0, 0.0, 0.0]  # about x: only right where a is along z
+    return rotation.normalised(turn)
+
+
+def _quaternions(matrices: Array) -> Quaternion:
+    return np.roll(Rotation.from_matrix(matrices).as_quat(), 1, axis=-1)

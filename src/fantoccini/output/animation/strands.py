@@ -1,0 +1,158 @@
+"""Strings in a glTF document: thin tubes that are skinned to what they hang from.
+
+Each span has two joints, nodes at its two points; a vertex at the share s of the span is moved by
+(1 - s) of the one and s of the other. So a straight span follows its two bodies without keys. The
+joints are turned along the span, roughly, lest the tube be flattened. A slack string sags by morph
+targets: the main shapes of its curve in the run, the eigenvectors of its second moments.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fantoccini.base import Array, rotation
+from fantoccini.model.tree import WORLD
+from fantoccini.output.animation.figures import material
+from fantoccini.output.animation.gltf import Channels, Document, placed, xyzw
+from fantoccini.output.animation.keys import linear_keys
+from fantoccini.output.animation.scene import AnimatedScene, Line
+from fantoccini.output.animation.spans import Spans
+from fantoccini.output.view import rgb
+
+_SIDES = 3
+RINGS = 17
+"""On every span of a string that is slack at times."""
+THICKNESS = 0.0008
+"""Radius relative to the size of the scene."""
+_TURN = 0.01
+"""By how much a joint may be turned wrongly, as a part of its quaternion."""
+_SAG = 1e-3
+"""How far a slack string may be from its curve, relative to the size of the scene."""
+_MOST_SHAPES = 8
+COLOUR = rgb("#6e6a62")
+
+
+@dataclass(frozen=True)
+class Strands:
+    """Adds the strings of a scene to a document.
+
+    Args:
+        document: to add to.
+        channels: of its animation.
+        scene: whose strings they are.
+        nodes: of the links, by index.
+        root: node of the world.
+    """
+
+    document: Document
+    channels: Channels
+    scene: AnimatedScene
+    nodes: dict[int, int]
+    root: int
+
+    def add(self, line: Line, spans: Spans) -> int:
+        """Adds one line; returns the node of its mesh."""
+        joints = self._joints(line, spans)
+        rings = 2 if spans.sag is None else RINGS
+        shapes, weights = _shapes(spans, _SAG * self.scene.geometry.size, rings)
+        primitive = self._tube(line, len(spans.directions), rings)
+        made: dict[str, Any] = {"name": line.name, "primitives": [primitive]}
+        if len(shapes):
+            primitive["targets"] = [
+                {"POSITION": self.document.numbers("vectors", shape.astype(np.float32), True)}
+                for shape in shapes
+            ]
+            made["weights"] = [round(float(w), 6) for w in weights[0]]
+        node = {
+            "name": line.name,
+            "mesh": self.document.add("meshes", made),
+            "skin": self._skin(joints),
+        }
+        index = self.document.add("nodes", node)
+        if len(shapes):
+            tolerance = _SAG * self.scene.geometry.size / np.sqrt(len(shapes))
+            kept = linear_keys(spans.t, weights, tolerance)
+            self.channels.add(
+                index, "weights", spans.t[kept], weights[kept].reshape(-1, 1), "LINEAR"
+            )
+        return index
+
+    def _skin(self, joints: list[int]) -> int:
+        """The skin of a line's joints; the first skin also has all bodies as joints.
+
+        Blender makes bones only of the joints of skins and of their ancestors.
+        """
+        if "skins" not in self.document.content:
+            joints = [*joints, *self.nodes.values()]
+        return self.document.add("skins", {"name": self.scene.tree.name, "joints": joints})
+
+    def _joints(self, line: Line, spans: Spans) -> list[int]:
+        """Two nodes for each span, at its ends, turned along it."""
+        joints = []
+        for k, frame in enumerate(spans.frames):
+            for end, point in enumerate(line.points[k : k + 2]):
+                on = self.root if point.link == WORLD else self.nodes[point.link]
+                q = frame
+                if point.link != WORLD:
+                    q = rotation.multiply(rotation.conjugate(spans.turns[point.link]), frame)
+                q = rotation.continuous(q)
+                node = placed({"name": f"{line.name}_{2 * k + end}"}, self.scene.at(point), q[0])
+                index = self.document.add("nodes", node)
+                self.document.content["nodes"][on].setdefault("children", []).append(index)
+                joints.append(index)
+                kept = linear_keys(spans.t, q, _TURN, unit=True)
+                if np.abs(q - q[0]).max() > _TURN:
+                    self.channels.add(index, "rotation", spans.t[kept], xyzw(q[kept]), "LINEAR")
+        return joints
+
+    def _tube(self, line: Line, spans: int, rings: int) -> dict[str, Any]:
+        """The primitive: rings about the origin, which the joints pull apart."""
+        angles = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
+        ring = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(_SIDES)])
+        normals = np.tile(ring, (rings * spans, 1))
+        share = np.tile(np.repeat(np.linspace(0.0, 1.0, rings), _SIDES), spans)
+        owner = np.repeat(np.arange(spans), rings * _SIDES)
+        weights = np.column_stack([1.0 - share, share, np.zeros((len(share), 2))])
+        joints = np.column_stack([2 * owner, 2 * owner + 1, np.zeros((len(share), 2))])
+        # A joint without weight must be the first.
+        joints[:, :2][weights[:, :2] == 0.0] = 0.0
+        here = np.arange(_SIDES)
+        then = (here + 1) % _SIDES
+        first = (np.arange(spans)[:, None] * rings + np.arange(rings - 1)).reshape(-1, 1) * _SIDES
+        a, b, c, d = (
+            (first + which).ravel() for which in (here, then, _SIDES + here, _SIDES + then)
+        )
+        faces = np.stack([a, b, c, b, d, c], axis=1).reshape(-1)
+        radius = THICKNESS * self.scene.geometry.size
+        add = self.document.numbers
+        attributes = {
+            "POSITION": add("vectors", (radius * normals).astype(np.float32), True),
+            "NORMAL": add("vectors", normals.astype(np.float32)),
+            "JOINTS_0": add("joints", joints.astype(np.uint8)),
+            "WEIGHTS_0": add("weights", weights.astype(np.float32)),
+        }
+        colour = COLOUR if line.colour is None else line.colour
+        return {
+            "attributes": attributes,
+            "indices": add("indices", faces.astype(np.uint16)),
+            "material": material(self.document, colour),
+        }
+
+
+def _shapes(spans: Spans, tolerance: float, rings: int) -> tuple[Array, Array]:
+    """Morph targets (m, n_vertices, 3), at most 1 m in size, and their weights (T, m) [m]."""
+    n = len(spans.directions)
+    if spans.sag is None:
+        return np.zeros((0, 0, 3)), np.zeros((len(spans.t), 0))
+    flat = spans.sags(rings).reshape(len(spans.t), -1)
+    shapes = np.linalg.eigh(flat.T @ flat)[1].T[::-1]
+    weights = flat @ shapes.T
+    for m in range(1, _MOST_SHAPES + 1):
+        if np.abs(weights[:, :m] @ shapes[:m] - flat).max() <= tolerance:
+            break
+    biggest = np.abs(shapes[:m]).max(axis=1)
+    shapes = (shapes[:m] / biggest[:, None]).reshape(m, n * rings, 3)
+    return np.repeat(shapes, _SIDES, axis=1), weights[:, :m] * biggest

@@ -1,0 +1,189 @@
+"""OpenUSD (.usda, .usdc): z up, metres; a prim for each body, under that of its parent."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade, Vt
+
+from fantoccini.base import Array, Status, rotation
+from fantoccini.model.tree import WORLD
+from fantoccini.output.animation.pieces import (
+    ROUGHNESS,
+    Piece,
+    floor_of,
+    hex_of,
+    linear_colour,
+    named_solids,
+    piece_of,
+)
+from fantoccini.output.animation.scene import AnimatedScene, Line
+from fantoccini.output.animation.spans import Looks, Spans
+from fantoccini.output.animation.strands import COLOUR, RINGS, THICKNESS
+from fantoccini.output.view import LIGHT
+
+_STILL = 1e-8
+"""What moves by less has one value [m or 1]."""
+
+
+def write(scene: AnimatedScene, path: Path) -> None:
+    """Writes a scene; time codes are frames."""
+    assert scene.fps is not None
+    t = scene.frames(scene.fps)
+    writer = _Writer(scene, Usd.Stage.CreateNew(str(path)), np.rint((t - t[0]) * scene.fps))
+    writer.write()
+    writer.stage.Save()
+
+
+class _Writer:
+    """Fills a stage.
+
+    Attributes:
+        codes: (T,) time codes of the frames.
+    """
+
+    def __init__(self, scene: AnimatedScene, stage: Any, codes: Array):
+        self.scene, self.stage, self.codes = scene, stage, codes
+        self.run = scene.run.resample(scene.frames(scene.fps or 0.0))
+        self._materials: dict[tuple[float, ...], Any] = {}
+        self._scope: Any = None
+        self._names: set[str] = set()
+
+    def write(self) -> None:
+        """Everything of the scene."""
+        scene, stage = self.scene, self.stage
+        UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+        UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+        stage.SetTimeCodesPerSecond(scene.fps)
+        stage.SetFramesPerSecond(scene.fps)
+        stage.SetStartTimeCode(self.codes[0])
+        stage.SetEndTimeCode(self.codes[-1])
+        if scene.run.status is not Status.DONE:
+            stage.GetRootLayer().comment = f"the run stopped early: {scene.run.status.message}"
+        root = self._prim(UsdGeom.Xform, "", scene.tree.name)
+        stage.SetDefaultPrim(root.GetPrim())
+        prims = {WORLD: root}
+        for k in scene.links:
+            above = prims[scene.parents[k]].GetPath()
+            prims[k] = self._prim(UsdGeom.Xform, above, scene.tree.links[k].name)
+            motion = scene.motion(k, self.run)
+            self._set(prims[k].AddTranslateOp(), [Gf.Vec3d(*x) for x in motion.r.tolist()])
+            turns = rotation.continuous(motion.q).tolist()
+            self._set(_turn(prims[k]), [Gf.Quatd(*x) for x in turns])
+        for name, solid in named_solids(scene):
+            above = prims[solid.link].GetPath()
+            self._piece(above, name, piece_of(solid), solid.colour, solid.full.colours)
+        if scene.geometry.ground and scene.whole:
+            self._piece(root.GetPath(), "floor", floor_of(scene), LIGHT.bottom)
+        looks = Looks.of(scene, self.run, self.run.t, np.arange(len(self.run)))
+        for line in scene.lines:
+            self._line(root.GetPath(), line, Spans.of(scene, line, looks))
+
+    def _prim(self, kind: Any, above: Any, name: str) -> Any:
+        """A prim with a name that USD can have; the other one is shown to people."""
+        valid = Tf.MakeValidIdentifier(name)
+        while f"{above}/{valid}" in self._names:
+            valid += "_"
+        self._names.add(f"{above}/{valid}")
+        made = kind.Define(self.stage, f"{above}/{valid}")
+        if valid != name:
+            made.GetPrim().SetDisplayName(name)
+        return made
+
+    def _set(self, attribute: Any, values: list[Any]) -> None:
+        """Values at all frames, or one where they are all alike."""
+        first = np.array(_flat(values[0]))
+        if all(np.abs(np.array(_flat(x)) - first).max() <= _STILL for x in values):
+            attribute.Set(values[0])
+            return
+        for code, value in zip(self.codes, values, strict=True):
+            attribute.Set(value, float(code))
+
+    def _piece(
+        self, above: Any, name: str, piece: Piece, colour: Array, colours: Array | None = None
+    ) -> None:
+        """A surface, in one colour or, face by face, in several."""
+        surface = piece.surface
+        mesh = self._prim(UsdGeom.Mesh, above, name)
+        mesh.AddTranslateOp().Set(Gf.Vec3d(*piece.r.tolist()))
+        _turn(mesh).Set(Gf.Quatd(*piece.q.tolist()))
+        if np.any(piece.scale != 1.0):
+            mesh.AddScaleOp().Set(Gf.Vec3f(*piece.scale.tolist()))
+        mesh.CreatePointsAttr(_vectors(surface.vertices))
+        mesh.CreateFaceVertexCountsAttr(Vt.IntArray([3] * len(surface.faces)))
+        mesh.CreateFaceVertexIndicesAttr(Vt.IntArray(surface.faces.ravel().tolist()))
+        mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+        low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
+        mesh.CreateExtentAttr(_vectors(np.array([low, high])))
+        if surface.normals is not None:
+            mesh.CreateNormalsAttr(_vectors(surface.normals))
+            mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+        if colours is None:
+            self._colour(mesh, colour)
+            return
+        shown = [Gf.Vec3f(*linear_colour(c)) for c in colours]
+        mesh.CreateDisplayColorAttr(Vt.Vec3fArray(shown))
+        mesh.GetDisplayColorPrimvar().SetInterpolation(UsdGeom.Tokens.uniform)
+        for k, own in enumerate(np.unique(colours, axis=0)):
+            places = np.flatnonzero(np.all(colours == own, axis=1)).tolist()
+            binding = UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim())
+            part = binding.CreateMaterialBindSubset(f"colour{k + 1}", Vt.IntArray(places))
+            UsdShade.MaterialBindingAPI.Apply(part.GetPrim()).Bind(self._material(own))
+
+    def _line(self, above: Any, line: Line, spans: Spans) -> None:
+        """A string as one curve, whose points move."""
+        curve = self._prim(UsdGeom.BasisCurves, above, line.name)
+        rings = 2 if spans.sag is None else RINGS
+        points = spans.curves(rings)
+        # Spans meet in one point.
+        points = np.concatenate(
+            [points[:, :1, :1], *(points[:, s : s + 1, 1:] for s in range(points.shape[1]))], axis=2
+        )[:, 0]
+        width = 2.0 * THICKNESS * self.scene.geometry.size
+        curve.CreateTypeAttr(UsdGeom.Tokens.linear)
+        curve.CreateCurveVertexCountsAttr(Vt.IntArray([points.shape[1]]))
+        curve.CreateWidthsAttr(Vt.FloatArray([width]))
+        curve.SetWidthsInterpolation(UsdGeom.Tokens.constant)
+        self._set(curve.CreatePointsAttr(), [_vectors(x) for x in points])
+        boxes = np.stack([points.min(axis=1) - width, points.max(axis=1) + width], axis=1)
+        self._set(curve.CreateExtentAttr(), [_vectors(x) for x in boxes])
+        self._colour(curve, COLOUR if line.colour is None else line.colour)
+
+    def _colour(self, what: Any, colour: Array) -> None:
+        """A material; and the colour for programs without materials."""
+        what.CreateDisplayColorAttr(Vt.Vec3fArray([Gf.Vec3f(*linear_colour(colour))]))
+        UsdShade.MaterialBindingAPI.Apply(what.GetPrim()).Bind(self._material(colour))
+
+    def _material(self, colour: Array) -> Any:
+        """The material of a colour, created once and named after the colour."""
+        linear = linear_colour(colour)
+        if tuple(linear) not in self._materials:
+            root = self.stage.GetDefaultPrim().GetPath()
+            if self._scope is None:
+                self._scope = self._prim(UsdGeom.Scope, root, "materials").GetPath()
+            material = self._prim(UsdShade.Material, self._scope, f"colour_{hex_of(colour)}")
+            place = material.GetPath()
+            shader = UsdShade.Shader.Define(self.stage, f"{place}/surface")
+            shader.CreateIdAttr("UsdPreviewSurface")
+            shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*linear))
+            shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(ROUGHNESS)
+            material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
+            self._materials[tuple(linear)] = material
+        return self._materials[tuple(linear)]
+
+
+def _turn(prim: Any) -> Any:
+    """An orientation of doubles: USD takes the arc cosine of w, which loses half of its digits."""
+    return prim.AddOrientOp(UsdGeom.XformOp.PrecisionDouble)
+
+
+def _vectors(values: Array) -> Any:
+    return Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(values, dtype=np.float32))
+
+
+def _flat(value: Any) -> Any:
+    if isinstance(value, Gf.Quatd):
+        return [value.GetReal(), *value.GetImaginary()]
+    return value

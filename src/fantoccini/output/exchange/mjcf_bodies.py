@@ -1,0 +1,286 @@
+"""Bodies and joints of a compiled MuJoCo model as those of a puppet.
+
+MuJoCo's body has any number of joints, each about its own point of the body; a puppet's has one,
+at its origin. A body with joints at p_1 to p_n becomes n frames, parallel to it at zero, with their
+origins at p_1 to p_n; the last one is the body, the others have no mass:
+
+    T(pos) R(quat) T(p_1) J_1 T(p_2 - p_1) J_2 ... T(p_n - p_(n-1)) J_n T(-p_n)
+
+A hinge with the reference angle r starts turned by -r about its axis, and a slide is moved by -r
+along it, so that coordinates are equal to MuJoCo's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from fantoccini.base import Array
+from fantoccini.dynamics.mujoco import library
+from fantoccini.output.exchange.draft import (
+    Draft,
+    carried,
+    number,
+    numbers,
+    placed,
+    quaternion,
+    six,
+    sized,
+    turned,
+)
+from fantoccini.output.exchange.model_file import line_in
+
+FAR = 1e6
+"""Bounds beyond this are none [rad or m]."""
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """A MuJoCo model and the elements it was compiled from.
+
+    Attributes:
+        mujoco: the module.
+        spec, model: MuJoCo's.
+        qpos: (n_q,) configuration to start with.
+        mocap: (n_mocap, 7) places and quaternions of mocap bodies to start with.
+        warnings: of MuJoCo, while it compiled.
+    """
+
+    mujoco: Any
+    spec: Any
+    model: Any
+    qpos: Array
+    mocap: Array
+    warnings: tuple[str, ...] = ()
+
+    def elements(self, kind: str) -> dict[int, Any]:
+        """Index in the model -> element: ``bodies``, ``joints``, ``geoms``, ``tendons``, ..."""
+        return {int(e.id): e for e in getattr(self.spec, kind)}
+
+
+class Bodies:
+    """Makes a puppet's bodies.
+
+    Attributes:
+        compiled, m: the model, and MuJoCo's own.
+        draft: of the puppet.
+        bodies, joints: index -> element of the model's file.
+        springs, dampers, limits, equalities: whether MuJoCo's flags leave them on.
+        damping, armature: (n_v,) of the joints, with those of actuators.
+        names: (n_body,) names of the puppet's bodies; the world's is ``world``.
+        wires: tendons whose constraint became a wire.
+        shift: (n_body, 3) origins of the puppet's bodies in MuJoCo's.
+
+    Args:
+        compiled: the model.
+        draft: of the puppet.
+    """
+
+    def __init__(self, compiled: Compiled, draft: Draft):
+        self.compiled, self.draft = compiled, draft
+        self.m = m = compiled.model
+        flags = library().mjtDisableBit
+        off = m.opt.disableflags
+        self.springs, self.dampers = (
+            not off & int(bit) for bit in (flags.mjDSBL_SPRING, flags.mjDSBL_DAMPER)
+        )
+        self.limits, self.equalities = (
+            not off & int(bit | flags.mjDSBL_CONSTRAINT)
+            for bit in (flags.mjDSBL_LIMIT, flags.mjDSBL_EQUALITY)
+        )
+        self.bodies, self.joints = compiled.elements("bodies"), compiled.elements("joints")
+        self.damping, self.armature = m.dof_damping.copy(), m.dof_armature.copy()
+        self._rotors()
+        self.names, self.wires = ["world"], set[int]()
+        self.shift = np.zeros((m.nbody, 3))
+        for b in range(1, m.nbody):
+            line = line_of(self.bodies.get(b))
+            self.names.append(draft.take("body", m.body(b).name, line=line))
+        for b in range(1, m.nbody):
+            self._body(b)
+
+    def point(self, site: int) -> dict[str, Any]:
+        """A site as a point of a string or spring."""
+        return self.fixed_point(int(self.m.site_bodyid[site]), self.m.site_pos[site])
+
+    def fixed_point(self, body: int, at: Array) -> dict[str, Any]:
+        """A point of MuJoCo's body as one of a string or spring."""
+        place = numbers(at - self.shift[body])
+        return {"world": place} if body == 0 else {"body": self.names[body], "at": place}
+
+    def _rotors(self) -> None:
+        """Adds the armature and damping of actuators on one coordinate; notes those of others."""
+        m, kinds = self.m, library().mjtTrn
+        elements = self.compiled.elements("actuators")
+        single = int(library().mjtJoint.mjJNT_SLIDE), int(library().mjtJoint.mjJNT_HINGE)
+        # An actuator may have several controls and, at several coordinates, several gears.
+        gears = m.actuator_outadr if hasattr(m, "actuator_outadr") else np.arange(m.nu)
+        for a in range(len(m.actuator_trntype)):
+            armature, damping = (field(m, f"actuator_{x}", a) for x in ("armature", "damping"))
+            kind = kinds(int(m.actuator_trntype[a]))
+            by_joint = kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT)
+            joint = int(m.actuator_trnid[a, 0])
+            if by_joint and m.jnt_type[joint] in single:
+                v, gear = m.jnt_dofadr[joint], float(m.actuator_gear[gears[a], 0])
+                self.armature[v] += gear**2 * armature
+                self.damping[v] += gear**2 * damping
+            elif armature or damping:
+                line, text = line_of(elements.get(a)), "has armature or damping, left out"
+                self.draft.note("actuator", m.actuator(a).name, text, line)
+            if np.any(field(m, "actuator_dampingpoly", a)):
+                line, text = line_of(elements.get(a)), "has nonlinear damping, left out"
+                self.draft.note("actuator", m.actuator(a).name, text, line)
+
+    def _body(self, b: int) -> None:
+        m, first = self.m, int(self.m.body_jntadr[b])
+        joints = range(first, first + int(m.body_jntnum[b]))
+        name, line = self.names[b], line_of(self.bodies.get(b))
+        parent = int(m.body_parentid[b])
+        at, turn = m.body_pos[b] - self.shift[parent], _rotation(m.body_quat[b])
+        above, anchor = self.names[parent], np.zeros(3)
+        for k, j in enumerate(joints):
+            own = name if k == len(joints) - 1 else self.draft.take("body", "", f"{name}_{k + 1}")
+            joint, anchor = self._joint(j, own, at, turn, anchor)
+            made = carried(own, above, joint)
+            self.draft.bodies.append(made)
+            above, at, turn = own, np.zeros(3), Rotation.identity()
+        self.shift[b] = anchor
+        if m.body_mocapid[b] >= 0:
+            made = carried(name, above, {"type": "free", "driven": True})
+            self.draft.bodies.append(made)
+            start = self.compiled.mocap[m.body_mocapid[b]]
+            self._pose_free(name, start[:3], start[3:])
+        elif not joints:
+            made = carried(name, above, {"type": "fixed"} | placed(at, quaternion(turn)))
+            self.draft.bodies.append(made)
+        self._inertia(b, made)
+        if m.body_gravcomp[b]:
+            self.draft.note("body", m.body(b).name, "has gravcomp, left out", line, name)
+
+    def _joint(
+        self, j: int, body: str, at: Array, turn: Rotation, anchor: Array
+    ) -> tuple[dict[str, Any], Array]:
+        """A joint, and its place in MuJoCo's body.
+
+        Args:
+            j: index of the joint.
+            body: name of the puppet's body that it carries.
+            at, turn: pose of MuJoCo's body in the frame above, where its joints are at zero.
+            anchor: place of the joint above in MuJoCo's body.
+        """
+        m, types = self.m, library().mjtJoint
+        kind, axis = types(int(m.jnt_type[j])), m.jnt_axis[j]
+        q = int(m.jnt_qposadr[j])
+        ref = 0.0 if kind in (types.mjJNT_FREE, types.mjJNT_BALL) else float(m.qpos0[q])
+        place = m.jnt_pos[j] if kind in (types.mjJNT_HINGE, types.mjJNT_BALL) else anchor
+        at = at + turn.apply(place - anchor)
+        word = {
+            types.mjJNT_FREE: "free", types.mjJNT_BALL: "ball",
+            types.mjJNT_HINGE: "revolute", types.mjJNT_SLIDE: "prismatic",
+        }[kind]  # fmt: skip
+        line, own = line_of(self.joints.get(j)), m.joint(j).name
+        joint: dict[str, Any] = {"type": word} | self.draft.joint_name(body, own, line)
+        name = joint.get("name", body)
+        if word == "free":
+            self._pose_free(name, self.compiled.qpos[q : q + 3], self.compiled.qpos[q + 3 : q + 7])
+        else:
+            if word == "revolute":
+                turn = turn * Rotation.from_rotvec(-ref * axis)
+            elif word == "prismatic":
+                at = at - turn.apply(ref * axis)
+            if word != "ball":
+                joint["axis"] = numbers(axis)
+            joint |= placed(at, quaternion(turn))
+            self._pose(name, word, self.compiled.qpos[q:])
+        joint |= dict(self._passive(j, word, q, line, name))
+        return joint, place
+
+    def _passive(
+        self, j: int, word: str, q: int, line: int | None, name: str
+    ) -> Iterator[tuple[str, Any]]:
+        """Damping, armature, spring and limits of a joint; the rest is noted."""
+        m, v = self.m, int(self.m.jnt_dofadr[j])
+
+        def note(text: str) -> None:
+            self.draft.note("joint", m.joint(j).name, text, line, name)
+
+        if self.dampers and (damping := sized(self.damping[v], "damping")):
+            yield "damping", damping
+        if armature := sized(self.armature[v], "rotor"):
+            yield "armature", armature
+        if self.springs and (stiffness := sized(m.jnt_stiffness[j], "stiffness")):
+            spring = {"stiffness": stiffness}
+            if word == "free":
+                note("has a spring, left out: springs of free joints have no counterpart")
+            elif word == "ball":
+                yield "spring", spring
+                note("has a spring with the same stiffness for small angles only")
+                if not np.allclose(m.qpos_spring[q : q + 4], [1, 0, 0, 0]):
+                    note("has a springref, left out")
+            else:
+                rest = number(m.qpos_spring[q])
+                yield "spring", spring | ({"rest": rest} if rest else {})
+        if m.jnt_limited[j] and self.limits:
+            if word in ("free", "ball"):
+                note(f"is limited to {m.jnt_range[j][1]:g} rad, left out: `cone` limits the swing")
+            else:
+                low, high = map(float, m.jnt_range[j])
+                bounds = {"lower": low, "upper": high}
+                limits = {side: number(x) for side, x in bounds.items() if abs(x) < FAR}
+                if limits and low < high:
+                    yield "limits", limits
+                elif limits:
+                    note(f"has the range {low:g} to {high:g}, left out")
+        for what, values in (
+            ("frictionloss", m.dof_frictionloss[v]),
+            ("nonlinear stiffness", field(m, "jnt_stiffnesspoly", j)),
+            ("nonlinear damping", field(m, "dof_dampingpoly", v)),
+            ("springyield", field(m, "jnt_springyield", j)),
+        ):
+            if np.any(values):
+                note(f"has {what}, left out")
+
+    def _inertia(self, b: int, made: dict[str, Any]) -> None:
+        m = self.m
+        if not m.body_mass[b] and not np.any(m.body_inertia[b]):
+            return
+        R = _rotation(m.body_iquat[b]).as_matrix()
+        if mass := sized(m.body_mass[b], "mass"):
+            made["mass"] = mass
+        com = numbers(m.body_ipos[b] - self.shift[b])
+        if any(com):
+            made["com"] = com
+        made["inertia"] = six(R @ np.diag(m.body_inertia[b]) @ R.T)
+
+    def _pose(self, name: str, word: str, q: Array) -> None:
+        if word == "ball":
+            if turned(q[:4]):
+                self.draft.pose[f"{name}.rotation"] = numbers(q[:4])
+        elif number(q[0]):
+            self.draft.pose[name] = number(q[0])
+
+    def _pose_free(self, name: str, at: Array, turn: Array) -> None:
+        for axis, x in zip("xyz", numbers(at), strict=True):
+            if x:
+                self.draft.pose[f"{name}.{axis}"] = x
+        if turned(turn):
+            self.draft.pose[f"{name}.rotation"] = numbers(turn)
+
+
+def field(m: Any, name: str, k: int) -> Any:
+    """Entry of a field of MuJoCo's model; 0 where this version of MuJoCo has no such field."""
+    return getattr(m, name)[k] if hasattr(m, name) else 0.0
+
+
+def line_of(element: Any) -> int | None:
+    """The line of an element of a model's text."""
+    return None if element is None else line_in(element.info)
+
+
+def _rotation(q: Array) -> Rotation:
+    w, x, y, z = q
+    return Rotation.from_quat([x, y, z, w])

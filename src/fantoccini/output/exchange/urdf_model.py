@@ -1,0 +1,351 @@
+"""A URDF file as a puppet file, read by yourdfpy."""
+
+from __future__ import annotations
+
+import io
+import logging
+import math
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from fantoccini.base import Array, ExchangeError, MissingLibraryError, Mistake, nearest
+from fantoccini.output.exchange.draft import (
+    Draft,
+    carried,
+    number,
+    numbers,
+    placed,
+    quaternion,
+    six,
+    sized,
+)
+from fantoccini.output.exchange.imported import Imported
+from fantoccini.output.exchange.model_file import XACRO, Element, ModelFile
+from fantoccini.output.exchange.urdf_masses import add_masses
+from fantoccini.output.exchange.urdf_shapes import add_shapes
+from fantoccini.output.exchange.urdf_text import SOLIDS, plain_urdf
+
+_WORDS = {
+    "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic",
+    "floating": "free", "planar": "revolute", "fixed": "fixed",
+}  # fmt: skip
+"""URDF's types of joints -> a puppet's."""
+
+_SIZES = {
+    ("origin", "xyz"): (3,), ("origin", "rpy"): (3,), ("axis", "xyz"): (3,), ("box", "size"): (3,),
+    ("mesh", "scale"): (1, 3), ("color", "rgba"): (4,), ("mass", "value"): (1,),
+    ("cylinder", "radius"): (1,), ("cylinder", "length"): (1,), ("sphere", "radius"): (1,),
+    ("capsule", "radius"): (1,), ("capsule", "length"): (1,),
+    ("limit", "lower"): (1,), ("limit", "upper"): (1,), ("limit", "effort"): (1,),
+    ("limit", "velocity"): (1,), ("dynamics", "damping"): (1,), ("dynamics", "friction"): (1,),
+    ("mimic", "multiplier"): (1,), ("mimic", "offset"): (1,),
+    **{("inertia", f"i{ab}"): (1,) for ab in ("xx", "yy", "zz", "xy", "xz", "yz")},
+}  # fmt: skip
+"""(tag, attribute) -> how many numbers it may have."""
+
+_NEEDED = {
+    "robot": ("name",), "link": ("name",), "joint": ("name", "type"), "parent": ("link",),
+    "child": ("link",), "mesh": ("filename",), "box": ("size",), "sphere": ("radius",),
+    "cylinder": ("radius", "length"), "capsule": ("radius", "length"),
+}  # fmt: skip
+"""Attributes that an element cannot do without; only of links and joints at the top."""
+
+_ROUNDING = 1e-9
+"""Part of a moment of inertia that a puppet file takes for rounding."""
+
+_LEFT_OUT = {
+    "transmission": "left out: joints move freely",
+    "gazebo": "left out",
+    "ros2_control": "left out",
+    "sensor": "left out",
+}
+"""Elements without counterpart."""
+
+
+def urdf_puppet(file: ModelFile, density: float | None = None) -> Imported:
+    """A URDF file as a puppet file.
+
+    Args:
+        file: the model's.
+        density: see :func:`add_masses` [kg/m^3].
+
+    Raises:
+        ExchangeError: it is no URDF, or has what no puppet can have.
+        MissingLibraryError: yourdfpy is not installed.
+    """
+    _check(file)
+    plain = plain_urdf(file)
+    robot = _read(file, plain.text)
+    draft = Draft(file, robot.name)
+    for name, message, line in plain.left_out:
+        draft.note("link", name, message, line)
+    made = _Robot(draft, robot, plain.capsules)
+    made.add()
+    links = {made.names[link.name]: link for link in robot.links}
+    add_masses(draft, links, density)
+    for element in file.elements:
+        if element.depth == 1 and element.tag in _LEFT_OUT:
+            name = element.attributes.get("name", element.attributes.get("reference", ""))
+            draft.note(element.tag, name, _LEFT_OUT[element.tag], element.line)
+    head = [
+        f"{draft.name}: made of the URDF file {file.path.name}.",
+        "The first link is fixed to the world; give its body `joint: {type: free}` to let it go.",
+    ]
+    return draft.finish(head)
+
+
+class _Robot:
+    """Makes a puppet's bodies of a robot's links and joints.
+
+    Args:
+        draft: of the puppet.
+        robot: yourdfpy's.
+        capsules: see :class:`UrdfText`.
+    """
+
+    def __init__(self, draft: Draft, robot: Any, capsules: set[tuple[str, str, int]]):
+        self.draft, self.robot, self.file = draft, robot, draft.file
+        self.capsules = capsules
+        self.names: dict[str, str] = {}
+        inside = (v.material for link in robot.links for v in link.visuals)
+        self.materials: dict[str, Any] = {}
+        for material in (*robot.materials, *inside):
+            if material is None or not material.name:
+                continue  # it is of its visual alone
+            if material.color or material.texture:
+                self.materials.setdefault(material.name, material)
+
+    def add(self) -> None:
+        """Adds all bodies, strings of none: URDF has none."""
+        links = {link.name: link for link in self.robot.links}
+        children = self._checked(links)
+        roots = [link for name, link in links.items() if name not in children]
+        for link in self.robot.links:
+            empty = link.inertial is None and not link.visuals and not link.collisions
+            if link.name == "world" and empty and link in roots:
+                self.names["world"] = "world"
+                continue
+            line = self.file.line_of("link", link.name)
+            self.names[link.name] = self.draft.take("link", link.name, line=line)
+        for root in roots:
+            if self.names[root.name] != "world":
+                self._body(root, {"name": self.names[root.name]})
+        for joint in self.robot.joints:
+            self._joint(joint, links[joint.child])
+
+    def _checked(self, links: dict[str, Any]) -> dict[str, Any]:
+        """Child -> its joint. Raises where links and joints are no tree."""
+        found: list[Mistake] = []
+        carried: dict[str, Any] = {}
+
+        def say(joint: Any, text: str) -> None:
+            line = self.file.line_of("joint", joint.name)
+            found.append(Mistake(self.file.name, line, f"joint {joint.name}", text))
+
+        for joint in self.robot.joints:
+            for end in (joint.parent, joint.child):
+                if end not in links:
+                    say(joint, f"no link is called {end!r}{nearest(str(end), links)}")
+            if joint.child in carried:
+                say(joint, f"{joint.child!r} is carried by {carried[joint.child].name!r} already")
+            if joint.type not in _WORDS:
+                say(joint, f"found the type {joint.type!r}; allowed: {', '.join(_WORDS)}")
+            carried.setdefault(joint.child, joint)
+        for joint in [] if found else self.robot.joints:
+            above, seen = joint, {joint.child}
+            while above is not None and above.parent not in seen:
+                seen.add(above.parent)
+                above = carried.get(above.parent)
+            if above is not None:
+                say(joint, "carries itself: links and joints form a circle")
+        if found:
+            raise ExchangeError(found)
+        return carried
+
+    def _joint(self, joint: Any, link: Any) -> None:
+        line = self.file.line_of("joint", joint.name)
+        name, above = self.names[link.name], self.names[joint.parent]
+        turn, r = _pose(joint.origin)
+        R = quaternion(Rotation.from_matrix(turn))
+        axis = np.asarray(joint.axis, float)
+        if joint.type == "planar":
+            for k, along in enumerate(_across(axis, self.file, line)):
+                frame = self.draft.take("link", "", f"{name}_{'xy'[k]}")
+                own = self.draft.joint_name(frame, f"{joint.name}_{'xy'[k]}", line)
+                slide = {"type": "prismatic", **own, "axis": numbers(along), **placed(r, R)}
+                slide |= _damped(joint)
+                self.draft.bodies.append(carried(frame, above, slide))
+                above, R, r = frame, np.eye(4)[0], np.zeros(3)
+        word = _WORDS[joint.type]
+        made: dict[str, Any] = {"type": word}
+        if word != "fixed":
+            made |= self.draft.joint_name(name, joint.name, line)
+        if word in ("revolute", "prismatic"):
+            if not np.any(axis):
+                raise self.file.mistake("found an axis of zero length", line, f"joint {joint.name}")
+            made["axis"] = numbers(axis)
+        made |= placed(r, R)
+        if word != "fixed":
+            made |= self._passive(joint, word, line, made.get("name", name))
+        self._body(link, carried(name, above, made))
+
+    def _passive(self, joint: Any, word: str, line: int | None, part: str) -> dict[str, Any]:
+        """Damping and limits of a joint; the rest is noted."""
+        made: dict[str, Any] = {}
+
+        def note(text: str) -> None:
+            self.draft.note("joint", joint.name, text, line, part)
+
+        dynamics, limit = joint.dynamics, joint.limit
+        made |= _damped(joint)
+        if dynamics is not None and float(dynamics.friction or 0.0):
+            note("has friction, left out")
+        if limit is not None and joint.type in ("revolute", "prismatic"):
+            low, high = (float(x or 0.0) for x in (limit.lower, limit.upper))
+            if low < high:
+                made["limits"] = {"lower": number(low), "upper": number(high)}
+            else:
+                note(f"has the limits {low:g} and {high:g}, left out")
+        if limit is not None and (limit.effort or limit.velocity):
+            note("has limits of effort and velocity, left out: it has no motor")
+        if joint.mimic is not None:
+            note(f"mimics {joint.mimic.joint!r}; here it moves freely")
+        if joint.safety_controller is not None:
+            note("has a safety controller, left out")
+        return made
+
+    def _body(self, link: Any, made: dict[str, Any]) -> None:
+        """Adds a link's body, with its inertia and shapes."""
+        inertial = link.inertial
+        if inertial is not None:
+            R, r = _pose(inertial.origin)
+            own = np.zeros((3, 3)) if inertial.inertia is None else inertial.inertia
+            if mass := sized(inertial.mass or 0.0, "mass"):
+                made["mass"] = mass
+                if any(com := numbers(r)):
+                    made["com"] = com
+            if inertial.mass or np.any(own):
+                made["inertia"] = six(R @ self._possible(own, link.name, made["name"]) @ R.T)
+        add_shapes(self.draft, link, made, self.materials, self.capsules)
+        self.draft.bodies.append(made)
+
+    def _possible(self, inertia: Array, link: str, part: str) -> Array:
+        """An inertia (3, 3) that a solid can have; a change is noted in the report.
+
+        Where products make it singular or negative, as in six equal numbers, only the moments are
+        kept. A moment larger than the sum of the other two is then reduced to that sum.
+        """
+        line = self.file.line_of("link", link)
+        (a, b, c), axes = np.linalg.eigh(inertia)
+        small, products = _ROUNDING * max(abs(c), abs(a)), inertia - np.diag(np.diag(inertia))
+        if a + b >= c - small and a >= -small:
+            return inertia
+        if a <= small and np.any(products) and np.all(np.diag(inertia) > 0.0):
+            text = "has products of inertia that no solid has; here it has its moments alone"
+            self.draft.note("link", link, text, line, part)
+            return self._possible(np.diag(np.diag(inertia)), link, part)
+        if a < 0.0:
+            return inertia
+        text = (
+            f"has the principal moments {a:g}, {b:g} and {c:g} kg m^2; here the largest is the sum "
+            f"of the others, {a + b:g}: no solid has more"
+        )
+        self.draft.note("link", link, text, line, part)
+        found: Array = axes @ np.diag([a, b, a + b]) @ axes.T
+        return found
+
+
+def _damped(joint: Any) -> dict[str, Any]:
+    """The key ``damping`` of a joint that has it, in a planar one of each coordinate."""
+    damping = 0.0 if joint.dynamics is None else float(joint.dynamics.damping or 0.0)
+    return {"damping": found} if (found := sized(damping, "damping")) else {}
+
+
+def _read(file: ModelFile, text: bytes) -> Any:
+    """yourdfpy's robot of a text."""
+    yourdfpy, log = _library(), logging.getLogger("yourdfpy.urdf")
+    level = log.level
+    log.setLevel(logging.CRITICAL)
+    try:
+        return yourdfpy.URDF.load(
+            io.BytesIO(text), build_scene_graph=False, load_meshes=False
+        ).robot
+    except Exception as reason:  # yourdfpy raises whatever its parsing meets
+        said = f"yourdfpy cannot read it: {type(reason).__name__}: {reason}"
+        raise file.mistake(said[:500]) from None
+    finally:
+        log.setLevel(level)
+
+
+def _library() -> ModuleType:
+    try:
+        import yourdfpy
+    except ImportError:
+        raise MissingLibraryError("a model in URDF", "yourdfpy", "urdf") from None
+    return yourdfpy
+
+
+def _check(file: ModelFile) -> None:
+    """Raises for attributes that are missing, are no numbers, or name a thing twice."""
+    found: list[Mistake] = []
+    seen: dict[tuple[str, str], int] = {}
+
+    def say(element: Element, text: str) -> None:
+        found.append(Mistake(file.name, element.line, element.tag, text))
+
+    for element in file.elements:
+        tag, given = element.tag, element.attributes
+        top = element.depth == 1 or tag not in ("link", "joint")
+        for key in _NEEDED.get(tag, ()) if top and element.known else ():
+            if key not in given:
+                say(element, f"{key} is missing")
+        if element.depth == 1 and tag in ("link", "joint") and "name" in given:
+            first = seen.setdefault((tag, given["name"]), element.line)
+            if first != element.line:
+                say(element, f"{given['name']!r} is there already, in line {first}")
+            for end in ("parent", "child") if tag == "joint" else ():
+                if end not in element.inside:
+                    say(element, f"<{end}> is missing")
+        inside = {name for name in element.inside if not name.startswith(XACRO)}
+        if tag == "geometry" and element.known and inside and len(inside & SOLIDS) != 1:
+            found_here = ", ".join(sorted(inside))
+            say(element, f"found {found_here[:60]}; needed: one of {', '.join(sorted(SOLIDS))}")
+        for key, text in given.items():
+            sizes = _SIZES.get((tag, key))
+            plain = text.replace(",", " ") if tag in ("box", "mesh") else text
+            if sizes and element.known and not _are_numbers(plain, sizes):
+                count = " or ".join(map(str, sizes))
+                needed = f"{count} finite number{'' if sizes == (1,) else 's'}"
+                say(element, f"{key}: found {text[:60]!r}; needed: {needed}")
+    if found:
+        raise ExchangeError(found)
+
+
+def _are_numbers(text: str, sizes: tuple[int, ...]) -> bool:
+    try:
+        values = [float(x) for x in text.split()]
+    except ValueError:
+        return False
+    return len(values) in sizes and all(map(math.isfinite, values))
+
+
+def _pose(origin: Array | None) -> tuple[Array, Array]:
+    """(3, 3) orientation and (3,) place of an origin."""
+    if origin is None:
+        return np.eye(3), np.zeros(3)
+    return origin[:3, :3], origin[:3, 3]
+
+
+def _across(axis: Array, file: ModelFile, line: int | None) -> tuple[Array, Array]:
+    """Two unit vectors that make a right-handed frame with an axis."""
+    if not np.any(axis):
+        raise file.mistake("found an axis of zero length", line, "joint")
+    z = axis / np.linalg.norm(axis)
+    x = np.cross(np.eye(3)[1], z)
+    x = np.eye(3)[0] if np.linalg.norm(x) < 0.5 else x / np.linalg.norm(x)
+    x = x - z * (x @ z)
+    x /= np.linalg.norm(x)
+    return x, np.cross(z, x)

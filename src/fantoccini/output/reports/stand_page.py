@@ -1,0 +1,156 @@
+"""The report of a stand's check: one page with pictures that needs nothing else."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fantoccini.output.reports import stand_plots
+from fantoccini.output.reports.pages import (
+    Table,
+    checked_page,
+    listing,
+    page,
+    paragraph,
+    png,
+    svg,
+    write_page,
+)
+from fantoccini.stand import QUANTITIES, lost_lines, remedies
+
+if TYPE_CHECKING:
+    from fantoccini.stand import Slowed, StandCheck
+
+MAX_NAMED = 12
+"""Broken limits that are listed."""
+
+
+def stand_report(
+    check: StandCheck,
+    path: str | os.PathLike[str],
+    slower: tuple[Slowed | None, str] | None = None,
+) -> Path:
+    """Writes the report of a stand's check: one HTML file, pictures included.
+
+    It has the verdict, what breaks and what would help, the margins of every axis, their motion and
+    torque over time, and torque against speed with what the motors give.
+
+    Args:
+        check: as :func:`fantoccini.check_stand` gives it.
+        path: ends in ``.html``.
+        slower: what :func:`fantoccini.stand.slower` found; left out when not given.
+
+    Returns:
+        The path of the page.
+
+    Raises:
+        ValueError: the path has another ending.
+        PictureError: it cannot be written.
+    """
+    path = checked_page(path)
+    write_page(path, _page(check, slower))
+    return path
+
+
+def _page(check: StandCheck, slower: tuple[Slowed | None, str] | None) -> str:
+    stand = check.map.stand
+    parts = [
+        f"<h1>{escape(stand.name)}</h1>", paragraph(stand.file.about), paragraph(_facts(check)),
+        paragraph(check.summary(), f"verdict {'holds' if check.ok else 'fails'}"),
+        *(paragraph(note, "note") for note in check.notes),
+    ]  # fmt: skip
+    if check.broken:
+        parts += ["<h2>What is not enough</h2>", _broken(check).html()]
+        if check.lost:
+            parts += ["<h3>Lost steps</h3>", listing(lost_lines(check))]
+        parts += ["<h2>What would help</h2>", listing(remedies(check))]
+    if slower is not None:
+        parts += ["<h3>A slower tempo, simulated again</h3>", paragraph(slower[1])]
+        if slower[0] is not None:
+            parts.append(_slower_table(check, slower[0]).html())
+    parts += [
+        "<h2>Margins</h2>",
+        paragraph(
+            "What is left of every bound at the worst moment, in per cent of the bound; of travel, "
+            "the distance from its nearer end in per cent of the whole. A catch is a string that "
+            "snaps taut; its bound is the impulse that throws a stepper out of step.", "note",
+        ),
+        svg(stand_plots.margins(check), f"Margins of the axes of {stand.name}", 0.8),
+        margin_table(check).html(),
+        "<h2>Torque against speed</h2>",
+        paragraph(
+            "At the motor. Grey: what it gives. A point beyond it is a step lost, or a motor that "
+            "lags.", "note",
+        ),
+        *(
+            png(figure, f"Torque and speed of {', '.join(names)}")
+            for figure, names in stand_plots.torque_and_speed(check)
+        ),
+        "<h2>Over time</h2>",
+        paragraph(
+            "Dashed: the bounds. Red: where they are passed. Torques that the motion does not "
+            "determine are left out.", "note",
+        ),
+        *(
+            png(figure, f"Motion and torque of {', '.join(names)}")
+            for figure, names in stand_plots.over_time(check)
+        ),
+        paragraph(
+            "All of this is computed, for winches that hold exactly; nothing was measured on a "
+            "machine.", "note",
+        ),
+    ]  # fmt: skip
+    return page(f"{stand.name}: can it do it?", parts)
+
+
+def _facts(check: StandCheck) -> str:
+    run = check.run
+    puppet = "" if run.puppet is None else f" of {run.puppet.name}"
+    return (
+        f"{run.duration:.1f} s{puppet}, method {run.method}; {len(check.axes)} axes, which move "
+        f"{len(check.map.names)} driven coordinates."
+    )
+
+
+def _broken(check: StandCheck) -> Table:
+    lines = tuple(
+        (
+            f"{limit.broken:.3f}", limit.axis, limit.quantity, f"{limit.value:.4g}",
+            f"{limit.bound:.4g}", limit.unit, f"{limit.t:.3f}", limit.over,
+        )
+        for limit in check.broken[:MAX_NAMED]
+    )  # fmt: skip
+    header = (
+        "first at [s]>", "axis", "what", "needed>", "there>", "unit", "worst at [s]>", "over>",
+    )  # fmt: skip
+    return Table(header, lines, frozenset(range(len(lines))))
+
+
+def margin_table(check: StandCheck) -> Table:
+    """The margin of every axis and quantity [%]."""
+    told = {limit.quantity for limit in check.limits} | {"torque"}
+    used = [q for q in QUANTITIES if q in told]
+    lines, wrong = [], set()
+    for i, axis in enumerate(check.axes):
+        limits = check.of(axis.name)
+        cells = [check.margin_text(axis.name, q) for q in used]
+        lines.append((axis.name, axis.kind, *cells))
+        if any(limit.broken is not None for limit in limits.values()):
+            wrong.add(i)
+    header = ("axis", "motor", *(f"{q} [%]>" for q in used))
+    return Table(header, tuple(lines), frozenset(wrong))
+
+
+def _slower_table(check: StandCheck, slow: Slowed) -> Table:
+    rows: list[Sequence[str]] = []
+    for axis in check.axes:
+        before, after = check.of(axis.name), slow.check.of(axis.name)
+        worst = min(before.values(), key=lambda limit: limit.margin)
+        now = after.get(worst.quantity)
+        told = "" if now is None else f"{now.margin:.0f}"
+        rows.append((axis.name, worst.quantity, f"{worst.margin:.0f}", told))
+    header = ("axis", "least margin", "now [%]>", f"{slow.factor:.3g} times as long [%]>")
+    return Table(header, tuple(tuple(row) for row in rows))

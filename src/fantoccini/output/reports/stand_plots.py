@@ -1,0 +1,160 @@
+"""Plots of a stand's check: margins, torque against speed, and every axis over time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fantoccini.base import Array
+from fantoccini.output.view import LIGHT, RED, Theme, blank_figure, plain
+from fantoccini.stand import QUANTITIES
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from fantoccini.stand import StandCheck
+
+_MARKS = dict(zip(QUANTITIES, "|os^Dv", strict=True))
+_COLUMNS = 3
+_ROWS = 7
+"""Axes of a figure over time."""
+_LEAST_MARGIN = -100.0
+"""Margins below it are drawn there [%]."""
+_TURN = 2.0 * np.pi
+_WIDTH = 1150
+
+
+def margins(check: StandCheck, theme: Theme = LIGHT) -> Figure:
+    """The margins of all axes, a line each."""
+    names = [axis.name for axis in check.axes]
+    figure = blank_figure((_WIDTH - 200, 110 + 26 * len(names)), facecolor=theme.top)
+    above, below = 34 / (110 + 26 * len(names)), 60 / (110 + 26 * len(names))
+    axes = figure.add_axes((0.19, below, 0.64, 1.0 - above - below))
+    _dressed(axes, theme)
+    axes.axvspan(_LEAST_MARGIN, 0.0, color=RED, alpha=0.07, linewidth=0.0)
+    axes.axvline(0.0, color=RED, linewidth=1.0)
+    for n, quantity in enumerate(QUANTITIES):
+        own = [limit for limit in check.limits if limit.quantity == quantity]
+        if not own:
+            continue
+        x = [max(limit.margin, _LEAST_MARGIN) for limit in own]
+        y = [names.index(limit.axis) for limit in own]
+        axes.plot(
+            x, y, linestyle="", marker=_MARKS[quantity], markersize=9 if n == 0 else 6,
+            markeredgewidth=2.0 if n == 0 else 0.8, color=theme.colour(n),
+            markeredgecolor=theme.colour(n) if n == 0 else theme.top, label=quantity,
+            clip_on=False, zorder=3 + n,
+        )  # fmt: skip
+    axes.set_yticks(range(len(names)), [plain(name, 24) for name in names])
+    axes.set_ylim(len(names) - 0.5, -0.5)
+    least = min(limit.margin for limit in check.limits)
+    axes.set_xlim(min(-10.0, max(least, _LEAST_MARGIN) - 5.0), 103.0)
+    axes.set_xlabel("margin [%]", color=theme.ink)
+    axes.grid(axis="both", color=theme.grid, linewidth=0.4, alpha=0.6)
+    axes.legend(
+        loc="upper left", bbox_to_anchor=(1.02, 1.0), frameon=False, fontsize=9,
+        labelcolor=theme.ink,
+    )  # fmt: skip
+    return figure
+
+
+def torque_and_speed(check: StandCheck, theme: Theme = LIGHT) -> Iterator[tuple[Figure, list[str]]]:
+    """Torque against speed of every motor, in figures of several, with their axes."""
+    many = _COLUMNS * 3
+    for begin in range(0, len(check.axes), many):
+        part = range(begin, min(begin + many, len(check.axes)))
+        rows = -(-len(part) // _COLUMNS)
+        figure = blank_figure((_WIDTH, 250 * rows), facecolor=theme.top)
+        panels = figure.subplots(rows, _COLUMNS, squeeze=False)
+        for panel, k in zip(panels.flat, part, strict=False):
+            _torque_panel(panel, check, k, theme)
+        for panel in list(panels.flat)[len(part) :]:
+            panel.set_visible(False)
+        figure.tight_layout(pad=1.1)
+        yield figure, [check.axes[k].name for k in part]
+
+
+def _torque_panel(axes: Axes, check: StandCheck, k: int, theme: Theme) -> None:
+    axis = check.axes[k]
+    _dressed(axes, theme)
+    w = axis.ratio * np.abs(check.motion.velocity[:, k])
+    torque, there = np.abs(check.torque[:, k]), check.available[:, k]
+    fast = max(1.25 * float(np.max(w)), 0.2 * _TURN)
+    curve = np.linspace(0.0, fast, 300)
+    most = axis.motor.largest(curve, np.ones_like(curve))
+    axes.fill_between(curve / _TURN, most, color=theme.faint, alpha=0.18, linewidth=0.0)
+    axes.plot(curve / _TURN, most, color=theme.faint, linewidth=1.2)
+    known = ~check.unknown[:, k]
+    axes.plot(
+        w / _TURN, np.where(known, torque, np.nan), color=theme.colour(0), linewidth=0.7
+    )
+    over = known & (torque > there)
+    axes.plot(
+        w[over] / _TURN, torque[over], linestyle="", marker=".", color=RED, markersize=4.0,
+    )  # fmt: skip
+    axes.set_xlim(0.0, fast / _TURN)
+    largest = float(np.max(torque[known], initial=0.0))
+    axes.set_ylim(0.0, 1.12 * max(largest, float(np.max(most))))
+    axes.set_title(plain(axis.name, 30), fontsize=9.5, color=theme.ink, loc="left")
+    axes.set_xlabel("turns/s", fontsize=8.5, color=theme.ink)
+    axes.set_ylabel("N m", fontsize=8.5, color=theme.ink)
+
+
+def over_time(check: StandCheck, theme: Theme = LIGHT) -> Iterator[tuple[Figure, list[str]]]:
+    """Position, speed, acceleration and torque of every axis, in figures of several."""
+    for begin in range(0, len(check.axes), _ROWS):
+        part = range(begin, min(begin + _ROWS, len(check.axes)))
+        figure = blank_figure((_WIDTH, 60 + 150 * len(part)), facecolor=theme.top)
+        panels = figure.subplots(len(part), 4, sharex=True, squeeze=False)
+        for row, k in zip(panels, part, strict=True):
+            _axis_row(row, check, k, theme)
+        titles = ("position [m, rad]", "speed [1/s]", "acceleration [1/s^2]", "torque [N m]")
+        for panel, title in zip(panels[0], titles, strict=True):
+            panel.set_title(title, fontsize=9.5, color=theme.ink)
+        for panel in panels[-1]:
+            panel.set_xlabel("time [s]", fontsize=8.5, color=theme.ink)
+        figure.tight_layout(pad=1.0, w_pad=0.6, h_pad=0.5)
+        yield figure, [check.axes[k].name for k in part]
+
+
+def _axis_row(row: Array, check: StandCheck, k: int, theme: Theme) -> None:
+    axis, motion, limits = check.axes[k], check.motion, check.of(check.axes[k].name)
+    t = motion.t
+    speed = np.full(len(t), limits["speed"].bound)
+    acceleration = np.full(len(t), limits["acceleration"].bound)
+    low, high = axis.travel
+    curves: list[tuple[Array, Array, Array, bool]] = [
+        (motion.position[:, k], np.full(len(t), low), np.full(len(t), high), False),
+        (motion.velocity[:, k], -speed, speed, True),
+        (motion.acceleration[:, k], -acceleration, acceleration, True),
+        (
+            np.where(check.unknown[:, k], np.nan, check.torque[:, k]), -check.available[:, k],
+            check.available[:, k], True,
+        ),
+    ]
+    for panel, (values, below, above, symmetric) in zip(row, curves, strict=True):
+        _dressed(panel, theme)
+        for bound in (below, above):
+            panel.plot(t, bound, color=theme.faint, linewidth=0.9, linestyle=(0, (4, 2)))
+        panel.plot(t, values, color=theme.colour(0), linewidth=0.9)
+        over = (values < below) | (values > above)
+        panel.plot(t, np.where(over, values, np.nan), color=RED, linewidth=1.6)
+        size = float(np.nanmax(np.abs(values), initial=1e-9))
+        if symmetric:
+            there = 1.1 * float(np.max(above))
+            most = max(1.15 * size, min(there, 4.0 * size), 0.1 * there)
+            panel.set_ylim(-most, most)
+        panel.set_xlim(t[0], t[-1])
+    row[0].set_ylabel(plain(axis.name, 20), fontsize=8.5, color=theme.ink)
+
+
+def _dressed(axes: Axes, theme: Theme) -> None:
+    axes.set_facecolor(theme.top)
+    axes.tick_params(labelsize=7.5, colors=theme.ink, width=0.5, length=3)
+    for side, spine in axes.spines.items():
+        spine.set_visible(side in ("left", "bottom"))
+        spine.set_color(theme.faint)
+        spine.set_linewidth(0.6)

@@ -1,0 +1,190 @@
+"""A play's timeline: what every player does when, acts, captions and what is left out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fantoccini.output.view import LIGHT, blank_figure, dress, plain
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from fantoccini.theatre.plays import CueOfPlay, Play
+
+_WIDTH = 1150
+"""Of the picture [px]."""
+_LANE = 21
+"""Height of a lane [px]."""
+_LONGEST = 60.0
+"""A row shows so much time at most [s]."""
+_CROSS = 0.025
+"""Width of a cross with its number over that of the row."""
+_LETTER = 5.6
+"""Mean width of a letter [px]."""
+REFUSED = "#b3261e"
+"""Colour of what cannot be done."""
+
+Bar = tuple[float, float, str]
+"""Beginning and end [s], and the words in it."""
+
+
+def timeline(play: Play) -> Figure:
+    """The timeline, in rows of at most a minute."""
+    end = play.duration
+    rows = max(1, int(np.ceil(end / _LONGEST - 1e-9)))
+    each = end / rows
+    lanes = _lanes(play, _CROSS * each)
+    captions = _stacked([(one.start, one.end, str(one)) for one in play.score.captions])
+    n = sum(len(own) for own in lanes.values()) + len(captions)
+    left = 20.0 + 7.0 * max(len(plain(name, 18)) for name in (*lanes, "captions"))
+    height = rows * (_LANE * n + 74)
+    figure = blank_figure((_WIDTH, height), facecolor=LIGHT.top)
+    for row, axes in enumerate(figure.subplots(rows, 1, squeeze=False)[:, 0]):
+        low = height - (row + 1) * (_LANE * n + 74) + 40
+        axes.set_position(
+            (left / _WIDTH, low / height, (_WIDTH - left - 14) / _WIDTH, _LANE * n / height)
+        )
+        begin = row * each
+        axes.set_xlim(begin, begin + each)
+        axes.set_ylim(n, 0.0)
+        dress(axes, LIGHT, "x")
+        axes.set_xlabel("time [s]", color=LIGHT.ink, fontsize=8, labelpad=1.0)
+        scale = (_WIDTH - left - 14) / each
+        _acts(axes, play, begin, begin + each, scale)
+        _players(axes, play, lanes, scale)
+        _captions(axes, captions, n - len(captions), scale)
+        ticks, labels, y = list[float](), list[str](), 0
+        for name, count in (*((k, len(own)) for k, own in lanes.items()),
+                            *([("captions", len(captions))] if captions else [])):  # fmt: skip
+            ticks.append(y + 0.5 * count)
+            labels.append(plain(name, 18))
+            y += count
+            axes.axhline(y, color=LIGHT.grid, linewidth=0.5)
+        axes.set_yticks(ticks, labels)
+        axes.tick_params(axis="y", length=0.0)
+        for text in axes.get_yticklabels():
+            text.set_parse_math(False)
+    return figure
+
+
+def _lanes(play: Play, cross: float) -> dict[str, list[list[tuple[CueOfPlay, Bar]]]]:
+    """Player -> lanes of its cues, so that those of one lane follow each other.
+
+    Args:
+        play: compiled.
+        cross: width of the cross of a refused cue with its number before it [s].
+    """
+    lanes: dict[str, list[list[tuple[CueOfPlay, Bar]]]] = {}
+    for name in play.cast.players:
+        own: list[list[tuple[CueOfPlay, Bar]]] = [[]]
+        for cue in play.cues:
+            if name not in cue.who:
+                continue
+            marks = cue.marks.get(name)
+            if cue.refused or marks is None:
+                bar = cue.wanted - cross, cue.wanted + 0.4 * cross, f"{cue.number}"
+            else:
+                bar = marks["start"], marks["end"], f"{cue.number} {cue.words}"
+            free = [lane for lane in own if not lane or lane[-1][1][1] <= bar[0] + 1e-9]
+            if not free:
+                own.append([])
+                free = own[-1:]
+            free[0].append((cue, bar))
+        lanes[name] = own
+    return lanes
+
+
+def _stacked(bars: Sequence[Bar]) -> list[list[Bar]]:
+    """Lanes of bars that do not overlap."""
+    lanes: list[list[Bar]] = []
+    for bar in sorted(bars):
+        for lane in lanes:
+            if lane[-1][1] <= bar[0] + 1e-9:
+                lane.append(bar)
+                break
+        else:
+            lanes.append([bar])
+    return lanes
+
+
+def _acts(axes: Axes, play: Play, begin: float, end: float, scale: float) -> None:
+    """Acts as lines with their names above."""
+    starts = [*play.acts.values(), play.duration]
+    for k, (name, start) in enumerate(play.acts.items()):
+        stop = starts[k + 1]
+        if stop <= begin or start >= end:
+            continue
+        axes.axvspan(start, stop, color=LIGHT.grid, alpha=0.25 * (k % 2), linewidth=0.0, zorder=0.2)
+        axes.axvline(start, color=LIGHT.faint, linewidth=0.8, zorder=1.0)
+        shown = max(start, begin)
+        text = fitted(name, (min(stop, end) - shown) * scale - 6.0)
+        made = axes.annotate(
+            text, (shown, 0.0), (3.0, 4.0), textcoords="offset points", fontsize=9,
+            color=LIGHT.ink, weight="bold", ha="left", va="bottom", annotation_clip=False,
+        )  # fmt: skip
+        made.set_parse_math(False)
+
+
+def _players(
+    axes: Axes, play: Play, lanes: dict[str, list[list[tuple[CueOfPlay, Bar]]]], scale: float
+) -> None:
+    y = 0
+    for k, own in enumerate(lanes.values()):
+        for lane in own:
+            for cue, bar in lane:
+                if cue.refused:
+                    _refused(axes, cue, y)
+                else:
+                    _bar(axes, bar, y, LIGHT.colour(k), scale)
+                    if cue.go:
+                        axes.plot(bar[0], y + 0.5, "|", color=LIGHT.ink, markersize=14.0)
+            y += 1
+
+
+def _captions(axes: Axes, lanes: list[list[Bar]], y: int, scale: float) -> None:
+    for lane in lanes:
+        for bar in lane:
+            _bar(axes, bar, y, "#8a857a", scale)
+        y += 1
+
+
+def _bar(axes: Axes, bar: Bar, y: int, colour: str, scale: float) -> None:
+    begin, end, words = bar
+    low, high = axes.get_xlim()
+    if end <= low or begin >= high:
+        return
+    axes.barh(
+        y + 0.5, end - begin, 0.8, begin, color=colour, alpha=0.28, edgecolor=colour, linewidth=0.8
+    )
+    shown = max(begin, low)
+    text = fitted(words, (min(end, high) - shown) * scale - 5.0)
+    made = axes.annotate(
+        text, (shown, y + 0.5), (2.5, 0.0), textcoords="offset points", fontsize=7.5,
+        color=LIGHT.ink, ha="left", va="center", clip_on=True,
+    )  # fmt: skip
+    made.set_parse_math(False)
+
+
+def _refused(axes: Axes, cue: CueOfPlay, y: int) -> None:
+    low, high = axes.get_xlim()
+    if not low <= cue.wanted <= high:
+        return
+    axes.plot(cue.wanted, y + 0.5, "x", color=REFUSED, markersize=6.0, clip_on=False, zorder=4.0)
+    axes.annotate(
+        f"{cue.number}", (cue.wanted, y + 0.5), (-5.0, 0.0), textcoords="offset points",
+        fontsize=7.5, color=REFUSED, ha="right", va="center", zorder=4.0,
+    )  # fmt: skip
+
+
+def fitted(words: str, width: float) -> str:
+    """The words, cut to a width [px]; of a cue at least its number."""
+    most = int(width / _LETTER)
+    text = plain(words, 80)
+    if len(text) <= most:
+        return text
+    number = text.split(" ")[0]
+    return plain(text, most) if most > len(number) + 3 else number if most >= len(number) else ""

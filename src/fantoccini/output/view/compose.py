@@ -1,0 +1,225 @@
+"""Composes one sample of the geometry: polygons in the order of painting, shadows first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.model.tree import WORLD
+from fantoccini.output.view.camera import Camera, Viewport
+from fantoccini.output.view.geometry import Geometry, StringCurve
+from fantoccini.output.view.order import BoxFaces, Occluder, StringPiece, painting_order
+from fantoccini.output.view.silhouettes import CLEAR, Polygon, Solid, paint, shadow
+from fantoccini.output.view.theme import Theme, mix
+
+MIN_DEPTH = 1e-6
+"""What is nearer to the eye than this is not drawn [m]."""
+
+_SHADOW_LAYERS = (9.0, 6.0, 3.5, 1.2, 0.0)
+"""Widths of the nested outlines that soften a shadow's edge, in pens."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where the geometry goes in a picture, and how it is drawn.
+
+    Attributes:
+        camera, viewport: the view, and the rectangle of the picture it fills.
+        theme: colours.
+        pen: width of an outline [px].
+        top: upper end of the tension scale [N].
+        colours: (256, 3) of the tension scale.
+        handles: beads and hooks on held string ends.
+    """
+
+    camera: Camera
+    viewport: Viewport
+    theme: Theme
+    pen: float
+    top: float
+    colours: np.ndarray
+    handles: tuple[Solid, ...]
+
+    def string_colour(self, string: StringCurve) -> np.ndarray:
+        """Colour (3,) of a string: slack, its own, or by its tension."""
+        if not string.taut:
+            return self.theme.slack
+        if string.tension is None or not np.isfinite(string.tension):
+            return self.theme.ink if string.colour is None else string.colour
+        share = np.clip(abs(string.tension) / self.top, 0.0, 1.0)
+        return self.colours[int(share * (len(self.colours) - 1))]
+
+
+def compose(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
+    """The polygons of the geometry at time ``t[k]``, in the order of painting."""
+    camera, viewport = layout.camera, layout.viewport
+    painted: list[list[Polygon]] = []
+    occluders: list[Occluder] = []
+    for solid in (*geometry.solids, *layout.handles):
+        pose = _pose_of(solid, geometry.poses[k])
+        if not np.isfinite(pose).all():
+            continue
+        if polygons := paint(solid, pose, camera, viewport, layout.theme, layout.pen):
+            painted.append(polygons)
+            occluders.append(occluder(solid, pose, polygons))
+    strings = lines(geometry, k, layout)
+    out = shadows(geometry, k, layout)
+    for item in painting_order(camera, viewport, occluders, [line.points for line in strings]):
+        if isinstance(item, StringPiece):
+            line = strings[item.string]
+            out.append(_stroke(line, line.points[item.start : item.stop + 1], layout))
+        else:
+            out += painted[item]
+    return out + arrows(geometry, k, layout) + guides(geometry, k, layout)
+
+
+def guides(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
+    """The lines that the motion is compared with at time ``t[k]``, in front of everything."""
+    colour, out = layout.theme.force, []
+    for line in geometry.guides:
+        points = line[k]
+        if np.isfinite(points).all() and np.all(layout.camera.see(points)[:, 2] > MIN_DEPTH):
+            out.append(_stroke(Line(points, 2.6 * layout.pen, colour), points, layout))
+    return out
+
+
+def arrows(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
+    """The arrows of forces at time ``t[k]``, in front of everything."""
+    colour, out = layout.theme.force, []
+    for arrow in geometry.arrows[k] if geometry.arrows else ():
+        if np.any(layout.camera.see(arrow)[:, 2] <= MIN_DEPTH):
+            continue
+        out.append(_stroke(Line(arrow, 2.2 * layout.pen, colour), arrow, layout))
+        (x0, y0), (x1, y1) = layout.camera.project(arrow, layout.viewport)[:, :2]
+        length = np.hypot(x1 - x0, y1 - y0)
+        if length > 0.0:
+            along = np.array([x1 - x0, y1 - y0]) / length
+            head = min(7.0 * layout.pen, length)
+            side = 0.4 * head * np.array([-along[1], along[0]])
+            tip, base = np.array([x1, y1]) + 0.3 * head * along, np.array([x1, y1]) - head * along
+            corners = np.array([tip, base + side, base - side])
+            out.append(Polygon(corners, (*colour, 1.0), CLEAR, 0.0))
+    return out
+
+
+def occluder(solid: Solid, pose: np.ndarray, polygons: list[Polygon]) -> Occluder:
+    """The occluder of a solid at its link's pose (3, 4), from its painted polygons."""
+    # The first polygon of a round solid holds all the others.
+    shown = polygons if solid.kind == "faces" else polygons[:1]
+    corners = np.concatenate([p.outline for p in shown])
+    turn = pose[:, :3]
+    half = solid.radius * np.eye(3) if solid.kind == "capsule" else solid.half
+    return Occluder(
+        axis=solid.axis @ turn.T + pose[:, 3],
+        girth=solid.girth,
+        unit=np.linalg.inv(half) @ turn.T,
+        slides=solid.kind == "capsule",
+        bounds=np.concatenate([corners.min(axis=0), corners.max(axis=0)]),
+        faces=_box_faces(solid, pose),
+    )
+
+
+def _box_faces(solid: Solid, pose: np.ndarray) -> BoxFaces | None:
+    if solid.kind != "faces" or solid.smooth:
+        return None
+    corners = solid.points @ pose[:, :3].T + pose[:, 3]
+    quads = np.array([corners[f] for f in solid.faces])
+    normals = np.cross(quads[:, 1] - quads[:, 0], quads[:, 2] - quads[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return BoxFaces(normals, quads.mean(axis=1))
+
+
+def _pose_of(solid: Solid, poses: np.ndarray) -> np.ndarray:
+    return np.eye(3, 4) if solid.link == WORLD else poses[solid.link]
+
+
+def shadows(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
+    """Soft shadows on the floor: nested translucent outlines, fainter for higher solids."""
+    right, _, back = layout.camera.axes
+    ray = np.array([0.10 * right[0] - 0.06 * back[0], 0.10 * right[1] - 0.06 * back[1], -1.0])
+    out = []
+    for solid in geometry.solids:
+        pose = _pose_of(solid, geometry.poses[k])
+        centre = pose[2, :3] @ solid.axis.mean(axis=0) + pose[2, 3]
+        height = centre - geometry.floor
+        if not np.isfinite(height) or height <= 0.0:
+            continue
+        outline = layout.camera.project(shadow(solid, pose, geometry.floor, ray), layout.viewport)
+        if np.any(outline[:, 2] <= MIN_DEPTH):
+            continue
+        strength = layout.theme.shadow_opacity / (1.0 + 2.2 * height / geometry.size)
+        spread = 0.6 + 1.6 * min(1.0, height / geometry.size)
+        colour = (*layout.theme.shadow, strength)
+        out += [
+            Polygon(outline[:, :2], colour, colour if w else CLEAR, 2.0 * w * spread * layout.pen)
+            for w in _SHADOW_LAYERS
+        ]
+    return out
+
+
+@dataclass(frozen=True)
+class Line:
+    """A string or spring to draw: points (n, 3) [m], width [px], colour (3,)."""
+
+    points: np.ndarray
+    width: float
+    colour: np.ndarray
+
+
+def lines(geometry: Geometry, k: int, layout: Layout) -> list[Line]:
+    """The strings and springs of the geometry at time ``t[k]``, but those behind the eye."""
+    drawn = []
+    for string in geometry.string_curves(k):
+        width = (1.75 if string.wire else 1.35) if string.taut else 0.95
+        drawn.append((string.points, width, layout.string_colour(string)))
+    steel = mix(layout.theme.faint, layout.theme.ink, 0.4)
+    drawn += [(_coil(ends[k], layout), 1.0, steel) for ends in geometry.springs]
+    return [
+        Line(_refined(points), width * layout.pen, colour)
+        for points, width, colour in drawn
+        if np.isfinite(points).all() and np.all(layout.camera.see(points)[:, 2] > MIN_DEPTH)
+    ]
+
+
+def _stroke(line: Line, points: np.ndarray, layout: Layout) -> Polygon:
+    """The outline (2 n, 2) of part of a line, lengthened by half a pixel at both ends."""
+    placed = layout.camera.project(points, layout.viewport)[:, :2]
+    along = np.diff(placed, axis=0)
+    along /= np.maximum(np.hypot(along[:, :1], along[:, 1:]), 1e-9)
+    placed[0] -= 0.5 * along[0]
+    placed[-1] += 0.5 * along[-1]
+    normals = np.column_stack([-along[:, 1], along[:, 0]])
+    before, after = np.vstack([normals[:1], normals]), np.vstack([normals, normals[-1:]])
+    # The mean of a corner's normals, lengthened to keep the width, except in a hairpin.
+    mean = before + after
+    mean *= 1.0 / np.maximum(0.5 * np.sum(mean * mean, axis=1, keepdims=True), 0.6)
+    side = 0.5 * line.width * mean
+    outline = np.vstack([placed + side, (placed - side)[::-1]])
+    return Polygon(outline, (*line.colour, 1.0), CLEAR, 0.0)
+
+
+def _refined(points: np.ndarray, pieces: int = 40) -> np.ndarray:
+    """The polyline with points added: no piece is longer than 1 / ``pieces`` of the whole."""
+    lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    limit = max(float(lengths.sum()) / pieces, 1e-9)
+    parts = [points[:1]]
+    for a, b, n in zip(points[:-1], points[1:], np.ceil(lengths / limit).astype(int), strict=True):
+        parts.append(a + np.linspace(0.0, 1.0, max(1, n) + 1)[1:, None] * (b - a))
+    return np.concatenate(parts)
+
+
+def _coil(ends: np.ndarray, layout: Layout, turns: int = 9) -> np.ndarray:
+    """A zigzag (n, 3) between two points, across the line of sight [m]."""
+    along = ends[1] - ends[0]
+    across = np.cross(along, layout.camera.axes[2])
+    size = np.linalg.norm(across)
+    if size < 1e-9:
+        return ends
+    depth = max(float(layout.camera.see(ends)[:, 2].mean()), 1e-6)
+    across *= 4.0 * layout.pen / layout.camera.scale(depth, layout.viewport) / size
+    steps = np.linspace(0.12, 0.88, 2 * turns + 1)
+    swing = np.where(np.arange(2 * turns + 1) % 2, 1.0, -1.0)
+    swing[[0, -1]] = 0.0
+    middle = ends[0] + steps[:, None] * along + swing[:, None] * across
+    return np.concatenate([ends[:1], middle, ends[1:]])

@@ -1,0 +1,131 @@
+"""Curves of measurements over a varied quantity, on logarithmic axes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fantoccini.output.view.drawing import blank_figure, dress, plain
+from fantoccini.output.view.pictures import checked, save
+from fantoccini.output.view.theme import Theme, theme_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+REFERENCE_OFFSET = 1.4
+"""Factor by which a reference line lies above the measured points."""
+MAX_LABELLED_RANGE = 10.0
+"""Ratio of largest to smallest x below which every measured x gets a tick."""
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Measured points.
+
+    Attributes:
+        label: in the legend.
+        x, y: (n,) the points; a logarithmic axis leaves out what is not positive.
+        marked: draw a dot at each point.
+        faint: a reference line: dashed and grey.
+    """
+
+    label: str
+    x: np.ndarray
+    y: np.ndarray
+    marked: bool = True
+    faint: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One pair of axes.
+
+    Attributes:
+        title: above them.
+        x, y: labels of the axes, with units.
+        curves: to draw.
+        log_x: whether x is logarithmic; y is, unless all values are 0.
+    """
+
+    title: str
+    x: str
+    y: str
+    curves: Sequence[Curve]
+    log_x: bool = True
+
+
+def slope(label: str, x: np.ndarray, y: np.ndarray, order: float) -> Curve:
+    """A line y ~ x^order just above the last positive point of measured ones."""
+    x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+    last = np.flatnonzero(y > 0.0)[-1] if np.any(y > 0.0) else len(y) - 1
+    line = REFERENCE_OFFSET * y[last] * (x / x[last]) ** order
+    return Curve(label, x, line, marked=False, faint=True)
+
+
+def curves(
+    panels: Sequence[Panel],
+    path: str | os.PathLike[str],
+    theme: str | Theme = "light",
+    size: tuple[int, int] = (640, 470),
+    scale: float = 2.0,
+) -> Path:
+    """Writes panels side by side.
+
+    Args:
+        panels: from left to right.
+        path: ends in ``.png``, ``.svg`` or ``.pdf``.
+        theme: ``light``, ``dark``, or a Theme.
+        size: width and height of a panel [px].
+        scale: pixels of the file for a pixel of ``size``.
+
+    Returns:
+        The path of the picture.
+    """
+    path, theme = checked(path), theme_of(theme)
+    shape = (len(panels) * size[0], size[1])
+    figure = blank_figure(shape, facecolor=theme.top)
+    figure.set_layout_engine("constrained", w_pad=0.15, h_pad=0.1)
+    for axes, panel in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
+        _panel(axes, panel, theme)
+    return save(figure, path, scale)
+
+
+def _panel(axes: Axes, panel: Panel, theme: Theme) -> None:
+    shown = 0
+    for curve in panel.curves:
+        x, y = np.asarray(curve.x, dtype=float), np.asarray(curve.y, dtype=float)
+        seen = np.isfinite(y) & (y > 0.0)
+        look: dict[str, Any]
+        if curve.faint:
+            look = {"color": theme.faint, "linestyle": "--", "linewidth": 0.9, "zorder": 1.5}
+        else:
+            look = {"color": theme.colour(shown), "linewidth": 1.2}
+            shown += 1
+        if curve.marked:
+            look |= {"marker": "o", "markersize": 4.0, "markeredgecolor": theme.top}
+        if not np.any(seen):
+            seen = np.isfinite(y)
+        axes.plot(x[seen], y[seen], label=plain(curve.label, 40), **look)
+    if any(np.any(np.asarray(curve.y) > 0.0) for curve in panel.curves):
+        axes.set_yscale("log")
+    if panel.log_x:
+        axes.set_xscale("log")
+        given = np.unique([f"{x:.2g}" for c in panel.curves if c.marked for x in c.x]).astype(float)
+        if len(given) and given.max() < MAX_LABELLED_RANGE * given.min():
+            axes.set_xticks(given, [f"{x:g}" for x in given])
+            axes.minorticks_off()
+    axes.set_title(
+        plain(panel.title, 80), color=theme.ink, fontsize=10, loc="left", parse_math=False
+    )
+    axes.set_xlabel(panel.x, color=theme.ink, fontsize=9)
+    axes.set_ylabel(panel.y, color=theme.ink, fontsize=9)
+    dress(axes, theme, "both", "both")
+    if any(curve.label for curve in panel.curves):
+        legend = axes.legend(frameon=False, fontsize=8, labelcolor=theme.ink, handlelength=1.6)
+        for text in legend.get_texts():
+            text.set_parse_math(False)

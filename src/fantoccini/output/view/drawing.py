@@ -1,0 +1,320 @@
+"""Drawing on matplotlib's Agg canvas: a sheet in pixels with background, polygons and captions.
+
+matplotlib is imported when the first sheet is made, and only through ``Figure`` objects: no
+display, no global state. Names from files are drawn as plain text.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from fantoccini.output.view.camera import Viewport, fit, point_of_view
+from fantoccini.output.view.compose import Layout
+from fantoccini.output.view.geometry import Geometry, round_down
+from fantoccini.output.view.shapes import handles
+from fantoccini.output.view.silhouettes import Polygon
+from fantoccini.output.view.theme import Theme, mix, theme_of
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.collections import LineCollection, PolyCollection
+    from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
+    from matplotlib.text import Text
+
+DPI = 100.0
+"""Pixels of a sheet for an inch; one pixel is 0.72 points."""
+
+_POINTS = 72.0 / DPI
+
+
+@dataclass(frozen=True)
+class Look:
+    """What callers choose of a picture.
+
+    Attributes:
+        view: preset, or (azimuth, elevation) in degrees.
+        focus: ``all`` frames bodies and strings, ``bodies`` lets strings leave the picture.
+        theme: colours.
+        size: width and height [px]; None for what the motion needs.
+    """
+
+    view: str | tuple[float, float]
+    focus: str
+    theme: Theme
+    size: tuple[int, int] | None
+
+    @classmethod
+    def of(
+        cls,
+        view: str | tuple[float, float] = "auto",
+        focus: str = "all",
+        theme: str | Theme = "light",
+        size: tuple[int, int] | None = None,
+    ) -> Look:
+        """Checks the options and resolves the theme's name."""
+        if focus not in ("all", "bodies"):
+            raise ValueError(f"focus can be all or bodies, not {focus!r}")
+        return cls(view, focus, theme_of(theme), size)
+
+
+def plain(text: str, max_length: int = 60) -> str:
+    """The text on one line, without control characters, cut to ``max_length``."""
+    text = " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    return text if len(text) <= max_length else text[: max_length - 1] + "\N{HORIZONTAL ELLIPSIS}"
+
+
+def blank_figure(size: tuple[int, int], **options: Any) -> Figure:
+    """A figure of ``size`` [px] on an Agg canvas; ``options`` are those of matplotlib's Figure."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(size[0] / DPI, size[1] / DPI), dpi=DPI, **options)
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def dress(
+    axes: Axes,
+    theme: Theme,
+    grid: Literal["x", "both"],
+    which: Literal["major", "both"] = "major",
+) -> None:
+    """Frame, ticks (``which``) and grid lines (along ``grid``) of axes with numbers."""
+    axes.set_facecolor("none")
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    for side in ("left", "bottom"):
+        axes.spines[side].set_color(theme.faint)
+    axes.tick_params(which=which, colors=theme.faint, labelcolor=theme.ink, labelsize=8)
+    axes.grid(True, which="major", axis=grid, color=theme.grid, linewidth=0.5, alpha=0.7)
+    axes.set_axisbelow(True)
+
+
+def layout_of(
+    geometry: Geometry,
+    viewport: Viewport,
+    look: Look,
+    top: float | None = None,
+    pan: np.ndarray | None = None,
+) -> Layout:
+    """The layout whose camera has the whole motion inside the viewport.
+
+    Args:
+        geometry: what to show.
+        viewport: where in the picture.
+        look: point of view, focus and theme.
+        top: upper end of the tension scale [N]; by default from the motion.
+        pan: (T, 3) camera displacements [m]; the layout is that of the first time.
+    """
+    centres, radii = geometry.balls(strings=look.focus == "all", pan=pan)
+    azimuth, elevation = point_of_view(look.view, centres, geometry.plane)
+    # Shadows belong to the picture, unless the floor is far below.
+    feet = geometry.feet(centres)
+    camera = fit(
+        np.concatenate([centres, feet]), np.concatenate([radii, np.zeros(len(feet))]),
+        azimuth, elevation, viewport.width / viewport.height,
+    )  # fmt: skip
+    pen = max(0.6, 1.9 * (min(viewport.height, 1.6 * viewport.width) / 720.0) ** 0.7)
+    top, theme = geometry.tension_top() if top is None else top, look.theme
+    held = tuple(handles(geometry.tree, theme, geometry.size))
+    return Layout(camera, viewport, theme, pen, top, theme.tension_colours(), held)
+
+
+class Sheet:
+    """An empty picture: axes over all of it, in pixels, on a soft background.
+
+    Args:
+        size: width and height [px].
+        theme: colours.
+    """
+
+    def __init__(self, size: tuple[int, int], theme: Theme):
+        self.width, self.height = size
+        self.theme = theme
+        self.figure = blank_figure(size, frameon=False)
+        self.axes = self.figure.add_axes((0.0, 0.0, 1.0, 1.0))
+        self.axes.set_axis_off()
+        rows = np.linspace(0.0, 1.0, 128)[:, None, None]
+        pixels = np.clip(mix(theme.bottom, theme.top, np.sqrt(rows)), 0.0, 1.0)
+        self.image(pixels, (0.0, self.width, 0.0, self.height), 0.0)
+
+    def image(
+        self,
+        pixels: np.ndarray,
+        extent: tuple[float, float, float, float],
+        zorder: float,
+        animated: bool = False,
+    ) -> AxesImage:
+        """Adds rows of pixels, from below, stretched to left, right, bottom, top [px]."""
+        shown = self.axes.imshow(
+            pixels, extent=extent, origin="lower", aspect="auto", interpolation="bilinear",
+            zorder=zorder, animated=animated,
+        )  # fmt: skip
+        self.axes.set_xlim(0.0, self.figure.bbox.width)
+        self.axes.set_ylim(0.0, self.figure.bbox.height)
+        return shown
+
+    def floor(
+        self,
+        geometry: Geometry,
+        layout: Layout,
+        grid: bool = True,
+        middle: np.ndarray | None = None,
+        animated: bool = False,
+    ) -> list[Artist]:
+        """Adds a spot of light on the floor and, with ``grid``, lines that fade outwards.
+
+        Args:
+            geometry: whose floor it is.
+            layout: camera and theme.
+            grid: draw the lines.
+            middle: (3,) centre of the light [m]; by default the light covers the whole motion.
+            animated: drawn on request only, in matplotlib's sense.
+
+        Returns:
+            What was added.
+        """
+        made: list[Artist] = []
+        theme, camera = layout.theme, layout.camera
+        if camera.eye[2] <= geometry.floor + 0.02 * geometry.size:
+            return made
+        centre, reach = _spot(geometry) if middle is None else (middle[:2], 0.9 * geometry.size)
+        width, height = self.figure.bbox.width, self.figure.bbox.height
+        x = np.linspace(0.0, width, 1 + int(width) // 4)
+        y = np.linspace(0.0, height, 1 + int(height) // 4)
+        rays = camera.rays(np.stack(np.meshgrid(x, y), axis=-1), layout.viewport)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ahead = (geometry.floor - camera.eye[2]) / rays[..., 2]
+            place = camera.eye[:2] + ahead[..., None] * rays[..., :2]
+            away = np.linalg.norm(place - centre, axis=-1) / (1.25 * reach)
+        light = np.where((ahead > 0.0) & (away < 1.0), (1.0 - np.minimum(away, 1.0) ** 2) ** 2, 0.0)
+        lit_rows, lit_columns = (np.flatnonzero(light.any(axis=k)) for k in (1, 0))
+        if len(lit_rows):
+            # Only the lit part: stretching an image takes time by its area.
+            rows = slice(lit_rows[0], lit_rows[-1] + 1)
+            columns = slice(lit_columns[0], lit_columns[-1] + 1)
+            lit = light[rows, columns]
+            pixels = np.empty((*lit.shape, 4))
+            pixels[..., :3], pixels[..., 3] = theme.floor[:3], theme.floor[3] * lit
+            across, up = width / light.shape[1], height / light.shape[0]
+            extent = (
+                columns.start * across, columns.stop * across, rows.start * up, rows.stop * up
+            )  # fmt: skip
+            made.append(self.image(pixels, extent, 1.0, animated))
+        if grid:
+            lines = _grid(geometry, layout, centre, reach)
+            lines.set_animated(animated)
+            self.axes.add_collection(lines, autolim=False)
+            made.append(lines)
+        return made
+
+    def polygons(
+        self, polygons: list[Polygon], zorder: float = 2.0, animated: bool = False
+    ) -> PolyCollection:
+        """Adds a collection of polygons, painted in this order."""
+        from matplotlib.collections import PolyCollection
+
+        made = PolyCollection(
+            [], zorder=zorder, antialiased=True, joinstyle="round", animated=animated
+        )
+        self.axes.add_collection(made, autolim=False)
+        set_polygons(made, polygons)
+        return made
+
+    def write(
+        self, x: float, y: float, text: str, size: float, colour: np.ndarray, **how: Any
+    ) -> Text:
+        """Adds plain text; mathematics in it is not interpreted.
+
+        Args:
+            x, y: place [px].
+            text: to write.
+            size: height of a line of text [px].
+            colour: of the text.
+            how: passed on to matplotlib (ha, va, weight, animated).
+        """
+        return self.axes.text(
+            x, y, plain(text), fontsize=size * _POINTS, color=colour, parse_math=False,
+            usetex=False, zorder=5.0, **how,
+        )  # fmt: skip
+
+    def title(self, text: str, unit: float, y: float, animated: bool = False) -> Text:
+        """Adds the title at the left, its top at height y; ``unit`` is the size of letters [px]."""
+        return self.write(
+            1.6 * unit, y, text, 1.35 * unit, self.theme.ink,
+            ha="left", va="top", weight="bold", animated=animated,
+        )  # fmt: skip
+
+    def tension_bar(
+        self, geometry: Geometry, layout: Layout, y: float, unit: float, right: float | None = None
+    ) -> None:
+        """Adds the scale of tension at the right, with the sign for a slack string.
+
+        Args:
+            geometry: what is shown; nothing is drawn where it has no tension.
+            layout: colours and top of the scale.
+            y: height of the bar [px].
+            unit: size of the letters [px].
+            right: of the bar [px]; near the sheet's edge when not given.
+        """
+        if geometry.tension is None or not (geometry.names or geometry.chains):
+            return
+        theme, length, thick = layout.theme, 15.0 * unit, 0.62 * unit
+        right = self.width - 1.6 * unit if right is None else right
+        left = right - length
+        self.image(layout.colours[None, :, :], (left, right, y, y + thick), 4.0)
+        largest = max(
+            float(np.nanmax(np.abs(x), initial=0.0)) for x in (geometry.tension, geometry.pulls)
+        )
+        sign = "\N{GREATER-THAN OR EQUAL TO} " if largest > 1.001 * layout.top else ""
+        for x, text, side in (
+            (left, "0", "left"), (right, f"{sign}{layout.top:g} N", "right"),
+            (0.5 * (left + right), "tension", "center"), (left - 3.2 * unit, "slack", "center"),
+        ):  # fmt: skip
+            self.write(x, y - 0.35 * unit, text, 0.85 * unit, theme.faint, ha=side, va="top")
+        self.axes.plot(
+            [left - 4.4 * unit, left - 2.0 * unit], [y + 0.5 * thick] * 2, color=theme.slack,
+            linewidth=0.95 * layout.pen * _POINTS, zorder=4.0,
+        )  # fmt: skip
+
+
+def set_polygons(artist: PolyCollection, polygons: list[Polygon]) -> None:
+    """Replaces the polygons of a collection, in the order of painting."""
+    artist.set_verts([p.outline for p in polygons])
+    artist.set_facecolor([p.face for p in polygons])
+    artist.set_edgecolor([p.edge for p in polygons])
+    artist.set_linewidth([p.width * _POINTS for p in polygons])
+
+
+def _spot(geometry: Geometry) -> tuple[np.ndarray, float]:
+    """Middle (2,) and reach [m] of the light on the floor under a whole motion."""
+    low, high = geometry.ground_box()
+    return 0.5 * (low + high), 0.6 * float((high - low).max()) + 0.3 * geometry.size
+
+
+def _grid(geometry: Geometry, layout: Layout, middle: np.ndarray, reach: float) -> LineCollection:
+    from matplotlib.collections import LineCollection
+
+    theme, camera = layout.theme, layout.camera
+    step = round_down(reach / 4.0)
+    ticks = np.arange(-6, 7) * step
+    along = np.linspace(-6 * step, 6 * step, 49)
+    origin = np.round(middle / step) * step
+    one_way = np.stack([np.column_stack([np.full(49, t), along]) for t in ticks])
+    points = np.concatenate([one_way, one_way[..., ::-1]]) + origin
+    points = np.concatenate([points, np.full((*points.shape[:2], 1), geometry.floor)], axis=2)
+    placed = camera.project(points, layout.viewport)
+    lines = np.stack([placed[:, :-1], placed[:, 1:]], axis=2).reshape(-1, 2, 3)
+    away = np.linalg.norm(0.5 * (points[:, :-1] + points[:, 1:])[..., :2] - middle, axis=2).ravel()
+    fade = np.clip(1.0 - away / (1.35 * reach), 0.0, 1.0) ** 1.4
+    good = (fade > 0.0) & np.all(lines[..., 2] > 0.05 * geometry.size, axis=1)
+    colours = np.column_stack([np.tile(theme.grid, (good.sum(), 1)), fade[good]])
+    return LineCollection(
+        lines[good][..., :2], colors=colours, linewidths=0.55 * layout.pen * _POINTS, zorder=1.5,
+        capstyle="butt",
+    )  # fmt: skip

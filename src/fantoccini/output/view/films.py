@@ -1,0 +1,290 @@
+"""Films of a motion: frames are drawn here and encoded by an ffmpeg process."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from fantoccini.base import FantocciniError, MediaError, ffmpeg, replacing
+from fantoccini.output.view.camera import Viewport
+from fantoccini.output.view.compose import Layout, compose, shadows
+from fantoccini.output.view.drawing import Look, Sheet, layout_of, set_polygons
+from fantoccini.output.view.geometry import Geometry, Guides, geometry_of
+from fantoccini.output.view.pan import camera_path, pays_off
+from fantoccini.output.view.soundtrack import soundtrack
+from fantoccini.output.view.still import Drawable
+from fantoccini.output.view.studio import Studio, checked_renderer
+from fantoccini.output.view.subtitles import Subtitles
+from fantoccini.output.view.theme import Theme
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    from fantoccini.motion import Trajectory
+    from fantoccini.theatre.gestures import Caption, Sound
+
+CODECS = {
+    ".mp4": (
+        "-c:v", "libx264", "-preset", "veryfast", "-crf", "18", "-pix_fmt", "yuv420p",
+        "-movflags", "+faststart", "-f", "mp4",
+    ),
+    ".gif": (
+        "-vf", "split[a][b];[a]palettegen=max_colors=128[p];[b][p]paletteuse=dither=bayer",
+        "-loop", "0", "-f", "gif",
+    ),
+}  # fmt: skip
+"""ffmpeg's arguments, by file ending."""
+_CAPTIONS = 0.4
+"""Largest share of the picture's height that captions take."""
+
+MAX_GIF_FPS = 50.0
+"""Largest frame rate of a GIF [1/s]. Frame times are in hundredths of a second, and browsers show a
+frame of one hundredth for ten."""
+
+
+class FilmError(FantocciniError):
+    """The film could not be written; the message ends with the encoder's last lines."""
+
+
+def film(
+    marionette: Drawable,
+    run: Trajectory,
+    path: str | os.PathLike[str],
+    fps: float = 30.0,
+    size: tuple[int, int] = (960, 720),
+    view: str | tuple[float, float] = "auto",
+    focus: str = "all",
+    theme: str | Theme = "light",
+    speed: float = 1.0,
+    progress: Callable[[int, int], None] | None = None,
+    renderer: str = "matplotlib",
+    follow: bool | None = None,
+    forces: bool = False,
+    captions: Sequence[Caption] = (),
+    sounds: Sequence[Sound] = (),
+    guides: Guides | None = None,
+) -> Path:
+    """Writes a film of a run.
+
+    The file appears whole or not at all. A fixed camera frames all of the motion, unless the puppet
+    walks so far that it would be small: then the camera follows it.
+
+    Args:
+        marionette: the puppet.
+        run: its motion.
+        path: ends in ``.mp4`` (H.264, yuv420p) or ``.gif``.
+        fps: frames per second; for a ``.gif`` at most 50, because browsers play no more.
+        size: width and height [px], rounded up to even numbers.
+        view: preset, or (azimuth, elevation) in degrees.
+        focus: ``all`` frames bodies and strings, ``bodies`` lets strings leave the picture.
+        theme: ``light``, ``dark``, or a Theme.
+        speed: seconds of motion per second of film.
+        progress: called with (frames done, all frames) after each frame.
+        renderer: ``matplotlib``, or ``pyvista`` for shaded solids where that is installed; it takes
+            several times as long.
+        follow: whether the camera follows the puppet; by default where that pays off.
+        forces: draw the forces of contacts, as :func:`strip` does; by matplotlib.
+        captions: to be read below the picture, on the run's clock; ``score.captions``.
+        sounds: to be heard, on the run's clock; ``score.sounds``. In slow and fast films they keep
+            their pitch. A ``.gif`` is silent.
+        guides: gives at times (T,) polylines (T, n, 3) that the motion is compared with, drawn in
+            front of it [m]: ``followed.guides``. By matplotlib.
+
+    Returns:
+        The path of the film.
+
+    Raises:
+        FilmError: the encoder failed, a sound cannot be read, or the folder does not exist.
+        MissingLibraryError: the renderer is pyvista, which is not installed.
+        ValueError: a number is out of range, the ending is unknown, there are no forces to draw, or
+            a film with sound is more than 4 times as slow or fast as the motion.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in CODECS:
+        raise ValueError(f"a film ends in {' or '.join(CODECS)}, not in {path.suffix!r}")
+    if not (0.0 < fps <= 240.0 and speed > 0.0 and min(size) >= 16 and max(size) <= 8192):
+        raise ValueError("a film needs 0 < fps <= 240, speed > 0 and sides of 16 to 8192 pixels")
+    if not os.path.isdir(path.parent):
+        raise FilmError(f"there is no folder {path.parent}")
+    width, height = (int(n) + int(n) % 2 for n in size)
+    if checked_renderer(renderer) == "pyvista" and (forces or guides):
+        raise ValueError("pyvista draws no forces and no guides; take renderer='matplotlib'")
+
+    ending = path.suffix.lower()
+    if ending == ".gif":
+        fps = min(fps, MAX_GIF_FPS)
+    start, stop = float(run.t[0]), float(run.t[-1])
+    n = max(1, round((stop - start) / speed * fps))
+    times = np.minimum(start + np.arange(n) * (speed / fps), stop)
+    sound = soundtrack(sounds if ending == ".mp4" else (), start, n / fps, speed)
+    geometry = geometry_of(marionette, run.resample(times), forces).with_guides(guides)
+    look = Look.of(view, focus, theme, (width, height))
+    frames = Frames(geometry, look, renderer, follow, captions)
+    try:
+        with replacing(path) as part:
+            _encode(frames, n, part, (*sound, CODECS[ending]), fps, progress)
+    finally:
+        frames.close()
+    return path
+
+
+class Frames:
+    """Draws the frames of one film; background, scale and captions are drawn once.
+
+    Args:
+        geometry: what to show.
+        look: of the film.
+        renderer: of solids and strings.
+        follow: whether the camera follows the puppet; None where that pays off.
+        captions: to be read below the picture.
+    """
+
+    def __init__(
+        self,
+        geometry: Geometry,
+        look: Look,
+        renderer: str = "matplotlib",
+        follow: bool | None = None,
+        captions: Sequence[Caption] = (),
+    ):
+        self.size = width, height = look.size or (960, 720)
+        unit = max(height / 50.0, min(10.0, width / 24.0))  # captions of small films stay legible
+        self.geometry, self.sheet = geometry, Sheet(self.size, look.theme)
+        axes = self.sheet.axes
+        self._subtitles = Subtitles(captions, width, unit, _CAPTIONS * height)
+        low = 3.2 * unit + self._subtitles.room
+        inner = Viewport(unit, low, width - 2.0 * unit, height - 2.8 * unit - low)
+        self.layout, self.pan = _framing(geometry, inner, look, follow)
+        self._floor: list[Artist] = []
+        if self.pan is None:
+            self.sheet.floor(geometry, self.layout)
+        before = set(axes.get_children())
+        self.sheet.tension_bar(geometry, self.layout, 2.2 * unit, unit)
+        self._scale = [x for x in axes.get_children() if x not in before]
+        for artist in self._scale if self.pan is not None else ():
+            artist.set_animated(True)  # a floor that moves is drawn before it
+        # Strings may run up behind the title.
+        self._title = self.sheet.title(geometry.title, unit, height - 1.6 * unit, animated=True)
+        self._clock = self.sheet.write(
+            width - 1.6 * unit, height - 1.6 * unit, "", 1.15 * unit, look.theme.faint,
+            ha="right", va="top", animated=True,
+        )  # fmt: skip
+        self._subtitles.place(self.sheet, 3.2 * unit)
+        self._middle = np.append(geometry.balls(pan=self.pan)[0][:, :2].mean(axis=0), 0.0)
+        self._polygons = self.sheet.polygons([], animated=True)
+        self._studio = None
+        if renderer == "pyvista":
+            self._studio = Studio(geometry, self.layout, self.size)
+            blank, whole = np.zeros((height, width, 4)), (0.0, width, 0.0, height)
+            self._photograph = self.sheet.image(blank, whole, 3.0, animated=True)
+        self._canvas = cast("FigureCanvasAgg", self.sheet.figure.canvas)
+        self._canvas.draw()
+        self._backdrop = self._canvas.copy_from_bbox(self.sheet.figure.bbox)
+
+    def draw(self, k: int) -> memoryview:
+        """The pixels of frame k: rows from the top, red, green, blue, opacity, a byte each."""
+        self._canvas.restore_region(self._backdrop)
+        layout = self.layout if self.pan is None else self._follow(self.pan[k])
+        self._clock.set_text(f"{self.geometry.t[k]:.2f} s")
+        painted = compose if self._studio is None else shadows
+        set_polygons(self._polygons, painted(self.geometry, k, layout))
+        words = self._subtitles.at(float(self.geometry.t[k]))
+        artists: list[Artist] = [self._polygons, self._title, self._clock, *words]
+        if self._studio is not None:
+            self._photograph.set_data(self._studio.photograph(k)[::-1])
+            artists.insert(1, self._photograph)
+        for artist in artists:
+            self.sheet.axes.draw_artist(artist)
+        return self._canvas.buffer_rgba()
+
+    def _follow(self, gone: np.ndarray) -> Layout:
+        """The layout of a camera displaced by (3,) [m]; draws its floor."""
+        camera = self.layout.camera
+        layout = replace(self.layout, camera=replace(camera, eye=camera.eye + gone))
+        for artist in self._floor:
+            artist.remove()
+        middle = gone + self._middle
+        self._floor = self.sheet.floor(self.geometry, layout, middle=middle, animated=True)
+        for artist in (*self._floor, *self._scale):
+            self.sheet.axes.draw_artist(artist)
+        if self._studio is not None:
+            self._studio.aim(layout, self.size)
+        return layout
+
+    def close(self) -> None:
+        """Releases the renderer."""
+        if self._studio is not None:
+            self._studio.close()
+
+
+def _framing(
+    geometry: Geometry, viewport: Viewport, look: Look, follow: bool | None
+) -> tuple[Layout, np.ndarray | None]:
+    """The first frame's layout, and the camera's displacements (T, 3) [m] where it follows."""
+    fixed = layout_of(geometry, viewport, look)
+    if follow is False:
+        return fixed, None
+    path = camera_path(geometry)
+    following = layout_of(geometry, viewport, look, pan=path)
+    if follow is None:
+        # Decided with the strings in view: a puppet that only swings on fixed ones is not followed.
+        distances = []
+        for pan in (None, path):
+            camera = layout_of(geometry, viewport, replace(look, focus="all"), pan=pan).camera
+            centre = geometry.balls(pan=pan)[0].mean(axis=0)
+            distances.append(float((centre - camera.eye) @ -camera.axes[2]))
+        follow = pays_off(*distances)
+    return (following, path) if follow else (fixed, None)
+
+
+def _encode(
+    frames: Frames,
+    n: int,
+    part: Path,
+    arguments: tuple[Sequence[str], Sequence[str], Sequence[str]],
+    fps: float,
+    progress: Callable[[int, int], None] | None,
+) -> None:
+    """Draws and encodes n frames; the arguments are those of sounds, of their mix and the codec."""
+    try:
+        program = ffmpeg()
+    except MediaError as reason:
+        raise FilmError(str(reason)) from reason
+    sounds, mix, codec = arguments
+    width, height = frames.size
+    command = [
+        program, "-hide_banner", "-loglevel", "error", "-y",
+        "-f", "rawvideo", "-pix_fmt", "rgba", "-s", f"{width}x{height}", "-r", f"{fps:.6f}",
+        "-i", "pipe:0", *sounds, *mix, *codec, str(part.absolute()),
+    ]  # fmt: skip
+    with tempfile.TemporaryFile() as log:
+        encoder = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=log
+        )
+        assert encoder.stdin is not None
+        broken = False
+        try:
+            for k in range(n):
+                encoder.stdin.write(frames.draw(k))
+                if progress is not None:
+                    progress(k + 1, n)
+            encoder.stdin.close()
+        except (BrokenPipeError, ConnectionError):
+            broken = True
+        except BaseException:
+            encoder.kill()
+            encoder.wait()
+            raise
+        code = encoder.wait()
+        if broken or code != 0:
+            log.seek(0)
+            lines = log.read().decode("utf-8", "replace").strip().splitlines()[-6:]
+            raise FilmError(f"ffmpeg ended with code {code}: {'; '.join(lines) or 'no message'}")

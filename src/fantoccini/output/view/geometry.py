@@ -1,0 +1,397 @@
+"""The geometry of a puppet and its motion, in metres: everything that is drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from fantoccini.base import Array, Times
+from fantoccini.base.documents import Number
+from fantoccini.model.tree import WORLD, ChainRow, Point, SpringRow, Tree
+from fantoccini.output.view import rope
+from fantoccini.output.view.shapes import link_solids, obstacles, stand_ins
+from fantoccini.output.view.silhouettes import Solid
+from fantoccini.output.view.still import Drawable
+from fantoccini.output.view.theme import rgb
+
+if TYPE_CHECKING:
+    from fantoccini.motion import ContactPoints, State, Trajectory
+
+
+@dataclass(frozen=True)
+class StringCurve:
+    """A string at one time.
+
+    Attributes:
+        points: (n, 3) polyline to draw [m].
+        taut: True when it pulls.
+        tension: [N], or None when unknown.
+        colour: (3,) of its own, or None.
+        wire: True for a two-sided one.
+    """
+
+    points: np.ndarray
+    taut: bool
+    tension: float | None
+    colour: np.ndarray | None
+    wire: bool
+
+
+Guides: TypeAlias = Callable[[Times], Sequence[Array]]
+"""Gives lines (T, n, 3) that a motion is compared with at times (T,) [m]."""
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """A motion, ready to be drawn.
+
+    Attributes:
+        title: name of the puppet.
+        t: (T,) times [s].
+        solids: shapes on links, obstacles on the world.
+        poses: (T, n_links, 3, 4) link poses.
+        names: of the strings.
+        points: for each string (T, n_points, 3) [m].
+        lengths: (T, n_strings) including slip of the winches [m].
+        taut: (T, n_strings) True for taut strings.
+        tension: (T, n_strings) [N], or None when unknown.
+        colours: of each string its own colour, or None.
+        wires: True for two-sided strings.
+        springs: for each spring (T, 2, 3) ends [m].
+        chains: for each chain (T, n_points, 3) its ends and masses [m].
+        pulls: (T, n_chains) mean pull of the springs of each chain [N].
+        chain_colours: as ``colours``.
+        floor: height of the plane that shadows fall on [m].
+        ground: True where that plane is the world's floor, on which slack strings lie.
+        plane: mirror plane of the puppet, or None.
+        size: largest side of the box about puppet and strings at the first time [m].
+        tree: links and strings, with values in place of parameters.
+        arrows: for each time (n, 2, 3) foot and head of the arrows of forces [m]; empty for none.
+        guides: (T, n, 3) polylines that the motion is compared with, drawn in front of it [m].
+    """
+
+    title: str
+    t: np.ndarray
+    solids: tuple[Solid, ...]
+    poses: np.ndarray
+    names: tuple[str, ...]
+    points: tuple[np.ndarray, ...]
+    lengths: np.ndarray
+    taut: np.ndarray
+    tension: np.ndarray | None
+    colours: tuple[np.ndarray | None, ...]
+    wires: tuple[bool, ...]
+    springs: tuple[np.ndarray, ...]
+    chains: tuple[np.ndarray, ...]
+    pulls: np.ndarray
+    chain_colours: tuple[np.ndarray | None, ...]
+    floor: float
+    ground: bool
+    plane: str | None
+    size: float
+    tree: Tree
+    arrows: tuple[np.ndarray, ...] = ()
+    guides: tuple[np.ndarray, ...] = ()
+
+    def with_guides(self, guides: Guides | None) -> Geometry:
+        """The same with lines that the motion is compared with.
+
+        Raises:
+            ValueError: they are not (T, n, 3) with n >= 2.
+        """
+        if guides is None:
+            return self
+        lines = tuple(np.asarray(line, dtype=float) for line in guides(self.t))
+        for line in lines:
+            of_times = line.ndim == 3 and line.shape[::2] == (len(self.t), 3)
+            if not of_times or line.shape[1] < 2:
+                raise ValueError(
+                    f"a guide has the shape {line.shape}; needed: ({len(self.t)}, n, 3) with at "
+                    "least 2 points"
+                )
+        return replace(self, guides=lines)
+
+    def string_curves(self, k: int) -> list[StringCurve]:
+        """The strings and chains at time ``t[k]``."""
+        out = []
+        for s, points in enumerate(self.points):
+            line, taut = points[k], bool(self.taut[k, s]) or self.wires[s]
+            if not taut and np.isfinite(line).all():
+                line = self.slack_curve(line, float(self.lengths[k, s]))
+            tension = None if self.tension is None else float(self.tension[k, s])
+            out.append(StringCurve(line, taut, tension, self.colours[s], self.wires[s]))
+        for s, points in enumerate(self.chains):
+            pull = float(self.pulls[k, s])
+            tension = None if self.tension is None else max(pull, 0.0)
+            out.append(StringCurve(points[k], pull > 0.0, tension, self.chain_colours[s], False))
+        return out
+
+    def slack_curve(self, points: np.ndarray, length: float, n: int = 48) -> np.ndarray:
+        """(m, 3) curve of a slack string through points (k, 3) [m], above the world's floor."""
+        line = rope.path(points, length, n)
+        return np.maximum(line, [-np.inf, -np.inf, self.floor]) if self.ground else line
+
+    def balls(
+        self, strings: bool = True, most: int = 240, pan: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Centres (n, 3) and radii (n,) [m] of balls that cover the motion, for framing it.
+
+        Args:
+            strings: cover strings and springs as well as solids.
+            most: number of times to cover.
+            pan: (T, 3) displacement of a camera that follows the puppet [m]; centres are then
+                relative to it, and obstacles are left out.
+        """
+        samples = spread(len(self.t), most)
+        centres, radii = [np.zeros((0, 3))], [np.zeros(0)]
+        gone = np.zeros((len(samples), 3)) if pan is None else pan[samples]
+        for solid in self.solids:
+            if pan is not None and solid.link == WORLD:
+                continue
+            poses = _on(self.poses[samples], solid.link)
+            for end in solid.axis:
+                centres.append(poses[..., :3] @ end + poses[..., 3] - gone)
+                radii.append(np.full(len(samples), _reach(solid)))
+        lines = (*self.points, *self.chains, *self.springs)
+        shown = lines if strings or not self.solids else ()
+        for points in (*shown, *self.guides):
+            flat = (points[samples] - gone[:, None]).reshape(-1, 3)
+            centres.append(flat)
+            radii.append(np.zeros(len(flat)))
+        every = np.concatenate(centres)
+        good = np.isfinite(every).all(axis=1)
+        if not good.any():
+            return np.zeros((1, 3)), np.ones(1)
+        return every[good], np.concatenate(radii)[good]
+
+    def feet(self, centres: np.ndarray) -> np.ndarray:
+        """(m, 3) points of the floor below those of the centres (n, 3) that are close to it [m]."""
+        low = centres[:, 2] - self.floor
+        near = (low > 0.0) & (low < 0.25 * self.size)
+        return np.column_stack([centres[near, :2], np.full(near.sum(), self.floor)])
+
+    def ground_box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper corner (2,) of where the motion is seen from above, but for outliers."""
+        low, high = np.percentile(self.balls()[0][:, :2], [2.0, 98.0], axis=0)
+        return low, high
+
+    def tension_top(self) -> float:
+        """Upper end of the tension scale [N]: a round number above 98 % of the tensions."""
+        if self.tension is None:
+            return 1.0
+        pulls = np.concatenate([self.tension.ravel(), self.pulls.ravel()])
+        pulls = np.abs(pulls[np.isfinite(pulls)])
+        pulls = pulls[pulls > 0.0]
+        if not pulls.size:
+            return 1.0
+        top = float(np.percentile(pulls, 98.0))
+        unit = 10.0 ** np.floor(np.log10(top))
+        steps = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
+        return float(unit * min(f for f in steps if f * unit >= top * (1.0 - 1e-9)))
+
+
+def spread(n: int, most: int) -> np.ndarray:
+    """At most so many of the indices 0 to n - 1, evenly spread."""
+    return np.unique(np.linspace(0, n - 1, most).astype(int))
+
+
+def round_down(length: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is not above ``length``."""
+    unit = 10.0 ** np.floor(np.log10(length))
+    return float(unit * max(f for f in (1.0, 2.0, 5.0) if f * unit <= length * (1.0 + 1e-9)))
+
+
+def geometry_of(marionette: Drawable, run: Trajectory, forces: bool = False) -> Geometry:
+    """The geometry of a run, with or without the forces of its contacts."""
+    made = _geometry(
+        marionette, np.asarray(run.t), run.q_D, run.q_K, run.taut.values, run.tension.values,
+        0.0 if run.slip is None else run.slip.values,
+    )  # fmt: skip
+    return replace(made, arrows=_arrows(run, made.size)) if forces else made
+
+
+def _arrows(run: Trajectory, size: float) -> tuple[np.ndarray, ...]:
+    """For each sample (n, 2, 3) arrows of contact forces [m].
+
+    Lengths are proportional to the forces: 9 of 10 are below 0.15 ``size``. Those of impacts are
+    cut at twice that.
+    """
+    contact = run.contact
+    if contact is None:
+        raise ValueError("this run has no contact, so that there are no forces to draw")
+    force = np.linalg.norm(contact.force, axis=1)
+    full = float(np.percentile(force, 90.0)) if len(force) else 0.0
+    ends = np.searchsorted(contact.sample, np.arange(1, len(run)))
+    return tuple(np.split(force_arrows(contact, full, size), ends))
+
+
+def force_arrows(contact: ContactPoints, full: float, size: float) -> np.ndarray:
+    """(n, 2, 3) foot and head of the arrows of contact forces [m].
+
+    Args:
+        contact: the points.
+        full: force of an arrow of 0.15 ``size`` [N]; arrows are cut at twice that.
+        size: of the picture [m].
+    """
+    force = np.linalg.norm(contact.force, axis=1)
+    scale = np.minimum(0.15 * size / max(full, 1e-300), 0.3 * size / np.maximum(force, 1e-300))
+    return np.stack([contact.point, contact.point + scale[:, None] * contact.force], axis=1)
+
+
+def geometry_at(marionette: Drawable, state: State, tension: np.ndarray | None = None) -> Geometry:
+    """The geometry of one state.
+
+    Args:
+        marionette: the puppet.
+        state: configuration and active set.
+        tension: (n_strings,) [N]; None draws strings without the colours of tension.
+    """
+    n = len(marionette.tree.strings)
+    return _geometry(
+        marionette, np.array([state.t]), state.q_D[None], state.q_K[None], state.taut[None, :n],
+        None if tension is None else np.asarray(tension, dtype=float)[None],
+        state.slip[None] if len(state.slip) else 0.0,
+    )  # fmt: skip
+
+
+def _geometry(
+    marionette: Drawable,
+    t: Array,
+    q_D: Array,
+    q_K: Array,
+    taut: np.ndarray,
+    tension: Array | None,
+    slip: Array | float,
+) -> Geometry:
+    tree, puppet = _with_values(marionette.tree, marionette.model.number), marionette.puppet
+    poses = np.asarray(marionette.poses(q_D, q_K))
+    points = tuple(np.asarray(p) for p in marionette.string_points(q_D, q_K))
+    springs = spring_ends(tree, poses)
+    chains, pulls = chain_points(tree, poses), chain_pulls(marionette, tree, poses, q_D, q_K)
+    solids = link_solids(tree)
+    size = _size(solids, poses, (*points, *chains))
+    solids += stand_ins(tree, size)
+    low = _lowest(solids, poses) if solids else 0.0
+    floor = low - 0.04 * size if puppet.floor is None else float(puppet.floor)
+    return Geometry(
+        title=tree.name,
+        t=t,
+        solids=tuple(obstacles(puppet) + solids),
+        poses=poses,
+        names=tuple(s.name for s in tree.strings),
+        points=points,
+        lengths=np.asarray(marionette.model.string_lengths(q_D, q_K)) + slip,
+        taut=np.asarray(taut, dtype=bool),
+        tension=None if tension is None else np.asarray(tension, dtype=float),
+        colours=tuple(None if s.colour is None else rgb(s.colour) for s in tree.strings),
+        wires=tuple(s.wire for s in tree.strings),
+        springs=springs,
+        chains=chains,
+        pulls=pulls,
+        chain_colours=tuple(None if c.colour is None else rgb(c.colour) for c in tree.chains),
+        floor=floor,
+        ground=puppet.floor is not None,
+        plane=puppet.mirror.plane if puppet.mirror else None,
+        size=size,
+        tree=tree,
+    )
+
+
+def spring_ends(tree: Tree, poses: np.ndarray) -> tuple[np.ndarray, ...]:
+    """For each spring (..., 2, 3) its ends [m], from link poses (..., n_links, 3, 4)."""
+    return _points_of(tree.springs, poses)
+
+
+def chain_points(tree: Tree, poses: np.ndarray) -> tuple[np.ndarray, ...]:
+    """For each chain (..., n_points, 3) its ends and masses [m], from link poses."""
+    return _points_of(tree.chains, poses)
+
+
+def _points_of(rows: Sequence[SpringRow | ChainRow], poses: np.ndarray) -> tuple[np.ndarray, ...]:
+    return tuple(np.stack([_carry(poses, end) for end in row.points], axis=-2) for row in rows)
+
+
+def chain_pulls(
+    marionette: Drawable, tree: Tree, poses: np.ndarray, q_D: np.ndarray, q_K: np.ndarray
+) -> np.ndarray:
+    """(..., n_chains) mean pull EA (d / l - 1) of the springs of each chain [N]."""
+    pulls = []
+    for row, points in zip(tree.chains, chain_points(tree, poses), strict=True):
+        path = np.linalg.norm(np.diff(points, axis=-2), axis=-1).sum(axis=-1)
+        length = row.own_length(q_D, q_K, marionette.model.number)
+        pulls.append(marionette.model.number(row.stiffness) * (path / length - 1.0))
+    return np.stack(pulls, axis=-1) if pulls else np.zeros((*poses.shape[:-3], 0))
+
+
+def _with_values(tree: Tree, number: Callable[[Number], float]) -> Tree:
+    """The tree with present values in place of the parameters that pictures depend on."""
+
+    def numbers(xs: tuple[Number, Number, Number]) -> tuple[float, float, float]:
+        x, y, z = xs
+        return number(x), number(y), number(z)
+
+    def point(p: Point) -> Point:
+        return replace(p, at=numbers(p.at))
+
+    strings = (replace(s, points=tuple(map(point, s.points))) for s in tree.strings)
+    springs = (replace(s, points=(point(s.points[0]), point(s.points[1]))) for s in tree.springs)
+    chains = (replace(c, points=tuple(map(point, c.points))) for c in tree.chains)
+    links = (
+        replace(
+            link, offset=numbers(link.offset),
+            mass=None if link.mass is None else number(link.mass),
+            com=None if link.com is None else numbers(link.com),
+        )
+        for link in tree.links
+    )  # fmt: skip
+    return replace(
+        tree, links=tuple(links), strings=tuple(strings), springs=tuple(springs),
+        chains=tuple(chains),
+    )  # fmt: skip
+
+
+def _on(poses: np.ndarray, link: int) -> np.ndarray:
+    if link == WORLD:
+        return np.broadcast_to(np.eye(3, 4), (*poses.shape[:-3], 3, 4))
+    return poses[..., link, :, :]
+
+
+def _carry(poses: np.ndarray, point: Point) -> np.ndarray:
+    pose = _on(poses, point.link)
+    return pose[..., :3] @ np.array(point.at) + pose[..., 3]
+
+
+def _reach(solid: Solid) -> float:
+    """Radius about the axis' ends that covers the solid [m]."""
+    if solid.kind == "capsule":
+        return solid.radius
+    if solid.kind == "ellipsoid":
+        return float(np.sort(np.linalg.norm(solid.half, axis=0))[1])
+    gaps = np.linalg.norm(solid.points[:, None] - solid.axis[None], axis=-1)
+    return float(gaps.min(axis=1).max())
+
+
+def _lowest(solids: list[Solid], poses: np.ndarray) -> float:
+    low = np.inf
+    for solid in solids:
+        pose = _on(poses, solid.link)
+        down = pose[:, 2, :3]
+        heights = down @ solid.points.T + pose[:, 2, 3:]
+        if solid.kind == "ellipsoid":
+            heights = heights - np.linalg.norm(down @ solid.half, axis=-1)[:, None]
+        low = min(low, float(np.min(heights)) - solid.radius)
+    return low if np.isfinite(low) else 0.0
+
+
+def _size(solids: list[Solid], poses: np.ndarray, points: tuple[np.ndarray, ...]) -> float:
+    places = [poses[0, :, :, 3], *(p[0] for p in points)]
+    for solid in solids:
+        pose = _on(poses[0], solid.link)
+        places.append(solid.points @ pose[:, :3].T + pose[:, 3])
+    every = np.concatenate(places)
+    every = every[np.isfinite(every).all(axis=1)]
+    size = float(np.ptp(every, axis=0).max()) if len(every) else 0.0
+    return size if size > 1e-9 else 1.0

@@ -1,0 +1,219 @@
+"""HTML of a puppet and of a run for notebooks: a picture and tables.
+
+Nothing is derived or compiled for it (see :mod:`fantoccini.output.view.still`). Every text is escaped. A
+picture that fails is left out; where all fails the result is None, and the notebook shows text.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fantoccini.base.documents import Parameter
+from fantoccini.model.tree import WORLD, StringRow, grow
+from fantoccini.output.view.drawing import DPI, Look, plain
+from fantoccini.output.view.geometry import geometry_at
+from fantoccini.output.view.pictures import figure_of, strip_figure
+from fantoccini.output.view.plots import plot
+from fantoccini.output.view.still import Still
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from fantoccini.dynamics.marionette import Marionette
+    from fantoccini.motion import Trajectory
+
+MAX_BYTES = 200_000
+"""A larger picture is drawn again with fewer pixels."""
+MAX_LINES = 16
+"""Lines of a table; more are only counted."""
+POSES = 5
+"""Poses of a run's strip."""
+
+_CELL = 'style="text-align:left;padding:.1em .6em .1em 0"'
+
+
+def puppet_html(marionette: Marionette) -> str | None:
+    """A puppet as HTML: its start pose, mass, strings and driven coordinates."""
+    try:
+        still = Still(marionette.puppet, marionette.tree, marionette.model.number)
+        picture = _picture(
+            lambda: figure_of(geometry_at(still, still.start()), Look.of(size=(420, 520))),
+            "the start pose",
+        )
+        return _page(marionette.name, picture, _puppet_tables(marionette))
+    except Exception:  # a display must never fail a notebook's cell
+        return None
+
+
+def run_html(run: Trajectory) -> str | None:
+    """A run as HTML: a strip of poses, or plots where its poses are unknown; its key numbers."""
+    try:
+        still = _still_of(run)
+        if still is None:
+            picture = _picture(lambda: plot(run, size=(900, 800)), "the run against time")
+        else:
+            picture = _picture(
+                lambda: strip_figure(still, run, POSES, "poses", Look.of()), "poses of the run"
+            )
+        name = run.puppet.name if run.puppet else "run"
+        return _page(name, picture, _run_tables(run), wide=True)
+    except Exception:  # as above
+        return None
+
+
+def _still_of(run: Trajectory) -> Still | None:
+    """The puppet of a run; None for an unknown or several puppets, or strings that do not fit."""
+    if run.puppet is None:
+        return None
+    tree = grow(run.puppet)
+    if (tree.coordinates.q_D, tree.coordinates.q_K) != (run.coordinates.q_D, run.coordinates.q_K):
+        return None
+    still = Still(run.puppet, tree)
+    spans = [
+        np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
+        for points in still.string_points(run.q_D[:1], run.q_K[:1])
+    ]
+    over = np.array(spans).reshape(-1) - still.string_lengths(run.q_D[:1], run.q_K[:1])[0]
+    slip = 0.0 if run.slip is None else run.slip.values[0]
+    return still if np.all(over - slip <= 1e-3 * np.abs(over).max(initial=1.0)) else None
+
+
+def _picture(figure: Callable[[], Figure], what: str) -> str:
+    """An image with its content in the page; empty where it cannot be drawn."""
+    try:
+        made = figure()
+        for scale in (2.0, 1.5, 1.0, 0.7):
+            content = io.BytesIO()
+            made.savefig(content, dpi=DPI * scale, format="png")
+            if content.tell() <= MAX_BYTES:
+                break
+    except Exception:  # the tables are useful without it
+        return ""
+    width = round(made.get_figwidth() * DPI)
+    data = base64.b64encode(content.getvalue()).decode("ascii")
+    return (
+        f'<img alt="{_text(what)}" width="{width}" style="max-width:100%;height:auto" '
+        f'src="data:image/png;base64,{data}">'
+    )
+
+
+def _puppet_tables(m: Marionette) -> list[str]:
+    table = m.coordinates
+    facts = [
+        ("degrees of freedom", table.n_vD),
+        ("strings", len(m.tree.strings)),
+        ("driven coordinates", table.n_vK),
+        ("bodies", sum(not _is_end(m, k) for k in range(len(m.tree.links)))),
+        ("mass that moves", f"{m.mass:.4g} kg"),
+    ]
+    if m.puppet.obstacles:
+        facts.append(("obstacles", len(m.puppet.obstacles)))
+    strings = [
+        (string.name, _end(m, string, 0), _end(m, string, -1), _length(m, string))
+        for string in m.tree.strings
+    ]
+    starts = [
+        (row.name, "just taut" if np.isnan(start) else f"{start:.4g} {row.unit.strip('1')}")
+        for row in table.rows
+        if row.role == "driven"
+        for start in [float(table.start_K[row.index])]
+    ]
+    values = zip(m.tree.parameters, (f"{value:.6g}" for value in m.p), strict=True)
+    return [
+        _table((), facts),
+        _table(("string", "from", "to", "length"), strings),
+        _table(("driven", "start"), starts),
+        _table(("parameter", "value"), list(values)),
+    ]
+
+
+def _end(m: Marionette, string: StringRow, which: int) -> str:
+    link = string.points[which].link
+    if link == WORLD:
+        return "world"
+    return "driven end" if _is_end(m, link) else m.tree.links[link].name
+
+
+def _is_end(m: Marionette, link: int) -> bool:
+    """Whether a link is only the driven end of a string."""
+    return m.tree.links[link].name in {f"{string.name}.end" for string in m.tree.strings}
+
+
+def _length(m: Marionette, string: StringRow) -> str:
+    if string.length is None:
+        return "driven"
+    name = f"{string.length.parameter} = " if isinstance(string.length, Parameter) else ""
+    return f"{name}{m.model.number(string.length):.4g} m"
+
+
+def _run_tables(run: Trajectory) -> list[str]:
+    about = run.summary()
+    events = "not recorded"
+    if about["events"] is not None:
+        events = ", ".join(f"{n} {kind}" for kind, n in about["events"].items()) or "none"
+    facts = [
+        ("duration", f"{run.duration:.6g} s"),
+        ("method", run.method),
+        ("status", run.status.message),
+        ("events", events),
+        ("samples", len(run)),
+    ]
+    if run.seconds is not None:
+        slow = run.method == "event" and run.seconds > run.duration
+        hint = ", slower than real time; method='timestepping' is faster" if slow else ""
+        facts.append(("computed in", f"{run.seconds:.3g} s{hint}"))
+    if run.blamed:
+        facts.insert(3, ("because of", ", ".join(run.blamed)))
+    strings = [
+        (
+            name, f"{of['min']:.4g}", f"{of['max']:.4g}", f"{of['slack']:.3f}",
+            "" if of["catches"] is None else of["catches"],
+            f"{of['impulse']:.3g}" if of["catches"] else "",
+        )
+        for name, of in about["tension"].items()
+    ]  # fmt: skip
+    heads = ("string", "least [N]", "most [N]", "slack [s]", "catches", "hardest [N s]")
+    ledger = [(name, f"{value:.4g}") for name, value in about["ledger"].items()]
+    return [
+        _table((), facts), _table(heads, strings), _table(("energy at the end", "J"), ledger),
+    ]  # fmt: skip
+
+
+def _page(title: str, picture: str, tables: list[str], wide: bool = False) -> str:
+    """Picture and tables side by side, or one below the other where the picture is ``wide``.
+
+    The picture contains the title; without one it is put above the tables.
+    """
+    head = "" if picture else f'<div style="font-weight:bold">{_text(title)}</div>'
+    shown = "".join(f'<div style="margin:0 2em .8em 0">{t}</div>' for t in tables if t)
+    row = "display:flex;gap:1.2em;align-items:flex-start"
+    return (
+        f'<div class="fantoccini">{head}'
+        f'<div style="{row};flex-direction:{"column" if wide else "row"}">'
+        f'<div style="flex:none;max-width:100%">{picture}</div>'
+        f'<div style="{row};flex-wrap:wrap">{shown}</div></div></div>'
+    )
+
+
+def _table(heads: Sequence[str], rows: Sequence[Iterable[object]]) -> str:
+    """A table; long ones end with the number of lines that are not shown."""
+    if not rows:
+        return ""
+    shown = [list(row) for row in rows[:MAX_LINES]]
+    lines = ["".join(f"<th {_CELL}>{_text(h)}</th>" for h in heads)] if heads else []
+    lines += ["".join(f"<td {_CELL}>{_text(c)}</td>" for c in row) for row in shown]
+    if len(rows) > len(shown):
+        width = len(shown[0])
+        rest = f"and {len(rows) - len(shown)} more"
+        lines.append(f'<td colspan="{width}" {_CELL}>{rest}</td>')
+    return "<table>" + "".join(f"<tr>{line}</tr>" for line in lines) + "</table>"
+
+
+def _text(cell: object) -> str:
+    return html.escape(plain(str(cell)))

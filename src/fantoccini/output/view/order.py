@@ -1,0 +1,238 @@
+"""The painter's order of solids and strings, far to near.
+
+Depth of centres alone puts a foot before its shin. So every two solids that overlap in the picture
+are compared: the one whose surface comes first on most lines of sight through the overlap is
+nearer; a box is compared by the side of its visible faces on which the other solid lies. The
+comparisons are sorted topologically, farther solids first. A string is cut where it passes from
+before a solid to behind it.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from fantoccini.output.view.camera import Camera, Viewport
+
+
+class _Comparison(NamedTuple):
+    """How finely solids are compared, and what counts as before."""
+
+    axis_points: np.ndarray = np.linspace(0.0, 1.0, 5)
+    """Places along a solid's axis, as shares of it."""
+    sights: np.ndarray = np.stack(
+        np.meshgrid(*[np.linspace(0.08, 0.92, 5)] * 2), axis=-1
+    ).reshape(-1, 2)
+    """Lines of sight, as shares of the overlap of two solids, clear of its edges."""
+    face_thickness: float = 1e-6
+    """A point so far behind a face is still before it: it may lie on the face [m]."""
+    sunk: float = 0.15
+    """A string tied to the middle of a limb is drawn on top of it: a string counts as before a
+    solid down to this depth below its middle, as a share of the girth."""
+
+
+_COMPARISON = _Comparison()
+
+
+@dataclass(frozen=True)
+class BoxFaces:
+    """Outward unit normals (n, 3) and centres (n, 3) of a box's faces in the world [m]."""
+
+    normals: np.ndarray
+    centres: np.ndarray
+
+    def before(self, eye: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Which points (..., 3) lie on the outer side of a face that the eye sees."""
+        visible = np.sum((eye - self.centres) * self.normals, axis=1) > 0.0
+        normals, centres = self.normals[visible], self.centres[visible]
+        outside = points @ normals.T - np.sum(normals * centres, axis=1)
+        return np.any(outside > -_COMPARISON.face_thickness, axis=-1)
+
+
+@dataclass(frozen=True)
+class Occluder:
+    """A solid as the painter's order sees it.
+
+    Attributes:
+        axis: (2, 3) its longest inner line in the world [m].
+        girth: distance from that line to the surface [m].
+        unit: (3, 3) maps it, or a capsule's cross-section, to the unit ball [1/m].
+        slides: True for a capsule: its ball may sit anywhere on the axis.
+        bounds: (4,) left, bottom, right, top in the picture [px].
+        faces: of a box, else None.
+    """
+
+    axis: np.ndarray
+    girth: float
+    unit: np.ndarray
+    slides: bool
+    bounds: np.ndarray
+    faces: BoxFaces | None
+
+
+@dataclass(frozen=True)
+class StringPiece:
+    """Pieces ``start`` to ``stop`` of a string, which pass before and behind the same solids."""
+
+    string: int
+    start: int
+    stop: int
+
+
+def painting_order(
+    camera: Camera, viewport: Viewport, solids: list[Occluder], strings: list[np.ndarray]
+) -> list[int | StringPiece]:
+    """The order of painting, far to near: indices of solids, and pieces of strings.
+
+    Args:
+        camera, viewport: the view.
+        solids: to paint.
+        strings: polylines (n, 3) [m]; piece k lies between points k and k + 1.
+    """
+    view = _View(camera, viewport, solids)
+    after = view.pairs()
+    items: list[int | StringPiece] = list(range(len(solids)))
+    depths = [float(d) for d in view.placed[:, :, 2].mean(axis=1)]
+    for n, points in enumerate(strings):
+        middles = 0.5 * (points[:-1] + points[1:])
+        behind, before, seen = view.hits(middles)
+        changes = np.any(behind[1:] != behind[:-1], axis=1) | np.any(
+            before[1:] != before[:-1], axis=1
+        )
+        cuts = [0, *(np.flatnonzero(changes) + 1).tolist(), len(middles)]
+        for start, stop in itertools.pairwise(cuts):
+            after += [(len(items), k) for k in np.flatnonzero(behind[start]).tolist()]
+            after += [(k, len(items)) for k in np.flatnonzero(before[start]).tolist()]
+            items.append(StringPiece(n, start, stop))
+            depths.append(float(seen[start:stop, 2].mean()))
+    return [items[k] for k in _sorted(depths, after)]
+
+
+class _View:
+    """The solids as arrays, as seen by the camera."""
+
+    def __init__(self, camera: Camera, viewport: Viewport, solids: list[Occluder]):
+        self.camera, self.viewport = camera, viewport
+        self.axes = np.array([s.axis for s in solids]).reshape(-1, 2, 3)
+        self.units = np.array([s.unit for s in solids]).reshape(-1, 3, 3)
+        self.bounds = np.array([s.bounds for s in solids]).reshape(-1, 4)
+        self.girths = np.array([s.girth for s in solids])
+        self.slides = np.array([s.slides for s in solids], dtype=bool)
+        self.boxes = {k: s.faces for k, s in enumerate(solids) if s.faces is not None}
+        self.along = self.axes[:, :1] + _COMPARISON.axis_points[:, None] * (
+            self.axes[:, 1:] - self.axes[:, :1]
+        )
+        self.placed = camera.project(self.along, viewport)
+
+    def pairs(self) -> list[tuple[int, int]]:
+        """(farther, nearer) for every two solids that overlap in the picture."""
+        i, j = np.triu_indices(len(self.girths), 1)
+        a, b = self.bounds[i], self.bounds[j]
+        meet = np.all((a[:, :2] < b[:, 2:]) & (b[:, :2] < a[:, 2:]), axis=1)
+        i, j = i[meet], j[meet]
+        if not len(i):
+            return []
+        low = np.maximum(self.bounds[i, :2], self.bounds[j, :2])
+        high = np.minimum(self.bounds[i, 2:], self.bounds[j, 2:])
+        sights = _COMPARISON.sights
+        pixels = (low[:, None] + sights * (high - low)[:, None]).reshape(-1, 2)
+        first, _, on_first = self.intersect(np.repeat(i, len(sights)), pixels)
+        second, _, on_second = self.intersect(np.repeat(j, len(sights)), pixels)
+        votes = np.where(on_first & on_second, np.sign(first - second), 0.0)
+        votes = votes.reshape(len(i), -1).sum(axis=1)
+        middles = self.placed[:, :, 2].mean(axis=1)
+        farther = np.where(votes == 0.0, middles[i] - middles[j], votes) > 0.0
+        return [
+            (a, b) if self.is_farther(a, b, first) else (b, a)
+            for a, b, first in zip(i.tolist(), j.tolist(), farther.tolist(), strict=True)
+        ]
+
+    def is_farther(self, a: int, b: int, default: bool) -> bool:
+        """Whether a is farther than b, by the faces of the larger box; ``default`` without one."""
+        eye, half = self.camera.eye, len(_COMPARISON.axis_points) / 2.0
+        if a in self.boxes and (b not in self.boxes or self.girths[a] >= self.girths[b]):
+            return bool(self.boxes[a].before(eye, self.along[b]).sum() > half)
+        if b in self.boxes:
+            return bool(self.boxes[b].before(eye, self.along[a]).sum() < half)
+        return default
+
+    def hits(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Masks (N, S) of points (N, 3) behind and before solids; their projections (N, 3)."""
+        seen = self.camera.project(points, self.viewport)
+        behind = np.zeros((len(points), len(self.girths)), dtype=bool)
+        before = behind.copy()
+        low, high = self.bounds[None, :, :2], self.bounds[None, :, 2:]
+        place = seen[:, None, :2]
+        point, solid = np.nonzero(np.all((low < place) & (place < high), axis=2))
+        if len(point):
+            _, middle, touched = self.intersect(solid, seen[point, :2])
+            away = np.linalg.norm(points[point] - self.camera.eye, axis=1)
+            front = away < middle + _COMPARISON.sunk * self.girths[solid]
+            for k in self.boxes.keys() & set(solid.tolist()):
+                mine = solid == k
+                front[mine] = self.boxes[k].before(self.camera.eye, points[point[mine]])
+                touched[mine] = True
+            before[point, solid] = touched & front
+            behind[point, solid] = touched & ~front
+        return behind, before, seen
+
+    def intersect(
+        self, solid: np.ndarray, pixel: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Intersections of lines of sight through pixels (P, 2) with solids (P,).
+
+        Returns:
+            Distances from the eye (P,) [m] to the surface and to the middle of the inner piece,
+            and whether the line hits the solid; where it misses, both distances are those of the
+            line's nearest point.
+        """
+        ray = self.camera.rays(pixel, self.viewport)
+        ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+        a, b = self.placed[solid, 0, :2], self.placed[solid, -1, :2]
+        along = b - a
+        size = np.maximum(np.sum(along * along, axis=1), 1e-12)
+        share = np.clip(np.sum((pixel - a) * along, axis=1) / size, 0.0, 1.0)
+        share = np.where(self.slides[solid], share, 0.5)[:, None]
+        axes, unit = self.axes[solid], self.units[solid]
+        centre = axes[:, 0] + share * (axes[:, 1] - axes[:, 0])
+        o = np.einsum("pij,pj->pi", unit, self.camera.eye - centre)
+        e = np.einsum("pij,pj->pi", unit, ray)
+        ee, oe, oo = (np.sum(x * y, axis=1) for x, y in ((e, e), (o, e), (o, o)))
+        inner = oe * oe - ee * (oo - 1.0)
+        middle = -oe / ee
+        return middle - np.sqrt(np.maximum(inner, 0.0)) / ee, middle, inner > 0.0
+
+
+def _sorted(depths: list[float], after: list[tuple[int, int]]) -> list[int]:
+    """Topological order, farthest first among the free items; cycles are cut at the farthest."""
+    n = len(depths)
+    waiting = [0] * n
+    nearer: list[list[int]] = [[] for _ in range(n)]
+    for far, near in after:
+        nearer[far].append(near)
+        waiting[near] += 1
+    free = [(-depths[k], k) for k in range(n) if waiting[k] == 0]
+    heapq.heapify(free)
+    rest = sorted(range(n), key=lambda k: -depths[k])
+    done, cursor = [False] * n, 0
+    order: list[int] = []
+    while len(order) < n:
+        if free:
+            k = heapq.heappop(free)[1]
+        else:
+            while done[rest[cursor]]:
+                cursor += 1
+            k = rest[cursor]
+        if done[k]:
+            continue
+        done[k] = True
+        order.append(k)
+        for m in nearer[k]:
+            waiting[m] -= 1
+            if waiting[m] == 0 and not done[m]:
+                heapq.heappush(free, (-depths[m], m))
+    return order

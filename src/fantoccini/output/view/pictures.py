@@ -1,0 +1,259 @@
+"""Still pictures: a strip of poses, and one state."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fantoccini.base import PictureError, replacing
+from fantoccini.output.view.camera import Viewport
+from fantoccini.output.view.compose import Layout, compose, shadows
+from fantoccini.output.view.drawing import DPI, Look, Sheet, layout_of
+from fantoccini.output.view.geometry import Geometry, Guides, geometry_at, geometry_of
+from fantoccini.output.view.still import Drawable
+from fantoccini.output.view.studio import Studio, checked_renderer
+from fantoccini.output.view.theme import Theme
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from fantoccini.motion import State, Trajectory
+
+FORMATS = (".png", ".svg", ".pdf")
+"""File endings of pictures."""
+
+
+def strip(
+    marionette: Drawable,
+    run: Trajectory,
+    path: str | os.PathLike[str],
+    n: int = 7,
+    times: str | Sequence[float] = "poses",
+    view: str | tuple[float, float] = "auto",
+    focus: str = "all",
+    theme: str | Theme = "light",
+    size: tuple[int, int] | None = None,
+    scale: float = 2.0,
+    forces: bool = False,
+    guides: Guides | None = None,
+) -> Path:
+    """Writes a strip of poses of a run, side by side, from left to right in time.
+
+    Args:
+        marionette: the puppet.
+        run: its motion.
+        path: ends in ``.png``, ``.svg`` or ``.pdf``.
+        n: number of poses.
+        times: ``poses`` takes the most different ones, ``events`` those just after catches,
+            ``even`` equal steps; or the times themselves [s].
+        view: preset, or (azimuth, elevation) in degrees.
+        focus: ``all`` frames bodies and strings, ``bodies`` lets strings leave the picture.
+        theme: ``light``, ``dark``, or a Theme.
+        size: width and height [px]; by default what the motion needs.
+        scale: pixels of the file for a pixel of ``size``.
+        forces: draw the forces of contacts as arrows in proportion; those of impacts are cut.
+        guides: lines that the motion is compared with, as :func:`film` takes them.
+
+    Returns:
+        The path of the picture.
+
+    Raises:
+        ValueError: forces of a run without contact.
+    """
+    path = checked(path)
+    look = Look.of(view, focus, theme, size)
+    return save(strip_figure(marionette, run, n, times, look, forces, guides), path, scale)
+
+
+def strip_figure(
+    marionette: Drawable, run: Trajectory, n: int, times: str | Sequence[float], look: Look,
+    forces: bool = False, guides: Guides | None = None,
+) -> Figure:  # fmt: skip
+    """The strip as a matplotlib figure; arguments as for :func:`strip`."""
+    chosen = pose_times(marionette, run, n, times)
+    geometry = geometry_of(marionette, run.resample(chosen), forces).with_guides(guides)
+    whole = geometry_of(marionette, run.resample(np.linspace(run.t[0], run.t[-1], 400)))
+    n = len(chosen)
+    if look.size is None:
+        panel = panel_size(geometry, look)
+        width = round(n * panel[0] + 40)
+        unit = max(12.0, width / 130.0)  # a wide strip is seen from farther away
+        height = round(panel[1] + 9.2 * unit)
+    else:
+        width, height = look.size
+        unit = max(7.0, height / 50.0)
+    sheet = Sheet((width, height), look.theme)
+
+    top = whole.tension_top()
+    each = (width - 2.0 * unit) / n
+    for k in range(n):
+        viewport = Viewport(unit + k * each, 4.6 * unit, each, height - 9.2 * unit)
+        layout = layout_of(geometry, viewport, look, top)
+        sheet.floor(geometry, layout, grid=False)
+        sheet.polygons(compose(geometry, k, layout))
+        sheet.write(
+            viewport.x + 0.5 * each, 3.2 * unit, f"{chosen[k]:.2f} s", 1.1 * unit, look.theme.ink,
+            ha="center", va="center",
+        )  # fmt: skip
+    add_captions(sheet, whole, layout, unit)
+    return sheet.figure
+
+
+def draw(
+    marionette: Drawable,
+    state: State,
+    path: str | os.PathLike[str],
+    tension: np.ndarray | None = None,
+    view: str | tuple[float, float] = "auto",
+    focus: str = "all",
+    theme: str | Theme = "light",
+    size: tuple[int, int] = (720, 900),
+    scale: float = 2.0,
+    renderer: str = "matplotlib",
+) -> Path:
+    """Writes a picture of one state.
+
+    Args:
+        marionette: the puppet.
+        state: configuration and active set.
+        path: ends in ``.png``, ``.svg`` or ``.pdf``.
+        tension: (n_strings,) [N]; None draws the strings without the colours of tension.
+        view: preset, or (azimuth, elevation) in degrees.
+        focus: ``all`` frames bodies and strings, ``bodies`` lets strings leave the picture.
+        theme: ``light``, ``dark``, or a Theme.
+        size: width and height [px].
+        scale: pixels of the file for a pixel of ``size``.
+        renderer: ``matplotlib``, or ``pyvista`` for shaded solids where that is installed.
+
+    Returns:
+        The path of the picture.
+
+    Raises:
+        MissingLibraryError: the renderer is pyvista, which is not installed.
+    """
+    path = checked(path)
+    geometry = geometry_at(marionette, state, tension)
+    studio_scale = scale if checked_renderer(renderer) == "pyvista" else None
+    return save(figure_of(geometry, Look.of(view, focus, theme, size), studio_scale), path, scale)
+
+
+def figure_of(geometry: Geometry, look: Look, studio_scale: float | None = None) -> Figure:
+    """The first sample of a geometry as a matplotlib figure.
+
+    With ``studio_scale``, pyvista renders solids and strings with so many pixels for one of the
+    look's size.
+    """
+    sheet, layout, unit = framed_sheet(geometry, look)
+    if studio_scale is None:
+        sheet.polygons(compose(geometry, 0, layout))
+    else:
+        sheet.polygons(shadows(geometry, 0, layout))
+        size = (sheet.width, sheet.height)
+        studio = Studio(geometry, layout, size, studio_scale)
+        sheet.image(studio.photograph(0)[::-1], (0.0, size[0], 0.0, size[1]), 3.0)
+        studio.close()
+    add_captions(sheet, geometry, layout, unit)
+    return sheet.figure
+
+
+def framed_sheet(geometry: Geometry, look: Look) -> tuple[Sheet, Layout, float]:
+    """A sheet with the floor of a geometry, its layout, and the size of letters [px]."""
+    width, height = look.size or (720, 900)
+    unit = max(7.0, height / 55.0)
+    sheet = Sheet((width, height), look.theme)
+    inner = Viewport(unit, 4.0 * unit, width - 2.0 * unit, height - 8.0 * unit)
+    layout = layout_of(geometry, inner, look)
+    sheet.floor(geometry, layout)
+    return sheet, layout, unit
+
+
+def add_captions(sheet: Sheet, geometry: Geometry, layout: Layout, unit: float) -> None:
+    """Adds the title and the scale of tension."""
+    sheet.title(geometry.title, unit, sheet.height - 1.5 * unit)
+    sheet.tension_bar(geometry, layout, sheet.height - 2.3 * unit, unit)
+
+
+def pose_times(
+    marionette: Drawable, run: Trajectory, n: int, how: str | Sequence[float] = "poses"
+) -> np.ndarray:
+    """Times [s] at which a strip shows the puppet, in order.
+
+    ``poses`` begins with the first and last time and adds, one by one, the time whose pose is
+    farthest from all poses taken so far, counting distance in time as well.
+
+    Args:
+        marionette: the puppet.
+        run: its motion.
+        n: number of times.
+        how: ``poses``, ``events``, ``even``, or the times themselves.
+    """
+    start, stop = float(run.t[0]), float(run.t[-1])
+    if not isinstance(how, str):
+        return np.sort(np.clip(np.asarray(how, dtype=float), start, stop))
+    if n < 1:
+        raise ValueError("a strip needs at least one pose")
+    even = np.linspace(start, stop, n) if n > 1 else np.array([0.5 * (start + stop)])
+    if how == "even" or n < 3:
+        return even
+    if how not in ("poses", "events"):
+        raise ValueError(f"times can be poses, events, even or numbers, not {how!r}")
+    fine = np.linspace(start, stop, 200)
+    shape = _features(marionette, run.resample(fine))
+    late = ((fine - start) / max(stop - start, 1e-12))[:, None]
+    features = np.concatenate([shape, 1.2 * late], axis=1)
+    taken = [0, len(fine) - 1]
+    if how == "events":
+        caught = sorted(e.t for e in run.events if e.kind in ("catch", "accumulation"))
+        spread = np.unique(np.linspace(0, len(caught) - 1, min(n - 2, len(caught))).astype(int))
+        taken += [int(np.searchsorted(fine, caught[k])) for k in spread]
+        taken = sorted({min(k, len(fine) - 1) for k in taken})
+    while len(taken) < n:
+        apart = np.linalg.norm(features[:, None] - features[taken][None], axis=2).min(axis=1)
+        if apart.max() <= 0.0:
+            break
+        taken.append(int(np.argmax(apart)))
+    return fine[sorted(taken)]
+
+
+def _features(marionette: Drawable, run: Trajectory) -> np.ndarray:
+    """Places of all links (T, 3 n_links), scaled so that the motion is of size one."""
+    places = np.asarray(marionette.poses(run.q_D, run.q_K))[..., 3]
+    flat = places.reshape(len(places), -1)
+    flat = np.nan_to_num(flat - flat.mean(axis=0))
+    return flat / max(float(np.linalg.norm(flat, axis=1).max()), 1e-12)
+
+
+def panel_size(geometry: Geometry, look: Look) -> tuple[float, float]:
+    """Width and height [px] of one pose: as tall as fits a page, as wide as the motion."""
+    layout = layout_of(geometry, Viewport(0.0, 0.0, 500.0, 500.0), look)
+    centres, radii = geometry.balls(strings=look.focus == "all")
+    seen = layout.camera.project(centres, layout.viewport)
+    reach = radii * layout.camera.scale(seen[:, 2], layout.viewport)
+    low, high = (seen[:, :2] - reach[:, None]).min(0), (seen[:, :2] + reach[:, None]).max(0)
+    aspect = float(np.clip((high[0] - low[0]) / max(high[1] - low[1], 1e-9), 0.30, 1.3))
+    height = 560.0 if aspect < 0.7 else 400.0
+    return aspect * height * 1.06, height
+
+
+def checked(path: str | os.PathLike[str]) -> Path:
+    """The path of a picture, if its ending is known and its folder exists."""
+    path = Path(path)
+    if path.suffix.lower() not in FORMATS:
+        raise ValueError(f"a picture ends in {', '.join(FORMATS)}, not in {path.suffix!r}")
+    if not os.path.isdir(path.parent):
+        raise PictureError(f"there is no folder {path.parent}")
+    return path
+
+
+def save(figure: Figure, path: Path, scale: float) -> Path:
+    """Writes a figure whole or not at all."""
+    try:
+        with replacing(path) as part:
+            figure.savefig(part, dpi=DPI * scale, format=path.suffix[1:].lower())
+    except OSError as reason:
+        raise PictureError(f"{path} cannot be written: {reason.strerror}") from reason
+    return path

@@ -1,0 +1,76 @@
+"""Poses by plain forward kinematics, for pictures of a puppet that is not compiled.
+
+A notebook shows a puppet when its cell ends; compiling it then would take seconds to minutes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from fantoccini.base import Array
+from fantoccini.base.documents import Number, Parameter
+from fantoccini.model.puppet import Puppet
+from fantoccini.model.tree import Tree, link_poses, place, placed
+from fantoccini.motion import State
+
+if TYPE_CHECKING:
+    from fantoccini.dynamics.marionette import Marionette
+
+
+Drawable: TypeAlias = "Marionette | Still"
+"""What can be drawn."""
+
+
+def file_value(number: Number) -> float:
+    """Value of a number of the puppet's file; for a parameter, the value given there."""
+    return float(number.value) if isinstance(number, Parameter) else float(number)
+
+
+class Still:
+    """A puppet without a compiled model; ``number`` gives values of its numbers."""
+
+    def __init__(self, puppet: Puppet, tree: Tree, number: Callable[[Number], float] = file_value):
+        self.puppet, self.tree, self.number = puppet, tree, number
+        self.coordinates = tree.coordinates
+
+    @property
+    def model(self) -> Still:
+        """Itself: it has the numbers and lengths."""
+        return self
+
+    def start(self) -> State:
+        """The file's pose, at rest. Strings without a given length are just taut."""
+        table, strings = self.coordinates, self.tree.strings
+        q_D, q_K = table.start_D.copy(), table.start_K.copy()
+        q_D, q_K = placed(self.tree, q_D, q_K, self.number)
+        spans = np.array(
+            [
+                np.linalg.norm(np.diff(points[0], axis=0), axis=1).sum()
+                for points in self.string_points(np.nan_to_num(q_D), np.nan_to_num(q_K))
+            ]
+        )
+        for span, string in zip(spans, strings, strict=True):
+            string.just_reaches(span, q_D, q_K)
+        taut = np.zeros(self.tree.n_rows, dtype=bool)
+        lengths = self.string_lengths(q_D, q_K)[0]
+        taut[: len(strings)] = spans >= lengths * (1.0 - 1e-3)
+        return State(0.0, q_D, np.zeros(table.n_vD), q_K, np.zeros(table.n_vK), taut)
+
+    def poses(self, q_D: Array, q_K: Array) -> Array:
+        """(T, n_links, 3, 4) link poses, for (T, n_qD) and (T, n_qK) or one of each."""
+        return link_poses(self.tree.links, np.atleast_2d(q_D), np.atleast_2d(q_K), self.number)
+
+    def string_points(self, q_D: Array, q_K: Array) -> list[Array]:
+        """For each string (T, n_points, 3) the points of its path [m]."""
+        poses = self.poses(q_D, q_K)
+        return [
+            np.stack([place(poses, point, self.number) for point in string.points], axis=1)
+            for string in self.tree.strings
+        ]
+
+    def string_lengths(self, q_D: Array, q_K: Array) -> Array:
+        """(T, n_strings) lengths [m], for (T, n_qD) and (T, n_qK) or one of each."""
+        return self.tree.string_lengths(np.atleast_2d(q_D), np.atleast_2d(q_K), self.number)

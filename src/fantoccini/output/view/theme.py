@@ -1,0 +1,147 @@
+"""Themes, and conversions of colours.
+
+A colour is an array of red, green, blue in [0, 1]; a fourth number is the opacity.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fantoccini.base import UnknownNameError
+
+WOOD = ("#c8553d", "#e0b07c", "#3f6c8f", "#d9a066", "#8f5a3c", "#6c8f5a")
+"""Colours of shapes without one, by the depth of their link in the tree."""
+
+_DASHES = ((), (4.0, 2.0), (1.0, 1.5), (6.0, 2.0, 1.0, 2.0))
+"""Dash patterns of lines in plots; the empty one is solid."""
+
+RED = "#b3261e"
+"""Of what is wrong or not enough, in plots of reports."""
+
+STONE = "#b4aea0"
+"""Colour of obstacles."""
+
+
+def rgb(text: str) -> np.ndarray:
+    """(3,) colour of ``#rrggbb``."""
+    return np.array([int(text[k : k + 2], 16) for k in (1, 3, 5)]) / 255.0
+
+
+def to_bytes(colour: np.ndarray) -> tuple[int, int, int]:
+    """Red, green, blue in 0 to 255."""
+    red, green, blue = (round(255.0 * float(c)) for c in colour[:3])
+    return red, green, blue
+
+
+def to_hex(colour: np.ndarray) -> str:
+    """``#rrggbb``."""
+    return "#{:02x}{:02x}{:02x}".format(*to_bytes(colour))
+
+
+def mix(a: np.ndarray, b: np.ndarray, share: float | np.ndarray) -> np.ndarray:
+    """Linear interpolation from a (share 0) to b (share 1)."""
+    return a + (b - a) * share
+
+
+@dataclass(frozen=True)
+class Theme:
+    """The look of a picture.
+
+    Attributes:
+        name: ``light`` or ``dark``, for the bundled themes.
+        top, bottom: background at its upper and lower edge.
+        floor: (4,) colour and opacity of the spot of light on the floor.
+        grid, shadow, slack, handle: the floor's lines, shadows, slack strings, driven string ends.
+        shadow_opacity: of one layer of a shadow.
+        ink, faint: text, and secondary text and rules.
+        outline: factor on a shape's colour that gives its outline's.
+        ramp: matplotlib's colour map for tension, and the part of it in use.
+        cycle: colours of lines in plots, distinct for colour-blind readers as well.
+        force: arrows of forces, unlike any tension.
+    """
+
+    name: str
+    top: np.ndarray
+    bottom: np.ndarray
+    floor: np.ndarray
+    grid: np.ndarray
+    shadow: np.ndarray
+    shadow_opacity: float
+    ink: np.ndarray
+    faint: np.ndarray
+    slack: np.ndarray
+    handle: np.ndarray
+    outline: float
+    ramp: tuple[str, float, float]
+    cycle: tuple[str, ...]
+    force: np.ndarray = field(default_factory=lambda: rgb("#00855a"))
+
+    def colour(self, k: int) -> str:
+        """Colour of line k of a plot, as ``#rrggbb``."""
+        return self.cycle[k % len(self.cycle)]
+
+    def dashes(self, k: int) -> tuple[float, ...]:
+        """Dashes and gaps of line k, in line widths; they differ between lines of one colour."""
+        return _DASHES[k // len(self.cycle) % len(_DASHES)]
+
+    def tension_colours(self, n: int = 256) -> np.ndarray:
+        """(n, 3) colours from zero to the largest tension."""
+        from matplotlib import colormaps
+
+        name, start, stop = self.ramp
+        return colormaps[name](np.linspace(start, stop, n))[:, :3]
+
+
+LIGHT = Theme(
+    name="light",
+    top=rgb("#fdfcf9"),
+    bottom=rgb("#e6e2d8"),
+    floor=np.array([1.0, 1.0, 1.0, 0.55]),
+    grid=rgb("#c9c3b4"),
+    shadow=rgb("#4a4334"),
+    shadow_opacity=0.042,
+    ink=rgb("#2b2a28"),
+    faint=rgb("#8a857a"),
+    slack=rgb("#9c988f"),
+    handle=rgb("#8f7a55"),
+    outline=0.40,
+    ramp=("plasma", 0.0, 0.86),
+    cycle=(
+        "#1b6ca8", "#ff7800", "#a54bff", "#87001e", "#b4a569", "#a55a69", "#4b00a5", "#3cb4c3",
+        "#a596ff", "#c31e00", "#78005a", "#2d00ff",
+    ),
+)
+
+DARK = Theme(
+    name="dark",
+    top=rgb("#14171f"),
+    bottom=rgb("#252a36"),
+    floor=np.array([0.62, 0.66, 0.76, 0.20]),
+    grid=rgb("#3d4454"),
+    shadow=rgb("#05060a"),
+    shadow_opacity=0.075,
+    ink=rgb("#eceae4"),
+    faint=rgb("#8e93a0"),
+    slack=rgb("#7d828f"),
+    handle=rgb("#c9ab74"),
+    outline=0.26,
+    ramp=("plasma", 0.30, 1.0),
+    cycle=(
+        "#6cb4ee", "#964b00", "#780fff", "#ffe187", "#87a569", "#874b87", "#96ff00", "#3c694b",
+        "#d2f0c3", "#7878ff", "#4bffff", "#b4a51e",
+    ),
+    force=rgb("#3ddc97"),
+)
+
+THEMES = {"light": LIGHT, "dark": DARK}
+
+
+def theme_of(theme: str | Theme) -> Theme:
+    """Returns the theme of this name, or the theme itself."""
+    if isinstance(theme, Theme):
+        return theme
+    if theme not in THEMES:
+        raise UnknownNameError("theme", theme, THEMES)
+    return THEMES[theme]

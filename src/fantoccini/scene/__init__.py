@@ -1,7 +1,0 @@
-"""Scenes: several puppets, props, obstacles and a floor, assembled into one puppet."""
-
-from fantoccini.scene.assembly import assembled
-from fantoccini.scene.files import json_schema, load, loads
-from fantoccini.scene.schema import Member, Prop, Scene
-
-__all__ = ["Member", "Prop", "Scene", "assembled", "json_schema", "load", "loads"]

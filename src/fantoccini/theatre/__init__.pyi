@@ -1,0 +1,46 @@
+"""The names of the package, and where each is defined."""
+
+from . import (
+    capture as capture,
+    cast as cast,
+    gestures as gestures,
+    perform as perform,
+    plays as plays,
+    retarget as retarget,
+    ways as ways,
+)
+from .capture import (
+    Capture as Capture,
+    Skeleton as Skeleton,
+    clip_names as clip_names,
+    load_bvh as load_bvh,
+)
+from .cast import play_schema as play_schema
+from .gestures import (
+    Conductor as Conductor,
+    Gesture as Gesture,
+    Score as Score,
+    gesture_names as gesture_names,
+    load_gesture as load_gesture,
+    load_score as load_score,
+    rehearse as rehearse,
+)
+from .perform import (
+    Balance as Balance,
+    Handle as Handle,
+    Performance as Performance,
+    Recording as Recording,
+    Show as Show,
+)
+from .plays import (
+    Play as Play,
+    Verification as Verification,
+    load_play as load_play,
+    verify_play as verify_play,
+)
+from .retarget import (
+    Followed as Followed,
+    Retargeted as Retargeted,
+    follow_clip as follow_clip,
+    retarget_clip as retarget_clip,
+)

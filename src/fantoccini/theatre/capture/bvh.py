@@ -1,0 +1,317 @@
+"""BVH files: a skeleton, and its channels frame by frame. Mistakes have their lines.
+
+    R_i = R_parent R_1 R_2 R_3,   p_i = p_parent + R_parent (o_i or its position channels)
+
+with the rotations of a joint's channels in the order in which the file lists them.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+from fantoccini.base import Array, FileError, Mistake, decoded, lines_of
+from fantoccini.base.documents import shown
+from fantoccini.theatre.capture.skeleton import Capture, Skeleton
+
+_CLIPS = Path(__file__).parent / "clips"
+_AXES = {"x": 0, "y": 1, "z": 2}
+_CHANNELS = {f"{axis}{kind}": (kind, k) for axis, k in _AXES.items()
+             for kind in ("position", "rotation")}  # fmt: skip
+_BRACES = re.compile(r"(?<![^\x00-\x7f])([{}])")
+"""Braces; behind a byte of another encoding they are the second half of a character."""
+_BLANKS = re.compile(r"[ \t\f\v]+")
+_MAX_BYTES = 256_000_000
+_MAX_JOINTS = 1000
+_MAX_DEPTH = 200
+_MAX_FRAMES = 10_000_000
+_FASTEST = 1e-5
+"""Least time of a frame [s]."""
+
+
+@dataclass
+class _Joint:
+    """A joint as it is read; its channels' columns in a frame."""
+
+    name: str
+    parent: int
+    offset: tuple[float, ...] = (0.0, 0.0, 0.0)
+    channels: list[tuple[str, int, int]] = field(default_factory=list)  # kind, axis, column
+
+
+def load_bvh(path: str | os.PathLike[str]) -> Capture:
+    """Reads a BVH file, as it is: see :meth:`Capture.upright` for metres and z up.
+
+    Position channels may belong to any joint, whose offset they replace; channels may have any
+    order. Angles are in degrees, as the format says. A file may have one frame less or more than
+    its header says; :attr:`Capture.notes` then reports it. With a single frame, the frame time is
+    ignored and may be 0.
+
+    Args:
+        path: of the file, or the name of a bundled clip (``jumps``).
+
+    Raises:
+        FileError: with the line of the first mistake.
+    """
+    path = Path(path)
+    try:
+        if os.fspath(path) in clip_names() and not path.exists():
+            path = bundled_clip(str(path))
+        if path.stat().st_size > _MAX_BYTES:
+            _fail(path, None, f"has more than {_MAX_BYTES / 1e6:.0f} MB")
+        text = decoded(path.read_bytes())
+    except (OSError, ValueError) as error:
+        _fail(path, None, f"cannot be read: {getattr(error, 'strerror', None) or error}")
+    words = _Words(path, text)
+    joints, n_channels = _hierarchy(words)
+    frames, interval = _motion_header(words)
+    header = words.line
+    values = words.numbers(frames, n_channels)
+    if not len(values):
+        values = _rest(joints, n_channels)
+    if len(values) > 1 and not interval >= _FASTEST:
+        text = f"found a frame time of {interval:g} s; needed: at least {_FASTEST:g} s"
+        _fail(path, header, text)
+    return _placed(path, joints, values, interval, tuple(words.notes))
+
+
+def clip_names() -> tuple[str, ...]:
+    """Names of the bundled clips, of the CMU data base; ``capture/clips/NOTICE`` says more."""
+    return tuple(sorted(p.stem for p in _CLIPS.glob("*.bvh")))
+
+
+def bundled_clip(name: str) -> Path:
+    """The file of a bundled clip."""
+    return _CLIPS / f"{name}.bvh"
+
+
+class _Words:
+    """The words of a file, with their lines.
+
+    Attributes:
+        notes: differences between the number of frames and the header.
+    """
+
+    def __init__(self, path: Path, text: str):
+        self.path, self._lines, self._size = path, lines_of(text), len(text)
+        self.line, self._row, self.notes = 0, list[str](), list[str]()
+        self._rows = self._walk()
+
+    def _walk(self) -> Iterator[list[str]]:
+        for number, line in enumerate(self._lines, 1):
+            self.line = number
+            if row := [word for word in _BLANKS.split(_BRACES.sub(r" \1 ", line)) if word]:
+                yield row
+
+    def next(self, what: str) -> str:
+        """The next word.
+
+        Args:
+            what: is needed, in words.
+        """
+        if not self._row:
+            self._row = next(self._rows, [])
+            if not self._row:
+                self.fail(f"the file ends; needed: {what}")
+        return self._row.pop(0)
+
+    def rest_of_line(self) -> str:
+        """The words that are left on the line, as one."""
+        words, self._row = " ".join(self._row), []
+        return words
+
+    def expect(self, *words: str) -> str:
+        """The next word, if it is one of these, in any case."""
+        found = self.next(" or ".join(words))
+        if found.lower() not in [word.lower() for word in words]:
+            self.fail(f"found {shown(found)}; needed: {' or '.join(words)}")
+        return found.lower()
+
+    def number(self, what: str) -> float:
+        """The next word as a finite number."""
+        found = self.next(what)
+        try:
+            value = float(found)
+        except ValueError:
+            value = np.nan
+        if not np.isfinite(value):
+            self.fail(f"found {shown(found)}; needed: {what}")
+        return value
+
+    def numbers(self, rows: int, columns: int) -> Array:
+        """All numbers that are left, as rows of the same length."""
+        if self._row:
+            self.fail(f"found {shown(' '.join(self._row))}; needed: a new line with numbers")
+        if rows * columns > self._size:
+            self.fail(f"the file is too short for {rows} frames of {columns} numbers")
+        values = np.empty((rows + 1, columns))
+        for i in range(rows + 1):
+            row = next(self._rows, [])
+            if not row:
+                rows = self._counted(i, rows)
+                break
+            if len(row) != columns:
+                self.fail(f"found {len(row)} numbers; needed: {columns}, one for each channel")
+            try:
+                values[i] = [float(word) for word in row]
+            except ValueError:
+                self.fail(f"found {shown(' '.join(row))}; needed: {columns} numbers")
+            if not np.all(np.isfinite(values[i])):
+                self.fail("found a number that is not finite")
+        else:
+            if next(self._rows, []):
+                self.fail(f"more than {rows + 1} frames; its header says {rows}")
+            rows = self._counted(rows + 1, rows)
+        return values[:rows]
+
+    def _counted(self, found: int, said: int) -> int:
+        """The number of frames in the file, which may differ by one from its header."""
+        if found < said - 1 or (not found and said):
+            self.fail(f"the file ends after {found} frames; needed: {said}, as its header says")
+        if found != said:
+            self.notes.append(f"{self.path}: has {found} frames; its header says {said}")
+        if not found:
+            self.notes.append(f"{self.path}: has no frames; read as one pose with all angles 0")
+        return found
+
+    def fail(self, text: str) -> NoReturn:
+        """Raises FileError at the present line."""
+        _fail(self.path, self.line or None, text)
+
+
+def _hierarchy(words: _Words) -> tuple[list[_Joint], int]:
+    words.expect("HIERARCHY")
+    joints: list[_Joint] = []
+    columns = 0
+    word = words.expect("ROOT")
+    while word == "root":
+        columns = _joint(words, joints, -1, columns)
+        word = words.expect("ROOT", "MOTION")
+    return joints, columns
+
+
+def _joint(words: _Words, joints: list[_Joint], parent: int, columns: int) -> int:
+    """Reads a joint and all below it, without recursion; returns the columns so far."""
+    above = [_named(words, joints, parent)]
+    while above:
+        i = above[-1]
+        word = words.expect("OFFSET", "CHANNELS", "JOINT", "END", "}")
+        if word == "offset":
+            joints[i].offset = tuple(words.number("three numbers of an offset") for _ in range(3))
+        elif word == "channels":
+            columns = _channels(words, joints[i], columns)
+        elif word == "joint":
+            if len(above) >= _MAX_DEPTH:
+                words.fail(f"joints are more than {_MAX_DEPTH} deep")
+            above.append(_named(words, joints, i))
+        elif word == "end":
+            words.expect("SITE")
+            words.rest_of_line()
+            words.expect("{")
+            words.expect("OFFSET")
+            offset = tuple(words.number("three numbers of an offset") for _ in range(3))
+            words.expect("}")
+            joints.append(_Joint(f"{joints[i].name}.end", i, offset))
+        else:
+            above.pop()
+    return columns
+
+
+def _named(words: _Words, joints: list[_Joint], parent: int) -> int:
+    """Adds a joint, named by the rest of the line; returns its index."""
+    name = words.next("the joint's name")
+    more = words.rest_of_line()
+    opened = more.endswith("{")
+    name = " ".join([name, more.removesuffix("{").strip()]).strip()
+    if name in [joint.name for joint in joints]:
+        words.fail(f"found a second joint {shown(name)}")
+    if len(joints) >= _MAX_JOINTS:
+        words.fail(f"found more than {_MAX_JOINTS} joints")
+    joints.append(_Joint(name, parent))
+    if not opened:
+        words.expect("{")
+    return len(joints) - 1
+
+
+def _channels(words: _Words, joint: _Joint, columns: int) -> int:
+    count = words.number("the number of channels")
+    if joint.channels or count != int(count) or not 0 <= count <= 6:
+        words.fail(f"found {count:g} channels; needed: 0 to 6, once a joint")
+    for _ in range(int(count)):
+        found = words.next("a channel: Xposition to Zrotation")
+        if found.lower() not in _CHANNELS:
+            words.fail(f"found {shown(found)}; needed: a channel, Xposition to Zrotation")
+        kind, axis = _CHANNELS[found.lower()]
+        if (kind, axis) in [one[:2] for one in joint.channels]:
+            words.fail(f"found {found} twice")
+        joint.channels.append((kind, axis, columns))
+        columns += 1
+    return columns
+
+
+def _motion_header(words: _Words) -> tuple[int, float]:
+    words.expect("Frames:")
+    frames = words.number("the number of frames")
+    if frames != int(frames) or not 0 <= frames <= _MAX_FRAMES:
+        words.fail(f"found {frames:g} frames; needed: a whole number of at least 0")
+    words.expect("Frame")
+    words.expect("Time:")
+    interval = words.number("the time of a frame [s]")
+    return int(frames), interval
+
+
+def _rest(joints: list[_Joint], n_channels: int) -> Array:
+    """(1, n_channels) channels of the pose with all angles 0."""
+    values = np.zeros((1, n_channels))
+    for joint in joints:
+        for kind, axis, column in joint.channels:
+            if kind == "position":
+                values[0, column] = joint.offset[axis]
+    return values
+
+
+def _placed(
+    path: Path, joints: list[_Joint], values: Array, interval: float, notes: tuple[str, ...]
+) -> Capture:
+    frames, n = len(values), len(joints)
+    positions, rotations = np.zeros((frames, n, 3)), np.empty((frames, n, 3, 3))
+    for i, joint in enumerate(joints):
+        local = np.tile(joint.offset, (frames, 1)).astype(float)
+        turned = np.broadcast_to(np.eye(3), (frames, 3, 3))
+        for kind, axis, column in joint.channels:
+            if kind == "position":
+                local[:, axis] = values[:, column]
+            else:
+                turned = turned @ _about(axis, np.radians(values[:, column]))
+        if joint.parent < 0:
+            positions[:, i], rotations[:, i] = local, turned
+            continue
+        above = rotations[:, joint.parent]
+        positions[:, i] = positions[:, joint.parent] + np.einsum("tij,tj->ti", above, local)
+        rotations[:, i] = above @ turned
+    skeleton = Skeleton(
+        tuple(joint.name for joint in joints), tuple(joint.parent for joint in joints),
+        np.array([joint.offset for joint in joints], dtype=float),
+    )  # fmt: skip
+    times = interval * np.arange(frames, dtype=float)
+    return Capture(skeleton, times, positions, rotations, path.stem, notes)
+
+
+def _about(axis: int, angle: Array) -> Array:
+    """(T, 3, 3) rotations about a coordinate axis."""
+    made = np.zeros((len(angle), 3, 3))
+    a, b = (axis + 1) % 3, (axis + 2) % 3
+    c, s = np.cos(angle), np.sin(angle)
+    made[:, axis, axis] = 1.0
+    made[:, a, a], made[:, a, b], made[:, b, a], made[:, b, b] = c, -s, s, c
+    return made
+
+
+def _fail(path: Path, line: int | None, text: str) -> NoReturn:
+    raise FileError([Mistake(str(path), line, "", text)])

@@ -1,0 +1,217 @@
+"""Captured motion: where the joints of a skeleton are over time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from fantoccini.base import Array, Indices, StateError, Times, UnknownNameError, frozen
+
+_UNITS = {"cm": 0.01, "m": 1.0, "inches": 0.0254, "mm": 0.001, "CMU": 0.0254 / 0.45}
+"""Units in which people are captured, and their size [m]; the last is the CMU data base's."""
+_PERSON = 1.7
+"""Height of a person [m]."""
+_JUMP, _NEXT = 10.0, 20
+"""How much farther joints jump after a pose for calibration than in any of the next frames."""
+_MAX_BONE_CHANGE = 0.2
+"""Largest change of a bone's length, relative to the skeleton's longest bone."""
+_MIN_VERTICAL_EXTENT = 0.7
+"""Extent of a rest pose for which an axis may be vertical, relative to the largest extent."""
+_MIRRORED = 0.02
+"""Largest mean distance of a symmetric skeleton from its reflection, relative to its extent."""
+_STANDS = 0.9
+"""Smallest extent along the vertical of a standing skeleton, relative to its rest pose."""
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """A tree of joints.
+
+    Attributes:
+        names: of the joints; the end of a chain is called after its joint, with ``.end``.
+        parents: index of each one's parent, -1 for a root; parents come first.
+        offsets: (n, 3) places in the parents' frames when nothing turns, in the file's unit.
+    """
+
+    names: tuple[str, ...]
+    parents: tuple[int, ...]
+    offsets: Array
+
+    def index(self, name: str) -> int:
+        """Place of a joint.
+
+        Raises:
+            UnknownNameError: there is none of this name.
+        """
+        if name not in self.names:
+            raise UnknownNameError("joint", name, self.names)
+        return self.names.index(name)
+
+    @property
+    def rest(self) -> Array:
+        """(n, 3) places of the joints when nothing turns, from the root."""
+        placed = np.zeros_like(self.offsets)
+        for i, parent in enumerate(self.parents):
+            if parent >= 0:
+                placed[i] = placed[parent] + self.offsets[i]
+        return placed
+
+    def up(self, joints: Indices) -> int | None:
+        """The vertical axis of the rest pose: 1 for y, 2 for z; None where it does not show one.
+
+        The axis of the two along which the extent of the joints is close to the largest extent. In
+        a T-pose facing x both qualify; the axis along which the skeleton is symmetric is then
+        excluded.
+
+        Args:
+            joints: indices of the joints of the body.
+        """
+        places = self.rest[joints]
+        extent = np.ptp(places, axis=0)
+        axes = [axis for axis in (1, 2) if extent[axis] > _MIN_VERTICAL_EXTENT * extent.max()]
+        if len(axes) == 2:
+            axes = [axis for axis in axes if not _symmetric(places, axis)]
+        return axes[0] if len(axes) == 1 else None
+
+
+def _symmetric(places: Array, axis: int) -> bool:
+    """Whether points (n, 3) are symmetric under reflection along an axis."""
+    mirrored = places.copy()
+    mirrored[:, axis] = places[:, axis].min() + places[:, axis].max() - places[:, axis]
+    apart = np.linalg.norm(places[:, None] - mirrored, axis=2).min(axis=1)
+    return float(apart.mean()) < _MIRRORED * float(np.ptp(places, axis=0).max())
+
+
+@dataclass(frozen=True, eq=False)
+class Capture:
+    """The motion of a skeleton.
+
+    Attributes:
+        skeleton: its joints.
+        t: (T,) times [s].
+        positions: (T, n, 3) places of the joints: in the file's unit and axes as read, in metres
+            with z up after :meth:`upright`.
+        rotations: (T, n, 3, 3) orientations of the joints' frames.
+        name: of the clip.
+        notes: differences between the file and its header.
+    """
+
+    skeleton: Skeleton
+    t: Times
+    positions: Array
+    rotations: Array
+    name: str = ""
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for field in ("t", "positions", "rotations"):
+            object.__setattr__(self, field, frozen(getattr(self, field)))
+
+    def __repr__(self) -> str:
+        frames, joints = self.positions.shape[:2]
+        return f"<Capture {self.name!r}: {joints} joints, {frames} frames, {self.duration:g} s>"
+
+    @property
+    def duration(self) -> float:
+        """[s]."""
+        return float(self.t[-1] - self.t[0])
+
+    @cached_property
+    def body(self) -> Indices:
+        """Indices of the joints connected by bones; all joints if bones connect less than half.
+
+        A bone keeps its length in all frames. Some programs add a joint at the origin above the
+        hips, or targets of inverse kinematics, which have no bones.
+        """
+        parents, offsets = self.skeleton.parents, self.skeleton.offsets
+        length = np.linalg.norm(offsets, axis=1)
+        part, longest = np.arange(len(parents)), length[np.array(parents) >= 0].max(initial=0.0)
+        for i, parent in enumerate(parents):
+            if parent < 0:
+                continue
+            away = np.linalg.norm(self.positions[:, i] - self.positions[:, parent], axis=1)
+            if np.max(np.abs(away - length[i])) <= _MAX_BONE_CHANGE * longest:
+                part[i] = part[parent]
+        body = np.flatnonzero(part == np.bincount(part).argmax())
+        return body if 2 * len(body) > len(part) else np.arange(len(part))
+
+    @cached_property
+    def _extent(self) -> Array:
+        """(3,) extent of the body along each axis: the median over the frames."""
+        return np.asarray(np.median(np.ptp(self.positions[:, self.body], axis=1), axis=0))
+
+    @cached_property
+    def up(self) -> int:
+        """The vertical axis: 1 for y, 2 for z.
+
+        Taken from the rest pose, unless the skeleton stands along the other axis in most frames, as
+        in files with a rotated root. Where the rest pose has no clear vertical, it is the axis
+        along which the body extends farther in most frames.
+        """
+        extent, rest = self._extent, self.skeleton.up(self.body)
+        if rest is None:
+            return int(1 + np.argmax(extent[1:]))
+        tall, other = _STANDS * np.ptp(self.skeleton.rest[self.body, rest]), 3 - rest
+        return other if extent[rest] < tall <= extent[other] else rest
+
+    @property
+    def height(self) -> float:
+        """Height of the skeleton in its rest pose, in the file's unit.
+
+        Where the rest pose has no clear vertical, the median over the frames.
+        """
+        axis = self.skeleton.up(self.body)
+        if axis is None:
+            return float(self._extent[self.up])
+        return float(np.ptp(self.skeleton.rest[self.body, axis]))
+
+    @property
+    def unit(self) -> tuple[str, float]:
+        """The unit that makes a person of the skeleton, and its size [m]."""
+        sizes = {name: abs(np.log(self.height * size / _PERSON))
+                 for name, size in _UNITS.items()}  # fmt: skip
+        name = min(sizes, key=lambda unit: sizes[unit])
+        return name, _UNITS[name]
+
+    def without_calibration(self) -> Capture:
+        """Without a first frame that is a pose for calibration, from which the joints jump.
+
+        Files of the CMU data base begin with one.
+        """
+        steps = np.max(np.linalg.norm(np.diff(self.positions, axis=0), axis=2), axis=1)
+        if len(steps) < 3 or not steps[0] > _JUMP * np.max(steps[1 : 1 + _NEXT]):
+            return self
+        return replace(
+            self, t=self.t[1:], positions=self.positions[1:], rotations=self.rotations[1:]
+        )
+
+    def held(self, seconds: float) -> Capture:
+        """A single pose as two frames, ``seconds`` apart; a motion as it is."""
+        if len(self.t) > 1:
+            return self
+        t = self.t[0] + np.array([0.0, seconds])
+        positions, rotations = (np.repeat(x, 2, axis=0) for x in (self.positions, self.rotations))
+        return replace(self, t=t, positions=positions, rotations=rotations)
+
+    def upright(self, up: str | None = None) -> Capture:
+        """In metres, with z up: of y up, x stays and z comes towards the viewer, to -y.
+
+        The unit is guessed from the height.
+
+        Args:
+            up: the file's axis that is up, ``y`` or ``z``; :attr:`up` when not given.
+        """
+        if up not in (None, "y", "z"):
+            raise StateError(f"up is {up!r}; needed: y or z")
+        is_up = up == "z" or (up is None and self.up == 2)
+        turn = np.eye(3) if is_up else np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], float)
+        size = self.unit[1]
+        skeleton = Skeleton(
+            self.skeleton.names, self.skeleton.parents, size * self.skeleton.offsets @ turn.T
+        )
+        return replace(
+            self, skeleton=skeleton, positions=size * self.positions @ turn.T,
+            rotations=turn @ self.rotations @ turn.T,
+        )  # fmt: skip

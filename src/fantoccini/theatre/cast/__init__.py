@@ -1,0 +1,163 @@
+"""The cast of a play: its file, its players and companies, props and cues."""
+
+from fantoccini.theatre.cast import props
+from fantoccini.theatre.cast.actors import (
+    STILL,
+    Actor,
+    CannotBe,
+    Wishes,
+)
+from fantoccini.theatre.cast.casting import (
+    Cast,
+    Player,
+    read_cast,
+)
+from fantoccini.theatre.cast.clips import (
+    Clip,
+    is_clip,
+    read_clip,
+)
+from fantoccini.theatre.cast.companies import (
+    Company,
+    Meeting,
+    Span,
+    Staged,
+    of_stage,
+    settled,
+    spans,
+    staged,
+)
+from fantoccini.theatre.cast.contacts import (
+    FEET,
+    SEATED,
+    Pair,
+    asked_pairs,
+    hanging,
+    sitting,
+    standing,
+)
+from fantoccini.theatre.cast.cue_file import (
+    HOW,
+    WITH_PROPS,
+    CueFile,
+    said,
+)
+from fantoccini.theatre.cast.cues import (
+    ARRIVES,
+    WALKS,
+    Cue,
+    Part,
+    Timeline,
+    lane_name,
+    said_in_act,
+)
+from fantoccini.theatre.cast.extents import extent
+from fantoccini.theatre.cast.footing import (
+    Footing,
+    Hindrance,
+    NoWay,
+    Way,
+)
+from fantoccini.theatre.cast.kept import (
+    Kept,
+    OutOfTime,
+    digest,
+)
+from fantoccini.theatre.cast.play_file import (
+    PlayFile,
+    StageFile,
+    is_play,
+    play_schema,
+)
+from fantoccini.theatre.cast.props import (
+    BODY,
+    CARRIED,
+    SIDES,
+    Waypoints,
+    aside_by,
+    backwards,
+    gesture_of,
+    of_member,
+    sign_of,
+    summed,
+)
+from fantoccini.theatre.cast.starts import Places
+from fantoccini.theatre.cast.stops import (
+    ERRORS,
+    CannotBegin,
+    Stop,
+)
+from fantoccini.theatre.cast.things import (
+    PropState,
+    Thing,
+    top_of,
+)
+
+__all__ = [
+    "ARRIVES",
+    "BODY",
+    "CARRIED",
+    "ERRORS",
+    "FEET",
+    "HOW",
+    "SEATED",
+    "SIDES",
+    "STILL",
+    "WALKS",
+    "WITH_PROPS",
+    "Actor",
+    "CannotBe",
+    "CannotBegin",
+    "Cast",
+    "Clip",
+    "Company",
+    "Cue",
+    "CueFile",
+    "Footing",
+    "Hindrance",
+    "Kept",
+    "Meeting",
+    "NoWay",
+    "OutOfTime",
+    "Pair",
+    "Part",
+    "Places",
+    "PlayFile",
+    "Player",
+    "PropState",
+    "Span",
+    "StageFile",
+    "Staged",
+    "Stop",
+    "Thing",
+    "Timeline",
+    "Way",
+    "Waypoints",
+    "Wishes",
+    "aside_by",
+    "asked_pairs",
+    "backwards",
+    "digest",
+    "extent",
+    "gesture_of",
+    "hanging",
+    "is_clip",
+    "is_play",
+    "lane_name",
+    "of_member",
+    "of_stage",
+    "play_schema",
+    "props",
+    "read_cast",
+    "read_clip",
+    "said",
+    "said_in_act",
+    "settled",
+    "sign_of",
+    "sitting",
+    "spans",
+    "staged",
+    "standing",
+    "summed",
+    "top_of",
+]

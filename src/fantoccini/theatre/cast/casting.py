@@ -1,0 +1,326 @@
+"""The cast of a play: every player alone in its own frame, and all of them on the stage."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from fantoccini.base import Array, FileError, PuppetError, StateError, UnknownNameError
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.model import scene as scenes
+from fantoccini.model.puppet import FLOOR, Puppet, bundled
+from fantoccini.model.scene import Member, Scene
+from fantoccini.motion import State
+from fantoccini.theatre.cast.contacts import asked_pairs, rules_of
+from fantoccini.theatre.cast.cue_file import DIRECTIONS
+from fantoccini.theatre.cast.footing import Footing
+from fantoccini.theatre.cast.play_file import PlayerFile, PlayFile
+from fantoccini.theatre.cast.starts import Places, start_of
+from fantoccini.theatre.cast.things import PropState, Thing, read_things
+from fantoccini.theatre.gestures import Ends, Notes, Spot
+
+Pose = dict[str, Any]
+"""Start values by coordinate."""
+
+_ALONE = "player"
+"""Name of the scene of one player: the same for all, so that alike ones share what is compiled."""
+
+
+@dataclass(frozen=True, eq=False)
+class Player:
+    """A puppet of the cast. Its frame is the stage's, alone and with the others.
+
+    Attributes:
+        name: in the play.
+        alone: the puppet alone.
+        hangs: where it hangs at the origin, facing the audience: gestures begin there.
+        x0: where it hangs at the start.
+        start: where it stands then.
+    """
+
+    name: str
+    alone: Marionette
+    hangs: State
+    x0: State
+    start: Footing
+
+    @cached_property
+    def content(self) -> str:
+        """A hash of the puppet, as its file has it, and of the floor."""
+        return hashlib.blake2b(self.alone.puppet.to_yaml().encode()).hexdigest()
+
+    @cached_property
+    def middle(self) -> complex:
+        """What stands where the player does: the middle between its shoulders' ends [m]."""
+        return _middle(self.alone, self.hangs)
+
+    @cached_property
+    def radius(self) -> float:
+        """Of the disk around where it stands that its strings' ends and joints are in [m]."""
+        table, hangs = self.alone.coordinates, self.hangs
+        owners = dict.fromkeys(name.rpartition(".")[0] for name in table.q_K)
+        places = [
+            complex(hangs[f"{one}.x"], hangs[f"{one}.y"])
+            for one in owners if {f"{one}.x", f"{one}.y"} <= {*table.q_K}
+        ]  # fmt: skip
+        poses = self.alone.poses(hangs.q_D[None], hangs.q_K[None])[0]
+        places += [complex(x, y) for x, y in poses[:, :2, 3]]
+        return max((abs(place - self.middle) for place in places), default=0.0)
+
+    def ends(self) -> Ends:
+        """The ends of its strings, for a gesture.
+
+        Raises:
+            UnknownNameError: it has other strings than the bundled marionette.
+        """
+        return Ends(self.alone.coordinates, self.hangs)
+
+    def own(self, place: Array, stands: Footing) -> Array:
+        """A place (3,) as a player sees it that stands somewhere, from where it hangs [m]."""
+        seen = stands.seen(complex(place[0], place[1])) + self.middle
+        return np.array([seen.real, seen.imag, place[2]])
+
+
+@dataclass(frozen=True, eq=False)
+class Cast:
+    """All players and what is on the stage.
+
+    Attributes:
+        players: by name.
+        whole: all on the stage.
+        x0: where everything hangs and lies at the start.
+        file: the play.
+        things: its props, by name.
+        lie: prop -> its state at the start.
+    """
+
+    players: Mapping[str, Player]
+    whole: Marionette
+    x0: State
+    file: PlayFile
+    things: Mapping[str, Thing] = field(default_factory=dict)
+    lie: Mapping[str, PropState] = field(default_factory=dict)
+
+    def member(self, name: str) -> str:
+        """What stands before the names of a player's coordinates."""
+        return f"{name}." if len(self.players) > 1 else ""
+
+    def named(self, name: str) -> str:
+        """``pierrot.torso`` as it is called in the scene of all; other names stay as they are."""
+        if len(self.players) > 1:
+            return name
+        (only,) = self.players
+        return name.removeprefix(f"{only}.")
+
+    def owner(self, name: str) -> str:
+        """The player whose body or string a name of the stage is; else the name itself."""
+        if len(self.players) == 1:
+            (only,) = self.players.values()
+            tree = only.alone.tree
+            own = {*(link.name for link in tree.links), *(one.name for one in tree.strings)}
+            return only.name if name in own else name
+        first = name.split(".")[0]
+        return first if first in self.players and "." in name else name
+
+
+def read_cast(file: PlayFile, places: Places, notes: Notes) -> Cast:
+    """The cast of a play.
+
+    Raises:
+        FileError: it has mistakes.
+    """
+    _check_names(file, notes)
+    notes.refuse()
+    puppets = {name: _puppet(one, ("cast", name), notes) for name, one in file.cast.items()}
+    starts = {
+        name: start_of(file, one, ("cast", name), places, notes) for name, one in file.cast.items()
+    }
+    for name, mark in file.stage.marks.items():
+        places.direction(mark.facing, ("stage", "marks", name, "facing"))
+    notes.refuse()
+    made: dict[tuple[str, str], tuple[Marionette, State, Pose]] = {}
+    players, members = dict[str, Player](), []
+    for name, one in file.cast.items():
+        puppet = puppets[name]
+        assert puppet is not None
+        try:
+            key = one.puppet, repr((one.lift, sorted(one.pose.items())))
+            if key not in made:
+                made[key] = _alone(file, puppet, one)
+            alone, hangs, pose = made[key]
+        except (PuppetError, UnknownNameError) as error:
+            notes.mistake(("cast", name), str(error))
+            continue
+        except StateError as error:
+            text = f"does not hang there with `lift: {one.lift:g}`: {error}"
+            notes.mistake(("cast", name), text)
+            continue
+        fixed = _fixed(alone)
+        if fixed:
+            text = f"{one.puppet} cannot be put anywhere: {fixed}; needed: a puppet that hangs free"
+            notes.mistake(("cast", name, "puppet"), text)
+            continue
+        x0 = placed(alone, hangs, starts[name])
+        players[name] = Player(name, alone, hangs, x0, starts[name])
+        members.append(Member(name=name, puppet=puppet, pose=pose))
+    notes.refuse()
+    lifts = {name: one.lift for name, one in file.cast.items()}
+    things = read_things(file, starts, lifts, places, notes)
+    notes.refuse()
+    stage = file.stage
+    only = f"{next(iter(players))}." if len(players) == 1 else ""
+    rules = rules_of(asked_pairs(file), lambda part: part.removeprefix(only))
+    try:
+        scene = Scene(
+            scene=file.play, floor=stage.floor, puppets=tuple(members), obstacles=stage.obstacles,
+            props=tuple(one.prop for one in things.values()),
+            contact=rules if rules.pairs else None,
+        )  # fmt: skip
+        whole = Marionette(scene)
+    except (PuppetError, FileError) as error:
+        for one_mistake in error.mistakes:
+            notes.mistake(("stage",), f"{one_mistake.key}: {one_mistake.message}")
+        notes.refuse()
+    lie = {name: one.start for name, one in things.items()}
+    return Cast(players, whole, all_together(whole, players, lie), file, things, lie)
+
+
+def _check_names(file: PlayFile, notes: Notes) -> None:
+    """Every name means one thing."""
+    taken: dict[str, str] = {
+        **dict.fromkeys(DIRECTIONS, "a direction"), "all": "all players",
+        FLOOR: "the floor",
+    }  # fmt: skip
+    stage = file.stage
+    named: list[tuple[Spot, str, str]] = [
+        *((("cast", name), name, "a player") for name in file.cast),
+        *((("stage", "marks", name), name, "a mark") for name in stage.marks),
+        *((("props", name), name, "a prop") for name in file.props),
+        *(
+            (("stage", "obstacles", i), one.name, "an obstacle")
+            for i, one in enumerate(stage.obstacles)
+        ),
+    ]
+    for spot, name, what in named:
+        if name in taken:
+            notes.mistake(spot, f"{name!r} is the name of {taken[name]}; needed: another name")
+        taken.setdefault(name, what)
+
+
+def _puppet(one: PlayerFile, spot: Spot, notes: Notes) -> Puppet | None:
+    """The puppet of a player's file; None after a mistake."""
+    path = notes.located.beside(one.puppet) or bundled(one.puppet)
+    if path is None:
+        text = f"no file beside this one, and no bundled puppet, is called {one.puppet!r}"
+        notes.mistake((*spot, "puppet"), text)
+        return None
+    try:
+        puppet = scenes.load(path)
+    except PuppetError as error:
+        for found in error.mistakes:
+            notes.mistake((*spot, "puppet"), str(found))
+        return None
+    if len(puppet.members) > 1 or puppet.props:
+        notes.mistake((*spot, "puppet"), f"{one.puppet} is a scene; needed: one puppet")
+        return None
+    return puppet
+
+
+def _alone(
+    file: PlayFile, puppet: Puppet, one: PlayerFile
+) -> tuple[Marionette, State, Pose]:
+    """The player's puppet at its own origin, where it hangs, lifted, and the pose of that."""
+    as_written = Marionette(_scene_of_one(file, puppet, dict(one.pose)))
+    hangs = as_written.rest()
+    table = as_written.coordinates
+    lifted = {
+        name: float(hangs[name] - one.lift) for name in table.q_K if name.endswith(".length")
+    }
+    roots = {name: float(hangs[name] + one.lift) for name in table.q_D if name.endswith(".z")}
+    pose = {**one.pose, **lifted, **roots}
+    alone = Marionette(_scene_of_one(file, puppet, pose))
+    return alone, alone.rest(), pose
+
+
+def _scene_of_one(file: PlayFile, puppet: Puppet, pose: Pose) -> Scene:
+    member = Member(name=_ALONE, puppet=puppet, pose=pose)
+    return Scene(scene=_ALONE, floor=file.stage.floor, puppets=(member,))
+
+
+def _fixed(alone: Marionette) -> str:
+    """What ties a puppet to the place where its file has it; "" where nothing does."""
+    table, tree = alone.coordinates, alone.tree
+    moves = {*table.q_D, *table.q_K}
+    for link in tree.links:
+        name = link.name.removesuffix(".end")  # of a string
+        if link.parent < 0 and not {f"{name}.x", f"{name}.y"} <= moves:
+            return f"{name} does not move along x and y"
+    for string in tree.strings:
+        if any(point.link < 0 for point in string.points):
+            return f"the string {string.name} ends at a fixed place"
+    return ""
+
+
+def _middle(alone: Marionette, hangs: State) -> complex:
+    try:
+        return Ends(alone.coordinates, hangs).middle
+    except UnknownNameError:
+        return 0j
+
+
+def placed(alone: Marionette, hangs: State, there: Footing) -> State:
+    """A state carried as a rigid body from where it hangs to a place on the stage.
+
+        z' = z_there + exp(i heading) (z - z_middle)
+
+    z = x + i y of the ends of strings and of free bodies.
+    """
+    table, turn = alone.coordinates, np.exp(1j * there.heading)
+    middle = _middle(alone, hangs)
+    q = _values(alone, hangs)
+    for owner in dict.fromkeys(name.rpartition(".")[0] for name in q):
+        x, y = f"{owner}.x", f"{owner}.y"
+        if x in q and y in q:
+            z = there.place + turn * (complex(q[x], q[y]) - middle)
+            q[x], q[y] = float(z.real), float(z.imag)
+        if x in q and f"{owner}.qw" in q:
+            parts = [f"{owner}.{part}" for part in ("qw", "qx", "qy", "qz")]
+            c, s = np.cos(0.5 * there.heading), np.sin(0.5 * there.heading)
+            w, a, b, d = (q[part] for part in parts)
+            turned = (c * w - s * d, c * a - s * b, c * b + s * a, c * d + s * w)
+            q.update(zip(parts, map(float, turned), strict=True))
+    return dataclasses.replace(
+        hangs, q_D=np.array([q[name] for name in table.q_D]),
+        q_K=np.array([q[name] for name in table.q_K]),
+    )  # fmt: skip
+
+
+def all_together(
+    whole: Marionette, players: Mapping[str, Player], lie: Mapping[str, PropState]
+) -> State:
+    """All players and props where they are at the start."""
+    x = whole.state()
+    q_D, q_K = np.array(x.q_D), np.array(x.q_K)
+    for player in players.values():
+        prefix = f"{player.name}." if len(players) > 1 else ""
+        for name, value in _values(player.alone, player.x0).items():
+            own = prefix + name
+            if own in whole.coordinates.q_D:
+                q_D[whole.coordinates.q_D.index(own)] = value
+            else:
+                q_K[whole.coordinates.q_K.index(own)] = value
+    for name, (q, _) in lie.items():
+        first = whole.coordinates.q_D.index(f"{name}.x")
+        q_D[first : first + len(q)] = q
+    return dataclasses.replace(x, q_D=q_D, q_K=q_K)
+
+
+def _values(alone: Marionette, x: State) -> dict[str, float]:
+    table = alone.coordinates
+    return dict(zip((*table.q_D, *table.q_K), (*x.q_D.tolist(), *x.q_K.tolist()), strict=True))

@@ -1,0 +1,70 @@
+"""What may touch what in a play: forearms and what hangs on them, seats and who sits on them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from fantoccini.model.puppet import FLOOR, Contact, ContactPair
+from fantoccini.theatre.cast.play_file import PlayFile
+
+Pair = frozenset[str]
+"""Names of two parts of the stage: ``pierrot.forearm_right``, props, obstacles or the floor."""
+
+FRICTION = 0.6
+"""Coefficient of friction of all that touches."""
+SEATED = ("thigh_left", "thigh_right", "torso", "skull")
+"""Bodies that touch what one sits on."""
+FEET = ("shin_left", "shin_right")
+"""Bodies that touch the floor and the seat's legs then."""
+
+
+def hanging(player: str, side: str, prop: str) -> Pair:
+    """A prop that hangs on a forearm."""
+    return frozenset((f"{player}.forearm_{side}", prop))
+
+
+def standing(prop: str, on: str) -> frozenset[Pair]:
+    """A prop that stands on an obstacle or the floor, or may fall there."""
+    return frozenset(frozenset((prop, one)) for one in (on, FLOOR))
+
+
+def sitting(player: str, seat: str) -> frozenset[Pair]:
+    """A player that sits."""
+    on_seat = {frozenset((f"{player}.{body}", seat)) for body in (*SEATED, *FEET)}
+    return frozenset(on_seat | {frozenset((f"{player}.{foot}", FLOOR)) for foot in FEET})
+
+
+def asked_pairs(file: PlayFile) -> frozenset[Pair]:
+    """All that may touch at some time of a play."""
+    found = set[Pair]()
+    for prop, given in file.props.items():
+        found |= standing(prop, given.on or FLOOR)
+        if given.held_by is not None:
+            found.add(hanging(given.held_by, given.side, prop))
+    for act in file.acts:
+        for cue in act.cues:
+            who, seat = cue.who[0], cue.sits_on or cue.stands_up_from
+            if seat is not None:
+                found |= sitting(who, seat)
+            handled = cue.gives or cue.puts_down or cue.picks_up
+            if handled is not None:
+                arms = [(one, side) for one in (who, cue.to) if one for side in ("left", "right")]
+                found |= {hanging(one, side, handled) for one, side in arms}
+                found |= standing(handled, cue.onto or FLOOR)
+    return frozenset(found)
+
+
+def rules_of(pairs: Iterable[Pair], named: Callable[[str], str] = str) -> Contact:
+    """Rules by which these pairs touch, and no others.
+
+    Args:
+        pairs: what may touch.
+        named: the name of a part in the scene.
+    """
+    return Contact(
+        friction=FRICTION, meets=(),
+        pairs=tuple(
+            ContactPair(between=(named(a), named(b)), friction=FRICTION)
+            for a, b in sorted(map(sorted, pairs))
+        ),
+    )  # fmt: skip

@@ -1,0 +1,99 @@
+"""Where players stand at the start, and what names of places and directions mean."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fantoccini.base import Array, nearest
+from fantoccini.theatre.cast.cue_file import DIRECTIONS
+from fantoccini.theatre.cast.extents import extent
+from fantoccini.theatre.cast.footing import Footing
+from fantoccini.theatre.cast.play_file import PlayerFile, PlayFile
+from fantoccini.theatre.gestures import Notes, Spot
+
+
+class Places:
+    """What names of places and directions mean.
+
+    Args:
+        file: the play.
+        notes: take mistakes.
+    """
+
+    def __init__(self, file: PlayFile, notes: Notes):
+        self._file, self._notes = file, notes
+        self._obstacles = {
+            one.name: 0.5 * np.sum(extent(one), axis=0) for one in file.stage.obstacles
+        }
+
+    @property
+    def names(self) -> list[str]:
+        """All that a place may be called, players apart."""
+        return [*self._file.stage.marks, *self._obstacles]
+
+    def check(self, given: object, spot: Spot) -> None:
+        """Notes a mistake where a name is no place."""
+        known = [*self._file.cast, *self.names]
+        if isinstance(given, str) and given not in known:
+            text = f"found {given!r}; needed: a place [x, y], or what is there"
+            self._notes.mistake(spot, text + nearest(given, known))
+
+    def still(self, name: str) -> Array | None:
+        """(3,) the middle of an obstacle [m]."""
+        return self._obstacles.get(name)
+
+    def fixed(self, where: object) -> complex | None:
+        """x + i y of a mark, an obstacle or a place [m]; None of a player, who may be anywhere."""
+        if not isinstance(where, str):
+            assert isinstance(where, Sequence)
+            return complex(where[0], where[1])
+        if where in self._file.stage.marks:
+            return complex(*self._file.stage.marks[where].at[:2])
+        middle = self.still(where)
+        return None if middle is None else complex(middle[0], middle[1])
+
+    def direction(self, given: float | str, spot: Spot) -> float | str:
+        """An angle [rad], or the name of what lies there; 0 after a mistake."""
+        if not isinstance(given, str):
+            return given
+        if given in DIRECTIONS:
+            return float(np.radians(DIRECTIONS[given]))
+        known = [*self._file.cast, *self.names]
+        if given not in known:
+            text = f"found {given!r}; needed: an angle, a direction or what is there"
+            self._notes.mistake(spot, text + nearest(given, [*DIRECTIONS, *known]))
+            return 0.0
+        return given
+
+
+def start_of(
+    file: PlayFile, one: PlayerFile, spot: Spot, places: Places, notes: Notes
+) -> Footing:
+    """Where a player stands at the start."""
+    heading: float | str = 0.0
+    if isinstance(one.at, str):
+        mark = file.stage.marks.get(one.at)
+        if mark is None:
+            text = f"no mark is called {one.at!r}{nearest(one.at, file.stage.marks)}"
+            notes.mistake((*spot, "at"), text)
+            return Footing(0.0, 0.0)
+        x, y = mark.at
+        heading = places.direction(mark.facing, ("stage", "marks", one.at, "facing"))
+    else:
+        x, y = one.at[:2]
+    if one.facing is not None:
+        heading = places.direction(one.facing, (*spot, "facing"))
+    there = Footing(x, y)
+    if isinstance(heading, str):
+        place = places.still(heading)
+        if place is None:
+            other = file.cast.get(heading)
+            at = other.at if other is not None else heading
+            if isinstance(at, str):
+                mark = file.stage.marks.get(at)
+                at = (0.0, 0.0) if mark is None else mark.at
+            place = np.array([at[0], at[1], 0.0])
+        heading = there.towards(complex(place[0], place[1]))
+    return there.facing(heading)

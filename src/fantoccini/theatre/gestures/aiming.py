@@ -1,0 +1,207 @@
+"""Pointing at places and looking at them, by the hanging poses that do so.
+
+Hands go to 90 % of the arm's length from the shoulder. One string does not turn a head: all ends
+of the strings turn about the middle between the shoulders', and the head's string tilts the face.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+
+from fantoccini.base import Array, StateError, UnknownNameError
+from fantoccini.base.documents import value_of
+from fantoccini.control.optimal import reach
+from fantoccini.control.tasks import Bounds
+from fantoccini.dynamics.marionette import Marionette, load
+from fantoccini.model.puppet import bundled_files
+from fantoccini.motion import Findings, State
+from fantoccini.theatre.gestures.ends import BODY, Ends, times
+from fantoccini.theatre.gestures.gesture import Gesture
+from fantoccini.theatre.gestures.walking import there_and_back
+
+To = str | Sequence[float]
+"""A place [m], or the name of a body that is there at the start."""
+
+_OF_ARM = 0.9
+"""Distance of the hand that points from the shoulder, as a share of the arm's length."""
+_SPEED = 0.5
+"""Largest speed of the strings' ends and lengths [m/s]."""
+_BRIEFEST, _HOLD = 0.7, 1.5
+"""Shortest way, and how long the hand points or the face looks [s]."""
+_TURN_TIME = 1.8
+"""Way of a turn by a radian [s]."""
+_MOST_TURN = np.radians(85.0)
+"""Farthest that a face turns to a side [rad]."""
+_TILTS = np.radians((-45.0, 0.0))
+"""Lowest and highest tilt of a face [rad]: the head's string cannot tilt it up."""
+_FACE = 0.1
+"""A point so far before the skull's joint is led to the place's direction [m]."""
+_PARTS = {
+    "look": ("skull",),
+    "point": ("upper_arm_left", "forearm_left", "upper_arm_right", "forearm_right"),
+}  # fmt: skip
+"""Bodies that the poses of looking and pointing move."""
+_LEAST = 0.02
+"""Least distance of a place from the shoulder or the neck [m]."""
+
+
+class Aim:
+    """A puppet, or a member of a scene, and a place.
+
+    Attributes:
+        puppet, x0: the one that poses are found with, and where it hangs: members, and puppets
+            with contact, are posed as the bundled marionette, whose strings they have.
+        place: (3,) in the puppet's world [m].
+
+    Args:
+        marionette: the puppet or scene.
+        start: where it hangs.
+        of: what stands before the member's names.
+        to: the place, or a body.
+        findings: take mistakes.
+
+    Raises:
+        InputError: the place is none.
+    """
+
+    def __init__(
+        self, marionette: Marionette, start: State, of: str, to: To, findings: Findings
+    ):
+        bodies = [link.name for link in marionette.tree.links]
+        if isinstance(to, str):
+            name = of + to if of + to in bodies else to
+            try:
+                place = marionette.pose(start, name)[:3, 3]
+            except UnknownNameError as error:
+                findings.add(("to",), str(error))
+        else:
+            place = np.array(to, dtype=float)
+            if place.shape != (3,) or not np.all(np.isfinite(place)):
+                findings.add(("to",), f"found {to!r}; needed: three numbers, or the name of a body")
+        findings.raise_any()
+        self.puppet, self.x0 = marionette, start
+        if of or marionette.puppet.touching is not None:
+            self.puppet = _by_itself()
+            # Hands and knees hang as bundled: with the member's lengths it may not hang stably.
+            names = [f"{one}.{part}" for one in BODY for part in ("x", "y", "length")]
+            self.x0 = self.puppet.rest({name: float(start[of + name]) for name in names})
+            if of and of[:-1] in bodies:
+                frame = marionette.pose(start, of[:-1])
+                place = frame[:3, :3].T @ (place - frame[:3, 3])
+        self.place = place
+
+    def held(self, string: str) -> Bounds:
+        """Bounds that let one string move."""
+        names = self.puppet.coordinates.q_K
+        return Bounds(held=tuple(x for x in names if not x.startswith(f"{string}.")))
+
+    def direction(self, origin: Array, findings: Findings) -> Array:
+        """(3,) from an origin towards the place.
+
+        Raises:
+            InputError: the place is there.
+        """
+        way = self.place - origin
+        distance = float(np.linalg.norm(way))
+        if distance < _LEAST:
+            findings.add(("to",), f"is {distance:.3f} m away; needed: a place {_LEAST:g} m away")
+        findings.raise_any()
+        return way / distance
+
+
+def check_parts(puppet: Marionette, start: State, name: str) -> None:
+    """Checks that a puppet has the strings and bodies that ``look`` or ``point`` moves.
+
+    Raises:
+        UnknownNameError: one is missing.
+    """
+    Ends(puppet.coordinates, start)
+    strings = [one.name for one in puppet.tree.strings]
+    for string in ("hand_left", "hand_right") if name == "point" else ():
+        if string not in strings:
+            raise UnknownNameError("string", string, strings)
+    # Puppets with contact are posed as the bundled marionette.
+    bodies = [link.name for link in puppet.tree.links]
+    for body in _PARTS[name] if puppet.puppet.touching is None else ():
+        if body not in bodies:
+            raise UnknownNameError("body", body, bodies)
+
+
+def point(ends: Ends, aim: Aim, findings: Findings) -> Gesture:
+    """The hand of the side on which the place is goes up and points there.
+
+    Raises:
+        InputError: no hanging pose points there.
+    """
+    puppet, x0 = aim.puppet, aim.x0
+    side = "left" if aim.place[1] > ends.middle.imag else "right"
+    string, arm, forearm = f"hand_{side}", f"upper_arm_{side}", f"forearm_{side}"
+    at = _attached(puppet, string)
+    pose = puppet.pose(x0, forearm)
+    shoulder, elbow = puppet.pose(x0, arm)[:3, 3], pose[:3, 3]
+    length = float(np.linalg.norm(elbow - shoulder) + np.linalg.norm(at))
+    goal = shoulder + _OF_ARM * length * aim.direction(shoulder, findings)
+    try:
+        found = reach(puppet, {(forearm, at): goal}, x0, bounds=aim.held(string))[0]
+        summary = "" if found else found.summary()
+    except StateError as error:
+        summary = str(error)
+    if summary:
+        findings.add(("to",), f"the {side} hand cannot point there: {summary}")
+    findings.raise_any()
+    names = [f"{string}.{part}" for part in ("x", "y", "length")]
+    own = {name: float(found.state[name] - ends.start[ends.of + name]) for name in names}
+    way = max(_BRIEFEST, 1.875 * max(abs(x) for x in own.values()) / _SPEED)
+    t, curve = there_and_back(way, _HOLD)
+    for name, offset in own.items():
+        ends.add(name, times(offset, curve))
+    return ends.gesture(t, "point", {"points": way}, travels=False)
+
+
+def look(ends: Ends, aim: Aim, findings: Findings) -> Gesture:
+    """The puppet turns its face towards a place, as far as its strings can."""
+    puppet, x0 = aim.puppet, aim.x0
+    flat = complex(aim.place[0], aim.place[1]) - ends.middle
+    turn = float(np.clip(np.angle(flat), -_MOST_TURN, _MOST_TURN)) if abs(flat) > _LEAST else 0.0
+    q = {}
+    for name, place in ends.places.items():
+        there = np.exp(1j * turn) * (place - ends.middle) + ends.middle
+        q[f"{name}.x"], q[f"{name}.y"] = float(there.real), float(there.imag)
+    lengths = [name for name in puppet.coordinates.q_K if name.endswith(".length")]
+    turned = puppet.rest(q | {name: float(x0[name]) for name in lengths})
+    neck = puppet.pose(turned, "skull")[:3, 3]
+    up = float(np.arcsin(aim.direction(neck, findings)[2]))
+    tilt = float(np.clip(up, *_TILTS))
+    face = np.array([np.cos(tilt) * np.cos(turn), np.cos(tilt) * np.sin(turn), np.sin(tilt)])
+    found = reach(
+        puppet, {("skull", (_FACE, 0.0, 0.0)): neck + _FACE * face}, turned,
+        bounds=aim.held("head"),
+    )[0].state  # fmt: skip
+    # What is not reached is near enough: the head's string has no more to give.
+    own = {f"head.{part}": float(found[f"head.{part}"] - turned[f"head.{part}"])
+           for part in ("x", "y", "length")}  # fmt: skip
+    farthest = max(abs(x) for x in own.values())
+    way = max(_BRIEFEST, _TURN_TIME * abs(turn), 1.875 * farthest / _SPEED)
+    t, curve = there_and_back(way, _HOLD)
+    ends.carry((np.zeros(len(t), dtype=complex),) * 3, times(turn, curve))
+    for name, offset in own.items():
+        ends.add(name, times(offset, curve))
+    return ends.gesture(t, "look", {"there": way}, travels=False)
+
+
+@cache
+def _by_itself() -> Marionette:
+    return load(bundled_files.path("marionette"))
+
+
+def _attached(puppet: Marionette, string: str) -> tuple[float, float, float]:
+    """Where a string is fixed to its body, in the body's frame [m]."""
+    for one in puppet.tree.strings:
+        if one.name == string:
+            x, y, z = (value_of(number) for number in one.points[0].at)
+            return x, y, z
+    raise UnknownNameError("string", string, [one.name for one in puppet.tree.strings])
+

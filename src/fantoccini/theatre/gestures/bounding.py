@@ -1,0 +1,46 @@
+"""Where the motion of a score passes its bounds, and which cues move there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fantoccini.base import Array
+from fantoccini.theatre.gestures.gesture import Gesture
+from fantoccini.theatre.gestures.joining import Motion
+from fantoccini.theatre.gestures.notes import Notes
+from fantoccini.theatre.gestures.score import Played
+from fantoccini.theatre.gestures.timing import Cue
+
+_ROUNDING = 2e-3
+"""Share of a bound by which a peak may pass it: peaks of speeds are bounds themselves."""
+
+Cues = Sequence[tuple[Cue, Played, Motion]]
+
+
+def note_passed(whole: Gesture, most: Array, cues: Cues, notes: Notes) -> None:
+    """Notes where a speed or an acceleration passes its bound, once for each cue."""
+    sizes, middle = whole.peaks_of_pieces, 0.5 * (whole.breaks[1:] + whole.breaks[:-1])
+    over = sizes > most * (1.0 + _ROUNDING)
+    worst: dict[tuple[int, int, int], int] = {}
+    for piece, row, v in np.argwhere(over).tolist():
+        for i in moving(cues, float(middle[piece]), v):
+            before = worst.setdefault((i, row, v), piece)
+            if sizes[piece, row, v] > sizes[before, row, v]:
+                worst[i, row, v] = piece
+    for (i, row, v), piece in worst.items():
+        what, unit = (("moves at", "m/s"), ("changes by", "m/s^2"))[row]
+        notes.change(
+            cues[i][0].spot, f"{whole.coordinates.v_K[v]} {what} {sizes[piece, row, v]:.4g} {unit} "
+            f"{notes.said(whole.breaks[piece])}; the bound is {most[row, v]:.4g}: play it "
+            "smaller or slower",
+        )  # fmt: skip
+
+
+def moving(cues: Cues, t: float, v: int) -> list[int]:
+    """The cues that move a driven velocity at a time, or else the next one that does."""
+    own = [i for i, (_, _, motion) in enumerate(cues) if motion.named[v]]
+    now = [i for i in own if cues[i][1].start <= t < cues[i][1].end]
+    later = [i for i in own if cues[i][1].start >= t]
+    return now or [min(later, key=lambda i: cues[i][1].start)] if later else now or own[-1:]

@@ -1,0 +1,166 @@
+"""Score files compiled: lanes to one motion, captions, waits and sounds to times."""
+
+from __future__ import annotations
+
+import os
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from fantoccini.base import Array, FileError, InputError, UnknownNameError
+from fantoccini.base.documents import Located, read_file, validate
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.motion import pieces
+from fantoccini.theatre.gestures.bounding import note_passed
+from fantoccini.theatre.gestures.gesture import Gesture
+from fantoccini.theatre.gestures.notes import LATE, Notes
+from fantoccini.theatre.gestures.placing import Placing
+from fantoccini.theatre.gestures.repertoire import Repertoire
+from fantoccini.theatre.gestures.score import Caption, Score, Wait
+from fantoccini.theatre.gestures.score_file import ScoreFile
+from fantoccini.theatre.gestures.sounding import read_sounds, spot_of_sound
+from fantoccini.theatre.gestures.timing import Spot
+from fantoccini.theatre.gestures.transition import limits
+from fantoccini.theatre.gestures.waiting import note_moving
+
+_NO_BOUNDS = {"speed": 1.0, "acceleration": 1.0}
+
+
+def load_score(marionette: Marionette, path: str | os.PathLike[str]) -> Score:
+    """Reads and compiles a score file.
+
+    Where a gesture cannot begin in time, because the way to its start takes longer within the
+    bounds, it begins late, and :attr:`Score.changes` says so. They also say where lanes together
+    or gestures by themselves pass a bound.
+
+    Args:
+        marionette: who performs it.
+        path: of the file.
+
+    Raises:
+        FileError: with every mistake found and its location.
+    """
+    located = read_file(path)
+    file = validate(ScoreFile, located)
+    return _Compiler(marionette, file, located).score()
+
+
+class _Compiler:
+    """Compiles one score file."""
+
+    def __init__(self, marionette: Marionette, file: ScoreFile, located: Located):
+        self._marionette, self._file, self._located = marionette, file, located
+        self._table, self._start = marionette.coordinates, marionette.rest()
+        self._notes = Notes(located, file.tempo)
+
+    def score(self) -> Score:
+        """The score.
+
+        Raises:
+            FileError: it has mistakes.
+        """
+        file, notes = self._file, self._notes
+        most = self._bounds()
+        gestures = Repertoire(self._marionette, file, self._start, most, notes)
+        lanes: dict[str, Any] = {
+            lane: (("lanes", lane), cues) for lane, cues in file.lanes.items()
+        }
+        placed = Placing(lanes, file.marks, gestures.of, most, notes)
+        gestures.read_all()
+        notes.refuse()
+        captions = tuple(self._caption(placed, i) for i in range(len(file.captions)))
+        waits = self._waits(placed)
+        sounds = read_sounds(file.sound, placed.time, notes)
+        notes.refuse()
+        end = max(
+            *(line.end for line in placed.lines), *(wait.t for wait in waits),
+            (file.duration or 0.0) * notes.beat, notes.beat,
+        )  # fmt: skip
+        for line in placed.lines:
+            line.hold(end)
+        own = {
+            lane: Gesture(self._table, *line.motion, lane)
+            for lane, line in zip(file.lanes, placed.lines, strict=True)
+        }
+        whole, *others = own.values()
+        for other in others:
+            whole += other
+        note_passed(whole, most, placed.played, notes)
+        note_moving(whole, waits, placed.played, notes)
+        notes.refuse()
+        last: list[tuple[Spot, float]] = [(("marks", name), t) for name, t in placed.marks.items()]
+        last += [(("captions", i), one.end) for i, one in enumerate(captions)]
+        last += [(spot_of_sound(i, self._located), one.start) for i, one in enumerate(sounds)]
+        for spot, t in last:
+            if t > end + LATE:
+                notes.change(spot, f"comes {notes.said(t)}; the score ends {notes.said(end)}")
+        made = Score(
+            self._marionette, whole.called(file.score), tuple(one for _, one, _ in placed.played),
+            placed.marks, captions, notes.beat, tuple(notes.changes), file.score, file.speed,
+            file.acceleration, waits, sounds, own, file.tempo,
+        )  # fmt: skip
+        try:
+            made.inputs(self._start)
+        except InputError as error:
+            found = [
+                (self._mover(placed, one.key), f"{one.key}: {one.message}")
+                for one in error.mistakes
+            ]
+            raise self._located.error(found, FileError) from None
+        return made
+
+    def _bounds(self) -> Array:
+        """(2, n_vK) bounds of speeds and accelerations."""
+        file, given = self._file, dict[str, Any]()
+        for key in ("speed", "acceleration"):
+            bound = getattr(file, key)
+            for name, one in bound.items() if isinstance(bound, dict) else [("", bound)]:
+                spot = (key, name) if name else (key,)
+                try:
+                    limits(self._table, **(_NO_BOUNDS | {key: {name: one} if name else one}))
+                except (UnknownNameError, ValueError) as error:
+                    self._notes.mistake(spot, str(error))
+            given[key] = bound
+        self._notes.refuse()
+        return limits(self._table, **given)
+
+    def _mover(self, placed: Placing, channel: str) -> Spot:
+        """The cue that moves a coordinate farthest."""
+        places = pieces.channel_names(self._table)
+        if channel not in places or not placed.played:
+            return ("lanes",)
+        v = places[channel][1]
+        sizes = [np.max(np.abs(motion.coef[:, v, 0])) for _, _, motion in placed.played]
+        return placed.played[int(np.argmax(sizes))][0].spot
+
+    def _caption(self, placed: Placing, i: int) -> Caption:
+        given, notes = self._file.captions[i], self._notes
+        start = placed.time(given.at, ("captions", i, "at"))
+        end = placed.time(given.until, ("captions", i, "until"))
+        if not end > start and not notes.found:
+            text = f"ends {notes.said(end)} and begins {notes.said(start)}"
+            notes.mistake(("captions", i), text)
+        return Caption(start, end, given.text)
+
+    def _waits(self, placed: Placing) -> tuple[Wait, ...]:
+        """The waits, in order of time."""
+        notes, found = self._notes, list[Wait]()
+        for name, given in self._file.waits.items():
+            spot: Spot = ("waits", name)
+            if name in self._file.marks:
+                notes.mistake(spot, "a mark has this name; needed: a name of its own")
+            t, loop = placed.time(given.at, spot), None
+            if given.loop is not None:
+                loop = placed.time(given.loop, (*spot, "loop"))
+                if not loop < t - LATE and not notes.found:
+                    text = f"begins {notes.said(loop)} and ends {notes.said(t)}"
+                    notes.mistake((*spot, "loop"), text)
+            found.append(Wait(name, t, loop))
+        found.sort(key=lambda wait: wait.t)
+        for one, after in pairwise(found):
+            begins = after.t if after.loop_start is None else after.loop_start
+            if one.t > after.t - LATE or one.t > begins + LATE:
+                text = f"{one.name} waits {notes.said(one.t)}, at the same time or within this loop"
+                notes.mistake(("waits", after.name), f"{text}; needed: one after the other")
+        return tuple(found)

@@ -1,0 +1,119 @@
+"""Ends of a puppet's strings, moved together as one rigid body or each by itself.
+
+    z(t) + exp(i theta(t)) (a + i w(t))
+
+z = x + i y is the place of the middle between the shoulders' ends, theta the heading, a an end's
+place from the middle at the start, w the sway.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fantoccini.base import Array, Times, UnknownNameError, polynomial
+from fantoccini.model.tree import CoordinateTable
+from fantoccini.motion import State, pieces
+from fantoccini.theatre.gestures.gesture import Gesture
+
+BODY = ("head", "shoulder_left", "shoulder_right")
+"""The strings that carry the body."""
+
+Curve = tuple[Array, Array, Array]
+"""Values and their first and second derivatives by time."""
+Complex = NDArray[np.complex128]
+"""Any shape, x + i y [m]."""
+ComplexCurve = tuple[Complex, Complex, Complex]
+"""Places and their first and second derivatives by time."""
+
+
+@dataclass
+class Ends:
+    """Ends of a puppet's strings: their places, and how they move.
+
+    Attributes:
+        table: of the puppet or scene.
+        of: what stands before the strings' names: ``pierrot.``, or nothing.
+        places: string -> x + i y of its end at the start [m].
+        middle: between those of the shoulders [m].
+        curves: driven coordinate -> offsets.
+        turns: whether they turn.
+
+    Args:
+        start: where the puppet hangs.
+
+    Raises:
+        UnknownNameError: a string of the bundled marionette is missing.
+    """
+
+    table: CoordinateTable
+    start: State
+    of: str = ""
+    places: dict[str, complex] = field(default_factory=dict, init=False)
+    middle: complex = field(default=0j, init=False)
+    curves: dict[str, Curve] = field(default_factory=dict, init=False)
+    turns: bool = field(default=False, init=False)
+
+    def __post_init__(self) -> None:
+        known = pieces.channel_names(self.table)
+        own = [name[len(self.of) :] for name in known if name.startswith(self.of)]
+        owners = {name.rsplit(".", 1)[0] for name in own}
+        for owner in (*BODY, "knee_left", "knee_right"):
+            for part in ("x", "y", "length"):
+                if f"{owner}.{part}" not in own:
+                    raise UnknownNameError("driven coordinate", f"{self.of}{owner}.{part}", known)
+        for owner in sorted(owners):
+            if f"{owner}.x" in own and f"{owner}.y" in own and "." not in owner:
+                x, y = (float(self.start[f"{self.of}{owner}.{part}"]) for part in "xy")
+                self.places[owner] = complex(x, y)
+        self.middle = 0.5 * (self.places["shoulder_left"] + self.places["shoulder_right"])
+
+    def carry(self, path: ComplexCurve, heading: Curve, sway: Curve | None = None) -> None:
+        """Carries all ends as one rigid body along a path, and turns them about the middle.
+
+            moved = z + exp(i theta) (arm + i w) - arm
+
+        Args:
+            path: z, the middle's place from its first one [m].
+            heading: theta, from the first one [rad].
+            sway: w, to the left of the path [m].
+        """
+        self.turns = self.turns or bool(np.any(heading[0] != 0.0))
+        theta, rate, change = heading
+        w0, w1, w2 = sway if sway is not None else (0.0 * theta,) * 3
+        e = np.exp(1j * theta)
+        for name, place in self.places.items():
+            home = place - self.middle
+            arm = e * (home + 1j * w0)
+            moved = path[0] + arm - home
+            speed = path[1] + 1j * rate * arm + 1j * e * w1
+            second = path[2] + (1j * change - rate**2) * arm - 2.0 * rate * e * w1 + 1j * e * w2
+            for part, of in (("x", np.real), ("y", np.imag)):
+                self.add(f"{name}.{part}", (of(moved), of(speed), of(second)))
+
+    def add(self, name: str, curve: Curve) -> None:
+        """Moves a coordinate, beside what it does already."""
+        before = self.curves.get(name)
+        if before is not None:
+            curve = (before[0] + curve[0], before[1] + curve[1], before[2] + curve[2])
+        self.curves[name] = curve
+
+    def gesture(self, t: Times, name: str, marks: dict[str, float], travels: bool) -> Gesture:
+        """What moves, as a gesture that has its breaks at the curves' times."""
+        h, n = np.diff(t), self.table.n_vK
+        coef, named = np.zeros((len(h), n, polynomial.N_COEF)), np.zeros(n, dtype=bool)
+        travel, known = np.zeros(n), pieces.channel_names(self.table)
+        for channel, curve in self.curves.items():
+            v = known[self.of + channel][1].start
+            d, rate, change = curve
+            first, last = (d[:-1], rate[:-1], change[:-1]), (d[1:], rate[1:], change[1:])
+            coef[:, v] = polynomial.hermite(h, first, last)
+            named[v], travel[v] = True, curve[0][-1] if travels else 0.0
+        return Gesture(self.table, t, coef, named, travel, name, marks, self.turns)
+
+
+def times(factor: float | Array, curve: Curve) -> Curve:
+    """A curve with all its values multiplied."""
+    return factor * curve[0], factor * curve[1], factor * curve[2]

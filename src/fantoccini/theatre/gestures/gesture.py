@@ -1,0 +1,427 @@
+"""Gestures: offsets of driven coordinates from where the puppet hangs, over time.
+
+    q_K(t) = q_K0 + d(t),   rotations: R(t) = R_0 exp([d(t)]x)
+
+d(t) is a piecewise quintic, C^1 at its breaks. What a gesture does not name, it leaves alone.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fantoccini.base import (
+    Array,
+    MaskRows,
+    StateError,
+    Times,
+    UnknownNameError,
+    VecK,
+    check_positive,
+    frozen,
+)
+from fantoccini.motion import SAME_TIME, Findings, Input, State, Table, binding, pieces, reading
+from fantoccini.theatre.gestures import moves, piecewise
+from fantoccini.theatre.gestures.joining import Line, Motion
+from fantoccini.theatre.gestures.transition import ACCELERATION, SAME, SPEED, Most, limits
+from fantoccini.theatre.gestures.turns import from_start
+
+if TYPE_CHECKING:
+    from fantoccini.model.tree import CoordinateTable
+
+_STILL = 1e-9
+"""Speed below which a gesture is at rest [m/s or rad/s]."""
+_MOMENT = 0.02
+"""Of stillness before a gesture that begins in motion and after one that ends so [s]."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Gesture:
+    """A short motion of part of a puppet, relative to where it hangs.
+
+    ::
+
+        wave = fan.load_gesture(puppet, "wave")
+        bow = fan.Gesture.of(puppet, {"head.down": [(0, 0), (0.8, 0.1), (1.6, 0)]})
+        both = wave.mirrored().then(bow, bow.scaled(0.5).faster(1.5))
+        run = fan.simulate(puppet, x0, both.inputs(x0))
+
+    Attributes:
+        coordinates: names and places of the coordinates.
+        breaks: (n + 1,) times, from 0 on [s].
+        coef: (n, n_vK, 6) offsets: ascending powers of the time since the piece began
+            [m or rad, s].
+        named: (n_vK,) bool, which coordinates it moves.
+        travel: (n_vK,) the part of its last offset that becomes the place of what follows, as
+            after a walk [m or rad].
+        name: of the gesture.
+        marks: name -> time within it [s]: when the hand is up, when the foot lands. Of gestures
+            in a row the second mark of a name is called ``up 2``, and so on.
+        turns: whether it turns the ends of all strings together: then it is neither scaled nor
+            repeated, which would tear them apart.
+    """
+
+    coordinates: CoordinateTable
+    breaks: Times
+    coef: Array
+    named: MaskRows
+    travel: VecK
+    name: str = ""
+    marks: Mapping[str, float] = field(default_factory=dict)
+    turns: bool = False
+
+    def __post_init__(self) -> None:
+        n, k = len(self.breaks) - 1, self.coordinates.n_vK
+        shapes = {"breaks": (n + 1,), "coef": (n, k, 6), "named": (k,), "travel": (k,)}
+        for name, shape in shapes.items():
+            value = frozen(getattr(self, name), bool if name == "named" else float)
+            if value.shape != shape:
+                raise ValueError(f"{name} has the shape {value.shape}; it must be {shape}")
+            object.__setattr__(self, name, value)
+        if n < 1 or self.breaks[0] != 0.0 or not np.all(np.diff(self.breaks) > 0.0):
+            raise ValueError("breaks must be two or more times that increase from 0")
+        if not np.all(np.isfinite(self.coef)):
+            raise ValueError("coef has a number that is not finite")
+        for name, t in self.marks.items():
+            if not 0.0 <= t <= self.duration + SAME_TIME:
+                raise ValueError(
+                    f"the mark {name!r} is at {t:g} s; the gesture lasts {self.duration:g} s"
+                )
+
+    def __repr__(self) -> str:
+        called = f" {self.name!r}" if self.name else ""
+        return f"<Gesture{called}: {self.duration:g} s, moves {', '.join(self.uses) or 'nothing'}>"
+
+    @property
+    def duration(self) -> float:
+        """[s]."""
+        return float(self.breaks[-1])
+
+    @cached_property
+    def uses(self) -> tuple[str, ...]:
+        """The strings and joints whose coordinates it moves."""
+        places = pieces.channel_names(self.coordinates)
+        named = [name for name, (_, v) in places.items() if self.named[v.start]]
+        return tuple(dict.fromkeys(name.rsplit(".", 1)[0] for name in named))
+
+    @property
+    def motion(self) -> Motion:
+        """Its arrays."""
+        return Motion(self.breaks, self.coef, self.named, self.travel)
+
+    @property
+    def ends(self) -> tuple[Array, Array]:
+        """(2, n_vK) offsets and (2, n_vK) rates with which it begins and ends."""
+        both = [piecewise.at(self.breaks, self.coef, t) for t in (0.0, self.duration)]
+        return np.array([d for d, _ in both]), np.array([rate for _, rate in both])
+
+    def offsets(self, t: float) -> tuple[VecK, VecK]:
+        """(n_vK,) offsets and (n_vK,) rates at a time [s]; outside of it those at its ends."""
+        return piecewise.at(self.breaks, self.coef, float(np.clip(t, 0.0, self.duration)))
+
+    @property
+    def peaks(self) -> Array:
+        """(2, n_vK) its largest speeds, bounded to some 1e-3, and accelerations."""
+        return np.max(self.peaks_of_pieces, axis=0)
+
+    @cached_property
+    def peaks_of_pieces(self) -> Array:
+        """(n, 2, n_vK) those of every piece."""
+        return piecewise.peaks(self.breaks, self.coef)
+
+    # -- making one --------------------------------------------------------------------------
+
+    @classmethod
+    def of(
+        cls,
+        table: Table,
+        points: Mapping[str, Sequence[Any]],
+        *,
+        travels: bool = False,
+        name: str = "",
+        marks: Mapping[str, float] | None = None,
+    ) -> Gesture:
+        """Smooth moves through offsets, at rest at both ends, from time 0 on.
+
+        Args:
+            table: a coordinate table, or anything with ``.coordinates``.
+            points: what moves -> list of (t [s], offset [m or rad]). What moves is a driven
+                coordinate (``hand_right.length``), or a string and a direction: ``hand_right.up``
+                and ``.down`` wind it, ``.forward``, ``.back``, ``.left`` and ``.right`` carry its
+                end along x and y, ``.out`` and ``.in`` away from the middle and towards it where
+                its name says left or right.
+            travels: whether the puppet is at its new place afterwards, as after a walk.
+            name, marks: see the class.
+
+        Raises:
+            InputError: with every mistake.
+            ValueError: nothing moves, or a mark is not within the gesture.
+        """
+        if not points:
+            raise ValueError("points is empty; a gesture moves something")
+        table, findings = reading.table_of(table), Findings()
+        read = moves.read(table, points, findings)
+        findings.raise_any()
+        return cls.of_offsets(table, read, travels=travels, name=name, marks=marks)
+
+    @classmethod
+    def of_offsets(
+        cls,
+        table: CoordinateTable,
+        offsets: Mapping[str, tuple[Times, Array]],
+        *,
+        travels: bool = False,
+        name: str = "",
+        marks: Mapping[str, float] | None = None,
+    ) -> Gesture:
+        """:meth:`of` from arrays: driven scalar coordinate -> times and offsets."""
+        channels = pieces.through_waypoints(table, offsets)
+        breaks, coef, _, named = pieces.assembled(table, channels, (0.0,))
+        coef[:, ~named] = 0.0
+        made = cls(table, breaks, coef, named, np.zeros(table.n_vK), name, dict(marks or {}))
+        return dataclasses.replace(made, travel=made.ends[0][1]) if travels else made
+
+    @classmethod
+    def of_input(cls, inputs: Input, *, travels: bool = False, name: str = "") -> Gesture:
+        """What an input does from its start on: of a recording, a plan or an optimised motion.
+
+        Args:
+            inputs: the motion; ``recording.inputs`` of a live take, ``best.inputs`` of a search.
+            travels, name: see :meth:`of`.
+
+        Raises:
+            StateError: it turns a driven body by nearly 180 degrees, or travels and turns one.
+        """
+        table, coef = inputs.coordinates, from_start(inputs, np.diff(inputs.breaks))
+        for _, v in table.scalars_K:
+            coef[:, v, 0] -= coef[0, v, 0]
+        turned = [v for _, v in table.rotations.values() if inputs.named[v]]
+        if travels and turned:
+            raise StateError("a gesture that turns a driven body cannot travel")
+        coef[:, ~inputs.named] = 0.0
+        breaks = inputs.breaks - inputs.breaks[0]
+        made = cls(table, breaks, coef, inputs.named, np.zeros(table.n_vK), name or inputs.name)
+        return dataclasses.replace(made, travel=made.ends[0][1]) if travels else made
+
+    @classmethod
+    def rest(cls, table: Table, duration: float = 0.5, *, everything: bool = True) -> Gesture:
+        """Hangs still: after other gestures, the way back to where the puppet hangs.
+
+        Args:
+            table: a coordinate table, or anything with ``.coordinates``.
+            duration: [s].
+            everything: whether every coordinate goes there; otherwise all stay where they are.
+        """
+        check_positive(duration=duration)
+        table = reading.table_of(table)
+        nothing = np.zeros((1, table.n_vK, 6))
+        named = np.full(table.n_vK, everything)
+        return cls(table, np.array([0.0, duration]), nothing, named, nothing[0, :, 0], "rest")
+
+    # -- changing one ------------------------------------------------------------------------
+
+    def called(self, name: str) -> Gesture:
+        """The same under another name."""
+        return dataclasses.replace(self, name=name)
+
+    def scaled(self, factor: float) -> Gesture:
+        """Larger, or below 1 smaller.
+
+        Raises:
+            StateError: it turns: a larger one is another turn, with ``turn`` or ``to``.
+        """
+        check_positive(factor=factor)
+        if self.turns and factor != 1.0:
+            raise StateError(f"{self.name} turns, and cannot be scaled; give it another turn")
+        return dataclasses.replace(self, coef=factor * self.coef, travel=factor * self.travel)
+
+    def faster(self, factor: float) -> Gesture:
+        """In 1/factor of the time; below 1 slower."""
+        check_positive(factor=factor)
+        return dataclasses.replace(
+            self, breaks=self.breaks / factor, coef=piecewise.faster(self.coef, factor),
+            marks={name: t / factor for name, t in self.marks.items()},
+        )  # fmt: skip
+
+    def lasting(self, duration: float) -> Gesture:
+        """Within another time [s]."""
+        check_positive(duration=duration)
+        return self.faster(self.duration / duration)
+
+    def delayed(self, by: float) -> Gesture:
+        """The same after a pause at its first offsets [s]."""
+        check_positive(by=by)
+        clock = np.append(0.0, self.breaks + by)
+        return dataclasses.replace(
+            self, breaks=clock, coef=piecewise.on(self.breaks + by, self.coef, clock),
+            marks={name: t + by for name, t in self.marks.items()},
+        )  # fmt: skip
+
+    def moved(self, by: Mapping[str, float]) -> Gesture:
+        """The same from another place: what moves, by how much [m or rad].
+
+        Args:
+            by: names as in :meth:`of`.
+
+        Raises:
+            InputError: with every mistake.
+        """
+        findings = Findings()
+        points = {name: [(0.0, offset)] for name, offset in by.items()}
+        read = moves.read(self.coordinates, points, findings)
+        findings.raise_any()
+        coef, named = np.array(self.coef), np.array(self.named)
+        places = pieces.channel_names(self.coordinates)
+        for name, (_, offsets) in read.items():
+            v = places[name][1].start
+            coef[:, v, 0] += offsets[0]
+            named[v] = True
+        return dataclasses.replace(self, coef=coef, named=named)
+
+    def mirrored(self) -> Gesture:
+        """Its reflection in the x-z plane: what is called left changes places with right.
+
+        Lengths, motions along x and z and angles of joints stay, motions along y and turns of
+        bodies about x and z change their signs.
+
+        Raises:
+            UnknownNameError: something has no twin.
+            StateError: it moves a joint without a side.
+        """
+        coef, travel = np.zeros_like(self.coef), np.zeros_like(self.travel)
+        named = np.zeros_like(self.named)
+        places = pieces.channel_names(self.coordinates)
+        for name, (_, v) in places.items():
+            twin = moves.twin(name)
+            if not self.named[v.start]:
+                continue
+            if twin not in places:
+                raise UnknownNameError("driven coordinate", twin, list(places))
+            to, sign = places[twin][1], moves.reflection(name)
+            if sign is None:
+                raise StateError(f"the mirror image of the joint {name} is not known")
+            coef[:, to] = sign[:, None] * self.coef[:, v]
+            named[to], travel[to] = self.named[v], sign * self.travel[v]
+        return dataclasses.replace(self, coef=coef, named=named, travel=travel)
+
+    def turned(self, angle: float) -> Gesture:
+        """With forward and left turned about the vertical, as for a puppet that has turned [rad].
+
+        Raises:
+            StateError: it moves an end along x or y that is not driven along both, or turns a body.
+        """
+        coef, travel, named = np.array(self.coef), np.array(self.travel), np.array(self.named)
+        c, s = np.cos(angle), np.sin(angle)
+        for x, y in moves.planes(self.coordinates, self.named):
+            a, b = self.coef[:, x], self.coef[:, y]
+            coef[:, x], coef[:, y] = c * a - s * b, s * a + c * b
+            a, b = self.travel[x], self.travel[y]
+            travel[x], travel[y] = c * a - s * b, s * a + c * b
+            named[[x, y]] = True
+        return dataclasses.replace(self, coef=coef, travel=travel, named=named)
+
+    def repeated(self, times: int, **options: Any) -> Gesture:
+        """Several times in a row; options are those of :meth:`then`.
+
+        Raises:
+            StateError: it turns: the second time it needs another heading.
+        """
+        if not isinstance(times, int) or times < 1:
+            raise ValueError(f"times is {times!r}; it must be a whole number of at least 1")
+        if self.turns and times > 1:
+            raise StateError(f"{self.name} turns: each time it needs a heading of its own")
+        return self.then(*[self] * (times - 1), **options) if times > 1 else self
+
+    def then(
+        self, *others: Gesture, speed: Most = SPEED, acceleration: Most = ACCELERATION
+    ) -> Gesture:
+        """This, then the others, in one motion whose position and velocity never jump.
+
+        Where one ends in another place or at another speed than the next one begins, a quintic
+        leads over, as short as the bounds allow. Coordinates that the next one does not name stay
+        where they are, and stop.
+
+        Args:
+            others: of the same puppet.
+            speed, acceleration: bounds of what leads over, for all or by name [m/s, m/s^2, rad/s,
+                rad/s^2]. What the gestures do themselves is left alone: see :attr:`peaks`.
+
+        Raises:
+            ValueError: they are of different puppets, or a bound is not greater than 0.
+        """
+        binding.check_same_puppet([one.coordinates for one in (self, *others)])
+        line = Line(limits(self.coordinates, speed, acceleration), *(x[0] for x in self.ends))
+        marks: dict[str, float] = {}
+        for one in (self, *others):
+            begun = line.add(one.motion)
+            for name, t in one.marks.items():
+                marks[numbered(name, marks)] = begun + t
+        names = dict.fromkeys(one.name for one in (self, *others) if one.name)
+        turns = any(one.turns for one in (self, *others))
+        return Gesture(self.coordinates, *line.motion, ", ".join(names), marks, turns)
+
+    def __add__(self, other: Gesture) -> Gesture:
+        """Both at once, from the same time on; the shorter one holds its end.
+
+        Raises:
+            ValueError: they are of different puppets.
+            StateError: the shorter one ends in motion, or both turn one driven body.
+        """
+        if not isinstance(other, Gesture):
+            return NotImplemented
+        binding.check_same_puppet([self.coordinates, other.coordinates])
+        shorter = min(self, other, key=lambda one: one.duration)
+        if self.duration != other.duration and np.max(np.abs(shorter.ends[1][1])) > _STILL:
+            raise StateError(f"{shorter!r} ends in motion; what is added to it must end with it")
+        for label, (_, v) in self.coordinates.rotations.items():
+            if self.named[v] and other.named[v]:
+                raise StateError(f"both turn {label}; turns do not add up")
+        marks = dict(self.marks)
+        for name, t in other.marks.items():
+            marks[numbered(name, marks)] = t
+        breaks, coef = piecewise.added((self.breaks, self.coef), (other.breaks, other.coef))
+        return Gesture(
+            self.coordinates, breaks, coef, self.named | other.named, self.travel + other.travel,
+            " + ".join(one.name for one in (self, other) if one.name),
+            marks,
+        )  # fmt: skip
+
+    # -- using one ---------------------------------------------------------------------------
+
+    def inputs(
+        self, x0: State, *, speed: Most = SPEED, acceleration: Most = ACCELERATION
+    ) -> Input:
+        """The motion from a state on, at rest at both ends.
+
+        Where the gesture begins elsewhere or in motion, a transition leads there first, so that
+        all its times are later by that; where it ends in motion, one stops it.
+
+        Args:
+            x0: the state from which offsets count, at rest; the input begins at its time.
+            speed, acceleration: see :meth:`then`.
+        """
+        still = Gesture.rest(self.coordinates, _MOMENT, everything=False)
+        whole, (offsets, rates) = self, self.ends
+        if np.any(np.abs(offsets[0]) > SAME) or np.any(np.abs(rates[0]) > _STILL):
+            whole = still.then(whole, speed=speed, acceleration=acceleration)
+        if np.any(np.abs(rates[1]) > _STILL):
+            whole = whole.then(still, speed=speed, acceleration=acceleration)
+        table, coef = self.coordinates, np.array(whole.coef)
+        base = np.tile(x0.q_K, (len(coef), 1))
+        for q, v in table.scalars_K:
+            coef[:, v, 0] += x0.q_K[q]
+            base[:, q] = coef[:, v, 0]
+        return Input(table, x0.t + whole.breaks, coef, base, whole.named, name=self.name).checked()
+
+
+def numbered(name: str, taken: Mapping[str, float]) -> str:
+    """The name, or with the first number that is free."""
+    made, k = name, 2
+    while made in taken:
+        made, k = f"{name} {k}", k + 1
+    return made

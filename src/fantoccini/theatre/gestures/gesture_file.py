@@ -1,0 +1,283 @@
+"""Gesture files: gestures in YAML. Every mistake is reported with its location."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BeforeValidator, Field, WithJsonSchema
+
+from fantoccini.base import FileError, Mistake, StateError, UnknownNameError, nearest
+from fantoccini.base.documents import (
+    Located,
+    Model,
+    Name,
+    NotNegative,
+    Place,
+    has_key,
+    mistake,
+    read_file,
+    shown,
+    validate,
+)
+from fantoccini.control.optimal import What, reach
+from fantoccini.control.tasks import Bounds
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.motion import SAME_TIME, Findings, Input, Points, State, Table, reading
+from fantoccini.theatre.gestures import moves
+from fantoccini.theatre.gestures.aiming import To
+from fantoccini.theatre.gestures.gesture import Gesture
+from fantoccini.theatre.gestures.parameters import MADE, Parameters, made_gesture, member_prefix
+
+_FOLDER = Path(__file__).parent / "marionette"
+_STILL = 1e-9
+"""Largest speed and acceleration of what does not move [m/s, m/s^2 or rad]."""
+_VALUE = {"anyOf": [{"type": "number"}, {"type": "string", "pattern": "^.+ *(mm|cm|m|deg|rad)$"}]}
+_POINTS = {
+    "type": "array",
+    "items": {
+        "type": "array", "prefixItems": [{"type": "number"}, _VALUE], "minItems": 2, "maxItems": 2,
+    },
+    "minItems": 1,
+}  # fmt: skip
+
+
+def _mapping(value: Any) -> Any:
+    if not isinstance(value, dict):
+        raise mistake(f"found {shown(value)}; needed: names and their waypoints")
+    return value
+
+
+Moves = Annotated[
+    dict[str, Annotated[Any, WithJsonSchema(_POINTS)]], BeforeValidator(_mapping)
+]
+
+
+class KeyPoses(Model):
+    """Places of points of bodies, for which lengths and ends of strings are found."""
+
+    strings: Annotated[tuple[str, ...], Field(min_length=1)]
+    """The strings that move."""
+    at: Annotated[tuple[NotNegative, ...], Field(min_length=1)]
+    """Times of the poses, increasing [s]."""
+    points: Annotated[dict[str, tuple[Place, ...]], Field(min_length=1)]
+    """Body -> how far its point is from where it hangs, at every time: forward, left, up [m]."""
+    of: dict[str, Place] = Field(default_factory=dict)
+    """Body -> the point in its frame; its origin where not given [m]."""
+
+
+class GestureFile(Model):
+    """A gesture: offsets from where the puppet hangs."""
+
+    gesture: Name
+    """The gesture's name."""
+    about: str = ""
+    """What is seen."""
+    moves: Moves = Field(default_factory=dict)
+    """What moves -> list of [time s, offset]: a driven coordinate, or a string and a direction
+    (`hand_right.up`); offsets in m or rad, or with a unit (`12 cm`, `30 deg`)."""
+    poses: KeyPoses | None = None
+    """Key poses, beside the moves."""
+    marks: dict[Name, NotNegative] = Field(default_factory=dict)
+    """Name -> time within the gesture [s]."""
+    travels: bool = False
+    """Whether the puppet is at its new place afterwards."""
+
+
+def gesture_schema() -> dict[str, Any]:
+    """JSON Schema of a gesture file, for editors."""
+    schema = GestureFile.model_json_schema()
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def gesture_names() -> tuple[str, ...]:
+    """Names of the bundled gestures, of the bundled marionette."""
+    return tuple(sorted({*(p.stem for p in _FOLDER.glob("*.yaml")), *MADE}))
+
+
+def bundled(name: str) -> Path:
+    """The file of a bundled gesture."""
+    return _FOLDER / f"{name}.yaml"
+
+
+def load_gesture(
+    puppet: Table,
+    path: str | os.PathLike[str],
+    start: State | None = None,
+    *,
+    of: str = "",
+    steps: int | None = None,
+    step: float | None = None,
+    turn: float | None = None,
+    to: To | None = None,
+) -> Gesture:
+    """Reads a gesture file, or a take; or makes a bundled gesture.
+
+    A take (``.npz``) is a gesture from its start on, of what moves in it.
+
+    Args:
+        puppet: whose gesture it is; a marionette where the file has key poses, and for walks and
+            places.
+        path: of the file, or the name of a bundled gesture (``wave``).
+        start: where the puppet hangs, for key poses, walks and places; ``puppet.rest()`` when not
+            given.
+        of: the member of a scene that does it: ``hand_right`` is then ``pierrot.hand_right``.
+        steps, step, turn: of ``walk``: how many, the length of each [m], and the angle by which
+            they turn to the left in all [rad]; 4, 6 cm and 0 when not given.
+        to: the place that ``point`` or ``look`` is for [m], or a body that is there at the start.
+
+    Raises:
+        FileError: with every mistake found and its location.
+        InputError: likewise, of the arguments.
+        UnknownNameError: the scene has no such member.
+    """
+    name = os.fspath(path)
+    given = Parameters(steps, step, turn, to)
+    prefix = member_prefix(reading.table_of(puppet), of)
+    if not os.path.isfile(name):
+        if name not in gesture_names():
+            text = "found no file; a gesture file is needed, or the name of a bundled gesture"
+            raise FileError([Mistake(name, None, "", text + nearest(name, gesture_names()))])
+        if given.makes(name):
+            return made_gesture(puppet, name, given, prefix, start)
+        path = bundled(name)
+    given.refuse(Path(name).stem)
+    if name.lower().endswith(".npz"):
+        if of:
+            text = "a take has the names of the scene; leave `of` out"
+            raise FileError([Mistake(name, None, "", text)])
+        return gesture_of_take(Input.load(puppet, name), Path(name).stem, name)
+    return _read(puppet, path, start, prefix)
+
+
+def _read(
+    puppet: Table, path: str | os.PathLike[str], start: State | None, prefix: str
+) -> Gesture:
+    """The gesture of a file."""
+    located = read_file(path)
+    file = validate(GestureFile, located)
+    table, findings = reading.table_of(puppet), Findings()
+    given = {prefix + name: points for name, points in file.moves.items()}
+    offsets: dict[str, Points] = moves.read(table, given, findings, ("moves",))
+    findings.found = [
+        (tuple(x.removeprefix(prefix) if isinstance(x, str) else x for x in spot), text)
+        for spot, text in findings.found
+    ]
+    if not file.moves and file.poses is None:
+        findings.add((), "found neither moves nor poses; needed: one of them")
+    if file.poses is not None and not findings.found:
+        found = _of_poses(puppet, file.poses, start, offsets, located, prefix)
+        for channel, points in found.items():
+            if channel in offsets:
+                findings.add(("moves",), f"move {channel}, as the string of the poses does")
+            offsets[channel] = points
+    if not findings.found:
+        made = Gesture.of_offsets(table, offsets, travels=file.travels, name=file.gesture)
+        for mark, t in file.marks.items():
+            if t > made.duration + SAME_TIME:
+                text = f"found {t:g} s; the gesture ends at {made.duration:g} s"
+                findings.add(("marks", mark), text)
+    if findings.found:
+        raise located.error(findings.found, FileError)
+    return dataclasses.replace(made, marks=dict(file.marks))
+
+
+def gesture_of_take(inputs: Input, name: str, file: str = "") -> Gesture:
+    """What moves in a take, as a gesture.
+
+    Args:
+        inputs: of the take.
+        name: of the gesture.
+        file: of the take, for messages.
+
+    Raises:
+        FileError: nothing moves, or a driven body turns by nearly 180 degrees or more.
+    """
+    try:
+        made = Gesture.of_input(inputs, name=name)
+    except StateError as error:
+        raise FileError([Mistake(file or name, None, "", str(error))]) from None
+    moves_at_all = made.named & np.any(np.abs(made.peaks) > _STILL, axis=0)
+    if not moves_at_all.any():
+        raise FileError([Mistake(file or name, None, "", "nothing moves in this take")])
+    return dataclasses.replace(
+        made, named=moves_at_all, coef=made.coef * moves_at_all[:, None]
+    )
+
+
+def is_gesture(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is a gesture: YAML with the key `gesture`."""
+    return has_key(path, "gesture")
+
+
+def _of_poses(
+    puppet: Table, poses: KeyPoses, start: State | None, moved: dict[str, Points],
+    located: Located, prefix: str,
+) -> dict[str, Points]:  # fmt: skip
+    """Offsets of strings with which the puppet hangs at key poses, moved as it is then."""
+    found = Findings()
+    if not isinstance(puppet, Marionette):
+        raise TypeError(f"{located.file} has key poses; it takes a Marionette")
+    x0, table = puppet.rest() if start is None else start, puppet.coordinates
+    owners = {name: name.rsplit(".", 1)[0] for name in table.q_K}
+    for i, string in enumerate(poses.strings):
+        if prefix + string not in owners.values():
+            text = f"no string with driven coordinates is called {string!r}"
+            found.add(("poses", "strings", i), text + nearest(string, set(owners.values())))
+    for i, (a, b) in enumerate(zip(poses.at, poses.at[1:], strict=False)):
+        if not b > a:
+            found.add(("poses", "at", i + 1), f"found {b:g} s after {a:g} s; times must increase")
+    for body, places in poses.points.items():
+        if len(places) != len(poses.at):
+            text = f"found {len(places)} places at {len(poses.at)} times; needed: one at each"
+            found.add(("poses", "points", body), text)
+    for body in poses.of:
+        if body not in poses.points:
+            text = f"{body!r} is not among the points{nearest(body, poses.points)}"
+            found.add(("poses", "of", body), text)
+    _refuse(found, located)
+    strings = {prefix + string for string in poses.strings}
+    held = tuple(name for name, owner in owners.items() if owner not in strings)
+    targets: dict[What, Any] = {}
+    for body, places in poses.points.items():
+        at = poses.of.get(body, (0.0, 0.0, 0.0))
+        try:
+            pose = puppet.pose(x0, prefix + body)
+        except UnknownNameError as error:
+            found.add(("poses", "points", body), str(error))
+            continue
+        home = pose[:3, 3] + pose[:3, :3] @ np.array(at)
+        targets[prefix + body, at] = home + np.array(places)
+    _refuse(found, located)
+    made = {
+        table.q_K[q]: (np.array(poses.at), np.empty(len(poses.at)))
+        for q, _ in table.scalars_K
+        if table.q_K[q] not in held
+    }
+    hung = None
+    if moved:
+        hung = Gesture.of_offsets(table, moved).inputs(x0).evaluate(x0.t + np.array(poses.at))[0]
+    for i in range(len(poses.at)):
+        here = x0
+        if hung is not None:
+            here = puppet.rest({table.q_K[q]: float(hung[i, q]) for q, _ in table.scalars_K})
+        one = {what: places[i] for what, places in targets.items()}
+        try:
+            reached = reach(puppet, one, here, bounds=Bounds(held=held))[0]
+        except StateError as error:
+            raise located.error([(("poses", "at", i), str(error))], FileError) from None
+        if not reached:
+            found.add(("poses", "at", i), f"at {poses.at[i]:g} s: {reached.summary()}")
+        for q, _ in table.scalars_K:
+            if table.q_K[q] in made:
+                made[table.q_K[q]][1][i] = reached.state.q_K[q] - x0.q_K[q]
+    _refuse(found, located)
+    return made
+
+
+def _refuse(found: Findings, located: Located) -> None:
+    if found.found:
+        raise located.error(found.found, FileError)

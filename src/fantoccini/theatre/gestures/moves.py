@@ -1,0 +1,171 @@
+"""What gestures move: driven coordinates, or strings and directions; their mirror images."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fantoccini.base import Array, MaskRows, StateError, nearest
+from fantoccini.motion import Findings, Path, Points, pieces, reading
+
+if TYPE_CHECKING:
+    from fantoccini.model.tree import CoordinateTable
+
+DIRECTIONS = {
+    "up": ("length", -1.0), "down": ("length", 1.0), "forward": ("x", 1.0), "back": ("x", -1.0),
+    "left": ("y", 1.0), "right": ("y", -1.0), "out": ("y", 0.0), "in": ("y", 0.0),
+}  # fmt: skip
+"""Direction -> coordinate of a string, and its sign; 0 where the string's side gives it."""
+
+_SUFFIXES = ("length", "x", "y", "z", "rotation")
+_SIDE = re.compile(r"(?<![a-z])(left|right)(?![a-z])")
+_TWIN = {"left": "right", "right": "left"}
+_LENGTH = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?) *(mm|cm|m)", re.ASCII)
+_METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+
+
+def owner_of(name: str) -> tuple[str, str, str]:
+    """What stands before the owner of a coordinate, the owner, and what stands after it.
+
+    ``pierrot.``, ``hand_left`` and ``.length``: the sides of a scene's puppets do not count.
+    """
+    parts = name.split(".")
+    k = len(parts) - 2 if len(parts) > 1 and parts[-1] in _SUFFIXES else len(parts) - 1
+    before, after = "".join(f"{part}." for part in parts[:k]), parts[k + 1 :]
+    return before, parts[k], "".join(f".{part}" for part in after)
+
+
+def twin(name: str) -> str:
+    """The name with left and right exchanged in its owner."""
+    before, owner, after = owner_of(name)
+    return before + _SIDE.sub(lambda found: _TWIN[found[1]], owner) + after
+
+
+def reflection(name: str) -> Array | None:
+    """Signs of a coordinate's numbers under reflection in the x-z plane; None if not known.
+
+    Equal angles of joints on both sides are mirror images, as in puppet files. Of a joint in the
+    middle the name does not tell.
+    """
+    if name.endswith(".rotation"):
+        return np.array([-1.0, 1.0, -1.0])
+    if owner_of(name)[2]:
+        return np.array([-1.0 if name.endswith(".y") else 1.0])
+    return None if twin(name) == name else np.array([1.0])
+
+
+def planes(table: CoordinateTable, named: MaskRows) -> list[tuple[int, int]]:
+    """Places in v_K of x and y of every end that is moved along one of them.
+
+    Raises:
+        StateError: an end is driven along one of them only, or a body is turned.
+    """
+    known, found = pieces.channel_names(table), dict[str, tuple[int, int]]()
+    for name, (_, v) in known.items():
+        owner, _, part = name.rpartition(".")
+        if not named[v.start]:
+            continue
+        if name in table.rotations:
+            raise StateError(f"it turns {owner}; only motions of strings' ends turn with a puppet")
+        if owner and part in ("x", "y"):
+            other = f"{owner}.{'y' if part == 'x' else 'x'}"
+            if other not in known:
+                raise StateError(f"it moves {name}, and {other} is not driven")
+            found[owner] = known[f"{owner}.x"][1].start, known[f"{owner}.y"][1].start
+    return list(found.values())
+
+
+def read(
+    table: CoordinateTable, given: Mapping[str, Any], findings: Findings, at: Path = ()
+) -> dict[str, Points]:
+    """Driven scalar coordinate -> times and offsets, of names as :meth:`Gesture.of` takes them."""
+    known = pieces.channel_names(table)
+    places: dict[str, tuple[str, float]] = {}
+    for name in given:
+        channel, sign = meaning(name, known)
+        places[name] = table.commands.get(channel, channel), sign
+    written: dict[str, tuple[str, float, Any]] = {}
+    for name, points in given.items():
+        channel, sign = places[name]
+        if channel not in known or channel in table.rotations:
+            findings.add((*at, str(name)), _unknown(str(name), channel, table))
+            continue
+        if channel in written:
+            findings.add(
+                (*at, str(name)), f"moves {channel}, as {written[channel][0]} does; leave one out"
+            )
+            continue
+        written[channel] = (str(name), sign, points)
+    read: dict[str, Points] = {}
+    for channel, (name, sign, points) in written.items():
+        found = Findings()
+        units = {row.name: row.unit for row in table.rows}
+        plain = points if units.get(channel) == "rad" else _in_metres(points, found)
+        one = reading.waypoints(table, {channel: plain}, found)
+        findings.found += [
+            ((*at, name, *(k for k in path if k != channel)), text) for path, text in found.found
+        ]
+        if channel not in one or found.found:
+            continue
+        t, values = one[channel]
+        if t[0] < 0.0:
+            findings.add((*at, name, 0), f"comes at {t[0]:g} s; a gesture begins at 0 s")
+            continue
+        read[channel] = t, sign * values
+    return read
+
+
+def meaning(name: str, known: Mapping[str, Any]) -> tuple[str, float]:
+    """The coordinate that a name moves, and the sign."""
+    owner, dot, direction = str(name).rpartition(".")
+    if name in known or not dot or direction not in DIRECTIONS:
+        return str(name), 1.0
+    part, sign = DIRECTIONS[direction]
+    if not sign:
+        side = _SIDE.findall(owner.rpartition(".")[2])
+        if not side:
+            return str(name), 1.0
+        sign = (1.0 if side[-1] == "left" else -1.0) * (1.0 if direction == "out" else -1.0)
+    return f"{owner}.{part}", sign
+
+
+def metres(value: Any) -> Any:
+    """A length with its unit (``12 cm``) in metres; anything else as it is."""
+    if isinstance(value, str) and (match := _LENGTH.fullmatch(value.strip())):
+        return float(match[1]) * _METRES[match[2]]
+    return value
+
+
+def _in_metres(points: Any, findings: Findings) -> Any:
+    """The waypoints with their lengths in metres."""
+    if not isinstance(points, list | tuple):
+        return points
+    made = []
+    for i, point in enumerate(points):
+        if isinstance(point, list | tuple) and len(point) == 2:
+            value = metres(point[1])
+            if isinstance(value, str):
+                text = f"found {value!r}; needed: a length, as 0.12, 12 cm or 120 mm"
+                findings.add((i,), text)
+                value = 0.0
+            point = (point[0], value)
+        made.append(point)
+    return made
+
+
+def _unknown(name: str, channel: str, table: CoordinateTable) -> str:
+    if channel in table.rotations:
+        return "is a rotation; gestures are written of lengths, places and angles"
+    known = pieces.channel_names(table)
+    owner, _, direction = name.rpartition(".")
+    owners = {n.rsplit(".", 1)[0] for n in known}
+    if owner in owners and direction in DIRECTIONS:
+        if channel != name:
+            return f"would move {channel}, which is not a driven coordinate"
+        return "needs left or right in its name"
+    ways = [(f"{one}.{way}", f"{one}.{DIRECTIONS[way][0]}") for one in owners for way in DIRECTIONS]
+    names = [*known, *(way for way, moved in ways if moved in known)]
+    return f"is neither a driven coordinate nor a string and a direction{nearest(name, names)}"

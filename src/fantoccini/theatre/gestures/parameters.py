@@ -1,0 +1,77 @@
+"""Gestures that are made from numbers and places: walks, pointing, looking."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
+
+from fantoccini.base import UnknownNameError
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.motion import Findings, State, Table
+from fantoccini.theatre.gestures.aiming import Aim, To, look, point
+from fantoccini.theatre.gestures.ends import Ends
+from fantoccini.theatre.gestures.gesture import Gesture
+from fantoccini.theatre.gestures.walking import walk
+
+if TYPE_CHECKING:
+    from fantoccini.model.tree import CoordinateTable
+
+MADE = {"walk": ("steps", "step", "turn"), "point": ("to",), "look": ("to",)}
+"""Bundled gesture -> its parameters; those that have a file as well need one to be made."""
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Parameters of a gesture: see :func:`load_gesture`; None where not given."""
+
+    steps: int | None = None
+    step: float | None = None
+    turn: float | None = None
+    to: To | None = None
+
+    def makes(self, name: str) -> bool:
+        """Whether a bundled gesture is made with them, and not read from a file."""
+        return name == "walk" or (name in MADE and self.to is not None)
+
+    def refuse(self, name: str, known: tuple[str, ...] = ()) -> None:
+        """Raises an InputError where one is given that a gesture does not have."""
+        findings = Findings()
+        for one in fields(self):
+            if getattr(self, one.name) is not None and one.name not in known:
+                have = ", ".join(other for other, own in MADE.items() if one.name in own)
+                findings.add((one.name,), f"{name} has no {one.name!r}; those with it: {have}")
+        findings.raise_any()
+
+
+def member_prefix(table: CoordinateTable, of: str) -> str:
+    """What stands before the names of a scene's member.
+
+    Raises:
+        UnknownNameError: there is no such member.
+    """
+    if not of:
+        return ""
+    members = dict.fromkeys(name.split(".")[0] for name in table.q_K if name.count(".") > 1)
+    if of not in members:
+        raise UnknownNameError("member of a scene", of, list(members))
+    return f"{of}."
+
+
+def made_gesture(
+    puppet: Table, name: str, given: Parameters, prefix: str, start: State | None
+) -> Gesture:
+    """A bundled gesture made with parameters.
+
+    Raises:
+        InputError: with every mistake.
+        UnknownNameError: the puppet has other strings.
+    """
+    given.refuse(name, MADE[name])
+    if not isinstance(puppet, Marionette):
+        raise TypeError(f"{name} begins where the puppet hangs; it takes a Marionette")
+    start, findings = puppet.rest() if start is None else start, Findings()
+    ends = Ends(puppet.coordinates, start, prefix)
+    if given.to is None:
+        return walk(ends, findings, given.steps, given.step, given.turn)
+    aim = Aim(puppet, start, prefix, given.to, findings)
+    return (point if name == "point" else look)(ends, aim, findings)

@@ -1,0 +1,49 @@
+"""Sound files of scores: where they lie, and how long they last."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from fantoccini.base import MediaError, sound_duration
+from fantoccini.base.documents import Located
+from fantoccini.theatre.gestures.notes import Notes
+from fantoccini.theatre.gestures.score import Sound
+from fantoccini.theatre.gestures.score_file import SoundFile, Time
+from fantoccini.theatre.gestures.timing import Spot
+
+
+def read_sounds(
+    given: Sequence[SoundFile], time: Callable[[Time, Spot], float], notes: Notes
+) -> tuple[Sound, ...]:
+    """Sounds of a file.
+
+    Args:
+        given: as they are written.
+        time: gives the time of what is written somewhere [s].
+        notes: take mistakes.
+    """
+    return tuple(_sound(one, i, time, notes) for i, one in enumerate(given))
+
+
+def spot_of_sound(i: int, located: Located) -> Spot:
+    """Where sound i is written: its list may be left out."""
+    return ("sound", i) if isinstance(located.data["sound"], list) else ("sound",)
+
+
+def _sound(
+    given: SoundFile, i: int, time: Callable[[Time, Spot], float], notes: Notes
+) -> Sound:
+    located = notes.located
+    spot = spot_of_sound(i, located)
+    start = time(given.at, (*spot, "at"))
+    path = located.beside(given.file)
+    if path is None:
+        text = f"no file of this file's folder is called {given.file!r}"
+        notes.mistake((*spot, "file"), text)
+        return Sound(located.folder, start, given.gain, 0.0)
+    try:
+        duration = sound_duration(path)
+    except MediaError as error:
+        notes.mistake((*spot, "file"), f"{given.file} {error}")
+        duration = 0.0
+    return Sound(path, start, given.gain, duration)

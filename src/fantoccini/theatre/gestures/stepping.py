@@ -1,0 +1,133 @@
+"""Steps over a floor, and where they lead: arcs, each walked from rest to rest.
+
+    z(t) = z_0 + L s exp(i (theta_0 + phi / 2)) sinc(phi / 2),   phi = A s,   theta = theta_0 + phi
+
+z = x + i y is the middle between the shoulders' ends, theta its heading. Equal steps in a row are
+a leg, from (z_0, theta_0) on: L and A are the sums of its steps' lengths and turns, and s(t) goes
+from 0 to 1, at constant speed but for its first step and its last. Every leg begins and ends at
+rest, so that no turn reaches into the way before it: where steps lead is a sum of arcs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+import numpy as np
+
+from fantoccini.base import Array, Times, check_positive, polynomial
+from fantoccini.theatre.gestures.ends import Complex, ComplexCurve, Curve
+
+STEP_TIME = 0.6
+"""Duration of a step where it is not given [s]."""
+LONGEST, MOST_TURN = 1.0, 0.5 * np.pi
+"""Bounds of a step: its length [m] and how far it turns [rad]."""
+_ROUNDING = 1e-9
+"""By how much they may be passed [m, rad]: shares of a whole are rounded."""
+_ALONE = np.array([0, 0, 0, 10.0, -15.0, 6.0])
+_EVEN = np.array([0, 1.0, 0, 0, 0, 0])
+_RAMP = np.array([0, 0, 0, 1.0, -0.5, 0])
+"""Ways over the time of a step: from rest to rest, at constant speed, from rest to that speed."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step.
+
+    Attributes:
+        length: forward; below 0 backward, 0 on the spot [m].
+        turn: to the left [rad].
+
+    Raises:
+        ValueError: it is longer than 1 m, turns by more than 90 degrees, or is no number.
+    """
+
+    length: float = 0.0
+    turn: float = 0.0
+
+    def __post_init__(self) -> None:
+        bounds = {"length": (LONGEST, "m"), "turn": (MOST_TURN, "rad")}
+        for name, (most, unit) in bounds.items():
+            value = getattr(self, name)
+            if not abs(value) <= most + _ROUNDING:
+                raise ValueError(f"{name} of a step is {value!r}; at most {most:.4g} {unit}")
+
+    @property
+    def stands(self) -> bool:
+        """Whether nothing moves for the time of a step."""
+        return self.length == 0.0 and self.turn == 0.0
+
+
+class Track:
+    """Path and heading of steps over time, from (0, 0) and heading 0 on.
+
+    Attributes:
+        n: how many steps.
+        duration: of all [s].
+
+    Args:
+        given: the steps, in order; none stay where they are.
+        step_time: of each [s].
+    """
+
+    def __init__(self, given: Sequence[Step], step_time: float = STEP_TIME):
+        check_positive(step_time=step_time)
+        self.n, self._time = len(given), step_time
+        self.duration = len(given) * step_time
+        place, heading = 0j, 0.0
+        rows: list[tuple[complex, float, float, float]] = []
+        ways: list[Array] = [np.zeros((0, polynomial.N_COEF))]
+        for step, run in groupby(given):
+            n = len(list(run))
+            length, turn = n * step.length, n * step.turn
+            rows += [(place, heading, length, turn)] * n
+            ways.append(leg(n))
+            place = place + complex(_arc(length, turn, np.array(1.0))) * np.exp(1j * heading)
+            heading += turn
+        # One more row holds the end, for times after it.
+        columns = zip(*rows, (place, heading, 0.0, 0.0), strict=True)
+        self._place, self._heading, self._length, self._turn = (np.array(x) for x in columns)
+        self._ways = np.concatenate([*ways, np.zeros((1, polynomial.N_COEF))])
+
+    def at(self, t: Times) -> tuple[ComplexCurve, Curve]:
+        """z and theta, with their derivatives, at times (T,) from the first step's start on.
+
+        Before the start and after the end they are those there.
+        """
+        clock = np.clip(np.asarray(t, dtype=float) / self._time, 0.0, self.n)
+        k = clock.astype(int)
+        s, rate, change = polynomial.evaluate(self._ways[k], clock - k)
+        rate, change = rate / self._time, change / self._time**2
+        length, turn = self._length[k], self._turn[k]
+        start = np.exp(1j * self._heading[k])
+        forward = start * np.exp(1j * turn * s)
+        path = (
+            self._place[k] + start * _arc(length, turn, s),
+            length * rate * forward,
+            length * (change + 1j * turn * rate**2) * forward,
+        )
+        return path, (self._heading[k] + turn * s, turn * rate, turn * change)
+
+
+def footing_after(given: Sequence[Step]) -> tuple[float, float, float]:
+    """Where steps lead: x, y and the turn, from the place and heading before them [m, rad]."""
+    track = Track(given)
+    path, heading = track.at(np.array([track.duration]))
+    return float(path[0][0].real), float(path[0][0].imag), float(heading[0][0])
+
+
+def leg(n: int) -> Array:
+    """(n, 6) s over each of n equal steps: ascending powers of the time in the step, in steps."""
+    if n == 1:
+        return _ALONE[None].copy()
+    ways = np.tile(_EVEN, (n, 1))
+    ways[0], ways[-1] = _RAMP, _EVEN - _RAMP
+    ways[1:, 0] = np.arange(1, n) - 0.5
+    return ways / (n - 1)
+
+
+def _arc(length: Array | float, turn: Array | float, s: Array) -> Complex:
+    """The chord of a part s of an arc; sinc has no pole where the arc is straight."""
+    half = 0.5 * np.asarray(turn) * s
+    return np.asarray(length) * s * np.exp(1j * half) * np.sinc(half / np.pi)

@@ -1,0 +1,181 @@
+"""How late limbs are on the beats of a score, where they hang and where they swing.
+
+    late = t_turn - t_mark
+
+t_turn is when the end of a string turns back, along the direction in which its gesture turns at a
+mark.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Array, Indices, StateError, Times
+from fantoccini.control.optimal import Reach, What, reach
+from fantoccini.dynamics.compiled import link_index
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.motion import State, Trajectory, pieces
+from fantoccini.theatre.gestures.score import Played, Score
+
+AXES = {"x": 0, "y": 1, "length": 2}
+"""Part of a driven string -> the direction in which it carries what hangs on it."""
+_WINDOW = 0.3
+"""Longest time around a mark in which a limb turns [s]."""
+_NEIGHBOUR = 0.45
+"""Share of the time to the cue's next turn that belongs to one."""
+_TURNS = 0.12
+"""Time around a mark in which the hand above turns [s]."""
+_NEARLY = 0.35
+"""Share of the way by which a turn may be less high than the highest point around it."""
+_ALIKE = 0.9
+"""Share of the largest way from which on a string turns as well."""
+_LEAST = 2e-3
+"""Least way there and back that counts as a turn [m]."""
+
+_NEAR = 5e-3
+"""So near to where a score takes its strings the puppet hangs at least [m]: some poses tip."""
+_STEP = 2e-3
+"""Between samples of a run [s]."""
+
+Point = tuple[str, tuple[float, float, float]]
+"""A body, and a point in its frame."""
+
+
+@dataclass(frozen=True)
+class Late:
+    """How late a limb is on a mark of a cue.
+
+    Attributes:
+        cue, mark: what it plays.
+        string: to which the limb is tied.
+        seconds: after the mark at which it turns [s]; negative where it is early.
+    """
+
+    cue: Played
+    mark: str
+    string: str
+    seconds: float
+
+
+def ties(marionette: Marionette) -> dict[str, Point]:
+    """String -> where it is tied to a body that moves by itself."""
+    tree = marionette.tree
+    found = {}
+    for string in tree.strings:
+        end = string.points[0]
+        if end.link >= 0:
+            x, y, z = (marionette.model.number(v) for v in end.at)
+            found[string.name] = (tree.links[end.link].name, (x, y, z))
+    return found
+
+
+def paths(marionette: Marionette, run: Trajectory, points: Mapping[str, Point], t: Times) -> Array:
+    """(T, n_points, 3) places of points at times of a run [m]."""
+    at = run.resample(np.clip(t, run.t[0], run.t[-1]))
+    return places(marionette, at.q_D, at.q_K, points)
+
+
+def places(marionette: Marionette, q_D: Array, q_K: Array, points: Mapping[str, Point]) -> Array:
+    """(T, n_points, 3) places of points in poses [m]."""
+    poses = marionette.poses(q_D, q_K)
+    found = np.empty((len(q_D), len(points), 3))
+    for i, (body, at) in enumerate(points.values()):
+        pose = poses[:, link_index(marionette.model, body)]
+        found[:, i] = pose[:, :, 3] + pose[:, :, :3] @ np.array(at)
+    return found
+
+
+def hanging(marionette: Marionette, q_K: Array, x0: State, t: Times) -> Reach:
+    """The poses in which a puppet hangs with its strings at q_K (T, n_qK).
+
+    Raises:
+        StateError: it has contact, or does not hang there; t [s] says when.
+    """
+    table = marionette.coordinates
+    wanted: dict[What, Array] = {table.q_K[q]: q_K[:, q] for q, _ in table.scalars_K}
+    found = reach(marionette, wanted, x0, slack=True)
+    far = int(np.argmax(found.distance))
+    if found.distance[far] > _NEAR:
+        raise StateError(
+            f"the puppet does not hang where the score takes its strings at {t[far]:.2f} s: "
+            f"{found[far].summary()}"
+        )
+    return found
+
+
+def lateness(score: Score, run: Trajectory) -> tuple[Late, ...]:
+    """How late limbs are in a run under a score, at every mark at which one turns.
+
+    Marks at which nothing turns back, such as those of a hand that stays up, have no lateness.
+
+    Args:
+        score: what was played.
+        run: from the score's beginning on.
+    """
+    marionette = score.marionette
+    tied = ties(marionette)
+    t = np.arange(0.0, run.t[-1] - run.t[0], _STEP)
+    seen = list[tuple[Played, str, list[tuple[str, int, float]], Indices]]()
+    for cue in score.cues:
+        turns = {mark: _turning(score, cue, at, tied) for mark, at in cue.marks.items()}
+        times = [cue.marks[mark] for mark, own in turns.items() if own]
+        for mark, own in turns.items():
+            at = cue.marks[mark]
+            window = min([_WINDOW, *(_NEIGHBOUR * abs(at - one) for one in times if one != at)])
+            near: Indices = np.flatnonzero(np.abs(t - at) <= window)
+            if own and len(near) > 2:
+                seen.append((cue, mark, own, near))
+    if not seen:
+        return ()
+    # Limbs are looked for around the marks only: that is a small part of a long run.
+    around = np.unique(np.concatenate([near for *_, near in seen]))
+    moved = paths(marionette, run, tied, run.t[0] + t[around])
+    found = []
+    for cue, mark, own, near in seen:
+        at, there = cue.marks[mark], np.searchsorted(around, near)
+        for string, axis, sign in own:
+            path = sign * moved[there, list(tied).index(string), axis]
+            found.append(Late(cue, mark, string, _turns(path, t[near] - at)))
+    return tuple(found)
+
+
+def _turns(path: Array, away: Times) -> float:
+    """When a path is at the high point nearest to a mark; the highest where none is a turn [s]."""
+    inner = np.arange(1, len(path) - 1)
+    high = path.max() - _NEARLY * (path.max() - path.min())
+    tops = inner[
+        (path[inner] >= path[inner - 1]) & (path[inner] > path[inner + 1]) & (path[inner] >= high)
+    ]
+    if not len(tops):
+        return float(away[np.argmax(path)])
+    k = tops[np.argmin(np.abs(away[tops]))]
+    a, b, c = path[k - 1 : k + 2]  # the top of the parabola through them
+    return float(away[k] + 0.5 * _STEP * (a - c) / (a - 2.0 * b + c))
+
+
+def _turning(
+    score: Score, cue: Played, at: float, tied: Mapping[str, Point]
+) -> list[tuple[str, int, float]]:
+    """The strings whose hands turn most at a mark, the directions, and to which side."""
+    gesture = score.lanes[cue.lane]
+    times = at + _TURNS * np.linspace(-1.0, 1.0, 9)
+    d = np.array([gesture.offsets(t)[0] for t in times])
+    ways: dict[str, tuple[float, int, float]] = {}
+    for name, (_, v) in pieces.channel_names(gesture.coordinates).items():
+        string, _, part = name.rpartition(".")
+        if string not in tied or part not in AXES:
+            continue
+        for sign in (1.0, -1.0):
+            one = sign * d[:, v.start]
+            way = min(one[4] - one[0], one[4] - one[-1])
+            if one[4] >= one.max() - 1e-9 and way > max(_LEAST, ways.get(string, (0.0,))[0]):
+                ways[string] = way, AXES[part], -sign if part == "length" else sign
+    most = max((way for way, *_ in ways.values()), default=0.0)
+    return [
+        (string, axis, sign)
+        for string, (way, axis, sign) in ways.items()
+        if way > _ALIKE * most
+    ]

@@ -1,0 +1,211 @@
+"""Times of a score file: numbers, or marks and moments of cues with an offset.
+
+    t = (mark or moment) + offset * beat
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from graphlib import CycleError, TopologicalSorter
+from typing import Protocol
+
+from fantoccini.base import nearest
+from fantoccini.base.documents import NAME, Located, shown
+from fantoccini.theatre.gestures.gesture import Gesture
+from fantoccini.theatre.gestures.score import Played
+from fantoccini.theatre.gestures.score_file import CueFile, Time
+
+Spot = tuple[str | int, ...]
+"""Keys and indices that lead to a place of the file."""
+
+_OFFSET = r"(?: *([-+]) *(\d+\.?\d*|\.\d+))?"
+_SHORT = NAME.replace("{0,63}", "{0,63}?")
+# A dash may belong to a name: what is a name as a whole is one.
+_FORMS = [
+    re.compile(rf"({name})(?:\.({name}(?: \d+)?))?{_OFFSET}", re.ASCII) for name in (NAME, _SHORT)
+]
+START, END = "start", "end"
+"""Moments that every cue has, beside the marks of its gesture."""
+
+
+class Timed(Protocol):
+    """What times may refer to.
+
+    Attributes:
+        spot: where it is written.
+        name: by which times refer to it; "" where nothing can.
+        moments: of it -> time [s], once it is placed.
+    """
+
+    spot: Spot
+    name: str
+    moments: dict[str, float]
+
+    @property
+    def is_named(self) -> bool:
+        """Whether the file gives it a name of its own."""
+
+    @property
+    def known(self) -> tuple[str, ...]:
+        """Its moments, by name."""
+
+
+@dataclass
+class Cue:
+    """A cue before and after it is placed in time.
+
+    Attributes:
+        spot, lane, given: where it is written, and what.
+        once, whole: its gesture once and as often as it is repeated; None for a hold.
+        name: by which times refer to it; "" where nothing can.
+        moments: mark, ``start`` or ``end`` -> time [s], once it is placed.
+    """
+
+    spot: Spot
+    lane: str
+    given: CueFile
+    once: Gesture | None
+    whole: Gesture | None
+    name: str
+    played: Played | None = None
+    moments: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def is_named(self) -> bool:
+        """Whether the file gives it a name of its own."""
+        return self.given.name is not None
+
+    @property
+    def times(self) -> list[tuple[Spot, Time]]:
+        """The times that it begins by, with their places."""
+        if self.given.at is not None:
+            return [((*self.spot, "at"), self.given.at)]
+        on = self.given.on or {}
+        return [((*self.spot, "on", mark), time) for mark, time in on.items()]
+
+    @property
+    def known(self) -> tuple[str, ...]:
+        """Its moments, by name."""
+        marks = self.whole.marks if self.whole is not None else ()
+        return (*marks, START, END)
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A named time: a mark or a cue, the cue's moment, and the offset [beats]."""
+
+    target: Timed | str
+    moment: str
+    offset: float
+
+    @property
+    def spot(self) -> Spot:
+        """Where the target is written."""
+        return ("marks", self.target) if isinstance(self.target, str) else self.target.spot
+
+
+class Times:
+    """What names mean in the times of a score, or of one of its phrases.
+
+    Args:
+        marks: of the score; none in a phrase.
+        cues: all of its cues.
+        located: the file.
+    """
+
+    def __init__(self, marks: Mapping[str, Time], cues: Iterable[Timed], located: Located):
+        self._marks, self._located = marks, located
+        self._cues: dict[str, list[Timed]] = {}
+        self._own: dict[str, Timed] = {}
+        self.mistakes: list[tuple[Spot, str]] = []
+        for cue in cues:
+            if not cue.is_named:
+                if cue.name:
+                    self._cues.setdefault(cue.name, []).append(cue)
+            elif cue.name in self._own or cue.name in marks:
+                text = f"another cue or mark is called {cue.name!r}; needed: a name of its own"
+                self.mistakes.append(((*cue.spot, "name"), text))
+            else:
+                self._own[cue.name] = cue
+
+    def read(self, given: Time, spot: Spot) -> float | Reference | None:
+        """A time of the file: a number [beats] or what it refers to; None after a mistake."""
+        if not isinstance(given, str):
+            return given
+        matches = [match for form in _FORMS if (match := form.fullmatch(given.strip()))]
+        if not matches:
+            self._miss(spot, given, "")
+            return None
+        names = {*self._marks, *self._own, *self._cues}
+        match = next((one for one in matches if one[1] in names), matches[-1])
+        # `wave.end-1` is a beat before the end, unless a mark is called `end-1`.
+        cues = [self._own[match[1]]] if match[1] in self._own else self._cues.get(match[1], [])
+        if match[2] and not any(match[2] in cue.known for cue in cues):
+            match = next((one for one in matches if one[1] == match[1] and any(
+                one[2] in cue.known for cue in cues)), match)  # fmt: skip
+        name, moment = match[1], match[2]
+        offset = float(match[4] or 0.0) * (-1.0 if match[3] == "-" else 1.0)
+        if moment is None and name in self._marks:
+            return Reference(name, "", offset)
+        if name not in self._own and name not in self._cues:
+            self._miss(spot, given, name if moment is None else f"{name}.{moment}")
+            return None
+        cue = self._the(name, spot)
+        if cue is None:
+            return None
+        if moment is None:
+            text = f"found {shown(given)}; needed: which moment of {name}, as in {name}."
+            self.mistakes.append((spot, f"{text}{cue.known[0]}"))
+        elif moment not in cue.known:
+            text = f"{name} has no mark {moment!r}{nearest(moment, cue.known)}"
+            self.mistakes.append((spot, text))
+        else:
+            return Reference(cue, moment, offset)
+        return None
+
+    def _the(self, name: str, spot: Spot) -> Timed | None:
+        """The one cue of a name."""
+        if name in self._own:
+            return self._own[name]
+        first, *others = self._cues[name]
+        if not others:
+            return first
+        lines = [str(self._located.line(cue.spot)) for cue in (first, *others)]
+        text = f"{len(lines)} cues play {name!r}, on lines {', '.join(lines)}; give one of them a "
+        self.mistakes.append((spot, text + "name: and use that"))
+        return None
+
+    def _miss(self, spot: Spot, given: str, found: str) -> None:
+        moments = [
+            f"{cue.name}.{moment}"
+            for cue in (*self._own.values(), *(one for same in self._cues.values() for one in same))
+            for moment in cue.known
+        ]
+        text = f"found {shown(given)}; needed: a time, a mark, or a moment of a cue, with an offset"
+        self.mistakes.append((spot, text + nearest(found or given, [*self._marks, *moments])))
+
+
+def in_order(
+    needs: Mapping[Spot, list[Spot]], located: Located
+) -> tuple[list[Spot], tuple[Spot, str] | None]:
+    """Places of cues and marks such that each comes after those that it needs.
+
+    Args:
+        needs: place -> those that come first.
+        located: the file.
+
+    Returns:
+        The order, and a mistake where there is none.
+    """
+    try:
+        return list(TopologicalSorter(needs).static_order()), None
+    except CycleError as error:
+        circle = error.args[1][:-1]
+    first = min(circle, key=lambda spot: located.line(spot) or 0)
+    others = [one for one in circle if one != first]
+    if not others:
+        return [], (first, "waits for itself")
+    said = ", ".join(f"{located.problem(one, '').key} (line {located.line(one)})" for one in others)
+    return [], (first, f"waits for itself, by way of {said}")

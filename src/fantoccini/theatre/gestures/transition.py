@@ -1,0 +1,115 @@
+"""Transitions: quintics from one offset and rate to another, as short as bounds allow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fantoccini.base import Array, StateError, UnknownNameError, check_positive, polynomial
+from fantoccini.motion import pieces
+from fantoccini.theatre.gestures import piecewise
+
+if TYPE_CHECKING:
+    from fantoccini.model.tree import CoordinateTable
+
+SPEED = 1.0
+"""Default bound on the speed of driven coordinates [m/s or rad/s]."""
+ACCELERATION = 6.0
+"""Default bound on their acceleration [m/s^2 or rad/s^2]."""
+
+Most = float | Mapping[str, float]
+"""A bound for all driven coordinates, or by name."""
+
+_LEAST_BOUND = 1e-6
+"""Least bound of a speed or an acceleration [m/s, m/s^2]."""
+_LEAST = 0.04
+"""Shortest transition [s]."""
+_LONGER = 1.1
+"""Factor from one duration that is tried to the next."""
+SAME = 1e-12
+"""Offsets and rates that differ by less are the same [m or rad, s]."""
+_MINIMUM_JERK = (1.875, 5.7735)
+"""Peak speed and acceleration of a minimum-jerk move, over those of 1 m in 1 s."""
+_MOST_TRIED = 200
+"""Durations that are tried: the last one is 10^8 times the first."""
+
+
+def limits(table: CoordinateTable, speed: Most, acceleration: Most) -> Array:
+    """(2, n_vK) bounds of speeds and accelerations.
+
+    Raises:
+        UnknownNameError: a name that is no driven coordinate.
+        ValueError: a bound below 1e-6.
+    """
+    places = pieces.channel_names(table)
+    found = np.empty((2, table.n_vK))
+    for row, (what, most, usual) in enumerate(
+        (("speed", speed, SPEED), ("acceleration", acceleration, ACCELERATION))
+    ):
+        if not isinstance(most, Mapping):
+            check_positive(**{what: most})
+            found[row] = most
+            continue
+        found[row] = usual
+        for name, value in most.items():
+            channel = table.commands.get(name, name)
+            if channel not in places:
+                raise UnknownNameError("driven coordinate", name, list(places))
+            check_positive(**{f"{what} of {name}": value})
+            found[row, places[channel][1]] = value
+    if np.any(found < _LEAST_BOUND):
+        raise ValueError(
+            f"a bound of speed or acceleration is {found.min():g}; it must be at least "
+            f"{_LEAST_BOUND:g}"
+        )
+    return found
+
+
+def transition(
+    d: Array, rate: Array, target: Array, target_rate: Array, most: Array
+) -> tuple[tuple[float, Array] | None, Array]:
+    """The quintic from (d, rate) to (target, target_rate), and where it ends.
+
+    Args:
+        d, rate: (n_vK,) offsets and their rates.
+        target: (n_vK,) where they are to be; NaN where they only stop.
+        target_rate: (n_vK,) with which rates.
+        most: (2, n_vK) bounds of speeds and accelerations.
+
+    Returns:
+        Its duration and coefficients (n_vK, 6), or None where nothing differs; and its end (n_vK,).
+
+    Raises:
+        StateError: no duration keeps the bounds.
+    """
+    stops = np.isnan(target)
+    there = np.where(stops, d, target)
+    way, change = np.abs(there - d), np.abs(target_rate - rate)
+    if max(np.max(way, initial=0.0), np.max(change, initial=0.0)) <= SAME:
+        return None, d
+    duration = max(
+        _LEAST,
+        float(np.max(_MINIMUM_JERK[0] * way / most[0])),
+        float(np.max(np.sqrt(_MINIMUM_JERK[1] * way / most[1]))),
+        float(np.max(1.5 * change / most[1])),
+    )
+    nothing, allowed = np.zeros(len(d)), most * (1.0 + 1e-9)
+    own = np.maximum(np.abs(rate), np.abs(target_rate))
+    for _ in range(_MOST_TRIED):
+        # What only stops comes to rest half way to where it would be at its rate.
+        end = np.where(stops, d + 0.5 * duration * rate, there)
+        coef = polynomial.hermite(
+            np.full(len(d), duration), (d, rate, nothing), (end, target_rate, nothing)
+        )
+        speed, acceleration = piecewise.peaks(np.array([0.0, duration]), coef[None])[0]
+        if np.all(speed <= np.maximum(allowed[0], own * 1.01)) and np.all(
+            acceleration <= allowed[1]
+        ):
+            return (duration, coef), end
+        duration *= _LONGER
+    raise StateError(
+        f"no way of less than {duration:.3g} s leads from one gesture to the next within bounds of "
+        f"{most[0].min():g} m/s and {most[1].min():g} m/s^2"
+    )

@@ -1,0 +1,57 @@
+"""Whether the hands stand still where a live performance waits, and loops close."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fantoccini.theatre.gestures import piecewise
+from fantoccini.theatre.gestures.bounding import Cues, moving
+from fantoccini.theatre.gestures.gesture import Gesture
+from fantoccini.theatre.gestures.notes import Notes
+from fantoccini.theatre.gestures.score import Wait
+from fantoccini.theatre.gestures.timing import Spot
+
+_SAME = 1e-6
+"""Offsets and rates that differ by less are the same [m or rad, s]."""
+
+
+def note_moving(whole: Gesture, waits: Sequence[Wait], cues: Cues, notes: Notes) -> None:
+    """Notes as mistakes the waits at which something moves, and the loops that do not close."""
+    for wait in waits:
+        d, rate = piecewise.at(whole.breaks, whole.coef, wait.t)
+        if wait.loop_start is None:
+            v = int(np.argmax(np.abs(rate)))
+            if abs(rate[v]) > _SAME:
+                text = f"{whole.coordinates.v_K[v]} moves at {abs(rate[v]):.3g} m/s"
+                when = notes.said(wait.t)
+                notes.mistake(
+                    ("waits", wait.name), f"{text} {when}, in {_cue(cues, wait.t, v, notes)}; "
+                    "needed: a time at which all lanes rest, or a loop",
+                )  # fmt: skip
+            continue
+        first, first_rate = piecewise.at(whole.breaks, whole.coef, wait.loop_start)
+        for what, unit, gap in (
+            ("is {} from where it is", "m", np.abs(d - first)),
+            ("moves by {} faster or slower than", "m/s", np.abs(rate - first_rate)),
+        ):
+            v = int(np.argmax(gap))
+            if gap[v] > _SAME:
+                text = what.format(f"{gap[v]:.3g} {unit}")
+                spot: Spot = ("waits", wait.name, "loop")
+                notes.mistake(
+                    spot, f"{whole.coordinates.v_K[v]} {text} {notes.said(wait.loop_start)} "
+                    f"{notes.said(wait.t)}, in {_cue(cues, wait.t, v, notes)}; needed: a loop "
+                    "that ends as it begins",
+                )  # fmt: skip
+                break
+
+
+def _cue(cues: Cues, t: float, v: int, notes: Notes) -> str:
+    """The cue that moves a driven velocity at a time, with its line."""
+    found = moving(cues, t, v)
+    if not found:
+        return "no cue"
+    cue, played, _ = cues[found[0]]
+    return f"{played.gesture} of lane {played.lane} (line {notes.located.line(cue.spot)})"

@@ -1,0 +1,117 @@
+"""Walking: all ends of a puppet's strings go along a path, and the knees go up in turn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.polynomial import Polynomial
+
+from fantoccini.base import Array, Times
+from fantoccini.motion import Findings
+from fantoccini.theatre.gestures.ends import BODY, Curve, Ends, times
+from fantoccini.theatre.gestures.gesture import Gesture, numbered
+from fantoccini.theatre.gestures.stepping import LONGEST, MOST_TURN, STEP_TIME, Step, Track
+
+STEPS, STEP = 4, 0.06
+"""Steps of a walk, and the length of one [m], where they are not given."""
+SWAY = 0.006
+"""How far the body goes to the side of the foot that stands [m]."""
+_LIFT = 0.06
+"""How far a knee's string is wound in [m]."""
+_LIFT_ON_SPOT = 0.025
+"""Likewise in a step on the spot [m]: higher knees swing into each other as the hips turn."""
+_BOB = 0.004
+"""How far the body goes up in a step [m]."""
+_PARTS = 8
+"""Pieces of a step, even: knees are highest in its middle."""
+_MOST_STEPS = 1000
+_SIDES = ("left", "right")
+_MINIMUM_JERK = Polynomial([0, 0, 0, 10, -15, 6])
+
+
+def walk(
+    ends: Ends, findings: Findings, count: int | None, length: float | None, turn: float | None
+) -> Gesture:
+    """Steps forward, in all turned by an angle; the left foot goes first.
+
+    Args:
+        ends: of the puppet's strings.
+        findings: take mistakes.
+        count: how many steps; 4 when not given.
+        length: of each; below 0 backward; 6 cm when not given [m].
+        turn: to the left, in all [rad].
+
+    Raises:
+        InputError: with every mistake.
+    """
+    n, step = STEPS if count is None else count, STEP if length is None else float(length)
+    angle = 0.0 if turn is None else float(turn)
+    if not isinstance(n, int) or isinstance(n, bool) or not 1 <= n <= _MOST_STEPS:
+        findings.add(("steps",), f"found {n!r}; needed: a whole number from 1 to {_MOST_STEPS}")
+    elif not abs(angle) <= n * MOST_TURN:
+        text = f"found {np.degrees(angle):g} deg in {n} steps; needed: at most 90 deg in each"
+        findings.add(("turn",), text)
+    if not abs(step) <= LONGEST:
+        findings.add(("step",), f"found {step:g} m; needed: at most {LONGEST:g} m")
+    findings.raise_any()
+    return steps(ends, [Step(step, angle / n)] * n).called("walk")
+
+
+def steps(ends: Ends, given: Sequence[Step], step_time: float = STEP_TIME) -> Gesture:
+    """Steps of any lengths and turns, along the path of :class:`Track`; the left foot goes first.
+
+    Knees go up in turn, and the body with them and to the side, but for steps that stand: those
+    leave the feet where they are. Marks are those of a walk.
+
+    Args:
+        ends: of the puppet's strings.
+        given: the steps, in order.
+        step_time: of each [s].
+
+    Raises:
+        ValueError: there is no step, or a time is not greater than 0.
+    """
+    if not given:
+        raise ValueError("given is empty; a gesture has at least one step")
+    n, track = len(given), Track(given, step_time)
+    clock = np.arange(n * _PARTS + 1) / _PARTS
+    k = np.minimum(clock.astype(int), n - 1)
+    up = _bump(clock - k, step_time)
+    moves = np.array([not one.stands for one in given])
+    # +1 where the left foot goes, -1 where the right one does.
+    side = np.where(moves, (-1.0) ** (np.cumsum(moves) + 1), 0.0)
+    lift = np.array([_LIFT if one.length else _LIFT_ON_SPOT for one in given])
+    path, heading = track.at(clock * step_time)
+    ends.carry(path, heading, times(-SWAY * side[k], up))
+    for name in BODY:
+        ends.add(f"{name}.length", times(-_BOB * moves[k], up))
+    marks: dict[str, float] = {}
+    for name, sign in zip(_SIDES, (1.0, -1.0), strict=True):
+        if np.any(side == sign):
+            ends.add(f"knee_{name}.length", times(-lift[k] * (side[k] == sign), up))
+    for j in np.flatnonzero(moves):
+        marks[numbered(_SIDES[int(side[j] < 0.0)], marks)] = (float(j) + 0.5) * step_time
+    return ends.gesture(clock * step_time, "steps", marks, travels=True)
+
+
+def there_and_back(way: float, hold: float, parts: int = 12) -> tuple[Times, Curve]:
+    """From 0 to 1 in ``way`` seconds, there for ``hold``, and back: times and the curve."""
+    s = np.linspace(0.0, 1.0, parts + 1)
+    up = tuple(
+        (_MINIMUM_JERK.deriv(k) if k else _MINIMUM_JERK)(s) / way**k for k in range(3)
+    )
+    t = np.concatenate([way * s, way + hold + way * s])
+    signs = (1.0, -1.0, 1.0)
+    one, two, three = (
+        np.concatenate([x, sign * x[::-1]]) for x, sign in zip(up, signs, strict=True)
+    )
+    return t, (one, two, three)
+
+
+def _bump(s: Array, step_time: float) -> Curve:
+    """From 0 to 1 and back while s goes from 0 to 1, and derivatives by time."""
+    up, rises = _MINIMUM_JERK(Polynomial([0.0, 2.0])), s < 0.5
+    s = np.where(rises, s, 1.0 - s)
+    sign = np.where(rises, 1.0, -1.0) / step_time
+    return up(s), sign * up.deriv()(s), up.deriv(2)(s) / step_time**2

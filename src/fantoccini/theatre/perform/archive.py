@@ -1,0 +1,190 @@
+"""Recordings on disk: npz files without pickle.
+
+A file holds the start, what the hands did, and a sample a second. The others are simulated again,
+which gives the same bits where the samples do; where they do not, on a machine that rounds
+otherwise, each second is simulated from the sample at its start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fantoccini.base import Array, Indices, Status, npz
+from fantoccini.dynamics.compiled import PortablePuppet
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.kernel.contract import CONTACT, EVENT_AT, EventCode, width
+from fantoccini.kernel.runtime import Piece
+from fantoccini.motion import RECORDING as FORMAT, State, restored
+
+_STATE = ("q_D", "v_D", "q_K", "v_K", "taut", "slip")
+_MESH = "mesh:"
+_MEETINGS = (EventCode.TOUCH, EventCode.LIFT, EventCode.STICK, EventCode.SLIDE)
+_BETWEEN = 1.0
+"""Time from one saved sample to the next [s]."""
+_MAX_STEPS = 1_000_000
+"""Largest number of time steps in a tick, so that a damaged file does not run for hours."""
+
+
+@dataclass(frozen=True, eq=False)
+class Written:
+    """The output of a run, as the compiled code wrote it.
+
+    Attributes:
+        output: samples, one a tick, events and contact points.
+        status: end of the run.
+    """
+
+    output: Piece
+    status: Status = Status.DONE
+
+
+@dataclass(frozen=True, eq=False)
+class Checks:
+    """Samples of a recording that was saved.
+
+    Attributes:
+        ticks: (k,) after how many ticks each was taken, from 0 on.
+        samples: (k, width).
+        status: end of the run.
+    """
+
+    ticks: Indices
+    samples: Array
+    status: Status
+
+
+def save(fields: Mapping[str, Any], path: str | Path) -> None:
+    """Writes the fields of a recording."""
+    marionette: Marionette = fields["marionette"]
+    start: State = fields["start"]
+    written: Written = fields["written"]
+    samples = written.output.samples
+    every = max(1, round(_BETWEEN / fields["tick"]))
+    kept = np.unique(np.append(np.arange(0, len(samples), every), len(samples) - 1))
+    portable = PortablePuppet.of(marionette.puppet)
+    about = {
+        "format": FORMAT,
+        "puppet": portable.text,
+        "parameters": list(marionette.tree.parameters),
+        "coordinates": list(marionette.coordinates.q_D + marionette.coordinates.q_K),
+        "steps": fields["steps"],
+        "ended": fields["ended"],
+        "status": written.status.name,
+    }
+    arrays = {f"start_{name}": getattr(start, name) for name in _STATE}
+    arrays |= {
+        "t": np.array(start.t),
+        "tick": np.array(fields["tick"]),
+        "acc_K": fields["acc_K"],
+        "p": marionette.p,
+        "winches": marionette.winches,
+        "ticks": kept,
+        "checks": samples[kept],
+    }
+    arrays |= npz.packed(_MESH, portable.meshes)
+    npz.write(path, arrays, about, compressed=True)
+
+
+def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of a recording from the contents of its file.
+
+    Raises:
+        FantocciniError, LookupError, TypeError, ValueError: they are not those of a recording.
+    """
+    marionette = _marionette(about, arrays)
+    table, tree = marionette.coordinates, marionette.tree
+    sizes = (table.n_qD, table.n_vD, table.n_qK, table.n_vK, tree.n_rows, len(tree.strings))
+    state: dict[str, Any] = {
+        name: _of_state(arrays, f"start_{name}", size)
+        for name, size in zip(_STATE, sizes, strict=True)
+    }
+    t, tick = (float(npz.finite(arrays, name, ())) for name in ("t", "tick"))
+    acc_K = npz.finite(arrays, "acc_K", (None, table.n_vK))
+    status, given = Status[about["status"]], dict[str, Any]()
+    if about["format"] == FORMAT:
+        given["checks"] = _checks(marionette, arrays, len(acc_K), status)
+    else:
+        given["written"] = Written(_output(marionette, arrays), status)
+    steps = about["steps"]
+    if type(steps) is not int or not 1 <= steps <= _MAX_STEPS:
+        raise ValueError(f"found {steps!r} steps in a tick; allowed: 1 to {_MAX_STEPS}")
+    return {
+        "marionette": marionette,
+        "start": State(t, **state, coordinates=table),
+        "acc_K": acc_K,
+        "tick": tick,
+        "steps": steps,
+        "ended": str(about["ended"]),
+        **given,
+    }
+
+
+def _samples(marionette: Marionette, arrays: Mapping[str, Array], name: str) -> Array:
+    width = sum(marionette.model.sample_layout.widths.values())
+    samples = npz.finite(arrays, name, (None, width))
+    if not len(samples) or np.any(np.diff(samples[:, 0]) < 0):
+        raise ValueError(f"{name} must be one or more, none before the one it follows")
+    return samples
+
+
+def _checks(
+    marionette: Marionette, arrays: Mapping[str, Array], n: int, status: Status
+) -> Checks:
+    samples = _samples(marionette, arrays, "checks")
+    ticks: Indices = npz.checked(arrays, "ticks", (len(samples),), "i").astype(np.intp)
+    if ticks[0] != 0 or np.any(np.diff(ticks) <= 0) or ticks[-1] > n:
+        raise ValueError(f"ticks must increase from 0 and be at most {n}")
+    return Checks(ticks, samples, status)
+
+
+def _output(marionette: Marionette, arrays: Mapping[str, Array]) -> Piece:
+    """All samples, events and points of contact of a file of the format before."""
+    samples = _samples(marionette, arrays, "rows")
+    contacts = npz.finite(arrays, "contacts", (None, width(CONTACT, {})))
+    pairs = _pairs(marionette, contacts, len(samples))
+    events = _events(marionette, npz.finite(arrays, "events", (None, 5)), pairs)
+    return Piece(samples, events, contacts)
+
+
+def _of_state(arrays: Mapping[str, Array], name: str, size: int) -> Array:
+    if name == "start_taut":
+        return npz.checked(arrays, name, (size,), "b")
+    return npz.finite(arrays, name, (size,))
+
+
+def _pairs(marionette: Marionette, contacts: Array, n_samples: int) -> int:
+    """How many pairs may touch, if the contact points are of these and of the samples."""
+    known = marionette.model.contacts
+    pairs = 0 if known is None else len(known.names)
+    for name, column, end in (("sample", 0, n_samples), ("pair", 1, pairs)):
+        if not np.isin(contacts[:, column], np.arange(end)).all():
+            raise ValueError(f"contacts has a {name} that is not from 0 to {end - 1}")
+    return pairs
+
+
+def _events(marionette: Marionette, events: Array, pairs: int) -> Array:
+    """The events, if their kinds and rows exist."""
+    n = len(marionette.tree.blamable)
+    for event in events:
+        kind, row = event[EVENT_AT["kind"]], event[EVENT_AT["row"]]
+        most = n + pairs if kind in _MEETINGS else n
+        if kind not in list(EventCode) or row not in range(-1, most):
+            raise ValueError(f"found an event of the kind {kind:g} at the row {row:g}")
+    return events
+
+
+def _marionette(about: Mapping[str, Any], arrays: Mapping[str, Array]) -> Marionette:
+    written = npz.text(about["puppet"], "puppet")
+    marionette = Marionette(restored(written, "<recording>", npz.unpacked(_MESH, arrays)))
+    table, parameters = marionette.coordinates, npz.texts(about["parameters"], "parameters")
+    if list(table.q_D + table.q_K) != about["coordinates"]:
+        raise ValueError("its puppet has other coordinates than were recorded")
+    given = npz.finite(arrays, "p", (len(parameters),)).tolist()
+    values = dict(zip(parameters, given, strict=True))
+    winches = npz.checked(arrays, "winches", marionette.winches.shape)
+    return marionette.with_parameters(values).with_winches(winches)

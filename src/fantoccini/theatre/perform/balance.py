@@ -1,0 +1,190 @@
+"""Balance: hands that keep a puppet calm and in place by model predictive control.
+
+    min  integral of  w_p sum_i m_i/m |c_i - c_i0|^2 + w_v |v_D|^2 + w_h |q_K - q_K0|^2 + smoothness
+
+over the motion of the hands, within their bounds; c_i are the bodies' centres of mass.
+"""
+
+from __future__ import annotations
+
+import threading
+from typing import NamedTuple
+
+import numpy as np
+
+from fantoccini.base import FantocciniError, StateError, VecK
+from fantoccini.control.optimal import MPC, refuse_winches
+from fantoccini.control.tasks import Bounds, Smooth, Task, Track
+from fantoccini.model.tree import link_inertia
+from fantoccini.motion import State
+from fantoccini.theatre.perform.performance import Performance
+
+
+class _Weights(NamedTuple):
+    """Of a second of deviation."""
+
+    place: float = 1000.0  # [1/m^2]
+    speed: float = 0.3  # [s^2/rad^2 or s^2/m^2]
+    hands: float = 1.0  # of driven coordinates [1/m^2 or 1/rad^2]
+    smooth: Smooth = Smooth(acceleration=1e-3, jerk=1e-6)
+
+
+WEIGHTS = _Weights()
+_INTERVAL = 0.02
+"""About the interval of updates [s]; it is made of whole ticks."""
+_ROUNDING = 1e-9
+"""Of times [s]."""
+_PAUSE = 0.001
+"""Interval at which the thread looks whether an update is due [s]."""
+_LATENCIES = 10
+"""Updates whose longest says how long the next may take."""
+
+
+class _Plan(NamedTuple):
+    """Accelerations (N, n_vK) from a time on [s]."""
+
+    start: float
+    acc_K: np.ndarray
+
+
+class Balance:
+    """A law of hands: they bring the puppet back to where it is now, whatever pushes it.
+
+    ::
+
+        live = fan.Performance(fan.puppets.marionette())
+        live.let(fan.Balance(live))
+        live.push("torso", [0.5, 0.0, 0.0])
+        live.advance(0.2)
+
+    Updates are due every interval: whole ticks, some 20 ms. Without a thread the performance waits
+    for them. With one it goes on under the plan before: the state is predicted until the update
+    will be done, and an update that comes later than that, or takes longer than an interval, is
+    counted. Until there is a plan the hands brake.
+
+    Attributes:
+        mpc: see :class:`fantoccini.MPC`; it counts updates, missed deadlines and skipped intervals.
+            None until a thread has made it.
+        late: updates that came into force later than was expected.
+        message: why there are no updates any more; empty while there are.
+
+    Args:
+        performance: what is balanced, at a pose at which it is to stay.
+        nodes: intervals of the horizon.
+        threaded: whether updates are made in a thread of their own.
+
+    Raises:
+        StateError: the puppet has drives that slip, or nothing that is driven.
+    """
+
+    def __init__(self, performance: Performance, *, nodes: int = 50, threaded: bool = False):
+        marionette, x = performance.marionette, performance.state
+        refuse_winches(marionette, "Balance")
+        if not marionette.coordinates.n_vK:
+            raise StateError(f"{marionette.name} has nothing that hands could move")
+        self._performance = performance
+        self._interval = max(1, round(_INTERVAL / performance.tick)) * performance.tick
+        self._task = _task(performance, x, nodes * self._interval)
+        self._nodes, self._threaded = nodes, threaded
+        self.mpc: MPC | None = None
+        self.late, self.message = 0, ""
+        self._plans: tuple[_Plan, ...] = ()
+        self._latencies: list[float] = []
+        self._end = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="balance", daemon=True)
+        if threaded:
+            self._thread.start()
+        else:
+            self.mpc = self._made()
+
+    def __repr__(self) -> str:
+        return f"<Balance of {self._performance.marionette.name}: {self.about}>"
+
+    @property
+    def about(self) -> str:
+        """In words: how many updates there were, and how many were late."""
+        mpc = self.mpc
+        if self.message or mpc is None:
+            return self.message or "getting ready"
+        return (
+            f"{mpc.updates} updates, {1e3 * mpc.seconds:.0f} ms the last, {mpc.missed} longer than "
+            f"{1e3 * mpc.deadline:.0f} ms, {self.late} late, {mpc.skipped} left out"
+        )
+
+    def acceleration(self, x: State) -> VecK:
+        """(n_vK,) what the plan in force has for a state's time; brakes where there is none."""
+        if self.mpc is not None and not self._threaded and self._is_due(x.t, 0.0):
+            self._update(self.mpc, x, x.t)
+        in_force = [plan for plan in self._plans if plan.start <= x.t + _ROUNDING]
+        if in_force:
+            i = int((x.t - in_force[-1].start + _ROUNDING) / self._interval)
+            if i < len(in_force[-1].acc_K):
+                return np.array(in_force[-1].acc_K[i])
+        return np.asarray(-x.v_K / self._performance.tick)
+
+    def stop(self) -> None:
+        """Ends the thread."""
+        self._end.set()
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            self._thread.join(timeout=2.0)
+
+    def _made(self) -> MPC:
+        marionette = self._performance.marionette
+        return MPC(marionette, self._task, self._nodes * self._interval, self._nodes)
+
+    def _is_due(self, t: float, latency: float) -> bool:
+        if self.message:
+            return False
+        if not self._plans:
+            return True
+        return t + latency >= self._plans[-1].start + self._interval - _ROUNDING
+
+    def _update(self, mpc: MPC, x: State, t: float) -> None:
+        try:
+            acc_K = mpc.step(x, t)
+        except FantocciniError as error:
+            self.message = str(error)
+            return
+        plan = mpc.prediction
+        whole = acc_K[None] if plan is None else plan.acc_K
+        self._plans = (*self._plans[-1:], _Plan(t, whole))
+
+    def _run(self) -> None:
+        try:
+            mpc = self.mpc = self._made()
+        except FantocciniError as error:
+            self.message = str(error)
+            return
+        while not self._end.is_set():
+            x = self._performance.state
+            latency = max(self._latencies, default=self._interval)
+            if not self._is_due(x.t, latency):
+                self._end.wait(_PAUSE)
+                continue
+            self._update(mpc, x, x.t + latency)
+            passed = self._performance.t - x.t
+            self.late += passed > latency + _ROUNDING
+            self._latencies = [*self._latencies[1 - _LATENCIES :], max(passed, 0.0)]
+
+
+def _task(performance: Performance, x: State, horizon: float) -> Task:
+    """Stay where a state is."""
+    marionette = performance.marionette
+    model, table = marionette.model, marionette.coordinates
+    found = [link_inertia(link, model.number)[:2] for link in model.tree.links]
+    whole = sum(m for m, _ in found) or 1.0
+    tracks = [Track.velocity("*", weight=WEIGHTS.speed)]
+    for link, (m, com) in zip(model.tree.links, found, strict=True):
+        if m > 0.0:
+            pose, at = marionette.pose(x, link.name), (float(com[0]), float(com[1]), float(com[2]))
+            place, weight = pose[:3, 3] + pose[:3, :3] @ com, WEIGHTS.place * m / whole
+            tracks.append(Track.point(link.name, place, at=at, weight=weight))
+    for q, _ in table.scalars_K:
+        tracks.append(Track.coordinate(table.q_K[q], float(x.q_K[q]), weight=WEIGHTS.hands))
+    bounds = performance.bounds
+    return Task(
+        marionette, x, horizon, tracks, WEIGHTS.smooth,
+        Bounds(
+            position=bounds.position, speed=bounds.speed, acceleration=bounds.acceleration
+        ),
+    )  # fmt: skip

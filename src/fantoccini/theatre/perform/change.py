@@ -1,0 +1,88 @@
+"""Carries a state over to a changed puppet: values by name, projected onto strings and limits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fantoccini.base import StateError
+from fantoccini.dynamics.compiled import check_step
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.kernel.contract import WINCH_AT
+from fantoccini.motion import State
+
+
+def hanging(marionette: Marionette) -> State:
+    """The puppet at rest; without an equilibrium, its file's pose, projected."""
+    try:
+        return marionette.rest()
+    except StateError:
+        return marionette.project(marionette.state())
+
+
+def check_steps(marionette: Marionette, x: State, dt: float) -> None:
+    """Raises StateError if steps of ``dt`` [s] are too long for a chain or a spring."""
+    try:
+        check_step(marionette.model, "timestepping", x.q_D, x.q_K, dt)
+    except StateError as error:
+        raise StateError(
+            f"{error}. A performance has no other method, and `fantoccini show` no other dt: "
+            "change the pieces, leave out the string's `chain`, or soften the spring"
+        ) from None
+
+
+def carried(
+    before: Marionette, x: State, after: Marionette, start: State
+) -> tuple[State, tuple[str, ...]]:
+    """The state of a changed puppet in which coordinates that keep their names keep their values.
+
+    The hands are at rest.
+
+    Args:
+        before: the puppet.
+        x: its state.
+        after: the changed puppet.
+        start: a state of it, for the coordinates that are new.
+
+    Returns:
+        The state, which strings and limits may forbid, and messages about what could not be kept.
+    """
+    old, new = before.coordinates, after.coordinates
+    q = dict(zip(old.q_D + old.q_K, np.concatenate([x.q_D, x.q_K]), strict=True))
+    v = dict(zip(old.v_D + old.v_K, np.concatenate([x.v_D, x.v_K]), strict=True))
+    slip = {s.name: float(y) for s, y in zip(before.tree.strings, x.slip, strict=True)}
+    made = State(
+        x.t,
+        np.array([q.get(name, value) for name, value in zip(new.q_D, start.q_D, strict=True)]),
+        np.array([v.get(name, 0.0) for name in new.v_D]),
+        np.array([q.get(name, value) for name, value in zip(new.q_K, start.q_K, strict=True)]),
+        np.zeros(new.n_vK),
+        np.zeros(after.tree.n_rows, dtype=bool),
+        np.array([slip.get(s.name, 0.0) for s in after.tree.strings]),
+        new,
+    )
+    names = set(new.q_D + new.q_K)
+    lost = tuple(f"{name} is gone" for name in q if name not in names)
+    come = tuple(f"{name} is new" for name in new.q_D + new.q_K if name not in q)
+    return made, lost + come
+
+
+def permitted(marionette: Marionette, x: State) -> State:
+    """A state near ``x`` that strings and limits permit; ``x`` itself if there is none.
+
+    If the puppet cannot come within its strings, their winches slip.
+
+    Args:
+        marionette: with winches that slip.
+        x: the state.
+    """
+    try:
+        return marionette.project(x)
+    except StateError:
+        n = len(marionette.tree.strings)
+        over = np.maximum(marionette.constraint(x)[:n], 0.0)
+        slips = np.isfinite(marionette.winches[:, WINCH_AT["max_tension"]])
+    x = x.replace(slip=x.slip + np.where(slips, over, 0.0))
+    try:
+        return marionette.project(x)
+    except StateError:
+        return x

@@ -1,0 +1,216 @@
+"""Handles: what a hand can hold, and the driven coordinates for a place in the world."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fantoccini.base import Array, ConfigK, Quaternion, StateError, Vec3, rotation
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.model.tree import WORLD, Link, Role
+
+Place = tuple[Vec3, Quaternion]
+"""Position (3,) [m] and orientation (4,) as w, x, y, z in the world."""
+
+_MAX_DISTANCE = 1e6
+"""Largest coordinate of a target, from the origin of the handle's joint [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Handle:
+    """A driven string end, or a body on a driven joint, that a hand can hold.
+
+    Attributes:
+        name: of the string or of the body.
+        kind: ``end``, a string's end that is driven in place; ``body``, a body on a driven joint.
+        joint: fixed, revolute, prismatic, translation, ball or free.
+        axes: (k, 3) directions in the world along which it moves, k from 0 to 3; those at the start
+            if the joint's parent moves.
+        turns: (k, 3) directions about which it turns, likewise.
+        coordinates: names of its driven coordinates, as in q_K.
+        link: index of its link.
+        q, v: places of its coordinates in q_K and v_K.
+        base: orientation (3, 3) and origin (3,) of its joint in the world; None where its parent
+            moves.
+    """
+
+    name: str
+    kind: Literal["end", "body"]
+    joint: str
+    axes: Array
+    turns: Array
+    coordinates: tuple[str, ...]
+    link: int
+    q: slice
+    v: slice
+    base: tuple[Array, Vec3] | None = None
+
+    @property
+    def moves(self) -> slice:
+        """Places in v_K of its translations."""
+        return slice(self.v.start, self.v.start + len(self.axes))
+
+    @property
+    def rotates(self) -> slice:
+        """Places in v_K of its rotations."""
+        return slice(self.v.stop - len(self.turns), self.v.stop)
+
+
+def handles_of(marionette: Marionette, poses: Array) -> tuple[Handle, ...]:
+    """The handles of a puppet, in the order of its links.
+
+    Args:
+        marionette: the puppet.
+        poses: (n_links, 3, 4) of its links.
+    """
+    found = []
+    for i, link in enumerate(marionette.tree.links):
+        lead = marionette.tree.lead(i)
+        if lead is None:
+            continue
+        R, r = frame(marionette, link, poses)
+        own, none, free = (R @ link.axes).T, np.zeros((0, 3)), np.eye(3)
+        axes, turns = {
+            "revolute": (none, own),
+            "prismatic": (own, none),
+            "translation": (own, none),
+            "ball": (none, free),
+            "free": (free, free),
+        }[link.kind]
+        # Names of bodies have no dots: this is a driven string end.
+        end = link.name.endswith(".end")
+        found.append(
+            Handle(
+                name=link.joint if end else link.name,
+                kind="end" if end else "body",
+                joint=link.kind,
+                axes=axes,
+                turns=turns,
+                coordinates=marionette.coordinates.q_K[lead[0]],
+                link=i,
+                q=lead[0],
+                v=lead[1],
+                base=(R, r) if _stands(marionette, link) else None,
+            )
+        )
+    return tuple(found)
+
+
+def _stands(marionette: Marionette, link: Link) -> bool:
+    """Whether nothing moves the joint of a link."""
+    tree = marionette.tree
+    way = tree.ancestors(link.parent) if link.parent != WORLD else ()
+    return all(tree.links[i].role is Role.FIXED for i in way)
+
+
+def frame(marionette: Marionette, link: Link, poses: Array) -> tuple[Array, Vec3]:
+    """Orientation (3, 3) and origin (3,) of a link's joint frame in the world."""
+    offset = np.array([marionette.model.number(n) for n in link.offset])
+    if link.parent == WORLD:
+        return link.rotation, offset
+    R, r = poses[link.parent, :, :3], poses[link.parent, :, 3]
+    return R @ link.rotation, r + R @ offset
+
+
+def place_of(marionette: Marionette, handle: Handle, q_K: ConfigK, poses: Array) -> Place:
+    """The place of a handle at a driven configuration.
+
+    Args:
+        marionette: the puppet.
+        handle: one of its handles.
+        q_K: (n_qK,) driven configuration.
+        poses: (n_links, 3, 4) of the links; may be empty for a joint that nothing moves.
+    """
+    link = marionette.tree.links[handle.link]
+    R, r = handle.base or frame(marionette, link, poses)
+    q, turn = q_K[handle.q], None
+    match link.kind:
+        case "revolute":
+            turn = rotation.exp(link.axes[:, 0] * q[0])
+        case "prismatic" | "translation":
+            r = r + R @ (link.axes @ q)
+        case "ball":
+            turn = q
+        case "free":
+            r, turn = r + R @ q[:3], q[3:]
+    wxyz = quaternion(R)
+    return r, wxyz if turn is None else rotation.normalised(rotation.multiply(wxyz, turn))
+
+
+def wanted(
+    marionette: Marionette,
+    handle: Handle,
+    q: Array,
+    poses: Array,
+    position: Vec3 | None,
+    wxyz: Quaternion | None,
+) -> Array:
+    """Coordinates that bring a handle as near to a place as its joint allows.
+
+    Args:
+        marionette: the puppet.
+        handle: one of its handles.
+        q: (n,) present target; parts that are not given stay.
+        poses: (n_links, 3, 4) of the links; may be empty for a joint that nothing moves.
+        position: (3,) [m], or None.
+        wxyz: (4,) orientation, or None.
+
+    Raises:
+        StateError: a position or orientation that is none.
+    """
+    link = marionette.tree.links[handle.link]
+    R, r = handle.base or frame(marionette, link, poses)
+    q = np.array(q)
+    if position is not None and len(handle.axes):
+        # For vectors, dot takes half as long as @.
+        local = R.T.dot(_three(handle, position) - r)
+        straight = local if link.kind == "free" else link.axes.T.dot(local)
+        q[: len(handle.axes)] = _bounded(straight)
+    if wxyz is not None and len(handle.turns):
+        turn = rotation.multiply(rotation.conjugate(quaternion(R)), _turn(handle, wxyz))
+        if link.kind == "revolute":
+            angle = 2.0 * np.arctan2(turn[1:] @ link.axes[:, 0], turn[0])
+            q[0] += np.remainder(angle - q[0] + np.pi, 2.0 * np.pi) - np.pi
+        else:
+            q[-4:] = turn
+    return q
+
+
+def quaternion(R: Array) -> Quaternion:
+    """(4,) w, x, y, z of a rotation matrix (3, 3), from the largest of 4 w^2, 4 x^2, ..."""
+    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
+    columns = (
+        (1.0 + a + e + i, h - f, c - g, d - b),
+        (h - f, 1.0 + a - e - i, b + d, c + g),
+        (c - g, b + d, 1.0 - a + e - i, f + h),
+        (d - b, c + g, f + h, 1.0 - a - e + i),
+    )
+    best = max(range(4), key=lambda k: columns[k][k])
+    return rotation.normalised(np.array(columns[best]))
+
+
+def _three(handle: Handle, position: ArrayLike) -> Vec3:
+    found = np.asarray(position, dtype=float)
+    if found.shape != (3,) or not all(map(math.isfinite, found.tolist())):
+        raise StateError(f"{handle.name}: found {position!r}; a position is three finite numbers")
+    return _bounded(found)
+
+
+def _bounded(x: Vec3) -> Vec3:
+    numbers = x.tolist()
+    if min(numbers) >= -_MAX_DISTANCE and max(numbers) <= _MAX_DISTANCE:
+        return x  # what a hand does; np.clip takes ten times as long to say so
+    return np.clip(x, -_MAX_DISTANCE, _MAX_DISTANCE)
+
+
+def _turn(handle: Handle, wxyz: ArrayLike) -> Quaternion:
+    found = np.asarray(wxyz, dtype=float)
+    if found.shape != (4,) or not np.all(np.isfinite(found)) or not np.any(found):
+        raise StateError(
+            f"{handle.name}: found {wxyz!r}; an orientation is a quaternion (w, x, y, z), not zero"
+        )
+    return rotation.normalised(found)

@@ -1,0 +1,266 @@
+"""Hands: groups of driven coordinates that move together, their bounds and motion to targets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from fantoccini.base import Array, ConfigK, Indices, StateError, UnknownNameError, VecK, rotation
+from fantoccini.dynamics.compiled import check_step
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.model.tree import ChainRow
+from fantoccini.motion import State
+from fantoccini.theatre.perform import reach
+from fantoccini.theatre.perform.handle import Handle, handles_of
+from fantoccini.theatre.perform.player import Steps
+
+
+class Limits(NamedTuple):
+    """Bounds of hands."""
+
+    arm: float = 0.4
+    """Distance from the axis [m] at which a rotation is bounded as a translation is."""
+    min_length: float = 0.01
+    """Shortest length of a driven string [m]."""
+    relative_range: tuple[float, float] = (0.1, 2.0)
+    """Range of a driven length, relative to the one at the start."""
+    chain_lengths: int = 20
+    """Number of lengths that are tried as the shortest of a chain."""
+
+
+LIMITS = Limits()
+
+
+class HandBounds(NamedTuple):
+    """Bounds of driven coordinates by name, so narrow that hands of several stay within theirs.
+
+    Attributes:
+        position: of driven lengths, lowest and highest [m].
+        speed, acceleration: largest magnitudes.
+    """
+
+    position: dict[str, tuple[float, float]]
+    speed: dict[str, float]
+    acceleration: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Hands:
+    """The groups of driven coordinates that move together, and their bounds.
+
+    Attributes:
+        marionette: the puppet.
+        handles: what can be held.
+        lengths: string with a driven length -> shortest and longest [m].
+        winch: string with a driven length -> (q, v), its places in q_K and v_K.
+        names: (n_groups,) name of the handle or string of each group.
+        group: (n_vK,) the group of each driven velocity.
+        speed, acceleration: (n_groups,) bounds [m/s, m/s^2 or rad/s, rad/s^2].
+    """
+
+    marionette: Marionette
+    handles: tuple[Handle, ...]
+    lengths: dict[str, tuple[float, float]]
+    winch: dict[str, tuple[int, int]]
+    names: tuple[str, ...]
+    group: Indices
+    speed: Array
+    acceleration: Array
+
+    @classmethod
+    def of(
+        cls,
+        marionette: Marionette,
+        x: State,
+        speed: float,
+        acceleration: float,
+        lengths: dict[str, tuple[float, float]],
+    ) -> Hands:
+        """The hands of a puppet.
+
+        Args:
+            marionette: the puppet.
+            x: the state.
+            speed: bound on the velocity of handles and winches [m/s].
+            acceleration: bound on their acceleration [m/s^2].
+            lengths: string -> its range [m], at least the driven ones.
+        """
+        handles = handles_of(marionette, marionette.poses(x.q_D, x.q_K))
+        winch = _winches(marionette)
+        ranges = {name: lengths[name] for name in winch}
+        groups = [(h.name, h.moves, 1.0) for h in handles if len(h.axes)]
+        groups += [(h.name, h.rotates, 1.0 / LIMITS.arm) for h in handles if len(h.turns)]
+        groups += [(name, slice(v, v + 1), 1.0) for name, (_, v) in winch.items()]
+        group = np.zeros(len(x.v_K), dtype=np.intp)
+        for i, (_, place, _) in enumerate(groups):
+            group[place] = i
+        scale = np.array([by for _, _, by in groups])
+        names = tuple(name for name, _, _ in groups)
+        return cls(
+            marionette, handles, ranges, winch, names, group, speed * scale, acceleration * scale
+        )
+
+    @staticmethod
+    def ranges_of(
+        marionette: Marionette, x: State, dt: float
+    ) -> dict[str, tuple[float, float]]:
+        """String with a driven length -> the range about its length at a state [m].
+
+        A chain stays long enough for steps of ``dt`` [s].
+        """
+        ranges = {name: _range(float(x.q_K[q])) for name, (q, _) in _winches(marionette).items()}
+        for chain in marionette.tree.chains:
+            if chain.name in ranges:
+                low, high = ranges[chain.name]
+                ranges[chain.name] = _shortest(marionette, chain, x, low, dt), high
+        return ranges
+
+    def each(self) -> HandBounds:
+        """Bounds of every driven coordinate."""
+        table = self.marionette.coordinates
+        share = 1.0 / np.sqrt(np.bincount(self.group, minlength=len(self.speed)))[self.group]
+        speed, acceleration = self.speed[self.group] * share, self.acceleration[self.group] * share
+        scalars = {q for q, _ in table.scalars_K}
+        position = {
+            table.q_K[q]: self.lengths[name] for name, (q, _) in self.winch.items() if q in scalars
+        }
+        return HandBounds(
+            position, dict(zip(table.v_K, map(float, speed), strict=True)),
+            dict(zip(table.v_K, map(float, acceleration), strict=True)),
+        )  # fmt: skip
+
+    def handle(self, name: str) -> Handle:
+        """The handle of that name."""
+        if name not in self._named:
+            raise UnknownNameError("handle", name, [h.name for h in self.handles])
+        return self._named[name]
+
+    def carriers(self, handle: Handle) -> tuple[Handle, ...]:
+        """The handles of a joint's other parts, if drives move the joint in part.
+
+        Each part is a handle of its own, ``bar.carriage1``; a part has no carriers.
+        """
+        return self._carriers[handle.name]
+
+    @cached_property
+    def _named(self) -> dict[str, Handle]:
+        return {h.name: h for h in reversed(self.handles)}
+
+    @cached_property
+    def _carriers(self) -> dict[str, tuple[Handle, ...]]:
+        links = self.marionette.tree.links
+        return {
+            name: ()
+            if ".carriage" in name
+            else tuple(
+                h
+                for h in self.handles
+                if links[h.link].joint == links[handle.link].joint and h.link < handle.link
+            )
+            for name, handle in self._named.items()
+        }
+
+    def length_place(self, string: str) -> int:
+        """Place in q_K of a driven length, or of its drive's command."""
+        if string not in self.winch:
+            raise UnknownNameError("string with a driven length", string, self.winch)
+        return self.winch[string][0]
+
+    def away(self, q_K: ConfigK, wanted: ConfigK) -> VecK:
+        """(n_vK,) tangent vector from one driven configuration to another."""
+        table, away = self.marionette.coordinates, np.zeros(len(self.group))
+        q, v = table.places_K
+        away[v] = wanted[q] - q_K[q]
+        for at, w in table.quaternions_K:
+            turned = slice(at, at + 4)
+            away[w : w + 3] = rotation.between(q_K[turned], wanted[turned])
+        return away
+
+    def wanted_velocity(
+        self, x: State, wanted: ConfigK, tick: float, steps: Steps | None = None
+    ) -> VecK:
+        """(n_vK,) wanted velocities after the next tick; see ``reach``.
+
+        Args:
+            x: the state.
+            wanted: (n_qK,) targets.
+            tick: [s].
+            steps: what is played on top of them over the tick.
+        """
+        if steps is None:
+            away, own = self.away(x.q_K, wanted), x.v_K
+        else:
+            away = self.away(x.q_K, self.moved(wanted, steps.d))
+            own = x.v_K - self._rates(wanted, steps.d, steps.rate, away)
+        velocity = reach.wanted_velocity(
+            away, own, tick, self.group, self.speed, self.acceleration
+        )
+        if steps is None:
+            return velocity
+        return self.bounded(velocity + self._rates(wanted, steps.d_next, steps.rate_next, away))
+
+    def moved(self, q_K: ConfigK, d: VecK) -> ConfigK:
+        """(n_qK,) a driven configuration with offsets (n_vK,) on top, lengths in their ranges."""
+        table, made = self.marionette.coordinates, np.array(q_K)
+        q, v = table.places_K
+        made[q] += d[v]
+        for at, w in table.quaternions_K:
+            made[at : at + 4] = rotation.multiply(q_K[at : at + 4], rotation.exp(d[w : w + 3]))
+        for name, (place, _) in self.winch.items():
+            made[place] = np.clip(made[place], *self.lengths[name])
+        return made
+
+    def _rates(self, wanted: ConfigK, d: VecK, rate: VecK, away: VecK) -> VecK:
+        """(n_vK,) velocities of :meth:`moved`, of rotations in the frame of the hand."""
+        made = np.array(rate)
+        for _, w in self.marionette.coordinates.quaternions_K:
+            turn = slice(w, w + 3)
+            own = rotation.right_jacobian(d[turn]) @ rate[turn]
+            made[turn] = rotation.matrix(rotation.exp(away[turn])) @ own
+        for name, (place, v) in self.winch.items():
+            low, high = self.lengths[name]
+            if not low <= wanted[place] + d[v] <= high:
+                made[v] = 0.0
+        return made
+
+    def bounded(self, v_K: VecK) -> VecK:
+        """(n_vK,) velocities within the bound on speed."""
+        size = reach.lengths(v_K, self.group, len(self.speed))
+        return v_K * np.minimum(1.0, self.speed / np.maximum(size, self.speed))[self.group]
+
+    def bounded_acceleration(self, wanted: VecK, v_K: VecK, tick: float) -> VecK:
+        """(n_vK,) accelerations towards wanted velocities; see ``reach``."""
+        return reach.bounded_acceleration(wanted, v_K, tick, self.group, self.acceleration)
+
+
+def _winches(marionette: Marionette) -> dict[str, tuple[int, int]]:
+    """String or chain -> place in (q_K, v_K) of its length, or of its drive's command."""
+    tree = marionette.tree
+    places = {s.name: tree.length_lead(s) for s in (*tree.strings, *tree.chains)}
+    return {name: place for name, place in places.items() if place is not None}
+
+
+def _shortest(
+    marionette: Marionette, chain: ChainRow, x: State, low: float, dt: float
+) -> float:
+    """The shortest of a few lengths from ``low`` [m] on that permits steps of dt [s]."""
+    assert chain.length_index is not None  # its length is driven, or wound by a drive
+    q, own = (x.q_K, x.q_D)[chain.driven_length is None].copy(), chain.length_index[0]
+    now = float(q[own])
+    for length in np.geomspace(min(low, now), now, LIMITS.chain_lengths)[:-1]:
+        q[own] = length
+        where = (x.q_D, q) if chain.driven_length else (q, x.q_K)
+        try:
+            check_step(marionette.model, "timestepping", *where, dt)
+        except StateError:
+            continue
+        return float(length)
+    return now
+
+
+def _range(length: float) -> tuple[float, float]:
+    short, long = (factor * length for factor in LIMITS.relative_range)
+    return max(LIMITS.min_length, short), max(2.0 * LIMITS.min_length, long)

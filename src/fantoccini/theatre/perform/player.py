@@ -1,0 +1,224 @@
+"""Player: gestures, a take and a score, played on top of what the hands hold.
+
+    q_K(t) = q_K,held(t) + d(t),   d(t): the sum of what is played
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fantoccini.base import Array, VecK
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.theatre.gestures import Gesture, Score
+from fantoccini.theatre.perform.score_voice import ScoreVoice
+from fantoccini.theatre.perform.voice import Offsets, Voice, fitted, lead_time
+
+_ROUNDING = 1e-9
+"""Of times [s]."""
+
+
+class Steps(NamedTuple):
+    """Offsets and rates (n_vK,) at the two ends of a tick."""
+
+    d: VecK
+    rate: VecK
+    d_next: VecK
+    rate_next: VecK
+
+
+class _Waiting(NamedTuple):
+    """A gesture that waits for its time [s]."""
+
+    gesture: Gesture
+    on: float
+    again: bool
+
+
+class Player:
+    """What is played on top of the hands, tick by tick.
+
+    Gestures add up, except where one takes over from another: it moves all that the other moves,
+    or both end in a place of their own, as kneeling and sitting do. What takes over begins with the
+    position and the velocity of what went before.
+
+    Attributes:
+        t: time since it was made [s].
+        take: the take that is played, or None.
+        score: the score that is played or paused, or None.
+
+    Args:
+        most: (2, n_vK) bounds of speeds and accelerations.
+        tick: [s].
+    """
+
+    def __init__(self, most: Array, tick: float):
+        self.t = 0.0
+        self._most, self._tick = most, tick
+        self._voices: list[Voice] = []
+        self._waiting: list[_Waiting] = []
+        self.take: Voice | None = None
+        self.score: ScoreVoice | None = None
+
+    @property
+    def idle(self) -> bool:
+        """Whether nothing is played."""
+        return not (self._voices or self._waiting or self.take or self.score)
+
+    @property
+    def away(self) -> bool:
+        """Whether gestures are played, or have ended elsewhere than they began."""
+        return bool(self._voices or self._waiting)
+
+    @property
+    def playing(self) -> tuple[str, ...]:
+        """Names of the gestures that move or are about to."""
+        moving = [one.gesture.name for one in self._voices if not one.over(self.t)]
+        return tuple(dict.fromkeys(moving + [one.gesture.name for one in self._waiting]))
+
+    def carried(
+        self, before: Marionette, after: Marionette
+    ) -> tuple[Player | None, tuple[str, ...]]:
+        """Itself where it can go on with a changed puppet, and messages about what ends."""
+        old, new = before.coordinates, after.coordinates
+        if (old.q_K, old.v_K) == (new.q_K, new.v_K):
+            return self, ()
+        found = {"the gestures": self.away, "the take": self.take, "the score": self.score}
+        return None, tuple(f"{what} ended" for what, there in found.items() if there)
+
+    def bound(self, most: Array) -> None:
+        """Sets the bounds, for what leads over from now on."""
+        self._most = most
+        for voice in self._all():
+            voice.bound(most)
+        if self.score is not None:
+            self.score.bound(most)
+
+    def offsets(self) -> Offsets:
+        """The sum of everything now."""
+        return self._sum(self.t, self._all(), self.score)
+
+    def play(self, gesture: Gesture, *, on: float | None = None, again: bool = False) -> float:
+        """Plays a gesture; returns when it begins, by ``t`` [s].
+
+        Args:
+            gesture: slower where it would pass the bounds.
+            on: when it is to begin; as soon as possible when not given. It begins late where the
+                way to its start takes longer.
+            again: begin again at its end, until :meth:`once`.
+        """
+        gesture = fitted(gesture, self._most)
+        self._waiting = [w for w in self._waiting if w.gesture.name != gesture.name]
+        earliest = self.t + lead_time(gesture, self._before(gesture), self._most)
+        if on is None or on <= earliest + self._tick:
+            self._start(gesture, on, again)
+        else:
+            self._waiting.append(_Waiting(gesture, on, again))
+        return earliest if on is None else max(on, earliest)
+
+    def once(self, name: str) -> None:
+        """Lets a gesture end that begins again and again."""
+        self._waiting = [w for w in self._waiting if w.gesture.name != name]
+        for voice in self._voices:
+            if voice.gesture.name == name:
+                voice.finish()
+
+    def play_take(self, motion: Gesture, v_K: VecK, again: bool = False) -> None:
+        """Plays a take from here on, where the hands have the velocities of its start.
+
+        Args:
+            motion: the take's, of the coordinates that it is to move.
+            v_K: (n_vK,) rates with which it begins.
+            again: begin again at its end, joined by state.
+        """
+        n = len(v_K)
+        before = Offsets(np.zeros(n), np.where(motion.named, v_K, 0.0), np.zeros(n))
+        self.take = Voice(motion, self._most, self.t, before, again=again)
+
+    def stop_take(self) -> VecK:
+        """Ends the take; returns (n_vK,) where it was, for the hands to hold."""
+        found = self._sum(self.t, [] if self.take is None else [self.take]).d
+        self.take = None
+        return found
+
+    def play_score(self, score: Score, motion: Gesture) -> ScoreVoice:
+        """Plays a score from its start, as ``motion``; one that was played goes home."""
+        self.stop_score()
+        self.score = ScoreVoice(score, motion, self._most)
+        return self.score
+
+    def stop_score(self) -> None:
+        """Ends the score: what it moved goes home."""
+        if self.score is not None:
+            home = Gesture.rest(self.score.conductor.score.gesture.coordinates, self._tick)
+            self._voices.append(Voice(home, self._most, self.t, self.score.now))
+            self.score = None
+
+    def clear(self) -> VecK:
+        """Ends everything; returns (n_vK,) where it was, for the hands to hold."""
+        found = self.offsets().d
+        self._voices, self._waiting, self.take, self.score = [], [], None, None
+        return found
+
+    def step(self) -> Steps:
+        """Goes on by a tick."""
+        for one in list(self._waiting):
+            before = self._before(one.gesture)
+            if one.on - lead_time(one.gesture, before, self._most) <= self.t + self._tick:
+                self._waiting.remove(one)
+                self._start(one.gesture, one.on, one.again)
+        now = self.offsets()
+        self.t += self._tick
+        if self.score is not None:
+            self.score.advance(self._tick)
+        then = self.offsets()
+        return Steps(now.d, now.rate, then.d, then.rate)
+
+    def settle(self) -> VecK:
+        """Drops what has ended at home; returns (n_vK,) how far home has moved by it."""
+        moved = np.zeros(self._most.shape[1])
+        for voice in list(self._voices):
+            last = voice.at(self.t)
+            if voice.over(self.t) and last.home:
+                moved += last.carried
+                self._voices.remove(voice)
+        if self.take is not None and self.take.over(self.t):
+            moved += self.stop_take()
+        return moved
+
+    # -- inside ------------------------------------------------------------------------------
+
+    def _start(self, gesture: Gesture, on: float | None, again: bool) -> None:
+        before, over = self._before(gesture), self._taken_over(gesture)
+        self._voices = [one for one in self._voices if one not in over]
+        self._voices.append(Voice(gesture, self._most, self.t, before, on, again))
+
+    def _before(self, gesture: Gesture) -> Offsets:
+        """The offsets of what a gesture takes over from."""
+        return self._sum(self.t, self._taken_over(gesture))
+
+    def _taken_over(self, gesture: Gesture) -> list[Voice]:
+        return [
+            one
+            for one in self._voices
+            if np.all(gesture.named | ~one.gesture.named)
+            or (_ends_elsewhere(gesture) and _ends_elsewhere(one.gesture))
+        ]
+
+    def _all(self) -> list[Voice]:
+        return self._voices + ([] if self.take is None else [self.take])
+
+    def _sum(
+        self, t: float, voices: list[Voice], score: ScoreVoice | None = None
+    ) -> Offsets:
+        total = Offsets.none(self._most.shape[1]) if score is None else score.now
+        for voice in voices:
+            total = Offsets(*(a + b for a, b in zip(total, voice.at(t), strict=True)))
+        return total
+
+
+def _ends_elsewhere(gesture: Gesture) -> bool:
+    """Whether a gesture ends at rest in a place of its own."""
+    d, rate = gesture.ends[0][1], gesture.ends[1][1]
+    return bool(np.any(np.abs(d - gesture.travel) > _ROUNDING) and not np.any(np.abs(rate) > 1e-9))

@@ -1,0 +1,299 @@
+"""Recordings: the motion of the hands, tick by tick, and the trajectory."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fantoccini.base import Array, Status, Times, check_positive, floats, frozen, npz
+from fantoccini.dynamics.compiled import MethodName
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.dynamics.simulation import trajectory_of_samples
+from fantoccini.dynamics.steppers import Stepper
+from fantoccini.kernel.runtime import Piece
+from fantoccini.motion import RECORDINGS, Input, State, Trajectory
+from fantoccini.theatre.perform import archive, change
+from fantoccini.theatre.perform.archive import Checks, Written
+from fantoccini.theatre.perform.looping import way_back
+from fantoccini.theatre.perform.smoothing import smoothed
+
+METHOD: MethodName = "timestepping"
+_SUMS = ("work", "damping", "impact", "slip_loss", "friction")
+"""Parts of a sample that grow from the start of a run on [J]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A performance that can be repeated to the last bit.
+
+    The hands' accelerations over n ticks of ``tick`` seconds from a start state. ``trajectory`` is
+    the recorded one; an edited recording simulates it.
+
+    Attributes:
+        marionette: the puppet with the winches of the performance.
+        start: the start state, at t = 0.
+        acc_K: (n, n_vK) accelerations of the driven coordinates, constant over each tick
+            [m/s^2 or rad/s^2]; for a rotation, of its rotation vector.
+        tick: duration of a tick [s].
+        steps: time steps in a tick.
+        ended: reason why it ended by itself; empty if the user stopped it.
+        written: the recorded output; None if it must be simulated.
+        checks: samples of a file, which the simulated output is compared with; None without a file.
+    """
+
+    marionette: Marionette
+    start: State
+    acc_K: Array
+    tick: float
+    steps: int
+    ended: str = ""
+    written: Written | None = field(default=None, repr=False)
+    checks: Checks | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "acc_K", frozen(self.acc_K))
+        shape = (len(self.acc_K), self.marionette.coordinates.n_vK)
+        if self.acc_K.shape != shape or not len(self.acc_K):
+            raise ValueError(f"acc_K has the shape {self.acc_K.shape}; it must be (n, {shape[1]})")
+        if not np.isfinite(self.acc_K).all():
+            raise ValueError("acc_K holds a number that is not finite")
+        if not (0.0 < floats(self.tick) < np.inf and self.steps >= 1):
+            raise ValueError(f"found {self.steps} steps in ticks of {self.tick} s")
+
+    def __repr__(self) -> str:
+        return f"<Recording {self.marionette.name}: {self.duration:g} s, {len(self)} ticks>"
+
+    def __len__(self) -> int:
+        """Number of ticks."""
+        return len(self.acc_K)
+
+    @property
+    def duration(self) -> float:
+        """Duration [s]."""
+        return len(self) * self.tick
+
+    @property
+    def dt(self) -> float:
+        """Step of the time-stepper [s]."""
+        return self.tick / self.steps
+
+    @property
+    def times(self) -> Times:
+        """(n + 1,) of the ticks [s]."""
+        return self.start.t + self.tick * np.arange(len(self) + 1, dtype=float)
+
+    @cached_property
+    def inputs(self) -> Input:
+        """The motion of the hands, for ``simulate(recording.marionette, recording.start, ...)``."""
+        x = self.start
+        return Input.segments(self.marionette, self.times, x.q_K, x.v_K, self.acc_K)
+
+    @cached_property
+    def trajectory(self) -> Trajectory:
+        """The recorded trajectory, one sample per tick; :meth:`replay` of an edited recording.
+
+        That of a file is simulated again: to the same bits on the machine that made it. On one
+        that rounds otherwise each second is simulated from the state that was recorded.
+        """
+        return self._of(self._output())
+
+    def replay(self) -> Trajectory:
+        """Simulates the performance again: the same bits on the same machine.
+
+        An edited recording may end early, with a status.
+        """
+        return self._of(self._performed())
+
+    def trimmed(self, a: float, b: float) -> Recording:
+        """The part from ``a`` to ``b`` seconds after the start; it begins with the state at ``a``.
+
+        The time-stepper starts without its memory of the steps before.
+
+        Raises:
+            ValueError: the times are not in order, or not inside.
+        """
+        if not 0.0 <= a < b <= self.duration * (1.0 + 1e-9):
+            raise ValueError(
+                f"found {a} s to {b} s; it must be a part of 0 s to {self.duration:g} s"
+            )
+        trajectory = self.trajectory
+        first, last = (round(t / self.tick) for t in (a, b))
+        last = min(last, len(trajectory) - 1)
+        if last <= first:
+            raise ValueError(f"there is no tick of {self.tick:g} s from {a} s to {b} s")
+        start = self.start
+        if first:
+            start = change.permitted(self.marionette, trajectory.state(first).replace(t=0.0))
+        return self.edited(start=start, acc_K=self.acc_K[first:last])
+
+    def smoothed(self, seconds: float) -> Recording:
+        """With the hands' paths averaged over about ``seconds``; start and end stay.
+
+        The puppet is simulated again, under the smoother hands.
+        """
+        return self.edited(acc_K=smoothed(self.inputs, len(self), self.tick, seconds))
+
+    def stretched(self, factor: float) -> Recording:
+        """``factor`` times as long: the same paths of the hands, at 1/factor of the velocity.
+
+        The acceleration of q_K(t / factor) is 1/factor^2 of what it was.
+        """
+        check_positive(factor=factor)
+        x = self.start
+        return self.edited(
+            start=x.replace(v_D=x.v_D / factor, v_K=x.v_K / factor),
+            acc_K=self.acc_K / factor / factor,
+            tick=self.tick * factor,
+            steps=max(1, math.ceil(self.steps * factor - 1e-9)),
+        )
+
+    def looped(self, times: int) -> Recording:
+        """Several times in a row. The hands go back to the start in between, C^1, within bounds.
+
+        Only the hands go back: the puppet follows them, and swings on.
+
+        Raises:
+            ValueError: ``times`` is no whole number from 1 to 1000.
+            StateError: no way leads back within the default bounds of gestures.
+        """
+        if not isinstance(times, int) or not 1 <= times <= 1000:
+            raise ValueError(f"times is {times!r}; it must be a whole number from 1 to 1000")
+        x, inputs = self.start, self.inputs
+        q = inputs.evaluate(inputs.end)[0]
+        # An input is at rest from its end on; take the velocity just before.
+        v = inputs.evaluate(np.nextafter(inputs.end, 0.0))[1]
+        back = way_back(inputs.coordinates, (q, v), (x.q_K, x.v_K), self.tick)
+        again = np.concatenate([back, self.acc_K])
+        return self.edited(acc_K=np.concatenate([self.acc_K, *[again] * (times - 1)]))
+
+    def edited(self, **changes: Any) -> Recording:
+        """A copy with changed fields, to be simulated again."""
+        return dataclasses.replace(self, written=None, checks=None, ended="", **changes)
+
+    def save(self, path: str | Path) -> None:
+        """Writes an npz file that holds everything, the puppet included. The file appears whole.
+
+        A minute of the marionette takes some 0.9 MB.
+        """
+        kept = self.kept()
+        archive.save({f.name: getattr(kept, f.name) for f in dataclasses.fields(kept)}, path)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Recording:
+        """Reads what :meth:`save` wrote.
+
+        Raises:
+            FileError: the file is damaged or not a recording.
+        """
+        with npz.opened(path, RECORDINGS, "a recording") as (arrays, about):
+            return cls(**archive.fields_of(arrays, about))
+
+    # -- inside ------------------------------------------------------------------------------
+
+    def kept(self) -> Recording:
+        """Itself with its output, simulated if necessary."""
+        if self.written is not None:
+            return self
+        return dataclasses.replace(self, written=self._output())
+
+    def _output(self) -> Written:
+        if self.written is not None:
+            return self.written
+        made, checks = self._performed(), self.checks
+        if checks is None:
+            return made
+        samples = made.output.samples
+        last = checks.ticks[-1]
+        if len(samples) > last and np.array_equal(samples[checks.ticks], checks.samples):
+            return made
+        return self._in_parts(checks)
+
+    def _performed(self, start: State | None = None, ticks: slice = slice(None)) -> Written:
+        options = self.marionette.model.run_options(dt=self.dt, save_every=self.steps)
+        x = self.start if start is None else start
+        stepper = Stepper(self.marionette.model, x, METHOD, options)
+        recorder = Recorder(stepper, self.tick)
+        for acc_K in self.acc_K[ticks]:
+            stepper.advance(self.tick, acc_K, throw=False)
+            if not stepper.arrived:
+                break
+            recorder.add(acc_K, stepper)
+        return recorder.written(stepper.status)
+
+    def _in_parts(self, checks: Checks) -> Written:
+        """The output from each saved sample to the next, simulated from the first of the two."""
+        layout, parts = self.marionette.model.sample_layout, list[Piece]()
+        for k, (first, last) in enumerate(pairwise(checks.ticks.tolist())):
+            x = change.permitted(self.marionette, layout.state(checks.samples[k]))
+            made = self._performed(x, slice(first, last))
+            samples, _, contacts = made.output
+            # Work and losses go on from those of the sample.
+            for name in _SUMS:
+                samples[:, layout.places[name]] += checks.samples[k, layout.places[name]]
+            if made.status is Status.DONE:
+                samples[-1] = checks.samples[k + 1]
+            if k:  # begins with the last sample of the part before
+                samples = samples[1:]
+                contacts = contacts[contacts[:, 0] > 0.0] - np.eye(1, contacts.shape[1])
+            parts.append(Piece(samples, made.output.events, contacts))
+            if made.status is not Status.DONE:
+                return Written(Piece.joined(parts), made.status)
+        return Written(Piece.joined(parts), checks.status)
+
+    def _of(self, written: Written) -> Trajectory:
+        return trajectory_of_samples(
+            self.marionette, written.output, written.status, METHOD, with_effort=True,
+            blame=np.zeros(len(self.marionette.tree.blamable)),
+        )  # fmt: skip
+
+
+class Recorder:
+    """Collects the output of a stepper, from its start.
+
+    Args:
+        stepper: not advanced yet.
+        tick: duration of a tick [s].
+    """
+
+    def __init__(self, stepper: Stepper, tick: float):
+        self._marionette = Marionette(stepper.model)
+        self._start, self._tick = stepper.state, tick
+        self._output = [_last_of(stepper)]
+        self._acc_K: list[Array] = []
+        self._status = Status.DONE
+
+    def __len__(self) -> int:
+        return len(self._acc_K)
+
+    def add(self, acc_K: Array, stepper: Stepper) -> None:
+        """Adds the stepper's last tick."""
+        self._acc_K.append(acc_K)
+        self._output.append(_last_of(stepper))
+        self._status = stepper.status
+
+    def written(self, status: Status | None = None) -> Written:
+        """The output so far, with the status of the last tick unless given."""
+        status = self._status if status is None else status
+        return Written(Piece.joined(self._output), status)
+
+    def finished(self, steps: int, ended: str) -> Recording | None:
+        """The recording; None without a tick."""
+        if not self._acc_K:
+            return None
+        acc_K = np.array(self._acc_K)
+        about = self._marionette, self._start, acc_K, self._tick, steps, ended
+        return Recording(*about, self.written())
+
+
+def _last_of(stepper: Stepper) -> Piece:
+    """The last sample of a tick, its contact points, and the tick's events."""
+    contacts = stepper.contacts[stepper.contacts[:, 0] == len(stepper.samples) - 1].copy()
+    contacts[:, 0] = 0.0
+    return Piece(stepper.samples[-1:], stepper.events, contacts)

@@ -1,0 +1,380 @@
+"""The show: a play performed live, cue by cue."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import StateError, UnknownNameError
+from fantoccini.motion import State
+from fantoccini.theatre.gestures import Wait
+from fantoccini.theatre.perform.performance import Performance
+from fantoccini.theatre.perform.score_voice import ScoreVoice
+from fantoccini.theatre.perform.steady import Steady
+from fantoccini.theatre.plays import CueOfPlay, Play
+
+_SHARE = np.array([[0.5], [0.25]])
+"""Of the bounds of speed and acceleration, for ways to another cue or back to the play: puppets
+that are led by all that hands can do swing long after."""
+_AT_ONCE = 1e-6
+"""Cues that begin within it are one place to go to [s]."""
+
+
+@dataclass(frozen=True)
+class Happening:
+    """What happens in a show.
+
+    Attributes:
+        kind: ``act``, ``wait``, ``start`` or ``end``; the last two of a cue.
+        name: of the act, the wait or the cue.
+        number: of the cue; 0 for the others.
+        t: time of the play [s].
+    """
+
+    kind: str
+    name: str
+    number: int
+    t: float
+
+
+class Show:
+    """A play that is performed live: hands do what is compiled, and people direct them.
+
+    ::
+
+        show = fan.Show(fan.load_play("bows.yaml"))
+        show.go()                # begins
+        show.advance(2.0)
+        show.take("pierrot")     # the others play on
+        show.give("pierrot")
+        show.skip()
+
+    The hands are led on every tick from where they are to where the play has them, within the
+    stage's bounds: whatever has pushed them away.
+
+    Attributes:
+        play: compiled.
+        performance: the simulated stage with its hands.
+        taken: players that are in somebody's hands.
+        steady: shifts the hands against swing; None leaves it out.
+        message: what was refused or has happened last, in words.
+
+    Args:
+        play: what is performed.
+    """
+
+    def __init__(self, play: Play):
+        self.play = play
+        stage = play.cast.file.stage
+        speed, acceleration = _most(play)
+        self.performance = Performance(
+            play.marionette, play.x0, speed=max(stage.speed, speed),
+            acceleration=max(stage.acceleration, acceleration),
+        )  # fmt: skip
+        self.taken: frozenset[str] = frozenset()
+        self.message = ""
+        self.steady: Steady | None = Steady(play, self.performance)
+        done = (cue for cue in play.cues if not cue.refused)
+        self._played = tuple(sorted(done, key=lambda cue: cue.start))
+        self._tell: list[Callable[[Happening], None]] = []
+        self._on: tuple[int, ...] = ()
+        self._act, self._waits, self._halted = "", "", False
+
+    def __repr__(self) -> str:
+        return f"<Show of {self.play.name!r} at {self.t:.2f} s>"
+
+    def listen(self, tell: Callable[[Happening], None]) -> None:
+        """Tells somebody what happens from now on, in the tick in which it happens."""
+        self._tell.append(tell)
+
+    # -- where it is -------------------------------------------------------------------------
+
+    @property
+    def voice(self) -> ScoreVoice | None:
+        """The play's motion as it is played; None before the first GO, and after a reset."""
+        return self.performance.score
+
+    @property
+    def t(self) -> float:
+        """Time of the play [s]."""
+        return 0.0 if self.voice is None else self.voice.t
+
+    @property
+    def held(self) -> bool:
+        """Whether it is held."""
+        return self.voice is not None and not self.voice.running
+
+    @property
+    def done(self) -> bool:
+        """Whether it is over."""
+        return self.voice is not None and self.voice.conductor.done
+
+    @property
+    def waiting(self) -> Wait | None:
+        """The wait that GO would end."""
+        return None if self.voice is None else self.voice.conductor.waiting
+
+    @property
+    def on(self) -> tuple[CueOfPlay, ...]:
+        """The cues that are on."""
+        return tuple(self.play.cues[number - 1] for number in self._on)
+
+    @property
+    def present(self) -> CueOfPlay | None:
+        """The cue that began last."""
+        begun = [cue for cue in self._played if cue.start < self._place - _AT_ONCE]
+        return begun[-1] if begun else None
+
+    @property
+    def next(self) -> CueOfPlay | None:
+        """The cue that :meth:`skip` goes to: the first after the one that waits or is on."""
+        place, wait = self._place, self.waiting
+        if wait is not None:
+            place = max(place, self._cue_of(wait).start)
+        return next((cue for cue in self._played if cue.start > place + _AT_ONCE), None)
+
+    @property
+    def standing_by(self) -> CueOfPlay | None:
+        """The cue that GO begins, now or when its time has come; None after the last one."""
+        if self.voice is None:
+            return self._played[0] if self._played else None
+        wait = self.voice.conductor.upcoming
+        return None if wait is None else self._cue_of(wait)
+
+    @property
+    def released(self) -> bool:
+        """Whether GO has been given already for the cue that stands by."""
+        return self.voice is not None and self.voice.conductor.released
+
+    # -- directing ---------------------------------------------------------------------------
+
+    def go(self) -> None:
+        """GO: begins the play, goes on where it is held, or begins the next cue that waits.
+
+        GO that comes early is kept: the play does not stop at the wait. A second one before that
+        wait is refused, and :attr:`message` says so.
+        """
+        voice = self.voice
+        if voice is None or voice.conductor.done:
+            voice = self._begin()
+            if voice.conductor.upcoming is not None and voice.conductor.upcoming.t <= voice.t:
+                voice.conductor.go()
+        elif not voice.running:
+            self.resume()
+        else:
+            cue = self.standing_by
+            if voice.conductor.go(np.inf):
+                early = voice.conductor.released and cue is not None
+                self.message = f"GO is kept for {_said(cue)}" if early and cue else ""
+            elif cue is None:
+                self.message = "GO is refused: no cue waits any more"
+            else:
+                self.message = f"GO is refused: it has been given for {_said(cue)} already"
+
+    def hold(self) -> None:
+        """Holds the play; the hands come to rest within 0.3 s."""
+        if self.voice is not None:
+            self.voice.running = False
+            self.message = "held"
+
+    def resume(self) -> None:
+        """Goes on after :meth:`hold` or :meth:`panic`."""
+        voice = self.voice
+        if voice is None:
+            return
+        if self._halted:
+            self._lead_back([name for name in self.play.cast.players if name not in self.taken])
+        voice.running, self._halted, self.message = True, False, ""
+
+    def skip(self) -> None:
+        """Goes to where the next cue begins; if it waits for GO, it does so there."""
+        cue = self.next
+        if cue is None:
+            self.message = "skip is refused: this is the last cue"
+        else:
+            self._seek(cue, begin=False)
+
+    def repeat(self) -> None:
+        """Goes to where the present cue begins, and plays it again."""
+        cue = self.present
+        if cue is None:
+            self.message = "repeat is refused: no cue has begun"
+        else:
+            self._seek(cue, begin=True)
+
+    def start(self, number: int) -> None:
+        """Goes to where a cue begins, and plays it without waiting for GO.
+
+        Raises:
+            StateError: there is no such cue, or it cannot be done.
+        """
+        cues = self.play.cues
+        if not 1 <= number <= len(cues):
+            raise StateError(f"found cue {number}; {self.play.name} has cues 1 to {len(cues)}")
+        cue = cues[number - 1]
+        if cue.refused:
+            raise StateError(f"cue {number} cannot be done: {cue.refused}")
+        self._seek(cue, begin=True)
+
+    def take(self, who: str) -> None:
+        """Leaves a player to the hands: its strings stop, and the others play on.
+
+        Raises:
+            UnknownNameError: no player is called that.
+        """
+        lanes = self._lanes(who)
+        if self.voice is not None:
+            self.performance.leave_lanes(lanes)
+            self._forget([who])
+        self.taken |= {who}
+        self.message = f"{who} is in your hands"
+
+    def give(self, who: str) -> None:
+        """Gives a player back: its hands are led to where the play has it then.
+
+        Raises:
+            UnknownNameError: no player is called that.
+        """
+        self._lanes(who)
+        self.taken -= {who}
+        if self.voice is not None and not self._halted:
+            self._lead_back([who])
+        self.message = f"{who} plays on"
+
+    def panic(self) -> None:
+        """Stops all hands as fast as their bounds allow; :meth:`resume` or GO goes on."""
+        if self.voice is not None:
+            self.voice.halt()
+            self._forget(list(self.play.cast.players))
+            self._halted = True
+        self.message = "all hands have stopped"
+
+    def reset(self) -> None:
+        """Returns to the start, before the first GO."""
+        self.performance.reset()
+        self.taken, self._on, self._act, self._waits = frozenset(), (), "", ""
+        self._halted, self.message = False, ""
+
+    # -- time --------------------------------------------------------------------------------
+
+    def advance(self, duration: float) -> State:
+        """Advances by the whole ticks in a duration [s]; the remainder counts the next time."""
+        left = float(duration)
+        while True:
+            part = min(left, self.performance.tick)
+            if self.steady is not None and self.voice is not None:
+                self.steady.update(self.voice, self.performance.state, self.taken)
+            x = self.performance.advance(part)
+            self._watch()
+            left -= part
+            if left <= 0.0:
+                return x
+
+    # -- inside ------------------------------------------------------------------------------
+
+    @property
+    def _place(self) -> float:
+        """The play's time; where a way leads to a cue, that cue has begun."""
+        voice = self.voice
+        led = voice is not None and voice.leading and voice.conductor.waiting is None
+        return self.t + 2.0 * _AT_ONCE * led
+
+    def _begin(self) -> ScoreVoice:
+        voice = self.performance.play_score(self.play.score)
+        voice.share = _SHARE
+        self._halted, self.message = False, ""
+        self._lead_back([name for name in self.play.cast.players if name not in self.taken])
+        for name in self.taken:
+            self.performance.leave_lanes(self._lanes(name))
+        return voice
+
+    def _seek(self, cue: CueOfPlay, begin: bool) -> None:
+        voice = self.voice or self._begin()
+        if self._halted:
+            self.resume()
+        wait = next((one for one in self.play.score.waits if self._cue_of(one) is cue), None)
+        voice.seek(cue.start if begin or wait is None else wait.t)
+        if begin:
+            voice.running = True
+            if voice.conductor.waiting is not None:
+                voice.conductor.go()
+        self.message = f"to {_said(cue)}"
+
+    def _lanes(self, who: str) -> list[str]:
+        cast = self.play.cast
+        if who not in cast.players:
+            raise UnknownNameError("player", who, list(cast.players))
+        own = cast.member(who)
+        return [lane for lane in self.performance.lanes if lane.startswith(own)]
+
+    def _lead_back(self, players: list[str]) -> None:
+        self.performance.lead_back([lane for who in players for lane in self._lanes(who)])
+
+    def _forget(self, players: list[str]) -> None:
+        """Hands that stop keep no shift."""
+        if self.steady is not None:
+            for who in players:
+                self.steady.forget(who)
+
+    def _cue_of(self, wait: Wait) -> CueOfPlay:
+        """The cue before which a wait is."""
+        return self.play.cues[int(wait.name.split()[-1]) - 1]
+
+    def _watch(self) -> None:
+        """Tells what has happened in a tick."""
+        voice = self.voice
+        if voice is None:
+            self._on, self._act, self._waits = (), "", ""
+            return
+        t = voice.t
+        if not voice.leading:
+            act = [name for name, start in self.play.acts.items() if start <= t]
+            if act and act[-1] != self._act:
+                self._act = act[-1]
+                self._happens("act", self._act)
+        on = self._on_at(voice)
+        for number in self._on:
+            if number not in on:
+                self._happens("end", self.play.cues[number - 1].name, number)
+        for number in on:
+            if number not in self._on:
+                self._happens("start", self.play.cues[number - 1].name, number)
+        self._on = on
+        wait = voice.conductor.waiting
+        waits = "" if wait is None or voice.leading else wait.name
+        if waits and waits != self._waits:
+            self._happens("wait", waits)
+        self._waits = waits
+
+    def _on_at(self, voice: ScoreVoice) -> tuple[int, ...]:
+        """Numbers of the cues that are on."""
+        if voice.leading or voice.conductor.done:
+            return ()
+        wait, t = voice.conductor.waiting, voice.t
+        still = None if wait is None else self._cue_of(wait)
+        return tuple(
+            cue.number for cue in self._played
+            if cue.start < t < max(cue.end, cue.start + _AT_ONCE) and cue is not still
+        )  # fmt: skip
+
+    def _happens(self, kind: str, name: str, number: int = 0) -> None:
+        for tell in self._tell:
+            tell(Happening(kind, name, number, self.t))
+
+
+def _said(cue: CueOfPlay) -> str:
+    return f"cue {cue.number} ({cue.what})"
+
+
+def _most(play: Play) -> tuple[float, float]:
+    """Largest speed [m/s] and acceleration [m/s^2] of a hand in the play.
+
+    A hand moves along three axes, each of which may use the stage's bound.
+    """
+    peaks = play.score.gesture.peaks_of_pieces**2
+    hands = np.array([name.rsplit(".", 1)[0] for name in play.marionette.coordinates.v_K])
+    each = [np.sum(peaks[:, :, hands == hand], axis=2).max(axis=0) for hand in np.unique(hands)]
+    speed, acceleration = np.sqrt(np.max(each, axis=0))
+    return float(speed), float(acceleration)

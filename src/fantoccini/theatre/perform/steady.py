@@ -1,0 +1,193 @@
+"""Steadying: the hands of a player shift together, so that it swings no more than the play has it.
+
+A player is taken for a pendulum whose pivot its hands shift: with the deviation e of its centre of
+mass from where the play has it, and the shift s of all its hands, both horizontal,
+
+    e'' = -w^2 (e - s) - 2 D w e',   s'' = -k (e, e', s, s'),   w^2 = g/height,
+
+with g the vertical part of the stage's own gravity,
+
+k: the gains of the linear-quadratic regulator of the integral of e^2 + (e'/w)^2, and of weights
+times s^2 + (s'/w)^2 and (s''/w^2)^2.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import expm, solve_discrete_are
+
+from fantoccini.base import Array, VecK
+from fantoccini.model.tree import link_inertia
+from fantoccini.motion import State
+from fantoccini.theatre.perform.performance import Performance
+from fantoccini.theatre.perform.score_voice import ScoreVoice
+from fantoccini.theatre.plays import Play, together
+
+
+class _Weights(NamedTuple):
+    """Of the regulator, beside that of the deviation, and what it may do."""
+
+    shift: float = 0.1
+    acceleration: float = 0.1  # Of s''/w^2
+    damping: float = 0.02
+    """D: puppets swing long."""
+    share: float = 0.25
+    """Of the bound of acceleration, for the shift."""
+    farthest: float = 0.05
+    """Deviations count as at most this [m]: what pulls harder is a hand, not a slip."""
+    fastest: float = 0.5
+    """And their rates [m/s]."""
+    rate: float = 120.0
+    """Samples of the play's run [1/s]."""
+
+
+_WEIGHTS = _Weights()
+_LOWEST = 0.05
+"""Hands less high above the centre of mass hold no pendulum [m]."""
+
+
+class Steady:
+    """Shifts the hands of players against their swing.
+
+    Attributes:
+        frequencies: (n_players,) natural frequencies w of the pendulums [rad/s]; 0 for players
+            that are not steadied.
+
+    Args:
+        play: its own run says how players swing.
+        performance: whose hands are shifted.
+    """
+
+    def __init__(self, play: Play, performance: Performance):
+        self._play, self._performance = play, performance
+        self._members = Members(play)
+        run = together(play.cast, play.runs())
+        self._clock = np.arange(run.t[0], run.t[-1], 1.0 / _WEIGHTS.rate)
+        at = run.resample(self._clock)
+        self._usual = self._members.middles(at.q_D, at.q_K)[..., :2]
+        tick = performance.tick
+        model = play.marionette.model
+        gravity = -model.number(model.tree.gravity[2])
+        self.frequencies = np.array([
+            natural_frequency(height, gravity) for height in self._heights(performance)
+        ])
+        self._gains = np.array([_gains(w, tick) for w in self.frequencies])
+        self._most = _WEIGHTS.share * play.cast.file.stage.acceleration
+        n = len(self.frequencies)
+        self._s, self._rate = np.zeros((n, 2)), np.zeros((n, 2))
+        self._before: Array | None = None
+        self._t = 0.0
+
+    def forget(self, who: str) -> None:
+        """The shift of a player is part of where its hands stop; it has none from now on."""
+        i = self._members.names.index(who)
+        self._s[i] = self._rate[i] = 0.0
+
+    def update(self, voice: ScoreVoice, x: State, taken: frozenset[str]) -> None:
+        """Shifts what is played in the next tick, after a state of the stage.
+
+        Args:
+            voice: what is played.
+            x: the state.
+            taken: players that are in somebody's hands.
+        """
+        tick, t = self._performance.tick, voice.t
+        usual = np.array([
+            [np.interp(t, self._clock, path) for path in of_player.T]
+            for of_player in self._usual.swapaxes(0, 1)
+        ])  # fmt: skip
+        e = self._members.middles(x.q_D, x.q_K)[..., :2] - usual
+        jumped = self._before is None or abs(t - self._t) > 1.5 * tick
+        rate = np.zeros_like(e) if jumped else (e - self._before) / tick
+        self._before, self._t = e, t
+        follows = not voice.leading and (voice.running or voice.conductor.waiting is not None)
+        known = np.array([follows and name not in taken for name in self._members.names])[:, None]
+        e = _within(e, _WEIGHTS.farthest) * known
+        rate = _within(rate, _WEIGHTS.fastest) * known
+        k = self._gains[:, :, None]
+        own = k[:, 2] * self._s + k[:, 3] * self._rate
+        asked = _within(-(k[:, 0] * e + k[:, 1] * rate + own), self._most)
+        self._s += tick * self._rate + 0.5 * tick**2 * asked
+        self._rate += tick * asked
+        voice.shift = self._members.spread(self._s), self._members.spread(self._rate)
+
+    def _heights(self, performance: Performance) -> list[float]:
+        """How high the hands of every player are above its centre of mass [m]."""
+        x = self._play.x0
+        middles = self._members.middles(x.q_D, x.q_K)
+        found = []
+        for name, middle in zip(self._members.names, middles, strict=True):
+            own = self._play.cast.member(name)
+            hands = [
+                performance.place(handle.name)[0][2]
+                for handle in performance.handles if handle.name.startswith(own)
+            ]  # fmt: skip
+            found.append(float(np.mean(hands) - middle[2]) if hands else 0.0)
+        return found
+
+
+class Members:
+    """The bodies and hands of every player."""
+
+    def __init__(self, play: Play):
+        self._marionette, cast = play.marionette, play.cast
+        model, names = self._marionette.model, self._marionette.coordinates.v_K
+        self.names = list(cast.players)
+        inertia = [link_inertia(link, model.number)[:2] for link in model.tree.links]
+        self._at = np.array([np.asarray(com, dtype=float) for _, com in inertia])
+        owns = [
+            [m * (cast.owner(link.name) == who) for link, (m, _) in zip(
+                model.tree.links, inertia, strict=True)]
+            for who in self.names
+        ]  # fmt: skip
+        share = np.array(owns, dtype=float)
+        self._share = share / np.maximum(share.sum(axis=1, keepdims=True), 1e-12)
+        self._channels = np.array([
+            [[name.startswith(cast.member(who)) and name.endswith(part) for name in names]
+             for part in (".x", ".y")]
+            for who in self.names
+        ], dtype=float)  # fmt: skip
+
+    def middles(self, q_D: Array, q_K: Array) -> Array:
+        """(..., n_players, 3) centres of mass [m]."""
+        poses = self._marionette.poses(q_D, q_K)
+        places = poses[..., 3] + np.einsum("...ij,...j->...i", poses[..., :3], self._at)
+        return np.einsum("pn,...nj->...pj", self._share, places)
+
+    def spread(self, shifts: Array) -> VecK:
+        """(n_vK,) what shifts (n_players, 2) are to all hands."""
+        return np.einsum("pa,pan->n", shifts, self._channels)
+
+
+def natural_frequency(height: float, gravity: float) -> float:
+    """w = sqrt(g/height) [rad/s]; 0 if the hands are too low, or gravity does not pull down.
+
+    Args:
+        height: of the hands above the centre of mass [m].
+        gravity: downward acceleration g [m/s^2].
+    """
+    return float(np.sqrt(gravity / height)) if height >= _LOWEST and gravity > 0.0 else 0.0
+
+
+def _gains(w: float, tick: float) -> Array:
+    """(4,) gains of (e, e', s, s') for a pendulum's natural frequency [rad/s]; 0 for 0."""
+    if w == 0.0:
+        return np.zeros(4)
+    w2 = w * w
+    A = np.zeros((5, 5))
+    A[0, 1] = A[2, 3] = A[3, 4] = 1.0
+    A[1, :3] = -w2, -2.0 * _WEIGHTS.damping * w, w2
+    step = expm(A * tick)
+    A, B = step[:4, :4], step[:4, 4:]
+    Q = np.diag([1.0, 1.0 / w2, _WEIGHTS.shift, _WEIGHTS.shift / w2])
+    R = np.array([[_WEIGHTS.acceleration / w2**2]])
+    P = solve_discrete_are(A, B, Q, R)
+    return np.asarray(np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)[0])
+
+
+def _within(values: Array, most: float) -> Array:
+    """(n, 2) vectors that are at most so long."""
+    size = np.linalg.norm(values, axis=-1, keepdims=True)
+    return np.asarray(values * np.minimum(1.0, most / np.maximum(size, most)))

@@ -1,0 +1,148 @@
+"""A gesture as it is played: the way to its start, its offsets, and again from the start."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fantoccini.base import Array, VecK
+from fantoccini.theatre.gestures import SAME, Gesture, Line, Motion, at
+
+_STILL = 1e-9
+"""Rate below which offsets are at rest [m/s or rad/s]."""
+
+
+class Offsets(NamedTuple):
+    """Offsets of the driven coordinates from where the hands hold them.
+
+    Attributes:
+        d, rate: (n_vK,) and their rates [m or rad, per s].
+        carried: (n_vK,) the part that becomes the place of what follows, as after a walk.
+    """
+
+    d: VecK
+    rate: VecK
+    carried: VecK
+
+    @classmethod
+    def none(cls, n: int) -> Offsets:
+        """Nothing, of n coordinates."""
+        return cls(np.zeros(n), np.zeros(n), np.zeros(n))
+
+    @property
+    def home(self) -> bool:
+        """Whether they are at rest where gestures count from."""
+        return bool(np.all(np.abs(self.d - self.carried) <= SAME) and self.still)
+
+    @property
+    def still(self) -> bool:
+        """Whether they are at rest."""
+        return bool(np.all(np.abs(self.rate) <= _STILL))
+
+
+class Voice:
+    """A gesture that is played, from a time on.
+
+    What it does not name and is away from home goes home with it.
+
+    Attributes:
+        gesture: that is played.
+        starts: when it begins, after the way to its start [s].
+        again: whether it begins again at its end, joined by state.
+
+    Args:
+        gesture: to play.
+        most: (2, n_vK) bounds of speeds and accelerations of what leads over.
+        begins: when the way to its start begins [s].
+        before: the offsets then.
+        on: when it is to begin, if there is time [s].
+        again: see above.
+    """
+
+    def __init__(
+        self,
+        gesture: Gesture,
+        most: Array,
+        begins: float,
+        before: Offsets,
+        on: float | None = None,
+        again: bool = False,
+    ):
+        self.gesture, self.again, self._most = gesture, again, most
+        self._known: tuple[float, Offsets] | None = None
+        self._go(begins, before, on)
+
+    def at(self, t: float) -> Offsets:
+        """The offsets at a time [s], not before those asked for earlier."""
+        while t >= self._end and (self.again or not self._last.still):
+            self._go_on()
+        if t >= self._end:
+            return self._last
+        if self._known is None or self._known[0] != t:  # a tick begins where one has ended
+            d, rate = at(self._breaks, self._coef, t - self._begins)
+            self._known = t, Offsets(d, rate, self._carried)
+        return self._known[1]
+
+    def time(self, t: float) -> float:
+        """How far the gesture has come [s]."""
+        return float(np.clip(t - self.starts, 0.0, self.gesture.duration))
+
+    def over(self, t: float) -> bool:
+        """Whether it has ended."""
+        return t >= self._end and not self.again and self._last.still
+
+    def bound(self, most: Array) -> None:
+        """Sets the bounds of what leads over from now on."""
+        self._most = most
+
+    def finish(self) -> None:
+        """Ends with the present round."""
+        self.again = False
+
+    def _go(self, begins: float, before: Offsets, on: float | None) -> None:
+        gesture, line = self.gesture, line_from(before, self._most)
+        motion = named_with(gesture, before)
+        if on is not None and before.still:
+            line.hold(on - begins - line.lead_time(motion))
+        self.starts = begins + line.add(motion)
+        self._take(line, begins, before)
+
+    def _go_on(self) -> None:
+        if self.again:
+            self._go(self._end, self._last, None)
+            return
+        line = line_from(self._last, self._most)
+        line.stop()
+        self._take(line, self._end, self._last)
+
+    def _take(self, line: Line, begins: float, before: Offsets) -> None:
+        self._carried, self._known = before.carried, None
+        self._begins, self._end = begins, begins + line.end
+        self._breaks, self._coef = line.motion.breaks, line.motion.coef
+        self._last = Offsets(line.d, line.rate, line.carried)
+
+
+def line_from(before: Offsets, most: Array) -> Line:
+    """A line that goes on from offsets."""
+    line = Line(most, before.d, before.rate)
+    line.carried = before.carried
+    return line
+
+
+def named_with(gesture: Gesture, before: Offsets) -> Motion:
+    """The gesture's motion, with what is away from home brought home."""
+    away = (np.abs(before.d - before.carried) > SAME) | (np.abs(before.rate) > _STILL)
+    return gesture.motion._replace(named=gesture.named | away)
+
+
+def lead_time(gesture: Gesture, before: Offsets, most: Array) -> float:
+    """How long the way from offsets to the start of a gesture takes [s]."""
+    return line_from(before, most).lead_time(named_with(gesture, before))
+
+
+def fitted(gesture: Gesture, most: Array) -> Gesture:
+    """The gesture, slower where it would pass bounds (2, n_vK) of speeds and accelerations."""
+    speed, acceleration = (float(np.max(x)) for x in gesture.peaks / most)
+    over = max(speed, acceleration**0.5)
+    return gesture.faster(1.0 / over) if over > 1.0 else gesture

@@ -1,0 +1,82 @@
+"""Where cues of a play lead and point: places and headings of the stage at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from fantoccini.base import Array
+from fantoccini.theatre.cast import Actor, CannotBe, Cast, Cue, Footing, Places, said
+from fantoccini.theatre.gestures import Spot
+
+_EYES = 0.42
+"""Height of a player's face [m]."""
+_SAME = 1e-9
+"""Distance of places that are one [m]."""
+
+
+class Aims:
+    """What is meant by the places and directions of cues, while they are placed.
+
+    Args:
+        cast, places: of the play.
+        actors: the players, as they are placed so far.
+    """
+
+    def __init__(self, cast: Cast, places: Places, actors: Mapping[str, Actor]):
+        self._cast, self._places, self._actors = cast, places, actors
+
+    def goals(self, cue: Cue, actor: Actor) -> list[Footing]:
+        """Where a walk leads: the last one is its own."""
+        given, here = cue.given, actor.last
+        if given.turns_to is not None:
+            return [here.facing(self._heading(given.turns_to, here, cue, actor, "turns to"))]
+        last = getattr(given, given.verb)
+        spots: list[Spot] = [(*cue.spot, "past", i) for i in range(len(given.past))]
+        spots.append((*cue.spot, said(given.verb)))
+        places = [
+            self.place_of(where, spot, cue.wanted)
+            for where, spot in zip((*given.past, last), spots, strict=True)
+        ]
+        z = [here.place, *(complex(place[0], place[1]) for place in places)]
+        goals = []
+        for before, there, after in zip(z[:-1], z[1:], [*z[2:], z[-1]], strict=True):
+            way = after - there if after != there else there - before
+            heading = float(np.angle(way)) if way else here.heading
+            goals.append(Footing(there.real, there.imag, heading))
+        mark = self._cast.file.stage.marks.get(last) if isinstance(last, str) else None
+        facing = given.facing
+        if facing is None and mark is not None:
+            facing = mark.facing
+        if facing is not None:
+            heading = self._heading(facing, goals[-1], cue, actor, "facing")
+            goals[-1] = goals[-1].facing(heading)
+        return goals
+
+    def _heading(
+        self, given: float | str, there: Footing, cue: Cue, actor: Actor, key: str
+    ) -> float:
+        direction = self._places.direction(given, (*cue.spot, key))
+        if not isinstance(direction, str):
+            return direction
+        place = self.place_of(direction, (*cue.spot, key), cue.wanted)
+        z = complex(place[0], place[1])
+        return there.towards(z) if abs(z - there.place) > _SAME else there.heading
+
+    def place_of(self, where: object, spot: Spot, t: float) -> Array:
+        """(3,) a place of the stage; of a player its head, at a time [s]."""
+        if not isinstance(where, str):
+            assert isinstance(where, Sequence)
+            numbers = [float(x) for x in where]
+            return np.array([*numbers, _EYES][:3])
+        if where in self._actors:
+            other = self._actors[where].stands(max(t, 0.0))
+            return np.array([other.x, other.y, _EYES])
+        marks = self._cast.file.stage.marks
+        if where in marks:
+            return np.array([*marks[where].at, 0.0], dtype=float)
+        still = self._places.still(where)
+        if still is None:
+            raise CannotBe(f"nothing is called {where!r}")
+        return still

@@ -1,0 +1,99 @@
+"""Swing taken out by a small motion of all hands, before something is handled.
+
+    min over a of  integral of |v(t; a)|^2 dt + w |a|^2,   v of the trunk, after the motion
+
+All upper ends of the strings go by the same sum of a_k b_k(t) along x and along y, from rest to
+rest. v is nearly linear in a: it is found by least squares over rollouts.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fantoccini.base import Array, SimulationError, polynomial
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.motion import State
+from fantoccini.theatre.gestures import Gesture
+
+DURATION = 2.4
+"""Of the motion [s]."""
+_KNOTS = np.array([0.2, 0.4, 0.6, 0.8]) * DURATION
+"""When the hands are at a_k [s]."""
+_AFTER = 1.6
+"""In which swing is measured [s]."""
+_DT = 0.004
+"""[s]"""
+_PROBE = 0.01
+"""Of the derivatives [m]."""
+_MOST = 0.06
+"""Farthest way of the hands [m]."""
+_WEIGHT = 0.02
+"""What a way of the hands costs, over the speed that it takes out [1/s]."""
+_ROUNDS = 2
+NONE = (0.0,) * (2 * len(_KNOTS))
+"""The hands stay."""
+
+
+def calm_gesture(alone: Marionette, offsets: tuple[float, ...]) -> Gesture:
+    """All upper ends moved together.
+
+    Args:
+        alone: the puppet.
+        offsets: at each knot along x, then along y [m].
+    """
+    moves: dict[str, list[tuple[float, float]]] = {}
+    for name in alone.coordinates.q_K:
+        axis = "xy".find(name[-1]) if name[-2:] in (".x", ".y") else -1
+        if axis >= 0:
+            own = np.reshape(offsets, (2, -1))[axis]
+            points = zip(_KNOTS.tolist(), own.tolist(), strict=True)
+            moves[name] = [(0.0, 0.0), *points, (DURATION, 0.0)]
+    return Gesture.of(alone, moves, name="calm")
+
+
+def calming(alone: Marionette, x: State) -> tuple[float, ...]:
+    """The offsets of :func:`calm_gesture` after which the trunk of a puppet swings least.
+
+    If a run of the search stops, the hands stay; whether the play's own run stops is seen later.
+
+    Args:
+        alone: the puppet.
+        x: its state, with the hands at rest.
+    """
+    try:
+        return _least_swing(alone, x)
+    except SimulationError:
+        return NONE
+
+
+def _least_swing(alone: Marionette, x: State) -> tuple[float, ...]:
+    offsets = np.array(NONE)
+    for _ in range(_ROUNDS):
+        base = _speeds(alone, x, offsets)
+        columns = [
+            (_speeds(alone, x, offsets + _PROBE * unit) - base) / _PROBE
+            for unit in np.eye(len(offsets))
+        ]
+        weight = _WEIGHT * np.sqrt(len(base))
+        A = np.vstack([np.stack(columns, axis=1), weight * np.eye(len(offsets))])
+        b = np.concatenate([base, weight * offsets])
+        offsets = np.clip(offsets - np.linalg.lstsq(A, b, rcond=None)[0], -_MOST, _MOST)
+    before = np.linalg.norm(_speeds(alone, x, np.array(NONE)))
+    if np.linalg.norm(_speeds(alone, x, offsets)) >= before:
+        return NONE
+    return tuple(float(one) for one in np.round(offsets, 6))
+
+
+def _speeds(alone: Marionette, x: State, offsets: Array) -> Array:
+    """Speeds of the trunk after the motion, in a row [m/s]."""
+    gesture = calm_gesture(alone, tuple(offsets.tolist()))
+    n = int(np.ceil((DURATION + _AFTER) / _DT))
+    t = np.minimum(_DT * np.arange(n + 1), DURATION)
+    i = np.clip(np.searchsorted(gesture.breaks, t, side="right") - 1, 0, len(gesture.coef) - 1)
+    _, rates, _ = polynomial.evaluate(gesture.coef[i], (t - gesture.breaks[i])[:, None])
+    rates[t >= DURATION] = 0.0
+    rollout = alone.rollout(x.replace(t=0.0), np.diff(rates, axis=0) / _DT, dt=_DT)
+    table = alone.coordinates
+    trunk = [v for _, v in table.scalars_D if table.v_D[v].endswith((".x", ".y"))]
+    after = _DT * np.arange(n + 1) >= DURATION
+    return np.array(rollout.v_D[after][:, trunk]).ravel()

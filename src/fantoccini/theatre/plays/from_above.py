@@ -1,0 +1,76 @@
+"""A play's stage seen from above: marks, what stands there, and the players' ways."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Array
+from fantoccini.theatre.cast import Footing
+from fantoccini.theatre.gestures import Notes
+from fantoccini.theatre.plays.play import Play
+from fantoccini.theatre.plays.walks import Walks
+
+_FINE = 0.1
+"""Time between places of a way [s]."""
+
+
+@dataclass(frozen=True)
+class Walked:
+    """A way from above.
+
+    Attributes:
+        begin, end: [s].
+        places: (n, 2) [m].
+        heading: at its end [rad].
+    """
+
+    begin: float
+    end: float
+    places: Array
+    heading: float
+
+
+@dataclass(frozen=True)
+class Overhead:
+    """The stage from above.
+
+    Attributes:
+        marks: name -> (x, y) [m].
+        standing: name -> polygons (n, 2) of obstacles that are in the way [m].
+        space: ((low, high) of x, (low, high) of y) of the hands [m]; None where they may be
+            anywhere.
+        starts: player -> where it is at the start.
+        ways: player -> its ways, in order.
+    """
+
+    marks: Mapping[str, tuple[float, float]]
+    standing: Mapping[str, tuple[Array, ...]]
+    space: tuple[tuple[float, float], tuple[float, float]] | None
+    starts: Mapping[str, Footing]
+    ways: Mapping[str, tuple[Walked, ...]]
+
+
+def overhead(play: Play) -> Overhead:
+    """The stage of a play from above."""
+    stage = play.cast.file.stage
+    standing: dict[str, list[Array]] = {}
+    for region in Walks(play.cast, Notes(play.located, play.cast.file.tempo)).blocked:
+        corners = region.corners(0.0)
+        standing.setdefault(region.name, []).append(np.stack([corners.real, corners.imag], -1))
+    ways = {}
+    for name, own in play.ways.items():
+        walked = []
+        for way in own:
+            n = 2 + int((way.end - way.begin) / _FINE)
+            places, headings = way.footing(np.linspace(way.begin, way.end, n))
+            walked.append(Walked(way.begin, way.end, places, float(headings[-1])))
+        ways[name] = tuple(walked)
+    return Overhead(
+        {name: mark.at for name, mark in stage.marks.items()},
+        {name: tuple(polygons) for name, polygons in standing.items()},
+        None if stage.space is None else (stage.space.x, stage.space.y),
+        {name: player.start for name, player in play.cast.players.items()}, ways,
+    )  # fmt: skip

@@ -1,0 +1,364 @@
+"""Cues with props: a player comes up to another or to a thing, handles it, and steps back.
+
+Nearer to each other than their radii two are only here: the last steps are straight, and in front
+of them and behind there is nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TypeVar
+
+import numpy as np
+
+from fantoccini.base import InputError
+from fantoccini.model.puppet import FLOOR
+from fantoccini.theatre.cast import (
+    Actor,
+    CannotBe,
+    Cast,
+    Cue,
+    Footing,
+    Meeting,
+    Wishes,
+    hanging,
+    props,
+    standing,
+    top_of,
+)
+from fantoccini.theatre.gestures import END, START, Spot
+from fantoccini.theatre.plays import putting
+from fantoccini.theatre.plays.acting import Repertory
+from fantoccini.theatre.plays.approaching import CALM, Approaching, along
+from fantoccini.theatre.plays.doing import carry_pose
+from fantoccini.theatre.plays.holdings import Hangs, Seated, Stands
+from fantoccini.theatre.plays.sitting import sit
+from fantoccini.theatre.plays.walks import Walks
+
+T = TypeVar("T")
+
+Known = tuple[
+    list[Meeting], dict[str, Seated], dict[str, Hangs | Stands], dict[tuple[Spot, str], float]
+]
+"""Meetings, who sits, where props are, and when swing is taken out."""
+
+_AT_TABLE = 0.025
+"""Longest step at a table, which shins that swing must not touch [m]."""
+_BACK = 0.1
+"""A walk to a table ends at least so far from where one puts something down [m]."""
+_BEFORE_SEAT = 0.135
+"""A player sits down from so far before the middle of the seat [m]."""
+APPROACHES = ((0.04, 0.06), (0.06, 0.05), (0.08, 0.06))
+"""Who comes up to a seat stops so much farther before it, since shins swing on, and steps back by
+so much at a time, at most [m]: the first, or if something touches then, the next."""
+_INSET = 0.03
+"""A prop is put so far from the border of what it is put on, where that is large enough [m]."""
+_OTHER = {"left": "right", "right": "left"}
+
+
+class Handling:
+    """Props while cues are placed: who has them, and what players do with them.
+
+    Attributes:
+        where: prop -> on whose forearm it hangs, or where it stands.
+        seated: player -> on what it sits.
+
+    Args:
+        cast, walks, repertory: of the play.
+        actors: the players, as they are placed so far.
+        wishes: of earlier rounds.
+    """
+
+    def __init__(
+        self, cast: Cast, walks: Walks, repertory: Repertory, actors: Mapping[str, Actor],
+        wishes: Wishes,
+    ):  # fmt: skip
+        self._cast, self._walks, self._repertory = cast, walks, repertory
+        self._actors, self._wishes = actors, wishes
+        self._met: list[Meeting] = []
+        self.seated: dict[str, Seated] = {}
+        self._steps = Approaching(walks, repertory, actors, wishes, self.carries)
+        self.where: dict[str, Hangs | Stands] = {}
+        for name, thing in cast.things.items():
+            if thing.held_by:
+                self.where[name] = Hangs(thing.held_by, thing.side, 0.0)
+            else:
+                on = cast.file.props[name].on or FLOOR
+                self.where[name] = Stands(thing.stands, thing.height, on)
+
+    @property
+    def calmed(self) -> Mapping[tuple[Spot, str], float]:
+        """(cue, player) -> when it begins to take out its swing [s]."""
+        return self._steps.calmed
+
+    def meetings(self, until: float) -> tuple[Meeting, ...]:
+        """Who may touch what until a time [s]."""
+        found = list(self._met)
+        found += [
+            one.meeting(prop, until)
+            for prop, one in self.where.items() if isinstance(one, Hangs)
+        ]
+        found += [one.meeting(who, until, until) for who, one in self.seated.items()]
+        return tuple(found)
+
+    def kept(self) -> Known:
+        """What is known now, to come back to with :meth:`back`."""
+        return list(self._met), dict(self.seated), dict(self.where), dict(self._steps.calmed)
+
+    def back(self, kept: Known) -> None:
+        """Forgets what was added since."""
+        self._met, self.seated, self.where, self._steps.calmed = kept
+
+    def place(self, cue: Cue, begin: float, wait: float) -> float:
+        """Places a cue with a prop; when its first step or gesture begins [s].
+
+        Args:
+            cue: which.
+            begin: earliest time [s].
+            wait: by how much later it may begin [s].
+
+        Raises:
+            CannotBe: it cannot be done.
+        """
+        does: dict[str, Callable[[Cue, float, float], None]] = {
+            "gives": self._gives, "sits_on": self._sits, "stands_up_from": self._stands_up,
+            "puts_down": self._puts_down, "picks_up": self._picks_up,
+        }  # fmt: skip
+        does[cue.given.verb](cue, begin, wait)
+        cue.moments = {START: min(part.start for part in cue.parts),
+                       END: max(part.end for part in cue.parts)}  # fmt: skip
+        for part in cue.parts:
+            cue.moments.update({m: t for m, t in part.marks.items() if m in cue.known})
+        return cue.moments[START]
+
+    # -- one verb each -----------------------------------------------------------------------
+
+    def _gives(self, cue: Cue, begin: float, wait: float) -> None:
+        prop, given = str(cue.given.gives), cue.given
+        giver, receiver = (self._actors[name] for name in cue.who)
+        held = self._held(prop, giver)
+        other = _OTHER[held.side]
+        if (taken := self._on(receiver, other)) is not None:
+            raise CannotBe(f"{given.to}'s {other} arm, which would take it, holds {taken}")
+        self.check_stands(giver)
+        self.check_stands(receiver)
+        lift, lifts = (self._cast.file.cast[name].lift for name in cue.who)
+        handing = self._made(
+            lambda: props.give(
+                giver.player.alone, "", "", prop, side=held.side, along=self._along(cue),
+                carried=True, higher=lift - lifts,
+            ),
+            giver,
+        )
+        here = giver.last
+        x, y, heading = handing.place(here.x, here.y, here.heading)
+        there = Footing(x, y, heading)
+        before = self._steps.apart(there, receiver, here, giver)
+        self._steps.come(cue, receiver, before, there, begin, wait, beside=giver)
+        giver.rests()
+        soon = receiver.rests() - props.CARRY_TIME
+        posed = carry_pose(giver, held.side, max(begin, soon), self._repertory)
+        start = self._steps.calm(cue, max(receiver.rests(), posed), giver, receiver)
+        ends = [
+            self._steps.do(cue, actor, gesture, start)
+            for actor, gesture in ((giver, handing.giver), (receiver, handing.receiver))
+        ]
+        end = max(ends)
+        self._close(prop, held, start)
+        pairs = {hanging(str(who), side, prop)
+                 for who, side in ((cue.who[0], held.side), (given.to, other))}  # fmt: skip
+        pairs |= standing(prop, FLOOR)
+        self._met.append(
+            Meeting(start, end, cue.who, (prop,), frozenset(pairs), "given", cue.spot)
+        )
+        self.where[prop] = Hangs(str(given.to), other, end, cue.spot)
+        retreat = self._steps.apart(here, giver, receiver.last, receiver)
+        self._steps.straight(cue, giver, retreat, end, beside=receiver)
+
+    def _sits(self, cue: Cue, begin: float, wait: float) -> None:
+        seat, (actor,) = str(cue.given.sits_on), (self._actors[name] for name in cue.who)
+        self.check_stands(actor)
+        who = cue.who[0]
+        for name, one in self.seated.items():
+            if one.seat == seat:
+                raise CannotBe(f"{name} sits on {seat}")
+        middle, heading, height = self._seat(seat, actor, cue)
+        alone, hangs = actor.player.alone, actor.player.hangs
+        sits = self._made(
+            lambda: sit(alone, "", seat, height, distance=_BEFORE_SEAT, start=hangs), actor
+        )
+        there = Footing(*along(Footing(middle.real, middle.imag, heading), sits.back), heading)
+        clear = self._steps.clear_of(there, 1.0, actor)
+        room, step = APPROACHES[self._wishes.approaches.get(cue.spot, 0)]
+        before = self._steps.clear_of(there, 1.0, actor, abs(clear.place - there.place) + room)
+        self._steps.come(cue, actor, before, there, begin, wait, step=step)
+        since = actor.ways[-1].begin
+        end = self._steps.do(cue, actor, sits.down, self._steps.calm(cue, actor.rests(), actor))
+        self.seated[who] = Seated(
+            seat, seat in self._cast.things, since, end, cue.spot, sits.up, before
+        )
+
+    def _stands_up(self, cue: Cue, begin: float, wait: float) -> None:
+        (who,) = cue.who
+        actor, one = self._actors[who], self.seated.get(who)
+        if one is None or one.seat != cue.given.stands_up_from:
+            sits = f"sits on {one.seat}" if one else "stands"
+            raise CannotBe(f"{who} does not sit on {cue.given.stands_up_from}, but {sits}")
+        start = max(begin, actor.rests())
+        up = self._steps.do(cue, actor, one.up, start)
+        self._steps.straight(cue, actor, one.ahead, up + CALM)
+        self._steps.calm(cue, actor.rests(), actor)
+        self._met.append(one.meeting(who, start, actor.ways[-1].end))
+        del self.seated[who]
+
+    def _puts_down(self, cue: Cue, begin: float, wait: float) -> None:
+        prop, onto, (who,) = str(cue.given.puts_down), str(cue.given.onto), cue.who
+        actor = self._actors[who]
+        held = self._held(prop, actor)
+        self.check_stands(actor)
+        top = top_of(self._cast.file, onto)
+        assert top is not None  # or it is a mistake
+        hangs = self._hangs_at(cue, actor, prop, held)
+        puts = self._putting(actor, prop, held.side, hangs, top, onto, along=self._along(cue))
+        there = self._put_place(onto, puts, actor)
+        before = self._steps.clear_of(there, -1.0, actor, _BACK)
+        self._steps.come(cue, actor, before, there, begin, wait, step=_AT_TABLE)
+        start = self._steps.calm(cue, actor.rests(), actor)
+        end = self._steps.do(cue, actor, puts.gesture, start)
+        self._close(prop, held, start)
+        pairs = standing(prop, onto) | {hanging(who, held.side, prop)}
+        self._met.append(Meeting(start, end, (who,), (prop,), pairs, "put", cue.spot))
+        z = there.place + np.exp(1j * there.heading) * complex(puts.forward, puts.left)
+        self.where[prop] = Stands(Footing(z.real, z.imag, there.heading), top, onto)
+        self._steps.straight(cue, actor, before, end, step=_AT_TABLE)
+
+    def _picks_up(self, cue: Cue, begin: float, wait: float) -> None:
+        prop, (who,) = str(cue.given.picks_up), cue.who
+        actor, one, side = self._actors[who], self.where[prop], "right"
+        if isinstance(one, Hangs):
+            raise CannotBe(f"{one.player} holds {prop}")
+        if self._cast.things[prop].handle is None:
+            raise CannotBe(f"{prop} has no handle")
+        if self._on(actor, side) is not None:
+            side = _OTHER[side]
+        if (taken := self._on(actor, side)) is not None:
+            raise CannotBe(f"{who}'s arms are not free: {taken} hangs there")
+        self.check_stands(actor)
+        hangs = self._would_hang(actor, prop, side)
+        puts = self._putting(actor, prop, side, hangs, one.height, one.on, back=True)
+        stands = self._wishes.stands.get(cue.spot, one.place)
+        z = stands.place - np.exp(1j * stands.heading) * complex(puts.forward, puts.left)
+        there = Footing(z.real, z.imag, stands.heading)
+        before = self._steps.clear_of(there, -1.0, actor, _BACK)
+        self._steps.come(cue, actor, before, there, begin, wait, step=_AT_TABLE)
+        start = self._steps.calm(cue, actor.rests(), actor)
+        end = self._steps.do(cue, actor, puts.gesture, start)
+        pairs = standing(prop, one.on) | {hanging(who, side, prop)}
+        self._met.append(Meeting(start, end, (who,), (prop,), pairs, "picked", cue.spot))
+        self.where[prop] = Hangs(who, side, end, cue.spot)
+        self._steps.straight(cue, actor, before, end, step=_AT_TABLE)
+
+    # -- what is so --------------------------------------------------------------------------
+
+    def _held(self, prop: str, actor: Actor) -> Hangs:
+        one, who = self.where[prop], actor.player.name
+        if isinstance(one, Hangs) and one.player == who:
+            return one
+        there = f"{one.player} holds it" if isinstance(one, Hangs) else f"it stands on {one.on}"
+        raise CannotBe(f"{who} does not hold {prop}: {there}")
+
+    def _on(self, actor: Actor, side: str) -> str | None:
+        """What hangs on a forearm."""
+        for prop, one in self.where.items():
+            if isinstance(one, Hangs) and (one.player, one.side) == (actor.player.name, side):
+                return prop
+        return None
+
+    def check_stands(self, actor: Actor) -> None:
+        """Refuses that one who sits walks."""
+        one = self.seated.get(actor.player.name)
+        if one is not None:
+            raise CannotBe(
+                f"{actor.player.name} sits on {one.seat}; needed before: `stands up from`"
+            )
+
+    def _made(self, make: Callable[[], T], actor: Actor) -> T:
+        try:
+            return make()
+        except (InputError, ValueError) as error:
+            raise CannotBe(f"{actor.player.name} cannot do it: {error}") from None
+
+    def _putting(
+        self, actor: Actor, prop: str, side: str, hangs: float, top: float, on: str, *,
+        along: float | None = None, back: bool = False,
+    ) -> putting.Putting:  # fmt: skip
+        """How a player puts a prop down on something, or picks it up from there."""
+        least, most = (hangs - drop for drop in reversed(putting.DROPS))
+        if not least <= top <= most:
+            off, near = ("low", least + 5e-4) if top < least else ("high", most - 5e-4)
+            raise CannotBe(
+                f"{on} is {top:.3f} m high, which is too {off} for {actor.player.name}; needed: "
+                f"{least:.3f} to {most:.3f} m, {near:.3f} m is nearest"
+            )
+        along = putting.ALONG if along is None else along
+        return self._made(
+            lambda: putting.putting(
+                actor.player.alone, "", prop, hangs - top, side=side, along=along, back=back
+            ),
+            actor,
+        )
+
+    def _would_hang(self, actor: Actor, prop: str, side: str) -> float:
+        """Height of a prop's bottom that a player carries on a forearm [m]."""
+        handle = self._cast.things[prop].handle
+        assert handle is not None
+        lift = self._cast.file.cast[actor.player.name].lift
+        return props.handle_place(side, raised=lift)[2] + putting.HIGHER - handle
+
+    def carries(self, who: str) -> str:
+        """The forearm on which something hangs that a player carries; "" where nothing does."""
+        sides = [one.side for one in self.where.values()
+                 if isinstance(one, Hangs) and one.player == who]  # fmt: skip
+        return sides[0] if sides else ""
+
+    def _along(self, cue: Cue) -> float | None:
+        seen = self._wishes.hangs.get(cue.spot)
+        return None if seen is None else seen[0]
+
+    def _hangs_at(self, cue: Cue, actor: Actor, prop: str, held: Hangs) -> float:
+        seen = self._wishes.hangs.get(cue.spot)
+        handle = self._cast.things[prop].handle
+        assert handle is not None
+        return seen[1] - handle if seen else self._would_hang(actor, prop, held.side)
+
+    def _seat(self, name: str, actor: Actor, cue: Cue) -> tuple[complex, float, float]:
+        """Middle of a seat [m], the direction in which one sits [rad], and its height [m]."""
+        if name in self.where:
+            one, seat = self.where[name], self._cast.things[name].seat
+            if isinstance(one, Hangs):
+                raise CannotBe(f"{one.player} holds {name}")
+            if seat is None:
+                raise CannotBe(f"{name} has no seat; needed: `seat:` of the prop")
+            place = self._wishes.stands.get(cue.spot, one.place)
+            return place.place, place.heading, one.height + seat
+        top = top_of(self._cast.file, name)
+        assert top is not None  # or it is a mistake
+        known = self._walks.middle(name)
+        if known is None:
+            raise CannotBe(f"{name} is too high to sit on: its top is at {top:.3g} m")
+        middle = known
+        return middle, Footing(middle.real, middle.imag).towards(actor.last.place), top
+
+    def _put_place(self, onto: str, puts: putting.Putting, actor: Actor) -> Footing:
+        """From where a player puts something on an obstacle: the side that is nearest."""
+        way, found = complex(puts.forward, puts.left), []
+        for heading, inside in self._walks.sides(onto, actor.last.place, _INSET):
+            z = inside - np.exp(1j * heading) * way
+            found.append(Footing(z.real, z.imag, heading))
+        return min(found, key=lambda one: abs(one.place - actor.last.place))
+
+    # -- who meets ---------------------------------------------------------------------------
+
+    def _close(self, prop: str, held: Hangs, until: float) -> None:
+        if until > held.since:
+            self._met.append(held.meeting(prop, until))

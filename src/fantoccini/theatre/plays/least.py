@@ -1,0 +1,98 @@
+"""Least distances over a run of a play: of players, obstacles, the floor and strings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import combinations
+
+from fantoccini.dynamics.clearance import Clearance, Path, StringsApart
+from fantoccini.motion import Trajectory
+from fantoccini.theatre.cast import Cast
+from fantoccini.theatre.plays.touching import EVERY
+
+WITHIN = 0.3
+"""Strings that stay farther apart than this are not listed [m]."""
+
+
+@dataclass(frozen=True)
+class Least:
+    """The least distance of two owners: players, obstacles or the floor.
+
+    Attributes:
+        owners: whose bodies or strings they are.
+        what, other: names of the nearest two: bodies, ``string pierrot.head``, obstacles.
+        distance: between them [m]; below 0 they overlap.
+        t: when [s].
+    """
+
+    owners: tuple[str, str]
+    what: str
+    other: str
+    distance: float
+    t: float
+
+    @property
+    def of_strings(self) -> bool:
+        """Whether one of the two is a string."""
+        return self.what.startswith("string ") or self.other.startswith("string ")
+
+
+def clearances(cast: Cast, run: Trajectory) -> tuple[Least, ...]:
+    """The least distance of every two owners over a run: bodies first, then strings.
+
+    Bodies are measured however far they are apart, strings where they come within
+    :data:`WITHIN`; of strings and obstacles, each string's nearest obstacle counts.
+
+    Args:
+        cast: of the play.
+        run: run of the stage, measured at every fourth sample, and in between as needed.
+    """
+    path = Path.of(cast.whole, run, EVERY)
+    bodies = _nearest(_of_bodies(cast, path))
+    strings = _nearest(_of_strings(cast, path))
+    return (*bodies, *strings)
+
+
+def _nearest(found: Iterable[Least]) -> list[Least]:
+    """The least one of every two owners, the least first."""
+    least: dict[frozenset[str], Least] = {}
+    for one in sorted(found, key=lambda one: one.distance):
+        least.setdefault(frozenset(one.owners), one)
+    return list(least.values())
+
+
+def _of_bodies(cast: Cast, path: Path) -> Iterator[Least]:
+    """Bodies of every two owners, each pair of them measured alone."""
+    whole = cast.whole
+    links = [link.name for link in whole.tree.links]
+    names = dict.fromkeys([*links, *(one.name for one in Clearance(whole).obstacles)])
+    owner = {name: cast.owner(name) for name in names}
+    moving = {owner[name] for name in links}
+    pairs = [frozenset(pair) for pair in combinations(names, 2)]
+    for a, b in combinations(dict.fromkeys(owner.values()), 2):
+        if not moving & {a, b}:
+            continue
+        free = [pair for pair in pairs if {owner[name] for name in pair} != {a, b}]
+        clearance = Clearance(whole, strings=False, free=free)
+        if clearance.measures_nothing:
+            continue
+        least = clearance.least(path)
+        pair = clearance.pair_at(least.q_D, least.q_K)
+        yield Least((a, b), pair.what, pair.other, least.distance, least.t)
+
+
+def _of_strings(cast: Cast, path: Path) -> Iterator[Least]:
+    """Strings with strings and bodies of others, and with obstacles."""
+    near = StringsApart(cast.whole, own=False).over(path.q_D, path.q_K, path.t).nearest(WITHIN)
+    for one in (*near.strings, *near.bodies):
+        owners = cast.owner(one.what), cast.owner(one.other)
+        other = f"string {one.other}" if one in near.strings else one.other
+        yield Least(owners, f"string {one.what}", other, one.distance, one.t)
+    for name, part in Clearance(cast.whole).parts().items():
+        if not name.startswith("string "):
+            continue
+        least = part.least(path)
+        other = part.pair_at(least.q_D, least.q_K).other
+        owners = cast.owner(name.removeprefix("string ")), other
+        yield Least(owners, name, other, least.distance, least.t)

@@ -1,0 +1,188 @@
+"""A play, compiled: who does what when, as one motion of all hands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from fantoccini.base import Mistake, Times
+from fantoccini.base.documents import Located
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.motion import Input, State
+from fantoccini.theatre.cast import Cast, Kept, Meeting, Way
+from fantoccini.theatre.gestures import Gesture, Score
+from fantoccini.theatre.plays.runs import Runs, runs_of
+
+
+@dataclass(frozen=True)
+class CueOfPlay:
+    """A cue as it is played.
+
+    Attributes:
+        number: in the play, from 1 on: ``/cue/N/start``.
+        act: its act's name.
+        who: the players.
+        what: who does what, in words: ``pierrot: walks to centre``.
+        name: by which times refer to it.
+        line: of the file.
+        wanted: when it, or the mark of ``on``, is to be [s].
+        give: by how much later that may be [s].
+        start, end: of all that it moves [s].
+        mark: the mark of ``on``; "" where the beginning counts.
+        go: whether a live show waits for GO before it.
+        says: its caption.
+        refused: why it cannot be done; "" where it is.
+        optional: whether it may be left out.
+        with_prop: whether a prop or a seat is handled.
+        marks: player -> mark, ``start`` or ``end`` -> time of the hands [s]; of those who do it.
+    """
+
+    number: int
+    act: str
+    who: tuple[str, ...]
+    what: str
+    name: str
+    line: int
+    wanted: float
+    give: float
+    start: float
+    end: float
+    mark: str = ""
+    go: bool = False
+    says: str = ""
+    refused: str = ""
+    optional: bool = False
+    with_prop: bool = False
+    marks: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    @property
+    def words(self) -> str:
+        """What they do, without who does it."""
+        return self.what.partition(": ")[2]
+
+    @property
+    def change(self) -> str:
+        """A sentence on why the cue cannot be done or is left out; "" if it is done."""
+        if not self.refused:
+            return ""
+        left = "is left out" if self.optional else "cannot be done"
+        return f"{self.what} {left}: {self.refused}"
+
+
+@dataclass(frozen=True, eq=False)
+class Play:
+    """A play, compiled. Made by :func:`load_play`; true where every cue can be done as written.
+
+    ::
+
+        play = fan.load_play("bows.yaml")
+        for cue in play.cues:
+            print(cue.number, cue.what, cue.start, cue.refused)
+        run = fan.simulate(play.marionette, play.x0, play.inputs)
+
+    Attributes:
+        name: of the play.
+        located: its file, and where everything is written in it.
+        cast: its players, alone and together.
+        score: the whole as a score: one motion of all hands, a lane or more for each player,
+            captions, sounds and waits.
+        parts: for each cue of the score, the number of the play's and the player.
+        cues: in the file's order.
+        changes: what cannot be done, and why, and what is not as it was written.
+        acts: name -> when it begins [s].
+        motions: player -> all that its hands do.
+        starts: player -> times at which its cues begin [s].
+        meetings: players and props that may touch, and when.
+        ways: player -> its walks.
+        settled: cue's number -> its pause [s], and the trunk's speeds after it without the pause
+            and with it [m/s].
+        rounds: how often cues were placed anew.
+        kept: runs and ways, for the next time.
+    """
+
+    name: str
+    located: Located
+    cast: Cast
+    score: Score
+    parts: tuple[tuple[int, str], ...]
+    cues: tuple[CueOfPlay, ...]
+    changes: tuple[Mistake, ...]
+    acts: Mapping[str, float]
+    motions: Mapping[str, Gesture] = field(repr=False)
+    starts: Mapping[str, tuple[float, ...]] = field(repr=False)
+    meetings: tuple[Meeting, ...]
+    ways: Mapping[str, tuple[Way, ...]]
+    settled: Mapping[int, tuple[float, float, float]]
+    rounds: int
+    kept: Kept = field(repr=False)
+
+    def __bool__(self) -> bool:
+        return not self.changes
+
+    def __repr__(self) -> str:
+        players = ", ".join(self.cast.players)
+        return f"<Play {self.name!r}: {players}; {self.duration:.1f} s, {self.counts}>"
+
+    @property
+    def marionette(self) -> Marionette:
+        """All players and props on the stage."""
+        return self.cast.whole
+
+    @property
+    def x0(self) -> State:
+        """Where everything hangs and lies at the start."""
+        return self.cast.x0
+
+    @property
+    def inputs(self) -> Input:
+        """The motion of all hands."""
+        return self.score.inputs(self.x0)
+
+    def runs(self, *, exact: bool = False) -> Runs:
+        """The runs of all, made in parts that are kept.
+
+        Args:
+            exact: whether what touches is simulated event-driven, not in time steps.
+        """
+        return runs_of(
+            self.cast, self.motions, self.starts, self.meetings, self.kept, exact=exact
+        )
+
+    @property
+    def duration(self) -> float:
+        """[s]"""
+        return self.score.duration
+
+    @property
+    def refused(self) -> tuple[CueOfPlay, ...]:
+        """The cues that cannot be done, but for those that may be left out."""
+        return tuple(cue for cue in self.cues if cue.refused and not cue.optional)
+
+    @property
+    def lacking(self) -> tuple[Mistake, ...]:
+        """The changes that count: all but those of cues that may be left out."""
+        left_out = {(cue.line, cue.change) for cue in self.cues if cue.refused and cue.optional}
+        return tuple(one for one in self.changes if (one.line, one.message) not in left_out)
+
+    @property
+    def remarks(self) -> tuple[Mistake, ...]:
+        """Changes that do not refuse a cue: touches, or work not finished in time."""
+        refusals = {(cue.line, cue.change) for cue in self.cues if cue.refused}
+        return tuple(one for one in self.changes if (one.line, one.message) not in refusals)
+
+    @property
+    def counts(self) -> str:
+        """Numbers of cues and remarks: ``9 of 10 cues can be done, 1 left out, 2 remarks``."""
+        done, n = sum(not cue.refused for cue in self.cues), len(self.cues)
+        left, remarks = n - done - len(self.refused), len(self.remarks)
+        text = f"{done} of {n} cue{'s' * (n != 1)} can be done"
+        text += f", {left} left out" if left else ""
+        return text + (f", {remarks} remark{'s' * (remarks != 1)}" if remarks else "")
+
+    def when(self, t: Times | float) -> str:
+        """A time in words: its act, beat and second."""
+        beat = self.score.beat
+        act = [name for name, start in self.acts.items() if start <= float(t) + 1e-9]
+        start = self.acts[act[-1]] if act else 0.0
+        within = f"{act[-1]}, " if act else ""
+        return f"{within}beat {(float(t) - start) / beat:.1f} ({float(t):.2f} s)"

@@ -1,0 +1,398 @@
+"""Event-driven runs of every company of a play.
+
+A run is made in parts, from one rest of the hands to the next; a part depends on the state in
+which it begins and on what the hands do in it. So a change leaves the parts before it as they are,
+and a play that is compiled after a change is, to the bit, the one that is compiled from nothing.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from fantoccini.base import Array, Status
+from fantoccini.dynamics.compiled import TimeStepping
+from fantoccini.dynamics.simulation import simulate
+from fantoccini.kernel.runtime import default_threads
+from fantoccini.motion import LEDGER, Columns, ContactPoints, State, Trajectory
+from fantoccini.theatre.cast import (
+    ERRORS,
+    CannotBegin,
+    Cast,
+    Company,
+    Kept,
+    Meeting,
+    PropState,
+    Span,
+    Staged,
+    StageFile,
+    Stop,
+    asked_pairs,
+    digest,
+    spans,
+    staged,
+)
+from fantoccini.theatre.gestures import Gesture, Motion, piecewise
+
+_REST = 1e-9
+"""Rate below which hands are at rest [m/s or rad/s]."""
+_SHORTEST = 0.5
+"""Of a part, so that beginning anew costs little [s]."""
+_STEPS = {"steps": 1e-3, "fine steps": 2.5e-4}
+"""Time steps of companies that touch [s]."""
+_EVERY = 5e-3
+"""Between samples of theirs that are kept [s]."""
+_RESTS = "somebody sits, or a prop stands on something"
+"""Why fine time steps are taken at once."""
+_MOST = 4e7
+"""Memory for a second of what touches, event-driven [bytes]: some four thousand samples."""
+_SAMPLED = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
+_COLUMNS = ("tension", "limit_force", "taut", "violation", "slip")
+ENERGIES = ("kinetic", "potential")
+"""Columns of a ledger that are of now; the others add up over time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A company's run.
+
+    Attributes:
+        staged: the company, as it was simulated.
+        begin: when it begins [s].
+        whole: its run, from time 0 on.
+        stopped: the reason for not reaching the end of its span; "" if it did.
+        stepped: reasons why parts were simulated in fine time steps, not event-driven.
+    """
+
+    staged: Staged
+    begin: float
+    whole: Trajectory
+    stopped: str = ""
+    stepped: tuple[str, ...] = ()
+
+    @property
+    def end(self) -> float:
+        """When it ends [s]."""
+        return self.begin + float(self.whole.t[-1])
+
+    def of_player(self, name: str, alone: State) -> Trajectory:
+        """The part of it that a player does, in the player's coordinates."""
+        prefix, run = self.staged.prefixes[name], self.whole
+        if self.staged.company == Company((name,)):
+            return run
+        own = alone.coordinates
+        assert own is not None
+        changes: dict[str, Any] = {}
+        for part in _SAMPLED[1:]:
+            kind = f"{'q' if part[0] == 'q' else 'v'}_{part[-1]}"
+            all_names = getattr(run.coordinates, kind)
+            where = [all_names.index(prefix + one) for one in getattr(own, kind)]
+            changes[part] = getattr(run, part)[:, where]
+        for part in _COLUMNS:
+            columns: Columns | None = getattr(run, part)
+            if columns is not None:
+                changes[part] = _of(columns, prefix)
+        events = tuple(
+            dataclasses.replace(event, name=event.name.removeprefix(prefix))
+            for event in run.events if event.name.startswith(prefix) and "|" not in event.name
+        )  # fmt: skip
+        return dataclasses.replace(
+            run, **changes, events=events, coordinates=own, contact=None, contact_residual=None,
+            effort=None,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """The runs of a play.
+
+    Attributes:
+        companies: in order of their beginnings; those that could begin.
+        players: player -> its own, from the start on; its ledger is its company's.
+        stops: where runs stop, or cannot begin.
+    """
+
+    companies: tuple[Run, ...]
+    players: Mapping[str, Trajectory]
+    stops: tuple[Stop, ...] = ()
+
+    def with_prop(self, name: str, t: float) -> Run | None:
+        """The run in which a prop takes part at a time [s]; None where it stands by itself."""
+        for one in self.companies:
+            if name in one.staged.props and one.begin <= t <= one.end:
+                return one
+        return None
+
+
+def runs_of(
+    cast: Cast, motions: Mapping[str, Gesture], starts: Mapping[str, Sequence[float]],
+    meetings: Sequence[Meeting], kept: Kept, *, exact: bool = False,
+) -> Runs:  # fmt: skip
+    """The runs of a play, as many side by side as there are threads.
+
+    They are event-driven where nothing may touch, else in time steps of 1 ms, or ``exact``: then
+    event-driven as well, but in steps of 0.25 ms where that stops, as friction may jam, and where
+    somebody sits or a prop stands on something: there it does, or takes many minutes.
+
+    Args:
+        cast: of the play.
+        motions: player -> what its hands do.
+        starts: player -> times at which its cues begin [s].
+        meetings: who may touch what, and when.
+        kept: has the parts that were made before.
+        exact: whether what touches is simulated as exactly as can be.
+
+    Raises:
+        CannotBegin: a player's run cannot begin.
+    """
+    end = max(motion.duration for motion in motions.values())
+    work = _Work(cast, motions, starts, kept, exact)
+    with ThreadPoolExecutor(default_threads()) as pool:
+        # Each waits for those before it only, which have begun when it does.
+        futures: list[tuple[Span, Future[Run | Stop | None]]] = []
+        for span in spans(list(cast.players), meetings, end):
+            futures.append((span, pool.submit(work.run, span, tuple(futures))))
+        found = [future.result() for _, future in futures]
+    companies = tuple(one for one in found if isinstance(one, Run))
+    stops = [one for one in found if isinstance(one, Stop)]
+    stops += [
+        Stop(one.staged.company.players, one.end, one.stopped) for one in companies if one.stopped
+    ]
+    players = {}
+    for name, player in cast.players.items():
+        own = [
+            (run.begin, run.of_player(name, player.x0))
+            for run in companies if name in run.staged.prefixes
+        ]  # fmt: skip
+        if not own:
+            raise CannotBegin(next(one for one in stops if name in one.players))
+        players[name] = _joined(own)
+    return Runs(companies, players, tuple(sorted(stops, key=lambda one: one.t)))
+
+
+@dataclass(frozen=True)
+class _Work:
+    cast: Cast
+    motions: Mapping[str, Gesture]
+    starts: Mapping[str, Sequence[float]]
+    kept: Kept
+    exact: bool
+
+    def run(
+        self, span: Span, before: Sequence[tuple[Span, Future[Run | Stop | None]]]
+    ) -> Run | Stop | None:
+        """A company's run, or its Stop; None if the earlier run of a member stopped."""
+        cast, company = self.cast, span.company
+        players: dict[str, State] = {}
+        props: dict[str, PropState] = {}
+        for name in (*company.players, *company.props):
+            earlier, last = _last(name, span, before)
+            if last is None:
+                if name in cast.players:
+                    players[name] = cast.players[name].x0
+                else:
+                    props[name] = cast.lie[name]
+                continue
+            run = last.result()
+            if not isinstance(run, Run) or run.stopped:
+                return None
+            if name in cast.players:
+                players[name] = run.of_player(name, cast.players[name].x0).state(-1)
+            else:
+                props[name] = prop_states(run, name, still=earlier < span.begin)
+        stage = staged(cast, company, self.kept)
+        x = stage.state(players, props)
+        motion = stage.motion({
+            name: Gesture(self.motions[name].coordinates,
+                          *excerpt(self.motions[name], span.begin, span.end))
+            for name in company.players
+        })  # fmt: skip
+        starts = sorted(t - span.begin for name in company.players for t in self.starts[name])
+        parts, stepped, stopped = self._in_parts(stage, x, motion, starts)
+        if not parts:
+            return Stop(company.players, span.begin, stopped)
+        whole = _joined(parts)
+        if stopped and whole.status is Status.DONE:
+            whole = dataclasses.replace(whole, status=Status.STOPPED)
+        return Run(stage, span.begin, whole, stopped, stepped)
+
+    def _in_parts(
+        self, stage: Staged, x: State, motion: Gesture, starts: Sequence[float]
+    ) -> tuple[list[tuple[float, Trajectory]], tuple[str, ...], str]:
+        """A run's parts, why some are in time steps that were not to be, and why it stops."""
+        stepped, parts = list[str](), list[tuple[float, Trajectory]]()
+        if self.exact and stage.company.rests:
+            stepped.append(_RESTS)
+        for begun, end in pairwise(_cuts(motion, starts)):
+            own = Gesture(motion.coordinates, *excerpt(motion, begun, end))
+            try:
+                if stage.company.pairs or self._steps:
+                    x = stage.marionette.project(x)
+            except ERRORS as error:
+                return parts, tuple(stepped), str(error)
+            stopped = list[str]()
+            for method in self._methods(stage.company):
+                run, why = self._part(stage, x, own, method)
+                if not why:
+                    break
+                stopped.append(why)
+            if run is not None:
+                parts.append((begun, run))
+            if why or run is None:
+                return parts, tuple(stepped), why
+            stepped += stopped
+            x = run.state(len(run) - 1).replace(t=0.0)
+        return parts, tuple(stepped), ""
+
+    def _part(
+        self, stage: Staged, x: State, motion: Gesture, method: str
+    ) -> tuple[Trajectory | None, str]:
+        """A part by a method, and why it stops: a status, or an error of the simulator."""
+        bounds = self.cast.file.stage
+        key = digest(x, motion, "part", stage.content, bounds.speed, bounds.acceleration, method)
+        job = partial(_part, stage, x, motion, bounds, method, self.kept.check)
+        try:
+            run = self.kept.get(key, job)
+        except ERRORS as error:
+            return None, str(error)
+        return run, "" if run.status is Status.DONE else str(run.status)
+
+    def _methods(self, company: Company) -> tuple[str, ...]:
+        """Ways to simulate a company, each for when those before it stop."""
+        if not company.pairs:
+            return ("event",)
+        if not self.exact:
+            return ("steps",)
+        return ("fine steps",) if company.rests else ("event", "fine steps")
+
+    @property
+    def _steps(self) -> bool:
+        """Whether states may come from time steps, which keep strings' lengths less exactly."""
+        return bool(asked_pairs(self.cast.file))
+
+
+def _last(
+    name: str, span: Span, before: Sequence[tuple[Span, Future[Run | Stop | None]]]
+) -> tuple[float, Future[Run | Stop | None] | None]:
+    """When a player or prop takes part last before a span [s], and the run of that."""
+    for earlier, future in reversed(before):
+        company = earlier.company
+        if name in (*company.players, *company.props) and earlier.end <= span.begin:
+            return earlier.end, future
+    return 0.0, None
+
+
+def prop_states(run: Run, name: str, *, still: bool = False) -> PropState:
+    """Place and velocities of a prop at a run's end; at rest, where it has stood since then."""
+    local, whole = run.staged.props[name], run.whole
+    q = whole.coordinates.q_D.index(f"{local}.x")
+    v = whole.coordinates.v_D.index(f"{local}.x")
+    rates = np.zeros(6) if still else np.array(whole.v_D[-1, v : v + 6])
+    return np.array(whole.q_D[-1, q : q + 7]), rates
+
+
+def _part(
+    stage: Staged, x: State, motion: Gesture, bounds: StageFile, method: str,
+    check: Callable[[float], None],
+) -> Trajectory:
+    inputs = motion.inputs(x, speed=bounds.speed, acceleration=bounds.acceleration)
+    alone = stage.marionette
+    if method == "event":
+        most = _MOST * motion.duration if stage.company.pairs else None
+        return simulate(
+            alone, x, inputs, effort=False, throw=False, max_memory=most, progress=check
+        )
+    dt = _STEPS[method]
+    return simulate(
+        alone, x, inputs, method=TimeStepping(dt=dt), save_every=round(_EVERY / dt),
+        effort=False, throw=False, progress=check,
+    )  # fmt: skip
+
+
+def _cuts(motion: Gesture, starts: Sequence[float]) -> list[float]:
+    """Times from 0 to the end at which a part begins or ends: where the hands rest."""
+    cuts = [0.0]
+    for t in sorted(starts):
+        if t < cuts[-1] + _SHORTEST or t > motion.duration - _SHORTEST:
+            continue
+        if np.max(np.abs(motion.offsets(t)[1])) < _REST:
+            cuts.append(float(t))
+    return [*cuts, motion.duration]
+
+
+def excerpt(whole: Gesture, begun: float, end: float) -> Motion:
+    """A motion from one time to another, from offsets of 0 at its beginning."""
+    clock = np.union1d(whole.breaks, [begun, end])
+    coef = piecewise.on(whole.breaks, whole.coef, clock)
+    inside = (clock[:-1] >= begun) & (clock[:-1] < end)
+    breaks, own = np.append(clock[:-1][inside], end), coef[inside]
+    own[:, :, 0] -= own[0, :, 0]
+    return Motion(breaks - begun, own, whole.named, np.zeros_like(whole.travel))
+
+
+def _joined(parts: Sequence[tuple[float, Trajectory]]) -> Trajectory:
+    """Runs one after the other as one run."""
+    runs = [run for _, run in parts]
+    first, last = runs[0], runs[-1]
+    if len(runs) == 1:
+        return first
+    changes: dict[str, Any] = {
+        name: np.concatenate([getattr(run, name) for run in runs]) for name in _SAMPLED
+    }
+    # Where two parts meet, rounding may put one before the other.
+    changes["t"] = np.maximum.accumulate(np.concatenate([begun + run.t for begun, run in parts]))
+    for name in _COLUMNS:
+        own: Columns | None = getattr(first, name)
+        if own is not None:
+            changes[name] = own.like(np.concatenate([getattr(run, name).values for run in runs]))
+    if first.contact is not None:
+        changes["contact"] = _contacts(runs)
+        changes["contact_residual"] = np.concatenate([
+            np.zeros(len(run)) if run.contact_residual is None else run.contact_residual
+            for run in runs
+        ])  # fmt: skip
+    events = tuple(
+        dataclasses.replace(event, t=begun + event.t)
+        for begun, run in parts for event in run.events
+    )  # fmt: skip
+    return dataclasses.replace(
+        first, **changes, ledger=first.ledger.like(_ledger(runs)), events=events,
+        status=last.status, blamed=last.blamed, seconds=None,
+    )  # fmt: skip
+
+
+def _contacts(runs: Sequence[Trajectory]) -> ContactPoints:
+    """Points of runs one after the other, which have the same pairs."""
+    points = [run.contact for run in runs if run.contact is not None]
+    before = np.cumsum([0, *(len(run) for run in runs[:-1])])
+    own: dict[str, Any] = {
+        field.name: np.concatenate([getattr(one, field.name) for one in points])
+        for field in dataclasses.fields(ContactPoints) if field.name not in ("names", "sample")
+    }
+    sample = np.concatenate([one.sample + n for one, n in zip(points, before, strict=True)])
+    return ContactPoints(sample=sample, names=points[0].names, **own)
+
+
+def _of(columns: Columns, prefix: str) -> Columns:
+    """The columns of a player, by its own names."""
+    where = [i for i, name in enumerate(columns.names) if name.startswith(prefix)]
+    names = tuple(columns.names[i].removeprefix(prefix) for i in where)
+    return dataclasses.replace(columns, names=names, values=columns.values[:, where])
+
+
+def _ledger(runs: Sequence[Trajectory]) -> Array:
+    """Losses and work go on from one run to the next."""
+    goes_on = np.array([name not in ENERGIES for name in LEDGER])
+    found, before = [], np.zeros(len(LEDGER))
+    for run in runs:
+        values = run.ledger.values + before * goes_on
+        before = values[-1]
+        found.append(values)
+    return np.concatenate(found)

@@ -1,0 +1,123 @@
+"""Sitting down on what stands behind, and standing up again.
+
+    q_K(t) = q_K0 + d(t)
+
+Offsets are those of the bundled marionette, relative to where it hangs, as in
+:mod:`fantoccini.theatre.cast.props`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.motion import State
+from fantoccini.theatre.cast import BODY, FEET, SEATED, Waypoints, gesture_of, of_member
+from fantoccini.theatre.gestures import Gesture
+
+_PELVIS = 0.091
+"""The waist is so far above the bottom of the pelvis [m]."""
+_SITS_BACK = 0.005
+"""The strings stay so far before the middle of the seat while the puppet sits down [m]."""
+_LEANS, _RISES = 0.075, 0.115
+"""They are so far before it afterwards, which sets the trunk up, and so far when the puppet is
+about to stand up, with its weight over its feet [m]."""
+_SLACK, _SAG = 0.005, 0.008
+"""The strings give way by so much more than the way down, at the end and on the way, so that the
+seat bears weight [m]."""
+_KNEES, _KNEES_SLACK, _KNEES_GIVE = 0.085, 0.025, 0.3
+"""The knees' strings end so far before the others, and in front of the knees: strings that lean
+forward do not cross them; they are so much longer [m], and by so much of the way down beyond
+:data:`_LEVEL`."""
+_KNEES_UP = 0.012
+"""So much shorter are they until the puppet touches the seat: its shins pass over the edge [m]."""
+_LEVEL = 0.114
+"""On a seat so far below the pelvis the knees are as high as when the puppet hangs [m]."""
+_LAP = {"back": 0.05, "out": 0.08, "down": 0.8}
+"""Back and out go the strings of the hands, which come to lie on the thighs, outside the knees'
+strings [m]; down by so much of the way."""
+_TOUCHES, _SITS, _DOWN = 2.6, 3.0, 4.0
+"""When the puppet touches the seat, begins to set itself up, and sits upright [s]."""
+_BENDS, _OFF, _UP, _STANDS = 0.8, 1.6, 3.4, 3.6
+"""When it has bent forward, its strings go back to where they were, lift it, and are there [s]."""
+_SEATS = (0.09, 0.18)
+"""Lowest and highest seat below the pelvis [m]."""
+
+
+@dataclass(frozen=True)
+class Sitting:
+    """A puppet sits down on what stands behind it, and stands up again.
+
+    Attributes:
+        down: mark ``down``.
+        up: from there to where it stood; mark ``up``.
+        back: distance of the middle of the seat behind the puppet [m].
+        touching: pairs of bodies that may touch.
+    """
+
+    down: Gesture
+    up: Gesture
+    back: float
+    touching: tuple[tuple[str, str], ...]
+
+
+def sit(
+    stage: Marionette, who: str, on: str, height: float, *, distance: float = 0.135,
+    start: State | None = None,
+) -> Sitting:  # fmt: skip
+    """The gestures by which a puppet sits down on a seat behind it, and stands up again.
+
+    It goes back and down, sets itself up, and lets its hands sink onto its thighs in 4 s; it bends
+    forward, and stands again where it stood in 3.6 s.
+
+    Args:
+        stage: the scene.
+        who: a member.
+        on: the prop or obstacle with the seat.
+        height: of the seat [m].
+        distance: of the seat's middle behind the puppet [m].
+        start: where the puppet hangs; ``stage.rest()`` when not given.
+
+    Raises:
+        InputError: the member has other strings than the bundled marionette.
+        ValueError: the seat is too low or too high, or so near that the puppet stands on it.
+    """
+    start = stage.rest() if start is None else start
+    drop = float(stage.pose(start, of_member(who, "torso"))[2, 3]) - _PELVIS - height
+    low, high = _SEATS
+    if not low <= drop <= high:
+        raise ValueError(f"the seat is {drop:.3f} m below the pelvis; needed: {low} to {high} m")
+    if not 0.12 <= distance <= 0.2:
+        raise ValueError(f"the seat is {distance:g} m behind; needed: 0.12 to 0.2 m")
+    far, near, bent = distance - _SITS_BACK, distance - _LEANS, distance - _RISES
+    down: dict[str, Waypoints] = {}
+    up: dict[str, Waypoints] = {}
+    there = _TOUCHES - 0.6
+    for string in BODY:
+        sagged, rests = drop + _SAG, drop + _SLACK
+        down[f"{string}.down"] = [
+            (0, 0), (0.4, 0), (_TOUCHES, sagged), (_SITS, sagged), (_DOWN, rests),
+        ]  # fmt: skip
+        down[f"{string}.back"] = [(0, 0), (there, far), (_SITS, far), (_DOWN, near)]
+        up[f"{string}.down"] = [(0, rests), (_BENDS, rests), (_UP, 0)]
+        up[f"{string}.back"] = [(0, near), (_BENDS, bent), (_OFF, bent), (_STANDS, 0)]
+    gives, back = _KNEES_SLACK + _KNEES_GIVE * (drop - _LEVEL), distance - _KNEES
+    lap = {"back": _LAP["back"], "out": _LAP["out"], "down": _LAP["down"] * drop}
+    for side in ("left", "right"):
+        knee, hand = f"knee_{side}", f"hand_{side}"
+        down[f"{knee}.down"] = [
+            (0, 0), (1.0, -_KNEES_UP), (there, -_KNEES_UP), (_SITS, gives),
+        ]  # fmt: skip
+        down[f"{knee}.back"] = [(0, 0), (there, back)]
+        up[f"{knee}.down"] = [(0, gives), (_OFF, gives), (_STANDS, 0)]
+        up[f"{knee}.back"] = [(0, back), (_OFF, back), (_STANDS, 0)]
+        for way, offset in lap.items():
+            begins = _BENDS if way == "down" else _OFF
+            down[f"{hand}.{way}"] = [(0, 0), (_DOWN if way == "down" else _TOUCHES, offset)]
+            up[f"{hand}.{way}"] = [(0, offset), (begins, offset), (_STANDS, 0)]
+    return Sitting(
+        gesture_of(stage, who, down, "sit", {"down": _DOWN}),
+        gesture_of(stage, who, up, "stand up", {"up": _STANDS}),
+        distance,
+        tuple((of_member(who, part), on) for part in (*SEATED, *FEET)),
+    )

@@ -1,0 +1,153 @@
+"""The run of the stage, put together from the runs of companies.
+
+While companies do not touch each other, each moves as without the others: the whole is its members
+side by side, on common times.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from fantoccini.base import Array, Indices, Status
+from fantoccini.model.tree import CoordinateTable
+from fantoccini.motion import LEDGER, Columns, ContactPoints, EventRecord, Trajectory
+from fantoccini.theatre.cast import Cast, PropState
+from fantoccini.theatre.plays.runs import ENERGIES, Run, Runs, prop_states
+
+SAMPLE = 0.005
+"""Between samples [s]."""
+_MOTION = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
+
+
+def together(cast: Cast, runs: Runs, sample: float = SAMPLE) -> Trajectory:
+    """The run of the stage, until the first of the players' runs ends.
+
+    The ledger is the sum of the companies': what a prop has while it stands alone is not in it.
+
+    A prop that nobody touches stays where it was left. Between two samples a velocity that jumps
+    when a string snaps taut is led over.
+
+    Args:
+        cast: of the play.
+        runs: of all companies.
+        sample: time between samples [s].
+    """
+    end = min(float(run.t[-1]) for run in runs.players.values())
+    t = np.append(np.arange(0.0, end - 0.5 * sample, sample), end)
+    whole = _Whole(cast, t)
+    for name in cast.things:
+        whole.stands(name, -1.0, cast.lie[name])
+    for run in runs.companies:
+        whole.add(run)
+    first = runs.companies[0].whole
+    statuses = [run.status for run in runs.players.values()]
+    otherwise = Status.STOPPED if runs.stops else Status.DONE
+    status = next((one for one in statuses if one is not Status.DONE), otherwise)
+    put = {name: one.like(whole.found[name]) for name, one in whole.columns.items()}
+    parts = whole.parts
+    return Trajectory(
+        t, parts["q_D"], parts["v_D"], parts["acc_D"], parts["q_K"], parts["v_K"], parts["acc_K"],
+        put["tension"], put["limit_force"], put["taut"], first.ledger.like(whole.ledger),
+        tuple(sorted(whole.events, key=lambda e: e.t)), status, first.method,
+        cast.whole.coordinates, cast.whole.model.described, violation=put["violation"],
+        slip=put["slip"], contact=_joined(whole.points),
+    )  # fmt: skip
+
+
+class _Whole:
+    """The columns of the stage's run while companies are added, in order of their beginnings."""
+
+    def __init__(self, cast: Cast, t: Array):
+        self._cast, self._t, self._table = cast, t, cast.whole.coordinates
+        tree, n = cast.whole.tree, len(t)
+        self.parts = {name: np.zeros((n, _width(self._table, name))) for name in _MOTION}
+        strings = tuple(one.name for one in tree.strings)
+        limits = tuple(one.name for one in tree.limits)
+        self.columns = {
+            "tension": Columns(strings, np.zeros((n, len(strings))), "string"),
+            "taut": Columns(strings, np.zeros((n, len(strings)), dtype=bool), "string"),
+            "slip": Columns(strings, np.zeros((n, len(strings))), "string"),
+            "limit_force": Columns(limits, np.zeros((n, len(limits))), "limit"),
+            "violation": Columns(tree.row_names, np.zeros((n, len(tree.row_names)))),
+        }
+        self.found = {name: np.array(one.values) for name, one in self.columns.items()}
+        self.ledger = np.zeros((n, len(LEDGER)))
+        self.events: list[EventRecord] = []
+        self.points: list[ContactPoints] = []
+
+    def stands(self, name: str, since: float, there: PropState) -> None:
+        """A prop stands somewhere after a time [s]."""
+        q, v = self._table.q_D.index(f"{name}.x"), self._table.v_D.index(f"{name}.x")
+        later = self._t > since
+        self.parts["q_D"][later, q : q + 7] = there[0]
+        for part in ("v_D", "acc_D"):
+            self.parts[part][later, v : v + 6] = 0.0
+
+    def add(self, run: Run) -> None:
+        """A company's run, in its time."""
+        inside = np.flatnonzero((self._t >= run.begin) & (self._t <= run.end))
+        if len(inside):
+            self._put(run, inside)
+        for name in run.staged.props:
+            self.stands(name, run.end, prop_states(run, name, still=True))
+        # Losses stay after its end.
+        energies = np.array([name in ENERGIES for name in LEDGER])
+        self.ledger[self._t > run.end] += np.where(energies, 0.0, run.whole.ledger.values[-1])
+        for event in run.whole.events:
+            name = "|".join(self._named(run, one) for one in event.name.split("|") if one)
+            self.events.append(dataclasses.replace(event, t=run.begin + event.t, name=name))
+
+    def _put(self, run: Run, inside: Indices) -> None:
+        own = run.whole.resample(self._t[inside] - run.begin)
+        for part in _MOTION:
+            kind = _kind(part)
+            all_names = getattr(self._table, kind)
+            names = getattr(own.coordinates, kind)
+            places = [all_names.index(self._named(run, one)) for one in names]
+            self.parts[part][np.ix_(inside, np.array(places))] = getattr(own, part)
+        for what, all_of in self.columns.items():
+            mine: Columns | None = getattr(own, what)
+            if mine is not None:
+                columns = [all_of.names.index(self._named(run, one)) for one in mine.names]
+                self.found[what][np.ix_(inside, np.array(columns, dtype=int))] = mine.values
+        # When one company takes over from another, only the one before counts.
+        first = (self._t[inside] == run.begin) & (run.begin > 0.0)
+        self.ledger[inside] += np.where(first[:, None], 0.0, own.ledger.values)
+        if own.contact is not None:
+            names = tuple(
+                (self._named(run, a), self._named(run, b)) for a, b in own.contact.names
+            )
+            sample = inside[own.contact.sample]
+            self.points.append(dataclasses.replace(own.contact, sample=sample, names=names))
+
+    def _named(self, run: Run, name: str) -> str:
+        """A name of a company's scene in the scene of all."""
+        return self._cast.named(run.staged.on_stage(name))
+
+
+def _joined(points: list[ContactPoints]) -> ContactPoints | None:
+    """All points in the order of their samples."""
+    if not points:
+        return None
+    names = tuple(dict.fromkeys(name for one in points for name in one.names))
+    pair = np.concatenate([
+        np.array([names.index(name) for name in one.names], dtype=int)[one.pair] for one in points
+    ])  # fmt: skip
+    sample = np.concatenate([one.sample for one in points])
+    order = np.argsort(sample, kind="stable")
+    rest = {
+        field.name: np.concatenate([getattr(one, field.name) for one in points])[order]
+        for field in dataclasses.fields(ContactPoints)
+        if field.name not in ("names", "pair", "sample")
+    }
+    return ContactPoints(sample=sample[order], pair=pair[order], names=names, **rest)
+
+
+def _kind(part: str) -> str:
+    return f"{'q' if part[0] == 'q' else 'v'}_{part[-1]}"
+
+
+def _width(table: CoordinateTable, part: str) -> int:
+    return int(getattr(table, f"n_{_kind(part)[0]}{part[-1]}"))

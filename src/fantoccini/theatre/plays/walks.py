@@ -1,0 +1,256 @@
+"""Walks of players over the stage of a play: what is in their way, and how they step."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from fantoccini.base import Array, Times
+from fantoccini.base.documents import value_of
+from fantoccini.model.puppet import Box as BoxShape, Shape
+from fantoccini.theatre.cast import Cast, Footing, Player, Thing, Way, extent
+from fantoccini.theatre.gestures import SWAY, Notes
+from fantoccini.theatre.plays.acting import step_time
+from fantoccini.theatre.ways import Box, Disk, NoWay, Other, Rectangle, Region, find_way
+
+_LONGEST_STEP = 0.1
+"""[m]"""
+_CARRYING = 2.0
+"""Factor of a step's duration for who carries something."""
+_SWING = 0.02
+"""How far bodies swing beyond the disk of their strings' ends in a walk [m]."""
+_REACH = 0.6
+"""Height below which what stands on the stage is in the way [m]."""
+_TRIES = 4
+"""Of beginnings with which a walk is to arrive in time."""
+_SAMPLE = 0.02
+"""Between places of a way that are looked at [s]."""
+_UPRIGHT = 1e-9
+"""How far from 1 the vertical part of an upright box's axis may be."""
+_TOLERANCE = 1e-4
+"""Tolerance of the distance between a path and standing obstacles [m]."""
+_IN_TIME = 1e-6
+"""Difference of times that counts as none [s]."""
+
+Track = tuple[Player, tuple[Times, Array]]
+"""A player, and where it is over time."""
+
+
+class Walks:
+    """The stage from above.
+
+    Args:
+        cast: of the play.
+        notes: know the beat.
+    """
+
+    def __init__(self, cast: Cast, notes: Notes):
+        stage = cast.file.stage
+        self._notes = notes
+        self.step_time = step_time(notes.beat)
+        self.blocked: list[Region] = []
+        for one in stage.obstacles:
+            self.blocked += _regions(one.name, one)
+        for thing in cast.things.values():
+            if not thing.held_by and cast.file.props[thing.name].on is None:
+                self.blocked.append(_around(thing))
+        self._space = stage.space
+        self._kept: dict[tuple[Any, ...], Way | NoWay] = {}
+
+    def way(
+        self, player: Player, start: Footing, goals: Sequence[Footing], begin: float, wait: float,
+        others: Sequence[Track], *, near: float, arrives: float | None, free_from: float,
+        carries: bool = False,
+    ) -> tuple[Way | None, str]:  # fmt: skip
+        """A way by several footings past all others.
+
+        Args:
+            player: who walks.
+            start, goals: from where, and by what places to where.
+            begin: earliest time [s].
+            wait: by how much later it may begin [s].
+            others: where they are over time.
+            near: how far from the last goal it may end [m].
+            arrives: when it is to arrive [s]; as soon as it can when not given.
+            free_from: when the player can begin at the earliest [s].
+            carries: whether something hangs on its forearm: then it steps more slowly.
+
+        Returns:
+            The way, or None and why there is none.
+        """
+        if arrives is not None:
+            begin = free_from
+        found = self._by_goals(player, start, goals, begin, wait, others, near, carries)
+        if isinstance(found, NoWay):
+            return None, self._why(player, found)
+        if arrives is None:
+            return found, ""
+        for _ in range(_TRIES):
+            early = arrives - found.end
+            if abs(early) < _IN_TIME or found.begin + early < free_from - _IN_TIME:
+                break
+            later = found.begin + early
+            again = self._by_goals(player, start, goals, later, 0.0, others, near, carries)
+            if isinstance(again, NoWay):
+                break
+            found = again
+        return found, ""
+
+    @staticmethod
+    def clear(player: Player) -> float:
+        """How far a player keeps from what stands on the stage [m]."""
+        return player.radius + SWAY + _SWING
+
+    def is_clear(self, player: Player, place: Footing) -> bool:
+        """Whether nothing that stands on the stage is too near to a place."""
+        at = np.array(place.place)
+        return all(float(one.distance(at)) >= self.clear(player) for one in self.blocked)
+
+    def is_inside(self, player: Player, place: Footing) -> bool:
+        """Whether the hands of a player that stands somewhere are within their space."""
+        room = self._room(player)
+        return room is None or bool(room.holds(np.array(place.place)))
+
+    def obstruction(self, player: Player, place: complex) -> str:
+        """The reason why a player can never stand near a place, even if others leave; else ""."""
+        room, at = self._room(player), np.array(place)
+        if room is not None and not room.holds(at):
+            outside = abs(room.nearest(place) - place)
+            return f"the place is {outside:.2f} m outside of the hands' space"
+        for one in self.blocked:
+            if float(one.distance(at)) < self.clear(player) - _TOLERANCE:
+                return f"{one.name} is there"
+        return ""
+
+    def in_the_way(self, player: Player, way: Way, others: Sequence[Track]) -> str | None:
+        """Who comes too near to a player on a way, until it is there."""
+        n = int(np.ceil((way.end - way.begin) / _SAMPLE)) + 1
+        t = np.linspace(way.begin, way.end, n)
+        xy, _ = way.footing(t)
+        for other, (clock, path) in others:
+            own = np.stack([np.interp(t, clock, path[:, i]) for i in (0, 1)], axis=1)
+            apart = self.clear(player) + self.clear(other)
+            if np.min(np.linalg.norm(xy - own, axis=1)) < apart:
+                return other.name
+        return None
+
+    def middle(self, name: str) -> complex | None:
+        """The middle of what stands on the stage [m]; None of what is above the players."""
+        found = (complex(*one.centre) for one in self.blocked if one.name == name)
+        return next(found, None)
+
+    def sides(self, name: str, seen: complex, inset: float) -> list[tuple[float, complex]]:
+        """Where something can be put on an obstacle: headings and places [rad, m].
+
+        Args:
+            name: of the obstacle.
+            seen: from where.
+            inset: how far from its border, where it is large enough [m].
+        """
+        (one,) = [region for region in self.blocked if region.name == name]
+        middle = complex(*one.centre)
+        if not isinstance(one, Box):
+            assert isinstance(one, Disk)
+            heading = float(np.angle(middle - seen))
+            return [(heading, middle - max(one.radius - inset, 0.0) * np.exp(1j * heading))]
+        found = []
+        for k, half in enumerate((*one.half, *one.half)):
+            heading = one.yaw + 0.5 * np.pi * k
+            found.append((heading, middle - max(half - inset, 0.0) * np.exp(1j * heading)))
+        return found
+
+    def _by_goals(
+        self, player: Player, start: Footing, goals: Sequence[Footing], begin: float, wait: float,
+        others: Sequence[Track], near: float, carries: bool,
+    ) -> Way | NoWay:  # fmt: skip
+        """Ways from goal to goal as one."""
+        whole: Way | None = None
+        for i, goal in enumerate(goals):
+            found = self._found(player, start, goal, begin, wait, others, carries)
+            other = found.nearest if isinstance(found, NoWay) else None
+            last = i == len(goals) - 1
+            if last and other is not None and abs(other.place - goal.place) <= near:
+                goal = other
+                found = self._found(player, start, goal, begin, wait, others, carries)
+            if isinstance(found, NoWay):
+                return found
+            steps = found.steps if whole is None else (*whole.steps, *found.steps)
+            whole = replace(found if whole is None else whole, steps=steps)
+            # Later it only stands, which is a step that does not move.
+            start, begin, wait = goal, whole.end, 0.0
+        assert whole is not None
+        return whole
+
+    def _found(
+        self, player: Player, start: Footing, goal: Footing, begin: float, wait: float,
+        others: Sequence[Track], carries: bool,
+    ) -> Way | NoWay:  # fmt: skip
+        around = tuple((other.name, t.tobytes(), xy.tobytes())
+                       for other, (t, xy) in others)  # fmt: skip
+        key = (player.name, start, goal, round(begin, 9), wait, carries, around)
+        if key not in self._kept:
+            self._kept[key] = find_way(
+                start, goal, begin=begin, longest_step=_LONGEST_STEP,
+                step_time=self.step_time * (_CARRYING if carries else 1.0),
+                radius=self.clear(player), blocked=self.blocked, space=self._room(player),
+                latest_begin=begin + wait,
+                others=[Other(other.name, t, xy, self.clear(other)) for other, (t, xy) in others],
+            )  # fmt: skip
+        return self._kept[key]
+
+    def _room(self, player: Player) -> Rectangle | None:
+        """Where the middle of a player may be; None where it may be anywhere."""
+        if self._space is None:
+            return None
+        (a, b), (c, d) = self._space.x, self._space.y
+        r = player.radius + SWAY
+        return Rectangle((a + r, c + r), (b - r, d - r))
+
+    def _why(self, player: Player, found: NoWay) -> str:
+        text = f"{player.name} cannot get there: {found.reason}"
+        if found.nearest is not None:
+            x, y = found.nearest.x, found.nearest.y
+            text += f"; the nearest place that can be reached is [{x:.2f}, {y:.2f}]"
+        return text
+
+
+def _regions(name: str, shape: Shape) -> list[Region]:
+    """What a shape takes of the stage, if it is not above the players."""
+    low, high = extent(shape)
+    if low[2] > _REACH:
+        return []
+    turned = _turned(name, shape)
+    if turned is not None:
+        return [turned]
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    centre = float(middle[0]), float(middle[1])
+    if isinstance(shape, BoxShape) and shape.orientation is None:
+        return [Box(name, centre, (float(half[0]), float(half[1])))]
+    return [Disk(name, centre, float(np.hypot(half[0], half[1])))]
+
+
+def _turned(name: str, shape: Shape) -> Region | None:
+    """A box that is turned about the vertical only; None of other shapes."""
+    if not isinstance(shape, BoxShape) or shape.orientation is None:
+        return None
+    R = shape.orientation.matrix
+    if R[2, 2] < 1.0 - _UPRIGHT:
+        return None
+    width, depth, _ = (0.5 * value_of(size) for size in shape.size)
+    yaw = float(np.arctan2(R[1, 0], R[0, 0]))
+    return Box(name, (float(shape.at[0]), float(shape.at[1])), (width, depth), yaw)
+
+
+def _around(thing: Thing) -> Region:
+    """What a prop on the floor takes of the stage."""
+    ends = np.array([extent(shape) for shape in thing.prop.shapes])
+    low, high = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    there = thing.stands
+    centre = there.place + np.exp(1j * there.heading) * complex(middle[0], middle[1])
+    return Box(
+        thing.name, (centre.real, centre.imag), (float(half[0]), float(half[1])), there.heading
+    )

@@ -1,0 +1,77 @@
+"""The whole of a play as a score: the motion of all hands, captions, sounds and waits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from fantoccini.base import nearest
+from fantoccini.theatre.cast import WITH_PROPS, Cast, PlayFile, Timeline, lane_name, of_stage
+from fantoccini.theatre.gestures import (
+    Caption,
+    Gesture,
+    Notes,
+    Played,
+    Score,
+    Sound,
+    Spot,
+    Time,
+    Wait,
+    read_sounds,
+)
+
+
+def whole_score(
+    cast: Cast, motions: Mapping[str, Gesture], lanes: Mapping[str, Mapping[str, Gesture]],
+    timeline: Timeline, notes: Notes,
+) -> Score:  # fmt: skip
+    """All players' motions as one score of the stage."""
+    file = cast.file
+    table = cast.whole.coordinates
+    own = {
+        label: of_stage(table, cast.member(name), gesture)
+        for name, of_player in lanes.items() for label, gesture in of_player.items()
+    }  # fmt: skip
+    whole, *others = (
+        of_stage(table, cast.member(name), motion) for name, motion in motions.items()
+    )
+    for other in others:
+        whole += other
+    played, captions, waits = [], [], []
+    for number, cue in enumerate(timeline.cues, 1):
+        for part in cue.parts:
+            name = cue.name if len(cue.who) == 1 else f"{cue.name} {part.who}"
+            lane = lane_name(part.who, part.lane)
+            played.append(Played(lane, cue.name, part.start, part.end, part.marks, name))
+        if not cue.parts:
+            continue
+        start = min(part.start for part in cue.parts)
+        if cue.given.says is not None:
+            end = max(part.end for part in cue.parts)
+            # Who takes part in what another does with a prop says nothing.
+            who = cue.given.who if cue.given.verb in WITH_PROPS else cue.who
+            words = Caption(start, max(end, start + 1.0), cue.given.says, " and ".join(who))
+            captions.append(words)
+        if cue.given.go:
+            waits.append(Wait(f"cue {number}", min(start, cue.wanted)))
+    sounds = sounds_of(file, notes)
+    marks = {name: beat * notes.beat for name, beat in file.times.items()}
+    return Score(
+        cast.whole, whole.called(file.play), tuple(played), marks,
+        tuple(sorted(captions, key=lambda one: one.start)), notes.beat, (), file.play,
+        file.stage.speed, file.stage.acceleration, tuple(sorted(waits, key=lambda one: one.t)),
+        sounds, own, file.tempo,
+    )  # fmt: skip
+
+
+def sounds_of(file: PlayFile, notes: Notes) -> tuple[Sound, ...]:
+    """The sounds of a play; notes those that are missing, and times that are none."""
+
+    def time(given: Time, spot: Spot) -> float:
+        if not isinstance(given, str):
+            return given * notes.beat
+        if given not in file.times:
+            text = f"found {given!r}; needed: a beat, or a name of `times`"
+            notes.mistake(spot, text + nearest(given, file.times))
+        return file.times.get(given, 0.0) * notes.beat
+
+    return read_sounds(file.sound, time, notes)

@@ -1,0 +1,63 @@
+"""Motion capture on puppets: hanging poses and motions that come nearest to a clip."""
+
+from fantoccini.theatre.retarget.figure import (
+    Figure,
+    figure_of,
+)
+from fantoccini.theatre.retarget.following import (
+    ACCELERATION,
+    MAX_ERROR,
+    SPEED,
+    Followed,
+    FollowStatus,
+    PartError,
+    follow_clip,
+)
+from fantoccini.theatre.retarget.gesturing import (
+    BEGINS,
+    OVER,
+    ClipGesture,
+    clip_gesture,
+    place_on_spot,
+)
+from fantoccini.theatre.retarget.mapping import (
+    MappingFile,
+    find_mapping,
+    load_mapping,
+    mapping_names,
+    mapping_schema,
+)
+from fantoccini.theatre.retarget.placing import Placing
+from fantoccini.theatre.retarget.retargeting import (
+    Placed,
+    Retargeted,
+    place_clip,
+    retarget_clip,
+)
+
+__all__ = [
+    "ACCELERATION",
+    "BEGINS",
+    "MAX_ERROR",
+    "OVER",
+    "SPEED",
+    "ClipGesture",
+    "Figure",
+    "FollowStatus",
+    "Followed",
+    "MappingFile",
+    "PartError",
+    "Placed",
+    "Placing",
+    "Retargeted",
+    "clip_gesture",
+    "figure_of",
+    "find_mapping",
+    "follow_clip",
+    "load_mapping",
+    "mapping_names",
+    "mapping_schema",
+    "place_clip",
+    "place_on_spot",
+    "retarget_clip",
+]

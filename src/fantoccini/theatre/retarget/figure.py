@@ -1,0 +1,192 @@
+"""Figures: which bodies of a puppet are which parts of a person, and how long they are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Array, StateError, UnknownNameError
+from fantoccini.dynamics.compiled import link_index
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.model.tree import Role
+from fantoccini.motion import State
+from fantoccini.theatre.retarget.mapping import BODIES, SIDES, BodyFile
+
+_USUAL = {
+    "trunk": BodyFile(body="torso"),
+    "head": BodyFile(body="skull", end=(0.0, 0.0, 0.137)),
+    **{f"upper_arm_{side}": BodyFile(body=f"upper_arm_{side}") for side in SIDES},
+    **{f"forearm_{side}": BodyFile(body=f"forearm_{side}", end=(0.0, 0.0, -0.09))
+       for side in SIDES},
+    **{f"thigh_{side}": BodyFile(body=f"thigh_{side}") for side in SIDES},
+    **{f"shin_{side}": BodyFile(body=f"shin_{side}", end=(0.0, 0.0, -0.126)) for side in SIDES},
+}  # fmt: skip
+"""Those of the bundled marionette."""
+LIMBS = (("shoulder", "elbow", "hand", "upper_arm", "forearm"),
+         ("hip", "knee", "foot", "thigh", "shin"))  # fmt: skip
+"""Begin, middle and end of a limb, and the bodies between."""
+
+Point = tuple[str, tuple[float, float, float]]
+"""A body, and a point in its frame."""
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """A puppet as a person: trunk, head, and limbs of two bodies.
+
+    Attributes:
+        marionette: the puppet.
+        bodies: part -> body.
+        points: part of a person -> body and point of it; ``neck``, and ``trunk`` between the hips,
+            besides those of :data:`PARTS`.
+        axes: (3, 3) columns forward, left, up in the frame of the trunk.
+        forward: (3,) where the puppet looks at the start.
+        places: part of a person -> (3,) where it is at the start [m].
+    """
+
+    marionette: Marionette
+    bodies: Mapping[str, str]
+    points: Mapping[str, Point]
+    axes: Array
+    forward: Array
+    places: Mapping[str, Array]
+
+    @property
+    def leg(self) -> float:
+        """From hip over knee to foot [m]."""
+        x = self.places
+        return float(
+            np.linalg.norm(x["hip_left"] - x["knee_left"])
+            + np.linalg.norm(x["knee_left"] - x["foot_left"])
+        )
+
+    @property
+    def height(self) -> float:
+        """From the feet over straight legs and trunk to the head's end [m]."""
+        x = self.places
+        trunk = np.linalg.norm(x["neck"] - x["trunk"])
+        return self.leg + float(trunk + np.linalg.norm(x["head"] - x["neck"]))
+
+    def at(self, part: str) -> Array:
+        """(3,) a point in the frame of its body [m]."""
+        return np.array(self.points[part][1])
+
+
+def figure_of(
+    marionette: Marionette, start: State, bodies: Mapping[str, BodyFile] | None = None,
+    of: str = "",
+) -> Figure:  # fmt: skip
+    """The figure of a puppet, or of the member of a scene that is a person.
+
+    Args:
+        marionette: the puppet.
+        start: where it hangs.
+        bodies: part -> body, if their names differ from those of the bundled marionette.
+        of: name of the scene's member that has them; by default the only such member.
+
+    Raises:
+        StateError: a body that the puppet does not have, limbs that are not joined as a person's,
+            no end of a limb, or several members that are persons.
+        UnknownNameError: the scene has no such member.
+    """
+    names = [link.name for link in marionette.tree.links if link.role is Role.DYNAMIC]
+    given = _of_member(marionette, {**_USUAL, **(bodies or {})}, names, of)
+    if missing := [part for part in BODIES if given[part].body not in names]:
+        raise StateError(
+            f"{marionette.name} has no body {given[missing[0]].body!r}, the {missing[0]} of a "
+            f"person; name it under `puppet` in a mapping file: the bodies are {', '.join(names)}"
+        )
+    links = {part: link_index(marionette.model, given[part].body) for part in BODIES}
+    pose = marionette.poses(start.q_D[None], start.q_K[None])[0]
+
+    def within(part: str, other: str) -> Point:
+        """Where another part begins, in the frame of one."""
+        turn, at = pose[links[part]][:, :3], pose[links[part]][:, 3]
+        x, y, z = (turn.T @ (pose[links[other]][:, 3] - at)).tolist()
+        return given[part].body, (x, y, z)
+
+    def end(part: str) -> Point:
+        place = given[part].end
+        if place is None:
+            raise StateError(f"the mapping has no `end` of {part}: the point that is followed")
+        return given[part].body, place
+
+    points = {"neck": within("trunk", "head"), "head": end("head")}
+    _check_parent(marionette, given, "head", "trunk")
+    for side in SIDES:
+        for begin, middle, last, upper, lower in LIMBS:
+            upper, lower = f"{upper}_{side}", f"{lower}_{side}"
+            _check_parent(marionette, given, upper, "trunk")
+            _check_parent(marionette, given, lower, upper)
+            points[f"{begin}_{side}"] = within("trunk", upper)
+            points[f"{middle}_{side}"] = within(upper, lower)
+            points[f"{last}_{side}"] = end(lower)
+    a, b, c, d = (np.array(points[p][1]) for p in
+                  ("shoulder_left", "shoulder_right", "hip_left", "hip_right"))  # fmt: skip
+    x, y, z = (0.5 * (c + d)).tolist()
+    points["trunk"] = given["trunk"].body, (x, y, z)
+    axes = axes_of(a[None], b[None], c[None], d[None])[0]
+    places = {}
+    for part, (body, at) in points.items():
+        frame = pose[link_index(marionette.model, body)]
+        places[part] = frame[:, :3] @ np.array(at) + frame[:, 3]
+    forward = pose[links["trunk"]][:, :3] @ axes[:, 0]
+    named = {part: given[part].body for part in BODIES}
+    return Figure(marionette, named, points, axes, forward, places)
+
+
+def _of_member(
+    marionette: Marionette, bodies: Mapping[str, BodyFile], names: Sequence[str], of: str
+) -> dict[str, BodyFile]:
+    """The bodies with the name of a scene's member before those that have none."""
+    members = marionette.puppet.members
+    if of and of not in members:
+        raise UnknownNameError("member of a scene", of, members)
+
+    def within(member: str) -> dict[str, BodyFile]:
+        found = {}
+        for part, one in bodies.items():
+            own = one.body if one.body in names else f"{member}.{one.body}"
+            found[part] = one.model_copy(update={"body": own})
+        return found
+
+    if of:
+        return within(of)
+    found = [m for m in members if all(within(m)[part].body in names for part in BODIES)]
+    if len(found) > 1 and within(found[0]) != within(found[1]):
+        raise StateError(f"several members are persons: {', '.join(found)}; say which with `of`")
+    return within(found[0]) if found else dict(bodies)
+
+
+def axes_of(
+    shoulder_left: Array, shoulder_right: Array, hip_left: Array, hip_right: Array
+) -> Array:
+    """(T, 3, 3) columns forward, left, up of trunks with these (T, 3) places.
+
+    Up is from between the hips to between the shoulders; left the mean of both lines across.
+    """
+    up = unit(shoulder_left + shoulder_right - hip_left - hip_right)
+    across = unit(shoulder_left - shoulder_right) + unit(hip_left - hip_right)
+    forward = unit(np.cross(across, up))
+    return np.stack([forward, np.cross(up, forward), up], axis=-1)
+
+
+def unit(x: Array) -> Array:
+    """(..., 3) directions; 0 stays 0."""
+    size = np.linalg.norm(x, axis=-1, keepdims=True)
+    return np.asarray(x / np.where(size > 0.0, size, 1.0))
+
+
+def _check_parent(
+    marionette: Marionette, given: Mapping[str, BodyFile], part: str, above: str
+) -> None:
+    links = marionette.tree.links
+    link = links[link_index(marionette.model, given[part].body)]
+    parent = links[link.parent].name if link.parent >= 0 else "the world"
+    if parent != given[above].body:
+        raise StateError(
+            f"{part} of a person is {link.name}, which hangs at {parent}; needed: at "
+            f"{given[above].body}, its {above}"
+        )

@@ -1,0 +1,160 @@
+"""Mappings: which joints of a skeleton are which parts of a person, and of a puppet.
+
+The parts are named in :data:`PARTS`; hips and shoulders give the trunk.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field, field_validator
+
+from fantoccini.base import FileError, Mistake, nearest
+from fantoccini.base.documents import Model, Name, Place, mistake, read_file, validate
+from fantoccini.theatre.capture import Skeleton
+
+_FOLDER = Path(__file__).parent / "mappings"
+_SHOWN = 60
+"""Joints that an error lists."""
+SIDES = ("left", "right")
+_OF_SIDE = ("shoulder", "elbow", "hand", "hip", "knee", "foot")
+PARTS = ("head", *(f"{part}_{side}" for side in SIDES for part in _OF_SIDE))
+"""Parts of a person that a mapping names."""
+BODIES = ("trunk", "head", *(f"{limb}_{side}" for side in SIDES
+                             for limb in ("upper_arm", "forearm", "thigh", "shin")))  # fmt: skip
+"""Parts of a puppet that a mapping may name."""
+
+
+class BodyFile(Model):
+    """A body of the puppet, and its end."""
+
+    body: str
+    """Its name."""
+    end: Place | None = None
+    """The end in its frame, of the head, of forearms and shins: the hand, the foot [m]."""
+
+
+class MappingFile(Model):
+    """Joints of a skeleton by what part of a person they are."""
+
+    mapping: Name
+    """The mapping's name."""
+    about: str = ""
+    """Whose skeletons these are."""
+    joints: dict[str, str]
+    """Part -> joint; a prefix that ends in a colon need not be given."""
+    puppet: dict[str, BodyFile] = Field(default_factory=dict)
+    """Part -> body, for puppets whose bodies are not called as those of the bundled marionette."""
+
+    @field_validator("joints")
+    @classmethod
+    def _are_parts(cls, joints: dict[str, str]) -> dict[str, str]:
+        _check_names(joints, PARTS)
+        if missing := [part for part in PARTS if part not in joints]:
+            raise mistake(f"found no {', '.join(missing)}; needed: all of {', '.join(PARTS)}")
+        for part, joint in joints.items():
+            if list(joints.values()).count(joint) > 1:
+                raise mistake(f"found {joint!r} twice, as {part} as well; needed: a joint each")
+        return joints
+
+    @field_validator("puppet")
+    @classmethod
+    def _are_bodies(cls, puppet: dict[str, BodyFile]) -> dict[str, BodyFile]:
+        _check_names(puppet, BODIES)
+        return puppet
+
+    def find(self, skeleton: Skeleton) -> dict[str, int]:
+        """Part -> index of its joint; without those that none, or several, joints are called."""
+        names = [name.lower() for name in skeleton.names]
+        plain = [name.rsplit(":", 1)[-1] for name in names]
+        found = {}
+        for part, joint in self.joints.items():
+            wanted = joint.lower()
+            every = names if wanted in names else plain
+            if every.count(wanted) == 1:
+                found[part] = every.index(wanted)
+        return found
+
+
+def mapping_schema() -> dict[str, Any]:
+    """JSON Schema of a mapping file, for editors."""
+    schema = MappingFile.model_json_schema()
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def mapping_names() -> tuple[str, ...]:
+    """Names of the bundled mappings."""
+    return tuple(sorted(p.stem for p in _FOLDER.glob("*.yaml")))
+
+
+def load_mapping(path: str | os.PathLike[str]) -> MappingFile:
+    """Reads a mapping file.
+
+    Args:
+        path: of the file, or the name of a bundled mapping (``poser``).
+
+    Raises:
+        FileError: with every mistake found and its location.
+    """
+    name = os.fspath(path)
+    if not os.path.isfile(name):
+        if name not in mapping_names():
+            text = "found no file; a mapping file is needed, or the name of a bundled mapping"
+            raise FileError([Mistake(name, None, "", text + nearest(name, mapping_names()))])
+        path = _FOLDER / f"{name}.yaml"
+    return validate(MappingFile, read_file(path))
+
+
+def find_mapping(skeleton: Skeleton, name: str = "clip") -> MappingFile:
+    """The bundled mapping whose joints a skeleton has.
+
+    Args:
+        skeleton: the joints.
+        name: of the clip, for the error.
+
+    Raises:
+        FileError: none fits; it says what is missing of the one that fits best.
+    """
+    all_ = [load_mapping(one) for one in mapping_names()]
+    best = max(all_, key=lambda one: len(one.find(skeleton)))
+    found = best.find(skeleton)
+    if len(found) < len(PARTS):
+        missing = ", ".join(part for part in PARTS if part not in found)
+        joints = [one for one in skeleton.names if not one.endswith(".end")]
+        text = (
+            f"the joints are called as in no bundled mapping ({', '.join(mapping_names())}); of "
+            f"{best.mapping} {missing} is missing; give a mapping file: the joints are "
+            f"{', '.join(joints[:_SHOWN])}{' ...' if len(joints) > _SHOWN else ''}"
+        )
+        raise FileError([Mistake(name, None, "", text)])
+    return best
+
+
+def joints_of(mapping: MappingFile, skeleton: Skeleton, name: str = "clip") -> dict[str, int]:
+    """Part -> index of its joint.
+
+    Args:
+        mapping: says which joint is which part.
+        skeleton: the joints.
+        name: of the clip, for the error.
+
+    Raises:
+        FileError: joints that the skeleton does not have.
+    """
+    found = mapping.find(skeleton)
+    mistakes = [
+        Mistake(name, None, f"joints.{part}", f"the skeleton has no joint {joint!r}, or several"
+                f"{nearest(joint, skeleton.names)}")
+        for part, joint in mapping.joints.items() if part not in found
+    ]  # fmt: skip
+    if mistakes:
+        raise FileError(mistakes)
+    return found
+
+
+def _check_names(given: dict[str, Any], known: tuple[str, ...]) -> None:
+    for name in given:
+        if name not in known:
+            raise mistake(f"{name!r} is no part{nearest(name, known)}")

@@ -1,0 +1,195 @@
+"""Where the parts of a puppet are to be when it moves as a person does.
+
+Directions are the person's, lengths the puppet's:
+
+    hips(t) = s (hips of the clip),   end of a limb(t) = its beginning(t) + l d(t)
+
+with the puppet's length l of each part, its direction d(t) in the clip, and s the puppet's leg over
+the person's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Array, StateError
+from fantoccini.theatre.capture import Capture
+from fantoccini.theatre.retarget.figure import LIMBS, Figure, axes_of, unit
+from fantoccini.theatre.retarget.mapping import SIDES
+
+_STRAIGHT = 0.97
+"""A limb is stretched to this share of its length: straight ones only hang in one way."""
+_LEAST = 1e-3
+"""Length of a part of a person, at least [m]."""
+_OPPOSITE = 1e-9
+"""Sine of the angle below which directions are parallel, or opposite."""
+_UPRIGHT = 0.3
+"""Sine of the angle of the line across a trunk to the vertical, above which it has a heading."""
+_ON_FLOOR = 2.0
+"""Per cent of the frames in which the lower foot is lower than the floor."""
+
+
+@dataclass(frozen=True, eq=False)
+class Placing:
+    """Places over time.
+
+    Attributes:
+        parts: part -> (T, 3) where its point of the puppet is to be [m].
+        frames: part of the puppet -> (T, 3, 4) orientation and origin of its body.
+        scale: s.
+    """
+
+    parts: Mapping[str, Array]
+    frames: Mapping[str, Array]
+    scale: float
+
+
+def place(
+    figure: Figure, clip: Capture, joints: Mapping[str, int], travel: float = 1.0,
+    turning: float = 1.0,
+) -> Placing:  # fmt: skip
+    """Places of a puppet's parts that moves as a clip.
+
+    The clip begins where the puppet is, and looks as it does; the floor is below the puppet's feet.
+
+    Args:
+        figure: of the puppet.
+        clip: in metres, with z up.
+        joints: part -> index of the joint.
+        travel: share of the way along the floor that is kept; 0 stays on the spot.
+        turning: share of the trunk's turning about the vertical that is kept; with 0 the puppet
+            looks one way throughout.
+
+    Raises:
+        StateError: a skeleton whose parts have no length, or a place that is not finite.
+    """
+    x = {part: clip.positions[:, i] for part, i in joints.items()}
+    _check(clip, x)
+    facing = clip.rotations[:, joints["head"]]
+    if turning != 1.0:
+        back = _turns_back(x, 1.0 - turning)
+        hips = 0.5 * (x["hip_left"] + x["hip_right"])
+        x = {part: hips + np.einsum("tij,tj->ti", back, one - hips) for part, one in x.items()}
+        facing = back @ facing
+    turn = _turn_to(figure, x)
+    x = {part: value @ turn.T for part, value in x.items()}
+    facing = turn @ facing
+    leg = float(np.median(_length(x, "hip", "knee") + _length(x, "knee", "foot")))
+    scale = figure.leg / leg
+    axes = _trunks(x)
+    trunk = axes @ figure.axes.T
+    parts = {"trunk": _hips(figure, x, scale, travel)}
+    for part in ("neck", *(f"{begin}_{side}" for begin, *_ in LIMBS for side in SIDES)):
+        parts[part] = parts["trunk"] + trunk @ (figure.at(part) - figure.at("trunk"))
+    frames = {"trunk": _frame(trunk, parts["trunk"] - trunk @ figure.at("trunk"))}
+    head = _facing(axes, facing) @ figure.axes.T
+    frames["head"] = _frame(head, parts["neck"])
+    parts["head"] = parts["neck"] + head @ figure.at("head")
+    for side in SIDES:
+        for limb in LIMBS:
+            begin, middle, end, upper, lower = (f"{name}_{side}" for name in limb)
+            first = _along(trunk, figure.at(middle), x[middle] - x[begin])
+            second = _along(trunk, figure.at(end), x[end] - x[middle])
+            frames[upper] = _frame(first, parts[begin])
+            parts[middle] = parts[begin] + first @ figure.at(middle)
+            frames[lower] = _frame(second, parts[middle])
+            reach = parts[middle] + second @ figure.at(end) - parts[begin]
+            most = _STRAIGHT * sum(np.linalg.norm(figure.at(part)) for part in (middle, end))
+            size = np.linalg.norm(reach, axis=1, keepdims=True)
+            parts[end] = parts[begin] + reach * np.minimum(1.0, most / np.maximum(size, 1e-9))
+    return Placing(parts, frames, scale)
+
+
+def _trunks(x: Mapping[str, Array]) -> Array:
+    """(T, 3, 3) columns forward, left, up of the trunk."""
+    return axes_of(x["shoulder_left"], x["shoulder_right"], x["hip_left"], x["hip_right"])
+
+
+def _check(clip: Capture, x: Mapping[str, Array]) -> None:
+    """Raises StateError where a place is not finite, or a part of the person has no length."""
+    name = clip.name or "clip"
+    for part, path in x.items():
+        if not np.all(np.isfinite(path)):
+            frame = int(np.argmin(np.all(np.isfinite(path), axis=1)))
+            raise StateError(f"{name}: {part} is nowhere in frame {frame}; needed: finite numbers")
+    spans = {f"from {a}_{side} to {b}_{side}": x[f"{a}_{side}"] - x[f"{b}_{side}"]
+             for a, b in (("shoulder", "elbow"), ("elbow", "hand"), ("hip", "knee"),
+                          ("knee", "foot"), ("shoulder", "hip")) for side in SIDES}
+    spans |= {f"from {part}_left to {part}_right": x[f"{part}_left"] - x[f"{part}_right"]
+              for part in ("shoulder", "hip")}  # fmt: skip
+    for what, span in spans.items():
+        if not np.median(np.linalg.norm(span, axis=1)) > _LEAST:
+            raise StateError(f"{name}: the skeleton has no length {what}")
+
+
+def _turns_back(x: Mapping[str, Array], share: float) -> Array:
+    """(T, 3, 3) turns about z that take out a share of the trunk's turning since the first frame.
+
+    Where the trunk lies on its side, so that its heading means nothing, they go on evenly.
+    """
+    left = _trunks(x)[..., 1]
+    some = np.flatnonzero(np.hypot(left[:, 0], left[:, 1]) > _UPRIGHT)
+    heading = np.zeros(len(left))
+    if len(some):
+        own = np.unwrap(np.arctan2(-left[some, 0], left[some, 1]))
+        heading = np.interp(np.arange(len(left)), some, own - own[0])
+    c, s = np.cos(share * heading), np.sin(share * heading)
+    made = np.tile(np.eye(3), (len(left), 1, 1))
+    made[:, 0, 0], made[:, 0, 1], made[:, 1, 0], made[:, 1, 1] = c, s, -s, c
+    return made
+
+
+def _turn_to(figure: Figure, x: Mapping[str, Array]) -> Array:
+    """(3, 3) turn about z after which the clip begins as the puppet looks."""
+    left = _trunks({part: path[:1] for part, path in x.items()})[0][:, 1]
+    angle = np.arctan2(figure.forward[1], figure.forward[0]) - np.arctan2(-left[0], left[1])
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _hips(figure: Figure, x: Mapping[str, Array], scale: float, travel: float) -> Array:
+    """(T, 3) between the hips."""
+    hips = 0.5 * (x["hip_left"] + x["hip_right"])
+    feet = np.minimum(x["foot_left"][:, 2], x["foot_right"][:, 2])
+    floor = float(np.percentile(feet, _ON_FLOOR))
+    ground = min(figure.places[f"foot_{side}"][2] for side in SIDES)
+    out = figure.places["trunk"] + scale * travel * (hips - hips[0])
+    out[:, 2] = ground + scale * (hips[:, 2] - floor)
+    return np.asarray(out)
+
+
+def _facing(axes: Array, head: Array) -> Array:
+    """(T, 3, 3) columns forward, left, up of the head, which over the clip is held as the trunk.
+
+    Skeletons differ in how the frame of a head lies; the mean over the clip is taken as upright.
+    """
+    mean = np.mean(axes.swapaxes(1, 2) @ head, axis=0)
+    u, _, v = np.linalg.svd(mean)
+    neutral = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
+    return np.asarray(head @ neutral.T)
+
+
+def _along(trunk: Array, own: Array, to: Array) -> Array:
+    """(T, 3, 3) the trunk's orientations, turned the shortest way until `own` points along `to`."""
+    a, b = unit(trunk @ own), unit(to)
+    cross, cosine = np.cross(a, b), np.sum(a * b, axis=1)[:, None, None]
+    sine = np.linalg.norm(cross, axis=1)[:, None, None]
+    # Opposite directions: about an axis at right angles to both.
+    across = np.cross(a, np.eye(3)[np.argmin(np.abs(a), axis=1)])
+    axis = unit(np.where(sine[:, 0] > _OPPOSITE, cross, across))
+    skew = np.zeros((len(a), 3, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        skew[:, i, j], skew[:, j, i] = -axis[:, k], axis[:, k]
+    turn = np.eye(3) + sine * skew + (1.0 - cosine) * skew @ skew
+    return np.asarray(turn @ trunk)
+
+
+def _frame(turn: Array, origin: Array) -> Array:
+    return np.concatenate([turn, origin[:, :, None]], axis=2)
+
+
+def _length(x: Mapping[str, Array], a: str, b: str) -> Array:
+    return np.asarray(np.linalg.norm(x[f"{a}_left"] - x[f"{b}_left"], axis=1))

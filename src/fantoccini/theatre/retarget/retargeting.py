@@ -1,0 +1,329 @@
+"""Retargeting: the hanging poses of a puppet that are nearest to captured motion.
+
+    min  sum_i w_i |x_i(q_D, q_K) - x_i,clip|^2 + w_K |q_K - q_K,above|^2,   the puppet hangs by q_K
+
+q_K,above takes each string straight up from where it is tied.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from fantoccini.base import Array, StateError, Times, check_not_negative
+from fantoccini.control.optimal import Reach, ReachStatus, What, reach
+from fantoccini.dynamics.compiled import link_index, refuse_contact
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.motion import State
+from fantoccini.theatre.capture import Capture, load_bvh
+from fantoccini.theatre.retarget.figure import Figure, figure_of
+from fantoccini.theatre.retarget.mapping import MappingFile, find_mapping, joints_of, load_mapping
+from fantoccini.theatre.retarget.placing import Placing, place
+
+WEIGHTS = {
+    "head": 1.0, "hand_left": 1.0, "hand_right": 1.0, "shoulder_left": 1.0, "shoulder_right": 1.0,
+    "trunk": 0.3, "knee_left": 0.3, "knee_right": 0.3, "foot_left": 0.3, "foot_right": 0.3,
+}  # fmt: skip
+"""w_i of the parts that are followed."""
+_ABOVE = 0.03
+"""w_K, of strings that run straight up."""
+_HELD = 1.0
+"""Duration for which a single pose is held [s]."""
+_NEAR = 3e-4
+"""Distance from the nearest pose at which a search ends [m]."""
+ITERATIONS = 10
+"""Of the search for one pose; the next one goes on from there."""
+_FIRST = 100
+"""Of the search for the first one."""
+LEANS = 1.8, 2.6
+"""Factors of the strings' lean at rest, tried where strings cross."""
+_LYING = 0.5
+"""Vertical component of the trunk's direction below which a person lies or crawls."""
+
+
+@dataclass(frozen=True, eq=False)
+class Retargeted:
+    """A clip, and the hanging poses of a puppet that are nearest to it.
+
+    Attributes:
+        marionette: the puppet.
+        figure: it as a person.
+        clip: in metres, with z up.
+        t: (T,) times of the frames, from 0 [s].
+        places: where the parts of the puppet are to be.
+        reach: the poses.
+    """
+
+    marionette: Marionette
+    figure: Figure
+    clip: Capture
+    t: Times
+    places: Placing
+    reach: Reach
+
+    def __repr__(self) -> str:
+        worst = max(float(np.sqrt(np.mean(e**2))) for e in self.errors.values())
+        return (
+            f"<Retargeted {self.clip.name!r}: {len(self.t)} poses of {self.marionette.name!r}, "
+            f"{self.settled} of them settled, {1e3 * worst:.3g} mm from the clip at most (root "
+            "mean square)>"
+        )
+
+    @property
+    def settled(self) -> int:
+        """Poses that no small change brings nearer; the search for the others ended before."""
+        sure = (ReachStatus.REACHED, ReachStatus.OUT_OF_REACH)
+        return sum(one in sure for one in self.reach.status)
+
+    @cached_property
+    def hung(self) -> dict[str, Array]:
+        """Part -> (T, 3) where it is when the puppet hangs."""
+        poses = self.marionette.poses(self.reach.q_D, self.reach.q_K)
+        return places_in(self.figure, poses)
+
+    @cached_property
+    def errors(self) -> dict[str, Array]:
+        """Part -> (T,) distance of the hanging pose from the clip: what no hands can better [m]."""
+        return {
+            part: np.linalg.norm(self.hung[part] - self.places.parts[part], axis=1)
+            for part in WEIGHTS
+        }
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Signs that the clip may be placed wrongly."""
+        trunk = self.places.frames["trunk"][:, 2, :3] @ self.figure.axes[:, 2]
+        upward = float(np.median(trunk))
+        if upward > _LYING:
+            return ()
+        angle = np.degrees(np.arccos(max(upward, -1.0)))
+        return (
+            f"the trunk is {angle:.0f} degrees off the vertical in half of "
+            "the frames; if nobody lies or crawls in the clip, say which of the file's axes is up: "
+            "`y` or `z`",
+        )
+
+    @property
+    def start(self) -> State:
+        """The first pose, at rest."""
+        return self.marionette.rest(self.reach[0].state)
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A clip, and where the parts of a puppet are to be in it.
+
+    Attributes:
+        figure: the puppet as a person.
+        start: where it hangs.
+        clip: in metres, with z up.
+        places: of the parts.
+        lean: by how much strings are drawn to lean, of how they do where it hangs; 0 is upright.
+    """
+
+    figure: Figure
+    start: State
+    clip: Capture
+    places: Placing
+    lean: float = 0.0
+
+
+def place_clip(
+    marionette: Marionette,
+    clip: Capture | str | os.PathLike[str],
+    mapping: MappingFile | str | os.PathLike[str] | None = None,
+    start: State | None = None,
+    travel: float = 1.0,
+    up: str | None = None,
+    turning: float = 1.0,
+    of: str = "",
+) -> Placed:
+    """Where the parts of a puppet are to be in captured motion; arguments as :func:`retarget_clip`.
+
+    Nothing is searched for, so that mistakes of a clip are found at once.
+    """
+    if not isinstance(clip, Capture):
+        clip = load_bvh(clip)
+    refuse_contact(marionette.model, "follow")
+    check_not_negative(travel=travel, turning=turning)
+    name = clip.name or "clip"
+    clip = clip.held(_HELD).without_calibration()
+    if mapping is None:
+        mapping = find_mapping(clip.skeleton, name)
+    elif not isinstance(mapping, MappingFile):
+        mapping = load_mapping(mapping)
+    joints = joints_of(mapping, clip.skeleton, name)
+    clip = clip.upright(_up(clip, joints) if up is None else up)
+    start = marionette.rest() if start is None else start
+    figure = figure_of(marionette, start, mapping.puppet, of)
+    return Placed(figure, start, clip, place(figure, clip, joints, travel, turning))
+
+
+def retarget_clip(
+    marionette: Marionette,
+    clip: Capture | Placed | str | os.PathLike[str],
+    mapping: MappingFile | str | os.PathLike[str] | None = None,
+    start: State | None = None,
+    travel: float = 1.0,
+    up: str | None = None,
+    turning: float = 1.0,
+    of: str = "",
+) -> Retargeted:
+    """The hanging poses of a puppet that are nearest to captured motion, one a frame.
+
+    Args:
+        marionette: the puppet, without contact.
+        clip: the motion; a BVH file, or what :func:`load_bvh` read.
+        mapping: says which joint is which part of a person: a file, or the name of a bundled one;
+            found by the joints' names when not given.
+        start: where the puppet hangs, from which the first pose is looked for.
+        travel: share of the way along the floor that is kept; 0 stays on the spot.
+        up: the file's vertical axis, ``y`` or ``z``; when not given that of the rest pose or, where
+            it shows none, the axis along which trunks point most.
+        turning: share of the trunk's turning about the vertical that is kept; with 0 the puppet
+            looks one way throughout.
+        of: name of the member of a scene that follows; the only person in it when not given.
+
+    Raises:
+        FileError: files with mistakes, or joints that are not found.
+        StateError: the puppet has not the bodies of a person, or has contact.
+    """
+    if not isinstance(clip, Placed):
+        clip = place_clip(marionette, clip, mapping, start, travel, up, turning, of)
+    figure, start, placing = clip.figure, clip.start, clip.places
+    targets: dict[What, Any] = {
+        figure.points[part]: placing.parts[part] for part in WEIGHTS
+    }
+    weights: dict[What, float] = {figure.points[part]: w for part, w in WEIGHTS.items()}
+    above = straight_up(figure, placing.frames, start, clip.lean)
+    for coordinate, values in above.items():
+        targets[coordinate] = values
+        weights[coordinate] = _ABOVE
+    first = {what: values[:1] for what, values in targets.items()}
+    options: dict[str, Any] = {"slack": True, "tolerance": _NEAR, "weights": weights, "once": True}
+    begun = marionette.rest(reach(marionette, first, start, iterations=_FIRST, **options)[0].state)
+    try:
+        found = reach(marionette, targets, begun, iterations=ITERATIONS, **options)
+    except StateError:  # the first pose is on the edge of tipping over
+        found = reach(marionette, targets, start, iterations=ITERATIONS, **options)
+    t = clip.clip.t - clip.clip.t[0]
+    return Retargeted(marionette, figure, clip.clip, t, placing, found)
+
+
+def _up(clip: Capture, joints: Mapping[str, int]) -> str:
+    """Vertical axis: that of the rest pose, else the main direction of the trunks."""
+    if clip.skeleton.up(clip.body) is not None:
+        return "xyz"[clip.up]
+    x = {part: clip.positions[:, i] for part, i in joints.items()}
+    shoulders, hips = (x[f"{part}_left"] + x[f"{part}_right"] for part in ("shoulder", "hip"))
+    trunk = np.mean(shoulders - hips, axis=0)
+    axis = int(np.argmax(np.abs(trunk)))
+    if axis == 0 or trunk[axis] < 0.0:
+        raise StateError(
+            f"{clip.name or 'clip'}: trunks point along {'-' if trunk[axis] < 0.0 else ''}"
+            f"{'xyz'[axis]}; needed: along y or z; say which axis is up, `y` or `z`"
+        )
+    return "xyz"[axis]
+
+
+def places_in(figure: Figure, poses: Array) -> dict[str, Array]:
+    """Part -> (T, 3) places in poses (T, n_links, 3, 4)."""
+    found = {}
+    for part, (body, at) in figure.points.items():
+        frame = poses[:, link_index(figure.marionette.model, body)]
+        found[part] = frame[:, :, :3] @ np.array(at) + frame[:, :, 3]
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Hanger:
+    """A string from a part of the figure up to its upper end.
+
+    Attributes:
+        name: of the string.
+        part: of the puppet, to which it is tied.
+        at: (3,) where, in the part's frame [m].
+        top: (3,) its upper end at the start [m].
+        ends: driven coordinate of the upper end -> (3,) its axis in the world.
+        length: driven coordinate of the string's length; empty for strings of fixed length.
+    """
+
+    name: str
+    part: str
+    at: Array
+    top: Array
+    ends: Mapping[str, Array]
+    length: str
+
+
+def hangers(figure: Figure, start: State) -> list[Hanger]:
+    """The strings from parts of a figure, with their upper ends as in a state."""
+    marionette = figure.marionette
+    tree, table, model = marionette.tree, marionette.coordinates, marionette.model
+    parts = {link_index(model, body): part for part, body in figure.bodies.items()}
+    poses = marionette.poses(start.q_D[None], start.q_K[None])[0]
+    driven = {table.q_K[q] for q, _ in table.scalars_K}
+    found = []
+    for string in tree.strings:
+        ends = sorted(string.points, key=lambda point: point.link not in parts)
+        low, high = ends[0], ends[-1]
+        if low.link not in parts or high.link < 0 or len(ends) != 2:
+            continue
+        link, now = tree.links[high.link], poses[high.link]
+        top = now[:, :3] @ _numbers(model, high.at) + now[:, 3]
+        names = table.q_K[link.q]
+        moves = link.kind == "translation" and set(names) <= driven
+        axes = dict(zip(names, (now[:, :3] @ link.axes).T, strict=True)) if moves else {}
+        length = table.q_K[string.driven_length[0]] if string.driven_length else ""
+        at = _numbers(model, low.at)
+        found.append(Hanger(string.name, parts[low.link], at, top, axes, length))
+    return found
+
+
+def straight_up(
+    figure: Figure, frames: Mapping[str, Array], start: State, lean: float = 0.0
+) -> dict[str, Array]:
+    """Driven scalar -> (T,) values with which strings run straight up; others as in a state.
+
+    Args:
+        figure: of the puppet.
+        frames: part -> (T, 3, 4) orientation and origin of its body.
+        start: the state.
+        lean: factor of the strings' lean in that state, rotated with the trunk; the head's strings
+            stay vertical.
+    """
+    table, n = figure.marionette.coordinates, len(frames["trunk"])
+    found = {table.q_K[q]: np.full(n, start.q_K[q]) for q, _ in table.scalars_K}
+    poses = figure.marionette.poses(start.q_D[None], start.q_K[None])[0]
+    for string in hangers(figure, start):
+        frame = frames[string.part]
+        tie = frame[:, :, :3] @ string.at + frame[:, :, 3]
+        off = np.zeros(3)
+        if lean and string.part != "head":
+            hung = poses[link_index(figure.marionette.model, figure.bodies[string.part])]
+            off = lean * (string.top - hung[:, :3] @ string.at - hung[:, 3]) * [1.0, 1.0, 0.0]
+            off = _heading(figure, frames["trunk"]) @ off
+        for name, axis in string.ends.items():
+            found[name] = found[name] + (tie + off - string.top) @ axis
+        if string.length:
+            up = np.maximum(string.top[2] - tie[:, 2], 0.01)
+            found[string.length] = np.hypot(up, np.linalg.norm(off, axis=-1))
+    return found
+
+
+def _heading(figure: Figure, trunk: Array) -> Array:
+    """(T, 3, 3) turns about z from where the puppet looks at the start to where its trunk looks."""
+    left = trunk[:, :, :3] @ figure.axes[:, 1]
+    angle = np.arctan2(-left[:, 0], left[:, 1]) - np.arctan2(figure.forward[1], figure.forward[0])
+    c, s, turn = np.cos(angle), np.sin(angle), np.tile(np.eye(3), (len(left), 1, 1))
+    turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1] = c, -s, s, c
+    return turn
+
+
+def _numbers(model: Any, at: Any) -> Array:
+    return np.array([model.number(x) for x in at], dtype=float)

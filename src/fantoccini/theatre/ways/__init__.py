@@ -1,0 +1,23 @@
+"""Ways over a stage, past what stands there and past each other."""
+
+from fantoccini.theatre.ways.regions import (
+    Box,
+    Disk,
+    Rectangle,
+    Region,
+)
+from fantoccini.theatre.ways.ways import (
+    NoWay,
+    Other,
+    find_way,
+)
+
+__all__ = [
+    "Box",
+    "Disk",
+    "NoWay",
+    "Other",
+    "Rectangle",
+    "Region",
+    "find_way",
+]

@@ -1,0 +1,170 @@
+"""A stage with all that stands and moves on it, as a puppet finds it that is to go somewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fantoccini.base import Mask
+from fantoccini.theatre.cast import Footing, Way
+from fantoccini.theatre.gestures import Complex, Step
+from fantoccini.theatre.ways.regions import Disk, Rectangle, Region
+from fantoccini.theatre.ways.roadmap import EDGE, Roadmap, lattice, turns
+from fantoccini.theatre.ways.search import Leg, Search
+from fantoccini.theatre.ways.traffic import SAMPLE, Other, Traffic
+
+HORIZON = 120
+"""Most steps for which a puppet waits, at its start and on its way."""
+CLOSER = 1e-5
+"""By how much those who pass each other may be closer than their radii, between samples [m]."""
+_BESIDE_PATHS = 8
+"""Places of a path beside which there are places to make way to."""
+_BESIDE_OTHERS = 2e-3
+"""How much farther than the clearance places to turn are from who moves [m]: more than the
+clearance from them has for what happens between samples."""
+_CLEAR = 1.1
+"""Their distance from the path, over that at which two pass."""
+
+
+class Stage:
+    """What a puppet finds on the stage.
+
+    Attributes:
+        start, begin, step_time, longest_step, radius, blocked: see ``find_way``.
+        standing: what stands from the beginning on, others among it.
+        movers: the others who move.
+        space: where the middle must stay.
+    """
+
+    def __init__(
+        self, start: Footing, begin: float, step_time: float, longest_step: float, radius: float,
+        blocked: Sequence[Region], others: Sequence[Other], space: Rectangle | None,
+    ):  # fmt: skip
+        self.start, self.begin, self.step_time = start, begin, step_time
+        self.longest_step, self.radius, self.blocked = longest_step, radius, blocked
+        still = [one.at_rest() for one in others if one.last_motion() <= begin]
+        self.standing: list[Region] = [*blocked, *still]
+        self.movers = [one for one in others if one.last_motion() > begin]
+        self.space = Rectangle((-np.inf, -np.inf), (np.inf, np.inf)) if space is None else space
+
+    # -- checks ------------------------------------------------------------------------------
+
+    def too_near(self, place: complex, t: float) -> str | None:
+        """What or who is too near to a place at a time [s]."""
+        for one in self.standing:
+            if one.distance(np.array(place)) < self.radius - EDGE:
+                return one.name
+        for other in self.movers:
+            if abs(other.at(np.array(t)) - place) < self.radius + other.radius - CLOSER:
+                return other.name
+        return None
+
+    def is_free(self, places: Complex) -> Mask:
+        """(n,) whether nothing stands at places when all have come to rest."""
+        free = self.space.holds(places)
+        for one in self.at_last:
+            free &= one.distance(places) >= self.radius - EDGE
+        return free
+
+    @property
+    def at_last(self) -> list[Region]:
+        """What stands when all have come to rest."""
+        return [*self.standing, *(one.at_rest() for one in self.movers)]
+
+    def are_open(self, standing: Sequence[Region], first: Complex, last: Complex) -> Mask:
+        """(...) whether nothing of what stands is in straight legs (...)."""
+        free = np.ones(first.shape, dtype=bool)
+        for one in standing:
+            free &= one.distance_of_legs(first, last) >= self.radius - EDGE
+        return free
+
+    def is_clear(self, way: Way) -> bool:
+        """Whether a way keeps clear of everything, until all others stand."""
+        end = max([way.end, *(one.last_motion() for one in self.movers)])
+        n = int(np.ceil((end - self.begin) / SAMPLE)) + 1
+        t = np.linspace(self.begin, max(end, self.begin + SAMPLE), n + 1)
+        xy, _ = way.footing(t)
+        places = xy[:, 0] + 1j * xy[:, 1]
+        far = [one.distance(places) - self.radius for one in self.standing]
+        far += [np.abs(one.at(t) - places) - self.radius - one.radius for one in self.movers]
+        return bool(np.all(self.space.holds(places))) and all(np.min(x) >= -CLOSER for x in far)
+
+    def waits(self, way: Way) -> int:
+        """Steps for which the puppet waits before a way and on it."""
+        late = round((way.begin - self.begin) / self.step_time)
+        return late + sum(step.stands for step in way.steps)
+
+    # -- ways --------------------------------------------------------------------------------
+
+    def roadmap(self, goal: Footing) -> Roadmap:
+        """Places between the start and a goal."""
+        heading = complex(np.exp(1j * goal.heading))
+        ends = np.array([self.start.place, goal.place])
+        return Roadmap.over(
+            ends, heading, self._places(ends), self.standing, self.space, self.radius,
+            self.longest_step,
+        )  # fmt: skip
+
+    def way(self, goal: Footing, latest_begin: float) -> Way | None:
+        """The way that arrives first, however long it waits."""
+        roadmap = self.roadmap(goal)
+        ends = (self.start.place, goal.place)
+        traffic = Traffic(self.movers, self.begin, self.step_time, self.radius, ends)
+        legs = Search(roadmap, traffic).run(complex(np.exp(1j * self.start.heading)))
+        if legs is None:
+            return None
+        way = self._walked(goal, roadmap, legs, latest_begin)
+        return way if self.is_clear(way) else None
+
+    def _places(self, ends: Complex) -> Complex:
+        """Where ways may turn, beside the corners of what stands."""
+        found = [ends]
+        for other in self.movers:
+            pass_by = self.radius + other.radius
+            t = np.linspace(self.begin, other.last_motion(), _BESIDE_PATHS)
+            path = other.at(t)
+            along = np.gradient(path)
+            aside = 1j * along / np.maximum(np.abs(along), np.finfo(float).tiny)
+            found += [path + side * _CLEAR * pass_by * aside for side in (-1.0, 1.0)]
+            for place in (path[0], path[-1]):
+                disk = Disk(other.name, (place.real, place.imag), other.radius)
+                found.append(disk.corners(self.radius + _BESIDE_OTHERS))
+        places = np.concatenate(found)
+        seen = np.concatenate([places, *(one.corners(self.radius) for one in self.standing)])
+        margin = 2.0 * self.radius
+        low = np.array([seen.real.min() - margin, seen.imag.min() - margin])
+        high = np.array([seen.real.max() + margin, seen.imag.max() + margin])
+        low, high = np.maximum(low, self.space.low), np.minimum(high, self.space.high)
+        area = Rectangle((low[0], low[1]), (high[0], high[1]))
+        return np.concatenate([places, lattice(area)])
+
+    def _walked(self, goal: Footing, roadmap: Roadmap, legs: list[Leg], latest: float) -> Way:
+        """The steps of legs; the first stands are a later beginning."""
+        steps: list[Step] = []
+        place, heading, now = self.start.place, self.start.heading, 0
+        for leg in legs:
+            to = complex(roadmap.points[leg.to])
+            steps += [Step()] * (leg.departs - leg.turns - now)
+            turned = _turn(heading, float(np.angle(to - place)), leg.turns)
+            steps += turned + [Step(abs(to - place) / leg.steps)] * leg.steps
+            heading += sum(step.turn for step in turned)
+            place, now = to, leg.departs + leg.steps
+        last = int(_turns(heading, goal.heading))
+        steps += _turn(heading, goal.heading, last)
+        patience = int(np.floor((latest - self.begin) / self.step_time + 1e-9))
+        still = 0
+        while still < min(patience, len(steps)) and steps[still].stands:
+            still += 1
+        begin = self.begin + still * self.step_time
+        return Way(self.start, begin, tuple(steps[still:]), self.step_time)
+
+
+def _turns(heading: float, to: float) -> float:
+    return float(turns(np.exp(1j * np.array(heading)), np.exp(1j * np.array(to))))
+
+
+def _turn(heading: float, to: float, n: int) -> list[Step]:
+    """A turn by the shorter side in n equal steps."""
+    angle = float(np.angle(np.exp(1j * (to - heading))))
+    return [Step(0.0, angle / n)] * n if n else []
