@@ -196,7 +196,7 @@ def validate_reduction(marionette: Marionette) -> ReductionReport:
 
 
 def without_drives(marionette: Marionette) -> Marionette:
-    """The puppet with inputs in place of the drives of its file; raises as above."""
+    """The puppet with inputs in place of its drives; raises as :func:`validate_reduction`."""
     refuse_contact(marionette.model, "reduction")
     puppet, progress = marionette.model.described, marionette.model.compiled.progress
     mixed = Marionette(puppet.model_copy(update={"drives": ()}), progress)
