@@ -69,71 +69,71 @@ class Task:
 
 TASKS = (
     Task("a quantity, evaluated for a state", (
-        ("declare its arguments and results", ("contract/functions.py",)),
-        ("return its expression from `_NAME`", ("equations/functions.py",)),
-        ("derive it, if the system does not have it yet", ("equations/system.py",)),
-        ("evaluate it", ("marionette/quantities.py",)),
+        ("declare its arguments and results", ("kernel/contract/functions.py",)),
+        ("return its expression from `_NAME`", ("kernel/equations/functions.py",)),
+        ("derive it, if the system does not have it yet", ("kernel/equations/system.py",)),
+        ("evaluate it", ("dynamics/compiled/quantities.py",)),
     )),
     Task("a joint type", (
         ("schema: the type, its keys, and the words of other programs for it",
-         ("puppet/joint.py", "puppet/words.py", "puppet/check_coordinates.py")),
-        ("its mirror image", ("puppet/mirror.py",)),
+         ("model/puppet/joint.py", "model/puppet/words.py", "model/puppet/check_coordinates.py")),
+        ("its mirror image", ("model/puppet/mirror.py",)),
         ("its coordinates, and its pose as numbers",
-         ("tree/joints.py", "tree/placement.py", "tree/inertia.py")),
+         ("model/tree/joints.py", "model/tree/placement.py", "model/tree/inertia.py")),
         ("motion subspace and relative motion",
-         ("equations/kinematics.py", "equations/inertia.py", "equations/coriolis.py")),
-        ("spring and limits, if it has any", ("equations/system.py", "equations/rows.py")),
+         ("kernel/equations/kinematics.py", "kernel/equations/inertia.py", "kernel/equations/coriolis.py")),
+        ("spring and limits, if it has any", ("kernel/equations/system.py", "kernel/equations/rows.py")),
         ("how a hand moves it, and the bounds of planned motions",
-         ("perform/handle.py", "planning/feasible.py")),
+         ("theatre/perform/handle.py", "control/problems/feasible.py")),
         ("its counterpart in MuJoCo, there and back",
-         ("exchange/joints.py", "exchange/mjcf_model.py", "exchange/mjcf_bodies.py")),
+         ("dynamics/mujoco/joints.py", "dynamics/mujoco/mjcf_model.py", "output/exchange/mjcf_bodies.py")),
     )),
     Task("a kind of string that is a constraint (as a wire)", (
-        ("schema: its keys, and which of them exclude each other", ("puppet/schema.py",)),
-        ("its row", ("tree/structure.py", "tree/construction.py", "equations/rows.py")),
+        ("schema: its keys, and which of them exclude each other", ("model/puppet/schema.py",)),
+        ("its row", ("model/tree/structure.py", "model/tree/construction.py", "kernel/equations/rows.py")),
         ("a flag of the generated model, which the solvers read",
-         ("codegen/model.py", "cpp/fantoccini/model/evaluation.hpp",
-          "cpp/fantoccini/solvers/active_set.hpp")),
-        ("bounds on its tension for the functions of a state", ("marionette/model.py",)),
-        ("show it, translate it or refuse it", ("cli/info.py", "exchange/mjcf_model.py")),
+         ("kernel/codegen/model.py", "kernel/cpp/fantoccini/model/evaluation.hpp",
+          "kernel/cpp/fantoccini/solvers/active_set.hpp")),
+        ("bounds on its tension for the functions of a state", ("dynamics/compiled/model.py",)),
+        ("show it, translate it or refuse it", ("app/cli/info.py", "dynamics/mujoco/mjcf_model.py")),
     )),
     Task("a kind of string that is a force (as a chain)", (
-        ("schema: its keys", ("puppet/schema.py", "puppet/chain.py")),
+        ("schema: its keys", ("model/puppet/schema.py", "model/puppet/chain.py")),
         ("its row, and links if it has masses",
-         ("tree/structure.py", "tree/construction.py", "tree/chains.py")),
-        ("energy and gradient", ("equations/elastic.py",)),
-        ("the longest stable step", ("marionette/checks.py",)),
-        ("draw it, translate it or refuse it", ("view/geometry.py", "exchange/mjcf_model.py")),
+         ("model/tree/structure.py", "model/tree/construction.py", "model/tree/chains.py")),
+        ("energy and gradient", ("kernel/equations/elastic.py",)),
+        ("the longest stable step", ("dynamics/compiled/checks.py",)),
+        ("draw it, translate it or refuse it", ("output/view/geometry.py", "dynamics/mujoco/mjcf_model.py")),
     )),
     Task("a method of integration", (
         ("the step, and a header that exports it to Python",
-         ("cpp/fantoccini/variational/step.hpp", "cpp/fantoccini/interface/variational.hpp")),
-        ("a library of its own", ("codegen/libraries.py", "marionette/compiled.py")),
-        ("its options", ("marionette/methods.py",)),
-        ("validation of the start state", ("marionette/checks.py",)),
-        ("checks of its results", ("simulation/run.py", "simulation/batch.py")),
-        ("its name on the command line", ("cli/options.py",)),
+         ("kernel/cpp/fantoccini/variational/step.hpp", "kernel/cpp/fantoccini/interface/variational.hpp")),
+        ("a library of its own", ("kernel/codegen/libraries.py", "dynamics/compiled/libraries.py")),
+        ("its options", ("dynamics/compiled/methods.py",)),
+        ("validation of the start state", ("dynamics/compiled/checks.py",)),
+        ("checks of its results", ("dynamics/simulation/run.py", "dynamics/simulation/batch.py")),
+        ("its name on the command line", ("app/console/options.py",)),
     )),
     Task("a bundled puppet", (
         ("the file, and a function of the same name",
-         ("puppets/arm2d.yaml", "puppets/__init__.py")),
-        ("a performance of it", ("puppets/performances/toss.yaml",)),
+         ("model/puppets/arm2d.yaml", "puppets/__init__.py")),
+        ("a performance of it", ("model/puppets/performances/toss.yaml",)),
         ("its picture and film (`make gallery`)", ("/docs/gallery.py",)),
     )),
     Task("a command", (
-        ("declare arguments and help; import the module inside the function", ("cli/app.py",)),
-        ("do the work in a module of its own", ("cli/check.py",)),
+        ("declare arguments and help; import the module inside the function", ("app/cli/app.py",)),
+        ("do the work in a module of its own", ("app/cli/check.py",)),
         ("describe it; a test looks for every option", ("/docs/cli.md",)),
         ("list it", ("/tests/cli/test_arguments.py",)),
     )),
     Task("something that `fantoccini show` can open", (
-        ("recognise it", ("web/page.py",)),
-        ("show it: live, or as a replay", ("web/live.py", "web/replay.py")),
-        ("write it as one file", ("web/export.py",)),
+        ("recognise it", ("app/web/page.py",)),
+        ("show it: live, or as a replay", ("app/live/live.py", "app/pages/replay.py")),
+        ("write it as one file", ("app/pages/export.py",)),
     )),
     Task("a format of animations", (
-        ("a line of `FORMATS`, with the library that it needs", ("animation/formats.py",)),
-        ("its function `write(scene, path)`", ("animation/usd.py",)),
+        ("a line of `FORMATS`, with the library that it needs", ("output/animation/formats.py",)),
+        ("its function `write(scene, path)`", ("output/animation/usd.py",)),
         ("describe it", ("/docs/export.md", "/docs/cli.md")),
     )),
     Task("a page of the docs", (
@@ -203,7 +203,7 @@ equations and the libraries. It computes functions of a state; `simulation` comp
 inputs and trajectories are plain data in `motion`, without reference to the library.
 
 The integrators, the complementarity solver and the search motions of the planner are C++ templates
-in `cpp/fantoccini`, compiled for each puppet with its sizes as constants. They advance one
+in `kernel/cpp/fantoccini`, compiled for each puppet with its sizes as constants. They advance one
 trajectory, or several in the lanes of the processor's vectors from the same source.
 
 ## Packages
@@ -216,7 +216,7 @@ called.
 |---|---|---|
 {packages}
 
-`cpp/fantoccini` holds the C++ headers. Each folder includes only from itself and from those before
+`kernel/cpp/fantoccini` holds the C++ headers. Each folder includes only from itself and from those before
 it: `math`, `contract.hpp`, `solvers`, `model`, `collision`, `contact`, `runs`, `event`,
 `timestepping`, `variational`, `derivatives`, `search`, `interface`.
 `tests/cpp/test_include_order.py` enforces that. `tests/`, `docs/`, `examples/` and `benchmarks/`

@@ -18,9 +18,9 @@ from fantoccini.output import view
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "gallery.md"
 PICTURES = ROOT / "docs" / "pictures" / "gallery"
-PROBLEM = "src/fantoccini/planning/problems/arm3d_boxes.yaml"
+PROBLEM = "src/fantoccini/control/problems/bundled/arm3d_boxes.yaml"
 NUMBER = "examples/20_number.py"
-PERFORMANCES = "src/fantoccini/puppets/performances"
+PERFORMANCES = "src/fantoccini/model/puppets/performances"
 
 FPS = 12.0
 
@@ -258,7 +258,7 @@ def page() -> str:
         )
     plays = [
         f"## A play: {name}\n\n{text} It is written in "
-        f"[{_lines(name)} lines](../src/fantoccini/plays/repertory/{name}.yaml); see [Plays]"
+        f"[{_lines(name)} lines](../src/fantoccini/theatre/plays/repertory/{name}.yaml); see [Plays]"
         f"(plays.md).\n\n![{name}: poses](pictures/gallery/{name}.png)\n\n[Film](pictures/"
         f"{name}.mp4): all of it, {PACE:g} times as fast. The play:\n\n```\n"
         f"fantoccini play {name} --out {name}.mp4\n```\n"
@@ -268,7 +268,7 @@ def page() -> str:
 
 
 def _lines(name: str) -> int:
-    path = ROOT / "src" / "fantoccini" / "plays" / "repertory" / f"{name}.yaml"
+    path = ROOT / "src" / "fantoccini" / "theatre" / "plays" / "repertory" / f"{name}.yaml"
     return len(path.read_text(encoding="utf-8").splitlines())
 
 
@@ -277,7 +277,7 @@ _HEAD = """# Gallery
 See here every bundled puppet and scene in motion, and the command that makes each film.
 `make gallery` draws the page without a GPU or a display. The colour of a string is its tension;
 grey is slack. Run the commands in the root of the repository; they film at full size. The motions
-are files in [`performances`](../src/fantoccini/puppets/performances), to read and change.
+are files in [`performances`](../src/fantoccini/model/puppets/performances), to read and change.
 """
 
 _NUMBER = f"""## A number to music

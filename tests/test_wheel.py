@@ -34,9 +34,9 @@ def test_the_wheel_holds_the_runtime_and_the_puppets(wheel):
     }
     held = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
     assert held == wanted
-    assert any(name.startswith("fantoccini/cpp/") for name in held)
-    assert "fantoccini/puppets/arm2d.yaml" in held
-    assert "fantoccini/puppets/marionette.yaml" in held
+    assert any(name.startswith("fantoccini/kernel/cpp/") for name in held)
+    assert "fantoccini/model/puppets/arm2d.yaml" in held
+    assert "fantoccini/model/puppets/marionette.yaml" in held
 
 
 def test_the_wheel_names_the_command_and_the_licence(wheel):

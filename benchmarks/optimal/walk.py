@@ -2,11 +2,11 @@
 
     python -m benchmarks.optimal.walk [--steps 40] [--friction 0.8] [--event] [--mujoco]
 
-Measures the marionette's walk on ``promenade`` with ``fantoccini.theatre.gestures.Gait()``: with five time
-steps, down to 0.125 ms; with ``--event`` four of its steps event-driven, tens of thousands of
-events from a state on the cycle; with ``--mujoco`` in MuJoCo, whose strings and contacts are soft.
-Slip is the way along the floor of a sole's corners while they are on it. ``--search`` looks for
-better numbers for so many seconds.
+Measures the marionette's walk on ``promenade`` with ``fantoccini.theatre.Gait()``: with
+five time steps, down to 0.125 ms; with ``--event`` four of its steps event-driven, tens of
+thousands of events from a state on the cycle; with ``--mujoco`` in MuJoCo, whose strings and
+contacts are soft. Slip is the way along the floor of a sole's corners while they are on it.
+``--search`` looks for better numbers for so many seconds.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ def test_the_puppet_is_written_and_the_report_printed(folder):
     )
     assert "swing.yaml: 1 joint, 1 mesh beside it; 2 things are not as in" in result.stderr
     assert (folder / "swing_meshes" / "cylinder.stl").is_file()
-    assert fan.model.puppet.load("swing.yaml").pose == {"rope": 0.5}
+    assert fan.model.load("swing.yaml").pose == {"rope": 0.5}
     assert fantoccini("check", "swing.yaml").exit_code == 0
 
 

@@ -29,7 +29,8 @@ def test_a_show_is_directed_by_messages_until_ctrl_c(tmp_path):
     ears.settimeout(30.0)
     path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
     process = subprocess.Popen(
-        [sys.executable, "-c", "from fantoccini.app.cli import main; main()", "perform", "short.yaml",
+        [sys.executable, "-c", "from fantoccini.app.cli import main; main()",
+         "perform", "short.yaml",
          "--port", "0", "--no-browser", "--osc-in", "0",
          "--osc-out", f"127.0.0.1:{ears.getsockname()[1]}"],
         env={**os.environ, "PYTHONPATH": path}, stdout=subprocess.PIPE, stderr=subprocess.PIPE,

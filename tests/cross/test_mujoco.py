@@ -82,7 +82,7 @@ def test_energies_and_poses_equal_mujocos(seed):
 @pytest.mark.parametrize("name", ["arm3d", "marionette", "marionette_bar"])
 def test_bundled_puppets_satisfy_mujocos_equations(name):
     """The puppets that come with the package, with shapes and mirror, without strings and air."""
-    whole = load(files("fantoccini") / "puppets" / f"{name}.yaml").expanded()
+    whole = load(files("fantoccini") / "model" / "puppets" / f"{name}.yaml").expanded()
     still_air = []
     for body in whole.bodies:
         joint = body.joint.model_copy(update={"spring": None})  # MuJoCo's ball spring is another

@@ -32,7 +32,7 @@ def imported(text: str, folder: Path, **more) -> Imported:
 
 def states(made: Imported, m: mujoco.MjModel, n: int):
     """Pairs of the puppet's state and MuJoCo's data, evaluated without constraints."""
-    model = Model.of(fan.model.puppet.loads(made.text))
+    model = Model.of(fan.model.loads(made.text))
     q, v = models.places(made, m, model.table)
     rng, d = np.random.default_rng(1), mujoco.MjData(m)
     for _ in range(n):
@@ -104,7 +104,7 @@ def test_a_bundled_puppet_comes_back(name, tmp_path):
     x = own.random(0, moving_inputs=False)
     speed = 0.0 if any(any(link.drag) for link in own.tree.links) else 1.0
     x = State(x.q_D, speed * x.v_D, np.array(own.table.start_K) + 0.1, x.v_K, x.acc_K)
-    back = Model.of(fan.model.puppet.loads(imported(mjcf(puppet, x.q_K), tmp_path).text))
+    back = Model.of(fan.model.loads(imported(mjcf(puppet, x.q_K), tmp_path).text))
     q, v = (
         [theirs.index(n if n in theirs else n.replace(".", "_")) for n in names]
         for names, theirs in ((own.table.q_D, back.table.q_D), (own.table.v_D, back.table.v_D))
@@ -253,7 +253,7 @@ def test_the_puppet_is_readable(tmp_path):
     """Comments stand above what was changed; a held body is driven; the wall is an obstacle."""
     made = imported(REST, tmp_path)
     made.save(tmp_path / "out.yaml")
-    puppet = fan.model.puppet.load(tmp_path / "out.yaml")
+    puppet = fan.model.load(tmp_path / "out.yaml")
     bodies = {body.name: body for body in puppet.bodies}
     assert list(bodies) == ["hand", "hip", "left_foot"] and puppet.name == "re_st"
     assert bodies["hand"].joint.driven and puppet.pose == {"hand.z": 2.0}
@@ -345,7 +345,7 @@ def test_flags_disable_constraints(flag, tmp_path):
     off = text.replace("<mujoco>", f'<mujoco><option><flag {flag}="disable"/></option>')
     for given, strings, told in ((text, 4, 1), (off, 0, 2)):
         made = imported(given, tmp_path)
-        puppet = fan.model.puppet.loads(made.text)
+        puppet = fan.model.loads(made.text)
         assert len(puppet.strings) == strings
         assert len([n for n in made.report if n.kind == "equality"]) == told
         limited = given is text or flag == "equality"
@@ -360,7 +360,7 @@ def test_a_colour_of_a_geom_goes_before_its_material(tmp_path):
         '<geom size="0.3" material="no" rgba="0 1 0 1"/>'
         '<geom size="0.4" material="no"/></body></worldbody></mujoco>', tmp_path
     )  # fmt: skip
-    shapes = fan.model.puppet.loads(made.text).bodies[0].shapes
+    shapes = fan.model.loads(made.text).bodies[0].shapes
     assert [s.colour for s in shapes] == ["#ff0000", "#0000ff", "#00ff00"]
 
 
@@ -368,7 +368,7 @@ def test_a_keyframe_moves_mocap_bodies(tmp_path):
     hand = 'mpos="0.1 0 1.5" mquat="0 1 0 0" qvel="0 1 0 0"'
     made = imported(REST.replace('qpos="0.5 1 0 0 0"', hand), tmp_path, keyframe="bent")
     made.save(tmp_path / "out.yaml")
-    pose = fan.model.puppet.load(tmp_path / "out.yaml").pose
+    pose = fan.model.load(tmp_path / "out.yaml").pose
     assert pose["hand.x"] == 0.1 and pose["hand.z"] == 1.5
     assert tuple(pose["hand.rotation"]) == (0, 1, 0, 0)
     told = [str(note).partition(":31: ")[2] for note in made.report if note.kind == "key"]
@@ -388,7 +388,7 @@ def test_a_tendon_with_play_keeps_its_damping(tmp_path):
         '<site site="here"/><site site="there"/></spatial></tendon></mujoco>'
     )
     made = imported(CONNECTED.replace("</mujoco>", tendon), tmp_path)
-    (spring,) = fan.model.puppet.loads(made.text).springs
+    (spring,) = fan.model.loads(made.text).springs
     assert (spring.stiffness, spring.damping) == (0.0, 0.4)
     assert "has a spring with play from 0.1 to 0.3 m, left out" in made.text
 
@@ -403,7 +403,7 @@ def test_names_are_data(tmp_path):
     )
     made = imported(text, tmp_path)
     made.save(tmp_path / "out.yaml")
-    puppet = fan.model.puppet.load(tmp_path / "out.yaml")
+    puppet = fan.model.load(tmp_path / "out.yaml")
     assert len(puppet.bodies) == 1 and len(puppet.bodies[0].shapes) == 1
     assert all(part.parent.parent == tmp_path for part in tmp_path.rglob("*.stl"))
     assert puppet.name != "z" and all(str(note).isprintable() for note in made.report)
@@ -418,7 +418,7 @@ def test_a_tendon_of_kept_length_is_a_wire(tmp_path):
     ).replace("</mujoco>", f"<tendon>{tendon}</tendon></mujoco>")
     made, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
     assert not any(note.kind in ("equality", "tendon") for note in made.report)
-    (rod,) = fan.model.puppet.loads(made.text).strings
+    (rod,) = fan.model.loads(made.text).strings
     assert rod.wire and rod.length == pytest.approx(m.tendon_length0[0] + 0.05, abs=1e-12)
 
 
@@ -440,7 +440,7 @@ def test_actuators_of_several_controls_are_left_out_one_by_one(left, tmp_path):
     made, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
     told = [note for note in made.report if "left out: what it moves is free" in note.message]
     assert len(told) == m.nactuator == 3 - len(left)
-    c = fan.model.puppet.loads(made.text).bodies[2].joint
+    c = fan.model.loads(made.text).bodies[2].joint
     # The motor's own gear, squared, whatever the actuators before it have.
     wanted = (0.0, 0.0) if "motor" in left else (9 * 0.01, 9 * 0.02)
     assert (float(c.armature or 0), float(c.damping or 0)) == pytest.approx(wanted)

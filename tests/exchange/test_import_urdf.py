@@ -47,7 +47,7 @@ def test_accelerations_are_pinocchios(seed, tmp_path):
     pin = pytest.importorskip("pinocchio")
     text = random_models.urdf(seed).replace("continuous", "revolute")
     made, robot = imported(text, tmp_path), pin.buildModelFromXML(text)
-    model, rng = Model.of(fan.model.puppet.loads(made.text)), np.random.default_rng(seed)
+    model, rng = Model.of(fan.model.loads(made.text)), np.random.default_rng(seed)
     names, none = list(robot.names)[1:], np.zeros(0)
     q, v = rng.normal(size=robot.nq), rng.normal(size=robot.nv)
     damping = {link.joint: link.damping for link in model.tree.links}
@@ -93,7 +93,7 @@ def test_a_planar_joint_is_two_slides_and_a_hinge(tmp_path):
 
 def test_a_planar_joint_is_damped_along_and_about(tmp_path):
     text = PLANE.replace('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1"/><dynamics damping="0.7"/>')
-    puppet = fan.model.puppet.loads(imported(text, tmp_path).text)
+    puppet = fan.model.loads(imported(text, tmp_path).text)
     assert [body.joint.damping for body in puppet.bodies] == [0.7, 0.7, 0.7, 0.5]
 
 
@@ -106,7 +106,7 @@ def test_a_material_is_known_after_its_first_visual(tmp_path):
         f'<link name="c">{ball.format("/>")}</link>{joint("j", "fixed", "a", "b")}'
         f'{joint("k", "fixed", "a", "c")}</robot>'
     )
-    puppet = fan.model.puppet.loads(imported(text, tmp_path).text)
+    puppet = fan.model.loads(imported(text, tmp_path).text)
     assert [body.shapes[0].colour for body in puppet.bodies] == ["#ff0000"] * 3
 
 
@@ -136,14 +136,14 @@ def test_a_mesh_too_large_with_its_scale_is_left_out(tmp_path):
     (note,) = made.report
     assert "link a: has a mesh, left out: r_meshes/a.stl measures 1e+07 m" in str(note)
     made.save(tmp_path / "r.yaml")
-    (shape,) = fan.model.puppet.load(tmp_path / "r.yaml").bodies[0].shapes
+    (shape,) = fan.model.load(tmp_path / "r.yaml").bodies[0].shapes
     assert shape.scale == (2.0, 1.0, 1.0)
 
 
 def test_a_floating_joint_is_a_free_one(tmp_path):
     text = PLANE.replace('type="planar"', 'type="floating"').replace('<axis xyz="0 0 1"/>', "")
     made = imported(text.replace("damping", "friction"), tmp_path)
-    puppet = fan.model.puppet.loads(made.text)
+    puppet = fan.model.loads(made.text)
     assert puppet.bodies[0].joint.type == "free"
     assert [str(n).partition(": ")[2] for n in made.report] == [
         "joint hinge: has friction, left out"
@@ -196,7 +196,7 @@ def test_the_report_names_what_has_no_counterpart(tmp_path):
         "22: gazebo arm: left out",
     ]
     made.save(tmp_path / "arm.yaml")
-    puppet = fan.model.puppet.load(tmp_path / "arm.yaml")
+    puppet = fan.model.load(tmp_path / "arm.yaml")
     base, arm, finger = puppet.bodies
     assert base.joint.type == "fixed" and arm.joint.name is None and finger.joint.name == "grip"
     assert arm.joint.limits.upper == 2.0 and arm.inertia == (0.05, 0.02, 0.03)
@@ -222,7 +222,7 @@ def test_meshes_of_all_formats(ending, tmp_path):
     )  # fmt: skip
     assert not made.report
     made.save(tmp_path / "r.yaml")
-    (body,) = fan.model.puppet.load(tmp_path / "r.yaml").bodies
+    (body,) = fan.model.load(tmp_path / "r.yaml").bodies
     assert np.allclose(fan.model.puppet.shapes.load_mesh(body.shapes[0]).extents, size, atol=1e-7)
 
 
@@ -311,7 +311,7 @@ def test_real_robots_agree_with_pinocchio(name, tmp_path):
     path = Path(data.getDataPath()) / name
     made, robot = import_model(path), pin.buildModelFromUrdf(str(path))
     made.save(tmp_path / "robot.yaml")
-    model = Model.of(fan.model.puppet.load(tmp_path / "robot.yaml"))
+    model = Model.of(fan.model.load(tmp_path / "robot.yaml"))
     rng, none = np.random.default_rng(0), np.zeros(0)
     names = list(robot.names)[1:]
     q, v = pin.neutral(robot), rng.normal(size=robot.nv)
@@ -374,7 +374,7 @@ LEFT_OVER = {
 @pytest.mark.parametrize(("inside", "says"), LEFT_OVER.values(), ids=LEFT_OVER)
 def test_what_is_empty_or_left_over_in_a_solid_is_left_out_and_told(inside, says, head, tmp_path):
     made = imported(hinged(WITH + inside, head=head), tmp_path)
-    (ball,) = fan.model.puppet.loads(made.text).bodies[1].shapes
+    (ball,) = fan.model.loads(made.text).bodies[1].shapes
     assert ball.radius == 0.1
     told = [note for note in made.report if says in str(note)]
     assert (told and told[0].line == 3) if says else not made.report
@@ -386,7 +386,7 @@ def test_declarations_of_xacro_are_no_parts(tmp_path):
         '<xacro:macro name="leg"><link name="c"/></xacro:macro>'
     )
     made = imported(hinged(WITH).replace("<link", f"{declared}<link", 1), tmp_path)
-    assert len(fan.model.puppet.loads(made.text).bodies) == 2
+    assert len(fan.model.loads(made.text).bodies) == 2
 
 
 @pytest.mark.parametrize(
@@ -411,7 +411,7 @@ def test_a_capsule_is_a_capsule(tmp_path):
     )
     for kind in ("visual", "collision"):
         made = imported(hinged(WITH + f"<{kind}/>" + 2 * solid.format(kind)), tmp_path)
-        for shape in fan.model.puppet.loads(made.text).bodies[1].shapes:
+        for shape in fan.model.loads(made.text).bodies[1].shapes:
             assert shape.radius == 0.1
             np.testing.assert_allclose(shape.from_, [0.7, 2, 3], atol=1e-12)
             np.testing.assert_allclose(shape.to, [1.3, 2, 3], atol=1e-12)
@@ -420,7 +420,7 @@ def test_a_capsule_is_a_capsule(tmp_path):
 @pytest.mark.parametrize("number", [1e-9, 0.001, 0.3, 1.0, 7.7, 1e4])
 def test_six_numbers_that_are_alike_are_three_moments(number, tmp_path):
     made = imported(hinged(INERTIA.format(number, number)), tmp_path)
-    assert fan.model.puppet.loads(made.text).bodies[1].inertia == (number,) * 3
+    assert fan.model.loads(made.text).bodies[1].inertia == (number,) * 3
     (note,) = made.report
     assert "here it has its moments alone" in note.message and note.line == 3
 
@@ -431,7 +431,7 @@ def test_products_that_no_solid_has_are_left_out(products, tmp_path):
     for key, value in zip(("ixy", "ixz", "iyz"), products, strict=True):
         text = text.replace(f'{key}="0"', f'{key}="{value}"')
     made = imported(hinged(text), tmp_path)
-    inertia = np.array(fan.model.puppet.loads(made.text).bodies[1].inertia)
+    inertia = np.array(fan.model.loads(made.text).bodies[1].inertia)
     assert np.allclose(inertia, 0.1) and "products of inertia" in str(made.report)
 
 
@@ -460,7 +460,7 @@ def test_masses_of_links_without_inertia_are_those_of_their_solids(tmp_path):
     for density in (None, 500.0):
         (tmp_path / "r.urdf").write_text(hinged(solids, f"<visual>{BALL}</visual>"))
         made = import_model(tmp_path / "r.urdf", density=density)
-        base, body = fan.model.puppet.loads(made.text).bodies
+        base, body = fan.model.loads(made.text).bodies
         own = density or 1000.0
         assert body.mass == pytest.approx(own * sum(volumes), rel=1e-12)
         com = (0.3 * volumes[0] - 0.1 * volumes[1]) / sum(volumes)
@@ -478,7 +478,7 @@ def test_masses_of_links_without_inertia_are_those_of_their_solids(tmp_path):
 def test_links_without_inertia_stay_light_where_every_joint_moves_mass(tmp_path):
     text = hinged(WITH + f"<visual>{BALL}</visual>", f"<visual>{BALL}</visual>")
     made = imported(text, tmp_path)
-    assert not made.report and fan.model.puppet.loads(made.text).bodies[0].mass is None
+    assert not made.report and fan.model.loads(made.text).bodies[0].mass is None
 
 
 def test_the_mass_of_an_open_mesh_is_that_of_its_convex_hull(tmp_path):
@@ -487,7 +487,7 @@ def test_the_mass_of_an_open_mesh_is_that_of_its_convex_hull(tmp_path):
     visual = '<visual><geometry><mesh filename="a.stl" scale="0.1 0.1 0.1"/></geometry></visual>'
     made = imported(hinged(visual), tmp_path)
     made.save(tmp_path / "r.yaml")
-    body = fan.model.puppet.load(tmp_path / "r.yaml").bodies[1]
+    body = fan.model.load(tmp_path / "r.yaml").bodies[1]
     assert body.mass == pytest.approx(1000 / 6 * 1e-3) and len(body.shapes) == 1
     np.testing.assert_allclose(body.com, [0.025] * 3, rtol=1e-6)
     assert "counts as its convex hull" in str(made.report)

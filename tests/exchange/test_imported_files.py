@@ -19,7 +19,7 @@ def test_two_imports_into_a_folder_have_meshes_of_their_own(tmp_path):
         )
         imported(text, tmp_path).save(tmp_path / f"{name}.yaml")
     for name, size in (("a", 0.1), ("b", 0.2)):
-        (shape,) = fan.model.puppet.load(tmp_path / f"{name}.yaml").bodies[0].shapes
+        (shape,) = fan.model.load(tmp_path / f"{name}.yaml").bodies[0].shapes
         assert fan.model.puppet.shapes.load_mesh(shape).extents[0] == pytest.approx(size, abs=1e-6)
 
 
@@ -35,7 +35,7 @@ def test_a_mesh_named_like_another_is_another(tmp_path):
     )  # fmt: skip
     assert len({path.lower() for path in made.meshes}) == 4
     made.save(tmp_path / "a.yaml")
-    shapes = fan.model.puppet.load(tmp_path / "a.yaml").bodies[0].shapes
+    shapes = fan.model.load(tmp_path / "a.yaml").bodies[0].shapes
     volumes = [fan.model.puppet.shapes.load_mesh(shape).volume for shape in shapes]
     around = 32 * np.sin(np.pi / 16) / 2
     assert np.allclose(volumes, [around * 0.1**2 * 0.4, 2 / 6, 3 / 6, 4 / 6], rtol=1e-6)
@@ -68,8 +68,8 @@ def test_solids_that_no_puppet_has_are_left_out(tmp_path):
         "</worldbody></mujoco>", tmp_path
     )  # fmt: skip
     assert not made.meshes
-    (shape,) = fan.model.puppet.loads(made.text).bodies[0].shapes
-    assert shape.type == "sphere" and not fan.model.puppet.loads(made.text).obstacles
+    (shape,) = fan.model.loads(made.text).bodies[0].shapes
+    assert shape.type == "sphere" and not fan.model.loads(made.text).obstacles
     told = "\n".join(map(str, made.report))
     assert "body a: has a mesh, left out: " in told and "body a: has a capsule, left out: " in told
     assert "geom obstacle: has a mesh, left out: " in told
@@ -82,7 +82,7 @@ def test_mistakes_have_the_names_of_the_model(tmp_path):
     text = joint + "</worldbody></mujoco>"
     with pytest.raises(ExchangeError, match=r":1: body a\.b: joint\.damping: found 1e\+1[02]"):
         imported(text.format("1e12"), tmp_path)
-    puppet = fan.model.puppet.loads(imported(text.format("1e-30"), tmp_path).text)
+    puppet = fan.model.loads(imported(text.format("1e-30"), tmp_path).text)
     assert puppet.bodies[0].joint.damping == 0.0
 
 
@@ -108,7 +108,7 @@ def test_too_many_copies_are_refused(tmp_path):
     )
     with pytest.raises(ExchangeError, match=r":2: replicate: copies its content 160000 times"):
         imported(text.format(400), tmp_path)
-    assert len(fan.model.puppet.loads(imported(text.format(3), tmp_path).text).obstacles) == 9
+    assert len(fan.model.loads(imported(text.format(3), tmp_path).text).obstacles) == 9
 
 
 def test_meshes_that_mujoco_read_are_kept(tmp_path):

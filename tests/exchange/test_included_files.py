@@ -81,7 +81,7 @@ def test_notes_name_the_included_file_and_its_line(folder):
     ]  # fmt: skip
     m = mujoco.MjModel.from_xml_path("m.xml")
     wanted = [m.body(k).name.replace(".", "_") for k in range(1, m.nbody)]
-    assert [body.name for body in fan.model.puppet.loads(made.text).bodies] == wanted
+    assert [body.name for body in fan.model.loads(made.text).bodies] == wanted
 
 
 WRONG = {
@@ -223,7 +223,7 @@ def test_models_within_models_end(folder):
 def test_few_copies_are_made(folder):
     Path("parts/last.xml").write_text(f'<mujoco><replicate count="3">{GEOM}</replicate></mujoco>')
     made = import_model("m.xml")
-    (shapes,) = (b.shapes for b in fan.model.puppet.loads(made.text).bodies if b.name == "c_d")
+    (shapes,) = (b.shapes for b in fan.model.loads(made.text).bodies if b.name == "c_d")
     assert len(shapes) == 3
 
 

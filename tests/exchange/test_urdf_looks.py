@@ -26,7 +26,7 @@ def coloured_by(visuals: str, folder: Path) -> tuple:
     (folder / "a.mtl").write_text("newmtl red\nKd 1 0 0\nnewmtl blue\nKd 0 0.2 1\n")
     made = imported(f'<robot name="r"><link name="a">{visuals}</link></robot>', folder)
     made.save(folder / "r.yaml")
-    (body,) = fan.model.puppet.load(folder / "r.yaml").bodies
+    (body,) = fan.model.load(folder / "r.yaml").bodies
     return body.shapes, made.report
 
 
@@ -91,7 +91,8 @@ def test_64_colours_have_room_for_a_part_without_one(tmp_path):
     ball = trimesh.creation.icosphere(1)
     colours = np.full((len(ball.faces), 3), np.nan)
     colours[:64] = np.column_stack([np.arange(64.0), np.full((64, 2), 178.0)]) / 255
-    (tmp_path / "a.ply").write_bytes(fan.output.exchange.solids.ply(ball.vertices, ball.faces, colours))
+    ply = fan.output.exchange.solids.ply(ball.vertices, ball.faces, colours)
+    (tmp_path / "a.ply").write_bytes(ply)
     found = fan.model.meshes.read(tmp_path / "a.ply", tmp_path).colours
     wanted = np.where(np.isfinite(colours), colours, colours[63])
     assert np.array_equal(np.sort(found, axis=0), np.sort(wanted, axis=0))
@@ -115,7 +116,9 @@ def test_many_parts_of_one_mesh_without_names_are_made_at_once(tmp_path, monkeyp
     """The file is read once, and numbers are not counted through from 2."""
     reads = []
     read = fan.model.meshes.read
-    monkeypatch.setattr(fan.model.meshes, "read", lambda *given: reads.append(given) or read(*given))
+    monkeypatch.setattr(
+        fan.model.meshes, "read", lambda *given: reads.append(given) or read(*given)
+    )
     shapes, _ = coloured_by(f"<visual>{MESH}</visual>" * 50, tmp_path)
     assert len(shapes) == 50 and len([path for path, _ in reads if path.suffix == ".obj"]) == 1
     draft = Draft(read_model(tmp_path / "robot.urdf"), "r")

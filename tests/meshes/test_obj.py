@@ -48,7 +48,7 @@ def test_negative_indices_of_a_urdfs_mesh_count_back_from_their_line(tmp_path):
         "</visual></link></robot>", tmp_path
     )  # fmt: skip
     made.save(tmp_path / "r.yaml")
-    (body,) = fan.model.puppet.load(tmp_path / "r.yaml").bodies
+    (body,) = fan.model.load(tmp_path / "r.yaml").bodies
     assert load_mesh(body.shapes[0]).volume == pytest.approx(sum(s**3 for s in SIZES), rel=1e-6)
 
 

@@ -165,7 +165,7 @@ def test_mistakes_in_what_may_touch(contact, error, message):
     marionette = ARM
     if message == "upper":  # of the arm, only the hand may touch the table
         rules = {"meets": [], "pairs": [{"between": ["hand", "table"], "friction": 0.4}]}
-        puppet = ARM.puppet.model_copy(update={"contact": fan.model.puppet.Contact(**rules)})
+        puppet = ARM.puppet.model_copy(update={"contact": fan.model.Contact(**rules)})
         marionette = fan.Marionette(puppet)
     with pytest.raises(error, match=message):
         Problem(marionette, START, {"elbow": 0.2}, contact=contact)

@@ -366,4 +366,4 @@ ALL = {
 @functools.cache
 def load(name: str) -> fan.Marionette:
     """The marionette of a name, compiled or from the cache."""
-    return fan.Marionette(fan.model.puppet.loads(json.dumps(ALL[name] | {"puppet": name})))
+    return fan.Marionette(fan.model.loads(json.dumps(ALL[name] | {"puppet": name})))

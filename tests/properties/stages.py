@@ -185,7 +185,7 @@ def _described(name: str, contact: object, obstacles: list[dict]) -> fan.Marione
     puppets, props = ALL[name]
     members = [
         {"name": f"p{k}", "at": [0.0, 0.7 * k, 0.0],
-         "puppet": fan.model.puppet.loads(json.dumps(puppet))}
+         "puppet": fan.model.loads(json.dumps(puppet))}
         for k, puppet in enumerate(puppets or [_PEG])
     ]  # fmt: skip
     scene = {

@@ -255,7 +255,7 @@ strings:
 @pytest.mark.parametrize("eye", ["[0, 0, 0.35]", "[0.02, 0.03, 0.35]"])
 def test_a_load_that_swings_to_rest_does_not_turn_about_its_string(eye: str):
     """Nothing determines that turn, and no input could undo it: it stays as it was asked for."""
-    file = Path(fan.__file__).parent / "puppets" / "crane.yaml"
+    file = Path(fan.__file__).parent / "model" / "puppets" / "crane.yaml"
     crane = fan.loads(file.read_text().replace("at: [0, 0, 0.35]}", f"at: {eye}}}"))
     first = crane.rest()
     for values in ({"trolley": 1.0}, {"trolley": -0.5, "load.x": 0.2, "load.y": 0.1}):

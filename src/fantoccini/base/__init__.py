@@ -1,4 +1,4 @@
-"""What every package needs: errors and statuses, arrays, rotations, polynomials, files, progress."""
+"""Errors and statuses, arrays, rotations, polynomials, files, progress: for every package."""
 
 from fantoccini.base import interpolate, npz, polynomial, rotation, tangent
 from fantoccini.base.arrays import (

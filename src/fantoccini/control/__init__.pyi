@@ -22,15 +22,32 @@ from .optimal import (
     tune as tune,
 )
 from .planning import (
+    EST2007 as EST2007,
+    PLANNERS as PLANNERS,
+    Check as Check,
+    Explore as Explore,
+    Feedback as Feedback,
+    Followed as Followed,
     PlanResult as PlanResult,
     PlanStatus as PlanStatus,
+    Polish as Polish,
+    PolishStatus as PolishStatus,
+    Search as Search,
+    SearchOptions as SearchOptions,
     plan as plan,
     solve as solve,
 )
 from .problems import (
+    OBJECTIVES as OBJECTIVES,
     Goal as Goal,
+    Meeting as Meeting,
+    Objective as Objective,
     Problem as Problem,
+    StateArrays as StateArrays,
+    Touches as Touches,
     load_problem as load_problem,
+    problem_names as problem_names,
+    problem_schema as problem_schema,
 )
 from .tasks import (
     Bounds as Bounds,

@@ -33,12 +33,21 @@ from .derivatives import (
 from .equilibrium import (
     Mode as Mode,
     Modes as Modes,
+    input_warnings as input_warnings,
+    warnings as warnings,
 )
 from .marionette import (
     Marionette as Marionette,
     load as load,
     loads as loads,
     puppets as puppets,
+)
+from .mujoco import (
+    Joint as Joint,
+    MuJoCoPuppet as MuJoCoPuppet,
+    all_joints as all_joints,
+    mjcf as mjcf,
+    mujoco_run as mujoco_run,
 )
 from .simulation import (
     Passage as Passage,

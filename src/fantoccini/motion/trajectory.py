@@ -307,7 +307,7 @@ class Trajectory:
             raise ValueError(
                 f"found {str(path)!r}; a trajectory is saved as .npz. to_csv writes CSV, "
                 "fantoccini.export animations (.glb, .usda, .usdc, .bvh, .mcap), and "
-                "fantoccini.output.view.film films"
+                "fantoccini.output.film films"
             )
         archive.save({f.name: getattr(self, f.name) for f in dataclasses.fields(self)}, path)
 
@@ -365,7 +365,7 @@ class Trajectory:
 
         Args:
             path: writes the figure there as well (png, svg or pdf).
-            look: theme, size and scale, as in :func:`fantoccini.output.view.plot`.
+            look: theme, size and scale, as in :func:`fantoccini.output.plot`.
         """
         return output().plot(self, path, **look)
 

@@ -211,7 +211,7 @@ def load_stand(path: str | os.PathLike[str]) -> Stand:
 
 
 def loads_stand(text: str, name: str = "<string>", folder: Path | None = None) -> Stand:
-    """Reads a stand from a text; arguments as of :func:`fantoccini.model.puppet.loads`."""
+    """Reads a stand from a text; arguments as of :func:`fantoccini.model.loads`."""
     return _stand(read_located(text, name, folder))
 
 

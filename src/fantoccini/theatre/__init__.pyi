@@ -18,6 +18,7 @@ from .capture import (
 from .cast import play_schema as play_schema
 from .gestures import (
     Conductor as Conductor,
+    Gait as Gait,
     Gesture as Gesture,
     Score as Score,
     gesture_names as gesture_names,

@@ -15,7 +15,7 @@ from fantoccini.app.console import marionette, number, say, table, width, write
 from fantoccini.base.documents import Number, Parameter
 from fantoccini.dynamics.compiled import check_mass_matrix
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.kernel.equations import Printable, TooLargeError, decimal, printing
+from fantoccini.kernel.equations import printing
 from fantoccini.model.puppet import PD, ComputedTorque, DirectCurrent, Drive, Servo
 
 Equation = tuple[str, sp.Expr | sp.Matrix]
@@ -39,7 +39,7 @@ def print_equations(file: str, latex: bool) -> None:
     check_mass_matrix(made.puppet, made.tree)
     try:
         page = printing.printable(made.equations)
-    except TooLargeError:
+    except printing.TooLargeError:
         for symbol, count in printing.operation_counts(made.equations).items():
             say(f"  {symbol}: {count} operations")
         say(
@@ -53,20 +53,20 @@ def print_equations(file: str, latex: bool) -> None:
         _print_text(made, page)
 
 
-def _print_latex(made: Marionette, page: Printable) -> None:
+def _print_latex(made: Marionette, page: printing.Printable) -> None:
     write("% " + made.name)
     for symbol, name in page.notation.names.items():
         write(f"% ${sp.latex(symbol)}$: {name}")
     for symbol, name, law in _motors(made, page, sp.latex):
         write(f"% motor of ${symbol}$, {name}: {law}")
     lines = [
-        f"  {sp.latex(sp.Symbol(left))} &= {sp.latex(decimal(right))}"
+        f"  {sp.latex(sp.Symbol(left))} &= {sp.latex(printing.decimal(right))}"
         for left, right in [*energies(page), *matrices(made, page), *page_lengths(page)]
     ]
     write("\\begin{align*}\n" + " \\\\\n".join(lines) + "\n\\end{align*}")
 
 
-def _print_text(made: Marionette, page: Printable) -> None:
+def _print_text(made: Marionette, page: printing.Printable) -> None:
     layout = Layout(width(), _has_unicode())
     table("Symbols", ("symbol", "name", "role", "value>"), list(_symbols(made, page, layout)))
     write("Lagrangian T - V (Eqs. 5-7)\n")
@@ -91,7 +91,7 @@ def _print_text(made: Marionette, page: Printable) -> None:
 
 
 def _symbols(
-    made: Marionette, page: Printable, layout: Layout
+    made: Marionette, page: printing.Printable, layout: Layout
 ) -> Iterator[tuple[str, str, str, str]]:
     values = made.tree.parameters
     roles = {row.name: row.role for row in made.coordinates.rows}
@@ -102,7 +102,7 @@ def _symbols(
 
 
 def _motors(
-    made: Marionette, page: Printable, text: Callable[[sp.Symbol], str]
+    made: Marionette, page: printing.Printable, text: Callable[[sp.Symbol], str]
 ) -> Iterator[tuple[str, str, str]]:
     """Symbol, name and law of every motor's coordinate."""
     symbols = page.notation.symbols["q_D"]
@@ -145,12 +145,12 @@ def _law(drive: Drive) -> str:
     return f"n {T} sin({pairs}), command in steps of {step}; {ratio}"
 
 
-def energies(page: Printable) -> list[Equation]:
+def energies(page: printing.Printable) -> list[Equation]:
     """T and V."""
     return [("T", page.objects["T"]), ("V", page.objects["V"])]
 
 
-def matrices(made: Marionette, page: Printable) -> list[Equation]:
+def matrices(made: Marionette, page: printing.Printable) -> list[Equation]:
     """M, C, g, h and A_D; M_DK, C_DK, f and A_K unless they are zero."""
     objects, n = page.objects, made.coordinates.n_vD
     C = objects["C"]
@@ -173,7 +173,7 @@ def matrices(made: Marionette, page: Printable) -> list[Equation]:
     ]
 
 
-def page_lengths(page: Printable) -> list[Equation]:
+def page_lengths(page: printing.Printable) -> list[Equation]:
     """Definitions of the symbols for square roots."""
     return [(symbol.name, meaning) for symbol, meaning in page.lengths]
 
@@ -207,7 +207,7 @@ class Layout:
 
     def equation(self, left: str, right: sp.Expr) -> str:
         """``left = right``; one line per term if it is too wide."""
-        symbol, right = sp.Symbol(left), decimal(right)
+        symbol, right = sp.Symbol(left), printing.decimal(right)
         whole = self._side_by_side(symbol, right)
         if self._fits(whole):
             return textwrap.indent(whole, "  ")
@@ -218,10 +218,10 @@ class Layout:
 
     def root(self, left: str, right: sp.Expr) -> str:
         """``left = right`` for a square root; squared if it is too wide."""
-        whole = self._side_by_side(sp.Symbol(left), decimal(right))
+        whole = self._side_by_side(sp.Symbol(left), printing.decimal(right))
         if self._fits(whole):
             return textwrap.indent(whole, "  ")
-        return self._by_terms(sp.Symbol(left) ** 2, decimal(right**2))
+        return self._by_terms(sp.Symbol(left) ** 2, printing.decimal(right**2))
 
     def _side_by_side(self, left: sp.Expr, right: sp.Expr | sp.Matrix) -> str:
         return self.text(sp.Eq(left, right, evaluate=False))
@@ -245,7 +245,7 @@ class Layout:
 
     def matrix(self, left: str, right: sp.Matrix) -> str:
         """A matrix; entry by entry without zeros if it is too wide."""
-        whole = self._side_by_side(sp.Symbol(left), decimal(right))
+        whole = self._side_by_side(sp.Symbol(left), printing.decimal(right))
         if self._fits(whole):
             return textwrap.indent(whole, "  ")
         symmetric = right.is_square and right == right.T

@@ -35,7 +35,7 @@ class Motion:
 
     @property
     def of_films(self) -> dict[str, Any]:
-        """Captions and sounds, as :func:`fantoccini.output.view.film` takes them."""
+        """Captions and sounds, as :func:`fantoccini.output.film` takes them."""
         return {} if self.score is None else films_of(self.score)
 
     def rehearsed(self) -> Motion:
@@ -59,7 +59,7 @@ def motion(marionette: Marionette, path: Path) -> Motion:
 
 
 def films_of(score: Score) -> dict[str, Any]:
-    """A score's captions and sounds, as :func:`fantoccini.output.view.film` takes them."""
+    """A score's captions and sounds, as :func:`fantoccini.output.film` takes them."""
     return {"captions": score.captions, "sounds": score.sounds}
 
 

@@ -80,9 +80,9 @@ def write_outputs(
         out: numbers, strips, films and animations.
         plot: plot against time.
         steps: reports progress.
-        poses: times of a strip's poses; see :func:`fantoccini.output.view.strip`.
+        poses: times of a strip's poses; see :func:`fantoccini.output.strip`.
         look: of pictures, films and animations.
-        films: captions and sounds, as :func:`fantoccini.output.view.film` takes them.
+        films: captions and sounds, as :func:`fantoccini.output.film` takes them.
         guides: lines in strips and films, likewise.
     """
     look = look or Look()

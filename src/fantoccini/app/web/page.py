@@ -132,7 +132,7 @@ def _exit_on_signals() -> Iterator[None]:
 def subject_of(
     what: Any, problem: str | Path | None = None, progress: Callable[[str], None] | None = None
 ) -> Subject:
-    """The subject of an argument of :func:`fantoccini.app.web.show`.
+    """The subject of an argument of :func:`fantoccini.app.show`.
 
     Args:
         what: puppet, motion, plan, or the file of one.

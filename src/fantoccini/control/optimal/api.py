@@ -63,7 +63,8 @@ def optimise(
     search continues with exact derivatives of the run, except for puppets with contact or driven
     rotations. Ctrl-C ends the search with the best motion so far; before a first motion it raises.
 
-    A task that explores is searched through modes: see :mod:`fantoccini.control.optimal.through_modes`.
+    A task that explores is searched through modes: see
+    :mod:`fantoccini.control.optimal.through_modes`.
 
     Of puppets with contact the iterates are runs of time steps at first, whose derivatives hold
     for the points that stick, slide or are open there. The answer is run event-driven, and goes on

@@ -2,10 +2,10 @@
 
     |R i + k n v| <= voltage,  |i| <= current,   i = f / (n k)
 
-f is the force that the controller asks for (:mod:`fantoccini.kernel.equations.drives`), and v the velocity
-of its coordinate. A motor within its own limits exerts it; beyond them its voltage is at a limit,
-whatever the motion is, and what is asked for tells the way back. f depends on the state and the
-commands' accelerations alone. So accelerations that jump at nodes give two rows an interval,
+f is the force that the controller asks for (:mod:`fantoccini.kernel.equations.drives`), and v the
+velocity of its coordinate. A motor within its own limits exerts it; beyond them its voltage is at a
+limit, whatever the motion is, and what is asked for tells the way back. f depends on the state and
+the commands' accelerations alone. So accelerations that jump at nodes give two rows an interval,
 
     just after node i:  r(z_i, acc_i),   just before node i + 1:  r(z_{i+1}, acc_i)
 """

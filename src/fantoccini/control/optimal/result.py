@@ -181,7 +181,7 @@ class Optimum:
 
         Args:
             path: ends in ``.png``, ``.svg`` or ``.pdf``.
-            options: of :func:`fantoccini.output.view.optimum_picture`.
+            options: of :func:`fantoccini.output.optimum_picture`.
         """
         return output().optimum_picture(self, path, **options)
 

@@ -3,9 +3,10 @@
     acc_K = planned_k - K_k z_k,      z = (dq_D, dv_D, dq_K, dv_K) from the plan's node k
     min z_m'Q_m z_m + sum_k z_k'Q z_k + r |dacc_K|^2,      z_k+1 = A_k z_k + B_k dacc_K
 
-A_k and B_k are derivatives under the active set (:mod:`fantoccini.control.planning.active_sets`), over
-changes that leave taut strings taut. In segments with catches or releases they are exact, with the
-saltation of every catch (:mod:`fantoccini.control.planning.saltation`), where such a derivative exists.
+A_k and B_k are derivatives under the active set (:mod:`fantoccini.control.planning.active_sets`),
+over changes that leave taut strings taut. In segments with catches or releases they are exact, with
+the saltation of every catch (:mod:`fantoccini.control.planning.saltation`), where such a derivative
+exists.
 
 The gains are those of the puppet's active set. Where the plan has another one at that time, because
 a string was caught or released earlier or later, the reference state and K come from the nearest

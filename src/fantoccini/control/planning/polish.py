@@ -1,4 +1,4 @@
-"""Polishing: shorter plans that end nearer to the goal; see :mod:`fantoccini.control.planning.descent`."""
+"""Polishing: shorter plans that end nearer to the goal, found by ``descent``."""
 
 from __future__ import annotations
 

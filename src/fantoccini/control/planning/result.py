@@ -241,7 +241,7 @@ class PlanResult(PlanPath):
 
         Args:
             path: ends in ``.png``, ``.svg`` or ``.pdf``.
-            options: of :func:`fantoccini.output.view.plan_picture`.
+            options: of :func:`fantoccini.output.plan_picture`.
         """
         drawn, (nodes, way) = self.problem.drawn_marionette, self.traces()
         return output().plan_picture(drawn, self.trajectory, nodes, way, path, **options)
@@ -257,7 +257,7 @@ class PlanResult(PlanPath):
         )
 
     def animate(self, path: str | Path, **options: Any) -> Path:
-        """Writes a film of the plan among its obstacles; see :func:`fantoccini.output.view.film`."""
+        """Writes a film of the plan among its obstacles; see :func:`fantoccini.output.film`."""
         return output().film(self.problem.drawn_marionette, self.trajectory, path, **options)
 
     def _point(self, q_D: Array, q_K: Array) -> Array:

@@ -25,7 +25,8 @@ def event_derivatives(
     duration: float,
     active: MaskRows,
 ) -> tuple[Array, Array] | None:
-    """A and B of one segment, as of :func:`fantoccini.control.problems.derivatives.segment_derivatives`.
+    """A and B of one segment, as of
+    :func:`fantoccini.control.problems.derivatives.segment_derivatives`.
 
     Args:
         marionette: the puppet; none of its driven coordinates is a rotation.

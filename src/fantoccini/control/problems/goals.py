@@ -53,7 +53,7 @@ class Goal:
         touches: pairs of parts that are to touch.
         share: least part of the puppets' weight that the touches carry at the end, where the puppet
             is to stand on them; None where it need not.
-        met: measures the touches of a problem; set by :class:`fantoccini.control.problems.Problem`.
+        met: measures the touches of a problem; set by :class:`fantoccini.control.Problem`.
     """
 
     marionette: Marionette

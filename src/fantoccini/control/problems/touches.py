@@ -15,7 +15,7 @@ from fantoccini.kernel.runtime import Contacts
 from fantoccini.motion import EventRecord, Trajectory
 
 KEEP_OFF = "keep off"
-"""Nothing is touched; what :class:`fantoccini.control.problems.Problem` does unless told otherwise."""
+"""Nothing is touched: the default of :class:`fantoccini.control.Problem`."""
 
 Pair: TypeAlias = "tuple[str, str] | Sequence[str]"
 """Two names: of bodies, props, obstacles, ``floor``, or of a puppet for all of its bodies."""

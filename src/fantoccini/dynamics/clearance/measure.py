@@ -72,8 +72,8 @@ class Clearance:
         d = min over pairs of (distance of their cores - radii)
 
     Cores are points, segments, boxes and meshes. Distances between them are exact, but an ellipsoid
-    counts as the capsule around it (see :mod:`fantoccini.dynamics.clearance.solids`). A negative d says that
-    solids overlap, not how deep. Closed meshes are solid, open ones are surfaces (see
+    counts as the capsule around it (see :mod:`fantoccini.dynamics.clearance.solids`). A negative d
+    says that solids overlap, not how deep. Closed meshes are solid, open ones are surfaces (see
     :class:`fantoccini.dynamics.clearance.meshes.Meshes`).
 
     Attributes:

@@ -7,7 +7,8 @@ all that follows it:
 
 No derivative df is formed: every step takes one product with the transposed matrix of its own
 equations (``derivatives/rollout_gradient.hpp``). Points of contact that push are held in their
-modes beside the strings and limits, as in :mod:`fantoccini.dynamics.derivatives.step_linearisation`.
+modes beside the strings and limits, as in
+:mod:`fantoccini.dynamics.derivatives.step_linearisation`.
 """
 
 from __future__ import annotations

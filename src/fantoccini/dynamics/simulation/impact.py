@@ -1,6 +1,7 @@
 """Small changes of the state across an impact in which solids touch: the saltation matrix.
 
-As across a catch (:mod:`fantoccini.dynamics.simulation.catch`), with points in their modes beside strings:
+As across a catch (:mod:`fantoccini.dynamics.simulation.catch`), with points in their modes beside
+strings:
 
     M (v+ - v-) + A_D^T Lambda - U^T X = 0,   hdot+ = -e max(hdot-, 0),
     u_n+ = e max(-u_n-, 0),   X = x_n n where u_T+ = 0, else x_n (n - mu u_T+/|u_T+|)

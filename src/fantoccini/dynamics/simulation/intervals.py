@@ -49,7 +49,7 @@ class IntervalDerivatives:
 
     @property
     def sharp(self) -> bool:
-        """Whether the derivatives exist; see :class:`fantoccini.dynamics.simulation.Sensitivity`."""
+        """Whether the derivatives exist; see :class:`fantoccini.dynamics.Sensitivity`."""
         return all(passage.sharp for passages in self.passages for passage in passages)
 
 

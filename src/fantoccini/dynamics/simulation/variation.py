@@ -5,8 +5,8 @@ active set fixed:
 
     Zdot = [-[w]x, 1; dacc_D/dq_D, dacc_D/dv_D] Z + (acc_D's derivatives by inputs and parameters)
 
-At a release Z is continuous; at a catch it jumps: :mod:`fantoccini.dynamics.simulation.catch`. Points of
-contact keep their modes between events, too.
+At a release Z is continuous; at a catch it jumps: :mod:`fantoccini.dynamics.simulation.catch`.
+Points of contact keep their modes between events, too.
 """
 
 from __future__ import annotations

@@ -139,8 +139,8 @@ def _filled(prefix: str, words: list[str], indent: str) -> str:
 
 
 _HEADER = """\
-// The contract between Python and compiled code, made by `python -m fantoccini.kernel.contract` from
-// fantoccini/contract/*.py: change it there.
+// The contract between Python and compiled code, made by `python -m fantoccini.kernel.contract`
+// from fantoccini/kernel/contract/*.py: change it there.
 #pragma once
 
 #include "fantoccini/math/real.hpp"

@@ -1,15 +1,9 @@
 """Derivation: Tree -> Equations (Eqs. 1-11), symbolically with CasADi."""
 
-from fantoccini.kernel.equations import printing
 from fantoccini.kernel.equations.derivatives import Derivatives
 from fantoccini.kernel.equations.functions import (
     Equations,
     derive,
-)
-from fantoccini.kernel.equations.printing import (
-    Printable,
-    TooLargeError,
-    decimal,
 )
 from fantoccini.kernel.equations.variational import Variational
 from fantoccini.kernel.equations.variational_derivatives import VariationalDerivatives
@@ -17,11 +11,7 @@ from fantoccini.kernel.equations.variational_derivatives import VariationalDeriv
 __all__ = [
     "Derivatives",
     "Equations",
-    "Printable",
-    "TooLargeError",
     "Variational",
     "VariationalDerivatives",
-    "decimal",
     "derive",
-    "printing",
 ]

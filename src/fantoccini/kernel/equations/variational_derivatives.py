@@ -1,4 +1,5 @@
-"""Derivatives of the discrete Euler-Lagrange equations (:mod:`fantoccini.kernel.equations.variational`).
+"""Derivatives of the discrete Euler-Lagrange equations
+(:mod:`fantoccini.kernel.equations.variational`).
 
     e = M v_D + M_DK v_K + A_D^T tension            the momenta that a node leaves with, or has
     p_k(xi), p_k+1(xi), q_k+1(xi)                   of the midpoint rule

@@ -13,7 +13,7 @@ from fantoccini.kernel.runtime.structures import structures
 
 @dataclass(frozen=True)
 class RunOptions:
-    """Options of a run; see :func:`fantoccini.dynamics.simulation.simulate` for their meaning.
+    """Options of a run; see :func:`fantoccini.dynamics.simulate` for their meaning.
 
     Attributes:
         rtol, atol: tolerances of the event-driven integrator.

@@ -90,7 +90,7 @@ def make_design(
     seed: int,
     puppet: Marionette | Puppet | Scene | None,
 ) -> Design:
-    """The cases of a sweep; the arguments are those of :func:`fantoccini.lab.sweeps.sweep`."""
+    """The cases of a sweep; the arguments are those of :func:`fantoccini.lab.sweep`."""
     seed = check_whole("seed", seed, 0)
     seeds = None if seeds is None else check_whole("seeds", seeds, 1)
     draw = dict(draw or {})

@@ -1,7 +1,8 @@
 """HTML of a puppet and of a run for notebooks: a picture and tables.
 
-Nothing is derived or compiled for it (see :mod:`fantoccini.output.view.still`). Every text is escaped. A
-picture that fails is left out; where all fails the result is None, and the notebook shows text.
+Nothing is derived or compiled for it (see :mod:`fantoccini.output.view.still`). Every text is
+escaped. A picture that fails is left out; where all fails the result is None, and the notebook
+shows text.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-// The contract between Python and compiled code, made by `python -m fantoccini.kernel.contract` from
-// fantoccini/contract/*.py: change it there.
+// The contract between Python and compiled code, made by `python -m fantoccini.kernel.contract`
+// from fantoccini/kernel/contract/*.py: change it there.
 #pragma once
 
 #include "fantoccini/math/real.hpp"
