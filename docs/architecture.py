@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,46 +10,79 @@ PACKAGE = ROOT / "src" / "fantoccini"
 PAGE = ROOT / "docs" / "architecture.md"
 PICTURE = ROOT / "docs" / "pictures" / "pipeline.svg"
 
-PACKAGES = {
-    "errors": "Errors that name the place and the remedy, and the statuses a run can end with.",
-    "arrays": "Type aliases for arrays, named after their shape.",
-    "files": "Writes files that appear whole or not at all.",
-    "datagrams": "Sockets for datagrams to one machine, unless all of a network are meant.",
-    "media": "Finds ffmpeg and reads sound files with it.",
-    "progress": "Progress callbacks, and the bar on a terminal.",
-    "meshes": "Mesh files: triangles, colours of their materials, and the closed pieces they make.",
-    "puppet": "The puppet schema: reads, checks and writes YAML files.",
-    "scene": "Scenes: puppets, props, obstacles and a floor, assembled into one puppet.",
-    "tree": "Links in topological order, one-sided rows, and the coordinate table.",
-    "contract": "Declares once what Python and the compiled code share: functions, structures.",
-    "equations": "Derives Eqs. 1 to 11 symbolically with CasADi, from the tree.",
-    "codegen": "Writes the equations as C++ for this machine, or as C99 for export.",
-    "build": "Compiles generated code and keeps it in the cache; the only user of a compiler.",
-    "motion": "States, inputs, trajectories and events: plain data, and their files.",
-    "runtime": "Loads the compiled library and calls it through ctypes.",
-    "marionette": "The model (tree, parameters, winches, libraries), its algorithms, the facade.",
-    "puppets": "The bundled puppets, and performances for them.",
-    "simulation": "Runs, batches and their sensitivities.",
-    "clearance": "Distances of a puppet from obstacles, from other puppets and from itself.",
-    "optimal": "Optimal control: the motion of least cost within bounds, event-driven.",
-    "gestures": "Gestures: short motions of part of a puppet that are changed, added and joined.",
-    "capture": "Motion capture: skeletons and their motion from BVH files.",
-    "retarget": "Hanging poses and motions of a puppet that come nearest to captured motion.",
-    "plays": "Plays written as text, compiled to motions of several puppets, and verified.",
-    "lab": "Studies of one puppet: may driven coordinates be inputs (the paper's Section VI)?",
-    "sweeps": "One study over many cases, on threads or a Ray cluster, with a store.",
-    "demo": "Inputs of bundled performances.",
-    "perform": "The live engine: targets of hands become inputs in real time; recordings.",
-    "exchange": "Puppets in MuJoCo's format and simulated there; imports of MJCF and URDF.",
-    "planning": "Searches for inputs that reach a goal, improves them, follows them with LQR.",
-    "stand": "Stands: files, axes bound to driven coordinates, and whether they can do a run.",
-    "identification": "Numbers of a puppet from records of its motion, with their errors.",
-    "view": "Pictures, plots and films without a display.",
-    "animation": "Motions as animations for other programs: glTF, OpenUSD, BVH, tables.",
-    "web": "The page in the browser: live play, replay, plans, one-file export.",
-    "cli": "The command `fantoccini`.",
+ROOMS = {
+    "base": (
+        "what does everybody need that nobody owns?",
+        "errors, arrays, rotations, polynomials, files; `documents`: YAML with line numbers",
+    ),
+    "model": (
+        "what is a puppet?",
+        "`puppet`: its file; `scene`; `meshes`; `tree`: links, rows, coordinates; bundled files",
+    ),
+    "motion": ("what moves?", "State, Input, Trajectory, events: data without algorithms"),
+    "kernel": (
+        "how do equations become numbers?",
+        "`contract`; `equations`; `codegen`; `build`: compiler and cache; `runtime`: ctypes; `cpp`",
+    ),
+    "dynamics": (
+        "what does it do?",
+        "`compiled`: functions of a state; `steppers`; `derivatives`; `equilibrium`; "
+        "`marionette`; `simulation`; `clearance`; `mujoco`",
+    ),
+    "control": (
+        "what must the hands do?",
+        "`tasks` and `optimal`: optimise, follow, MPC, reach, tune; `problems` and `planning`",
+    ),
+    "theatre": (
+        "who performs what, when?",
+        "`gestures`; `capture` and `retarget`: clips; `cast`, `ways`, `plays`; `perform`: live",
+    ),
+    "lab": ("what are its numbers?", "`identification`; `sweeps`; the kinematic reduction"),
+    "stand": ("can these motors do it?", "stands, their check, set points, streaming"),
+    "output": (
+        "what does one see, and what do other programs read?",
+        "`view`: pictures, plots, films; `reports`; `animation`; `exchange`: MJCF, URDF",
+    ),
+    "app": (
+        "how does one ask?",
+        "`console` and `cli`: commands; `pages`, `live` and `web`: the browser",
+    ),
 }
-"""One sentence for each package, in the order in which packages may import each other."""
+"""The question that each room answers and its parts, in the order in which rooms import."""
+
+WALKS = {
+    "A puppet file to its library": (
+        ("model/puppet/files.py", "load", "text to a validated `Puppet`"),
+        ("model/tree/construction.py", "grow", "links, rows, coordinates"),
+        ("dynamics/compiled/libraries.py", "Compiled", "one library for each purpose, when needed"),
+        ("kernel/equations/system.py", "System", "Eqs. 1 to 11, symbolically"),
+        ("kernel/codegen/libraries.py", "generate", "C++ of the model around `kernel/cpp`"),
+        ("kernel/build/cache.py", "obtain", "compiled, or from the cache"),
+        ("kernel/runtime/compiled.py", "Library", "loaded"),
+    ),
+    "An Input into C++": (
+        ("motion/input.py", "Input", "waypoints to quintic pieces"),
+        ("motion/binding.py", "bound", "coordinates without a name hold still"),
+        ("dynamics/simulation/run.py", "simulate", "start, input and options are checked"),
+        ("kernel/runtime/compiled.py", "Run", "arrays to a run, samples and events back"),
+        ("kernel/cpp/fantoccini/runs/drive.hpp", "Drive", "q_K, v_K, acc_K at a time"),
+        ("kernel/cpp/fantoccini/event/run.hpp", "EventRun", "steps, events, impulses"),
+    ),
+    "A play to its run": (
+        ("theatre/plays/reading.py", "Script", "the file to a cast and its cues"),
+        ("theatre/plays/compiling.py", "load_play", "rounds, until every promise holds"),
+        ("theatre/plays/placing.py", "Placing", "cues get times, places and ways"),
+        ("theatre/plays/runs.py", "runs_of", "every company simulated, event-driven"),
+        ("theatre/plays/verifying.py", "verify_play", "the whole, measured"),
+    ),
+    "A clip to its run": (
+        ("theatre/capture/bvh.py", "load_bvh", "joints of a skeleton over time"),
+        ("theatre/retarget/mapping.py", "load_mapping", "its joints to parts of a person"),
+        ("theatre/retarget/retargeting.py", "retarget_clip", "hanging poses that come nearest"),
+        ("theatre/retarget/following.py", "follow_clip", "motions of the hands, and the run"),
+    ),
+}
+"""Files in the order in which something passes through them, with the function or class there."""
 
 
 @dataclass(frozen=True)
@@ -68,166 +100,239 @@ class Task:
 
 
 TASKS = (
-    Task("a quantity, evaluated for a state", (
-        ("declare its arguments and results", ("kernel/contract/functions.py",)),
-        ("return its expression from `_NAME`", ("kernel/equations/functions.py",)),
-        ("derive it, if the system does not have it yet", ("kernel/equations/system.py",)),
-        ("evaluate it", ("dynamics/compiled/quantities.py",)),
-    )),
-    Task("a joint type", (
-        ("schema: the type, its keys, and the words of other programs for it",
-         ("model/puppet/joint.py", "model/puppet/words.py", "model/puppet/check_coordinates.py")),
-        ("its mirror image", ("model/puppet/mirror.py",)),
-        ("its coordinates, and its pose as numbers",
-         ("model/tree/joints.py", "model/tree/placement.py", "model/tree/inertia.py")),
-        ("motion subspace and relative motion",
-         ("kernel/equations/kinematics.py", "kernel/equations/inertia.py", "kernel/equations/coriolis.py")),
-        ("spring and limits, if it has any", ("kernel/equations/system.py", "kernel/equations/rows.py")),
-        ("how a hand moves it, and the bounds of planned motions",
-         ("theatre/perform/handle.py", "control/problems/feasible.py")),
-        ("its counterpart in MuJoCo, there and back",
-         ("dynamics/mujoco/joints.py", "dynamics/mujoco/mjcf_model.py", "output/exchange/mjcf_bodies.py")),
-    )),
-    Task("a kind of string that is a constraint (as a wire)", (
-        ("schema: its keys, and which of them exclude each other", ("model/puppet/schema.py",)),
-        ("its row", ("model/tree/structure.py", "model/tree/construction.py", "kernel/equations/rows.py")),
-        ("a flag of the generated model, which the solvers read",
-         ("kernel/codegen/model.py", "kernel/cpp/fantoccini/model/evaluation.hpp",
-          "kernel/cpp/fantoccini/solvers/active_set.hpp")),
-        ("bounds on its tension for the functions of a state", ("dynamics/compiled/model.py",)),
-        ("show it, translate it or refuse it", ("app/cli/info.py", "dynamics/mujoco/mjcf_model.py")),
-    )),
-    Task("a kind of string that is a force (as a chain)", (
-        ("schema: its keys", ("model/puppet/schema.py", "model/puppet/chain.py")),
-        ("its row, and links if it has masses",
-         ("model/tree/structure.py", "model/tree/construction.py", "model/tree/chains.py")),
-        ("energy and gradient", ("kernel/equations/elastic.py",)),
-        ("the longest stable step", ("dynamics/compiled/checks.py",)),
-        ("draw it, translate it or refuse it", ("output/view/geometry.py", "dynamics/mujoco/mjcf_model.py")),
-    )),
-    Task("a method of integration", (
-        ("the step, and a header that exports it to Python",
-         ("kernel/cpp/fantoccini/variational/step.hpp", "kernel/cpp/fantoccini/interface/variational.hpp")),
-        ("a library of its own", ("kernel/codegen/libraries.py", "dynamics/compiled/libraries.py")),
-        ("its options", ("dynamics/compiled/methods.py",)),
-        ("validation of the start state", ("dynamics/compiled/checks.py",)),
-        ("checks of its results", ("dynamics/simulation/run.py", "dynamics/simulation/batch.py")),
-        ("its name on the command line", ("app/console/options.py",)),
-    )),
-    Task("a bundled puppet", (
-        ("the file, and a function of the same name",
-         ("model/puppets/arm2d.yaml", "puppets/__init__.py")),
-        ("a performance of it", ("model/puppets/performances/toss.yaml",)),
-        ("its picture and film (`make gallery`)", ("/docs/gallery.py",)),
-    )),
-    Task("a command", (
-        ("declare arguments and help; import the module inside the function", ("app/cli/app.py",)),
-        ("do the work in a module of its own", ("app/cli/check.py",)),
-        ("describe it; a test looks for every option", ("/docs/cli.md",)),
-        ("list it", ("/tests/cli/test_arguments.py",)),
-    )),
-    Task("something that `fantoccini show` can open", (
-        ("recognise it", ("app/web/page.py",)),
-        ("show it: live, or as a replay", ("app/live/live.py", "app/pages/replay.py")),
-        ("write it as one file", ("app/pages/export.py",)),
-    )),
-    Task("a format of animations", (
-        ("a line of `FORMATS`, with the library that it needs", ("output/animation/formats.py",)),
-        ("its function `write(scene, path)`", ("output/animation/usd.py",)),
-        ("describe it", ("/docs/export.md", "/docs/cli.md")),
-    )),
-    Task("a page of the docs", (
-        ("write it; link it from the README where it helps", ("/docs/install.md", "/README.md")),
-        ("place it in the navigation", ("/mkdocs.yml",)),
-    )),
-    Task("a name of the public API", (
-        ("list it", ("__init__.pyi",)),
-        ("give a new package a title in the reference", ("/docs/site/reference.py",)),
-    )),
-)  # fmt: skip
+    Task(
+        "a quantity, evaluated for a state",
+        (
+            ("declare its arguments and results", ("kernel/contract/functions.py",)),
+            ("return its expression from `_NAME`", ("kernel/equations/functions.py",)),
+            ("derive it, if the system does not have it yet", ("kernel/equations/system.py",)),
+            ("evaluate it", ("dynamics/compiled/quantities.py",)),
+        ),
+    ),
+    Task(
+        "a joint type",
+        (
+            (
+                "schema: the type, its keys, and the words of other programs for it",
+                (
+                    "model/puppet/joint.py",
+                    "model/puppet/words.py",
+                    "model/puppet/check_coordinates.py",
+                ),
+            ),
+            ("its mirror image", ("model/puppet/mirror.py",)),
+            (
+                "its coordinates, and its pose as numbers",
+                ("model/tree/joints.py", "model/tree/placement.py", "model/tree/inertia.py"),
+            ),
+            (
+                "motion subspace and relative motion",
+                (
+                    "kernel/equations/kinematics.py",
+                    "kernel/equations/inertia.py",
+                    "kernel/equations/coriolis.py",
+                ),
+            ),
+            (
+                "spring and limits, if it has any",
+                ("kernel/equations/system.py", "kernel/equations/rows.py"),
+            ),
+            (
+                "how a hand moves it, and the bounds of planned motions",
+                ("theatre/perform/handle.py", "control/problems/feasible.py"),
+            ),
+            (
+                "its counterpart in MuJoCo, there and back",
+                (
+                    "dynamics/mujoco/joints.py",
+                    "dynamics/mujoco/mjcf_model.py",
+                    "output/exchange/mjcf_bodies.py",
+                ),
+            ),
+        ),
+    ),
+    Task(
+        "a kind of string that is a constraint (as a wire)",
+        (
+            ("schema: its keys, and which of them exclude each other", ("model/puppet/schema.py",)),
+            (
+                "its row",
+                (
+                    "model/tree/structure.py",
+                    "model/tree/construction.py",
+                    "kernel/equations/rows.py",
+                ),
+            ),
+            (
+                "a flag of the generated model, which the solvers read",
+                (
+                    "kernel/codegen/model.py",
+                    "kernel/cpp/fantoccini/model/evaluation.hpp",
+                    "kernel/cpp/fantoccini/solvers/active_set.hpp",
+                ),
+            ),
+            ("bounds on its tension for the functions of a state", ("dynamics/compiled/model.py",)),
+            (
+                "show it, translate it or refuse it",
+                ("app/cli/info.py", "dynamics/mujoco/mjcf_model.py"),
+            ),
+        ),
+    ),
+    Task(
+        "a kind of string that is a force (as a chain)",
+        (
+            ("schema: its keys", ("model/puppet/schema.py", "model/puppet/chain.py")),
+            (
+                "its row, and links if it has masses",
+                ("model/tree/structure.py", "model/tree/construction.py", "model/tree/chains.py"),
+            ),
+            ("energy and gradient", ("kernel/equations/elastic.py",)),
+            ("the longest stable step", ("dynamics/compiled/checks.py",)),
+            (
+                "draw it, translate it or refuse it",
+                ("output/view/geometry.py", "dynamics/mujoco/mjcf_model.py"),
+            ),
+        ),
+    ),
+    Task(
+        "a method of integration",
+        (
+            (
+                "the step, and a header that exports it to Python",
+                (
+                    "kernel/cpp/fantoccini/variational/step.hpp",
+                    "kernel/cpp/fantoccini/interface/variational.hpp",
+                ),
+            ),
+            (
+                "a library of its own",
+                ("kernel/codegen/libraries.py", "dynamics/compiled/libraries.py"),
+            ),
+            ("its options", ("dynamics/compiled/methods.py",)),
+            ("validation of the start state", ("dynamics/compiled/checks.py",)),
+            (
+                "checks of its results",
+                ("dynamics/simulation/run.py", "dynamics/simulation/batch.py"),
+            ),
+            ("its name on the command line", ("app/console/options.py",)),
+        ),
+    ),
+    Task(
+        "a bundled puppet",
+        (
+            (
+                "the file, and a function of the same name",
+                ("model/puppets/arm2d.yaml", "dynamics/marionette/puppets.py"),
+            ),
+            ("a performance of it", ("model/puppets/performances/toss.yaml",)),
+            ("its picture and film (`make gallery`)", ("/docs/gallery.py",)),
+        ),
+    ),
+    Task(
+        "a command",
+        (
+            (
+                "declare arguments and help; import the module inside the function",
+                ("app/cli/app.py",),
+            ),
+            ("do the work in a module of its own", ("app/cli/check.py",)),
+            ("describe it; a test looks for every option", ("/docs/cli.md",)),
+            ("list it", ("/tests/cli/test_arguments.py",)),
+        ),
+    ),
+    Task(
+        "something that `fantoccini show` can open",
+        (
+            ("recognise it", ("app/web/page.py",)),
+            ("show it: live, or as a replay", ("app/live/live.py", "app/pages/replay.py")),
+            ("write it as one file", ("app/pages/export.py",)),
+        ),
+    ),
+    Task(
+        "a format of animations",
+        (
+            (
+                "a line of `FORMATS`, with the library that it needs",
+                ("output/animation/formats.py",),
+            ),
+            ("its function `write(scene, path)`", ("output/animation/usd.py",)),
+            ("describe it", ("/docs/export.md", "/docs/cli.md")),
+        ),
+    ),
+    Task(
+        "a page of the docs",
+        (
+            (
+                "write it; link it from the README where it helps",
+                ("/docs/install.md", "/README.md"),
+            ),
+            ("place it in the navigation", ("/mkdocs.yml",)),
+        ),
+    ),
+    Task(
+        "a name of the public API",
+        (
+            ("list it", ("__init__.pyi",)),
+            ("give a new package a title in the reference", ("/docs/site/reference.py",)),
+        ),
+    ),
+)
 """Where a task names one file of several alike, it is the example to copy."""
-
-
-def imports() -> dict[str, list[str]]:
-    """The packages that each package imports, anywhere in its files, in the order of PACKAGES."""
-    found: dict[str, set[str]] = {name: set() for name in PACKAGES}
-    for file in PACKAGE.rglob("*.py"):
-        owner = file.relative_to(PACKAGE).with_suffix("").parts[0]
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            if owner in found and isinstance(node, ast.ImportFrom) and node.module:
-                parts = node.module.split(".")
-                if parts[0] == "fantoccini":
-                    names = parts[1:2] or [alias.name for alias in node.names]
-                    found[owner] |= {name for name in names if name in found}
-    return {owner: [n for n in PACKAGES if n in names - {owner}] for owner, names in found.items()}
 
 
 def page() -> str:
     """The text of docs/architecture.md."""
-    found = imports()
-    rows = [
-        f"| `{name}` | {sentence} | {', '.join(f'`{n}`' for n in found[name]) or '-'} |"
-        for name, sentence in PACKAGES.items()
+    rooms = [f"| `{name}` | {asks} | {parts} |" for name, (asks, parts) in ROOMS.items()]
+    walks = []
+    for title, steps in WALKS.items():
+        path = " → ".join(f"`{file}` (`{name}`): {does}" for file, name, does in steps)
+        walks.append(f"- **{title}.** {path}.")
+    tasks = [
+        f"| {task.title} | {'; '.join(f'{step}: {files(names)}' for step, names in task.steps)} |"
+        for task in TASKS
     ]
-    tasks = []
-    for task in TASKS:
-        tasks.append(f"### {task.title[0].upper() + task.title[1:]}\n")
-        for step, files in task.steps:
-            tasks.append(f"- {step[0].upper() + step[1:]}: {', '.join(map(shown, files))}")
-        tasks.append("")
-    return _TEXT.format(packages="\n".join(rows), tasks="\n".join(tasks).rstrip())
+    return _TEXT.format(rooms="\n".join(rooms), walks="\n".join(walks), tasks="\n".join(tasks))
 
 
-def shown(file: str) -> str:
-    """A file of a task as the page names it."""
-    return f"`{file[1:]}`" if file.startswith("/") else f"`{file}`"
+def files(names: tuple[str, ...]) -> str:
+    """The files of a step as the page names them."""
+    return ", ".join(f"`{name.removeprefix('/')}`" for name in names)
 
 
 _TEXT = """# Architecture
 
-After this page you know how a puppet file becomes motion, which package does which part, and which
-files to touch for the common extensions.
+After this page you know which of eleven packages holds what, how something passes through them, and
+which files to touch for the common extensions.
 
-## The pipeline
+Each package is a room that answers one question. A room imports only from those above it in this
+table, through their faces: the `__init__` of a room or of a part. `tests/test_architecture.py`
+enforces both. The one exception is `base/drawing.py`, which imports `output` when a method that
+draws (`run.plot()`) is called.
 
-![From the puppet file to a compiled library, from states and inputs to trajectories, and the front
-ends](pictures/pipeline.svg)
-
-A puppet goes through the upper row once. `puppet` reads the file, `tree` orders its links and
-coordinates, `equations` derives the equations of motion symbolically, `codegen` writes them as C++,
-and `build` compiles them together with the runtime's headers in `cpp/`. The library is cached by
-the hash of everything it depends on, so a known puppet loads without derivation.
-
-`runtime` calls the library; no other package uses ctypes. A `Marionette` holds the tree, the
-equations and the libraries. It computes functions of a state; `simulation` computes runs. States,
-inputs and trajectories are plain data in `motion`, without reference to the library.
-
-The integrators, the complementarity solver and the search motions of the planner are C++ templates
-in `kernel/cpp/fantoccini`, compiled for each puppet with its sizes as constants. They advance one
-trajectory, or several in the lanes of the processor's vectors from the same source.
-
-## Packages
-
-Each package imports only from those above it in this table; `tests/test_architecture.py` enforces
-that. Methods that draw (`run.plot()`, `marionette.show()`) import `view` or `web` when they are
-called.
-
-| Package | Does | Imports |
+| Room | Question | Parts |
 |---|---|---|
-{packages}
+{rooms}
 
-`kernel/cpp/fantoccini` holds the C++ headers. Each folder includes only from itself and from those before
-it: `math`, `contract.hpp`, `solvers`, `model`, `collision`, `contact`, `runs`, `event`,
-`timestepping`, `variational`, `derivatives`, `search`, `interface`.
-`tests/cpp/test_include_order.py` enforces that. `tests/`, `docs/`, `examples/` and `benchmarks/`
-lie outside the package.
+![From the puppet file to a compiled library, from states and inputs to trajectories, and the rooms
+that are built on them](pictures/pipeline.svg)
 
-## What to touch to add ...
+The integrators, the complementarity solver and the planner's rollouts are C++ templates in
+`kernel/cpp/fantoccini`, compiled for each puppet with its sizes as constants, for one trajectory or
+for several in the lanes of vectors. A folder there includes only from itself and from those before
+it: `math`, `solvers`, `model`, `collision`, `contact`, `runs`, `event`, `timestepping`,
+`variational`, `derivatives`, `search`, `interface` (`tests/cpp/test_include_order.py`).
 
-Paths are relative to `src/fantoccini` unless they begin with `docs`, `tests` or a file of the root.
-Every extension also needs a test, a line in `CHANGELOG.md` and the page of the guide that describes
-it. Where one of several similar files is named, copy it.
+## Four walks
 
+{walks}
+
+## What to touch to add something
+
+Paths are relative to `src/fantoccini`, or to the repository. Where one of several similar files is
+named, copy it. Everything also needs a test, a line in `CHANGELOG.md` and its page of the guide.
+
+| To add | Touch |
+|---|---|
 {tasks}
 """
 
@@ -264,11 +369,11 @@ def drawing() -> str:
     top, middle, low, last = 44, 164, 272, 382
     upper = (
         ("data", "puppet file", "YAML"),
-        ("code", "puppet", "schema, checks"),
-        ("code", "tree", "links, coordinates"),
-        ("code", "equations", "CasADi"),
-        ("code", "codegen", "C++, C99"),
-        ("code", "build", "compiler, cache"),
+        ("code", "model.puppet", "schema, checks"),
+        ("code", "model.tree", "links, coordinates"),
+        ("code", "kernel.equations", "CasADi"),
+        ("code", "kernel.codegen", "C++, C99"),
+        ("code", "kernel.build", "compiler, cache"),
     )
     step, width = 144, 120
     parts = [label(20, 30, "once for each puppet"), label(20, middle - 14, "every call")]
@@ -279,17 +384,17 @@ def drawing() -> str:
                 arrow((20 + step * k - (step - width), top + 28), (18 + step * k, top + 28))
             )
     parts += [
-        box(740, middle, width, "code", "runtime", "ctypes"),
+        box(740, middle, width, "code", "kernel.runtime", "ctypes"),
         arrow((800, top + 56), (800, middle - 2)),
         text(808, 134, "library"),
-        box(452, middle, 168, "code", "marionette", "functions of a state"),
+        box(452, middle, 168, "code", "dynamics", "functions of a state"),
         arrow((740, middle + 28), (622, middle + 28)),
         arrow((368, top + 56), (368, 128), (490, 128), (490, middle - 2)),
         text(376, 122, "tree"),
         arrow((540, top + 56), (540, middle - 2)),
         text(548, 134, "interpreted functions"),
         box(20, middle, 168, "data", "State, Input", "motion"),
-        box(452, low, 168, "code", "simulation", "runs and batches"),
+        box(452, low, 168, "code", "dynamics", "runs and batches"),
         arrow((536, middle + 56), (536, low - 2)),
         arrow((104, middle + 56), (104, low + 28), (450, low + 28)),
         box(692, low, 168, "data", "Trajectory", "events, tensions, ledger"),
@@ -297,17 +402,15 @@ def drawing() -> str:
         label(20, last - 20, "built on it"),
     ]
     fronts = (
-        ("sweeps", "many cases"),
-        ("perform", "live engine"),
-        ("planning", "goals, LQR"),
-        ("lab", "Section VI"),
-        ("exchange", "MuJoCo"),
-        ("view", "pictures, film"),
-        ("web", "browser"),
-        ("cli", "commands"),
+        ("control", "plans, optima"),
+        ("theatre", "plays, live"),
+        ("lab", "numbers"),
+        ("stand", "motors"),
+        ("output", "pictures, formats"),
+        ("app", "commands, browser"),
     )
     for k, (name, line) in enumerate(fronts):
-        parts.append(box(20 + 106 * k, last, 98, "front", name, line))
+        parts.append(box(20 + 142 * k, last, 130, "front", name, line))
     parts += [
         arrow((536, low + 56), (536, last - 14)),
         arrow((776, low + 56), (776, last - 14)),

@@ -258,8 +258,8 @@ def page() -> str:
         )
     plays = [
         f"## A play: {name}\n\n{text} It is written in "
-        f"[{_lines(name)} lines](../src/fantoccini/theatre/plays/repertory/{name}.yaml); see [Plays]"
-        f"(plays.md).\n\n![{name}: poses](pictures/gallery/{name}.png)\n\n[Film](pictures/"
+        f"[{_lines(name)} lines](../src/fantoccini/theatre/plays/repertory/{name}.yaml); see "
+        f"[Plays](plays.md).\n\n![{name}: poses](pictures/gallery/{name}.png)\n\n[Film](pictures/"
         f"{name}.mp4): all of it, {PACE:g} times as fast. The play:\n\n```\n"
         f"fantoccini play {name} --out {name}.mp4\n```\n"
         for name, (text, _) in PLAYS.items()

@@ -1,8 +1,9 @@
-"""The package keeps its shape: import order, size of modules, public names, symbols.
+"""The package keeps its shape: import order, faces, size of modules, public names, symbols.
 
-A module or package of ``fantoccini`` imports only from those before it in ``ORDER``. Imports
-inside functions count as well, except those of ``view`` that ``LATE_VIEWS`` lists: methods that
-draw import it when they are called, so that nobody pays for matplotlib who does not draw.
+Eleven packages, the rooms, import only from those above them in ``ORDER``, and only what a face
+offers: the ``__init__`` of a room or of a sub-package. Imports inside functions count as well.
+The single exception is ``base/drawing.py``, which imports ``fantoccini.output`` when a method that
+draws is called.
 """
 
 from __future__ import annotations
@@ -25,78 +26,31 @@ from docs import architecture
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "src" / "fantoccini"
 
-ORDER = (
-    "errors",
-    "arrays",
-    "files",
-    "datagrams",
-    "media",
-    "progress",
-    "meshes",
-    "puppet",
-    "scene",
-    "tree",
-    "contract",
-    "equations",
-    "codegen",
-    "build",
-    "motion",
-    "runtime",
-    "marionette",
-    "puppets",  # the bundled puppets: beside the modules, for users of `marionette`
-    "simulation",
-    "clearance",
-    "optimal",
-    "gestures",  # key poses are reached
-    "capture",
-    "retarget",  # hanging poses are reached, motions predicted
-    "plays",
-    "lab",
-    "sweeps",
-    "demo",  # the bundled performance: inputs for a bundled puppet
-    "perform",
-    "exchange",  # plans are verified in what it makes of a puppet
-    "planning",
-    "stand",
-    "identification",
-    "view",
-    "animation",
-    "web",
-    "cli",
-)
+ORDER = tuple(architecture.ROOMS)
+DRAWING = "base/drawing.py"
+"""The one module that imports a room below its own, by name and when it is called."""
 
-EXEMPT = {"__init__", "__main__"}
-
-LATE_VIEWS = {
-    ("motion", "plot"),
-    ("motion", "show"),
-    ("motion", "_repr_html_"),
-    ("marionette", "plot"),
-    ("optimal", "plot"),
-    ("planning", "plot"),
-    ("planning", "animate"),
-    ("marionette", "show"),
-    ("marionette", "_repr_html_"),
-}
-"""(module or package, function) pairs that import ``view`` when they are called."""
+MOST_FILES = 28
+"""In a folder, sub-packages not counted."""
 
 ONLY_IN = {
-    "subprocess": {"build", "media", "view"},  # the compiler; sounds; the film encoder
-    "ctypes": {"runtime"},
-    "cffi": {"runtime"},
-    "ray": {"sweeps"},
-    "mujoco": {"exchange"},
-    "coacd": {"runtime"},  # convex pieces
-    "coal": {"clearance", "runtime"},  # exact meshes; how well pieces fit them
-    "mcap_protobuf": {"animation"},
-    "foxglove_schemas_protobuf": {"animation"},
-    "pythonosc": {"perform", "stand"},
-    "pxr": {"animation"},
-    "pyvista": {"view"},
-    "viser": {"web"},
-    "yourdfpy": {"exchange"},
+    # the compiler; sounds; the film encoder
+    "subprocess": {"kernel.build", "base", "output.view"},
+    "ctypes": {"kernel.runtime"},
+    "cffi": {"kernel.runtime"},
+    "ray": {"lab.sweeps"},
+    "mujoco": {"dynamics.mujoco", "output.exchange"},
+    "coacd": {"kernel.runtime"},  # convex pieces
+    "coal": {"dynamics.clearance", "kernel.runtime"},  # exact meshes; how well pieces fit them
+    "mcap_protobuf": {"output.animation"},
+    "foxglove_schemas_protobuf": {"output.animation"},
+    "pythonosc": {"theatre.perform", "stand"},
+    "pxr": {"output.animation"},
+    "pyvista": {"output.view"},
+    "viser": {"app.web", "app.pages", "app.live"},
+    "yourdfpy": {"output.exchange"},
 }
-"""Libraries and the modules that may use them."""
+"""Libraries and the packages that may use them."""
 
 OF_OTHERS = {
     "_fields_",  # of ctypes
@@ -118,18 +72,17 @@ ATTRIBUTES = {"getattr", "setattr", "delattr", "hasattr", "attrgetter"}
 
 MOST_LINES = 450
 
-GENERATED = {"cpp/fantoccini/contract.hpp"}
+GENERATED = {"kernel/cpp/fantoccini/contract.hpp"}
 """Files that nobody writes; tests check that they are fresh."""
 
 
 @dataclass(frozen=True)
 class Import:
-    """One imported name: by which file, inside which function, on which line."""
+    """One imported name: by which file, from which package, on which line."""
 
     file: Path
-    owner: str
+    package: str
     name: str
-    function: str | None
     line: int
 
     def __str__(self) -> str:
@@ -140,26 +93,28 @@ def modules() -> list[Path]:
     return sorted(PACKAGE.rglob("*.py"))
 
 
-def owner_of(file: Path) -> str:
-    """The module or package directly below ``fantoccini`` that a file belongs to."""
-    return file.relative_to(PACKAGE).with_suffix("").parts[0]
+def package_of(file: Path) -> str:
+    """The package of a file, without ``fantoccini``: ``kernel.build``; empty at the top."""
+    return ".".join(file.parent.relative_to(PACKAGE).parts)
+
+
+def room_of(name: str) -> str:
+    """The room in a dotted name that begins with ``fantoccini``."""
+    return [*name.split("."), ""][1]
 
 
 @cache
 def imports_of(file: Path) -> list[Import]:
-    """Every name that a file imports, at the top and inside functions."""
-    found: list[Import] = []
-
-    def visit(node: ast.AST, function: str | None) -> None:
-        for name in names_of(node, file):
-            found.append(Import(file, owner_of(file), name, function, node.lineno))
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            function = node.name
-        for child in ast.iter_child_nodes(node):
-            visit(child, function)
-
-    visit(ast.parse(file.read_text(encoding="utf-8")), None)
-    return found
+    """Every name that a file imports, at the top and inside functions; of a face also its stub."""
+    text = file.read_text(encoding="utf-8")
+    stub = file.with_suffix(".pyi")
+    if stub.exists():
+        text += stub.read_text(encoding="utf-8")
+    return [
+        Import(file, package_of(file), name, node.lineno)
+        for node in ast.walk(ast.parse(text))
+        for name in names_of(node, file)
+    ]
 
 
 def names_of(node: ast.AST, file: Path) -> list[str]:
@@ -185,29 +140,72 @@ def internal_imports() -> list[Import]:
     return [each for each in all_imports() if each.name.split(".")[0] == "fantoccini"]
 
 
-def test_every_module_has_its_place_in_the_order():
-    known = {*ORDER, *EXEMPT}
-    assert [f.name for f in modules() if owner_of(f) not in known] == []
+def test_every_folder_is_a_room_of_the_order():
+    rooms = {path.name for path in PACKAGE.iterdir() if (path / "__init__.py").exists()}
+    assert rooms == set(ORDER)
+    assert [file.name for file in PACKAGE.glob("*.py")] == ["__init__.py"]
 
 
-def test_the_architecture_page_describes_every_package_in_order():
-    """18.7: one sentence for each."""
-    assert tuple(architecture.PACKAGES) == ORDER
+def test_a_room_imports_only_from_those_above_it():
+    order = {room: k for k, room in enumerate(ORDER)}
+    wrong = [
+        str(found)
+        for found in internal_imports()
+        if found.package
+        and order.get(room_of(found.name), len(ORDER)) > order[found.package.split(".")[0]]
+    ]
+    assert len(internal_imports()) > 2000
+    assert wrong == []
 
 
-def test_a_module_imports_only_from_those_before_it():
+def test_other_packages_import_from_faces():
+    """From the ``__init__`` of another package, or a module that it holds, never from inside it."""
     wrong = []
     for found in internal_imports():
-        if found.owner in EXEMPT:
-            continue
-        target = found.name.split(".")[1] if "." in found.name else ""
-        if target == found.owner:
-            continue
-        if target == "view" and (found.owner, found.function) in LATE_VIEWS:
-            continue
-        if target not in ORDER or ORDER.index(target) > ORDER.index(found.owner):
+        module = found.name.rsplit(".", 1)[0]
+        file = PACKAGE.parent.joinpath(*module.split("."))
+        other = ".".join(module.split(".")[1:-1])
+        reaches = file.with_suffix(".py").exists() and other != found.package
+        if reaches and found.file.name != "__init__.py":
             wrong.append(str(found))
     assert wrong == []
+
+
+def test_what_a_face_offers_is_below_it():
+    wrong = [
+        str(found)
+        for found in internal_imports()
+        if found.file.name == "__init__.py"
+        and not found.name.startswith(f"fantoccini.{found.package}".rstrip("."))
+    ]
+    assert wrong == []
+
+
+def test_modules_are_imported_by_name_in_their_own_package_or_for_drawing():
+    """Nobody else goes round the order of rooms by importing a name in a string."""
+    by_name = {
+        (file.relative_to(PACKAGE).as_posix(), name)
+        for file in modules()
+        for name in re.findall(
+            r"import_module\(f?\"(fantoccini[\w.]*)", file.read_text(encoding="utf-8")
+        )
+    }
+    elsewhere = {
+        (file, name)
+        for file, name in by_name
+        if not name.startswith(f"fantoccini.{package_of(PACKAGE / file)}")
+    }
+    assert elsewhere == {(DRAWING, "fantoccini.output")}
+
+
+@pytest.mark.parametrize("room", ["motion", "dynamics", "control"])
+def test_rooms_above_output_do_not_import_it(room):
+    code = f"import sys, fantoccini.{room} as r; [getattr(r, n) for n in r.__all__]; " + (
+        "print(*[n for n in sys.modules if n.startswith('fantoccini.output')])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == []
 
 
 @cache
@@ -229,19 +227,42 @@ def file_of(name: str) -> Path | None:
     return file
 
 
-def test_no_file_imports_itself_in_a_circle():
-    """18: imports for type checking and inside functions count, those of late views do not."""
-    graph: dict[Path, set[Path]] = {}
-    for found in internal_imports():
-        late = (found.owner, found.function) in LATE_VIEWS and found.name.split(".")[1] == "view"
-        target = file_of(found.name)
-        if found.file.name != "__init__.py" and target not in (None, found.file) and not late:
-            graph.setdefault(found.file, set()).add(target)
+def circle(graph: dict[object, set[object]]) -> list[object]:
+    """Nodes of a graph that depend on one another in a circle; empty where there is none."""
     try:
         TopologicalSorter(graph).prepare()
     except CycleError as error:
-        circle = " <- ".join(str(file.relative_to(PACKAGE)) for file in error.args[1])
-        pytest.fail(f"these files import one another: {circle}")
+        return error.args[1]
+    return []
+
+
+def test_no_file_imports_itself_in_a_circle():
+    """Imports for type checking and inside functions count."""
+    graph: dict[Path, set[Path]] = {}
+    for found in internal_imports():
+        target = file_of(found.name)
+        if found.file.name != "__init__.py" and target not in (None, found.file):
+            graph.setdefault(found.file, set()).add(target)
+    assert circle(graph) == []
+    one, other = modules()[-2:]
+    assert circle({**graph, one: {other}, other: {one}}) != []
+
+
+def test_no_sub_package_imports_itself_in_a_circle():
+    graph: dict[str, set[str]] = {}
+    for found in internal_imports():
+        target = file_of(found.name)
+        if found.file.name != "__init__.py" and target is not None:
+            graph.setdefault(found.package, set()).add(package_of(target))
+    graph = {package: targets - {package} for package, targets in graph.items()}
+    assert len(graph) > 40
+    assert circle(graph) == []
+
+
+def test_folders_are_small():
+    folders = {file.parent for file in modules()}
+    counts = {folder: len(list(folder.glob("*.py"))) - 1 for folder in folders}
+    assert {str(f.relative_to(ROOT)): n for f, n in counts.items() if n > MOST_FILES} == {}
 
 
 def private(name: str) -> bool:
@@ -321,14 +342,25 @@ def test_each_outside_world_has_one_door():
     wrong = [
         str(found)
         for found in all_imports()
-        if found.owner not in ONLY_IN.get(found.name.split(".")[0], {found.owner})
+        if found.package not in ONLY_IN.get(found.name.split(".")[0], {found.package})
     ]
     assert wrong == []
 
 
+def length(file: Path) -> int:
+    """Lines of a file; import statements of Python do not count."""
+    text = file.read_text(encoding="utf-8")
+    imports = (
+        [n for n in ast.parse(text).body if isinstance(n, ast.Import | ast.ImportFrom)]
+        if file.suffix == ".py"
+        else []
+    )
+    return len(text.splitlines()) - sum(n.end_lineno - n.lineno + 1 for n in imports)
+
+
 def test_modules_are_short():
     files = [*modules(), *PACKAGE.rglob("*.hpp"), *PACKAGE.rglob("*.h")]
-    lengths = {f: len(f.read_text(encoding="utf-8").splitlines()) for f in files}
+    lengths = {f: length(f) for f in files}
     long = {str(f.relative_to(PACKAGE)): n for f, n in lengths.items() if n >= MOST_LINES}
     assert {name: n for name, n in long.items() if name not in GENERATED} == {}
 
@@ -339,7 +371,7 @@ def test_every_public_name_exists():
     assert [name for name in fantoccini.__all__ if not hasattr(fantoccini, name)] == []
 
 
-@pytest.mark.parametrize("file", [f for f in modules() if f.name == "__init__.py"], ids=owner_of)
+@pytest.mark.parametrize("file", [f for f in modules() if f.name == "__init__.py"], ids=package_of)
 def test_every_name_a_package_exports_exists(file):
     parts = file.relative_to(PACKAGE.parent).parent.parts
     package = importlib.import_module(".".join(parts))
@@ -347,7 +379,7 @@ def test_every_name_a_package_exports_exists(file):
     assert [name for name in exported if not hasattr(package, name)] == []
 
 
-@pytest.mark.parametrize("file", [f for f in modules() if f.name == "__init__.py"], ids=owner_of)
+@pytest.mark.parametrize("file", [f for f in modules() if f.name == "__init__.py"], ids=package_of)
 def test_no_exported_name_hides_a_module(file):
     """18.3: ``fantoccini.plan`` was a package until it was imported from, and then a function."""
     package = importlib.import_module(".".join(file.relative_to(PACKAGE.parent).parent.parts))

@@ -121,6 +121,17 @@ def test_the_files_that_a_task_touches_exist(task):
     assert [f for f in files if not (root[f[0] == "/"] / f.lstrip("/")).is_file()] == []
 
 
+@pytest.mark.parametrize("walk", architecture.WALKS)
+def test_the_files_of_a_walk_define_what_it_names(walk):
+    for file, name, _ in architecture.WALKS[walk]:
+        text = (ROOT / "src" / "fantoccini" / file).read_text(encoding="utf-8")
+        assert re.search(rf"^ *(def|class|struct) {name}\b", text, re.MULTILINE), (file, name)
+
+
+def test_the_architecture_page_fits_on_two_screens():
+    assert len(architecture.page().splitlines()) < 90
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(
     not all(map(importlib.util.find_spec, ("mkdocs", "mkdocstrings"))),

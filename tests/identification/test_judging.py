@@ -11,7 +11,7 @@ from benchmarks.identify.turned import turned
 
 import fantoccini as fan
 from fantoccini.lab.identification.judging import columns, doubts, from_before, leaning
-from fantoccini.lab.identification.units import parameter_units
+from fantoccini.lab.identification.unit_names import parameter_units
 
 
 @pytest.fixture(scope="module")

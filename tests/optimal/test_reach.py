@@ -273,7 +273,8 @@ def test_a_tie_lets_a_lever_down_lowest_where_its_string_is_square_to_it():
 
 def test_the_place_of_a_knees_string_is_confirmed_by_a_sweep():
     """Attachment in front of the thigh, with the hand's travel given: the knee lifts highest."""
-    text = (importlib.resources.files("fantoccini") / "model" / "puppets" / "marionette.yaml").read_text()
+    file = importlib.resources.files("fantoccini") / "model" / "puppets" / "marionette.yaml"
+    text = file.read_text()
     fixed, tie = "at: [0.018, 0, -0.115]}", "at: [{parameter: tie, value: 0.018}, 0, -0.09]}"
     tied = text.replace(fixed, tie)
     made = fan.loads(tied.replace("puppet: marionette", "puppet: tied", 1))

@@ -9,7 +9,7 @@ import fantoccini as fan
 from fantoccini.theatre.cast.companies import Company, Meeting, Span, spans
 from fantoccini.theatre.cast.contacts import hanging
 from fantoccini.theatre.plays.handled import failures
-from fantoccini.theatre.plays.together import together
+from fantoccini.theatre.plays.stage_run import together
 
 pytestmark = [pytest.mark.slow, pytest.mark.long]
 

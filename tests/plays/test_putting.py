@@ -12,7 +12,7 @@ from fantoccini.base.errors import FileError
 from fantoccini.dynamics.compiled import link_index
 from fantoccini.model.puppet.bundled_files import bundled
 from fantoccini.theatre.plays import putting
-from fantoccini.theatre.plays.together import together
+from fantoccini.theatre.plays.stage_run import together
 
 pytestmark = pytest.mark.slow
 

@@ -16,7 +16,7 @@ from PIL import Image
 import fantoccini as fan
 from fantoccini.base.errors import PictureError
 from fantoccini.lab.identification.judging import columns, doubts
-from fantoccini.lab.identification.units import channel_units, units
+from fantoccini.lab.identification.unit_names import channel_units, units
 from fantoccini.output import reports
 from fantoccini.output.reports import identified_plots
 from fantoccini.output.view.theme import RED

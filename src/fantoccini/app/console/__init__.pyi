@@ -45,7 +45,7 @@ from .recording import (
     recorded_start as recorded_start,
     with_recorded_winches as with_recorded_winches,
 )
-from .report import report as report
+from .reporting import report as report
 from .requests import (
     FollowRequest as FollowRequest,
     OptimiseRequest as OptimiseRequest,
@@ -70,7 +70,7 @@ from .terminal import (
     width as width,
     write as write,
 )
-from .warn import (
+from .plausibility import (
     inputs_warnings as inputs_warnings,
     puppet_warnings as puppet_warnings,
     warn as warn,

@@ -17,7 +17,7 @@ from fantoccini.base.documents.located import (
     validate,
 )
 from fantoccini.base.documents.refusals import Refusals
-from fantoccini.base.documents.sized import (
+from fantoccini.base.documents.sized_values import (
     SIZED,
     Place,
     Size,

@@ -26,13 +26,13 @@ from fantoccini.control.tasks.residuals import (
     residual_of,
     share,
 )
+from fantoccini.control.tasks.schema import task_schema
 from fantoccini.control.tasks.targets import Target
 from fantoccini.control.tasks.task import Task
 from fantoccini.control.tasks.task_file import (
     load_task,
     task_names,
 )
-from fantoccini.control.tasks.task_schema import task_schema
 from fantoccini.control.tasks.touch import (
     Touch,
     Touched,

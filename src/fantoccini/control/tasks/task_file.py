@@ -25,10 +25,7 @@ from fantoccini.control.tasks.clip import Clip
 from fantoccini.control.tasks.costs import Smooth, Track
 from fantoccini.control.tasks.nodes import Nodes
 from fantoccini.control.tasks.residuals import residual_of
-from fantoccini.control.tasks.shapes import Circle
-from fantoccini.control.tasks.targets import Target
-from fantoccini.control.tasks.task import Task, moved
-from fantoccini.control.tasks.task_schema import (
+from fantoccini.control.tasks.schema import (
     BoundsFile,
     CircleFile,
     RunFile,
@@ -36,6 +33,9 @@ from fantoccini.control.tasks.task_schema import (
     TouchFile,
     TrackFile,
 )
+from fantoccini.control.tasks.shapes import Circle
+from fantoccini.control.tasks.targets import Target
+from fantoccini.control.tasks.task import Task, moved
 from fantoccini.control.tasks.touch import Touch, check_windows
 from fantoccini.dynamics.compiled import link_index
 from fantoccini.dynamics.marionette import Marionette, load

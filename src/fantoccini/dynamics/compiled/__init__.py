@@ -1,6 +1,10 @@
 """A compiled puppet: its libraries and parameters, and functions of one state."""
 
 from fantoccini.dynamics.compiled import configurations
+from fantoccini.dynamics.compiled.accelerations import (
+    ForwardDynamics,
+    forward_dynamics,
+)
 from fantoccini.dynamics.compiled.active_set import (
     ROW_TOLERANCES,
     ActiveSet,
@@ -42,10 +46,6 @@ from fantoccini.dynamics.compiled.contact_geometry import (
 from fantoccini.dynamics.compiled.critical_step import critical_step_of_tensions
 from fantoccini.dynamics.compiled.evaluation import Evaluation
 from fantoccini.dynamics.compiled.flow import Flow
-from fantoccini.dynamics.compiled.forward_dynamics import (
-    ForwardDynamics,
-    forward_dynamics,
-)
 from fantoccini.dynamics.compiled.mass_check import check_mass_matrix
 from fantoccini.dynamics.compiled.methods import (
     Event,
@@ -71,7 +71,7 @@ from fantoccini.dynamics.compiled.screws import (
     relations,
 )
 from fantoccini.dynamics.compiled.touching import TOUCHING
-from fantoccini.dynamics.compiled.vectors import (
+from fantoccini.dynamics.compiled.vector_checks import (
     vector,
     vectors,
 )

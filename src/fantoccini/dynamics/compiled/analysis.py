@@ -13,7 +13,7 @@ import numpy as np
 
 from fantoccini.base import Array, UnknownNameError
 from fantoccini.dynamics.compiled.model import Model
-from fantoccini.dynamics.compiled.vectors import vector
+from fantoccini.dynamics.compiled.vector_checks import vector
 from fantoccini.kernel.contract import FUNCTIONS
 from fantoccini.motion import State
 

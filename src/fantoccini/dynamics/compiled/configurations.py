@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fantoccini.base import Array, tangent
 from fantoccini.dynamics.compiled.model import Model
-from fantoccini.dynamics.compiled.vectors import vectors
+from fantoccini.dynamics.compiled.vector_checks import vectors
 
 
 def difference(model: Model, q0: Array, q1: Array, driven: bool = False) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 
 from fantoccini.base import Array, Indices, MaskRows
 from fantoccini.dynamics.compiled.model import Model
-from fantoccini.dynamics.compiled.vectors import vector
+from fantoccini.dynamics.compiled.vector_checks import vector
 from fantoccini.kernel.contract import WINCH_AT, WINCH_DECELERATION
 from fantoccini.kernel.runtime import Complementarity, Library
 from fantoccini.motion import State

@@ -2,8 +2,8 @@
 
 from fantoccini.dynamics.simulation.batch import simulate_batch
 from fantoccini.dynamics.simulation.catch import Passage
-from fantoccini.dynamics.simulation.contact_effort import contact_effort
 from fantoccini.dynamics.simulation.determinacy import undetermined
+from fantoccini.dynamics.simulation.effort_of_contacts import contact_effort
 from fantoccini.dynamics.simulation.intervals import interval_derivatives
 from fantoccini.dynamics.simulation.pace import SlowRunWarning
 from fantoccini.dynamics.simulation.run import (

@@ -21,8 +21,8 @@ from fantoccini.dynamics.compiled import (
 )
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation.checks import check_marionette, check_one_run, save_times
-from fantoccini.dynamics.simulation.contact_effort import contact_effort
 from fantoccini.dynamics.simulation.determinacy import undetermined
+from fantoccini.dynamics.simulation.effort_of_contacts import contact_effort
 from fantoccini.dynamics.simulation.pace import Pace, chatter
 from fantoccini.dynamics.simulation.soundness import judged, prescribed_verdict
 from fantoccini.dynamics.simulation.weak_motors import weak_motors

@@ -26,7 +26,7 @@ from fantoccini.kernel.runtime.compiled import (
     Piece,
     Run,
 )
-from fantoccini.kernel.runtime.contact_points import contact_points
+from fantoccini.kernel.runtime.contact_decoding import contact_points
 from fantoccini.kernel.runtime.contacts import Contacts
 from fantoccini.kernel.runtime.flow_derivatives import (
     DerivativeLibrary,

@@ -28,7 +28,7 @@ from fantoccini.lab.identification.suggesting import (
     Candidate,
     suggest_motion,
 )
-from fantoccini.lab.identification.units import (
+from fantoccini.lab.identification.unit_names import (
     channel_units,
     units,
 )

@@ -9,7 +9,7 @@ import numpy as np
 
 from fantoccini.base import Array
 from fantoccini.lab.identification.result import LISTED, Identified
-from fantoccini.lab.identification.units import channel_units
+from fantoccini.lab.identification.unit_names import channel_units
 
 _ALIKE = 0.2
 """Correlation of neighbouring residuals from which on they are no noise."""

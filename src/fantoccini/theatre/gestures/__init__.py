@@ -67,7 +67,7 @@ from fantoccini.theatre.gestures.timing import (
     Times,
     in_order,
 )
-from fantoccini.theatre.gestures.transition import (
+from fantoccini.theatre.gestures.transitions import (
     ACCELERATION,
     SAME,
     SPEED,

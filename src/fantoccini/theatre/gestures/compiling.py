@@ -21,7 +21,7 @@ from fantoccini.theatre.gestures.score import Caption, Score, Wait
 from fantoccini.theatre.gestures.score_file import ScoreFile
 from fantoccini.theatre.gestures.sounding import read_sounds, spot_of_sound
 from fantoccini.theatre.gestures.timing import Spot
-from fantoccini.theatre.gestures.transition import limits
+from fantoccini.theatre.gestures.transitions import limits
 from fantoccini.theatre.gestures.waiting import note_moving
 
 _NO_BOUNDS = {"speed": 1.0, "acceleration": 1.0}

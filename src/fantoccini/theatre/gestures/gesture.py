@@ -28,7 +28,7 @@ from fantoccini.base import (
 from fantoccini.motion import SAME_TIME, Findings, Input, State, Table, binding, pieces, reading
 from fantoccini.theatre.gestures import moves, piecewise
 from fantoccini.theatre.gestures.joining import Line, Motion
-from fantoccini.theatre.gestures.transition import ACCELERATION, SAME, SPEED, Most, limits
+from fantoccini.theatre.gestures.transitions import ACCELERATION, SAME, SPEED, Most, limits
 from fantoccini.theatre.gestures.turns import from_start
 
 if TYPE_CHECKING:

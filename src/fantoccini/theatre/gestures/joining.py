@@ -9,7 +9,7 @@ import numpy as np
 
 from fantoccini.base import Array, MaskRows, Times, VecK, polynomial
 from fantoccini.theatre.gestures import piecewise
-from fantoccini.theatre.gestures.transition import transition
+from fantoccini.theatre.gestures.transitions import transition
 
 
 class Motion(NamedTuple):

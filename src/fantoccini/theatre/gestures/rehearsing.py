@@ -30,7 +30,7 @@ from fantoccini.theatre.gestures.timekeeping import (
     places,
     ties,
 )
-from fantoccini.theatre.gestures.transition import limits
+from fantoccini.theatre.gestures.transitions import limits
 
 _STEP = 0.02
 """Between the times at which hands learn [s]."""

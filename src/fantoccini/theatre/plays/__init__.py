@@ -17,7 +17,7 @@ from fantoccini.theatre.plays.reading import (
     check_play,
     play_names,
 )
-from fantoccini.theatre.plays.together import together
+from fantoccini.theatre.plays.stage_run import together
 from fantoccini.theatre.plays.touching import Touch
 from fantoccini.theatre.plays.verifying import (
     CueTime,

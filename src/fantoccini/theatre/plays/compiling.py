@@ -16,7 +16,7 @@ from fantoccini.theatre.plays.placing import IN_TIME
 from fantoccini.theatre.plays.play import CueOfPlay, Play
 from fantoccini.theatre.plays.reading import read_script
 from fantoccini.theatre.plays.rounds import Round, Rounds
-from fantoccini.theatre.plays.together import SAMPLE, together
+from fantoccini.theatre.plays.stage_run import SAMPLE, together
 from fantoccini.theatre.plays.touching import EVERY, Touch, touches
 from fantoccini.theatre.plays.whole import whole_score
 

@@ -18,7 +18,7 @@ from fantoccini.theatre.plays.handled import failures
 from fantoccini.theatre.plays.placing import IN_TIME
 from fantoccini.theatre.plays.play import CueOfPlay, Play
 from fantoccini.theatre.plays.rounds import PEAKS
-from fantoccini.theatre.plays.together import together
+from fantoccini.theatre.plays.stage_run import together
 from fantoccini.theatre.plays.touching import EVERY, Touch, touches
 
 _AT_REST = 1e-6
