@@ -1,5 +1,5 @@
 """Independent answers that the package is compared with.
 
-Nothing here imports the equations of the package: the answers come from the paper's text, from
-closed forms, and from SymPy, SciPy and MuJoCo.
+Nothing here imports the equations of the package, except where a module says so: the answers come
+from the paper's text, from closed forms, and from SymPy, SciPy and MuJoCo.
 """

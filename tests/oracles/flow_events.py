@@ -1,9 +1,10 @@
 """Event-driven runs by any of SciPy's integrators, on the flows between events.
 
 Between events the active set is fixed and the motion is the ordinary differential equation of
-``marionette.flow`` (Sec. III-C: any numeric integrator will do). SciPy makes the steps. An event is
-where a guard turns positive, as found by integrating to it. Impulses are found by trying every set
-of closed strings and limits (Eqs. 13-15):
+``marionette.flow`` (Sec. III-C: any numeric integrator will do). Its rate, guards and active set
+are the package's, and so is the mass matrix. SciPy makes the steps. An event is where a guard turns
+positive, as found by integrating to it. Impulses are found by trying every set of closed strings
+and limits (Eqs. 13-15):
 
     v+ = v- - M^-1 A_D^T Lambda,   0 <= Lambda  complementary to  -(hdot+ + e hdot-) >= 0
 """
