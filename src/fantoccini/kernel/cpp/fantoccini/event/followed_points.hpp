@@ -78,7 +78,6 @@ class FollowedPoints {
   double lawful[room(3 * C)], after_lawful[room(3 * C)];  // likewise, where modes end
   double overlap = -unbounded, closing = 0.0;  // of the point that is deepest, and how fast
   double safe = unbounded;                     // s: until solids might pass through one another
-
   bool found[room(C)];  // whether a point is one there
   double point[room(C)][3], frame[room(C)][9];
   // Of the rows: A_D, A_K v_K, and gamma.

@@ -351,7 +351,6 @@ class HeldContacts {
   }
 
  private:
-
   double lawful_tension_[room(M)], after_[room(R)];
 };
 

@@ -120,7 +120,6 @@ class HeldRows {
     return any;
   }
 
-
   // The directions that are held: of strings all that are taut; of points the normals and, if
   // `tangents`, those of sticking ones, with `beginning` also of those that begin to slide. With
   // `friction` the forces of sliding ones have theirs.
@@ -186,8 +185,8 @@ class HeldRows {
 
   // G of point c along a direction in its tangents.
   double own_influence(int c, double p, double q) const {
-    const double* G = G + (first_of(c) + 1) * (n + 1);
-    return p * (G[0] * p + 2.0 * G[1] * q) + q * G[n + 1] * q;
+    const double* own = G + (first_of(c) + 1) * (n + 1);
+    return p * (own[0] * p + 2.0 * own[1] * q) + q * own[n + 1] * q;
   }
 
   // The direction of friction at sliding point c: its `own`, that of hdot_T, or the one kept, at rest
