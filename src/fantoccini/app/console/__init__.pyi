@@ -40,6 +40,11 @@ from .outputs import (
     check_outputs as check_outputs,
     write_outputs as write_outputs,
 )
+from .plausibility import (
+    inputs_warnings as inputs_warnings,
+    puppet_warnings as puppet_warnings,
+    warn as warn,
+)
 from .recording import (
     load_recording as load_recording,
     recorded_start as recorded_start,
@@ -69,9 +74,4 @@ from .terminal import (
     version as version,
     width as width,
     write as write,
-)
-from .plausibility import (
-    inputs_warnings as inputs_warnings,
-    puppet_warnings as puppet_warnings,
-    warn as warn,
 )
