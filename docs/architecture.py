@@ -369,11 +369,11 @@ def drawing() -> str:
     top, middle, low, last = 44, 164, 272, 382
     upper = (
         ("data", "puppet file", "YAML"),
-        ("code", "model.puppet", "schema, checks"),
-        ("code", "model.tree", "links, coordinates"),
-        ("code", "kernel.equations", "CasADi"),
-        ("code", "kernel.codegen", "C++, C99"),
-        ("code", "kernel.build", "compiler, cache"),
+        ("code", "puppet", "model: schema"),
+        ("code", "tree", "model: links"),
+        ("code", "equations", "kernel: CasADi"),
+        ("code", "codegen", "kernel: C++, C99"),
+        ("code", "build", "kernel: compiler"),
     )
     step, width = 144, 120
     parts = [label(20, 30, "once for each puppet"), label(20, middle - 14, "every call")]
@@ -384,7 +384,7 @@ def drawing() -> str:
                 arrow((20 + step * k - (step - width), top + 28), (18 + step * k, top + 28))
             )
     parts += [
-        box(740, middle, width, "code", "kernel.runtime", "ctypes"),
+        box(740, middle, width, "code", "runtime", "kernel: ctypes"),
         arrow((800, top + 56), (800, middle - 2)),
         text(808, 134, "library"),
         box(452, middle, 168, "code", "dynamics", "functions of a state"),
