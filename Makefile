@@ -9,7 +9,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
 .PHONY: demo show test test-slow test-all test-portable test-install clean-room gallery docs architecture bench bench-plan
-.PHONY: soak soak-crowds soak-rests strings-report growth-report long-runs-report stage-report
+.PHONY: format soak soak-crowds soak-rests strings-report growth-report long-runs-report stage-report
 .PHONY: optimal-peers
 .PHONY: reduction-report reports lint wheel clean
 .NOTPARALLEL:
@@ -103,8 +103,15 @@ reports: long-runs-report reduction-report
 
 lint: $(VENV)/stamp-test
 	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	find src tests benchmarks \( -name "*.hpp" -o -name "*.cpp" \) -exec $(BIN)/clang-format --dry-run --Werror {} +
 	$(BIN)/deptry src
 	$(BIN)/mypy
+
+# Format Python and C++ in place.
+format: $(VENV)/stamp-test
+	$(BIN)/ruff format .
+	find src tests benchmarks \( -name "*.hpp" -o -name "*.cpp" \) -exec $(BIN)/clang-format -i {} +
 
 wheel: $(VENV)/stamp-test
 	$(BIN)/python -m build --wheel --outdir dist

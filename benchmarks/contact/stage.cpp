@@ -47,8 +47,16 @@ void take_contacts() {
   pairs = take_whole(2), groups = take_whole(3);
   friction = take(int(take(1)[0])), restitution = take(int(take(1)[0]));
   meetings = take_whole(1);
-  arrays = {n, (long long)(pairs.size() / 2), (long long)(groups.size() / 3), solids.data(),
-            pairs.data(), groups.data(), friction.data(), restitution.data(), meetings.data()};
+  arrays = {
+      n,
+      (long long)(pairs.size() / 2),
+      (long long)(groups.size() / 3),
+      solids.data(),
+      pairs.data(),
+      groups.data(),
+      friction.data(),
+      restitution.data(),
+      meetings.data()};
 }
 
 constexpr int rows_kept = 4, some_events = 4096, some_points = 4 * (Model::n_contacts + 1);

@@ -4,7 +4,8 @@
 //   step_dynamics   the generated function alone
 //
 // argv and stdin are those of scalar.cpp. stdout: one line a time, seconds of the processor for one
-// lane; then the sum of the tensions [N] and the largest |h| of a string [m] where the last one ended.
+// lane; then the sum of the tensions [N] and the largest |h| of a string [m] where the last one
+// ended.
 #include "main.cpp"
 #include "given.hpp"
 

@@ -9,8 +9,8 @@
 // argv: the work, how often it is timed, how many in each.
 // stdin: q_D, v_D, p, winches, dt, recovery speed, tension cap, the input (n_segments, breaks,
 // coef, base).
-// stdout: one line a time, seconds of the processor for one; then the sum of the tensions [N] and the largest |h|
-// of a string [m] where the last one ended.
+// stdout: one line a time, seconds of the processor for one; then the sum of the tensions [N] and
+// the largest |h| of a string [m] where the last one ended.
 #include "main.cpp"
 #include "given.hpp"
 
@@ -123,8 +123,14 @@ void steps(int n) {
 int main(int, char** argv) {
   const bool stepping = !std::strcmp(argv[1], "step");
   void (*work)(int) = steps;
-  const struct { const char* name; void (*work)(int); } works[] = {
-      {"evaluate", evaluate}, {"rk4", rk4}, {"dynamics", dynamics}, {"step_dynamics", step_dynamics}};
+  const struct {
+    const char* name;
+    void (*work)(int);
+  } works[] = {
+      {"evaluate", evaluate},
+      {"rk4", rk4},
+      {"dynamics", dynamics},
+      {"step_dynamics", step_dynamics}};
   for (const auto& known : works)
     if (!std::strcmp(argv[1], known.name)) work = known.work;
   const int times = std::atoi(argv[2]), n = std::atoi(argv[3]);
@@ -136,7 +142,7 @@ int main(int, char** argv) {
     const double took = double(std::clock() - start) / CLOCKS_PER_SEC;
     if (i > 0) std::printf("%.9g\n", took / n);
   }
-  const double *tension = stepping ? run.trajectory.at.tension : flow.tension;
+  const double* tension = stepping ? run.trajectory.at.tension : flow.tension;
   const auto& eval = stepping ? run.trajectory.at.eval : flow.eval;
   double sum = 0.0, apart = 0.0;
   for (int r = 0; r < S; ++r) {

@@ -107,7 +107,8 @@ Answer solve_exactly(const Problem& p, bool guess) {
 }
 
 // The largest entry of A (x - y).
-double motion_between(const Problem& p, const std::vector<double>& x, const std::vector<double>& y) {
+double motion_between(
+    const Problem& p, const std::vector<double>& x, const std::vector<double>& y) {
   double most = 0.0;
   for (int k = 0; k < p.length; ++k) {
     double sum = 0.0;
@@ -121,7 +122,9 @@ double motion_between(const Problem& p, const std::vector<double>& x, const std:
 template <class Real>
 Real b_of(const Problem& p, int i);
 template <>
-double b_of<double>(const Problem& p, int i) { return p.b[i]; }
+double b_of<double>(const Problem& p, int i) {
+  return p.b[i];
+}
 template <>
 Wide b_of<Wide>(const Problem& p, int i) {
   Wide b;
@@ -142,7 +145,9 @@ auto step(fan::Complementarity<Real, kCapacity, leading>& system, const Problem&
     system.active[i] = p.guess || free ? !never : never;
     system.high[i] = never;
   }
-  return system.solve(fan::ComplementarityTolerances::raise, 1, fan::ComplementarityTolerances::pivoting, 50 + 4 * p.n);
+  return system.solve(
+      fan::ComplementarityTolerances::raise, 1, fan::ComplementarityTolerances::pivoting,
+      50 + 4 * p.n);
 }
 
 // The largest difference of x in lane 0; NaN where there is one.

@@ -1,8 +1,8 @@
 // The time-stepper on bundles of doubles beside the scalar one.
 //
 // stdin: n_steps, dt, recovery speed, cap; then for each lane q_D, v_D, slip, q_K, and for every
-// driven coordinate an amplitude, a frequency and a phase: q_K(t) = q_K + a (cos(p) - cos(w t + p)).
-// All driven coordinates are scalars. Parameters and winches follow, the same for all lanes.
+// driven coordinate an amplitude, a frequency and a phase: q_K(t) = q_K + a (cos(p) - cos(w t +
+// p)). All driven coordinates are scalars. Parameters and winches follow, the same for all lanes.
 //
 // stdout, one number a line with its name: what the Python side asserts.
 #define FAN_LANES 8
@@ -217,10 +217,11 @@ int main() {
   for (long long c : changes) fewest = c < fewest ? c : fewest;
   for (long long c : slips) slipped += c > 0;
   std::printf("numbers_left_out %g\n", numbers_left_out);
-  std::printf("q %.3e\nv %.3e\nslip %.3e\ntension %.3e\nledger %.3e\n", q.value, v.value,
-              slip.value, tension.value, ledger.value);
-  std::printf("modes_apart %lld\nbits_apart %lld\nunsettled %lld\n", modes_apart, bits_apart,
-              unsettled);
+  std::printf(
+      "q %.3e\nv %.3e\nslip %.3e\ntension %.3e\nledger %.3e\n", q.value, v.value, slip.value,
+      tension.value, ledger.value);
+  std::printf(
+      "modes_apart %lld\nbits_apart %lld\nunsettled %lld\n", modes_apart, bits_apart, unsettled);
   std::printf("lanes_that_slipped %lld\n", slipped);
   std::printf("fewest_changes %lld\nsteps_unlike %lld\n", fewest, steps_unlike);
   return 0;

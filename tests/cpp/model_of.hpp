@@ -22,9 +22,9 @@ namespace wide {
 #include "model.c"
 #undef casadi_real
 }  // namespace wide
-#define FAN_WIDE(NAME)                                                          \
-  static int NAME(const Lanes<FAN_LANES>** arg, Lanes<FAN_LANES>** res) {       \
-    return wide::fan_##NAME(arg, res, nullptr, nullptr, 0);                     \
+#define FAN_WIDE(NAME)                                                    \
+  static int NAME(const Lanes<FAN_LANES>** arg, Lanes<FAN_LANES>** res) { \
+    return wide::fan_##NAME(arg, res, nullptr, nullptr, 0);               \
   }
 #else
 #define FAN_WIDE(NAME)
@@ -51,9 +51,7 @@ struct Model : ModelTables {
   FAN_FUNCTION(forth)
   FAN_FUNCTION(back)
   static void dynamics_constants(double** res) { scalar::fan_dynamics_constants(res); }
-  static void step_dynamics_constants(double** res) {
-    scalar::fan_step_dynamics_constants(res);
-  }
+  static void step_dynamics_constants(double** res) { scalar::fan_step_dynamics_constants(res); }
   static void column(int which, const double** arg, double** res) {
     scalar::fan_column(which, arg, res);
   }

@@ -22,7 +22,8 @@ fan::Status corrected_in(int rounds) {
 
 struct Line {
   static constexpr int n_scalars = 1, n_quaternions = 0;
-  static constexpr int scalar_q[] = {0}, scalar_v[] = {0}, quaternion_q[] = {0}, quaternion_v[] = {0};
+  static constexpr int scalar_q[] = {0}, scalar_v[] = {0}, quaternion_q[] = {0},
+                       quaternion_v[] = {0};
 };
 
 struct Pair {

@@ -1,9 +1,9 @@
 // A run through the C interface, as the package makes it, for the sanitizers to watch.
 //
-// stdin: event-driven (1 or 0), t, t_end, new inputs half way (1 or 0), the eleven options, q_D, v_D,
-// slip, p, the winches, the input (n_segments, breaks, coef, base), and times to save (n, times).
-// stdout: status, rows, events, events of slipping, steps, whether all rows are finite, the largest
-// blame, and the last row.
+// stdin: event-driven (1 or 0), t, t_end, new inputs half way (1 or 0), the eleven options, q_D,
+// v_D, slip, p, the winches, the input (n_segments, breaks, coef, base), and times to save (n,
+// times). stdout: status, rows, events, events of slipping, steps, whether all rows are finite, the
+// largest blame, and the last row.
 #include "model_of.hpp"
 
 #include "fantoccini/interface/model.hpp"
@@ -29,8 +29,9 @@ std::vector<double> take(int n) {
 
 fan::Options options() {
   fan::Options o;
-  for (double* x : {&o.rtol, &o.atol, &o.first_step, &o.max_step, &o.tension_cap, &o.energy_scale,
-                    &o.force_scale, &o.recovery_speed, &o.dt})
+  for (double* x :
+       {&o.rtol, &o.atol, &o.first_step, &o.max_step, &o.tension_cap, &o.energy_scale,
+        &o.force_scale, &o.recovery_speed, &o.dt})
     *x = take();
   o.max_steps = static_cast<long long>(take());
   o.max_events = static_cast<long long>(take());
@@ -57,7 +58,8 @@ struct Sheets {
     for (long long i = 0; i < record.n_samples * width; ++i)
       finite = finite && fabs(rows[size_t(i)]) < 1e100;
     if (record.n_samples > 0)
-      last.assign(rows.begin() + (record.n_samples - 1) * width, rows.begin() + record.n_samples * width);
+      last.assign(
+          rows.begin() + (record.n_samples - 1) * width, rows.begin() + record.n_samples * width);
     for (long long i = 0; i < record.n_events; ++i)
       n_slips += events[size_t(i * fan::EventLayout::width + fan::EventLayout::kind)] == fan::SLIP;
     n_rows += record.n_samples;
@@ -89,8 +91,17 @@ int main() {
   const auto save_at = take(int(take()));
   const fan::InputArrays input{n, breaks.data(), coef.data(), base.data(), nullptr};
   const fan::StartArrays start{
-      t, q_D.data(), v_D.data(), slip.data(), p.data(), winches.data(), input, o, save_at.data(),
-      static_cast<long long>(save_at.size()), 1};
+      t,
+      q_D.data(),
+      v_D.data(),
+      slip.data(),
+      p.data(),
+      winches.data(),
+      input,
+      o,
+      save_at.data(),
+      static_cast<long long>(save_at.size()),
+      1};
 
   void* run = fan_new(event_driven);
   Sheets sheets;
@@ -108,9 +119,10 @@ int main() {
   fan_free(run);
   for (int r = 0; r < Model::n_rows; ++r) most = blame[r] > most ? blame[r] : most;
 
-  std::printf("status %d\nrows %lld\nevents %lld\nslips %lld\nsteps %g\nfinite %d\nblame %g\n",
-              status, sheets.n_rows, sheets.n_events, sheets.n_slips, double(progress.steps),
-              int(sheets.finite), most);
+  std::printf(
+      "status %d\nrows %lld\nevents %lld\nslips %lld\nsteps %g\nfinite %d\nblame %g\n", status,
+      sheets.n_rows, sheets.n_events, sheets.n_slips, double(progress.steps), int(sheets.finite),
+      most);
   for (size_t i = 0; i < sheets.last.size(); ++i) std::printf("row%zu %.17g\n", i, sheets.last[i]);
   return 0;
 }

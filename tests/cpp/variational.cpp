@@ -199,12 +199,13 @@ int main() {
       }
       for (int k = 0; k < W; ++k)
         if (second->who[k] == l)
-          bits_apart += std::memcmp(
-                            second->all(k).data(), mine.data(), sizeof(double) * mine.size()) != 0;
+          bits_apart +=
+              std::memcmp(second->all(k).data(), mine.data(), sizeof(double) * mine.size()) != 0;
     }
   }
   std::printf("numbers_left_out %g\napart %.3e\n", numbers_left_out, apart);
-  std::printf("bits_apart %lld\nmodes_apart %lld\nchanges %lld\n", bits_apart, modes_apart, changes);
+  std::printf(
+      "bits_apart %lld\nmodes_apart %lld\nchanges %lld\n", bits_apart, modes_apart, changes);
   std::printf("stopped %d\n", first->stopped() + second->stopped());
   std::printf("halved %d\n", halved);
   return 0;

@@ -12,11 +12,11 @@
 namespace fan {
 
 struct BoxTolerances {
-  static constexpr double core = 1e-10;        // m: a core this near meets the box
-  static constexpr double edge_share = 0.95;   // an edge wins with less than this of a face's depth
-  static constexpr double same_face = 1e-4;    // of the size: lying flat, less makes no difference
-  static constexpr double same_slope = 1e-5;   // likewise: what goes down by less lies flat
-  static constexpr double rounding = 1e-9;     // of the size
+  static constexpr double core = 1e-10;       // m: a core this near meets the box
+  static constexpr double edge_share = 0.95;  // an edge wins with less than this of a face's depth
+  static constexpr double same_face = 1e-4;   // of the size: lying flat, less makes no difference
+  static constexpr double same_slope = 1e-5;  // likewise: what goes down by less lies flat
+  static constexpr double rounding = 1e-9;    // of the size
 };
 
 // The side of an axis: 1 or -1.
@@ -54,8 +54,7 @@ struct FaceClip {
   PointPair ends[2];
   bool found;
 
-  FAN_FN FaceClip(
-      const Core& core, const double* half, int face, double side, double nearest)
+  FAN_FN FaceClip(const Core& core, const double* half, int face, double side, double nearest)
       : ends{} {
     double low = 0.0, high = core.length;
     found = true;
@@ -139,8 +138,8 @@ FAN_FN void touch_box_inside(const Core& core, const double* half, double at, To
 
 // The core's point at the length `at` is nearest to the box, in the direction `normal`.
 FAN_FN void touch_box_outside(
-    const Core& core, const double* half, double at, const PointPair& nearest,
-    const double* normal, Touches& to) {
+    const Core& core, const double* half, double at, const PointPair& nearest, const double* normal,
+    Touches& to) {
   const int face = largest_of(normal), edge = smallest_of(normal);
   const double side = side_of(normal[face]);
   double tilt[3];
@@ -152,7 +151,8 @@ FAN_FN void touch_box_outside(
   const CorePart part = at <= 0.0 ? FIRST_END : at >= core.length ? SECOND_END : MIDDLE;
   const int shape = 3 * (3 * stretch_of(on_face) + stretch_of(on_edge.flat)) + part;
   if (on_face == 0.0 && on_edge.flat == 0.0)
-    return to.add(nearest.p, nearest.q, normal, 0, lasting_regions + 27 * part + region_of_box(normal));
+    return to.add(
+        nearest.p, nearest.q, normal, 0, lasting_regions + 27 * part + region_of_box(normal));
   for (int k = 0; k < 2; ++k) {
     PointPair pair = between_pairs(nearest, on_edge.ends[k], on_edge.flat);
     pair = between_pairs(pair, clip.ends[k], on_face);
@@ -191,8 +191,7 @@ FAN_FN void touch_box_by_segment(const PlacedSolid& x, const PlacedSolid& box, T
   difference3(nearest.p, nearest.q, normal);
   if (unit3(normal, BoxTolerances::core))
     touch_box_outside(core, box.half, at, nearest, normal, to);
-  else
-    touch_box_inside(core, box.half, at, to);
+  else touch_box_inside(core, box.half, at, to);
   place_touches(box, 0, to);
 }
 

@@ -33,7 +33,8 @@ struct BoxFace {
   }
 };
 
-// The number of a box's edge along axis k, from the corner's bits on the other axes: 4 k to 4 k + 3.
+// The number of a box's edge along axis k, from the corner's bits on the other axes: 4 k to
+// 4 k + 3.
 FAN_FN int edge_number(int k, int corner) {
   return 4 * k | (corner >> (k + 1) % 3 & 1) | (corner >> (k + 2) % 3 & 1) << 1;
 }
@@ -61,8 +62,8 @@ struct Spot {
 // The polygon of the points of a face, the upper, above another, the lower: corners of both, and
 // where edges of the upper cross sides of the lower. Where faces lie flat, corners just off the
 // other count as on it, and near points are one, so that equal faces share four points however they
-// jitter. A corner that the box goes on from through the other's plane does not carry where the face
-// ends, but the crossings beside it do: it comes after them.
+// jitter. A corner that the box goes on from through the other's plane does not carry where the
+// face ends, but the crossings beside it do: it comes after them.
 class SharedPolygon {
  public:
   Spot spots[max_touches];
@@ -114,7 +115,8 @@ class SharedPolygon {
     Spot& to = spots[n++];
     to = Spot{{x, y}, height, {}, number, region};
     for (int c = 0; c < 3; ++c)
-      to.normal[c] = normal[0] * lower_.u[c] + normal[1] * lower_.v[c] + normal[2] * lower_.normal[c];
+      to.normal[c] =
+          normal[0] * lower_.u[c] + normal[1] * lower_.v[c] + normal[2] * lower_.normal[c];
   }
 
   // The upper face's height above a point of the lower.
@@ -178,8 +180,8 @@ class SharedPolygon {
       const double outward = side % 2 == 0 ? -1.0 : 1.0, bound = outward * half_[c];
       if ((outward * p[c] > half_[c] + p_more) == (outward * q[c] > half_[c] + q_more)) continue;
       if (p[c] == q[c]) continue;
-      // A corner may count as beyond the side that is on this side of it by rounding: of an edge that
-      // lies along the side, the crossing is at the corner all the same.
+      // A corner may count as beyond the side that is on this side of it by rounding: of an edge
+      // that lies along the side, the crossing is at the corner all the same.
       double d[3];
       difference3(q, p, d);
       const double more = 2.0 * tolerance / length3(d);

@@ -47,8 +47,7 @@ struct BoxAxes {
       for (int j = 0; j < 3; ++j) size[3 * i + j] = fabs(turn[3 * i + j]);
     }
     for (int j = 0; j < 3; ++j) {
-      const double reach =
-          x.half[0] * size[j] + x.half[1] * size[3 + j] + x.half[2] * size[6 + j];
+      const double reach = x.half[0] * size[j] + x.half[1] * size[3 + j] + x.half[2] * size[6 + j];
       of_y.take(y.R + 3 * j, y_at[j], reach + y.half[j], 1.0, -1, j);
     }
     for (int i = 0; i < 3; ++i)
@@ -210,8 +209,7 @@ FAN_FN void touch_boxes_apart(
   const double* n = nearest.normal;
   const Overlap overlap(
       edge_of(x, most_across(x, n), n, -1.0), edge_of(y, most_across(y, n), n, 1.0));
-  if (overlap.flat == 0.0)
-    return to.add(nearest.pair.p, nearest.pair.q, n, nearest.number);
+  if (overlap.flat == 0.0) return to.add(nearest.pair.p, nearest.pair.q, n, nearest.number);
   for (int k = 0; k < 2; ++k) {
     const PointPair pair = between_pairs(nearest.pair, overlap.ends[k], overlap.flat);
     double normal[3];

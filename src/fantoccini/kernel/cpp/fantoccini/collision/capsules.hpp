@@ -89,13 +89,14 @@ FAN_FN bool is_nearest_part(
   return at >= -most * core.length && at <= (1.0 + most) * core.length;
 }
 
-// The nearest points of the lines of two cores, which are left as they are where these are parallel;
-// `inside`: and where they do not lie inside both. Whether they are found.
+// The nearest points of the lines of two cores, which are left as they are where these are
+// parallel; `inside`: and where they do not lie inside both. Whether they are found.
 FAN_FN bool lines_nearest(const Core& x, const Core& y, PointPair& out, bool inside = false) {
   double w[3], across[3];
   difference3(x.a, y.a, w);
   cross3(x.u, y.u, across);
-  const double uv = dot3(x.u, y.u), wu = dot3(w, x.u), wv = dot3(w, y.u), square = dot3(across, across);
+  const double uv = dot3(x.u, y.u), wu = dot3(w, x.u), wv = dot3(w, y.u),
+               square = dot3(across, across);
   if (!(square > DistanceTolerances::min_determinant)) return false;
   const double s = (uv * wv - wu) / square, t = (wv - uv * wu) / square;
   if (inside && !(s > 0.0 && s < x.length && t > 0.0 && t < y.length)) return false;
@@ -104,8 +105,8 @@ FAN_FN bool lines_nearest(const Core& x, const Core& y, PointPair& out, bool ins
   return true;
 }
 
-// The nearest points of two cores: at an end, or where the lines' nearest points lie inside both. The
-// parts they are of.
+// The nearest points of two cores: at an end, or where the lines' nearest points lie inside both.
+// The parts they are of.
 FAN_FN PointPair nearest_points(const Core& x, const Core& y, CorePart* x_part, CorePart* y_part) {
   PointPair best{}, tried;
   double least = DistanceTolerances::far;
@@ -217,8 +218,8 @@ FAN_FN void touch_segments(const PlacedSolid& x, const PlacedSolid& y, Touches& 
   }
 }
 
-// Adds the point below p of a solid on the plane of a half-space. So all points of a flat sole lie in
-// one plane whatever their gaps: a sole that closes these can stick with all of them.
+// Adds the point below p of a solid on the plane of a half-space. So all points of a flat sole lie
+// in one plane whatever their gaps: a sole that closes these can stick with all of them.
 FAN_FN void add_above(const double* p, const PlacedSolid& plane, int feature, Touches& to) {
   double from[3], q[3];
   difference3(p, plane.a, from);
@@ -250,8 +251,7 @@ FAN_FN void touch_plane_by_box(const PlacedSolid& box, const PlacedSolid& plane,
   }
 }
 
-FAN_FN void touch_plane_by_ellipsoid(
-    const PlacedSolid& x, const PlacedSolid& plane, Touches& to) {
+FAN_FN void touch_plane_by_ellipsoid(const PlacedSolid& x, const PlacedSolid& plane, Touches& to) {
   double up[3], p[3], centre[3], square = 0.0;
   into_axes(x.R, plane.b, up);
   for (int k = 0; k < 3; ++k) square += up[k] * up[k] * x.half[k] * x.half[k];

@@ -10,9 +10,9 @@
 namespace fan {
 
 struct ClearanceTolerances {
-  static constexpr double rounding = 1e-9;       // m: margin of bounds; depth of solids that touch
+  static constexpr double rounding = 1e-9;  // m: margin of bounds; depth of solids that touch
   static constexpr double min_slack = 1.0 + 1e-6;  // length over span above which a string sags
-  static constexpr double far = 1e30;            // m: nothing is measured
+  static constexpr double far = 1e30;              // m: nothing is measured
 };
 
 // Lanes first, first + 1, ... of rows (n, width); those beyond the last repeat it.
@@ -44,8 +44,8 @@ class Clearance {
 
   Real q_D[room(Model::n_qD)], q_K[room(Model::n_qK)], p[room(Model::n_p)];
   JointPaths<Model, Real> moves;  // about the configuration; see `measure`
-  Real least, which;  // the clearance and its number: see `measure`
-  Real lower;         // lower bound of all distances on the path given by `moves`
+  Real least, which;              // the clearance and its number: see `measure`
+  Real lower;                     // lower bound of all distances on the path given by `moves`
 
   // A link's pose at the last measurement: R by columns, then r.
   FAN_FN const Real* pose(int link) const { return poses_ + 12 * link; }
@@ -67,8 +67,8 @@ class Clearance {
 
   // Finds the least distance over all pairs, numbered in this order: moving (outer) by standing
   // (inner); pairs; string segments (outer) by standing. Distances certainly above `enough`, and
-  // those of meshes in lanes that do not count, are lower bounds. Where something `moving`, `lower` is
-  // the least distance less the paths of both solids.
+  // those of meshes in lanes that do not count, are lower bounds. Where something `moving`, `lower`
+  // is the least distance less the paths of both solids.
   FAN_FN void measure(
       const ClearanceArrays& in, Placed<Real>* placed, const Mask& counts, double enough = Tol::far,
       bool moving = false) {
@@ -93,8 +93,9 @@ class Clearance {
       spread_ = placed[m].moved;
       for (long long o = 0; o < in.n_standing; ++o)
         take(
-            in.left_out[m * in.n_standing + o] ? Real(Tol::far)
-                                               : measured(placed[m], in.standing[o], counts, most()));
+            in.left_out[m * in.n_standing + o]
+                ? Real(Tol::far)
+                : measured(placed[m], in.standing[o], counts, most()));
     }
     for (long long k = 0; k < in.n_pairs; ++k) {
       const Placed<Real>&a = placed[in.pairs[2 * k]], &b = placed[in.pairs[2 * k + 1]];
@@ -231,8 +232,8 @@ class Clearance {
     if (solid.kind != BOX && !(solid.half[0] > 0.0)) return;
     for (int j = 0; j < 3; ++j)
       for (int c = 0; c < 3; ++c)
-        out.R[3 * j + c] = R[c] * solid.R[3 * j] + R[3 + c] * solid.R[3 * j + 1] +
-                           R[6 + c] * solid.R[3 * j + 2];
+        out.R[3 * j + c] =
+            R[c] * solid.R[3 * j] + R[3 + c] * solid.R[3 * j + 1] + R[6 + c] * solid.R[3 * j + 2];
   }
 
   // A point x in the frame of a box.
@@ -258,7 +259,8 @@ class Clearance {
   FAN_FN Real path(const ClearanceArrays& in, const Solid& solid, const Placed<Real>& at) const {
     const double* half = solid.half;
     if (solid.kind == SEGMENT && !(half[0] > 0.0))
-      return maximum(moves.path(in, poses_, solid.link, at.a), moves.path(in, poses_, solid.link, at.b));
+      return maximum(
+          moves.path(in, poses_, solid.link, at.a), moves.path(in, poses_, solid.link, at.b));
     Real centre[3];
     for (int c = 0; c < 3; ++c) centre[c] = 0.5 * (at.a[c] + at.b[c]);
     const double beyond = std::sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]);
@@ -267,8 +269,8 @@ class Clearance {
 
   // `between`; for meshes the exact distance in lanes that count, if `between` is below `limit`.
   template <class Other>
-  FAN_FN Real measured(
-      const Placed<Real>& x, const Other& y, const Mask& counts, const Real& limit) const {
+  FAN_FN Real
+  measured(const Placed<Real>& x, const Other& y, const Mask& counts, const Real& limit) const {
     Real found = between(x, y);
     if (x.mesh < 0 && y.mesh < 0) return found;
     const auto needed = counts && found < limit;

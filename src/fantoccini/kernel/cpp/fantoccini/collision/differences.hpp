@@ -82,7 +82,7 @@ class TouchDifferences {
   using Poses = TouchPoses<Model>;
   static constexpr int width = Poses::width, n_offsets = 6;
   static constexpr double offsets[n_offsets] = {-3.0, -2.0, -1.0, 1.0, 2.0, 3.0};
-  static constexpr double weights[n_offsets] = {-1.0 / 60, 9.0 / 60, -45.0 / 60,
+  static constexpr double weights[n_offsets] = {-1.0 / 60, 9.0 / 60,  -45.0 / 60,
                                                 45.0 / 60, -9.0 / 60, 1.0 / 60};
 
   // The smallest radius or half edge of a solid.
@@ -120,7 +120,8 @@ class TouchDifferences {
     }
   }
 
-  // The first link's pose after a twist of size x about about_: along an axis for j < 3, else round it.
+  // The first link's pose after a twist of size x about about_: along an axis for j < 3, else round
+  // it.
   void moved(double x, int j, double* out) const {
     for (int i = 0; i < 12; ++i) out[i] = first_[i];
     if (j < 3) {

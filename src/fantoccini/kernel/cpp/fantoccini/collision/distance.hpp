@@ -31,8 +31,8 @@ FAN_FN Real square_to_segment(const Real* point, const Real* a, const Real* d, c
   return dot3(r, r);
 }
 
-// Distance between the segments a to b and c to d: at an end, or where the lines' nearest points lie
-// inside both.
+// Distance between the segments a to b and c to d: at an end, or where the lines' nearest points
+// lie inside both.
 template <class Real>
 FAN_FN Real between_segments(const Real* a, const Real* b, const Real* c, const Real* d) {
   using std::sqrt;
@@ -111,8 +111,8 @@ FAN_FN Real segment_to_box(const Real* a, const Real* b, const double* half) {
   return sqrt(square);
 }
 
-// A lower bound of a box's distance from another about the origin, by separating axes: the widest gap
-// along face normals and products of edges. Negative where they overlap, then minus the depth.
+// A lower bound of a box's distance from another about the origin, by separating axes: the widest
+// gap along face normals and products of edges. Negative where they overlap, then minus the depth.
 template <class Real>
 FAN_FN Real box_to_box(const Real* centre, const Real* R, const double* half, const double* other) {
   using std::abs;
@@ -126,33 +126,32 @@ FAN_FN Real box_to_box(const Real* centre, const Real* R, const double* half, co
   };
   // R holds the axes of the first box, column by column.
   FAN_UNROLL for (int k = 0; k < 3; ++k)
-    gap(centre[k], Real(Real(other[k]) + half[0] * size[k] + half[1] * size[3 + k] +
-                        half[2] * size[6 + k]));
+      gap(centre[k],
+          Real(Real(other[k]) + half[0] * size[k] + half[1] * size[3 + k] + half[2] * size[6 + k]));
   for (int j = 0; j < 3; ++j)
-    gap(dot3(centre, R + 3 * j),
-        Real(Real(half[j]) + other[0] * size[3 * j] + other[1] * size[3 * j + 1] +
-             other[2] * size[3 * j + 2]));
-  FAN_UNROLL for (int k = 0; k < 3; ++k)
-    for (int j = 0; j < 3; ++j) {
-      // The cross product of the k-th axis and the j-th column.
-      const int k1 = (k + 1) % 3, k2 = (k + 2) % 3, j1 = (j + 1) % 3, j2 = (j + 2) % 3;
-      const Real x1 = -R[3 * j + k2], x2 = R[3 * j + k1];
-      const Real square = x1 * x1 + x2 * x2;
-      const auto crossed = square > Real(DistanceTolerances::min_axis_square);
-      const Real scale = Real(1.0) / sqrt(select(crossed, square, Real(1.0)));
-      const Real reach = other[k1] * size[3 * j + k2] + other[k2] * size[3 * j + k1] +
-                         half[j1] * size[3 * j2 + k] + half[j2] * size[3 * j1 + k];
-      const Real found = (abs(centre[k1] * x1 + centre[k2] * x2) - reach) * scale;
-      widest = select(crossed && found > widest, found, widest);
-    }
+    gap(dot3(centre, R + 3 * j), Real(
+                                     Real(half[j]) + other[0] * size[3 * j] +
+                                     other[1] * size[3 * j + 1] + other[2] * size[3 * j + 2]));
+  FAN_UNROLL for (int k = 0; k < 3; ++k) for (int j = 0; j < 3; ++j) {
+    // The cross product of the k-th axis and the j-th column.
+    const int k1 = (k + 1) % 3, k2 = (k + 2) % 3, j1 = (j + 1) % 3, j2 = (j + 2) % 3;
+    const Real x1 = -R[3 * j + k2], x2 = R[3 * j + k1];
+    const Real square = x1 * x1 + x2 * x2;
+    const auto crossed = square > Real(DistanceTolerances::min_axis_square);
+    const Real scale = Real(1.0) / sqrt(select(crossed, square, Real(1.0)));
+    const Real reach = other[k1] * size[3 * j + k2] + other[k2] * size[3 * j + k1] +
+                       half[j1] * size[3 * j2 + k] + half[j2] * size[3 * j1 + k];
+    const Real found = (abs(centre[k1] * x1 + centre[k2] * x2) - reach) * scale;
+    widest = select(crossed && found > widest, found, widest);
+  }
   return widest;
 }
 
-// Distance of a box from another about the origin where they do not overlap. The nearest points are on
-// an edge of the first, or a corner of the other.
+// Distance of a box from another about the origin where they do not overlap. The nearest points are
+// on an edge of the first, or a corner of the other.
 template <class Real>
-FAN_FN Real between_boxes(
-    const Real* centre, const Real* R, const double* half, const double* other) {
+FAN_FN Real
+between_boxes(const Real* centre, const Real* R, const double* half, const double* other) {
   using std::abs;
   using std::sqrt;
   Real least = Real(DistanceTolerances::far);

@@ -89,7 +89,8 @@ class GapClimb {
     size_ = length3(centre) + length3(half) + extent(first);
     if (second) size_ += extent(*second);
     begin();
-    for (int i = 0; i < Tol::max_climbs && at_.gap < enough && climb(); ++i) {}
+    for (int i = 0; i < Tol::max_climbs && at_.gap < enough && climb(); ++i) {
+    }
   }
 
   FAN_FN double gap() const { return at_.gap; }
@@ -98,9 +99,7 @@ class GapClimb {
   FAN_FN void point_of_first(double* out) const { difference3(centre_, at_.p[0], out); }
 
  private:
-  FAN_FN static double extent(const EllipsoidReach& x) {
-    return sqrt(x.M[0] + x.M[4] + x.M[8]);
-  }
+  FAN_FN static double extent(const EllipsoidReach& x) { return sqrt(x.M[0] + x.M[4] + x.M[8]); }
 
   // What the gap along a direction needs.
   struct Reaches {

@@ -6,10 +6,10 @@
 //
 //     gap = n . (p_x - p_y),   n = +-u x v / |u x v|.
 //
-// Spheres and capsules have a point of their core nearest to a facet, an edge or a vertex; there the
-// region says which. Inside their features these are the points that touches() finds. An integrator's
-// trial states, and those over which rates are differenced, go beyond: there a feature's gap goes on
-// smoothly.
+// Spheres and capsules have a point of their core nearest to a facet, an edge or a vertex; there
+// the region says which. Inside their features these are the points that touches() finds. An
+// integrator's trial states, and those over which rates are differenced, go beyond: there a
+// feature's gap goes on smoothly.
 #pragma once
 
 #include "fantoccini/collision/narrow_phase.hpp"
@@ -17,8 +17,8 @@
 namespace fan {
 
 struct FollowTolerances {
-  // Of a solid's size, or of a unit vector: how far beyond its features a point of two hulls, or of a
-  // round solid, whose gap goes on with its slope, is still theirs.
+  // Of a solid's size, or of a unit vector: how far beyond its features a point of two hulls, or of
+  // a round solid, whose gap goes on with its slope, is still theirs.
   static constexpr double far = HullTolerances::rounding, turn = 1e-12;
 };
 
@@ -205,8 +205,8 @@ FAN_FN EdgeLine line_of(const PlacedSolid& box, int number) {
   corner_of(box, (number & 1) << j | (number >> 1 & 1) << i, out.a);
   copy3(box.R + 3 * k, out.u);
   for (int c = 0; c < 3; ++c)
-    out.outward[c] = (number & 1 ? 1.0 : -1.0) * box.R[3 * j + c] +
-                     (number & 2 ? 1.0 : -1.0) * box.R[3 * i + c];
+    out.outward[c] =
+        (number & 1 ? 1.0 : -1.0) * box.R[3 * j + c] + (number & 2 ? 1.0 : -1.0) * box.R[3 * i + c];
   return out;
 }
 
@@ -248,8 +248,9 @@ FAN_FN bool follow_boxes(
   return true;
 }
 
-// A core in the axes of a box, by the part of the core and the region of the box (region_of_box): the
-// line of points nearest to it is where the box's coordinates are bounds in the directions of that.
+// A core in the axes of a box, by the part of the core and the region of the box (region_of_box):
+// the line of points nearest to it is where the box's coordinates are bounds in the directions of
+// that.
 FAN_FN bool follow_core(
     const double* half, const Core& core, int feature, int region, Touches& to, bool* holds) {
   const int code = region - lasting_regions, digit[3] = {code / 9 % 3, code / 3 % 3, code % 3};

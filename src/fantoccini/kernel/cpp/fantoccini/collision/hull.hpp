@@ -11,12 +11,12 @@ constexpr int max_hull_edges = 3 * max_hull_vertices;  // by Euler's formula
 constexpr int max_hull_facets = 2 * max_hull_vertices;
 
 struct HullTolerances {
-  static constexpr double meeting = 1e-10;     // m: cores nearer than this meet
-  static constexpr double progress = 1e-14;    // of the square of the distance: it is found
-  static constexpr double rounding = 1e-9;     // of the size: heights that are one
-  static constexpr double flat_area = 1e-20;   // of the square of the sides': triangles without area
-  static constexpr double above = 1e-6;        // of the size: that a corner must be lower to count
-  static constexpr int max_turns = 100;        // of the search for nearest points; 5 to 20 are usual
+  static constexpr double meeting = 1e-10;    // m: cores nearer than this meet
+  static constexpr double progress = 1e-14;   // of the square of the distance: it is found
+  static constexpr double rounding = 1e-9;    // of the size: heights that are one
+  static constexpr double flat_area = 1e-20;  // of the square of the sides': triangles without area
+  static constexpr double above = 1e-6;       // of the size: that a corner must be lower to count
+  static constexpr int max_turns = 100;       // of the search for nearest points; 5 to 20 are usual
 };
 
 // A hull placed in the world.
@@ -113,8 +113,8 @@ class BoxHull {
   static constexpr int begins_[7] = {0, 4, 8, 12, 16, 20, 24};
   static constexpr int corners_[24] = {0, 4, 6, 2, 1, 3, 7, 5, 0, 1, 5, 4,
                                        2, 6, 7, 3, 0, 2, 3, 1, 4, 5, 7, 6};
-  static constexpr int sides_[24] = {8, 6, 10, 4, 5, 11, 7, 9, 0, 9, 2, 8,
-                                     10, 3, 11, 1, 4, 1, 5, 0, 2, 7, 3, 6};
+  static constexpr int sides_[24] = {8,  6, 10, 4, 5, 11, 7, 9, 0, 9, 2, 8,
+                                     10, 3, 11, 1, 4, 1,  5, 0, 2, 7, 3, 6};
   static constexpr int edges_[48] = {0, 1, 2, 4, 2, 3, 4, 3, 4, 5, 5, 2, 6, 7, 3, 5,
                                      0, 2, 4, 0, 1, 3, 1, 4, 4, 6, 0, 5, 5, 7, 5, 1,
                                      0, 4, 0, 2, 1, 5, 2, 1, 2, 6, 3, 0, 3, 7, 1, 3};
@@ -122,8 +122,9 @@ class BoxHull {
   static constexpr int around_[24] = {0, 2, 4, 1, 2, 4, 0, 3, 4, 1, 3, 4,
                                       0, 2, 5, 1, 2, 5, 0, 3, 5, 1, 3, 5};
   double vertices_[24], planes_[24];
-  Hull hull_{8,      6,        12,     0.0,    0.0,    vertices_,      planes_,
-             begins_, corners_, sides_, edges_, around_begins_, around_};
+  Hull hull_{8,       6,       12,       0.0,    0.0,    vertices_,
+             planes_, begins_, corners_, sides_, edges_, around_begins_,
+             around_};
 
  public:
   PlacedHull placed;
@@ -137,9 +138,9 @@ struct HullSpot {
   int number;
 };
 
-// Picks at most `room` of the spots of a convex polygon, which come in a fixed order: those farthest
-// in directions that keep to the facet, and the lowest if it is lower. They stay the same while the
-// solids move a little.
+// Picks at most `room` of the spots of a convex polygon, which come in a fixed order: those
+// farthest in directions that keep to the facet, and the lowest if it is lower. They stay the same
+// while the solids move a little.
 template <class Spot>
 FAN_FN int few_spots(Spot* spots, int n, int room, double size) {
   if (n <= room) return n;
@@ -170,8 +171,8 @@ FAN_FN int few_spots(Spot* spots, int n, int room, double size) {
   return m;
 }
 
-// The corners of the facet that looks most into the half-space, of those at the lowest vertex; where
-// there is room, other vertices within the margin. Features are the vertices.
+// The corners of the facet that looks most into the half-space, of those at the lowest vertex;
+// where there is room, other vertices within the margin. Features are the vertices.
 FAN_FN void touch_plane_by_hull(const PlacedHull& x, const PlacedSolid& plane, Touches& to) {
   double down[3], from[3], reach;
   into_axes(x.R, plane.b, down);

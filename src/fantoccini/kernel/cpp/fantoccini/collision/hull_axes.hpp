@@ -1,7 +1,7 @@
 // Separating axes of two hulls: the normals of their facets, and the products of two edges whose
 // arcs on the sphere of normals cross (Gregorius, "The separating axis test between convex
-// polyhedra", GDC 2013). Facets and edges are left out where a ball inside the other hull shows that
-// they are no better than what is known.
+// polyhedra", GDC 2013). Facets and edges are left out where a ball inside the other hull shows
+// that they are no better than what is known.
 #pragma once
 
 #include "fantoccini/collision/hull.hpp"

@@ -16,7 +16,9 @@ struct HullFeatures {
     return (of_first ? 0 : of_second) + max_hull_vertices * facet + i;
   }
 
-  FAN_FN static int pair(int x_edge, int y_edge) { return edges + max_hull_edges * x_edge + y_edge; }
+  FAN_FN static int pair(int x_edge, int y_edge) {
+    return edges + max_hull_edges * x_edge + y_edge;
+  }
 };
 
 // A facet in the axes of another, or its own: its corners and normal, and the directions of its
@@ -49,14 +51,15 @@ struct HullFacetIn {
 
   FAN_FN bool has_length(int k) const { return length[k] > DistanceTolerances::min_length; }
 
-  // How far x is to the left of the line through side k, as seen from above; far if it has no length.
+  // How far x is to the left of the line through side k, as seen from above; far if it has no
+  // length.
   FAN_FN double left_of(int k, const double* x) const {
     if (!has_length(k)) return DistanceTolerances::far;
     return along[k][0] * (x[1] - corners[k][1]) - along[k][1] * (x[0] - corners[k][0]);
   }
 
-  // Whether m, in these axes, is a normal of the hull at the side k with the direction d: neither of
-  // the two facets there goes that way.
+  // Whether m, in these axes, is a normal of the hull at the side k with the direction d: neither
+  // of the two facets there goes that way.
   FAN_FN bool has_normal(int k, const double* d, const double* m) const {
     const int e = hull_.side(facet, k);
     const int other = hull_.edge(e)[2] == facet ? hull_.edge(e)[3] : hull_.edge(e)[2];
@@ -111,7 +114,8 @@ class HullPolygon {
     n = few_spots(spots, n, max_touches, size);
   }
 
-  // The point of a spot on the lower facet, the one above it, and the normal, upwards, in the world.
+  // The point of a spot on the lower facet, the one above it, and the normal, upwards, in the
+  // world.
   FAN_FN void place(const FacetSpot& spot, double* below, double* above, double* normal) const {
     const double local[3] = {spot.at[0], spot.at[1], 0.0};
     out_of_axes(axes_.R, local, below);
@@ -209,8 +213,8 @@ class HullPolygon {
         HullFeatures::vertex(!lower_is_first_, upper_.corner(up_.facet, k), low_.facet));
   }
 
-  // Whether a point of the lower facet is under the upper one, whose corners come clockwise there, or
-  // off it by no more than `more`.
+  // Whether a point of the lower facet is under the upper one, whose corners come clockwise there,
+  // or off it by no more than `more`.
   FAN_FN bool is_under(const double* p, double more) const {
     bool any = false;
     for (int j = 0; j < up_.n; ++j) {
@@ -221,8 +225,8 @@ class HullPolygon {
     return any;
   }
 
-  // The corner touches the upper facet along its normal, unless that leads past the facet, as it may
-  // from far below.
+  // The corner touches the upper facet along its normal, unless that leads past the facet, as it
+  // may from far below.
   FAN_FN void add_lower(int k) {
     const double* p = low_.corners[k];
     if (is_steep() || !is_under(p, reach(low_carries_[k]))) return;

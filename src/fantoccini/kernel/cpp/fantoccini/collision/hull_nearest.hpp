@@ -55,9 +55,9 @@ FAN_FN Cloud cloud_of(const PlacedHull& x) {
 class NearestOfClouds {
  public:
   using Tol = HullTolerances;
-  PointPair pair{};   // the nearest points
-  double normal[3];   // from the second to the first; not of clouds that meet
-  double distance;    // m; 0 where they meet, `enough` where they are certainly that far apart
+  PointPair pair{};  // the nearest points
+  double normal[3];  // from the second to the first; not of clouds that meet
+  double distance;   // m; 0 where they meet, `enough` where they are certainly that far apart
   bool meet = false, far = false;
 
   FAN_FN NearestOfClouds(const Cloud& x, const Cloud& y, double enough)
@@ -96,7 +96,8 @@ class NearestOfClouds {
     for (int k = hull.hull.around_begins[own[0]]; k < hull.hull.around_begins[own[0] + 1]; ++k) {
       const int f = hull.hull.around[k];
       bool shared = true;
-      for (int a = 1; a < n_; ++a) shared = shared && (own[a] == own[0] || hull.has_corner(f, own[a]));
+      for (int a = 1; a < n_; ++a)
+        shared = shared && (own[a] == own[0] || hull.has_corner(f, own[a]));
       if (!shared) continue;
       if (n_facets < 2) facets[n_facets] = f;
       ++n_facets;

@@ -61,16 +61,16 @@ FAN_FN bool touch_facets(
     double below[3], above[3], normal[3];
     shared.place(shared.spots[i], below, above, normal);
     for (int c = 0; of_x && c < 3; ++c) normal[c] = -normal[c];
-    to.add(of_x ? below : above, of_x ? above : below, normal, shared.spots[i].number,
-           shared.spots[i].region);
+    to.add(
+        of_x ? below : above, of_x ? above : below, normal, shared.spots[i].number,
+        shared.spots[i].region);
   }
   return true;
 }
 
 FAN_FN void touch_hull_edges(
     const PlacedHull& x, const PlacedHull& y, const HullAxis& axis, Touches& to) {
-  const PointPair pair =
-      nearest_points(core_of_edge(x, axis.first), core_of_edge(y, axis.second));
+  const PointPair pair = nearest_points(core_of_edge(x, axis.first), core_of_edge(y, axis.second));
   to.add(pair.p, pair.q, axis.normal, HullFeatures::pair(axis.first, axis.second));
 }
 
@@ -108,8 +108,7 @@ FAN_FN void touch_hulls_apart(
   double flat = 0.0;
   for (int i = 0; i < x_edges.n; ++i)
     for (int j = 0; j < y_edges.n; ++j) {
-      const Overlap overlap(
-          core_of_edge(x, x_edges.edges[i]), core_of_edge(y, y_edges.edges[j]));
+      const Overlap overlap(core_of_edge(x, x_edges.edges[i]), core_of_edge(y, y_edges.edges[j]));
       if (!(overlap.flat > flat)) continue;
       flat = overlap.flat;
       for (int k = 0; k < 2; ++k) ends[k] = overlap.ends[k];

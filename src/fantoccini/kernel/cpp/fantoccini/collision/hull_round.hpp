@@ -114,8 +114,8 @@ FAN_FN void touch_hull_inside(const PlacedHull& hull, const Core& core, double a
   to.add(end, q, out.normal, 0);
 }
 
-// The nearest points of a core and a hull, in the hull's axes, anew from what they lie on: exact, and
-// smooth while that does not change.
+// The nearest points of a core and a hull, in the hull's axes, anew from what they lie on: exact,
+// and smooth while that does not change.
 struct CoreAndHull {
   CorePart part;
   HullFeature of;
@@ -144,7 +144,8 @@ struct CoreAndHull {
   // A region of its own for every combination of parts and features. The middle of a core that lies
   // along a facet has no point of its own there.
   FAN_FN int region() const {
-    const bool lasts = of.kind != HullFeature::NONE && (of.kind != HullFeature::FACET || part != MIDDLE);
+    const bool lasts =
+        of.kind != HullFeature::NONE && (of.kind != HullFeature::FACET || part != MIDDLE);
     return (lasts ? lasting_regions : 0) + 3 * of.code() + part;
   }
 };

@@ -1,8 +1,9 @@
 // The narrow phase: contact points between two placed solids.
 //
-// Small motions keep a pair's points and their feature numbers. Solids in flat contact have all their
-// corner points. Swapping the solids reverses the normals and keeps points and numbers, except for
-// antiparallel capsules and boxes of equal size. Finite solids have finite points at any depth.
+// Small motions keep a pair's points and their feature numbers. Solids in flat contact have all
+// their corner points. Swapping the solids reverses the normals and keeps points and numbers,
+// except for antiparallel capsules and boxes of equal size. Finite solids have finite points at any
+// depth.
 #pragma once
 
 #include "fantoccini/collision/box_pair.hpp"
@@ -44,8 +45,8 @@ FAN_FN void in_order(const PlacedSolid& x, const PlacedSolid& y, Touches& to) {
   touch_boxes(x, y, to);
 }
 
-// Whether y must come before x: its kind, its number or its sizes say so. Two boxes of one size stay
-// as they are.
+// Whether y must come before x: its kind, its number or its sizes say so. Two boxes of one size
+// stay as they are.
 FAN_FN bool out_of_order(const PlacedSolid& x, const PlacedSolid& y) {
   if (rank(x) != rank(y)) return rank(x) > rank(y);
   if (rank(x) == OF_HULL) return x.mesh > y.mesh;

@@ -43,8 +43,8 @@ class NearPairs {
       const double left = 0.5 * slack - margin[i], *R = poses + 12 * i, *old = R_[i];
       double turned = 0.0, moved = 0.0;
       FAN_UNROLL for (int k = 0; k < 9; ++k) turned += (R[k] - old[k]) * (R[k] - old[k]);
-      FAN_UNROLL for (int c = 0; c < 3; ++c)
-        moved += (ball[i].at[c] - at_[i][c]) * (ball[i].at[c] - at_[i][c]);
+      FAN_UNROLL for (int c = 0; c < 3; ++c) moved +=
+          (ball[i].at[c] - at_[i][c]) * (ball[i].at[c] - at_[i][c]);
       // (a + b)^2 <= 2 (a^2 + b^2)
       const double square = 2.0 * (moved + ball[i].radius * ball[i].radius * turned);
       all = left > 0.0 && square < left * left;

@@ -137,8 +137,8 @@ class PlacedLinks {
     const double* R = poses + 12 * link;
     for (int k = begin_of_[link]; k < end_of_[link]; ++k) {
       place_solid(in.solids[k], R, R + 9, placed[k]);
-      FAN_UNROLL for (int c = 0; c < 3; ++c)
-        ball[k].at[c] = 0.5 * (placed[k].a[c] + placed[k].b[c]);
+      FAN_UNROLL for (int c = 0; c < 3; ++c) ball[k].at[c] =
+          0.5 * (placed[k].a[c] + placed[k].b[c]);
     }
   }
 
@@ -184,9 +184,9 @@ class PlacedLinks {
   }
 
   // The lanes in which some link may go farther than margins allow for that are this margin and so
-  // many times what links travel at `speeds`, if the step dt changes the velocities by dv_D. Each link
-  // may gain half of the fixed part over the step, as the other one of a pair may, and its own part of
-  // what they travel.
+  // many times what links travel at `speeds`, if the step dt changes the velocities by dv_D. Each
+  // link may gain half of the fixed part over the step, as the other one of a pair may, and its own
+  // part of what they travel.
   FAN_FN typename Traits<Real>::Mask outruns(
       const Real* dv_D, double dt, const Real* speeds, double margin, double travel) const {
     const double fixed = 0.5 * margin / dt;
@@ -208,7 +208,8 @@ class PlacedLinks {
     return out;
   }
 
-  // How far apart the balls around the two links, or a link and a solid that stands, of a group are.
+  // How far apart the balls around the two links, or a link and a solid that stands, of a group
+  // are.
   double separation(const ContactArrays& in, int g) const {
     const int a = in.groups[3 * g], b = in.groups[3 * g + 1];
     return b < 0 ? apart(ball_of[a], in.solids[-1 - b]) : apart(ball_of[a], ball_of[b]);
@@ -335,7 +336,7 @@ class PlacedLinks {
   }
 
   double lane_[width == 1 ? 1 : 12 * L + 7 * (N + NK)];
-  double reach_[room(L)];           // m: of a link's solids from its origin; 0 without
+  double reach_[room(L)];                    // m: of a link's solids from its origin; 0 without
   int begin_of_[room(L)], end_of_[room(L)];  // of a link's solids
 };
 

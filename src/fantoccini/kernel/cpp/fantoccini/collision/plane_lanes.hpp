@@ -9,15 +9,13 @@
 namespace fan {
 
 // Whether touch_plane_lanes() has points for a solid.
-FAN_FN bool has_points_in_lanes(const Solid& x) {
-  return x.kind == BOX || x.kind == SEGMENT;
-}
+FAN_FN bool has_points_in_lanes(const Solid& x) { return x.kind == BOX || x.kind == SEGMENT; }
 
 // A link's point in the world, from the link's pose (12 numbers).
 template <class Real>
 FAN_FN void carry_in_lanes(const Real* pose, const double* own, Real* out) {
-  FAN_UNROLL for (int c = 0; c < 3; ++c)
-    out[c] = pose[9 + c] + pose[c] * own[0] + pose[3 + c] * own[1] + pose[6 + c] * own[2];
+  FAN_UNROLL for (int c = 0; c < 3; ++c) out[c] =
+      pose[9 + c] + pose[c] * own[0] + pose[3 + c] * own[1] + pose[6 + c] * own[2];
 }
 
 // The same of an axis; returns its part along n.
@@ -60,7 +58,8 @@ FAN_FN void touch_plane_lanes(
       up[k] = axis_in_lanes(pose, x.R + 3 * k, plane.b, axis + 3 * k);
       square += up[k] * up[k] * (x.half[k] * x.half[k]);
     }
-    const Real reach = sqrt(square), by = Real(1.0) / select(reach > Real(least), reach, Real(least));
+    const Real reach = sqrt(square),
+               by = Real(1.0) / select(reach > Real(least), reach, Real(least));
     for (int k = 0; k < 3; ++k)
       for (int c = 0; c < 3; ++c) at[c] -= (x.half[k] * x.half[k]) * (up[k] * by) * axis[3 * k + c];
     return above(0, at, lanes);

@@ -30,14 +30,15 @@ struct Touch {
   int region;        // where the surfaces it lies on bend in another way, this is another number
 };
 
-// Regions of a point of two edges: its normal is their product; they are nearly parallel, and it has
-// a face's; their product is none of the normals there, so that other features touch in their place.
+// Regions of a point of two edges: its normal is their product; they are nearly parallel, and it
+// has a face's; their product is none of the normals there, so that other features touch in their
+// place.
 enum CrossingRegion { CROSSING = 0, ALONG = 1, BEYOND = -1 };
 
 constexpr int max_touches = 8;  // of a pair
 
-// From here on a region says what the point lies on, and with its feature which point it is: by that
-// alone it goes on beyond the region (follow.hpp).
+// From here on a region says what the point lies on, and with its feature which point it is: by
+// that alone it goes on beyond the region (follow.hpp).
 constexpr int lasting_regions = 1 << 24;
 
 // A solid placed in the world; see SolidKind. An ellipsoid has the centre (a + b) / 2, the columns
@@ -102,15 +103,16 @@ FAN_FN void centre3(const PlacedSolid& x, double* out) {
 FAN_FN int region_of_box(const double* normal) {
   int region = 0;
   for (int k = 0; k < 3; ++k)
-    region = 3 * region + (fabs(normal[k]) <= TouchTolerances::leaving ? 0 : normal[k] > 0.0 ? 1 : 2);
+    region = 3 * region + (fabs(normal[k]) <= TouchTolerances::leaving ? 0
+                           : normal[k] > 0.0                           ? 1
+                                                                       : 2);
   return region;
 }
 
 // From 1 for solids that lie flat to 0 for those that cross, with a continuous slope.
 FAN_FN double flatness(double sine) {
   using Tol = TouchTolerances;
-  const double t =
-      clamped((Tol::crossing - sine) / (Tol::crossing - Tol::lying), 0.0, 1.0);
+  const double t = clamped((Tol::crossing - sine) / (Tol::crossing - Tol::lying), 0.0, 1.0);
   return t * t * (3.0 - 2.0 * t);
 }
 
@@ -127,10 +129,8 @@ FAN_FN void place_solid(const Solid& from, const double* R, const double* r, Sol
     to.b[c] = r[c] + R[c] * from.b[0] + R[3 + c] * from.b[1] + R[6 + c] * from.b[2];
   }
   if (from.kind == SEGMENT && !is_ellipsoid(from)) return;
-  FAN_UNROLL for (int c = 0; c < 3; ++c)
-    FAN_UNROLL for (int j = 0; j < 3; ++j)
-      to.R[3 * j + c] = R[c] * from.R[3 * j] + R[3 + c] * from.R[3 * j + 1] +
-                        R[6 + c] * from.R[3 * j + 2];
+  FAN_UNROLL for (int c = 0; c < 3; ++c) FAN_UNROLL for (int j = 0; j < 3; ++j) to.R[3 * j + c] =
+      R[c] * from.R[3 * j] + R[3 + c] * from.R[3 * j + 1] + R[6 + c] * from.R[3 * j + 2];
 }
 
 // The contact points of a pair as they are found, in order of feature.
@@ -139,8 +139,8 @@ struct Touches {
   double margin, x_radius, y_radius;  // the radii by which the cores are inflated
   int n = 0;
 
-  // Adds the point half way between p of the first core and q of the second, or where they are to be
-  // on its surface the second's, if it is near enough.
+  // Adds the point half way between p of the first core and q of the second, or where they are to
+  // be on its surface the second's, if it is near enough.
   FAN_FN void add(
       const double* p, const double* q, const double* normal, int feature, int region = 0,
       bool on_second = false) {

@@ -1,7 +1,7 @@
 // Contact points between two placed solids, and a bounding-sphere test that skips distant pairs.
 //
-// With FAN_TOUCH_EXTERNAL only declarations are included. The definitions do not depend on the puppet,
-// so touch_unit.hpp is compiled once per machine and linked.
+// With FAN_TOUCH_EXTERNAL only declarations are included. The definitions do not depend on the
+// puppet, so touch_unit.hpp is compiled once per machine and linked.
 #pragma once
 
 #include "fantoccini/collision/solids.hpp"

@@ -24,8 +24,8 @@ struct ContactColumns {
 
   // Makes the columns of the points i < n with some[i], from their rows of A_D and what moves them.
   FAN_FN void make(
-      const Evaluation<Model, Real>& eval, const Triple<Real> (*row)[room(N)],
-      const Moved* moved, const bool* some, int n) {
+      const Evaluation<Model, Real>& eval, const Triple<Real> (*row)[room(N)], const Moved* moved,
+      const bool* some, int n) {
     for (int i = 0; i < n; ++i) {
       if (i >= made_) has_[i] = false;
       if (some[i] && !has_[i]) {
@@ -62,7 +62,8 @@ struct ContactColumns {
     take(W[i], x, moved, w);
   }
 
-  FAN_FN static void take(const Triple<Real>* own, const Real* x, const MovedBy<N>& moved, Real* w) {
+  FAN_FN static void take(
+      const Triple<Real>* own, const Real* x, const MovedBy<N>& moved, Real* w) {
     const int* entry = moved.entries();
     for (int j = 0; j < moved.n; ++j) {
       const int k = entry[j];

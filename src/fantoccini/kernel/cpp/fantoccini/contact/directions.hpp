@@ -15,8 +15,8 @@ struct PointDirections {
   // Of the velocity at a point.
   FAN_FN PointDirections(const double* e, const double* at) {
     FAN_UNROLL for (int c = 0; c < 3; ++c) of[c] = Quad{e[c], e[3 + c], e[6 + c], 0.0};
-    FAN_UNROLL for (int c = 0; c < 3; ++c)
-      about[c] = at[(c + 1) % 3] * of[(c + 2) % 3] - at[(c + 2) % 3] * of[(c + 1) % 3];
+    FAN_UNROLL for (int c = 0; c < 3; ++c) about[c] =
+        at[(c + 1) % 3] * of[(c + 2) % 3] - at[(c + 2) % 3] * of[(c + 1) % 3];
   }
   // Of a turn.
   FAN_FN PointDirections(const double* e, double size) {

@@ -33,7 +33,8 @@ class ContactEvents {
     for (int i = 0; i < n_; ++i) before[i] = meeting_[i];
     look(in, push, n);
     for (int i = 0; i < n_before; ++i)
-      if (!known(before[i].which, meeting_, n_)) out.event(t, LIFT, row + before[i].which, 0.0, 0.0);
+      if (!known(before[i].which, meeting_, n_))
+        out.event(t, LIFT, row + before[i].which, 0.0, 0.0);
     for (int i = 0; i < n_; ++i) {
       Meeting& now = meeting_[i];
       const Meeting* old = known(now.which, before, n_before);

@@ -22,14 +22,14 @@ class GroundFeet {
   struct Point {
     // Lanes in which it is found in this step, takes part, and pushed in the step before.
     Mask here, joins, pushes;
-    // Lanes in which it would have to pull in the last solution, and in which it does no longer take part
-    // for that.
+    // Lanes in which it would have to pull in the last solution, and in which it does no longer
+    // take part for that.
     Mask would_pull, dropped;
     Real at[3], gap;
-    Real asked;                // m/s: the speed at which it is to part beyond stopping
-    Mask rested;               // as in ContactPush; this and the next ones of the last step that ended
+    Real asked;   // m/s: the speed at which it is to part beyond stopping
+    Mask rested;  // as in ContactPush; this and the next ones of the last step that ended
     Real steps, impulse[3];
-    Mask rests;                // the same of this step
+    Mask rests;  // the same of this step
     Real found[3];
   };
 
@@ -67,12 +67,15 @@ class GroundFeet {
       to.link = x.link;
       to.friction = in.friction[k];
       to.restitution = in.restitution[k];
-      for (Point& p : to.point) p.here = p.joins = p.pushes = p.would_pull = p.dropped = p.rested = none;
+      for (Point& p : to.point)
+        p.here = p.joins = p.pushes = p.would_pull = p.dropped = p.rested = none;
     }
   }
 
   // Whether the points of pair k are kept here.
-  FAN_FN bool takes(const ContactArrays& in, int k) const { return foot[in.pairs[2 * k]].pair == k; }
+  FAN_FN bool takes(const ContactArrays& in, int k) const {
+    return foot[in.pairs[2 * k]].pair == k;
+  }
 
   // Takes what pushed in lane l in the step before; whether all of it is here.
   FAN_FN bool take(const ContactArrays& in, int l, const Push* push, int n_push) {
@@ -172,7 +175,8 @@ class GroundFeet {
         p.steps = select(p.pushes, p.steps, Real(0.0));
         p.pushes = p.joins && lanes;
         p.rested = p.rests;
-        p.steps += select(p.steps <= Real(ContactStepTolerances::steps_of_impact), Real(1.0), Real(0.0));
+        p.steps +=
+            select(p.steps <= Real(ContactStepTolerances::steps_of_impact), Real(1.0), Real(0.0));
         p.steps = select(closes(p), Real(1.0), p.steps);
         for (int c = 0; c < 3; ++c) p.impulse[c] = p.found[c];
         some = some || p.pushes;
@@ -188,8 +192,8 @@ class GroundFeet {
   }
 
   Foot foot[B];
-  double frame[9];       // the ground's normal, and two tangents
-  int n = 0, found[B];   // feet with points in some lane
+  double frame[9];      // the ground's normal, and two tangents
+  int n = 0, found[B];  // feet with points in some lane
 
  private:
   // Lists a foot that may have pushed; whether it was not listed.
@@ -198,7 +202,8 @@ class GroundFeet {
       if (known_[j] == solid) return false;
     known_[n_known_++] = solid;
     const Mask none = Real(0.0) > Real(1.0);
-    for (Point& p : foot[solid].point) p.here = p.joins = p.pushes = p.would_pull = p.dropped = none;
+    for (Point& p : foot[solid].point)
+      p.here = p.joins = p.pushes = p.would_pull = p.dropped = none;
     return true;
   }
 

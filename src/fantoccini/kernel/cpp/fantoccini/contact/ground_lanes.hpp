@@ -2,9 +2,10 @@
 // stick, the law of patches.hpp is solved in all lanes at once, by the equations of
 // ground_system.hpp over the strings and limits that pulled in the step before and the feet.
 //
-// Where a foot's force would have to act beyond an edge, only the points on that edge go on taking part;
-// rows that would push leave, and rows and points that close join. Lanes in which the solution still is
-// not that of the law make their steps by themselves. No lane's result depends on its neighbours.
+// Where a foot's force would have to act beyond an edge, only the points on that edge go on taking
+// part; rows that would push leave, and rows and points that close join. Lanes in which the
+// solution still is not that of the law make their steps by themselves. No lane's result depends on
+// its neighbours.
 #pragma once
 
 #include "fantoccini/contact/ground_system.hpp"
@@ -36,8 +37,8 @@ class GroundLanes {
     lanes = stands = Real(0.0) > Real(1.0);
   }
 
-  // Takes the points of feet.found at the start of a step in these lanes; those that are not for here
-  // are left out of `lanes`.
+  // Takes the points of feet.found at the start of a step in these lanes; those that are not for
+  // here are left out of `lanes`.
   template <class Links>
   FAN_FN void start(
       const Links& links, const Mask& some, double dt, double whole, double recovery_speed) {
@@ -75,8 +76,8 @@ class GroundLanes {
     stands = stands && !failed;
   }
 
-  // Solves the law in the lanes that stand, for impulses and s of the gathered rows. Returns the lanes
-  // in which that is none of its solutions.
+  // Solves the law in the lanes that stand, for impulses and s of the gathered rows. Returns the
+  // lanes in which that is none of its solutions.
   template <class Links>
   FAN_FN Mask settle(
       const Links& links, const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
@@ -111,8 +112,8 @@ class GroundLanes {
     return select(stands, Real(-rate[a]), Real(0.0));
   }
 
-  // Adds the points that would be passed at the velocity v; whether there are any. `failed` takes the
-  // lanes in which one closes that would have had to pull.
+  // Adds the points that would be passed at the velocity v; whether there are any. `failed` takes
+  // the lanes in which one closes that would have had to pull.
   template <class Links>
   FAN_FN bool watch(const Links& links, const Real* v, Mask& failed) {
     bool more = false;
@@ -211,8 +212,8 @@ class GroundLanes {
     return -((twist[0] + v[0]) * n[0] + (twist[1] + v[1]) * n[1] + (twist[2] + v[2]) * n[2]);
   }
 
-  // Solves a tree's part of the problem in these lanes, all at once or, where what takes part in them
-  // is too much, one after the other. Returns those in which the law holds.
+  // Solves a tree's part of the problem in these lanes, all at once or, where what takes part in
+  // them is too much, one after the other. Returns those in which the law holds.
   template <class Links>
   FAN_FN Mask solve_some(
       int tree, const Mask& some, const Links& links, const Evaluation<Model, Real>& eval,
@@ -260,7 +261,8 @@ class GroundLanes {
     }
     for (int i = 0; i < system_.n_rows; ++i) {
       const int a = system_.row[i];
-      const Mask closes = near[rows.row[a]] && !system_.pulls[a] && !(system_.speed[a] <= Real(0.0));
+      const Mask closes =
+          near[rows.row[a]] && !system_.pulls[a] && !(system_.speed[a] <= Real(0.0));
       closes_[rows.row[a]] = closes && solved;
       good = good && !closes;
     }
@@ -306,10 +308,10 @@ class GroundLanes {
 
   System system_;
   bool is_solved_ = false;
-  Real solved_near_;                     // rows that took part in the last solve
-  Real taken_[room(N)], exchanged_;      // of the feet: - W x, and half_exchanged()
-  Mask struck_;                          // lanes with an impact
-  Real found_[room(M)], s_[room(M)];     // of the rows
+  Real solved_near_;                            // rows that took part in the last solve
+  Real taken_[room(N)], exchanged_;             // of the feet: - W x, and half_exchanged()
+  Mask struck_;                                 // lanes with an impact
+  Real found_[room(M)], s_[room(M)];            // of the rows
   Mask would_push_[room(M)], closes_[room(M)];  // lanes in which a row does so in the last solution
 };
 

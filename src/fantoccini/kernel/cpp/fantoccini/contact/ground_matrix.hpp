@@ -32,7 +32,8 @@ class GroundMatrix {
       const Mask firm = top[k] > low[k] && top[k] < Real(unbounded);
       some = some || !firm;
       out_[k] = !firm;
-      const Real by = inverse_[k] = select(firm, Real(1.0) / select(firm, top[k], Real(1.0)), Real(0.0));
+      const Real by = inverse_[k] =
+          select(firm, Real(1.0) / select(firm, top[k], Real(1.0)), Real(0.0));
       for (int i = k + 1; i < n; ++i) {
         const Real share = top[i] * by;
         Real* own = A_ + i * stride;

@@ -82,7 +82,8 @@ class GroundPatch {
   FAN_FN Real normal_rate(int j, const Real* rate) const {
     const Real scaled = Real(1.0) / size, *d = d_[j];
     const Real along = rate[0] + scaled * (d[1] * rate[4] - d[0] * rate[5]);
-    const Real first = rate[1] - scaled * d[1] * rate[3], second = rate[2] + scaled * d[0] * rate[3];
+    const Real first = rate[1] - scaled * d[1] * rate[3],
+               second = rate[2] + scaled * d[0] * rate[3];
     return turn_[0] * along + turn_[3] * first + turn_[6] * second;
   }
 
@@ -95,7 +96,8 @@ class GroundPatch {
     const Mask presses = N > zero;
     Mask good = presses;
     const Real by = one / select(good, N, one);
-    const Real c[2] = {select(many, Real(-size * by * x[5]), zero), select(several, Real(size * by * x[4]), zero)};
+    const Real c[2] = {
+        select(many, Real(-size * by * x[5]), zero), select(several, Real(size * by * x[4]), zero)};
     good = good && weigh(c);
     for (int j = 0; j < n_; ++j) {
       Point& own = foot->point[which_[j]];
@@ -113,12 +115,14 @@ class GroundPatch {
     for (int j = 0; j < n_; ++j) {
       Point& to = foot->point[which_[j]];
       const Real own = N * weight_[j];
-      const Real p = own * (F[0] - alpha * (d_[j][1] - c[1])), q = own * (F[1] + alpha * (d_[j][0] - c[0]));
+      const Real p = own * (F[0] - alpha * (d_[j][1] - c[1])),
+                 q = own * (F[1] + alpha * (d_[j][0] - c[0]));
       Real e[3];  // along the ground's normal and tangents
-      FAN_UNROLL for (int d = 0; d < 3; ++d) e[d] = turn_[d] * own + turn_[3 + d] * p + turn_[6 + d] * q;
+      FAN_UNROLL for (int d = 0; d < 3; ++d) e[d] =
+          turn_[d] * own + turn_[3 + d] * p + turn_[6 + d] * q;
       good = good && (!to.joins || e[1] * e[1] + e[2] * e[2] <= square * (e[0] * e[0]));
-      FAN_UNROLL for (int k = 0; k < 3; ++k)
-        impulse_[j][k] = ground[k] * e[0] + ground[3 + k] * e[1] + ground[6 + k] * e[2];
+      FAN_UNROLL for (int k = 0; k < 3; ++k) impulse_[j][k] =
+          ground[k] * e[0] + ground[3 + k] * e[1] + ground[6 + k] * e[2];
     }
     return good;
   }
@@ -140,10 +144,11 @@ class GroundPatch {
     for (int j = 0; j < n_; ++j) {
       const Point& p = foot->point[which_[j]];
       Real d[3];
-      FAN_UNROLL for (int c = 0; c < 3; ++c) d[c] = select(p.joins, Real(p.at[c] - middle[c]), zero);
+      FAN_UNROLL for (int c = 0; c < 3; ++c) d[c] =
+          select(p.joins, Real(p.at[c] - middle[c]), zero);
       Real* own = along[j];
-      FAN_UNROLL for (int k = 0; k < 3; ++k)
-        own[k] = d[0] * ground[3 * k] + d[1] * ground[3 * k + 1] + d[2] * ground[3 * k + 2];
+      FAN_UNROLL for (int k = 0; k < 3; ++k) own[k] =
+          d[0] * ground[3 * k] + d[1] * ground[3 * k + 1] + d[2] * ground[3 * k + 2];
       s11 += own[1] * own[1];
       s12 += own[1] * own[2];
       s22 += own[2] * own[2];
@@ -179,8 +184,8 @@ class GroundPatch {
       turn_[3 + k] = t[k];
     }
     for (int k = 0; k < 9; k += 3)
-      FAN_UNROLL for (int c = 0; c < 3; ++c)
-        frame[k + c] = turn_[k] * ground[c] + turn_[k + 1] * ground[3 + c] + turn_[k + 2] * ground[6 + c];
+      FAN_UNROLL for (int c = 0; c < 3; ++c) frame[k + c] =
+          turn_[k] * ground[c] + turn_[k + 1] * ground[3 + c] + turn_[k + 2] * ground[6 + c];
     Real square = zero, off = zero;
     for (int j = 0; j < n_; ++j) {
       d_[j][0] = dot3(t, along[j]);
@@ -229,17 +234,18 @@ class GroundPatch {
     return misfit < Real(unbounded) || !here;
   }
 
-  // The points' shares of the normal impulse with its centre at c (Wachspress); the lanes in which it
-  // lies inside.
+  // The points' shares of the normal impulse with its centre at c (Wachspress); the lanes in which
+  // it lies inside.
   FAN_FN Mask weigh(const Real* c) {
     const Real zero = Real(0.0), one = Real(1.0);
     const Mask pair = several && !many;
     Mask good = here, begun = zero > one;
-    Real e[features][2], before[features][2], after[features][2], next[2] = {zero, zero}, round = zero;
+    Real e[features][2], before[features][2], after[features][2], next[2] = {zero, zero},
+                                                                  round = zero;
     for (int j = 0; j < n_; ++j)
       for (int k = 0; k < 2; ++k) e[j][k] = d_[j][k] - c[k];
     // The neighbours: the nearest of the lane's points in both directions, past the end the first.
-    const auto walk = [&](int j, Real (*beside)[2]) {
+    const auto walk = [&](int j, Real(*beside)[2]) {
       const Mask& own = foot->point[which_[j]].joins;
       for (int k = 0; k < 2; ++k) {
         beside[j][k] = next[k];

@@ -1,5 +1,5 @@
-// The linear equations of ground_lanes.hpp: G x = b over strings and limits and F and T of feet, in all
-// lanes at once. Of the matrix what takes no part in a lane is a row of the unit matrix there.
+// The linear equations of ground_lanes.hpp: G x = b over strings and limits and F and T of feet, in
+// all lanes at once. Of the matrix what takes no part in a lane is a row of the unit matrix there.
 #pragma once
 
 #include "fantoccini/contact/ground_matrix.hpp"
@@ -34,8 +34,9 @@ class GroundSystem {
   // Lanes in which a row has left or joined those that pull in this step.
   Mask leaves[room(M)], joins[room(M)];
   Patch patch[P];
-  Real at_start[P][6], by_forces[P][6];  // hdot of their rows, and what the forces of the step change
-  Mask has[Matrix::most];                // lanes in which an unknown is one
+  Real at_start[P][6],
+      by_forces[P][6];     // hdot of their rows, and what the forces of the step change
+  Mask has[Matrix::most];  // lanes in which an unknown is one
   Real y[Matrix::most];
   Real taken[room(N)], speed[room(M)];  // - W y of the feet; hdot at the end of all gathered rows
 
@@ -48,10 +49,11 @@ class GroundSystem {
     for (int r = 0; r < M; ++r) row_tree_[r] = groups_.of_row(r);
   }
 
-  // Lists the rows and feet of a tree that take part in these lanes; whether there is room for them.
+  // Lists the rows and feet of a tree that take part in these lanes; whether there is room for
+  // them.
   FAN_FN bool list(
-      int tree, const Mask& some, Feet& feet, const RowSystem<Model, Real>& rows,
-      const Mask* near, const Real* guess) {
+      int tree, const Mask& some, Feet& feet, const RowSystem<Model, Real>& rows, const Mask* near,
+      const Real* guess) {
     n_rows = n_single = n_feet = 0;
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
@@ -82,8 +84,8 @@ class GroundSystem {
     return true;
   }
 
-  // Solves what is listed in these lanes. Returns those in which there is a solution, with the residual
-  // relative to the largest |b| in `share`.
+  // Solves what is listed in these lanes. Returns those in which there is a solution, with the
+  // residual relative to the largest |b| in `share`.
   template <class Links>
   FAN_FN Mask solve_listed(
       const Mask& some, const Links& links, const Evaluation<Model, Real>& eval,
@@ -152,7 +154,7 @@ class GroundSystem {
   FAN_FN void push(int p, const Links& links, const Evaluation<Model, Real>& eval) {
     const Patch& own = patch[p];
     const int link = own.foot->link, parts = own.rank > 3 ? 2 : 1;
-    const int *entry = Model::moved_D_entry + Model::moved_D_begin[link];
+    const int* entry = Model::moved_D_entry + Model::moved_D_begin[link];
     const int n = Model::moved_D_begin[link + 1] - Model::moved_D_begin[link];
     const Real* twist = links.twist(link);
     Real moment[9], *start = at_start[p];
@@ -168,8 +170,8 @@ class GroundSystem {
         const Real* s = links.screw(entry[j]);
         for (int d = 0; d < 3; ++d) {
           const Real* e = own.frame + 3 * d;
-          row_of[entry[j]].of[d] = part == 0 ? -(dot3(e, s) + dot3(moment + 3 * d, s + 3))
-                                             : -own.size * dot3(e, s + 3);
+          row_of[entry[j]].of[d] =
+              part == 0 ? -(dot3(e, s) + dot3(moment + 3 * d, s + 3)) : -own.size * dot3(e, s + 3);
         }
       }
       Model::push(link, eval.L, row_of, W_[p][part]);
@@ -196,8 +198,8 @@ class GroundSystem {
     }
     for (int p = 0; p < n_feet; ++p) {
       const int link = patch[p].foot->link, rank = patch[p].rank;
-      const int *begin = Model::moved_D_entry + Model::moved_D_begin[link];
-      const int *end = Model::moved_D_entry + Model::moved_D_begin[link + 1];
+      const int* begin = Model::moved_D_entry + Model::moved_D_begin[link];
+      const int* end = Model::moved_D_entry + Model::moved_D_begin[link + 1];
       for (int k = 0; k < rank; k += 3) {
         const Triple<Real>* own = W_[p][k / 3];
         const int column = first[p] + k, height = rank - k < 3 ? rank - k : 3;
@@ -251,7 +253,8 @@ class GroundSystem {
   FAN_FN void recall(const Mask& redundant, const RowSystem<Model, Real>& rows, const Real* guess) {
     for (int i = 0; i < size_; ++i) given_[i] = Real(0.0);
     if (!any(redundant)) return;
-    for (int i = 0; i < n_single; ++i) given_[i] = select(has[i], guess[rows.row[single[i]]], Real(0.0));
+    for (int i = 0; i < n_single; ++i)
+      given_[i] = select(has[i], guess[rows.row[single[i]]], Real(0.0));
     for (int p = 0; p < n_feet; ++p) {
       Real x[6];
       patch[p].add_up(x);

@@ -95,8 +95,9 @@ class ContactGroups {
 
   bool known_ = false;
   int n_trees_ = 0;
-  int tree_[N], link_[room(L)], row_[room(M)];  // the tree of every velocity, link, string and limit
-  int group_[N], number_[N];     // of every tree
+  int tree_[N], link_[room(L)],
+      row_[room(M)];          // the tree of every velocity, link, string and limit
+  int group_[N], number_[N];  // of every tree
   bool is_used_[N];
 };
 

@@ -62,8 +62,8 @@ class ContactLanes {
     apart = !idle && !ground_.lanes;
   }
 
-  // Leaves lanes whose links impulses have made faster than the margins of find() allow for; whether
-  // there are any.
+  // Leaves lanes whose links impulses have made faster than the margins of find() allow for;
+  // whether there are any.
   FAN_FN bool look_again(const Real* acc, double dt) {
     const Mask fast = ground_.lanes && links_.outruns(acc, dt);
     leave(fast);
@@ -106,7 +106,8 @@ class ContactLanes {
     return ground_.rate_by_impulses(rows, a);
   }
 
-  // The energies of the step, and what pushes at its end. Returns 1 in lanes with an impact, else 0.
+  // The energies of the step, and what pushes at its end. Returns 1 in lanes with an impact, else
+  // 0.
   FAN_FN Real account() {
     residual = select(ground_.stands, ground_.residual, Real(0.0));
     const Mask struck = ground_.keep(impact);

@@ -1,5 +1,5 @@
-// The links of a bundle of lanes: their motion, the balls around their solids, and the lists of near
-// pairs, whose test is made in all lanes at once.
+// The links of a bundle of lanes: their motion, the balls around their solids, and the lists of
+// near pairs, whose test is made in all lanes at once.
 #pragma once
 
 #include "fantoccini/collision/plane_lanes.hpp"
@@ -99,8 +99,8 @@ class NearLanes {
     return links_.outruns(dv_D, dt, speed_at_start_, Tolerance::margin, Tolerance::travel);
   }
 
-  // A link's twist at the velocities of the step's start; the screw of a velocity; the twist of a link
-  // that nothing drives at other velocities.
+  // A link's twist at the velocities of the step's start; the screw of a velocity; the twist of a
+  // link that nothing drives at other velocities.
   FAN_FN const Real* twist(int link) const { return twist_of_ + 6 * link; }
   FAN_FN const Real* screw(int k) const { return links_.of_lanes.screw_D + 6 * k; }
   FAN_FN void twist_at(int link, const Real* v_D, Real* out) const {
@@ -139,8 +139,8 @@ class NearLanes {
       const Real *R = links_.of_lanes.poses + 12 * link, *t = twist_of_ + 6 * link;
       const double* own = links_.around[link].at;
       Real *at = centre_ + 3 * link, v[3];
-      FAN_UNROLL for (int c = 0; c < 3; ++c)
-        at[c] = R[9 + c] + R[c] * own[0] + R[3 + c] * own[1] + R[6 + c] * own[2];
+      FAN_UNROLL for (int c = 0; c < 3; ++c) at[c] =
+          R[9 + c] + R[c] * own[0] + R[3 + c] * own[1] + R[6 + c] * own[2];
       cross(t + 3, at, v);
       FAN_UNROLL for (int c = 0; c < 3; ++c) v[c] += t[c];
       speed_at_start_[link] =
@@ -153,8 +153,8 @@ class NearLanes {
     Mask all = Real(0.0) < Real(1.0);
     for (int link = 0; link < L; ++link) {
       if (!links_.has_solids(link)) continue;
-      const Real left = (0.5 * slack_ - 0.5 * Tolerance::margin) -
-                        Tolerance::travel * dt * speed_at_start_[link];
+      const Real left =
+          (0.5 * slack_ - 0.5 * Tolerance::margin) - Tolerance::travel * dt * speed_at_start_[link];
       const Real *R = links_.of_lanes.poses + 12 * link, *old = old_ + 12 * link;
       Real turned = Real(0.0), moved_by = Real(0.0);
       FAN_UNROLL for (int k = 0; k < 9; ++k) turned += (R[k] - old[k]) * (R[k] - old[k]);
@@ -184,7 +184,8 @@ class NearLanes {
     for (;;) {
       int k = none;
       for (int l = 0; l < width; ++l)
-        if (lane_of(known_, l) && at[l] < near_[l].n && near_[l].pair[at[l]] < k) k = near_[l].pair[at[l]];
+        if (lane_of(known_, l) && at[l] < near_[l].n && near_[l].pair[at[l]] < k)
+          k = near_[l].pair[at[l]];
       if (k == none) return;
       Listed& to = listed_[n_listed_++];
       to.pair = k;
@@ -199,7 +200,8 @@ class NearLanes {
 
   // The lanes, of those given, in which the solids of pair k are within the margin of each other as
   // far as their balls tell.
-  FAN_FN Mask near_in(const ContactArrays& in, int k, double dt, const Mask& lanes, Real& margin) const {
+  FAN_FN Mask
+  near_in(const ContactArrays& in, int k, double dt, const Mask& lanes, Real& margin) const {
     if (!any(lanes)) return lanes;
     const int first = in.pairs[2 * k], second = in.pairs[2 * k + 1];
     const Solid &x = in.solids[first], &y = in.solids[second];
@@ -249,11 +251,11 @@ class NearLanes {
 
   Links links_;
   Near near_[width];
-  double slack_ = 0.0;            // m: of the lists of near pairs
-  Real speed_at_start_[room(L)];  // m/s: by which the margins are chosen
+  double slack_ = 0.0;                                // m: of the lists of near pairs
+  Real speed_at_start_[room(L)];                      // m/s: by which the margins are chosen
   Real twist_of_[room(6 * L)], centre_[room(3 * L)];  // of the links and the balls around them
-  Real old_[room(12 * L)];  // turns and centres at which the lists of near pairs were made
-  Mask known_, good_;       // lanes that have a list, and one that holds in this step
+  Real old_[room(12 * L)];      // turns and centres at which the lists of near pairs were made
+  Mask known_, good_;           // lanes that have a list, and one that holds in this step
   bool is_listed_anew_ = true;  // whether a list is another one than in listed_
   int n_listed_ = 0;
   Listed listed_[width * 4 * room(Model::n_links)];

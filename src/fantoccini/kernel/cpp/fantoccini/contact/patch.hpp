@@ -20,8 +20,8 @@ FAN_LOOPS_BEGIN
 namespace fan {
 
 struct ContactPatchTolerances {
-  // How far points may lie off a plane, relative to their distance from the middle, and normals turn.
-  // How far they must lie off a line, likewise, squared.
+  // How far points may lie off a plane, relative to their distance from the middle, and normals
+  // turn. How far they must lie off a line, likewise, squared.
   static constexpr double flat = 1e-10;
   static constexpr double line = 1e-6;
 };
@@ -31,8 +31,8 @@ class ContactPatch {
   using Tolerance = ContactPatchTolerances;
 
   int pair, n = 0;
-  int point[max_touches];  // of the step
-  int rank = 0;            // rows: three of F, then those of T
+  int point[max_touches];      // of the step
+  int rank = 0;                // rows: three of F, then those of T
   double middle[3], frame[9];  // normal and tangents
   double size = 1.0;           // m: rows of T are this times a turn
   double b[6];                 // the rows' hdot and what is asked for beyond
@@ -193,7 +193,7 @@ class ContactPatch {
       b[3 + k] = size * theta[k];
     }
     for (int i = 0; i < n; ++i) {
-      const double *d = d_[i];
+      const double* d = d_[i];
       const double off[3] = {d[1] * theta[1] - d[0] * theta[2], -d[1] * theta[0], d[0] * theta[0]};
       for (int k = 0; k < 3; ++k) {
         const double left = fabs(own[i][k] - mean[k] - off[k]);
@@ -242,14 +242,17 @@ class ContactPatch {
 
   // The points in their order around the middle.
   FAN_FN void go_round(int* round) const {
-    const auto is_upper = [&](int i) { return d_[i][1] > 0.0 || (d_[i][1] == 0.0 && d_[i][0] > 0.0); };
+    const auto is_upper = [&](int i) {
+      return d_[i][1] > 0.0 || (d_[i][1] == 0.0 && d_[i][0] > 0.0);
+    };
     const auto comes_first = [&](int i, int j) {
       if (is_upper(i) != is_upper(j)) return is_upper(i);
       return d_[i][0] * d_[j][1] - d_[i][1] * d_[j][0] > 0.0;
     };
     for (int i = 0; i < n; ++i) {
       int place = i;
-      for (; place > 0 && comes_first(i, round[place - 1]); --place) round[place] = round[place - 1];
+      for (; place > 0 && comes_first(i, round[place - 1]); --place)
+        round[place] = round[place - 1];
       round[place] = i;
     }
   }

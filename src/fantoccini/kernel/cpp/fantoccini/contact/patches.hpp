@@ -5,8 +5,8 @@
 //   G x = b
 //
 // over the strings that pull and each patch's F and T. They are the law's where strings pull, the
-// other ones do not close, and each patch's F and T lie within its points' cones. Otherwise the group
-// is left to the cones' solver. Of one trajectory; for bundles of lanes see ground_lanes.hpp.
+// other ones do not close, and each patch's F and T lie within its points' cones. Otherwise the
+// group is left to the cones' solver. Of one trajectory; for bundles of lanes see ground_lanes.hpp.
 #pragma once
 
 #include "fantoccini/contact/columns.hpp"
@@ -244,13 +244,15 @@ class ContactPatches {
     return state.points.moved[patch_[p].point[0]];
   }
 
-  // W of a patch, three columns of F and three of T, and what the forces of the step do to its rows.
+  // W of a patch, three columns of F and three of T, and what the forces of the step do to its
+  // rows.
   FAN_FN void push_patch(const State& state, int p, const Evaluation<Model, Real>& eval) {
     const ContactPatch& own = patch_[p];
     const auto& moved = moved_of(state, p);
     for (int part = 0; part < own.parts(); ++part) {
       Triple<Real> row[room(N)];
-      if (part == 0) state.points.write_rows(*state.in, own.pair, own.middle, own.frame, moved, row);
+      if (part == 0)
+        state.points.write_rows(*state.in, own.pair, own.middle, own.frame, moved, row);
       else state.points.write_turns(*state.in, own.pair, own.frame, own.size, moved, row);
       Columns::push(eval.L, row, moved, W_[p][part]);
       const Triple<Real> rate = moved.along(W_[p][part], eval.w0);
@@ -261,8 +263,8 @@ class ContactPatches {
     }
   }
 
-  // G on its diagonal and to the right of it, and b beside it. Three numbers are written as a register of four, whose
-  // last, and those beyond a patch's rank, are 0 and the next ones replace.
+  // G on its diagonal and to the right of it, and b beside it. Three numbers are written as a
+  // register of four, whose last, and those beyond a patch's rank, are 0 and the next ones replace.
   FAN_FN void write_held(const State& state, const RowSystem<Model, Real>& rows) {
     constexpr int from = Complementarity<Real, M>::N;
     ldl_.resize(size_, true);
@@ -350,7 +352,7 @@ class ContactPatches {
   }
 
   bool any_held_ = false;
-  Real taken_[room(N)];   // - W x
+  Real taken_[room(N)];  // - W x
   ContactGroups<Model> groups_;
   int tree_[room(C)], row_tree_[room(M)];  // of points and gathered rows that take part
   bool sticks_[room(N)];                   // of each group, whether it is to be tried
@@ -365,9 +367,9 @@ class ContactPatches {
   int size_ = 0;
   double y_[padded(room(M + 3 * C) + 1)], b_held_[padded(room(M + 3 * C) + 1)];
   double given_[padded(room(M + 3 * C) + 1)];  // of redundant rows
-  double by_forces_[room(C)][6];          // by patch
-  double left_[padded(room(M + 3 * C) + 1)];  // b - G y
-  Real w_[room(N)], speed_[room(M)];      // - W y of the patches; of all gathered rows
+  double by_forces_[room(C)][6];               // by patch
+  double left_[padded(room(M + 3 * C) + 1)];   // b - G y
+  Real w_[room(N)], speed_[room(M)];           // - W y of the patches; of all gathered rows
   DenseLdl<M + 3 * C> ldl_;
 };
 

@@ -5,8 +5,8 @@
 //
 // with (v, w) a link's twist about the world's origin, the sum of the screws of the velocities that
 // move it. Rows have the sign of h, like those of strings: hdot = -u, so that h = -gap <= 0 where
-// solids do not overlap, and a force x >= 0 pushes A along +e and B along -e. Of one trajectory, rows
-// are written where they are asked for; hdot comes from the links' twists.
+// solids do not overlap, and a force x >= 0 pushes A along +e and B along -e. Of one trajectory,
+// rows are written where they are asked for; hdot comes from the links' twists.
 #pragma once
 
 #include "fantoccini/collision/near_pairs.hpp"
@@ -43,18 +43,18 @@ class ContactPoints {
 
   struct Point {
     int pair, feature, region;  // of ContactArrays; which of the pair's points; of Touch
-    double gap, at[3];       // m
-    double frame[9];         // normal, tangent, tangent
-    int before;              // which of those that pushed in the step before; -1 for none
-    bool carried, slid;      // whether any of its pair did, and, in lanes, moved across the normal
+    double gap, at[3];          // m
+    double frame[9];            // normal, tangent, tangent
+    int before;                 // which of those that pushed in the step before; -1 for none
+    bool carried, slid;  // whether any of its pair did, and, in lanes, moved across the normal
   };
 
-  int n[width], most;        // points of each lane, and of the one that has most
+  int n[width], most;  // points of each lane, and of the one that has most
   Point point[width][room(C)];
   Triple<Real> row[room(C)][room(N)];  // of A_D: every point's normal and tangents
   Triple<Real> rate_K[room(C)];        // A_K v_K of these rows
-  MovedBy<N> moved[room(C)];                // where a point's rows may differ from zero
-  bool too_many[width] = {};  // whether a lane has had more points than there is room for
+  MovedBy<N> moved[room(C)];           // where a point's rows may differ from zero
+  bool too_many[width] = {};           // whether a lane has had more points than there is room for
 
   // Takes the solids; nothing is known of where they are.
   FAN_FN void begin(const ContactArrays& in) {
@@ -249,7 +249,8 @@ class ContactPoints {
       to.at[c] = from.point[c];
       to.frame[c] = from.normal[c];
     }
-    if (last && same(last->frame, to.frame)) FAN_UNROLL for (int c = 3; c < 9; ++c) to.frame[c] = last->frame[c];
+    if (last && same(last->frame, to.frame))
+      FAN_UNROLL for (int c = 3; c < 9; ++c) to.frame[c] = last->frame[c];
     else add_tangents(to.frame);
   }
 
@@ -392,9 +393,9 @@ class ContactPoints {
 
   Links links_;
   NearPairs<L, 4 * L> near_[width];
-  double slack_ = 0.0;              // m: of the lists of near pairs
-  Real speed_at_start_[room(L)];    // m/s: by which the margins of find() were chosen
-  double passing_within_ = 0.0;  // s: the step, while only points that would be passed are added
+  double slack_ = 0.0;            // m: of the lists of near pairs
+  Real speed_at_start_[room(L)];  // m/s: by which the margins of find() were chosen
+  double passing_within_ = 0.0;   // s: the step, while only points that would be passed are added
   // Of one trajectory.
   PointDirections form_[room(C)];
   int link_[room(C)][2];

@@ -1,5 +1,5 @@
-// Contact points of one trajectory at a state: which are near, one of them by what it lies on, how they
-// move, and how soon others may.
+// Contact points of one trajectory at a state: which are near, one of them by what it lies on, how
+// they move, and how soon others may.
 #pragma once
 
 #include "fantoccini/collision/touch.hpp"
@@ -53,7 +53,8 @@ class ContactPointsAt {
   }
 
   // Which of the points has a feature of a pair, and a region if that lasts, or -1. Where it is
-  // none of those that touch, it is made by these alone, and put behind them; `holds`: it is still one.
+  // none of those that touch, it is made by these alone, and put behind them; `holds`: it is still
+  // one.
   int find_feature(const ContactArrays& in, int pair, int feature, int region, bool* holds) {
     *holds = true;
     for (int i = 0; i < n(); ++i)
@@ -124,8 +125,9 @@ class ContactPointsAt {
       if (b < 0 && in.solids[-1 - b].kind == HALF_SPACE) continue;
       double size = unbounded;
       for (int i = first; i < end; ++i)
-        size = fmin(size, Links::smallest_size(in.solids[in.pairs[2 * i]]) +
-                              Links::smallest_size(in.solids[in.pairs[2 * i + 1]]));
+        size = fmin(
+            size, Links::smallest_size(in.solids[in.pairs[2 * i]]) +
+                      Links::smallest_size(in.solids[in.pairs[2 * i + 1]]));
       const double speed = links().speed[a] + (b < 0 ? 0.0 : links().speed[b]);
       const double way = fmax(links().separation(in, g), 0.0) + Tolerance::share_of_size * size;
       if (speed * least > way) least = way / speed;

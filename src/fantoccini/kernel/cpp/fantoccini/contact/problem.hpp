@@ -49,7 +49,8 @@ class ContactProblem {
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
       if (state.row_held[r]) continue;
-      const Mask awake = guess[r] > Real(0.0) || problem.lower[a] < Real(0.0) || problem.b[a] > Real(0.0);
+      const Mask awake =
+          guess[r] > Real(0.0) || problem.lower[a] < Real(0.0) || problem.b[a] > Real(0.0);
       const Mask may_pull = near[r] && awake;
       bool some_pulls = false;
       for (int l = 0; l < width; ++l) {
@@ -80,7 +81,8 @@ class ContactProblem {
   FAN_FN int points() const { return n_triple_; }
   FAN_FN int point(int k) const { return triple_[k]; }
 
-  // The problem of a group of lane 0, with the impulses that were found; false where it has no points.
+  // The problem of a group of lane 0, with the impulses that were found; false where it has no
+  // points.
   FAN_FN bool restore(const State& state, int group, const RowSystem<Model, Real>& rows) {
     choose(group);
     if (n_triple_ == 0) return false;
@@ -125,8 +127,8 @@ class ContactProblem {
       if (groups_.at(some_[i].group) == group) triple_[n_triple_++] = some_[i].which;
   }
 
-  // G, b and mu of lane l's problem. Three numbers are written as a register of four, whose last the
-  // next ones replace.
+  // G, b and mu of lane l's problem. Three numbers are written as a register of four, whose last
+  // the next ones replace.
   FAN_FN void write(const State& state, int l, const RowSystem<Model, Real>& rows) {
     cone_.resize(n_single_, n_triple_);
     for (int i = 0; i < n_single_; ++i) cone_.b[i] = lane_of(rows.problem.b[single_[i]], l);
@@ -181,7 +183,8 @@ class ContactProblem {
       for (int d = 0; d < 3 * state.points.n[l]; ++d)
         if (state.takes_part(l, d / 3))
           change += 2.0 * lane_of(columns_.across[d / 3][a][d % 3], l) * lane_of(state.x[d], l);
-      add(lane_of(found[a], l), lane_of(before[a], l) - 0.5 * change, lane_of(rows.problem.b[a], l));
+      add(lane_of(found[a], l), lane_of(before[a], l) - 0.5 * change,
+          lane_of(rows.problem.b[a], l));
     }
     for (int d = 0; d < 3 * state.points.n[l]; ++d) {
       if (!state.takes_part(l, d / 3)) continue;
@@ -189,7 +192,8 @@ class ContactProblem {
       for (int e = 0; e < 3 * state.points.n[l]; ++e)
         if (state.takes_part(l, e / 3))
           change += lane_of(columns_.G(d, e), l) * lane_of(state.x[e], l);
-      add(lane_of(state.x[d], l), lane_of(state.before[d], l) - 0.5 * change, lane_of(state.b[d], l));
+      add(lane_of(state.x[d], l), lane_of(state.before[d], l) - 0.5 * change,
+          lane_of(state.b[d], l));
     }
     const double rounding = Tolerance::rounding * exchanged;
     const double left_open = lane_of(residual, l) * impulse * fastest;
@@ -206,8 +210,8 @@ class ContactProblem {
     return solved;
   }
 
-  // s of the rows that take part in lane l and may not pull; those that would close may pull from now
-  // on. Whether there are any.
+  // s of the rows that take part in lane l and may not pull; those that would close may pull from
+  // now on. Whether there are any.
   FAN_FN bool closes_more(
       State& state, int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* found,
       Real* s) {
@@ -323,8 +327,8 @@ class ContactProblem {
   FAN_FN bool has_solution() {
     bool solved = cone_.solve() || cone_.residual <= Tolerance::accepted_residual;
     for (const double share : Tolerance::softness)
-      solved = solved || (cone_.solve_softly(share) &&
-                          cone_.residual <= Tolerance::accepted_residual);
+      solved =
+          solved || (cone_.solve_softly(share) && cone_.residual <= Tolerance::accepted_residual);
     return solved;
   }
 
@@ -333,7 +337,7 @@ class ContactProblem {
   int single_[room(M)], n_single_ = 0;  // with these gathered rows
   int triple_[room(C)], n_triple_ = 0;  // and these points
   ContactGroups<Model> groups_;         // of the lane that was solved last
-  int n_some_ = 0, n_some_rows_ = 0;  // points and rows that take part
+  int n_some_ = 0, n_some_rows_ = 0;    // points and rows that take part
   Member some_[room(C)], some_rows_[room(M)];
 };
 

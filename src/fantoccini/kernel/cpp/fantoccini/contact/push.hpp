@@ -8,8 +8,8 @@ namespace fan {
 struct ContactStepTolerances {
   // m/s at which a point joins the problem because it would be passed: above rounding.
   static constexpr double passing_speed = 1e-12;
-  // Share of the way to its solid, over the step, that a point goes at the speed of the start and still
-  // is left to the look at the velocities after the step.
+  // Share of the way to its solid, over the step, that a point goes at the speed of the start and
+  // still is left to the look at the velocities after the step.
   static constexpr double share_of_way = 0.5;
   // m/s at which a point that pushes slides rather than sticks: above what the residual leaves.
   static constexpr double sliding_speed = 1e-9;
@@ -30,7 +30,8 @@ struct ContactStepTolerances {
   // Factor of a restitution that adds energy, from try to try; after the last it is 0.
   static constexpr double less_restitution = 0.5;
   static constexpr int tries = 5;
-  // Energy added that is rounding, relative to what the impulses exchange; above it the law's residual.
+  // Energy added that is rounding, relative to what the impulses exchange; above it the law's
+  // residual.
   static constexpr double rounding = 1e-9;
 };
 
@@ -48,7 +49,8 @@ FAN_FN bool is_before(const ContactPush& a, const Other& b) {
   return a.pair < b.pair || (a.pair == b.pair && a.feature < b.feature);
 }
 
-// Of what pushes, leaves what was at rest, as if it had pushed for long; returns how many these are.
+// Of what pushes, leaves what was at rest, as if it had pushed for long; returns how many these
+// are.
 FAN_FN int keep_resting(ContactPush* push, int n) {
   int kept = 0;
   for (int i = 0; i < n; ++i) {

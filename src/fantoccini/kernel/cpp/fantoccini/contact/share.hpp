@@ -2,9 +2,9 @@
 //
 //   x -> x + D (y* - y),   y* the projection of y on the range of A = D^T G D
 //
-// The columns of D are unit vectors: the three of a point that stands still, and the one along which
-// a point that slides keeps its friction. A y* = A y, so that velocities stay. Where y* leaves a
-// cone, x goes towards it as far as all cones allow. Strings keep their tensions.
+// The columns of D are unit vectors: the three of a point that stands still, and the one along
+// which a point that slides keeps its friction. A y* = A y, so that velocities stay. Where y*
+// leaves a cone, x goes towards it as far as all cones allow. Strings keep their tensions.
 #pragma once
 
 #include "fantoccini/solvers/cone.hpp"
@@ -109,7 +109,8 @@ class ContactShare {
     for (int a = 0; a < m_; ++a) {
       double image[capacity] = {};
       for (int d = 0; d < width_[a]; ++d)
-        for (int j = 0; j < n_; ++j) image[j] += direction_[a][d] * of.G[(row_[a] + d) * of.stride + j];
+        for (int j = 0; j < n_; ++j)
+          image[j] += direction_[a][d] * of.G[(row_[a] + d) * of.stride + j];
       for (int b = 0; b < m_; ++b) A_[a * m_ + b] = along(b, image);
       most = A_[a * (m_ + 1)] > most ? A_[a * (m_ + 1)] : most;
     }

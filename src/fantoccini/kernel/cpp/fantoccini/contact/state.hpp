@@ -1,5 +1,5 @@
-// The contact points of a time step: where they are, which of them take part, what their normals are
-// asked for, and the impulses, which begin with those of the step before.
+// The contact points of a time step: where they are, which of them take part, what their normals
+// are asked for, and the impulses, which begin with those of the step before.
 #pragma once
 
 #include "fantoccini/contact/points.hpp"
@@ -20,13 +20,13 @@ struct ContactState {
 
   Points points;
   const ContactArrays* in = nullptr;
-  double dt = 0.0;                 // s: of the step
-  bool near[width][room(C)];       // whether a point takes part
-  int chosen[width] = {};          // how many do
-  int steps[width][room(C)];       // for which a point has pushed
+  double dt = 0.0;                  // s: of the step
+  bool near[width][room(C)];        // whether a point takes part
+  int chosen[width] = {};           // how many do
+  int steps[width][room(C)];        // for which a point has pushed
   bool is_carried[width][room(C)];  // whether a point of the same pair pushed in the step before
-  int wait[width][room(C)];        // steps for which a point's group is not tried as patches
-  bool pulls[width][room(M)];      // whether a row that takes part may pull
+  int wait[width][room(C)];         // steps for which a point's group is not tried as patches
+  bool pulls[width][room(M)];       // whether a row that takes part may pull
   // Of one trajectory: the points and rows that are solved as patches (patches.hpp), and the
   // residual of these.
   bool held[room(C)] = {}, row_held[room(M)] = {};
@@ -77,16 +77,16 @@ struct ContactState {
     know_aims();
   }
 
-  // Whether all points pushed in the step before, or others of their pairs did, or they stay away at
-  // the velocities of the start, and none can bounce: what takes part then is left to
+  // Whether all points pushed in the step before, or others of their pairs did, or they stay away
+  // at the velocities of the start, and none can bounce: what takes part then is left to
   // ContactStep::watch(). Of one trajectory.
   FAN_FN bool all_pushed() const {
     bool all = true;
     for (int i = 0; i < points.n[0]; ++i) {
       const double closing = lane_of(hdot[3 * i], 0), way = -parting[0][i];
       const bool stays_away = closing < Tolerance::share_of_way * way;
-      const bool may_bounce = steps[0][i] == 0 && closing > 0.0 &&
-                              in->restitution[points.point[0][i].pair] > 0.0;
+      const bool may_bounce =
+          steps[0][i] == 0 && closing > 0.0 && in->restitution[points.point[0][i].pair] > 0.0;
       all = all && (is_carried[0][i] || stays_away) && !may_bounce;
     }
     return all;
@@ -158,8 +158,7 @@ struct ContactState {
       const Push& own = pushes[p.before];
       steps[l][i] = own.steps;
       wait[l][i] = own.wait > 0 ? own.wait - 1 : 0;
-      for (int d = 0; d < 3; ++d)
-        lane_of(x[3 * i + d], l) = dot3(p.frame + 3 * d, own.impulse);
+      for (int d = 0; d < 3; ++d) lane_of(x[3 * i + d], l) = dot3(p.frame + 3 * d, own.impulse);
     }
   }
 
@@ -175,7 +174,8 @@ struct ContactState {
     return closing <= (by_forces > Tolerance::passing_speed ? by_forces : Tolerance::passing_speed);
   }
 
-  // Whether point i is part of an impact. A corner on which a body that rests comes to stand is not.
+  // Whether point i is part of an impact. A corner on which a body that rests comes to stand is
+  // not.
   FAN_FN bool strikes(int l, int i) const {
     return (steps[l][i] < Tolerance::steps_of_impact && !rested(l, i)) || closes(l, i);
   }

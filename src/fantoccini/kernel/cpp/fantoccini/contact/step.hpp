@@ -1,7 +1,8 @@
 // Contacts of a time step, solved as one problem with the strings and limits that take part:
 //
 //   gap/dt + u_n >= 0, complementary to x_n >= 0;   |x_t| <= mu x_n,
-//   x_t = -mu x_n u_t/|u_t| where u_t != 0                    (Signorini, Coulomb; solvers/cone.hpp)
+//   x_t = -mu x_n u_t/|u_t| where u_t != 0                    (Signorini, Coulomb;
+//   solvers/cone.hpp)
 //
 // with u the velocity of the first solid against the second after the step, x the impulse on the
 // first. As for strings, solids that overlap part at the recovery speed at most. A new contact with
@@ -88,9 +89,8 @@ class ContactStep {
       double recovery_speed, const Mask& idle) {
     state_.in = &in;
     state_.dt = dt;
-    state_.points.find(in, q_D, v_D, q_K, v_K, p, dt, idle, [&](int l) {
-      state_.recognise(l, push[l], n[l]);
-    });
+    state_.points.find(
+        in, q_D, v_D, q_K, v_K, p, dt, idle, [&](int l) { state_.recognise(l, push[l], n[l]); });
     violation = work = impact = friction = residual = Real(0.0);
     for (int l = 0; l < width; ++l) {
       state_.chosen[l] = 0;
@@ -190,8 +190,9 @@ class ContactStep {
 
   // Solves for the impulses of the points and of the gathered rows that take part, in the lanes in
   // which points do; the rows' problem holds their bounds, and then their impulses x and s. near
-  // tells which rows take part; a lane to which none were added since keeps its solution. `guess` (n_rows) are impulses of the rows to begin with, `before`
-  // is the gathered rows' hdot after the step without impulses.
+  // tells which rows take part; a lane to which none were added since keeps its solution. `guess`
+  // (n_rows) are impulses of the rows to begin with, `before` is the gathered rows' hdot after the
+  // step without impulses.
   FAN_FN void settle(
       const Evaluation<Model, Real>& eval, RowSystem<Model, Real>& rows, const Mask* near,
       Real* guess, const Real* before, double cap, Mask& settled) {
@@ -226,7 +227,8 @@ class ContactStep {
       const Real x = row_x_[rows.row[a]];
       problem.x[a] = select(here, x, problem.x[a]);
       problem.s[a] = select(here, row_s_[rows.row[a]], problem.s[a]);
-      problem.high[a] = (problem.high[a] && !here) || (here && !(x < problem.upper[a] * (1.0 - Tolerance::at_bound)));
+      problem.high[a] = (problem.high[a] && !here) ||
+                        (here && !(x < problem.upper[a] * (1.0 - Tolerance::at_bound)));
     }
   }
 
@@ -337,8 +339,8 @@ class ContactStep {
     }
   }
 
-  // The same in a step with an impact, whose impulses also act where solids rest: each takes what it
-  // takes at the mean of the velocities before and after the step.
+  // The same in a step with an impact, whose impulses also act where solids rest: each takes what
+  // it takes at the mean of the velocities before and after the step.
   FAN_FN void book_impact(int l, int i) {
     for (int d = 3 * i; d < 3 * i + 3; ++d) {
       const double x = lane_of(state_.x[d], l), end = state_.after(l, d);
@@ -352,9 +354,9 @@ class ContactStep {
   State state_;
   ContactPatches<Model, Real> patches_;
   ContactProblem<Model, Real> problem_;
-  int looks_ = 0;                  // how often was looked again
-  // Of each lane's last solve in the step: how many rows and points took part, whether it went well;
-  // impulses and s of the rows.
+  int looks_ = 0;  // how often was looked again
+  // Of each lane's last solve in the step: how many rows and points took part, whether it went
+  // well; impulses and s of the rows.
   int solved_with_[width];
   bool well_[width];
   Real row_x_[room(M)], row_s_[room(M)];

@@ -1,6 +1,6 @@
 // What solids that touch add to the derivatives of a step, each point in its mode. With u the
-// velocity of the first solid against the second at the point P, n the normal, t1 and t2 tangents, and
-// U = du/dv_D, a point that
+// velocity of the first solid against the second at the point P, n the normal, t1 and t2 tangents,
+// and U = du/dv_D, a point that
 //
 //   sticks  holds n.u, t1.u and t2.u          by f = x_n n + x_1 t1 + x_2 t2,
 //   slides  holds n.u                         by f = x_n (n - mu d),  d = u_T/|u_T|.
@@ -21,7 +21,8 @@ namespace fan {
 
 // Adds forces to those of n points: `idle` of their rows, which come after n_held others, in parts
 // of the largest force.
-inline void share_otherwise(StepContact* points, int n, int n_held, const double* idle, double part) {
+inline void share_otherwise(
+    StepContact* points, int n, int n_held, const double* idle, double part) {
   double largest = 0.0;
   for (int i = 0; i < n; ++i) largest = fmax(largest, sqrt(dot3(points[i].force, points[i].force)));
   for (int i = 0, a = n_held; i < n; ++i) {
@@ -41,8 +42,8 @@ class ContactPartials {
   static constexpr int N = Model::n_vD, K = Model::n_vK, P = Model::n_p, E = N + K;
   static constexpr int L = Model::n_links, n_columns = 2 * E + P;
 
-  // The screws at the start of a step (E, 6), the velocities before and after it, and the changes by
-  // parameters (L + E, 6, P), all of which must live on.
+  // The screws at the start of a step (E, 6), the velocities before and after it, and the changes
+  // by parameters (L + E, 6, P), all of which must live on.
   void begin(
       const double* screws, const double* v_D, const double* v_next, const double* rate,
       const double* by_p, double dt) {
@@ -66,8 +67,8 @@ class ContactPartials {
 
   // A point that pushes. Writes how many rows it holds to `n`: the `rows` of -u along these
   // directions, the generalised `forces` of the multipliers, negated, and their changes over dt,
-  // `rates`; `drag`, z with z^T z acc_D the force that friction's turning adds, and whether there is
-  // any; and adds the changes of the generalised forces, negated, to `by` (n_columns, N).
+  // `rates`; `drag`, z with z^T z acc_D the force that friction's turning adds, and whether there
+  // is any; and adds the changes of the generalised forces, negated, to `by` (n_columns, N).
   bool take(
       const StepContact& point, int* n, double (*rows)[room(N)], double (*forces)[room(N)],
       double (*rates)[room(n_columns)], double* drag, double* by) {
@@ -95,8 +96,7 @@ class ContactPartials {
   using Columns = double[3][room(n_columns)];
 
   // A point, the rows that it holds, and the generalised forces of its multipliers, negated.
-  void set(
-      const StepContact& point, int* n, double (*rows)[room(N)], double (*forces)[room(N)]) {
+  void set(const StepContact& point, int* n, double (*rows)[room(N)], double (*forces)[room(N)]) {
     point_ = &point;
     find_subspace();
     double frame[9];
@@ -334,8 +334,8 @@ class ContactPartials {
       const int a = (c + 1) % 3, b = (c + 2) % 3;
       const double* at = point_->at;
       for (int i = 0; i < n_columns; ++i)
-        moment_by_[c][i] = P_by_[a][i] * f[b] - P_by_[b][i] * f[a] + at[a] * f_by_[b][i] -
-                           at[b] * f_by_[a][i];
+        moment_by_[c][i] =
+            P_by_[a][i] * f[b] - P_by_[b][i] * f[a] + at[a] * f_by_[b][i] - at[b] * f_by_[a][i];
     }
     each_link([&](int link, double sign) {
       for (int j = Model::moved_D_begin[link]; j < Model::moved_D_begin[link + 1]; ++j) {

@@ -2,8 +2,9 @@
 //
 //   z . Q + sum of y_d r_d
 //
-// over the rows r_d that a point holds, over dt, at fixed multipliers, acc_D, z and y. With the changes
-// of place P, normal n and gap by the twist of the first link against the second, all that changes is
+// over the rows r_d that a point holds, over dt, at fixed multipliers, acc_D, z and y. With the
+// changes of place P, normal n and gap by the twist of the first link against the second, all that
+// changes is
 //
 //   a . dP + b . dn + c dgap + wrenches . changes of the twists after and before the step and at z
 //
@@ -202,7 +203,8 @@ class ContactPull {
   const double *s_, *by_p_;
   const StepContact* point_;
   double dt_, v_[n_twists][room(E)];
-  // Velocity, angular velocity and weight of each twist at the point; the sum by place, normal, gap.
+  // Velocity, angular velocity and weight of each twist at the point; the sum by place, normal,
+  // gap.
   double u_[n_twists][3], turn_[n_twists][3], wrench_[n_twists][6];
   double place_[3], normal_[3], gap_, apart_[6], along_[6];
 };

@@ -3,8 +3,8 @@
 //   dZ_q/dt = turning(v_D) Z_q + Z_v
 //   dZ_v/dt = acc_q Z_q + acc_v Z_v + (acc_p, acc_inputs(t))
 //
-// integrated together with the state by dop853. The stages of a step are those of the state alone: so
-// the derivatives at all of them are found first.
+// integrated together with the state by dop853. The stages of a step are those of the state alone:
+// so the derivatives at all of them are found first.
 #pragma once
 
 #include <cmath>
@@ -21,7 +21,7 @@ namespace fan {
 
 struct FlowDerivativeTolerances {
   static constexpr double safety = 0.9, least = 0.2, most = 10.0;  // of a step by the one before
-  static constexpr double least_error = 1e-4;  // that tells how errors grow
+  static constexpr double least_error = 1e-4;                      // that tells how errors grow
 };
 
 template <class Model>
@@ -33,15 +33,25 @@ class FlowDerivatives {
   using Tolerance = FlowDerivativeTolerances;
 
   explicit FlowDerivatives(const FlowDerivativeArrays& in)
-      : in_(in), ld_(in_eights(in.m)), ld_inputs_(in_eights(in.n_inputs)), step_(in.step), linear_(in.n_inputs),
-        points_(new FlowPoint<Model>[dop853::stages + 1]), Z_(size()), Z_at_(size()), Z_end_(size()),
-        by_state_((dop853::stages + 1) * in_state), by_rest_((dop853::stages + 1) * in_rest()),
-        powers_(n_powers * changes()), inputs_(changes()) {
+      : in_(in),
+        ld_(in_eights(in.m)),
+        ld_inputs_(in_eights(in.n_inputs)),
+        step_(in.step),
+        linear_(in.n_inputs),
+        points_(new FlowPoint<Model>[dop853::stages + 1]),
+        Z_(size()),
+        Z_at_(size()),
+        Z_end_(size()),
+        by_state_((dop853::stages + 1) * in_state),
+        by_rest_((dop853::stages + 1) * in_rest()),
+        powers_(n_powers * changes()),
+        inputs_(changes()) {
     rate_.resize((dop853::stages + 1) * NY);
     for (auto& k : Z_rate_) k.resize(size());
     for (int j = 0; j < n_powers * Linear::n_changes; ++j)
       std::memcpy(
-          powers_.data() + j * ld_inputs_, in.by_inputs + j * in.n_inputs, sizeof(double) * in.n_inputs);
+          powers_.data() + j * ld_inputs_, in.by_inputs + j * in.n_inputs,
+          sizeof(double) * in.n_inputs);
     for (int j = 0; j < n_powers * changes(); ++j) {
       if (powers_[j] == 0.0) continue;
       degree_ = j / changes();
@@ -92,8 +102,8 @@ class FlowDerivatives {
   // By how much a step may differ from one with this error.
   static double factor(double error) { return Tolerance::safety * std::pow(error, -0.125); }
 
-  // By how much the next step is to be shorter because errors grow from step to step (Gustafsson, ACM
-  // Trans. Math. Softw. 20, 1994); for a step that is accepted.
+  // By how much the next step is to be shorter because errors grow from step to step (Gustafsson,
+  // ACM Trans. Math. Softw. 20, 1994); for a step that is accepted.
   double trend(double error, double s) {
     const double per_step = std::pow(std::fmax(error, Tolerance::least_error), 0.125) / s;
     const double before = error_per_step_;
@@ -177,8 +187,9 @@ class FlowDerivatives {
     const int direct = P + in_.n_inputs, first = in_.m - direct;
     for (int k = 0; k < N; ++k) {
       std::memset(lower + k * ld_, 0, sizeof(double) * ld_);
-      std::memcpy(lower + k * ld_ + first, by_rest_.data() + stage * in_rest() + k * in_eights(direct),
-                  sizeof(double) * direct);
+      std::memcpy(
+          lower + k * ld_ + first, by_rest_.data() + stage * in_rest() + k * in_eights(direct),
+          sizeof(double) * direct);
     }
     add_product(
         rows, by_state_.data() + stage * in_state, Linear::height, Z, ld_, lower, ld_, N, in_.m);
@@ -283,7 +294,8 @@ class FlowDerivatives {
     std::memcpy(rate_.data(), rate_.data() + dop853::stages * NY, sizeof(y_));
     Z_.swap(Z_end_);
     std::memcpy(points_[0].v_D, points_[dop853::stages].v_D, sizeof(points_[0].v_D));
-    std::memcpy(by_state_.data(), by_state_.data() + dop853::stages * in_state, sizeof(double) * in_state);
+    std::memcpy(
+        by_state_.data(), by_state_.data() + dop853::stages * in_state, sizeof(double) * in_state);
     std::memcpy(
         by_rest_.data(), by_rest_.data() + dop853::stages * in_rest(), sizeof(double) * in_rest());
   }
@@ -304,7 +316,8 @@ class FlowDerivatives {
   Linear linear_;
   std::unique_ptr<FlowPoint<Model>[]> points_;
   double y_[NY], end_[NY];
-  std::vector<double> rate_;  // (stages + 1, NY); g++ 12 takes such a member for aligned without AVX
+  std::vector<double>
+      rate_;  // (stages + 1, NY); g++ 12 takes such a member for aligned without AVX
   std::vector<double> Z_, Z_at_, Z_end_, Z_rate_[dop853::stages];
   std::vector<double> by_state_, by_rest_, powers_, inputs_;
 };

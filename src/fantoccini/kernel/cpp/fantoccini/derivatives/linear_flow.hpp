@@ -2,8 +2,9 @@
 //
 //   M dacc + A_D^T dtension = -r_d,   A_D dacc = -hddot_d
 //
-// r is the residual of Eq. 10, d a change of q_D, v_D or the parameters, or one along which the inputs
-// change. r_d and hddot_d are evaluated at several states at once; columns are solved for in bundles.
+// r is the residual of Eq. 10, d a change of q_D, v_D or the parameters, or one along which the
+// inputs change. r_d and hddot_d are evaluated at several states at once; columns are solved for in
+// bundles.
 #pragma once
 
 #include <cstring>
@@ -48,8 +49,8 @@ class LinearFlow {
  public:
   static constexpr int N = Model::n_vD, K = Model::n_vK, P = Model::n_p, M = Model::n_rows;
   static constexpr int width = Traits<Wide>::width;
-  static constexpr int height = in_eights(N);     // of a column by the state, with zeros
-  static constexpr int n_changes = 3 * K + N;     // q_K, v_K, acc_K, u_D
+  static constexpr int height = in_eights(N);  // of a column by the state, with zeros
+  static constexpr int n_changes = 3 * K + N;  // q_K, v_K, acc_K, u_D
   using Point = FlowPoint<Model>;
 
   explicit LinearFlow(int n_inputs)
@@ -94,8 +95,8 @@ class LinearFlow {
     const StatesInLanes<Model>& at = states_;
     Call<Model, Wide>::rows_by(at.q_D, at.v_D, at.acc, at.q_K, at.v_K, at.acc_K, at.p, by_, fresh_);
     fresh_ = false;
-    const Wide* parts[] = {by_.hddot_q, by_.hddot_v, by_.hddot_qK, by_.hddot_vK, by_.A_K,
-                           by_.hddot_p};
+    const Wide* parts[] = {by_.hddot_q,  by_.hddot_v, by_.hddot_qK,
+                           by_.hddot_vK, by_.A_K,     by_.hddot_p};
     constexpr int widths[] = {N, N, K, K, K, P};
     int c = 0;
     for (int part = 0; part < 6; ++part)

@@ -15,8 +15,8 @@ namespace fan {
 struct ModesOfStepTolerances {
   // Force that is shared otherwise, relative to the largest, to see whether motions depend on it.
   static constexpr double shift = 0.1;
-  // Change of a derivative by which it depends on that, relative to the largest by its quantity, and
-  // derivatives by one quantity that are rounding, relative to the largest of all.
+  // Change of a derivative by which it depends on that, relative to the largest by its quantity,
+  // and derivatives by one quantity that are rounding, relative to the largest of all.
   static constexpr double depends = 1e-6, rounding = 1e-8;
 };
 
@@ -51,9 +51,9 @@ class ModesOfStep {
     partials_.begin(screws_, v_D, v_next, rate, by_p_, dt_);
   }
 
-  // Finds dt dacc and, unless null, writes the changes `pull` of the tensions, with the held rows and
-  // their changes `rate_by` and the changes `force` of the residual, all in bundles. Returns why these
-  // are no derivatives.
+  // Finds dt dacc and, unless null, writes the changes `pull` of the tensions, with the held rows
+  // and their changes `rate_by` and the changes `force` of the residual, all in bundles. Returns
+  // why these are no derivatives.
   int solve(
       const Eval& eval, const RowSystem<Model, double>& rows, const Columns& columns, Wide* force,
       const Wide* rate_by, Wide* pull) {
@@ -105,7 +105,8 @@ class ModesOfStep {
       for (int k = 0; k < N; ++k) Columns::at(force, N, place(c), k) += by_[c * N + k];
   }
 
-  // Where a column of ContactPartials is among those of the step: q_D, v_D, q_K, dq_K/dt, and p last.
+  // Where a column of ContactPartials is among those of the step: q_D, v_D, q_K, dq_K/dt, and p
+  // last.
   int place(int c) const {
     if (c < N) return c;
     if (c < E) return N + c;

@@ -77,8 +77,8 @@ class RolloutContacts {
     return false;
   }
 
-  // Adds what the points give to a sum's derivatives by q_D, q_K, v_D, rate and p (n_columns,), from z
-  // and the y of all rows.
+  // Adds what the points give to a sum's derivatives by q_D, q_K, v_D, rate and p (n_columns,),
+  // from z and the y of all rows.
   void pull_back(const double* z, const double* y, double* out) {
     pull_.take(z);
     for (int i = 0, a = n_held_; i < n_; ++i) {

@@ -3,13 +3,15 @@
 //
 //   [M + dt F, A_D^T; A_D, 0] (z, y) = (g, l_tension),   l <- l+ - d(z . r + y/dt . R)
 //
-// where r is the residual of Eq. 10 with the velocity products of v_ahead (timestepping/step.hpp) and
-// R = A_D v+ + A_K rate + min(h/dt, recovery speed) that of the rows that the step holds. The matrix
-// is that of the step itself, so that a sweep costs a factorisation and a gradient of a scalar a step.
+// where r is the residual of Eq. 10 with the velocity products of v_ahead (timestepping/step.hpp)
+// and R = A_D v+ + A_K rate + min(h/dt, recovery speed) that of the rows that the step holds. The
+// matrix is that of the step itself, so that a sweep costs a factorisation and a gradient of a
+// scalar a step.
 //
-// Where solids touch, A_D is C, the rows that the step holds and those of its points in their modes, in
-// the second equation, and B, the forces that hold them, transposed in the first; M has Z^T Z beside
-// it (solvers/mode_system.hpp). What makes such a step one without derivative is looked for on the way.
+// Where solids touch, A_D is C, the rows that the step holds and those of its points in their
+// modes, in the second equation, and B, the forces that hold them, transposed in the first; M has
+// Z^T Z beside it (solvers/mode_system.hpp). What makes such a step one without derivative is
+// looked for on the way.
 #pragma once
 
 #include "fantoccini/derivatives/rollout_contacts.hpp"
@@ -64,7 +66,8 @@ class RolloutGradient {
   // The gradient of a rollout that was made; it ends at a step that has no derivative.
   void sweep(const GradientArrays& in) {
     const double dt = in.options.dt;
-    double l_a[2][room(N)] = {};  // by the accelerations of the step before, and of the one before it
+    double l_a[2][room(N)] =
+        {};  // by the accelerations of the step before, and of the one before it
     for (int j = 0; j < N; ++j) {
       l_q_[j] = in.l_q[in.n * N + j];
       l_v_[j] = in.l_v[in.n * N + j];
@@ -106,8 +109,8 @@ class RolloutGradient {
   // Relative difference between a step's velocity and its equations' at which it was cut short.
   static constexpr double shortened = 1e-9;
   // Force that is shared otherwise, relative to the largest, to see whether motions depend on it;
-  // change of a derivative by which it does, relative to itself; and what is rounding, relative to the
-  // largest.
+  // change of a derivative by which it does, relative to itself; and what is rounding, relative to
+  // the largest.
   static constexpr double shift = 0.1, depends = 1e-6, rounding = 1e-4;
 
   // Those that a step may hold, and numbers that it is differentiated by.
@@ -260,8 +263,7 @@ class RolloutGradient {
 
   // v+ of the equations of step k: where a step is cut short it is none, and the caller knows.
   void meant(const GradientArrays& in, long long k, double* v_next) const {
-    for (int j = 0; j < N; ++j)
-      v_next[j] = in.v_D[k * N + j] + in.options.dt * in.acc_D[k * N + j];
+    for (int j = 0; j < N; ++j) v_next[j] = in.v_D[k * N + j] + in.options.dt * in.acc_D[k * N + j];
   }
 
   // Whether solids push in step k, whose points are then at hand.

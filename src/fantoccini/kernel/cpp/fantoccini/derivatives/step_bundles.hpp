@@ -1,5 +1,5 @@
-// Derivatives of time steps at several nodes at once: the derivatives of the equations in lanes, one
-// node in each, and what is solved for node by node, its columns in lanes.
+// Derivatives of time steps at several nodes at once: the derivatives of the equations in lanes,
+// one node in each, and what is solved for node by node, its columns in lanes.
 #pragma once
 
 #include "fantoccini/derivatives/step_derivatives.hpp"
@@ -57,7 +57,8 @@ class StepBundles {
         columns.at(to[l], N, Columns::first[Columns::BY_REST] + k, k) = -1.0;
   }
 
-  // (A_D v+ + A_K rate + min(h/dt, recovery speed))_d / dt of a row to those of n nodes that hold it.
+  // (A_D v+ + A_K rate + min(h/dt, recovery speed))_d / dt of a row to those of n nodes that hold
+  // it.
   void take_rates(const StepDerivativeArrays& in, int row, int n) {
     const double per_step = 1.0 / in.dt;
     Wide gap = Wide(0.0), *to[width];
@@ -87,8 +88,8 @@ class StepBundles {
         });
   }
 
-  // Calls done(b, from) for the bundles that act; from are of(c) of their columns, c without those by
-  // u_D, and `none` where there is no column or one by u_D.
+  // Calls done(b, from) for the bundles that act; from are of(c) of their columns, c without those
+  // by u_D, and `none` where there is no column or one by u_D.
   template <class Of, class Done>
   void each_bundle(const Of& of, const Wide* none, const Done& done) const {
     const Columns& columns = nodes_[0].columns;

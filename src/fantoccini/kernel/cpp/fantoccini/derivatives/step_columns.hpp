@@ -29,7 +29,7 @@ class StepColumns {
   static constexpr int most = bundle[3] + bundles_of(N + P);  // bundles
   enum Group { BY_STATE, BY_V_K, BY_ACC_K, BY_REST };
 
-  int n = 0, n_forces = 0, n_bundles = 0;  // columns, those by u_D, and bundles
+  int n = 0, n_forces = 0, n_bundles = 0;    // columns, those by u_D, and bundles
   int begin[room(most)], count[room(most)];  // first column of every bundle, and how many it has
 
   void set(bool forces) {
@@ -45,8 +45,8 @@ class StepColumns {
     }
   }
 
-  // Whether columns of a bundle act: where driven coordinates move no mass and no drive follows them,
-  // dv_K/dt has no part in a step.
+  // Whether columns of a bundle act: where driven coordinates move no mass and no drive follows
+  // them, dv_K/dt has no part in a step.
   static constexpr bool acts(int b) {
     return Model::accelerated || b < bundle[BY_ACC_K] || b >= bundle[BY_REST];
   }
@@ -67,8 +67,7 @@ class StepColumns {
       if (begin[b] + width <= n) {
         std::memcpy(to, &x, sizeof(Wide));
       } else {
-        FAN_UNROLL for (int l = 0; l < width; ++l)
-          if (l < count[b]) to[l] = lane_of(x, l);
+        FAN_UNROLL for (int l = 0; l < width; ++l) if (l < count[b]) to[l] = lane_of(x, l);
       }
     }
   }

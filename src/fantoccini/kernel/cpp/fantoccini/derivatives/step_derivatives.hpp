@@ -1,5 +1,5 @@
-// Derivatives of a time step (timestepping/step.hpp, without extrapolation) by its start, its inputs,
-// the user's forces and the parameters, with the rows that it holds:
+// Derivatives of a time step (timestepping/step.hpp, without extrapolation) by its start, its
+// inputs, the user's forces and the parameters, with the rows that it holds:
 //
 //   (M + dt F) dacc + A_D^T dtension = -r_d
 //   A_D dacc = -(A_D v+ + A_K rate + min(h/dt, recovery speed))_d / dt
@@ -135,8 +135,7 @@ class StepDerivatives {
   Wide* solve_in_modes(const StepDerivativeArrays& in, long long i, double* pull) {
     if constexpr (touches) {
       if (!in.n_points || in.n_points[i] == 0) return nullptr;
-      in.edges[i] |=
-          modes_.solve(eval_, rows_, columns, change_, rate_by_, pull ? pull_ : nullptr);
+      in.edges[i] |= modes_.solve(eval_, rows_, columns, change_, rate_by_, pull ? pull_ : nullptr);
       return modes_.found();
     }
     return nullptr;
@@ -180,8 +179,7 @@ class StepDerivatives {
       double* out = pull + r * columns.n;
       if (place_[r] < 0)
         for (int c = 0; c < columns.n; ++c) out[c] = 0.0;
-      else
-        columns.write(out, [&](int b) FAN_INLINE { return pull_[b * M + place_[r]]; });
+      else columns.write(out, [&](int b) FAN_INLINE { return pull_[b * M + place_[r]]; });
     }
   }
 
@@ -217,7 +215,8 @@ class StepDerivatives {
   Evaluation<Model, double> eval_;
   RowSystem<Model, double> rows_;
   HeldFactor<M> factor_;
-  // In bundles: the derivatives of r and then dt dacc, those of the rows, and those of the tensions.
+  // In bundles: the derivatives of r and then dt dacc, those of the rows, and those of the
+  // tensions.
   Wide change_[room(Columns::most * N)], rate_by_[room(Columns::most * M)];
   Wide pull_[room(Columns::most * M)];
   std::conditional_t<touches, ModesOfStep<Model>, NoContacts> modes_;

@@ -14,11 +14,11 @@
 namespace fan {
 
 struct StepModeTolerances {
-  static constexpr double speed = 1e-8;  // that is none, relative to 1 m/s or the largest
-  static constexpr double force = 1e-8;  // that is none, relative to the weight
-  static constexpr double cone = 1e-6;   // part of its cone by which what sticks must stay inside
-  static constexpr double gap = 1e-12;   // m: to which a gap is known
-  static constexpr double askew = 1e-6;  // angle between directions of sliding that are one
+  static constexpr double speed = 1e-8;   // that is none, relative to 1 m/s or the largest
+  static constexpr double force = 1e-8;   // that is none, relative to the weight
+  static constexpr double cone = 1e-6;    // part of its cone by which what sticks must stay inside
+  static constexpr double gap = 1e-12;    // m: to which a gap is known
+  static constexpr double askew = 1e-6;   // angle between directions of sliding that are one
   static constexpr double margin = 1e-3;  // m: gap within which points are differenced
   static constexpr double spare = 1.5;    // the same, in gaps that close within the step
   static constexpr double by_p = 1e-3;  // step of differences by parameters, relative to 1 or them
@@ -36,7 +36,8 @@ class StepModes {
 
   // Where a step begins, its rate dq_K/dt and the parameters; all must live on.
   void begin(
-      const double* q_D, const double* v_D, const double* q_K, const double* rate, const double* p) {
+      const double* q_D, const double* v_D, const double* q_K, const double* rate,
+      const double* p) {
     q_D_ = q_D;
     v_D_ = v_D;
     q_K_ = q_K;
@@ -70,8 +71,8 @@ class StepModes {
     return n;
   }
 
-  // The screws (E, 6) at the start; and, of puppets with parameters, twists of the links and changes
-  // of the screws (L + E, 6, P) by these.
+  // The screws (E, 6) at the start; and, of puppets with parameters, twists of the links and
+  // changes of the screws (L + E, 6, P) by these.
   void screws(double* out, double* by_p) {
     pose(p_, poses_, out);
     if (P > 0) differ_by_parameters(by_p);

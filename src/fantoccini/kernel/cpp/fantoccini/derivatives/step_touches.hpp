@@ -78,8 +78,8 @@ class StepTouches {
   StepContact found_[room(C)];
 };
 
-// The C interface of StepTouches: the nodes [first, last) of the arrays; 1 where there was no memory,
-// else 0.
+// The C interface of StepTouches: the nodes [first, last) of the arrays; 1 where there was no
+// memory, else 0.
 template <class Model>
 int find_step_touches(const TouchingStepArrays& in, long long first, long long last) {
   if constexpr (Model::n_contacts > 0) {

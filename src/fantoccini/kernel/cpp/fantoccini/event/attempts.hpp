@@ -33,7 +33,8 @@ struct ClosedRowTolerances {
   static constexpr double energy_gain = 1e-10;
   // Gap below which a row takes part when others are corrected, relative to its scale.
   static constexpr double nearby_gap = 1e-4;
-  // |h| that ClosedRows::retreat leaves of a held row, relative to its scale; h of others: closed_gap.
+  // |h| that ClosedRows::retreat leaves of a held row, relative to its scale; h of others:
+  // closed_gap.
   static constexpr double held_gap = 1e-13;
   // Distance from 0 or from its winch's largest, relative to the largest tension present, at which
   // a tension counts as at its bound.
@@ -50,9 +51,9 @@ struct ClosedRowTolerances {
 };
 
 struct Attempt {
-  double stillness;    // |hdot| up to which rows are at rest, as max_rest_speed
-  double ahead;        // length of the implicit step [s]; 0 for none
-  double gain;         // energy that holding may add, relative to the weight times 1 m
+  double stillness;     // |hdot| up to which rows are at rest, as max_rest_speed
+  double ahead;         // length of the implicit step [s]; 0 for none
+  double gain;          // energy that holding may add, relative to the weight times 1 m
   double disagreement;  // of the rates of redundant held rows, as strict_rest_speed
 };
 

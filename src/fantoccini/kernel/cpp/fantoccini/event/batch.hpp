@@ -22,9 +22,8 @@ class EventBatch {
   using F = Flow<Model>;
   static constexpr int N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;
   static constexpr int row_capacity = 256;
-  static constexpr int event_capacity = 1024 > 4 * EventRun<Model>::events_per_step
-                                            ? 1024
-                                            : 4 * EventRun<Model>::events_per_step;
+  static constexpr int event_capacity =
+      1024 > 4 * EventRun<Model>::events_per_step ? 1024 : 4 * EventRun<Model>::events_per_step;
   static constexpr int contact_capacity = row_capacity * Model::n_contacts;
   static constexpr long long steps_per_report = 200;  // between two looks at the pool
 

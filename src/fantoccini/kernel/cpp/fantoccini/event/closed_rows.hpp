@@ -37,7 +37,7 @@ struct ClosedRows {
         list[n++] = r;
     f.rows.gather(f.eval, f.y + NQ, list, n);
     double h[room(M)];
-    for (int r = 0; r < M; ++r) 
+    for (int r = 0; r < M; ++r)
       h[r] = f.row_state[r] == SLIPPING ? -WinchTolerances::max_length_error - f.slip_now[r]
                                         : f.eval.height(r);
     const auto left = [&] {
@@ -108,8 +108,7 @@ struct ClosedRows {
   // as exactly closed: their slips absorb up to WinchTolerances::max_length_error of either sign.
   Status choose(
       F& f, const bool* loose, const bool* strained, Hold* next,
-      double closeness = FlowTolerances::closed_gap,
-      const Attempt& how = Attempts::list[0]) {
+      double closeness = FlowTolerances::closed_gap, const Attempt& how = Attempts::list[0]) {
     const double ahead = how.ahead;
     double rate[F::NY];
     f.settle_slip(f.t);
@@ -167,7 +166,8 @@ struct ClosedRows {
       next[r] = state_of(i);
       if (next[r] != HELD || set_.two_sided[i]) continue;
       // A tension that has just reached its bound, and is there up to rounding, will pass it.
-      if (loose[r] && set_.x[i] <= Tolerance::tension_at_bound * most + rounding(f, i)) next[r] = SLACK;
+      if (loose[r] && set_.x[i] <= Tolerance::tension_at_bound * most + rounding(f, i))
+        next[r] = SLACK;
       if (strained[r] && set_.x[i] >= set_.upper[i] - Tolerance::tension_at_bound * most)
         next[r] = SLIPPING;
     }
@@ -199,8 +199,7 @@ struct ClosedRows {
       // A row that closes faster is about to be caught, or to slip. At a lower speed the winch
       // would grip at once, and its string would close again.
       const bool closed = f.eval.height(r) >= -FlowTolerances::closed_gap * f.row_scale(r) &&
-                          f.row_state[r] != SLIPPING &&
-                          f.rate_of(r, f.y + NQ) <= rest_speed(f);
+                          f.row_state[r] != SLIPPING && f.rate_of(r, f.y + NQ) <= rest_speed(f);
       if (f.row_state[r] == HELD || f.row_state[r] == SLIPPING || closed) list[n++] = r;
     }
     f.rows.gather(f.eval, f.y + NQ, list, n);
@@ -389,7 +388,7 @@ struct ClosedRows {
   }
 
   Set set_;
-  int row_[room(M)];  // of each of the set's columns
+  int row_[room(M)];                                 // of each of the set's columns
   double sign_[room(M)], turned_[room(M)][room(N)];  // of floors: sign -1, and the negated column
   LeastNorm<Set> least_;
 };

@@ -3,7 +3,7 @@
 //
 //   hdot+ = hdot- - G Lambda, hdot_n+ <= -e hdot_n-, complementary, Lambda in Coulomb's cones
 //   hddot = hddot_0 - G x,    hddot_n <= 0, complementary, x in the cones, where hdot_n = 0; of
-//   points that slide already x_T = mu x_n d                                           (solvers/cone.hpp)
+//   points that slide already x_T = mu x_n d (solvers/cone.hpp)
 //
 // A string on a slipping winch takes no impulse: while hdot > 0 its winch slips, and its tension is
 // the winch's largest.
@@ -47,9 +47,10 @@ class ContactInstants {
   using Held = HeldContacts<Model>;
   static constexpr int C = F::C, N = F::N, NQ = F::NQ, S = F::S, M = F::M, R = Held::R;
 
-  double impulse[room(M)], point_impulse[room(C)];  // of the last impact: rows; normal ones of points
-  double speed[room(M)], point_speed[room(C)];      // hdot before it
-  double lost = 0.0;                                // J
+  double impulse[room(M)],
+      point_impulse[room(C)];                   // of the last impact: rows; normal ones of points
+  double speed[room(M)], point_speed[room(C)];  // hdot before it
+  double lost = 0.0;                            // J
 
   // Gathers the rows that are closed, and the points that touch, at (t, y), which must be the
   // flow's latest evaluation.
@@ -122,15 +123,16 @@ class ContactInstants {
   }
 
   // Chooses the modes of the gathered rows, `next` (M,), and of all points at (t, y), which must be
-  // the flow's latest evaluation, with winches that grip. Rows in `loose`, and points in `loose_point`,
-  // have just lost their force; rows and points in `strained` and `strained_point` have just reached
-  // their winch's largest or their cone.
+  // the flow's latest evaluation, with winches that grip. Rows in `loose`, and points in
+  // `loose_point`, have just lost their force; rows and points in `strained` and `strained_point`
+  // have just reached their winch's largest or their cone.
   Status choose(
       F& f, const bool* loose, const bool* strained, const bool* loose_point,
       const bool* strained_point, Hold* next) {
     auto& cone = f.contacts.cone;
     Held& held = f.contacts;
-    const double scale = f.hddot_scale(), still = ClosedRowTolerances::max_rest_speed * speed_scale(f);
+    const double scale = f.hddot_scale(),
+                 still = ClosedRowTolerances::max_rest_speed * speed_scale(f);
     for (int r = 0; r < M; ++r) next[r] = SLACK;
     Rest rest;
     rest.n_single = rest.n_points = 0;
@@ -175,7 +177,8 @@ class ContactInstants {
     bool slips = false;
     for (int c = 0; c < held.points.n; ++c) slips = slips || strained_point[c];
     if (slips) {
-      // Of redundant forces those of least norm, which may keep a point that others would let slide.
+      // Of redundant forces those of least norm, which may keep a point that others would let
+      // slide.
       share_.find(cone, cone.x + rest.n_single);
       if (!slip(f, rest, Tolerance::at_rest * scale)) return NO_UNIQUE_MOTION;
     }
@@ -195,8 +198,8 @@ class ContactInstants {
     return top;
   }
 
-  // Lets the points whose force has reached its cone slide along it; solves again. Where such a force
-  // does not oppose the acceleration, as redundant forces need not, it is turned against it.
+  // Lets the points whose force has reached its cone slide along it; solves again. Where such a
+  // force does not oppose the acceleration, as redundant forces need not, it is turned against it.
   bool slip(F& f, const Rest& rest, double idle) {
     auto& cone = f.contacts.cone;
     bool begins[room(C)], more = false;
@@ -315,7 +318,8 @@ class ContactInstants {
       const int r = f.rows.row[rest.single[i]];
       const bool most_of_winch = cone.x[i] >= cone.upper[i] - Tolerance::at_largest * most;
       if (most_of_winch && (strained[r] || cone.s[i] < -idle)) next[r] = SLIPPING;
-      else if (f.rows.two_sided[rest.single[i]] || cone.x[i] > (loose[r] ? none : 0.0)) next[r] = HELD;
+      else if (f.rows.two_sided[rest.single[i]] || cone.x[i] > (loose[r] ? none : 0.0))
+        next[r] = HELD;
       else if (!loose[r] && cone.s[i] <= idle) next[r] = IDLE;
       held.points.tension[r] = cone.x[i];
     }

@@ -214,7 +214,7 @@ struct Flow {
   // --- the step -------------------------------------------------------------------------------
 
   double k[dop853::all_stages][NY];
-  double end[NY], end_rate[NY];    // state at the end of the trial step, and its rate
+  double end[NY], end_rate[NY];  // state at the end of the trial step, and its rate
   double stage_lack[dop853::stages][room(GUARDS)];  // from stage 1 on; of slack rows the height
 
   // Trial step of length s from (t, y) with k[0] known. Leaves the end state in `end`.
@@ -331,7 +331,8 @@ struct Flow {
   void heights(const double* state, double* h, bool slipped = false) const {
     Call<Model, double>::rows(state, q_K, p, h);
     for (int i = 0; i < S; ++i) {
-      if (row_state[i] == SLIPPING) h[i] = slipped ? -WinchTolerances::max_length_error - h[i] : 0.0;
+      if (row_state[i] == SLIPPING)
+        h[i] = slipped ? -WinchTolerances::max_length_error - h[i] : 0.0;
       else h[i] -= slip_now[i];
     }
   }
@@ -395,7 +396,8 @@ struct Flow {
       pull[a] = -problem.x[a];
       *power += problem.x[a] * rows.hdot_K[a];
       if (winches.slips(r)) *slip_power += problem.x[a] * slip_rate[r];
-      if (row_state[r] == IDLE || row_state[r] == PINNED) apart[r] = fabs(problem.s[a]) / hddot_scale();
+      if (row_state[r] == IDLE || row_state[r] == PINNED)
+        apart[r] = fabs(problem.s[a]) / hddot_scale();
     }
     rows.add(pull, w);
   }

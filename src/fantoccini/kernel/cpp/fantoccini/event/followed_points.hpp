@@ -36,8 +36,8 @@ struct HeldContactTolerances {
   // Least normal influence of a sliding point's force, relative to that without friction: below,
   // friction jams (Painleve).
   static constexpr double least_influence = 1e-6;
-  // Likewise, where steps that get too small are said to end by that; and the force of a sliding point
-  // there, relative to the weight.
+  // Likewise, where steps that get too small are said to end by that; and the force of a sliding
+  // point there, relative to the weight.
   static constexpr double jamming_influence = 1e-2, jamming_force = 100.0;
   // |hddot| of a resting point, relative to Flow::hddot_scale; a force that is none, to the weight.
   static constexpr double parting_acceleration = 1e-8, negligible_force = 1e-12;
@@ -54,17 +54,17 @@ class FollowedPoints {
   struct Contact {
     int pair, feature, region;  // as ContactPoints::is_one tells them apart
     ContactMode mode;
-    bool moving;       // slides faster than Tolerance::stopped
-    bool told;         // its sliding is among the events
-    bool fresh;        // touches since this instant
-    bool leaves;       // springs back from it
-    double along[3];   // of friction on the first solid where it slides, in the world
-    double force[3];   // at the last event, in the world
-    double over;       // m: overlap that a parted point has from the start
-    double back;       // m/s: how fast one that begins to slide still goes the other way
-    double since;      // s: when it began to slide
-    bool slow;         // slides so slowly that its friction looks ahead (held_rows.hpp)
-    double brake;      // m/s^2: by which it slows down then
+    bool moving;      // slides faster than Tolerance::stopped
+    bool told;        // its sliding is among the events
+    bool fresh;       // touches since this instant
+    bool leaves;      // springs back from it
+    double along[3];  // of friction on the first solid where it slides, in the world
+    double force[3];  // at the last event, in the world
+    double over;      // m: overlap that a parted point has from the start
+    double back;      // m/s: how fast one that begins to slide still goes the other way
+    double since;     // s: when it began to slide
+    bool slow;        // slides so slowly that its friction looks ahead (held_rows.hpp)
+    double brake;     // m/s^2: by which it slows down then
   };
 
   const ContactArrays* in = nullptr;
@@ -75,16 +75,17 @@ class FollowedPoints {
   // Of the latest evaluation.
   double gap[room(C)];
   double hdot[room(3 * C)], x[room(3 * C)], after[room(3 * C)];  // after: hddot with all forces
-  double lawful[room(3 * C)], after_lawful[room(3 * C)];  // likewise, where modes end
+  double lawful[room(3 * C)], after_lawful[room(3 * C)];         // likewise, where modes end
   double overlap = -unbounded, closing = 0.0;  // of the point that is deepest, and how fast
   double safe = unbounded;                     // s: until solids might pass through one another
-  bool found[room(C)];  // whether a point is one there
+  bool found[room(C)];                         // whether a point is one there
   double point[room(C)][3], frame[room(C)][9];
   // Of the rows: A_D, A_K v_K, and gamma.
   double row[room(3 * C)][room(N)], rate_K[room(3 * C)], gamma[room(3 * C)] = {};
   double tension[room(M)] = {};  // at the last event
 
-  // Evaluates all points near at a state; f's evaluation, but for accelerations, must be that of it.
+  // Evaluates all points near at a state; f's evaluation, but for accelerations, must be that of
+  // it.
   template <class F>
   void look(const F& f, const double* q_D, const double* v_D) {
     points_.pose(*in, q_D, v_D, f.q_K, f.v_K, f.p);
@@ -131,8 +132,8 @@ class FollowedPoints {
     n = kept;
   }
 
-  // Adds all points with a gap of at most `most` at the latest evaluation, as parted ones, or as many
-  // as there is room for (too_many).
+  // Adds all points with a gap of at most `most` at the latest evaluation, as parted ones, or as
+  // many as there is room for (too_many).
   template <class F>
   void take_closed(const F& f, const double* q_D, const double* v_D, double most) {
     bool more = false, full = false;
@@ -143,8 +144,22 @@ class FollowedPoints {
       if (full) break;
       bool told = false;
       for (int c = 0; c < n; ++c) told = told || (meet(at[c].pair, from.pair) && at[c].told);
-      at[n++] = {from.pair, from.feature, from.region, PARTED, false, told, true, false, {0.0, 0.0, 0.0},
-                 {0.0, 0.0, 0.0}, from.gap < 0.0 ? -from.gap : 0.0, 0.0, f.t, false, 0.0};
+      at[n++] = {
+          from.pair,
+          from.feature,
+          from.region,
+          PARTED,
+          false,
+          told,
+          true,
+          false,
+          {0.0, 0.0, 0.0},
+          {0.0, 0.0, 0.0},
+          from.gap < 0.0 ? -from.gap : 0.0,
+          0.0,
+          f.t,
+          false,
+          0.0};
       more = true;
     }
     if (more) {
@@ -241,13 +256,14 @@ class FollowedPoints {
   }
 
   // gamma: derivatives of hdot along the motion without accelerations of the puppet, where
-  // the driven coordinates have theirs. Where a point is lost ahead or comes to another region, as at
-  // a corner that it is about to reach, they are taken from behind, or over less; one that is lost
-  // here keeps its latest.
+  // the driven coordinates have theirs. Where a point is lost ahead or comes to another region, as
+  // at a corner that it is about to reach, they are taken from behind, or over less; one that is
+  // lost here keeps its latest.
   template <class F>
   void differ(const F& f, const double* q_D, const double* v_D) {
     double rate = Tolerance::slowest;
-    for (int c = 0; c < n; ++c) rate = fmax(rate, points_.rate_of_turning(*in, at[c].pair, speed(c)));
+    for (int c = 0; c < n; ++c)
+      rate = fmax(rate, points_.rate_of_turning(*in, at[c].pair, speed(c)));
     bool done[room(C)];
     int left = n;
     for (int c = 0; c < n; ++c) {
@@ -322,8 +338,7 @@ class FollowedPoints {
         double u[3];
         near_.velocity(*in, i, u);
         sum[3 * c] += by.weight[k] * dot3(u, near_.point(i).frame);
-        for (int d = 1; d < 3; ++d)
-          sum[3 * c + d] += by.weight[k] * dot3(u, frame[c] + 3 * d);
+        for (int d = 1; d < 3; ++d) sum[3 * c + d] += by.weight[k] * dot3(u, frame[c] + 3 * d);
       }
     }
     int count = 0;
@@ -401,7 +416,7 @@ class FollowedPoints {
   }
 
   Points points_, near_;  // of the latest evaluation; at displaced configurations
-  bool known_[room(C)];  // as found, but also where its feature alone makes it
+  bool known_[room(C)];   // as found, but also where its feature alone makes it
   int region_[room(C)];
 };
 

@@ -51,9 +51,7 @@ struct Guards {
     for (int r = 0; r < M; ++r) armed[r] = true;
   }
 
-  void remember(Snapshot& memory) {
-    memory.keep(armed, height0, rate0, guard0);
-  }
+  void remember(Snapshot& memory) { memory.keep(armed, height0, rate0, guard0); }
 
   // The shortest time the clock resolves.
   double resolution() const { return Tolerance::clock * (fabs(flow.t) > 1.0 ? fabs(flow.t) : 1.0); }
@@ -67,7 +65,8 @@ struct Guards {
   bool touches(int r, double closeness) const {
     const double over = flow.eval.height(r) / flow.row_scale(r);
     const bool at_once = armed[r] || (flow.winches.some_slip && over > FlowTolerances::closed_gap);
-    return over >= -closeness && flow.rate_of(r, flow.y + NQ) > (at_once ? 0.0 : Tolerance::min_speed);
+    return over >= -closeness &&
+           flow.rate_of(r, flow.y + NQ) > (at_once ? 0.0 : Tolerance::min_speed);
   }
 
   // What the next step's guards compare with.
@@ -86,8 +85,9 @@ struct Guards {
     if (r >= M) return flow.motors.excess(r - M);
     if (r < S && Model::wire[r]) return -1.0;
     if (flow.row_state[r] == SLIPPING) {
-      const double wound_in = (-flow.slip_now[r] - WinchTolerances::max_length_error) / flow.row_scale(r) -
-                              Tolerance::caught_height;
+      const double wound_in =
+          (-flow.slip_now[r] - WinchTolerances::max_length_error) / flow.row_scale(r) -
+          Tolerance::caught_height;
       const double slow = flow.lack(r) - (armed[r] ? 0.0 : Tolerance::min_speed);
       return slow > wound_in ? slow : wound_in;
     }
@@ -105,7 +105,8 @@ struct Guards {
   // How far a row was beyond its bound when the step began, counted up to closed_gap, or four times
   // that where redundant strings on winches may keep it from being corrected.
   double already(int r) const {
-    const double most = (flow.winches.some_slip ? 4.0 : 1.0) * FlowTolerances::closed_gap * flow.row_scale(r);
+    const double most =
+        (flow.winches.some_slip ? 4.0 : 1.0) * FlowTolerances::closed_gap * flow.row_scale(r);
     return height0[r] > most ? most : (height0[r] > 0.0 ? height0[r] : 0.0);
   }
 
@@ -123,7 +124,7 @@ struct Guards {
   bool contradicted() const {
     if (!flow.winches.some_slip) return false;
     for (int r = 0; r < M; ++r) {
-      if (flow.row_state[r] == HELD && 
+      if (flow.row_state[r] == HELD &&
           fabs(flow.eval.height(r)) > Tolerance::caught_height * flow.row_scale(r))
         return true;
       if (flow.row_state[r] != SLIPPING) continue;

@@ -2,11 +2,11 @@
 //
 //   sticking: u = 0;   sliding: u_n = 0, x_T = mu x_n d with d against u_T;   resting: x = 0
 //
-// so that the forces x follow from linear equations over the held strings and points (held_rows.hpp).
-// Redundant points are held as well: of all x the one nearest to the forces at the last event is
-// taken, which are those of least norm where these are legal; where it is not legal, any other that
-// gives the same motion. At the instant at which none does any longer the modes end; the forces of
-// that instant are those of the law itself.
+// so that the forces x follow from linear equations over the held strings and points
+// (held_rows.hpp). Redundant points are held as well: of all x the one nearest to the forces at the
+// last event is taken, which are those of least norm where these are legal; where it is not legal,
+// any other that gives the same motion. At the instant at which none does any longer the modes end;
+// the forces of that instant are those of the law itself.
 #pragma once
 
 #include "fantoccini/contact/push.hpp"
@@ -30,10 +30,10 @@ class HeldContacts {
   Points points;
   Rows rows;
 
-  double friction = 0.0;  // W
-  ConeProblem<R> cone;  // for whoever chooses forces or impulses
+  double friction = 0.0;       // W
+  ConeProblem<R> cone;         // for whoever chooses forces or impulses
   bool redistributed = false;  // whether redundant forces were found anew at the latest evaluation
-  bool ends = false;           // whether the law's forces there, `lawful`, part or move what is held
+  bool ends = false;  // whether the law's forces there, `lawful`, part or move what is held
 
   bool active() const { return points.in && points.n > 0; }
 
@@ -84,7 +84,8 @@ class HeldContacts {
     for (int i = 0; i < 3 * points.n; ++i) {
       points.x[i] = rows.y[rows.n_single + i];
       *power += points.x[i] * points.rate_K[i];
-      // Sticking points move within steps by errors alone, and redundant forces are of any size there.
+      // Sticking points move within steps by errors alone, and redundant forces are of any size
+      // there.
       if (i % 3 && points.at[i / 3].mode == SLIDING) friction += points.x[i] * points.hdot[i];
     }
     rows.take(rows.y, w);
@@ -107,14 +108,16 @@ class HeldContacts {
     if (!points.found[c]) return 1.0;
     const int i = 3 * c;
     if (own.mode == RESTING) {
-      const double parts = fabs(points.after[i]) / f.hddot_scale() - Tolerance::parting_acceleration;
+      const double parts =
+          fabs(points.after[i]) / f.hddot_scale() - Tolerance::parting_acceleration;
       const double strays = fabs(points.gap[c]) - own.over - Tolerance::strayed;
       return parts > strays ? parts : strays;
     }
     const double forces = excess(f, c, points.x + 3 * c);
     if (own.mode == STICKING || points.in->friction[own.pair] == 0.0) return forces;
     const double speed = points.along(c);
-    const double stops = own.moving ? Tolerance::stopped - speed : -speed - own.back - Tolerance::stopped;
+    const double stops =
+        own.moving ? Tolerance::stopped - speed : -speed - own.back - Tolerance::stopped;
     const double jams = Tolerance::least_influence - rows.influence(points, c);
     const double worst = forces > stops ? forces : stops;
     return worst > jams ? worst : jams;
@@ -126,9 +129,8 @@ class HeldContacts {
     const double lifts = -own[0] / f.weight() - Tolerance::negligible_force;
     if (points.at[c].mode != STICKING) return lifts;
     const double size = sqrt(own[1] * own[1] + own[2] * own[2]);
-    const double slips =
-        (size - points.in->friction[points.at[c].pair] * own[0]) / f.weight() -
-        Tolerance::negligible_force;
+    const double slips = (size - points.in->friction[points.at[c].pair] * own[0]) / f.weight() -
+                         Tolerance::negligible_force;
     return lifts > slips ? lifts : slips;
   }
 
@@ -138,7 +140,8 @@ class HeldContacts {
   }
 
   // By how much the latest forces and accelerations break the law, relative to the weight and to
-  // Flow::hddot_scale. Where modes end, points without force may part, and those at their cones slide.
+  // Flow::hddot_scale. Where modes end, points without force may part, and those at their cones
+  // slide.
   template <class F>
   double residual(const F& f) const {
     double most = 0.0;
@@ -161,7 +164,8 @@ class HeldContacts {
     const double all = sqrt(then[1] * then[1] + then[2] * then[2]);
     const double size = sqrt(own[1] * own[1] + own[2] * own[2]);
     const double most = points.in->friction[points.at[c].pair] * own[0];
-    if (!ends || most - size > Tolerance::negligible_force * f.weight() || !(size > 0.0)) return all;
+    if (!ends || most - size > Tolerance::negligible_force * f.weight() || !(size > 0.0))
+      return all;
     const double along = (then[1] * own[1] + then[2] * own[2]) / size;
     return along < 0.0 ? all : fabs(then[1] * own[2] - then[2] * own[1]) / size;
   }
@@ -170,7 +174,9 @@ class HeldContacts {
   const double* written(int c) const { return (ends ? points.lawful : points.x) + 3 * c; }
 
   // Likewise the tension or force of a held row.
-  double written_tension(int row, double latest) const { return ends ? lawful_tension_[row] : latest; }
+  double written_tension(int row, double latest) const {
+    return ends ? lawful_tension_[row] : latest;
+  }
 
   // Whether friction is about to jam one or more points: forces grow without bound.
   template <class F>
@@ -258,7 +264,8 @@ class HeldContacts {
     return RUNNING;
   }
 
-  // hdot = 0 on the held rows, likewise; with `beginning` also across normals where points begin to slide.
+  // hdot = 0 on the held rows, likewise; with `beginning` also across normals where points begin to
+  // slide.
   template <class F>
   void bring_to_rest(F& f, double* v_D, bool beginning = false) {
     const double none[room(R)] = {};

@@ -23,18 +23,26 @@ class HeldContacts<Model, false> {
 
   static constexpr bool active() { return false; }
   template <class F>
-  static bool jamming(const F&) { return false; }
+  static bool jamming(const F&) {
+    return false;
+  }
   static constexpr bool holds() { return false; }
   template <class F>
-  static bool look_near(const F&, const double*, const double*) { return false; }
+  static bool look_near(const F&, const double*, const double*) {
+    return false;
+  }
   template <class F>
-  static double guard_of(const F&, int) { return -1.0; }
+  static double guard_of(const F&, int) {
+    return -1.0;
+  }
   template <class F>
   static void push(const F&, const double*, const double*, double*, double*, double*) {}
   static double after_of_row(int) { return 0.0; }
   static double written_tension(int, double latest) { return latest; }
   template <class F>
-  static Status project(F&, double, double*) { return RUNNING; }
+  static Status project(F&, double, double*) {
+    return RUNNING;
+  }
   template <class F>
   static void redistribute(F&) {}
   static void remember(Snapshot&) {}

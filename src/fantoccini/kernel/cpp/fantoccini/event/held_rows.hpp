@@ -107,7 +107,8 @@ class HeldRows {
       any = any || own.slow;
       own.slow = false;
       const double speed = points.sliding_speed(c), mu = points.in->friction[own.pair];
-      if (own.mode != SLIDING || !points.found[c] || mu == 0.0 || !(speed > Tolerance::stopped)) continue;
+      if (own.mode != SLIDING || !points.found[c] || mu == 0.0 || !(speed > Tolerance::stopped))
+        continue;
       const double *d = direction[c], *A = points.after + 3 * c + 1;
       const double onward = d[0] * A[0] + d[1] * A[1], across = d[0] * A[1] - d[1] * A[0];
       own.brake = fmax(-onward, 0.0);
@@ -133,10 +134,12 @@ class HeldRows {
       const int i = first_of(c);
       const ContactMode mode = points.at[c].mode;
       if (mode == SLIDING || mode == STICKING) {
-        const double mu = mode == SLIDING && friction ? points.in->friction[points.at[c].pair] : 0.0;
+        const double mu =
+            mode == SLIDING && friction ? points.in->friction[points.at[c].pair] : 0.0;
         directed.add(i, 3, 1.0, mu * direction[c][0], mu * direction[c][1]);
       }
-      const bool stands = mode == STICKING || (beginning && mode == SLIDING && !points.at[c].moving);
+      const bool stands =
+          mode == STICKING || (beginning && mode == SLIDING && !points.at[c].moving);
       if (!stands || !tangents) continue;
       directed.add(i, 3, 0.0, 1.0, 0.0);
       directed.add(i, 3, 0.0, 0.0, 1.0);
@@ -162,7 +165,8 @@ class HeldRows {
     if (turn == THERE) return;
     // No such directions: those of the present velocities.
     for (int c = 0; c < points.n; ++c)
-      if (points.at[c].mode == SLIDING) find_direction(points, c, points.along(c) > Tolerance::stopped);
+      if (points.at[c].mode == SLIDING)
+        find_direction(points, c, points.along(c) > Tolerance::stopped);
     list_unknowns(points, f, true, true);
     directed.solve(G, n, asked, reference, y);
   }
@@ -189,12 +193,13 @@ class HeldRows {
     return p * (own[0] * p + 2.0 * own[1] * q) + q * own[n + 1] * q;
   }
 
-  // The direction of friction at sliding point c: its `own`, that of hdot_T, or the one kept, at rest
-  // or turning back, and from which that of a slow point turns.
+  // The direction of friction at sliding point c: its `own`, that of hdot_T, or the one kept, at
+  // rest or turning back, and from which that of a slow point turns.
   void find_direction(const Points& points, int c, bool own) {
     double* d = direction[c];
     for (int k = 0; k < 2; ++k)
-      d[k] = own ? points.hdot[3 * c + 1 + k] : dot3(points.frame[c] + 3 * (k + 1), points.at[c].along);
+      d[k] = own ? points.hdot[3 * c + 1 + k]
+                 : dot3(points.frame[c] + 3 * (k + 1), points.at[c].along);
     make_unit(d);
   }
 

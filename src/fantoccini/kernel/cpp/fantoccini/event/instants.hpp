@@ -1,5 +1,5 @@
-// The instants of an event-driven run: catches strike, the active set is chosen again, and the events
-// and the state after them are written (writer.hpp).
+// The instants of an event-driven run: catches strike, the active set is chosen again, and the
+// events and the state after them are written (writer.hpp).
 #pragma once
 
 #include "fantoccini/event/accumulation.hpp"
@@ -85,8 +85,8 @@ struct EventInstants {
       const double none = -flow.tension[r] / flow.weight();
       if (held && none > -GuardTolerances::negligible_tension) loosened[r] = flow.t;
       // Among redundant rows one that has just lost its tension must not take turns with another.
-      s.loose[r] = s.before[r] == SLACK ? !guards.armed[r]
-                                        : flow.t - loosened[r] <= Tolerance::same_instant;
+      s.loose[r] =
+          s.before[r] == SLACK ? !guards.armed[r] : flow.t - loosened[r] <= Tolerance::same_instant;
       s.strained[r] = is_strained(r);
       const bool touches = s.before[r] == SLACK && guards.touches(r, FlowTolerances::closed_gap);
       s.caught[r] = touches;
@@ -123,20 +123,19 @@ struct EventInstants {
     const long long rows = out.n_samples;
     bool touched = false;
     for (int r = 0; r < M; ++r)
-      touched = touched ||
-                (flow.row_state[r] == SLACK && guards.touches(r, FlowTolerances::closed_gap));
+      touched =
+          touched || (flow.row_state[r] == SLACK && guards.touches(r, FlowTolerances::closed_gap));
     const Status status = touched ? instant(out) : settle_active_set(present(), out);
     if (jumps && out.n_samples == rows) writer.emit(out);
     return status;
   }
 
   // Chooses anew which of the redundant rows are held: the present ones are nearly dependent.
-  Status another_basis(Record<Model>& out) {
-    return settle_active_set(present(), out);
-  }
+  Status another_basis(Record<Model>& out) { return settle_active_set(present(), out); }
 
   // An instant at which solids touch: impacts of strings, limits and solids strike as one, then all
-  // modes are chosen. Points up to `most` apart touch; at the start of a run they have touched before.
+  // modes are chosen. Points up to `most` apart touch; at the start of a run they have touched
+  // before.
   Status contact_instant(Record<Model>& out, double most, bool starts = false) {
     if constexpr (!F::touches) return RUNNING;
     else {
@@ -150,7 +149,8 @@ struct EventInstants {
       bool any_struck = false, any_hit = false;  // by a catch; by one that takes impulses
       for (int r = 0; r < M; ++r) {
         const double none = -flow.tension[r] / flow.weight();
-        if (s.before[r] == HELD && none > -GuardTolerances::negligible_tension) loosened[r] = flow.t;
+        if (s.before[r] == HELD && none > -GuardTolerances::negligible_tension)
+          loosened[r] = flow.t;
         if (s.before[r] != SLACK) s.loose[r] = flow.t - loosened[r] <= Tolerance::same_instant;
         s.strained[r] = is_strained(r);
         s.caught[r] = s.before[r] == SLACK && guards.touches(r, FlowTolerances::closed_gap);
@@ -195,7 +195,8 @@ struct EventInstants {
       flow.grip();
       if (any_hit || flow.winches.some_slip) contact_instants.gather(flow, s.closed);
       Hold next[room(M)];
-      const Status chosen = contact_instants.choose(flow, s.loose, s.strained, loose, strained, next);
+      const Status chosen =
+          contact_instants.choose(flow, s.loose, s.strained, loose, strained, next);
       if (chosen != RUNNING) return chosen;
       set_active_set(next);
       const double energy = flow.total_energy() - given(), stopped = held.points.fastest_normal();
@@ -256,8 +257,8 @@ struct EventInstants {
   // Whether string r has just reached its winch's largest tension.
   bool is_strained(int r) const {
     return (flow.row_state[r] == HELD || flow.row_state[r] == PINNED) && flow.winches.slips(r) &&
-           flow.tension[r] >= flow.winches.max_tension[r] -
-                                  GuardTolerances::negligible_tension * flow.weight();
+           flow.tension[r] >=
+               flow.winches.max_tension[r] - GuardTolerances::negligible_tension * flow.weight();
   }
 
   // The rows when no event has happened.
@@ -294,7 +295,10 @@ struct EventInstants {
       // there but for max_length_error, helps whatever is tried next.
       for (int round = 0; round <= M; ++round) {
         held = closed_rows.choose(flow, s.loose, s.strained, next, FlowTolerances::closed_gap, how);
-        if (held != RUNNING) { if (flow.winches.some_slip) break; else return fail(held); }
+        if (held != RUNNING) {
+          if (flow.winches.some_slip) break;
+          else return fail(held);
+        }
         set_active_set(next);
         refresh();
         held = closed_rows.hold(flow, how);

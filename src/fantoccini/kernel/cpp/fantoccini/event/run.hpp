@@ -124,8 +124,8 @@ struct EventRun {
   // `end`.
   Status begin_stretch(double t_end, double* end, Record<Model>& out) {
     if (n_steps >= flow.opt.max_steps) return TOO_MANY_STEPS;
-    if (instants.writer.n_events >= flow.opt.max_events || stuck > Tolerance::max_standstill_steps ||
-        instants.writer.event_rate.crowded()) {
+    if (instants.writer.n_events >= flow.opt.max_events ||
+        stuck > Tolerance::max_standstill_steps || instants.writer.event_rate.crowded()) {
       instants.writer.event_rate.shares(instants.blame);
       return TOO_MANY_EVENTS;
     }
@@ -224,7 +224,7 @@ struct EventRun {
         continue;
       }
       factor = factor < Tolerance::min_factor ? Tolerance::min_factor
-                                             : (factor > growth_cap ? growth_cap : factor);
+                                              : (factor > growth_cap ? growth_cap : factor);
       if (!reaches || factor < 1.0) step_size = s * factor;
       else if (s * factor > step_size) step_size = s * factor;
       if (flow.finish(s) != RUNNING) {
@@ -237,7 +237,8 @@ struct EventRun {
       const double found = guards.suspicious(s);
       if (found <= 0.0) return accept(s, reaches ? target : flow.t + s, out);
       const double at = guards.locate(found);
-      // Friction's direction is kept beyond where a point stops: a step that ends before may be worse.
+      // Friction's direction is kept beyond where a point stops: a step that ends before may be
+      // worse.
       if (flow.contacts.holds() && !(flow.error(at) <= 1.0)) {
         s = Tolerance::min_factor * at;
         growth_cap = 1.0;
@@ -300,8 +301,8 @@ struct EventRun {
     if (seen != RUNNING) return seen;
     bool ahead = false;
     if constexpr (F::touches)
-      ahead = flow.contacts.active() && !event &&
-              flow.contacts.rows.choose_slow(flow.contacts.points);
+      ahead =
+          flow.contacts.active() && !event && flow.contacts.rows.choose_slow(flow.contacts.points);
     instants.anchor(out);
     if constexpr (F::touches) {
       if (ahead) look_ahead();
@@ -316,8 +317,8 @@ struct EventRun {
     return flow.motors.gone ? RUNAWAY : RUNNING;
   }
 
-  // Evaluates the present state anew, with the friction of slow points ahead; or with none where that
-  // would end a mode.
+  // Evaluates the present state anew, with the friction of slow points ahead; or with none where
+  // that would end a mode.
   void look_ahead() {
     for (;;) {
       instants.refresh();

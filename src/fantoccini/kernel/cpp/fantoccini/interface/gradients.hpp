@@ -1,5 +1,5 @@
-// The C interface of gradients of rollouts, as fantoccini.kernel.runtime loads it. The translation unit that
-// includes this defines `fan::Model` first.
+// The C interface of gradients of rollouts, as fantoccini.kernel.runtime loads it. The translation
+// unit that includes this defines `fan::Model` first.
 #pragma once
 
 #include <new>
@@ -7,7 +7,9 @@
 #include "fantoccini/derivatives/rollout_gradient.hpp"
 #include "fantoccini/interface/export.hpp"
 
-FAN_EXPORT void* fan_gradient_new() { return new (std::nothrow) fan::RolloutGradient<fan::Model>(); }
+FAN_EXPORT void* fan_gradient_new() {
+  return new (std::nothrow) fan::RolloutGradient<fan::Model>();
+}
 
 FAN_EXPORT void fan_gradient_free(void* made) {
   delete static_cast<fan::RolloutGradient<fan::Model>*>(made);

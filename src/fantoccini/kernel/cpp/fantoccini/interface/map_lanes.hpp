@@ -1,4 +1,5 @@
-// Calls over whole arrays of generated functions that are computed in lanes: several states at once.
+// Calls over whole arrays of generated functions that are computed in lanes: several states at
+// once.
 #pragma once
 
 #include <memory>
@@ -45,16 +46,16 @@ void map_in_lanes(
 #define FAN_LIST(...) {__VA_ARGS__}
 
 // As FAN_MAP; 1 where there was no memory. ARGS and RESULTS are lists of widths in parentheses.
-#define FAN_MAP_IN_LANES(NAME, ARGS, RESULTS)                                                  \
-  FAN_EXPORT int fan_map_##NAME(                                                               \
-      long long n, const double* const* arg, const long long* arg_stride, double* const* res,  \
-      const long long* res_stride) {                                                           \
-    static constexpr int args[] = FAN_LIST ARGS, results[] = FAN_LIST RESULTS;                 \
-    try {                                                                                      \
-      fan::map_in_lanes<sizeof(args) / sizeof(int), sizeof(results) / sizeof(int)>(            \
-          fan::Model::NAME, args, results, n, arg, arg_stride, res, res_stride);               \
-    } catch (const std::bad_alloc&) {                                                          \
-      return 1;                                                                                \
-    }                                                                                          \
-    return 0;                                                                                  \
+#define FAN_MAP_IN_LANES(NAME, ARGS, RESULTS)                                                 \
+  FAN_EXPORT int fan_map_##NAME(                                                              \
+      long long n, const double* const* arg, const long long* arg_stride, double* const* res, \
+      const long long* res_stride) {                                                          \
+    static constexpr int args[] = FAN_LIST ARGS, results[] = FAN_LIST RESULTS;                \
+    try {                                                                                     \
+      fan::map_in_lanes<sizeof(args) / sizeof(int), sizeof(results) / sizeof(int)>(           \
+          fan::Model::NAME, args, results, n, arg, arg_stride, res, res_stride);              \
+    } catch (const std::bad_alloc&) {                                                         \
+      return 1;                                                                               \
+    }                                                                                         \
+    return 0;                                                                                 \
   }

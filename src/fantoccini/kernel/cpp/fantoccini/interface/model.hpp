@@ -1,5 +1,5 @@
-// The C interface of a compiled puppet, as fantoccini.kernel.runtime loads it. The translation unit that
-// includes this defines `fan::Model` first.
+// The C interface of a compiled puppet, as fantoccini.kernel.runtime loads it. The translation unit
+// that includes this defines `fan::Model` first.
 #pragma once
 
 #include "fantoccini/contact/gaps.hpp"
@@ -66,10 +66,10 @@ FAN_EXPORT int fan_step_touches(
   return fan::find_step_touches<fan::Model>(*in, first, last);
 }
 
-// Complementarity of n rows by itself (solvers/active_set.hpp): W (n, n_vD) with a row's column in each
-// row, b (n,), upper (n,), two_sided (n,) -> x of least norm, s, and a Farkas ray where there is no
-// solution (n,) each. `active` (n,) is the guess on entry and the rows in the basis on return.
-// Returns fan::Solved.
+// Complementarity of n rows by itself (solvers/active_set.hpp): W (n, n_vD) with a row's column in
+// each row, b (n,), upper (n,), two_sided (n,) -> x of least norm, s, and a Farkas ray where there
+// is no solution (n,) each. `active` (n,) is the guess on entry and the rows in the basis on
+// return. Returns fan::Solved.
 FAN_EXPORT int fan_complementarity(
     int n, const double* W, const double* b, const double* upper, const int* two_sided, int* active,
     double* x, double* s, double* ray) {

@@ -1,5 +1,5 @@
-// The C interface of hanging poses nearest to places, as fantoccini.kernel.runtime loads it. The translation
-// unit that includes this defines `fan::Model` first.
+// The C interface of hanging poses nearest to places, as fantoccini.kernel.runtime loads it. The
+// translation unit that includes this defines `fan::Model` first.
 #pragma once
 
 #include <new>

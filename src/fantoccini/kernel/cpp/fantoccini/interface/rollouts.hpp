@@ -1,5 +1,5 @@
-// The C interface of a puppet's rollout library, as fantoccini.kernel.runtime loads it. The translation unit
-// that includes this defines `fan::Model` over `fan::Wide` first.
+// The C interface of a puppet's rollout library, as fantoccini.kernel.runtime loads it. The
+// translation unit that includes this defines `fan::Model` over `fan::Wide` first.
 #pragma once
 
 #include <new>
@@ -22,8 +22,8 @@ FAN_EXPORT int fan_rollouts(const fan::RolloutArrays* in, fan::RolloutProgress* 
 
 // Distances (n,) of states (n, n_qD), (n, n_vD), (n, n_qK), (n, n_vK) from a goal.
 FAN_EXPORT void fan_goal_distances(
-    long long n, const double* q_D, const double* v_D, const double* q_K,
-    const double* v_K, const double* p, const fan::GoalArrays* goal, double* distance) {
+    long long n, const double* q_D, const double* v_D, const double* q_K, const double* v_K,
+    const double* p, const fan::GoalArrays* goal, double* distance) {
   using fan::Model;
   using fan::Wide;
   constexpr int width = fan::Traits<Wide>::width;

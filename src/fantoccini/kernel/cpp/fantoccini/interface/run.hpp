@@ -1,5 +1,5 @@
-// The C interface of runs, as fantoccini.kernel.runtime loads it. The translation unit that includes this
-// defines `fan::Model` and the runs, `fan::AnyRun`, first.
+// The C interface of runs, as fantoccini.kernel.runtime loads it. The translation unit that
+// includes this defines `fan::Model` and the runs, `fan::AnyRun`, first.
 #pragma once
 
 #include <new>
@@ -14,15 +14,13 @@ FAN_EXPORT void* fan_new(int event_driven) {
 FAN_EXPORT void fan_free(void* run) { delete static_cast<fan::AnyRun*>(run); }
 
 // Sets everything a run needs and writes its first row.
-FAN_EXPORT int fan_start(
-    void* run, const fan::StartArrays* start, fan::Record<fan::Model>* out) {
+FAN_EXPORT int fan_start(void* run, const fan::StartArrays* start, fan::Record<fan::Model>* out) {
   return static_cast<fan::AnyRun*>(run)->start(*start, *out);
 }
 
 // Runs until t_end (DONE), until the record is full or the budget of steps is spent (RUNNING), or
 // until something stops it.
-FAN_EXPORT int fan_run(
-    void* run, double t_end, long long budget, fan::Record<fan::Model>* out) {
+FAN_EXPORT int fan_run(void* run, double t_end, long long budget, fan::Record<fan::Model>* out) {
   return static_cast<fan::AnyRun*>(run)->run(t_end, budget, *out);
 }
 

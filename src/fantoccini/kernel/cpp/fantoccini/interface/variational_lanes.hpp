@@ -1,5 +1,5 @@
-// The C interface of a puppet's library of variational lanes, as fantoccini.kernel.runtime loads it. The
-// translation unit that includes this defines `fan::Model` over `fan::Wide` first.
+// The C interface of a puppet's library of variational lanes, as fantoccini.kernel.runtime loads
+// it. The translation unit that includes this defines `fan::Model` over `fan::Wide` first.
 #pragma once
 
 #include "fantoccini/interface/export.hpp"

@@ -1,7 +1,7 @@
-// A = U^T D U with ones on U's diagonal, for symmetric positive definite matrices whose size is known
-// at run time (Golub and Van Loan, Matrix Computations, section 4.1), without pivoting. Columns are
-// filled up to a multiple of four; four rows at a time are eliminated. A right side b may stand in the
-// column beside A: it is eliminated along with it.
+// A = U^T D U with ones on U's diagonal, for symmetric positive definite matrices whose size is
+// known at run time (Golub and Van Loan, Matrix Computations, section 4.1), without pivoting.
+// Columns are filled up to a multiple of four; four rows at a time are eliminated. A right side b
+// may stand in the column beside A: it is eliminated along with it.
 #pragma once
 
 #include "fantoccini/math/dense_lu.hpp"
@@ -16,7 +16,8 @@ struct DenseLdl {
 
   int n = 0, stride = 0;
   int n_left_out = 0;  // rows
-  double A[N * N];  // row i, column j >= i at i * stride + j; also j >= the multiple of four below i
+  double
+      A[N * N];  // row i, column j >= i at i * stride + j; also j >= the multiple of four below i
 
   // The sizes, with room for a column n beside A if wanted. Write the rest afterwards.
   FAN_FN void resize(int rows, bool with_column = false) {
@@ -63,8 +64,8 @@ struct DenseLdl {
     return true;
   }
 
-  // r <- A^-1 r, with numbers that are given, or 0, for the rows left out; r has room for the padded
-  // length.
+  // r <- A^-1 r, with numbers that are given, or 0, for the rows left out; r has room for the
+  // padded length.
   FAN_FN void substitute(double* r, const double* given = nullptr) const {
     const int stride = this->stride;
     for (int k = 0; k < n; k += 4) {

@@ -41,7 +41,7 @@ struct DenseLu {
   // Replaces A by its factors; false where a pivot is 0 or not finite.
   FAN_FN bool factorise() {
     const int n = this->n, stride = this->stride;  // in registers: stores may alias the members
-    double top[N];  // of the pivot's row what is right of the pivot
+    double top[N];                                 // of the pivot's row what is right of the pivot
     for (int k = 0; k < n; ++k) {
       int p = k;
       double most = fabs(A[k * stride + k]);
@@ -121,7 +121,8 @@ struct DenseLu {
       const Quad by = quad(y + j);
       FAN_UNROLL for (int k = 0; k < 4; ++k) sum[k] += quad(row + k * stride + j) * by;
     }
-    FAN_UNROLL for (int k = 0; k < 4; ++k) out[k] = (sum[k][0] + sum[k][1]) + (sum[k][2] + sum[k][3]);
+    FAN_UNROLL for (int k = 0; k < 4; ++k) out[k] =
+        (sum[k][0] + sum[k][1]) + (sum[k][2] + sum[k][3]);
   }
 
   // Takes from the rows below k their shares of `top` in 4 `quads` columns from j.

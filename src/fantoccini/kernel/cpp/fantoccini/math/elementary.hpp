@@ -15,7 +15,9 @@ namespace fan {
 // What a condition is as a number, and a number that counts only under one.
 FAN_FN double one_if(bool condition) { return condition ? 1.0 : 0.0; }
 template <class Real>
-FAN_FN Real zero_unless(bool condition, const Real& x) { return condition ? x : Real(0.0); }
+FAN_FN Real zero_unless(bool condition, const Real& x) {
+  return condition ? x : Real(0.0);
+}
 
 constexpr double max_reduced_angle = 1e6;  // rad: beyond, the C library computes sine and cosine
 

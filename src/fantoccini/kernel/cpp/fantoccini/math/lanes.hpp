@@ -28,11 +28,19 @@ struct LaneMask {
   bool operator[](int lane) const { return bits[lane] != 0; }
   void set(int lane, bool value) { bits[lane] = value ? -1 : 0; }
 
-  FAN_LANE_OP LaneMask operator&&(const LaneMask& a, const LaneMask& b) { return {a.bits & b.bits}; }
-  FAN_LANE_OP LaneMask operator||(const LaneMask& a, const LaneMask& b) { return {a.bits | b.bits}; }
+  FAN_LANE_OP LaneMask operator&&(const LaneMask& a, const LaneMask& b) {
+    return {a.bits & b.bits};
+  }
+  FAN_LANE_OP LaneMask operator||(const LaneMask& a, const LaneMask& b) {
+    return {a.bits | b.bits};
+  }
   FAN_LANE_OP LaneMask operator!(const LaneMask& a) { return {~a.bits}; }
-  FAN_LANE_OP LaneMask operator==(const LaneMask& a, const LaneMask& b) { return {a.bits == b.bits}; }
-  FAN_LANE_OP LaneMask operator!=(const LaneMask& a, const LaneMask& b) { return {a.bits ^ b.bits}; }
+  FAN_LANE_OP LaneMask operator==(const LaneMask& a, const LaneMask& b) {
+    return {a.bits == b.bits};
+  }
+  FAN_LANE_OP LaneMask operator!=(const LaneMask& a, const LaneMask& b) {
+    return {a.bits ^ b.bits};
+  }
 };
 
 #if defined(__AVX512F__)
@@ -59,12 +67,10 @@ struct LaneMask<8> {
 
 // A comparison of lanes; HOW is its number in AVX-512.
 #if defined(__AVX512F__)
-#define FAN_LANE_COMPARISON(OP, HOW)                                      \
-  FAN_LANE_OP Mask operator OP(const Lanes& a, const Lanes& b) {          \
-    if constexpr (width == 8)                                             \
-      return {compared<HOW>(a.v, b.v)};                                   \
-    else                                                                  \
-      return {a.v OP b.v};                                                \
+#define FAN_LANE_COMPARISON(OP, HOW)                             \
+  FAN_LANE_OP Mask operator OP(const Lanes& a, const Lanes& b) { \
+    if constexpr (width == 8) return {compared<HOW>(a.v, b.v)};  \
+    else return {a.v OP b.v};                                    \
   }
 #else
 #define FAN_LANE_COMPARISON(OP, HOW) \
@@ -94,10 +100,22 @@ struct Lanes {
   FAN_LANE_OP Lanes operator*(const Lanes& a, const Lanes& b) { return of(a.v * b.v); }
   FAN_LANE_OP Lanes operator/(const Lanes& a, const Lanes& b) { return of(a.v / b.v); }
   FAN_LANE_OP Lanes operator-(const Lanes& a) { return of(-a.v); }
-  FAN_LANE_OP Lanes& operator+=(Lanes& a, const Lanes& b) { a.v += b.v; return a; }
-  FAN_LANE_OP Lanes& operator-=(Lanes& a, const Lanes& b) { a.v -= b.v; return a; }
-  FAN_LANE_OP Lanes& operator*=(Lanes& a, const Lanes& b) { a.v *= b.v; return a; }
-  FAN_LANE_OP Lanes& operator/=(Lanes& a, const Lanes& b) { a.v /= b.v; return a; }
+  FAN_LANE_OP Lanes& operator+=(Lanes& a, const Lanes& b) {
+    a.v += b.v;
+    return a;
+  }
+  FAN_LANE_OP Lanes& operator-=(Lanes& a, const Lanes& b) {
+    a.v -= b.v;
+    return a;
+  }
+  FAN_LANE_OP Lanes& operator*=(Lanes& a, const Lanes& b) {
+    a.v *= b.v;
+    return a;
+  }
+  FAN_LANE_OP Lanes& operator/=(Lanes& a, const Lanes& b) {
+    a.v /= b.v;
+    return a;
+  }
 
   FAN_LANE_COMPARISON(==, 0x00)
   FAN_LANE_COMPARISON(<, 0x11)
@@ -149,8 +167,7 @@ template <int width>
 __attribute__((always_inline)) inline Lanes<width> select(
     const LaneMask<width>& mask, const Lanes<width>& yes, const Lanes<width>& no) {
 #if defined(__AVX512F__)
-  if constexpr (width == 8)
-    return Lanes<width>::of(chosen(mask.bits, yes.v, no.v));
+  if constexpr (width == 8) return Lanes<width>::of(chosen(mask.bits, yes.v, no.v));
   else
 #endif
     return Lanes<width>::of(mask.bits ? yes.v : no.v);

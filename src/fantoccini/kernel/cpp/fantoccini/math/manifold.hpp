@@ -28,10 +28,10 @@ FAN_FN void normalise(Real* q) {
 constexpr double series_half_turn = 0.25;  // rad: smaller half angles use a power series
 
 // cos(x) and sin(x) / x in powers of x^2, but for the highest one.
-constexpr double cosine_series[] = {
-    -1.0 / 3628800.0, 1.0 / 40320.0, -1.0 / 720.0, 1.0 / 24.0, -0.5, 1.0};
-constexpr double factor_series[] = {
-    -1.0 / 39916800.0, 1.0 / 362880.0, -1.0 / 5040.0, 1.0 / 120.0, -1.0 / 6.0, 1.0};
+constexpr double cosine_series[] = {-1.0 / 3628800.0, 1.0 / 40320.0, -1.0 / 720.0,
+                                    1.0 / 24.0,       -0.5,          1.0};
+constexpr double factor_series[] = {-1.0 / 39916800.0, 1.0 / 362880.0, -1.0 / 5040.0,
+                                    1.0 / 120.0,       -1.0 / 6.0,     1.0};
 
 // The quaternion of a rotation vector phi.
 template <class Real>

@@ -46,8 +46,8 @@
 #define FAN_OUT_OF_LINE FAN_FN
 #endif
 
-// Around code in which loops along lists and small matrices take most of the time: -O3, which is for
-// such loops, while -O2 is what long generated code compiles with in bearable time.
+// Around code in which loops along lists and small matrices take most of the time: -O3, which is
+// for such loops, while -O2 is what long generated code compiles with in bearable time.
 #if defined(__GNUC__) && !defined(__clang__)
 #define FAN_LOOPS_BEGIN _Pragma("GCC push_options") _Pragma("GCC optimize(\"O3\")")
 #define FAN_LOOPS_END _Pragma("GCC pop_options")

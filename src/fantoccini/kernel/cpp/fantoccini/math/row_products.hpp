@@ -1,6 +1,6 @@
-// C += L^T R for matrices whose rows are contiguous, one block of C in registers at a time (Goto and
-// van de Geijn, ACM Trans. Math. Softw. 34, 2008, section 4). Sizes are known at run time; rows and
-// their number are filled up to a multiple of eight, with zeros.
+// C += L^T R for matrices whose rows are contiguous, one block of C in registers at a time (Goto
+// and van de Geijn, ACM Trans. Math. Softw. 34, 2008, section 4). Sizes are known at run time; rows
+// and their number are filled up to a multiple of eight, with zeros.
 #pragma once
 
 #include "fantoccini/math/wide.hpp"

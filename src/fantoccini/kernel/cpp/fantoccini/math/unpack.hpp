@@ -1,5 +1,5 @@
-// Between numbers of several lanes and an array for each lane: transposes, a block of registers at a
-// time (Eklundh, IEEE Trans. Comput. C-21, 1972).
+// Between numbers of several lanes and an array for each lane: transposes, a block of registers at
+// a time (Eklundh, IEEE Trans. Comput. C-21, 1972).
 #pragma once
 
 #include <cstring>
@@ -27,8 +27,7 @@ FAN_ALWAYS_INLINE void exchange(Wide* a, Wide* b) {
 template <int s>
 FAN_ALWAYS_INLINE void exchange_all(Wide* x) {
   if constexpr (s < FAN_WIDTH) {
-    FAN_UNROLL for (int i = 0; i < FAN_WIDTH; ++i)
-      if (!(i & s)) exchange<s>(x + i, x + i + s);
+    FAN_UNROLL for (int i = 0; i < FAN_WIDTH; ++i) if (!(i & s)) exchange<s>(x + i, x + i + s);
     exchange_all<2 * s>(x);
   }
 }
@@ -40,22 +39,21 @@ inline void unpack(const Wide* from, int n, double* const* to, int n_lanes) {
     Wide x[FAN_WIDTH];
     FAN_UNROLL for (int i = 0; i < FAN_WIDTH; ++i) x[i] = from[j + i];
     exchange_all<1>(x);
-    FAN_UNROLL for (int l = 0; l < FAN_WIDTH; ++l)
-      if (l < n_lanes) std::memcpy(to[l] + j, x + l, sizeof(Wide));
+    FAN_UNROLL for (int l = 0; l < FAN_WIDTH; ++l) if (l < n_lanes)
+        std::memcpy(to[l] + j, x + l, sizeof(Wide));
   }
   for (; j < n; ++j)
     for (int l = 0; l < n_lanes; ++l) to[l][j] = lane_of(from[j], l);
 }
 
-// n numbers of as many arrays as there are lanes, turned round: number j of array i goes to lane i of
-// number j of array l, from its lane l, for the first n_lanes.
+// n numbers of as many arrays as there are lanes, turned round: number j of array i goes to lane i
+// of number j of array l, from its lane l, for the first n_lanes.
 inline void turn(const Wide* const* from, int n, Wide* const* to, int n_lanes) {
   for (int j = 0; j < n; ++j) {
     Wide x[FAN_WIDTH];
     FAN_UNROLL for (int i = 0; i < FAN_WIDTH; ++i) x[i] = from[i][j];
     exchange_all<1>(x);
-    FAN_UNROLL for (int l = 0; l < FAN_WIDTH; ++l)
-      if (l < n_lanes) to[l][j] = x[l];
+    FAN_UNROLL for (int l = 0; l < FAN_WIDTH; ++l) if (l < n_lanes) to[l][j] = x[l];
   }
 }
 
@@ -63,7 +61,8 @@ inline void turn(const Wide* const* from, int n, Wide* const* to, int n_lanes) {
 inline void pack(const double* const* from, int n, Wide* to) {
   int j = 0;
   for (; j + FAN_WIDTH <= n; j += FAN_WIDTH) {
-    FAN_UNROLL for (int l = 0; l < FAN_WIDTH; ++l) std::memcpy(to + j + l, from[l] + j, sizeof(Wide));
+    FAN_UNROLL for (int l = 0; l < FAN_WIDTH; ++l)
+        std::memcpy(to + j + l, from[l] + j, sizeof(Wide));
     exchange_all<1>(to + j);
   }
   for (; j < n; ++j)

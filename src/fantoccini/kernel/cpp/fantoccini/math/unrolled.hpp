@@ -32,8 +32,7 @@ FAN_ALWAYS_INLINE void each(const F& f) {
 template <int step, int n, class F>
 FAN_ALWAYS_INLINE void unrolled_by(const F& f) {
   constexpr int whole = n / step * step;
-  for (int k = 0; k < whole; k += step)
-    unrolled<0, step>([&](auto j) FAN_INLINE { f(k + j, j); });
+  for (int k = 0; k < whole; k += step) unrolled<0, step>([&](auto j) FAN_INLINE { f(k + j, j); });
   unrolled<0, n - whole>([&](auto j) FAN_INLINE { f(whole + j, j); });
 }
 

@@ -83,8 +83,7 @@ FAN_VECTOR_FN EightDoubles numbers_at(const double* from, EightPlaces at, unsign
 
 // a b - c, rounded once.
 FAN_VECTOR_FN EightDoubles product_less(EightDoubles a, EightDoubles b, EightDoubles c) {
-  return FAN_BUILTIN(
-      __builtin_ia32_vfmsubpd512_mask(a, b, c, FAN_WHOLE), _mm512_fmsub_pd(a, b, c));
+  return FAN_BUILTIN(__builtin_ia32_vfmsubpd512_mask(a, b, c, FAN_WHOLE), _mm512_fmsub_pd(a, b, c));
 }
 
 // c - a b, rounded once.

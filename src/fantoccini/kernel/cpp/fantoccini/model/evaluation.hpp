@@ -56,16 +56,13 @@ struct Evaluation {
     to.hdot_K = hdot_K, to.h_limit = h_limit, to.J_limit = J_limit, to.power0 = &power0;
     to.M_DK_v_K = M_DK_v_K, to.loss = &loss;
     to.L_firm = firm.L, to.W_firm = firm.W, to.G_firm = firm.G;
-    Call<Model, Real>::node(
-        q_D, v_D, q_K, v_K, acc_K, u_D, dt, p, to, constants_ != OF_NODE);
+    Call<Model, Real>::node(q_D, v_D, q_K, v_K, acc_K, u_D, dt, p, to, constants_ != OF_NODE);
     constants_ = OF_NODE;
     for (int i = 0; i < 3 * K; ++i) firm.J_limit[i] = J_limit[i];
   }
 
   // acc = F^-1 w.
-  FAN_FN void back(const Real* w, Real* acc) const {
-    Call<Model, Real>::back(L, w, acc);
-  }
+  FAN_FN void back(const Real* w, Real* acc) const { Call<Model, Real>::back(L, w, acc); }
 
   // hdot of the limits at the velocity v_D.
   FAN_FN void limit_rates(const Real* v_D, Real* rates) const {
@@ -108,9 +105,9 @@ struct RowSystem {
   int row[room(M)];
   const Real* column[room(M)];  // W's column of each row
   Real own[room(N * Model::n_limits)] = {};
-  Real hdot[room(M)];    // at the velocity of the evaluation
-  Real hddot[room(M)];   // at zero multipliers
-  Real kick[room(M)];    // A_D acc_free: change of hdot per unit time without gamma
+  Real hdot[room(M)];   // at the velocity of the evaluation
+  Real hddot[room(M)];  // at zero multipliers
+  Real kick[room(M)];   // A_D acc_free: change of hdot per unit time without gamma
   Real hdot_K[room(M)];
   bool two_sided[room(M)];
   // Few strings are worth straight-line code, which grows with the third power of their number.
@@ -129,8 +126,8 @@ struct RowSystem {
     problem.use(problem.G, Complementarity<Real, M>::N);
   }
 
-  // The first `leading` rows of gather() where all strings come first; without hddot and their block
-  // of G, which stays where the equations have it.
+  // The first `leading` rows of gather() where all strings come first; without hddot and their
+  // block of G, which stays where the equations have it.
   FAN_FN void gather_leading(const Eval& e) {
     for (int i = 0; i < Model::n_limits; ++i) made_[i] = false;
     each<leading>([&](int r) FAN_INLINE {
@@ -162,7 +159,9 @@ struct RowSystem {
 
   // w <- w + W y over the rows; in lanes of V several vectors at once.
   template <class V>
-  FAN_FN void add(const V* y, V* w) const { add_from(0, y, w); }
+  FAN_FN void add(const V* y, V* w) const {
+    add_from(0, y, w);
+  }
 
   // w = dt w0 + W y, after gather_leading().
   FAN_FN void push(const Eval& e, double dt, const Real* y, Real* w) const {
@@ -228,8 +227,7 @@ struct RowSystem {
       Real* G = problem.G + a * stride;
       if (row[a] < S)
         for (int b = 0; b <= a; ++b) G[b] = e.G[row[b] + S * row[a]];
-      else
-        products(a, G);
+      else products(a, G);
       for (int b = 0; b < a; ++b) problem.G[b * stride + a] = G[b];
     }
   }

@@ -1,9 +1,10 @@
 // Bounds of joint motion about a configuration, and of the paths of a puppet's points:
 //
-//   path(x) = sum over the links i from x's own up to the world of slide_i + turn_i (|x - r_i| + path below i)
+//   path(x) = sum over the links i from x's own up to the world of slide_i + turn_i (|x - r_i| +
+//   path below i)
 //
-// with r_i the origin of link i, about which its joint turns, slide_i the path of r_i in the frame of its
-// parent and turn_i the angle that its joint turns on the way.
+// with r_i the origin of link i, about which its joint turns, slide_i the path of r_i in the frame
+// of its parent and turn_i the angle that its joint turns on the way.
 #pragma once
 
 #include "fantoccini/contract.hpp"
@@ -14,7 +15,8 @@ namespace fan {
 
 struct JointPathTolerances {
   static constexpr double arcsine = 0.5708;  // asin(x) <= x + 0.5708 x^3 for 0 <= x <= 1
-  static constexpr double parabola = 0.375;  // (sag of a string)^2 per length and excess of the length
+  static constexpr double parabola =
+      0.375;  // (sag of a string)^2 per length and excess of the length
 };
 
 template <class Model, class Real>
@@ -23,7 +25,8 @@ struct JointPaths {
   static constexpr int L = Model::n_links, S = Model::n_strings;
 
   Real slide[room(L)], turn[room(L)], wound[room(S)];  // of links, and of the strings' lengths
-  Real loose[room(S)];  // 1.0 for strings that may go slack on the way although they are straight now
+  Real loose[room(
+      S)];  // 1.0 for strings that may go slack on the way although they are straight now
   // If known, bounds of a string's length less its span; else they follow from the paths.
   bool known = false;
   Real least_excess[room(S)], most_excess[room(S)];
@@ -58,7 +61,8 @@ struct JointPaths {
                               string_length<Model, Real>(i, q_D, q_K));
   }
 
-  // The longest path of what lies up to `beyond` from a point x of a link, which is -1 for the world.
+  // The longest path of what lies up to `beyond` from a point x of a link, which is -1 for the
+  // world.
   FAN_FN Real path(
       const ClearanceArrays& in, const Real* poses, int link, const Real* x,
       double beyond = 0.0) const {
@@ -76,11 +80,12 @@ struct JointPaths {
     return moved;
   }
 
-  // Bound of the change of a string's sag if its excess (length less span) changes by `x`: a parabola
-  // sags by sqrt(3/8 length excess), and a steep string by half of x.
+  // Bound of the change of a string's sag if its excess (length less span) changes by `x`: a
+  // parabola sags by sqrt(3/8 length excess), and a steep string by half of x.
   FAN_FN static Real sag(const Real& length, const Real& span, const Real& x) {
     using std::sqrt;
-    const Real none = Real(0.0), excess = length - span, scale = Tol::parabola * maximum(Real(length + x), none);
+    const Real none = Real(0.0), excess = length - span,
+               scale = Tol::parabola * maximum(Real(length + x), none);
     const Real most = maximum(excess + x, none), least = maximum(excess - x, none);
     return select(most > none, Real(sqrt(scale * most) - sqrt(scale * least) + x), none);
   }

@@ -85,7 +85,8 @@ struct MotorWatch {
       Call<Model, Real>::motor_shares(q_D, v_D, q_K, v_K, acc_K, p, share);
     }
     for (int d = 0; d < D; ++d) {
-      const Mask weak = Model::watched_steps[d] ? lost_[d] : share[d] < Real(Tolerance::saturated_share);
+      const Mask weak =
+          Model::watched_steps[d] ? lost_[d] : share[d] < Real(Tolerance::saturated_share);
       const Mask far = beyond[d] > Real(Tolerance::gone_distance[Model::watched_turns[d]]);
       const Mask away = strays[d] && (weak || far);
       gone = gone || (away && far);
@@ -149,9 +150,9 @@ struct MotorWatch {
 
   struct {
     Real at[room(D)], command[room(D)], lag[room(D)];
-  } drives_;  // measured last
-  Real low_[room(D)], high_[room(D)];  // range of the commands so far and of the start
-  Real tooth_[room(D)];                // period of the torque that a stepper is in
+  } drives_;                              // measured last
+  Real low_[room(D)], high_[room(D)];     // range of the commands so far and of the start
+  Real tooth_[room(D)];                   // period of the torque that a stepper is in
   Mask lost_[room(D)], astray_[room(D)];  // since the run began
   Mask passed_[room(D)];                  // outside by more than runaway_distance at the last look
 };

@@ -100,7 +100,8 @@ struct Winches {
  private:
   // m: the slip at which braking begins.
   double braking(int i) const {
-    return 0.5 * rewind_speed[i] * rewind_speed[i] / Tolerance::brake * (1.0 + Tolerance::braking_margin);
+    return 0.5 * rewind_speed[i] * rewind_speed[i] / Tolerance::brake *
+           (1.0 + Tolerance::braking_margin);
   }
 };
 

@@ -94,7 +94,7 @@ int work_on(void* pool) {
   FAN_EXPORT void* fan_batch_new(const fan::BatchArrays* arrays) {                      \
     return new (std::nothrow) fan::Pool(*arrays);                                       \
   }                                                                                     \
-  FAN_EXPORT void fan_batch_free(void* pool) { delete static_cast<fan::Pool*>(pool); } \
+  FAN_EXPORT void fan_batch_free(void* pool) { delete static_cast<fan::Pool*>(pool); }  \
   FAN_EXPORT void fan_batch_stop(void* pool) { static_cast<fan::Pool*>(pool)->stop(); } \
   FAN_EXPORT double fan_batch_done(const void* pool) {                                  \
     return static_cast<const fan::Pool*>(pool)->done();                                 \

@@ -27,10 +27,14 @@ class Drive {
   }
 
   // Chooses the polynomials of the step that starts at t: they hold until the next break.
-  void start_at(double t) { choose(t, t < breaks_[0] ? BEFORE : (t >= breaks_[n_] ? AFTER : WITHIN)); }
+  void start_at(double t) {
+    choose(t, t < breaks_[0] ? BEFORE : (t >= breaks_[n_] ? AFTER : WITHIN));
+  }
 
   // Chooses the polynomials at t alone; at the last break those that end there.
-  void look_at(double t) { choose(t, t < breaks_[0] ? BEFORE : (t > breaks_[n_] ? AFTER : WITHIN)); }
+  void look_at(double t) {
+    choose(t, t < breaks_[0] ? BEFORE : (t > breaks_[n_] ? AFTER : WITHIN));
+  }
 
   // The first break after t, or `none` when there is none.
   double next_break(double t, double none) const {

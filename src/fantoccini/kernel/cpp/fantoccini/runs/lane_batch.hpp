@@ -123,7 +123,9 @@ class LaneDrive {
   int piece_[width];
   bool forced_ = false, still_[room(Space::n_v)];
   long long still_number_ = 0, numbers_ = 0;
-  Real s_, moves_ = Real(0.0);  // s: time since the piece began; 1 within the input, 0 before and after it
+  Real s_,
+      moves_ =
+          Real(0.0);  // s: time since the piece began; 1 within the input, 0 before and after it
   Real coef_[room(Space::n_v * n_powers)], base_[room(Space::n_q)], force_[room(n_vD * n_powers)];
 };
 

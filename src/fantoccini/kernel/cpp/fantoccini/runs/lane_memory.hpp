@@ -9,8 +9,8 @@
 
 namespace fan {
 
-// Keeps the members of a bundle in `place`, or takes them from there; counts their bytes if there is
-// no place. Only the lanes in `lanes` change.
+// Keeps the members of a bundle in `place`, or takes them from there; counts their bytes if there
+// is no place. Only the lanes in `lanes` change.
 template <class Real>
 class LaneMemory {
  public:

@@ -31,7 +31,9 @@ void equilibrium_feedback(
     z[2 * N + k] *= scale;
     z[2 * N + K + k] = v_K[k];
   }
-  const auto within = [](double x, double most) { return x > most ? most : (x < -most ? -most : x); };
+  const auto within = [](double x, double most) {
+    return x > most ? most : (x < -most ? -most : x);
+  };
   for (int k = 0; k < K; ++k) {
     double wanted = 0.0;
     for (int i = 0; i < 2 * (N + K); ++i) wanted -= to.gains[k * 2 * (N + K) + i] * z[i];

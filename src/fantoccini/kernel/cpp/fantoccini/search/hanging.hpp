@@ -6,7 +6,8 @@
 //   ( A    0 ) ( dT )  = -(h_u) du
 //
 // over the rows that pull, solved with B = r_q + A^T R A, which is positive definite for a large R
-// exactly where V has a minimum on the rows (Nocedal and Wright, Numerical Optimization, section 17.3).
+// exactly where V has a minimum on the rows (Nocedal and Wright, Numerical Optimization,
+// section 17.3).
 #pragma once
 
 #include <cmath>
@@ -19,11 +20,11 @@
 namespace fan {
 
 struct HangingTolerances {
-  static constexpr double penalty = 100.0;   // R, relative to the stiffness along the row
-  static constexpr double neutral = 1e-12;   // raise of the diagonal: a pose may turn freely
-  static constexpr double dependent = 1e-11; // pivot below which a row depends on others
-  static constexpr double last_move = 1e-7;  // Newton move that is the last [rad or m]
-  static constexpr double max_move = 0.3;    // the longest
+  static constexpr double penalty = 100.0;     // R, relative to the stiffness along the row
+  static constexpr double neutral = 1e-12;     // raise of the diagonal: a pose may turn freely
+  static constexpr double dependent = 1e-11;   // pivot below which a row depends on others
+  static constexpr double last_move = 1e-7;    // Newton move that is the last [rad or m]
+  static constexpr double max_move = 0.3;      // the longest
   static constexpr double min_tension = 1e-9;  // relative to the weight: rounding
   static constexpr int rounds = 40;            // of Newton's method
   static constexpr double max_gap = 1e-9;      // likewise [m or rad]
@@ -141,8 +142,7 @@ class Hanging {
       retract<typename Model::Dynamic>(at.q_D, move, share, at.q_D);
       for (int a = 0; a < n_; ++a) at.tension[rows_[a]] += share * row_move[rows_[a]];
       if (most > Tolerance::last_move) continue;
-      for (int j = 0; j < M; ++j)
-        h[j] = at.held[j] ? 0.0 : h[j] + row_move[j];
+      for (int j = 0; j < M; ++j) h[j] = at.held[j] ? 0.0 : h[j] + row_move[j];
       return stable;
     }
     return false;

@@ -5,11 +5,12 @@
 //   low <= u <= high,   T_low <= T <= T_high where a row pulls,   h <= 0 where it does not,
 //   low <= q_D <= high
 //
-// by Gauss-Newton steps within the linearised bounds (solvers/bounded_step.hpp), damped as Levenberg and
-// Marquardt do. After each step Newton's method hangs the puppet again. Where a bound of a row stops
-// the step, the row begins to pull or goes slack, if it may, and the search goes on from there. Where
-// nothing helps any more, slack strings are wound in first: what hangs loose moves nothing. Every pose
-// begins at the one found before whose place is nearest: on a path, the last.
+// by Gauss-Newton steps within the linearised bounds (solvers/bounded_step.hpp), damped as
+// Levenberg and Marquardt do. After each step Newton's method hangs the puppet again. Where a bound
+// of a row stops the step, the row begins to pull or goes slack, if it may, and the search goes on
+// from there. Where nothing helps any more, slack strings are wound in first: what hangs loose
+// moves nothing. Every pose begins at the one found before whose place is nearest: on a path, the
+// last.
 #pragma once
 
 #include <cmath>
@@ -27,16 +28,16 @@ struct ReachTolerances {
   static constexpr double least_damping = 1e-12;
   static constexpr double most_damping = 1e8;
   static constexpr double first_step = 0.1;  // the longest at first, of what is chosen [m or rad]
-  static constexpr double little = 1e-3;  // share of the cost that the next step of a path saves
-  static constexpr double hangs = 1e-3;   // and move that hangs the puppet, at which it ends
+  static constexpr double little = 1e-3;     // share of the cost that the next step of a path saves
+  static constexpr double hangs = 1e-3;      // and move that hangs the puppet, at which it ends
   static constexpr double damping_ahead = 1e-4;  // of steps along paths
-  static constexpr double max_turn = 0.5;    // of the pose [m or rad]
-  static constexpr double least_gain = 1e-3;  // of a step, in tolerances: else it is nearest
-  static constexpr double at_bound = 1e-7;    // relative tension, or gap, of a row on the edge
-  static constexpr double passed = 1e-6;      // of bounds: relative tension, gap or joint
-  static constexpr double push = 0.02;        // by which strings are shortened to look farther [m]
-  static constexpr int changes = 3;           // of one row on the way
-  static constexpr int rounds = 30;           // of bounds that join
+  static constexpr double max_turn = 0.5;        // of the pose [m or rad]
+  static constexpr double least_gain = 1e-3;     // of a step, in tolerances: else it is nearest
+  static constexpr double at_bound = 1e-7;       // relative tension, or gap, of a row on the edge
+  static constexpr double passed = 1e-6;         // of bounds: relative tension, gap or joint
+  static constexpr double push = 0.02;  // by which strings are shortened to look farther [m]
+  static constexpr int changes = 3;     // of one row on the way
+  static constexpr int rounds = 30;     // of bounds that join
 };
 
 template <class Model>

@@ -24,7 +24,8 @@ struct ReachPoses {
     long long best = -1;
     double least = INFINITY;
     for (long long k = i - 1; k >= 0 && k >= i - most_looked_at; --k) {
-      if (in->status[k] != int(ReachEnd::REACHED) && in->status[k] != int(ReachEnd::NEAREST)) continue;
+      if (in->status[k] != int(ReachEnd::REACHED) && in->status[k] != int(ReachEnd::NEAREST))
+        continue;
       double sum = 0.0;
       for (int c = 0; c < size; ++c) {
         const double off = in->places[i * size + c] - in->places[k * size + c];

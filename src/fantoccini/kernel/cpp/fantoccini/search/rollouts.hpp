@@ -1,8 +1,9 @@
-// A planner's rollouts: segments of constant driven accelerations, given or by a feedback law, checked
-// at equal intervals ("looks") until the rollout is complete, reaches the goal, collides or leaves its
-// bounds. Between looks, coordinates are interpolated linearly from step to step; a step that may come
-// nearer than the margin is halved until it is known to be clear or not (conservative advancement).
-// One rollout a lane; a free lane takes the next one. No rollout depends on its neighbours.
+// A planner's rollouts: segments of constant driven accelerations, given or by a feedback law,
+// checked at equal intervals ("looks") until the rollout is complete, reaches the goal, collides or
+// leaves its bounds. Between looks, coordinates are interpolated linearly from step to step; a step
+// that may come nearer than the margin is halved until it is known to be clear or not (conservative
+// advancement). One rollout a lane; a free lane takes the next one. No rollout depends on its
+// neighbours.
 #pragma once
 
 #include <cstddef>
@@ -35,12 +36,12 @@ inline void reach(RolloutProgress& progress, long long i) {
 
 struct RolloutTolerances {
   static constexpr double speed_slack = 1e-12;  // of a bound on a speed: rounding above it
-  // m or rad by which strings may be overstepped before they count as jammed against what the puppet
-  // touches: half of what a sound run may have.
+  // m or rad by which strings may be overstepped before they count as jammed against what the
+  // puppet touches: half of what a sound run may have.
   static constexpr double jam = 0.01;
   static constexpr double no_distance = 1e300;  // of a goal that only Python can measure
-  static constexpr double min_move = 1e-5;  // m: paths between looks this short are not halved
-  static constexpr int max_halvings = 30;     // of a step
+  static constexpr double min_move = 1e-5;      // m: paths between looks this short are not halved
+  static constexpr int max_halvings = 30;       // of a step
 };
 
 template <class Model, class Real>
@@ -188,7 +189,8 @@ class Rollouts {
     int closed = 0;
     for (int k = 0; k < goal.n_touches; ++k) {
       bool pushes = false;
-      each_push([&](int l, int pair) { pushes = pushes || (l == lane && goal.touches[pair] == k); });
+      each_push(
+          [&](int l, int pair) { pushes = pushes || (l == lane && goal.touches[pair] == k); });
       closed += pushes;
     }
     return closed == goal.n_touches;
@@ -257,8 +259,8 @@ class Rollouts {
     return running;
   }
 
-  // Marks the lanes among those asked for (1.0) that may come nearer than the margin on the even way
-  // between two configurations.
+  // Marks the lanes among those asked for (1.0) that may come nearer than the margin on the even
+  // way between two configurations.
   void check_between(
       const RolloutArrays& in, const Real* from, const Real* to, const Real& asked, int halvings) {
     Real middle[room(NQ + QK)];
@@ -337,7 +339,8 @@ class Rollouts {
 
   void write(const RolloutArrays& in, int l, int look, double distance) {
     const long long at = rollout_[l] * in.segments + segment_[l];
-    each_part([&](const Real* x, int n, const double*, double* to) { get(x, n, l, to + at * n); }, in);
+    each_part(
+        [&](const Real* x, int n, const double*, double* to) { get(x, n, l, to + at * n); }, in);
     in.out.distance[at] = distance;
     in.out.looks[at] = look;
     in.out.catches[at] = caught_[l];
@@ -366,8 +369,7 @@ class Rollouts {
   std::vector<Placed<Real>> placed_;
   std::vector<Real> way_;  // configurations since the last look: q_D and q_K after every step
   Real coef_[room(NK * n_powers)], base_[room(QK)];
-  bool still_[room(NK)], active_[width], slackened_[width], strayed_[width],
-      passed_[width];
+  bool still_[room(NK)], active_[width], slackened_[width], strayed_[width], passed_[width];
   long long rollout_[width];
   int segment_[width], caught_[width];
 };

@@ -1,14 +1,14 @@
 // Programs of stages whose driven coordinates have bounds, for feedback in real time:
 //
-//   min sum_i 1/2 x_i^T (J_i^T J_i + diag) x_i + g_i . x_i - c u_{i-1} . u_i + 1/2 |C_i (z_i, u_i)|_W^2 + prices
-//   z_{i+1} = A_i z_i + B_u u_i,   z_0 = 0,   lowest(z_i) <= u_i <= highest(z_i)
+//   min sum_i 1/2 x_i^T (J_i^T J_i + diag) x_i + g_i . x_i - c u_{i-1} . u_i + 1/2 |C_i (z_i,
+//   u_i)|_W^2 + prices z_{i+1} = A_i z_i + B_u u_i,   z_0 = 0,   lowest(z_i) <= u_i <= highest(z_i)
 //
-// by Newton's method with an active set, as in Tassa, Mansard and Todorov, ICRA 2014: Riccati's recursion
-// (stage_riccati.hpp) decides at every stage which inputs are in bounds there and binds them to laws of
-// the state; the motion is then made stage by stage, with inputs cut off at their bounds. So every motion
-// keeps them, and the search may end after any. Later iterations factorise from the last stage on whose
-// inputs in bounds change, within a given number of stages in all: bounds late in the horizon are the
-// first that are left out.
+// by Newton's method with an active set, as in Tassa, Mansard and Todorov, ICRA 2014: Riccati's
+// recursion (stage_riccati.hpp) decides at every stage which inputs are in bounds there and binds
+// them to laws of the state; the motion is then made stage by stage, with inputs cut off at their
+// bounds. So every motion keeps them, and the search may end after any. Later iterations factorise
+// from the last stage on whose inputs in bounds change, within a given number of stages in all:
+// bounds late in the horizon are the first that are left out.
 #pragma once
 
 #include <cstring>
@@ -98,14 +98,16 @@ class ClampedStages {
     N_ = int(in.N), n_d_ = in.n_d, k_ = in.k, n_z_ = n_d_ + 2 * k_;
     r.resize(N_, n_z_, k_, m, in.jerk > 0.0, in.n_squares, true);
     const size_t size = size_t(N_) * r.ld;
-    for (auto* a : {&g_, &gradient_, &x_, &next_, &best_, &steps_, &diagonal_}) a->assign(size, 0.0);
+    for (auto* a : {&g_, &gradient_, &x_, &next_, &best_, &steps_, &diagonal_})
+      a->assign(size, 0.0);
     for (auto* a : {&slope_, &u_, &half_}) a->assign(k_, 0.0);
     root_.assign(size_t(k_) * k_, 0.0), free_.assign(k_, 0);
     low_.resize(k_), high_.resize(k_);
     std::vector<int> from(n_z_);
     for (int a = 0; a < n_z_; ++a) from[a] = from_z(a);
     for (int i = 0; i < N_; ++i) {
-      const double *g = in.g + size_t(i) * (all + width), *d = in.diagonal + size_t(i) * (all + width);
+      const double *g = in.g + size_t(i) * (all + width),
+                   *d = in.diagonal + size_t(i) * (all + width);
       for (int a = 0; a < n_z_; ++a) {
         row_of(g_, i)[a] = g[all + from[a]], row_of(diagonal_, i)[a] = d[all + from[a]];
       }
@@ -175,13 +177,15 @@ class ClampedStages {
   }
 
   // The laws of stages up to `last`; later ones stay.
-  // Feedback laws around the motion at hand, with the inputs in bounds that the motion before asked for or,
-  // to be careful, those that are best at every stage of this one. False where there are none.
+  // Feedback laws around the motion at hand, with the inputs in bounds that the motion before asked
+  // for or, to be careful, those that are best at every stage of this one. False where there are
+  // none.
   bool pull_back(bool careful) {
     StageRiccati& r = riccati_;
     StageClampArrays& in = *in_;
     const bool first = in.iterations == 0;
-    const int room = in.most_stages - in.stages, last = set_elastic(careful || first, first ? N_ : room);
+    const int room = in.most_stages - in.stages,
+              last = set_elastic(careful || first, first ? N_ : room);
     bool anew = false;
     ++in.iterations, in.stages += N_ / 10;
     for (int i = N_ - 1; i >= 0; --i) {
@@ -362,8 +366,9 @@ class ClampedStages {
     return changes;
   }
 
-  // Gradient and Hessian of what passes bounds: of the pieces in force at the motion at hand, to be careful,
-  // else of those next to the ones before that the last whole step asks for; up to where factors change.
+  // Gradient and Hessian of what passes bounds: of the pieces in force at the motion at hand, to be
+  // careful, else of those next to the ones before that the last whole step asks for; up to where
+  // factors change.
   int set_elastic(bool careful, int room) {
     StageRiccati& r = riccati_;
     int last = -1;

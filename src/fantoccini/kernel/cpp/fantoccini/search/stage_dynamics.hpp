@@ -2,8 +2,8 @@
 //
 //   X <- F_D X + F_K K + F_a,   K the same of the driven coordinates
 //
-// X (n_d, n_d + 3 k) are derivatives of the dynamic part of the state after some steps by (q_D, v_D, q_K, v_K)
-// at the start of the interval and by its accelerations.
+// X (n_d, n_d + 3 k) are derivatives of the dynamic part of the state after some steps by (q_D,
+// v_D, q_K, v_K) at the start of the interval and by its accelerations.
 #pragma once
 
 #include <algorithm>

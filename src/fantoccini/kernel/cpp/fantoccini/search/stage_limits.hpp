@@ -1,5 +1,5 @@
-// How far the acceleration of a driven coordinate may go in an interval, so that it stays within its bounds
-// of acceleration, speed and position then and later:
+// How far the acceleration of a driven coordinate may go in an interval, so that it stays within
+// its bounds of acceleration, speed and position then and later:
 //
 //   |u| <= a,   |v + h u| <= s,   v + h u <= w(q, v),   w^2 / (2 a) = high - q - h (v + w) / 2
 //

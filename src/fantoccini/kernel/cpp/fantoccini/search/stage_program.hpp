@@ -1,11 +1,12 @@
 // Convex quadratic programs of stages with bounds and rows that may be passed at a price:
 //
 //   min sum_i 1/2 x_i^T H_i x_i + g_i . x_i + x_{i-1}^T D_i u_i + sum_rows price (s + s^2 / 2)
-//   z_{i+1} = A_i z_i + B_i u_i + e_i,   low <= x <= high,   row_low - s <= C (x_{i-1}, u_i) <= row_high + s
+//   z_{i+1} = A_i z_i + B_i u_i + e_i,   low <= x <= high,   row_low - s <= C (x_{i-1}, u_i) <=
+//   row_high + s
 //
-// by a primal-dual interior point method with Mehrotra's predictor and corrector (Nocedal and Wright,
-// Numerical Optimization, algorithm 16.4). Every step is one of Riccati's recursions. All iterates obey
-// the dynamics.
+// by a primal-dual interior point method with Mehrotra's predictor and corrector (Nocedal and
+// Wright, Numerical Optimization, algorithm 16.4). Every step is one of Riccati's recursions. All
+// iterates obey the dynamics.
 #pragma once
 
 #include <algorithm>
@@ -202,7 +203,8 @@ class StageProgramSolver {
     const double reach = longest();
     double after = 0.0;
     for (const auto* all : {&bounds_, &sides_}) {
-      for (const Side& b : *all) after += (b.t + reach * b.dt) * (b.multiplier + reach * b.dmultiplier);
+      for (const Side& b : *all)
+        after += (b.t + reach * b.dt) * (b.multiplier + reach * b.dmultiplier);
     }
     for (const Elastic& s : elastic_) {
       after += (s.s + reach * s.ds) * (s.multiplier + reach * s.dmultiplier);

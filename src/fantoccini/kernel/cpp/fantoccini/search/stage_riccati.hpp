@@ -21,20 +21,22 @@ namespace fan {
 struct StageRiccati {
   int N = 0, n_z = 0, k = 0, m = 0;
   bool coupled = false;
-  int n_x = 0, n_s = 0, n_dense = 0;  // variables and states of a stage; rows of (A B) that are full
-  int ld = 0, ld_k = 0;               // lengths of rows
+  int n_x = 0, n_s = 0;  // variables and states of a stage
+  int n_dense = 0;       // rows of (A B) that are full
+  int ld = 0, ld_k = 0;  // lengths of rows
   std::vector<Band> bands;
   std::vector<double> M, band_values, H, D, C, C_u;  // see the accessors
-  std::vector<double> diagonal, weight;              // (N, ld) added to H, (N, m) W: set before factorise
-  std::vector<double> squares;                       // (N, n_squares, ld) J, of which J^T J is added to H
+  std::vector<double> diagonal, weight;  // (N, ld) added to H, (N, m) W: set before factorise
+  std::vector<double> squares;           // (N, n_squares, ld) J, of which J^T J is added to H
   int n_squares = 0;
-  std::vector<StageLaw> laws;  // (N, k), the first n_laws of a stage
-  std::vector<int> n_laws;     // (N,)
+  std::vector<StageLaw> laws;      // (N, k), the first n_laws of a stage
+  std::vector<int> n_laws;         // (N,)
   std::vector<double> from_later;  // (ld,) as hand_on and hand_back leave it
 
   // The sizes of all arrays; what fills up rows is 0 afterwards. May throw std::bad_alloc.
   // With `n` rows of squares there is no H. `keeps` what factorise(last) needs.
-  void resize(int stages, int states, int inputs, int rows, bool couples, int n = 0, bool keeps = false) {
+  void resize(
+      int stages, int states, int inputs, int rows, bool couples, int n = 0, bool keeps = false) {
     if (stages == N && states == n_z && inputs == k && rows == m && couples == coupled &&
         n == n_squares && keeps == !kept_.empty())
       return;
@@ -62,14 +64,15 @@ struct StageRiccati {
     p_.assign(ld, 0.0), h_.assign(ld, 0.0), from_later.assign(ld, 0.0);
   }
 
-  double* M_of(int i) { return M.data() + size_t(i) * n_z * ld; }        // n_z rows: (A B)
-  double* H_of(int i) { return H.data() + size_t(i) * n_x * ld; }        // n_x rows
+  double* M_of(int i) { return M.data() + size_t(i) * n_z * ld; }  // n_z rows: (A B)
+  double* H_of(int i) { return H.data() + size_t(i) * n_x * ld; }  // n_x rows
   double* squares_of(int i) { return squares.data() + size_t(i) * n_squares * ld; }
-  double* D_of(int i) { return D.data() + size_t(i) * k * ld; }          // k rows: D^T
-  double* C_of(int i) { return C.data() + size_t(i) * m * ld; }          // m rows, of x_{i-1}
-  double* Cu_of(int i) { return C_u.data() + size_t(i) * m * ld_k; }     // m rows, of u_i
+  double* D_of(int i) { return D.data() + size_t(i) * k * ld; }       // k rows: D^T
+  double* C_of(int i) { return C.data() + size_t(i) * m * ld; }       // m rows, of x_{i-1}
+  double* Cu_of(int i) { return C_u.data() + size_t(i) * m * ld_k; }  // m rows, of u_i
   double* y_of(int i) { return y_.data() + size_t(i) * ld_k; }
-  const double* hessian_of(int i) const { return L_.data() + size_t(i) * k * ld_k; }  // after gather: by inputs
+  // By the inputs, after gather.
+  const double* hessian_of(int i) const { return L_.data() + size_t(i) * k * ld_k; }
   const double* gain_root(int i) const { return Y_.data() + size_t(i) * ld_k * ld; }
 
   // (k, n_z) the best u_0 is K z_0, where z_0 is not 0.
@@ -119,7 +122,8 @@ struct StageRiccati {
     for (int i = 0; i < N; ++i) {
       double* value = values_of(i);
       for (const Band& band : bands) {
-        for (int j = 0; j < band.length; ++j) value[j] = M_of(i)[(band.row + j) * ld + band.column + j];
+        for (int j = 0; j < band.length; ++j)
+          value[j] = M_of(i)[(band.row + j) * ld + band.column + j];
         value += in_eights(band.length);
       }
     }
@@ -145,7 +149,7 @@ struct StageRiccati {
     mirror(P, ld, n_s);
   }
 
-  // Of what is to come from stage i on: the Hessian by the inputs (lower triangle), and that by inputs and state.
+  // Of what is to come from stage i on: the Hessian by the inputs (lower triangle), and by both.
   void gather(int i) {
     value_by_dynamics(i);
     const double* G = G_.data();
@@ -244,7 +248,8 @@ struct StageRiccati {
     }
   }
 
-  // The gradient of what is to come from stage i on by its state and its inputs, after hand_back(i + 1).
+  // The gradient of what is to come from stage i on by its state and its inputs, after
+  // hand_back(i + 1).
   void hand_on(int i, const double* gradient) {
     double *p = p_.data(), *h = h_.data(), *y = y_of(i);
     const double* own = gradient + size_t(i) * ld;
@@ -304,7 +309,9 @@ struct StageRiccati {
   }
 
   // Entry (a, b) of a symmetric matrix from its lower triangle.
-  double entry(const double* L, int a, int b) const { return a < b ? L[b * ld_k + a] : L[a * ld_k + b]; }
+  double entry(const double* L, int a, int b) const {
+    return a < b ? L[b * ld_k + a] : L[a * ld_k + b];
+  }
 
   struct Laws {
     const StageLaw *first, *last;
@@ -317,11 +324,12 @@ struct StageRiccati {
     return {first, first + n_laws[i]};
   }
 
-  // The derivative of the least cost to come by an input that is bound to the law number l of stage i.
+  // The derivative of the least cost to come by an input that is bound to the l-th law of stage i.
   double slope(int i, int l, const double* before, const double* x) {
     const double *L = L_.data() + size_t(i) * k * ld_k, *Y = gain_root(i);
     const int c = laws[size_t(i) * k + l].input;
-    double sum = y_[size_t(i) * ld_k + c] + (before ? dot(Y + c * ld, before, in_eights(n_s)) : 0.0);
+    double sum =
+        y_[size_t(i) * ld_k + c] + (before ? dot(Y + c * ld, before, in_eights(n_s)) : 0.0);
     mark_bound(i);
     for (int e = 0; e <= l; ++e) bound_[laws[size_t(i) * k + e].input] = 2;
     sum += L[c * (ld_k + 1)] * x[n_z + c];

@@ -2,7 +2,8 @@
 //
 //   min 1/2 d . Q d + g . d   subject to   a_c . d <= b_c
 //
-// by its dual over the bounds that would be passed, which join one after the other (complementarity.hpp):
+// by its dual over the bounds that would be passed, which join one after the other
+// (complementarity.hpp):
 //
 //   d = -Q^-1 (g + A^T x),   0 <= x complementary to b - A d >= 0
 #pragma once

@@ -33,7 +33,8 @@ struct ComplementarityTolerances {
   // A pivot is at least the sum of these shares of the raise and of its diagonal entry, and an
   // absolute part [1/kg]: the factor stays finite.
   static constexpr double pivot_floor[] = {1e-2, 1e-16, 1e-300};
-  static constexpr double smallest_diagonal = 1e-30;  // 1/kg: the raise is relative to at least this
+  static constexpr double smallest_diagonal =
+      1e-30;  // 1/kg: the raise is relative to at least this
   // Rounds of block pivoting that may leave no fewer wrong rows, before one row a round is changed.
   static constexpr double patience = 3.0;
   // Speed (m/s or rad/s) at which a row opens in lanes in which it takes no part.
@@ -44,8 +45,8 @@ struct ComplementarityTolerances {
 };
 
 // Of a problem for solve() the first `leading` rows always take part: what is done for them is
-// straight-line code, the same whatever rows follow, so that no lane's sums depend on whether rows of
-// its neighbours do.
+// straight-line code, the same whatever rows follow, so that no lane's sums depend on whether rows
+// of its neighbours do.
 template <class Real, int capacity, int leading = 0>
 struct Complementarity {
   using Mask = typename Traits<Real>::Mask;
@@ -53,13 +54,13 @@ struct Complementarity {
   static constexpr int N = room(capacity);
 
   int n = 0;
-  Real G[N * N];       // row i, column j at i * N + j
+  Real G[N * N];  // row i, column j at i * N + j
   Real b[N];
   Real x[N];
-  Real s[N];           // in rows that are not active
+  Real s[N];  // in rows that are not active
   Real lower[N], upper[N];
-  Mask active[N];      // rows between their bounds; on entry the guess
-  Mask high[N];        // rows at their upper bound
+  Mask active[N];  // rows between their bounds; on entry the guess
+  Mask high[N];    // rows at their upper bound
 
   // Where the entries between the first `leading` rows are, for solve(): (i, j), j <= i, at
   // i * stride + j.
@@ -108,14 +109,13 @@ struct Complementarity {
   // |x| and to the size of the terms of each s. Returns the lanes that were solved; a lane with NaN
   // counts as solved. `again`: n and G are those of the last call, whose factor is used again as
   // long as the active rows are the same.
-  FAN_FN Mask solve(
-      double eps, int max_refinements, double tolerance, int max_iterations, bool again = false) {
+  FAN_FN Mask
+  solve(double eps, int max_refinements, double tolerance, int max_iterations, bool again = false) {
     using std::abs;
     Real fewest = Real(double(n + 1)), patience = Real(Tolerance::patience);
     Mask solved = Real(0.0) > Real(1.0);
-    rows<leading>([&](auto i) FAN_INLINE {
-      b[i] = select(abs(b[i]) < negligible, Real(0.0), b[i]);
-    });
+    rows<leading>([&](auto i)
+                      FAN_INLINE { b[i] = select(abs(b[i]) < negligible, Real(0.0), b[i]); });
     if (!again) standing_ = false;
     if (!standing_) raised_ = solved;
     for (int iteration = 0; iteration < max_iterations; ++iteration) {
@@ -339,7 +339,8 @@ struct Complementarity {
     for (int round = 0; round < most; ++round) {
       Mask rough = Real(0.0) > Real(1.0);
       for (int i = 0; i < n; ++i)
-        rough = rough || (where && active[i] && abs(s[i]) > Tolerance::refined_residual * terms_[i]);
+        rough =
+            rough || (where && active[i] && abs(s[i]) > Tolerance::refined_residual * terms_[i]);
       if (!any(rough)) return;
       for (int i = 0; i < n; ++i) r[i] = select(active[i] && rough, Real(-s[i]), Real(0.0));
       substitute_with<first>(r);
@@ -379,8 +380,8 @@ struct Complementarity {
   int stride_ = 0;
   Real raise_, largest_, terms_[N];
   Mask loose_, raised_;
-  bool standing_ = false;  // whether there is a factor to be used again
-  Mask factored_[N];       // active rows when it was made
+  bool standing_ = false;     // whether there is a factor to be used again
+  Mask factored_[N];          // active rows when it was made
   int some_[N], n_some_ = 0;  // rows of the factor, in order
   // These rows' block is L D L^T with ones on L's diagonal: L below the diagonal, D L^T above it
   // but for the first rows of solve().

@@ -40,13 +40,13 @@ struct ConeProblem : private ConeIsland<capacity> {
   static constexpr int N = Island::N;
 
   // Call resize() first, then fill the arrays; whoever writes a row of G may pass its end by one.
-  using Island::resize, Island::n_single, Island::n_contacts, Island::n, Island::stride;
-  using Island::G, Island::b, Island::lower, Island::upper, Island::mu, Island::slides;
   using Island::along, Island::x, Island::s;
+  using Island::G, Island::b, Island::lower, Island::upper, Island::mu, Island::slides;
+  using Island::resize, Island::n_single, Island::n_contacts, Island::n, Island::stride;
   bool quick = false;  // whether few steps from the guess are made before another start is tried
   // The largest g |x - P(x - s / g)| of a row (a speed), relative to the largest |b_i|.
-  using Island::residual;
   using Island::find_s;
+  using Island::residual;
   int iterations = 0;  // steps of Newton's method
   int rounds = 0;      // rounds of the method of multipliers
 
@@ -54,8 +54,8 @@ struct ConeProblem : private ConeIsland<capacity> {
   // bounds, or 0 where the problem has numbers that are not finite or bounds that are crossed.
   FAN_FN bool solve() { return solve_islands(0.0); }
 
-  // Solves, from zero, a problem whose rows yield a little: `share` of G's largest diagonal entry is
-  // added to its diagonal. Where forces jam, it has a solution although the law has none. s and
+  // Solves, from zero, a problem whose rows yield a little: `share` of G's largest diagonal entry
+  // is added to its diagonal. Where forces jam, it has a solution although the law has none. s and
   // residual are then those of the law itself. Call it after solve() has failed.
   FAN_FN bool solve_softly(double share) {
     for (int i = 0; i < n; ++i) x[i] = 0.0;
@@ -202,10 +202,10 @@ struct ConeProblem : private ConeIsland<capacity> {
     }
     for (int first = 0, end = 0; first < n_own_; first = end) {
       // Columns that follow one another in G, too.
-      while (++end < n_own_ && own_[end] == own_[end - 1] + 1) {}
+      while (++end < n_own_ && own_[end] == own_[end - 1] + 1) {
+      }
       for (int k = 0; k < n_own_; ++k)
-        copy(G + own_[k] * stride + own_[first], end - first,
-             part_.G + k * part_.stride + first);
+        copy(G + own_[k] * stride + own_[first], end - first, part_.G + k * part_.stride + first);
     }
     for (int k = 0; k < n_own_; ++k) {
       const int i = own_[k];

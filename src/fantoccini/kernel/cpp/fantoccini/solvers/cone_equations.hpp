@@ -1,6 +1,6 @@
-// A problem of cone.hpp whose rows all influence one another: its law, the modes of its rows, and the
-// linear equations that they leave for a step of Newton's method. Rows of G are filled up with zeros
-// to a multiple of four.
+// A problem of cone.hpp whose rows all influence one another: its law, the modes of its rows, and
+// the linear equations that they leave for a step of Newton's method. Rows of G are filled up with
+// zeros to a multiple of four.
 #pragma once
 
 #include "fantoccini/math/dense_ldl.hpp"
@@ -14,14 +14,14 @@ struct ConeEquations : ConeLaw {
   static constexpr int N = padded(room(capacity));
 
   int n_single = 0, n_contacts = 0;
-  int n = 0, stride = 0;  // rows; the length of a row of G
-  double G[N * N + 1];    // row i, column j at i * stride + j
-  double b[N];            // b below `negligible` becomes 0; filled up with zeros
-  double lower[N], upper[N];  // of a contact only the upper bound of the normal counts
-  double mu[N];               // of contact c
+  int n = 0, stride = 0;          // rows; the length of a row of G
+  double G[N * N + 1];            // row i, column j at i * stride + j
+  double b[N];                    // b below `negligible` becomes 0; filled up with zeros
+  double lower[N], upper[N];      // of a contact only the upper bound of the normal counts
+  double mu[N];                   // of contact c
   const bool* slides = nullptr;   // of contact c, whether its direction is given; null for none
   const double* along = nullptr;  // d of contact c at 2 c
-  double x[N];                // on entry the guess; of many solutions the result is one near it
+  double x[N];                    // on entry the guess; of many solutions the result is one near it
   double s[N];
   double speed = unbounded;     // the largest g |x - P(x - s / g)| of a row
   double residual = unbounded;  // the same relative to the largest |b_i|
@@ -318,8 +318,9 @@ struct ConeEquations : ConeLaw {
   // The row of the matrix of a mixed unknown; returns the right side.
   FAN_FN double equation(const Mixed& of, double raise, const double* right) {
     const int i = row_[of.unknown];
-    const double share[3] = {double(of.is_normal), of.is_normal ? 0.0 : of.direction[1],
-                             of.is_normal ? 0.0 : of.direction[2]};
+    const double share[3] = {
+        double(of.is_normal), of.is_normal ? 0.0 : of.direction[1],
+        of.is_normal ? 0.0 : of.direction[2]};
     double image[N], sum = 0.0;
     for (int j = 0; j < n; ++j)
       image[j] = share[0] * G[i * stride + j] + share[1] * G[(i + 1) * stride + j] +
@@ -334,13 +335,13 @@ struct ConeEquations : ConeLaw {
     return sum;
   }
 
-  int m_ = 0, n_mixed_ = 0;  // unknowns, and those that are mixed
+  int m_ = 0, n_mixed_ = 0;         // unknowns, and those that are mixed
   double top_ = 0.0, scale_ = 0.0;  // the largest G_ii and |b_i|
-  double known_to_ = 0.0;  // rounding of the residual, where that is not small
+  double known_to_ = 0.0;           // rounding of the residual, where that is not small
   double g_[N], inverse_g_[N], centre_[N], base_[N];
   bool fixed_ = false;  // whether base_ has other numbers than 0
   Mixed mixed_[N];
-  int row_[N];  // of every unknown; of a mixed one the first of its contact
+  int row_[N];                 // of every unknown; of a mixed one the first of its contact
   bool is_symmetric_ = false;  // which factor is that of the last step
   DenseLdl<capacity> ldl_;
   DenseLu<capacity> lu_;

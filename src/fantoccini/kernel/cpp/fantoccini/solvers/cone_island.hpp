@@ -1,5 +1,5 @@
-// The solver of cone.hpp for rows that all influence one another: semi-smooth Newton, with a proximal
-// term, and the method of multipliers for another start.
+// The solver of cone.hpp for rows that all influence one another: semi-smooth Newton, with a
+// proximal term, and the method of multipliers for another start.
 #pragma once
 
 #include "fantoccini/solvers/cone_equations.hpp"
@@ -9,10 +9,10 @@ namespace fan {
 template <int capacity>
 struct ConeIsland : ConeEquations<capacity> {
   using Equations = ConeEquations<capacity>;
-  using Equations::N, Equations::n, Equations::stride, Equations::n_contacts, Equations::G;
   using Equations::b, Equations::mu, Equations::x, Equations::s, Equations::speed;
-  using Equations::residual, Equations::measure;
   using Equations::is_finite, Equations::larger, Equations::length, Equations::project;
+  using Equations::N, Equations::n, Equations::stride, Equations::n_contacts, Equations::G;
+  using Equations::residual, Equations::measure;
   using typename Equations::Tolerance;
   int iterations = 0, rounds = 0;
 
@@ -46,9 +46,9 @@ struct ConeIsland : ConeEquations<capacity> {
   }
 
  private:
-  using Equations::weigh, Equations::bound, Equations::violation, Equations::choose;
-  using Equations::step, Equations::refine, Equations::row_of, Equations::top_, Equations::scale_;
   using Equations::g_, Equations::centre_, Equations::lu_;
+  using Equations::step, Equations::refine, Equations::row_of, Equations::top_, Equations::scale_;
+  using Equations::weigh, Equations::bound, Equations::violation, Equations::choose;
 
   // Whether there is a guess other than 0.
   FAN_FN bool take_guess() {
@@ -71,7 +71,8 @@ struct ConeIsland : ConeEquations<capacity> {
         if (tries > 0 && residual > Tolerance::rough) refine();
         return true;
       }
-      if (tries > 0 && violation(share * top_) < larger(Tolerance::centred, this->known_to_) * scale_) {
+      if (tries > 0 &&
+          violation(share * top_) < larger(Tolerance::centred, this->known_to_) * scale_) {
         for (int i = 0; i < n; ++i) centre_[i] = x[i];
         share = larger(share * Tolerance::softer, Tolerance::raise);
         tries = 0;

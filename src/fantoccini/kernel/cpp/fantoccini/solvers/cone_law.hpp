@@ -8,9 +8,9 @@ namespace fan {
 struct ConeTolerances {
   // Largest residual of a solution; see `residual`.
   static constexpr double residual = 1e-10;
-  // Rounding of s, relative to the largest sum of |G_ij x_j|: between bodies of very different mass,
-  // accelerations cancel, which leaves such a residual. It is capped, as forces that jam have an unbounded
-  // rounding error.
+  // Rounding of s, relative to the largest sum of |G_ij x_j|: between bodies of very different
+  // mass, accelerations cancel, which leaves such a residual. It is capped, as forces that jam have
+  // an unbounded rounding error.
   static constexpr double rounding_of_sum = 8.0 * 2.2e-16;
   static constexpr double largest_rounding = 5e-10;
   // Residual above which a solution is refined: more than rounding leaves.
@@ -41,7 +41,8 @@ struct ConeTolerances {
   // Attempts with a start by the method of multipliers; rounds of the first, doubled each time.
   static constexpr int attempts = 5;
   static constexpr int rounds = 100;
-  // Of quick solves: steps from the guess, then damped ones, their raise, and how often one is halved.
+  // Of quick solves: steps from the guess, then damped ones, their raise, and how often one is
+  // halved.
   static constexpr int quick_steps = 8;
   static constexpr int damped_steps = 8, halvings = 3;
   static constexpr double damping = 1e-5;

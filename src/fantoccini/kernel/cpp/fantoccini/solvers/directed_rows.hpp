@@ -4,8 +4,8 @@
 //
 // D has a column for every unknown, T the row that it answers for: the first of its direction. A
 // sliding contact's force acts along its normal and its friction, and answers for the normal. An
-// unknown across two rows answers for its own direction e: e^T (b - G y) + goal = firm z. Where rows
-// are redundant, z is that of least norm, each unknown in units of its own influence.
+// unknown across two rows answers for its own direction e: e^T (b - G y) + goal = firm z. Where
+// rows are redundant, z is that of least norm, each unknown in units of its own influence.
 #pragma once
 
 #include "fantoccini/math/dense_lu.hpp"
@@ -57,7 +57,8 @@ class DirectedRows {
       double asked = b[lead_[u]];
       if (const Unknown& own = unknown_[u]; own.across) {
         const double *second = G + (own.row + 1) * size, *third = second + size;
-        for (int j = 0; j < size; ++j) image_of[j] = own.part[1] * second[j] + own.part[2] * third[j];
+        for (int j = 0; j < size; ++j)
+          image_of[j] = own.part[1] * second[j] + own.part[2] * third[j];
         row = image_of;
         asked = own.part[1] * b[own.row + 1] + own.part[2] * b[own.row + 2] + own.goal;
       }

@@ -1,4 +1,5 @@
-// The factor of held rows, G = U^T D U, in which rows that depend on those before them are left out.
+// The factor of held rows, G = U^T D U, in which rows that depend on those before them are left
+// out.
 #pragma once
 
 #include "fantoccini/math/real.hpp"

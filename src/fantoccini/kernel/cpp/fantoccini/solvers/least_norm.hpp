@@ -1,5 +1,5 @@
-// Tensions of least norm. Where strings are redundant the motion is unique and the tensions are not;
-// of all that give the motion, within their bounds, the shortest vector is reported:
+// Tensions of least norm. Where strings are redundant the motion is unique and the tensions are
+// not; of all that give the motion, within their bounds, the shortest vector is reported:
 //
 //   min |x|   over W x = z, 0 <= x_i <= upper_i
 //
@@ -10,8 +10,6 @@
 #include "fantoccini/solvers/active_set.hpp"
 
 namespace fan {
-
-
 
 template <class Set>
 struct LeastNorm {

@@ -2,9 +2,9 @@
 //
 //   (M + Z^T Z) x + B^T y = -force,   C x = -rate
 //
-// C are the rows that are held and B the forces that hold them; they differ where solids slide. Z is
-// what friction does because it turns with the velocity. Rows may depend on one another: y then is
-// the shortest, and x that of least squares. All rows come as W = F^-T A^T, with M = F^T F.
+// C are the rows that are held and B the forces that hold them; they differ where solids slide. Z
+// is what friction does because it turns with the velocity. Rows may depend on one another: y then
+// is the shortest, and x that of least squares. All rows come as W = F^-T A^T, with M = F^T F.
 #pragma once
 
 #include <cmath>
@@ -17,7 +17,8 @@ FAN_LOOPS_BEGIN
 namespace fan {
 
 struct ModeSystemTolerances {
-  // Singular value of C M^-1 B^T, and of C M^-1 C^T, relative to the largest, below which rows depend.
+  // Singular value of C M^-1 B^T, and of C M^-1 C^T, relative to the largest, below which rows
+  // depend.
   static constexpr double dependent = 1e-9;
 };
 

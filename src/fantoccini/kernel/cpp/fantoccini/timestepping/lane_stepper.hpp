@@ -1,5 +1,5 @@
-// Trajectories of fixed steps that are advanced piece by piece, in bundles of lanes, each with its own
-// parameters, under accelerations and forces that are held over a piece (StepperArrays).
+// Trajectories of fixed steps that are advanced piece by piece, in bundles of lanes, each with its
+// own parameters, under accelerations and forces that are held over a piece (StepperArrays).
 //
 // Between pieces a bundle is what its lanes remember and the caller's arrays: every worker has one
 // trajectory of its own, in which it advances bundle after bundle.
@@ -79,7 +79,8 @@ class LaneStepper {
     }
     workers_[0]->bundle.trajectory.remember(count);
     size_ = (count.size() + Memory::alignment - 1) / Memory::alignment * Memory::alignment;
-    memory_.reset(new (std::align_val_t(Memory::alignment), std::nothrow) unsigned char[n_bundles_ * size_]());
+    memory_.reset(new (
+        std::align_val_t(Memory::alignment), std::nothrow) unsigned char[n_bundles_ * size_]());
     return memory_ != nullptr;
   }
 
@@ -213,18 +214,18 @@ class LaneStepper {
 }  // namespace fan
 
 // The C interface of the steppers of a puppet's lanes.
-#define FAN_STEPPERS(...)                                                                      \
-  /* Null where there was no memory. */                                                        \
-  FAN_EXPORT void* fan_steppers_new(long long n, int workers) {                                \
-    auto* made = new (std::nothrow) __VA_ARGS__();                                             \
-    if (made && made->make(n, workers)) return made;                                           \
-    delete made;                                                                               \
-    return nullptr;                                                                            \
-  }                                                                                            \
-  FAN_EXPORT void fan_steppers_free(void* all) { delete static_cast<__VA_ARGS__*>(all); }      \
-  FAN_EXPORT void fan_steppers_begin(void* all, const fan::StepperArrays* arrays) {            \
-    static_cast<__VA_ARGS__*>(all)->begin(*arrays);                                            \
-  }                                                                                            \
-  FAN_EXPORT void fan_steppers_work(void* all, int worker) {                                   \
-    static_cast<__VA_ARGS__*>(all)->work(worker);                                              \
+#define FAN_STEPPERS(...)                                                                 \
+  /* Null where there was no memory. */                                                   \
+  FAN_EXPORT void* fan_steppers_new(long long n, int workers) {                           \
+    auto* made = new (std::nothrow) __VA_ARGS__();                                        \
+    if (made && made->make(n, workers)) return made;                                      \
+    delete made;                                                                          \
+    return nullptr;                                                                       \
+  }                                                                                       \
+  FAN_EXPORT void fan_steppers_free(void* all) { delete static_cast<__VA_ARGS__*>(all); } \
+  FAN_EXPORT void fan_steppers_begin(void* all, const fan::StepperArrays* arrays) {       \
+    static_cast<__VA_ARGS__*>(all)->begin(*arrays);                                       \
+  }                                                                                       \
+  FAN_EXPORT void fan_steppers_work(void* all, int worker) {                              \
+    static_cast<__VA_ARGS__*>(all)->work(worker);                                         \
   }

@@ -81,9 +81,7 @@ struct FixedRun {
   }
 
  private:
-  void look(double when) {
-    drive.fill(when, trajectory.coming());
-  }
+  void look(double when) { drive.fill(when, trajectory.coming()); }
 
   Status advance(double next, Record<Model>& out) {
     const double dt = next - t;

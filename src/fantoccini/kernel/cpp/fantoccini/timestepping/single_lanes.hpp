@@ -1,6 +1,6 @@
-// Lanes of a bundle that make a step of their own, as a single trajectory does: those whose contacts
-// are not solved in all lanes at once (contact/lanes.hpp). A lane is then where it was before the
-// bundle's step, of which nothing else of it is kept.
+// Lanes of a bundle that make a step of their own, as a single trajectory does: those whose
+// contacts are not solved in all lanes at once (contact/lanes.hpp). A lane is then where it was
+// before the bundle's step, of which nothing else of it is kept.
 #pragma once
 
 #include "fantoccini/contact/lanes.hpp"
@@ -64,7 +64,8 @@ class SingleLanes {
       take(u_D, N, l, u_D_);
       take(p, P, l, p_);
       one_.step(
-          q_D_, v_D_, q_K_, v_K_, acc_K_, u_D_, dt, recovery_speed, cap, winches, p_, q_next_, v_next_);
+          q_D_, v_D_, q_K_, v_K_, acc_K_, u_D_, dt, recovery_speed, cap, winches, p_, q_next_,
+          v_next_);
       for (int i = 0; i < NQ; ++i) lane_of(q_next[i], l) = q_next_[i];
       for (int k = 0; k < N; ++k) lane_of(v_next[k], l) = v_next_[k];
       store(at, l);
@@ -109,7 +110,8 @@ class SingleLanes {
       lane_of(at.slip[i], l) = one_.slip[i];
       at.slips[i].set(l, one_.slips[i]);
     }
-    for (int a = 0; a < one_.rows.n; ++a) fast[one_.rows.row[a]].set(l, one_.closes_fast(a, one_.whole));
+    for (int a = 0; a < one_.rows.n; ++a)
+      fast[one_.rows.row[a]].set(l, one_.closes_fast(a, one_.whole));
     at.steady.set(l, one_.steady);
     at.steadier.set(l, one_.steadier);
     at.stirred.set(l, one_.stirred);

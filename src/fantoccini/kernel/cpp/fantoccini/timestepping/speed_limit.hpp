@@ -36,7 +36,8 @@ FAN_FN typename Traits<Real>::Mask limit_speed(const Real& most, double dt, Real
   return brake < Real(1.0);
 }
 
-// u . (v + v+) / 2 with v+ = v + change, four sums at a time: each addition waits for the one before.
+// u . (v + v+) / 2 with v+ = v + change, four sums at a time: each addition waits for the one
+// before.
 template <int n, class Real>
 FAN_FN Real mean_power(const Real* u, const Real* v, const Real* change) {
   Real sum[4] = {Real(0.0), Real(0.0), Real(0.0), Real(0.0)};

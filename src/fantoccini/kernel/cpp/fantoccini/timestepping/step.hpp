@@ -46,23 +46,24 @@ struct TimeStep {
   Rows rows;
   // Whether lanes may make steps of their own, for their contacts.
   static constexpr bool some_singly = touches && (Traits<Real>::width > 1);
-  using Contacts = std::conditional_t<some_singly, ContactLanes<Model, Real>, ContactStep<Model, Real>>;
+  using Contacts =
+      std::conditional_t<some_singly, ContactLanes<Model, Real>, ContactStep<Model, Real>>;
   std::conditional_t<touches, Contacts, NoContacts> contacts;
   const ContactArrays* solids = nullptr;  // null: nothing touches anything
-  double whole = 0.0;        // s: the run's step; the last one may be shorter
-  bool forced = true;        // otherwise u_D is 0
+  double whole = 0.0;                     // s: the run's step; the last one may be shorter
+  bool forced = true;                     // otherwise u_D is 0
   bool extrapolates = true;  // otherwise v_ahead is v: a step depends on its state alone
   // Whether the next step may extrapolate the last one, and whether the last might the one before.
   Mask steady = Real(0.0) > Real(1.0), steadier = steady;
   Real tension[room(M)];  // Lambda / dt
-  Mask taut[room(M)];    // rows that pulled in the last step; to be set by set_row()
-  Mask pulled[room(M)];  // the same, but for rows that the first step of a run catches
-  Mask held[room(M)];    // rows that pulled in the last step and in the one before it
-  Real slip[room(S)];    // m, >= 0
-  Mask slips[room(S)];   // in the last step
+  Mask taut[room(M)];     // rows that pulled in the last step; to be set by set_row()
+  Mask pulled[room(M)];   // the same, but for rows that the first step of a run catches
+  Mask held[room(M)];     // rows that pulled in the last step and in the one before it
+  Real slip[room(S)];     // m, >= 0
+  Mask slips[room(S)];    // in the last step
   Real work, impact, slip_loss, friction, violation;
-  Real speed_bound;  // at least |v|^2 after the last step
-  Mask settled;  // whether the last step's complementarity was solved
+  Real speed_bound;                   // at least |v|^2 after the last step
+  Mask settled;                       // whether the last step's complementarity was solved
   Mask idle = Real(0.0) > Real(1.0);  // lanes that have stopped: no row takes part in them
   // Whether a row was ever overstepped by more than stirred_violation.
   Mask stirred = Real(0.0) > Real(1.0);
@@ -80,8 +81,8 @@ struct TimeStep {
   }
 
   // Steps from q_D, v_D to q_next, v_next, which are other arrays. (q_K, v_K, acc_K) are the inputs
-  // at the start of the step with v_K = dq_K/dt and acc_K the mean acceleration; `taut` is the active
-  // set of the step before.
+  // at the start of the step with v_K = dq_K/dt and acc_K the mean acceleration; `taut` is the
+  // active set of the step before.
   FAN_FN void step(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
       const Real* u_D, double dt, double recovery_speed, double cap, const Winches<S>& winches,
@@ -90,7 +91,8 @@ struct TimeStep {
       if (solids) singles_.save(*this);
     evaluate(q_D, v_D, q_K, v_K, acc_K, u_D, dt, p);
     wind(winches, dt);
-    violation = maximum(largest_of<M - S>([&](int i) FAN_INLINE { return eval.h_limit[i]; }), Real(0.0));
+    violation =
+        maximum(largest_of<M - S>([&](int i) FAN_INLINE { return eval.h_limit[i]; }), Real(0.0));
     for (int i = 0; i < S; ++i) violation = maximum(overstep(i), violation);
     stirred = stirred || violation > Real(Tolerance::stirred_violation);
     if constexpr (touches)
@@ -138,9 +140,7 @@ struct TimeStep {
   }
 
   // The next step extrapolates nothing in these lanes.
-  FAN_FN void forget(const Mask& where) {
-    steady = steady && !where;
-  }
+  FAN_FN void forget(const Mask& where) { steady = steady && !where; }
 
   // (v+ - v) / dt of the last step.
   FAN_FN const Real* acc() const { return accs_[acc_at_]; }
@@ -170,9 +170,8 @@ struct TimeStep {
     const Real *a = acc(), *before = accs_[1 - acc_at_];
     const Real half = select(steady, Real(0.5 * dt), Real(0.0));
     const Real quarter = select(steady && steadier, Real(0.25 * dt), Real(0.0));
-    each<N>([&](int k) FAN_INLINE {
-      v_ahead[k] = v_D[k] + (half * a[k] + quarter * (a[k] - before[k]));
-    });
+    each<N>([&](int k)
+                FAN_INLINE { v_ahead[k] = v_D[k] + (half * a[k] + quarter * (a[k] - before[k])); });
     eval.at(q_D, v_D, q_K, v_K, acc_K, u_D, v_ahead, Real(dt), p);
   }
 
@@ -216,7 +215,8 @@ struct TimeStep {
       winding_[i] = Real(0.0);
       if (winches.rewind_speed[i] > 0.0) {
         using std::sqrt;
-        const Real most = slip[i] * (1.0 / dt), braked = sqrt(Real(2.0 * WinchTolerances::brake) * slip[i]);
+        const Real most = slip[i] * (1.0 / dt),
+                   braked = sqrt(Real(2.0 * WinchTolerances::brake) * slip[i]);
         const Real speed = Real(winches.rewind_speed[i]);
         winding_[i] = -minimum(most, minimum(braked, speed));
       }
@@ -253,7 +253,8 @@ struct TimeStep {
     Real rate[room(M - S)];
     eval.limit_rates(v_D, rate);
     const auto ahead = [&](int i) FAN_INLINE { return Real(eval.h_limit[i] + dt * rate[i]); };
-    if (!limits_pull_ && !some_near_ && !any(largest_of<M - S>(ahead) > Real(-Tolerance::surely_not)))
+    if (!limits_pull_ && !some_near_ &&
+        !any(largest_of<M - S>(ahead) > Real(-Tolerance::surely_not)))
       return;
     some_near_ = false;
     for (int i = 0; i < M - S; ++i) {
@@ -274,8 +275,7 @@ struct TimeStep {
     bool more = false;
     if (any(largest_of<M - S>(closing) > Real(-Tolerance::surely_not)))
       for (int i = 0; i < M - S; ++i) {
-        const Mask passes =
-            !away() && !near_[S + i] && closing(i) > Real(Tolerance::passing_speed);
+        const Mask passes = !away() && !near_[S + i] && closing(i) > Real(Tolerance::passing_speed);
         if (!any(passes)) continue;
         near_[S + i] = near_[S + i] || passes;
         some_near_ = more = true;
@@ -285,7 +285,8 @@ struct TimeStep {
     return more;
   }
 
-  // Adds the contact points that what the impulses have made fast would pass; whether there are any.
+  // Adds the contact points that what the impulses have made fast would pass; whether there are
+  // any.
   FAN_FN bool look_again(
       const Real* v_D, const Real* change, const Real* v_K, double dt, double recovery_speed) {
     if constexpr (touches)
@@ -351,10 +352,8 @@ struct TimeStep {
   // Whether contacts take part in every lane that is not away: the rows' problem is then part
   // of theirs.
   FAN_FN bool all_touch() const {
-    if constexpr (touches)
-      return solids && contacts.take_part(away());
-    else
-      return false;
+    if constexpr (touches) return solids && contacts.take_part(away());
+    else return false;
   }
 
   // Lanes that have stopped are without impulses.
@@ -437,12 +436,12 @@ struct TimeStep {
   std::conditional_t<some_singly, SingleLanes<Model, Real>, NoContacts> singles_;
   Real accs_[2][room(N)] = {};  // of the last two steps
   int acc_at_ = 0;              // which is that of the last one
-  bool gives_way_ = false;  // whether a string has slipped in some lane, or may
-  bool some_near_ = true;   // whether a limit may take part in some lane
+  bool gives_way_ = false;      // whether a string has slipped in some lane, or may
+  bool some_near_ = true;       // whether a limit may take part in some lane
   bool limits_pull_ = true, limits_pulled_ = true;  // in the last step, and the one before it
   Real winding_[room(S)], slip_rate_[room(S)];
-  Mask near_[room(M)];   // lanes in which the row takes part in this step
-  Real pull_[room(M)];   // -Lambda, by gathered row
+  Mask near_[room(M)];    // lanes in which the row takes part in this step
+  Real pull_[room(M)];    // -Lambda, by gathered row
   Real before_[room(M)];  // hdot at the end of the step without impulses, likewise
 };
 

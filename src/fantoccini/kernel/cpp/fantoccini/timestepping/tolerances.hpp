@@ -11,8 +11,8 @@ struct TimeSteppingTolerances {
   static constexpr double max_turn_per_step = 0.5, max_move_per_step = 5.0;
   // Before, it may move this many times as far.
   static constexpr double unstirred_factor = 10.0;
-  // rad/s or m/s beyond which a row that closes at the start is caught, not held: more than rows that
-  // hold move in a step, less than matters in the ledger.
+  // rad/s or m/s beyond which a row that closes at the start is caught, not held: more than rows
+  // that hold move in a step, less than matters in the ledger.
   static constexpr double catching_speed = 1e-3;
   // rad/s or m/s at which a limit joins the problem because it would be passed: above the rounding
   // of speeds that reach it exactly.

@@ -1,5 +1,5 @@
-// A trajectory of the time-stepper: follows the inputs by exact increments of the driven coordinates,
-// keeps the ledger and sets the status. Written for any Real.
+// A trajectory of the time-stepper: follows the inputs by exact increments of the driven
+// coordinates, keeps the ledger and sets the status. Written for any Real.
 #pragma once
 
 #include "fantoccini/contract.hpp"
@@ -31,11 +31,11 @@ struct TimeSteppingTrajectory {
   MotorWatch<Model, Real> motors;
   Options opt;
   Real work, damping, impact, slip_loss, friction, worst_violation;
-  Real status;  // a Status: RUNNING, or what has stopped the trajectory
+  Real status;                   // a Status: RUNNING, or what has stopped the trajectory
   double blame[width][room(M)];  // of the rows for the status, 0 to 1
 
   FAN_FN State& state() { return states_[state_]; }
-  FAN_FN Inputs& inputs() { return inputs_[inputs_at_]; }     // at present
+  FAN_FN Inputs& inputs() { return inputs_[inputs_at_]; }      // at present
   FAN_FN Inputs& coming() { return inputs_[1 - inputs_at_]; }  // at the end of the next step
 
   // Makes the coming inputs the present ones.
@@ -106,16 +106,13 @@ struct TimeSteppingTrajectory {
       for (int i = 0; i < S; ++i) at.slip[i] = select(goes, at.slip[i], slip[i]);
     }
     state_ = 1 - state_;
-    const auto book = [&](Real& sum, const Real& part) {
-      sum += select(goes, part, Real(0.0));
-    };
+    const auto book = [&](Real& sum, const Real& part) { sum += select(goes, part, Real(0.0)); };
     book(work, at.work);
     damping = select(goes, Real(lost_ + coming_loss()), damping);
     book(impact, at.impact);
     book(slip_loss, at.slip_loss);
     book(friction, at.friction);
-    worst_violation =
-        select(goes && at.violation > worst_violation, at.violation, worst_violation);
+    worst_violation = select(goes && at.violation > worst_violation, at.violation, worst_violation);
     at.idle = !goes;
     take_inputs();
     const auto& in = inputs();
@@ -192,7 +189,9 @@ struct TimeSteppingTrajectory {
   // Whether the length of a string that is driven or wound has run out.
   FAN_FN Mask is_empty(int i) {
     if (Model::length_q[i] < 0 && Model::wound_q[i] < 0) return Real(0.0) > Real(1.0);
-    return !(string_length<Model, Real>(i, stepped().q_D, coming().q_K) > Real(LengthTolerances::min_length));
+    return !(
+        string_length<Model, Real>(i, stepped().q_D, coming().q_K) >
+        Real(LengthTolerances::min_length));
   }
 
   void accuse_empty(const Mask& lanes) {

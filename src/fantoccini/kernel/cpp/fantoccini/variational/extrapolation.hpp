@@ -1,8 +1,8 @@
 // Improves the first guess of a step by extrapolating the errors of the guesses before it.
 //
-// A guess from the forces at the node has an error e_k of order dt^3, which changes little from step
-// to step: e_k is estimated as 0, as e_k-1, along the straight line or the parabola through the
-// last ones, by whichever would have estimated e_k-1 best. Written for any Real.
+// A guess from the forces at the node has an error e_k of order dt^3, which changes little from
+// step to step: e_k is estimated as 0, as e_k-1, along the straight line or the parabola through
+// the last ones, by whichever would have estimated e_k-1 best. Written for any Real.
 #pragma once
 
 #include "fantoccini/math/manifold.hpp"
@@ -72,14 +72,14 @@ class Extrapolation {
   }
 
  private:
-  static constexpr int kept = 3;  // past errors: up to a parabola
+  static constexpr int kept = 3;             // past errors: up to a parabola
   static constexpr double same_step = 1e-6;  // relative difference up to which steps count as equal
   static constexpr double weights[kept][kept] = {
       {1.0, 0.0, 0.0}, {2.0, -1.0, 0.0}, {3.0, -3.0, 1.0}};
   Real past_[kept][room(n)];  // the latest first
-  Real n_;                     // how many of them count
-  Real best_;                  // how many of them the next guess uses
-  Real dt_;                    // s
+  Real n_;                    // how many of them count
+  Real best_;                 // how many of them the next guess uses
+  Real dt_;                   // s
 };
 
 }  // namespace fan

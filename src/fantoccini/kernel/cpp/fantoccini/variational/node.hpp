@@ -58,18 +58,17 @@ struct VariationalNode {
   Real ahead;              // s: the length of the next step that `firm` is made for
   Real moving[room(N)];    // F v_D, with the F of `exact`
   Real mu[room(M)];
-  Mask near[room(M)];      // rows that take part
-  bool joined;             // whether `exact` lacks some of them
+  Mask near[room(M)];  // rows that take part
+  bool joined;         // whether `exact` lacks some of them
   Mask taut[room(M)];
-  Mask settled;            // whether mu was found
+  Mask settled;  // whether mu was found
   NodeFactor<Model, Real> exact, firm;
 
   // Velocities and mu from momenta, and the factors for the next step. Lanes in which nothing
   // changed get the same results again.
   FAN_FN void settle() {
     Real p_own[room(N)];
-    exact.eval.at_node(
-        q_D, guess, now.q_K, now.v_K, now.acc_K, now.u_D, 0.5 * ahead, p, firm.eval);
+    exact.eval.at_node(q_D, guess, now.q_K, now.v_K, now.acc_K, now.u_D, 0.5 * ahead, p, firm.eval);
     for (int k = 0; k < N; ++k)
       p_own[k] = Model::coupled ? Real(momentum[k] - exact.eval.M_DK_v_K[k]) : momentum[k];
     exact.forth(p_own, moving);
@@ -122,7 +121,8 @@ struct VariationalNode {
   // they were found.
   FAN_FN static Mask complement(Problem& problem, bool again) {
     using Pivoting = ComplementarityTolerances;
-    return problem.solve(Pivoting::raise, 1, Pivoting::pivoting, Pivoting::max_iterations(problem.n), again);
+    return problem.solve(
+        Pivoting::raise, 1, Pivoting::pivoting, Pivoting::max_iterations(problem.n), again);
   }
 
   // A flag that is the same in all lanes, as a mask.

@@ -13,9 +13,7 @@ struct NodeFactor {
   Real y[room(Model::n_vD)];
 
   // F^-T x.
-  FAN_FN void forth(const Real* x, Real* out) const {
-    Call<Model, Real>::forth(eval.L, x, out);
-  }
+  FAN_FN void forth(const Real* x, Real* out) const { Call<Model, Real>::forth(eval.L, x, out); }
 };
 
 // A step as the iteration has found it so far.

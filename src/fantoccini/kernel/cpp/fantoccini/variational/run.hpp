@@ -67,8 +67,9 @@ struct VariationalRun {
   void emit(Record<Model>& out) {
     const auto& here = trajectory.node();
     out.row(
-        trajectory.t, here.q_D, here.v_D, trajectory.at.acc, here.now.q_K, here.now.v_K, here.now.acc_K,
-        trajectory.pull, here.taut, here.p, trajectory.work, trajectory.damping, trajectory.impact, trajectory.slip_loss, 0.0, here.slip);
+        trajectory.t, here.q_D, here.v_D, trajectory.at.acc, here.now.q_K, here.now.v_K,
+        here.now.acc_K, trajectory.pull, here.taut, here.p, trajectory.work, trajectory.damping,
+        trajectory.impact, trajectory.slip_loss, 0.0, here.slip);
   }
 
   void set_input(const InputArrays& input) {

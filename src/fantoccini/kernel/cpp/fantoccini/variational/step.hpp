@@ -117,7 +117,8 @@ struct VariationalStep {
     first_guess(dt);
     Real size = squares<N>(here.firm.y) + dt * dt * squares<N>(here.exact.eval.w0);
     size = select(size > Real(least), size, Real(least));
-    const Real near = Tolerance::stalled_residual * Tolerance::stalled_residual * size + rounding(dt);
+    const Real near =
+        Tolerance::stalled_residual * Tolerance::stalled_residual * size + rounding(dt);
     Mask solved = no, lost = !wanted;
     Real last = Real(Tolerance::diverged);
     for (int r = 0; r < M; ++r) trial_.lambda[r] = Real(0.0);
@@ -148,7 +149,8 @@ struct VariationalStep {
       rows.add(pull, z);
       for (int k = 0; k < N; ++k) left_[k] = select(solved, left_[k], z[k]);
       const Real wrong = squares<N>(z);
-      const Mask exact = wrong < (Tolerance::momentum_residual * Tolerance::momentum_residual) * size;
+      const Mask exact =
+          wrong < (Tolerance::momentum_residual * Tolerance::momentum_residual) * size;
       const Mask stuck = wrong < near && !(wrong < Tolerance::stalled_share * last);
       solved = solved || ((exact || stuck) && settled && !lost && held());
       lost = lost || !(wrong < Real(Tolerance::diverged));
@@ -166,7 +168,8 @@ struct VariationalStep {
     }
     give_way();
     for (int k = 0; k < N; ++k)
-      if (Model::turns[k]) solved = solved && abs(trial_.xi[k]) < Real(Tolerance::max_turn_per_step);
+      if (Model::turns[k])
+        solved = solved && abs(trial_.xi[k]) < Real(Tolerance::max_turn_per_step);
     balance();
     return solved && !lost;
   }

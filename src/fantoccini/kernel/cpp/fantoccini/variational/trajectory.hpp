@@ -1,6 +1,6 @@
-// A trajectory of the variational integrator: follows the inputs, halves steps that do not converge,
-// keeps the ledger and sets the status. Written for any Real: every lane halves its own step, and
-// waits for the others at the end of the whole one.
+// A trajectory of the variational integrator: follows the inputs, halves steps that do not
+// converge, keeps the ledger and sets the status. Written for any Real: every lane halves its own
+// step, and waits for the others at the end of the whole one.
 #pragma once
 
 #include "fantoccini/contract.hpp"
@@ -40,9 +40,9 @@ struct VariationalTrajectory {
   Real status;  // a Status: RUNNING, or what has stopped the trajectory
   double blame[width][room(M)];
   // Of the last whole step.
-  Real pull[room(M)];      // N or N m: mean tensions
-  Real blow[room(M)];    // N s or N m s: impulses of rows that were caught
-  Mask was[room(M)];     // rows that were taut before it
+  Real pull[room(M)];                     // N or N m: mean tensions
+  Real blow[room(M)];                     // N s or N m s: impulses of rows that were caught
+  Mask was[room(M)];                      // rows that were taut before it
   Mask slips[room(S)], slipped[room(S)];  // winches that slip in it, and in the one before
 
   // Sets the time and options of all lanes; states and parameters are set afterwards.
@@ -134,7 +134,8 @@ struct VariationalTrajectory {
       const Real end = select(last, Real(next), Real(t + part));
       const Real dt = select(goes, Real(end - t), Real(opt.dt));
       const Mask found = look(drive, dt, goes);
-      const Mask made = found && (at.resolves(dt) || dt < Real(Tolerance::smallest_accurate_part * whole));
+      const Mask made =
+          found && (at.resolves(dt) || dt < Real(Tolerance::smallest_accurate_part * whole));
       const Mask not_made = goes && !made;
       part = select(not_made, 0.5 * dt, select(last, part, Real(2.0 * part)));
       const Mask stuck = not_made && part < Real(Tolerance::smallest_part * whole);
@@ -168,8 +169,7 @@ struct VariationalTrajectory {
   Mask look(Drive& drive, const Real& dt, const Mask& lanes) {
     drive.force(Real(t + 0.5 * dt), at.lead.u_D);
     drive.at(Real(t + dt), at.coming);
-    half_way<typename Model::Driven>(
-        node().now.q_K, at.coming.q_K, at.lead.q_mid, at.lead.v_mid);
+    half_way<typename Model::Driven>(node().now.q_K, at.coming.q_K, at.lead.q_mid, at.lead.v_mid);
     for (int j = 0; j < NK; ++j) {
       at.lead.v_mid[j] *= 1.0 / dt;
       at.lead.acc_mid[j] = (at.coming.v_K[j] - node().now.v_K[j]) / dt;
@@ -181,9 +181,7 @@ struct VariationalTrajectory {
   void take(const Real& dt, const Real& end, const Mask& lanes, Real* impulse) {
     at.accept(dt, lanes);
     t = select(lanes, end, t);
-    const auto book = [&](Real& sum, const Real& part) {
-      sum += select(lanes, part, Real(0.0));
-    };
+    const auto book = [&](Real& sum, const Real& part) { sum += select(lanes, part, Real(0.0)); };
     book(work, at.work);
     book(damping, at.loss);
     book(impact, at.impact);
@@ -206,7 +204,9 @@ struct VariationalTrajectory {
     Real most = Real(0.0), span = select(dt > Real(opt.dt), dt, Real(opt.dt));
     for (int r = 0; r < M; ++r) {
       const Real size = abs(at.impulse[r]);
-      span = select(at.caught[r], Real(Tolerance::blow_time), span);  // rows that pull share a catch's impulse
+      span = select(
+          at.caught[r], Real(Tolerance::blow_time),
+          span);  // rows that pull share a catch's impulse
       most = select(!at.caught[r] && size > most, size, most);
     }
     stop(lanes && !(far < Real(max_state_norm * max_state_norm)), NOT_FINITE);
@@ -224,9 +224,7 @@ struct VariationalTrajectory {
     stop(capped, TENSION_CAP);
   }
 
-  void stop(const Mask& lanes, Status why) {
-    status = select(lanes && runs(), Real(why), status);
-  }
+  void stop(const Mask& lanes, Status why) { status = select(lanes && runs(), Real(why), status); }
 
   Mask is_empty(const Inputs& in) const {
     Mask empty = Real(0.0) > Real(1.0);
