@@ -13,39 +13,60 @@ PICTURE = ROOT / "docs" / "pictures" / "pipeline.svg"
 ROOMS = {
     "base": (
         "what does everybody need that nobody owns?",
-        "errors, arrays, rotations, polynomials, files; `documents`: YAML with line numbers",
+        "errors, arrays, rotations, polynomials, files; "
+        "`documents`: YAML, JSON schemas, the line of every mistake",
     ),
     "model": (
         "what is a puppet?",
-        "`puppet`: its file; `scene`; `meshes`; `tree`: links, rows, coordinates; bundled files",
+        "`puppet`: its file; `scene`; `meshes`; `tree`: links, rows, coordinates; "
+        "`puppets`: bundled files",
     ),
-    "motion": ("what moves?", "State, Input, Trajectory, events: data without algorithms"),
+    "motion": (
+        "what moves?",
+        "`state.py`; `input.py`: waypoints to polynomials; `trajectory.py`; events: data, nothing "
+        "is simulated",
+    ),
     "kernel": (
         "how do equations become numbers?",
-        "`contract`; `equations`; `codegen`; `build`: compiler and cache; `runtime`: ctypes; `cpp`",
+        "`contract`: what Python and C++ share; `equations`: symbolic; `codegen`: to C++; "
+        "`build`: compiler and cache; `runtime`: ctypes; `cpp`: integrators, impulses, solvers",
     ),
     "dynamics": (
         "what does it do?",
-        "`compiled`: functions of a state; `steppers`; `derivatives`; `equilibrium`; "
-        "`marionette`; `simulation`; `clearance`; `mujoco`",
+        "`compiled`: functions of a state, as tensions, and the ODE; `steppers`: runs piece by "
+        "piece; `derivatives`; `equilibrium`: rest, vibration; `marionette`: the public face; "
+        "`simulation`: whole runs; `clearance`: distances; `mujoco`: MJCF out, and runs there",
     ),
     "control": (
         "what must the hands do?",
-        "`tasks` and `optimal`: optimise, follow, MPC, reach, tune; `problems` and `planning`",
+        "`tasks`: costs, bounds; `optimal`: optimise, follow, MPC, reach, tune; "
+        "`problems`: goals, rollouts; `planning`: search among obstacles",
     ),
     "theatre": (
         "who performs what, when?",
-        "`gestures`; `capture` and `retarget`: clips; `cast`, `ways`, `plays`; `perform`: live",
+        "`gestures`: gestures and scores, beats to seconds; `capture`: BVH in; `retarget`: clips "
+        "on puppets; `cast`: players, cues; `ways`: over the stage; `plays`: compiled, measured; "
+        "`perform`: live",
     ),
-    "lab": ("what are its numbers?", "`identification`; `sweeps`; the kinematic reduction"),
-    "stand": ("can these motors do it?", "stands, their check, set points, streaming"),
+    "lab": (
+        "what are its numbers?",
+        "`identification`: from records of motion; `sweeps`: parameter studies; "
+        "`reduction.py`: the kinematic reduction",
+    ),
+    "stand": (
+        "can these motors do it?",
+        "`stand_file.py`; `check.py`; `losing.py`: steps that steppers lose; `points.py`: set "
+        "points; `gcode_text.py`; `streaming.py` and `sending.py`; `stands`: bundled files",
+    ),
     "output": (
         "what does one see, and what do other programs read?",
-        "`view`: pictures, plots, films; `reports`; `animation`; `exchange`: MJCF, URDF",
+        "`view`: pictures, plots, films; `reports`; `animation`: glTF, USD, BVH out; "
+        "`exchange`: MJCF and URDF in",
     ),
     "app": (
         "how does one ask?",
-        "`console` and `cli`: commands; `pages`, `live` and `web`: the browser",
+        "`cli`: commands; `console`: their arguments and messages; `web`: opens a page; "
+        "`pages`: what pages draw and replay; `live`: pages with a live puppet",
     ),
 }
 """The question that each room answers and its parts, in the order in which rooms import."""
@@ -55,7 +76,11 @@ WALKS = {
         ("model/puppet/files.py", "load", "text to a validated `Puppet`"),
         ("model/tree/construction.py", "grow", "links, rows, coordinates"),
         ("dynamics/compiled/libraries.py", "Compiled", "one library for each purpose, when needed"),
-        ("kernel/equations/system.py", "System", "Eqs. 1 to 11, symbolically"),
+        (
+            "kernel/equations/system.py",
+            "System",
+            "Eqs. 1 to 11 of the paper (`docs/equations.md`), symbolically",
+        ),
         ("kernel/codegen/libraries.py", "generate", "C++ of the model around `kernel/cpp`"),
         ("kernel/build/cache.py", "obtain", "compiled, or from the cache"),
         ("kernel/runtime/compiled.py", "Library", "loaded"),
@@ -66,7 +91,12 @@ WALKS = {
         ("dynamics/simulation/run.py", "simulate", "start, input and options are checked"),
         ("kernel/runtime/compiled.py", "Run", "arrays to a run, samples and events back"),
         ("kernel/cpp/fantoccini/runs/drive.hpp", "Drive", "q_K, v_K, acc_K at a time"),
-        ("kernel/cpp/fantoccini/event/run.hpp", "EventRun", "steps, events, impulses"),
+        ("kernel/cpp/fantoccini/event/run.hpp", "EventRun", "steps, events"),
+        (
+            "kernel/cpp/fantoccini/event/closed_rows.hpp",
+            "ClosedRows",
+            "impulses of catches, the next active set",
+        ),
     ),
     "A play to its run": (
         ("theatre/plays/reading.py", "Script", "the file to a cast and its cues"),
@@ -232,8 +262,12 @@ TASKS = (
         "a command",
         (
             (
-                "declare arguments and help; import the module inside the function",
+                "declare it and its help; import the module inside the function",
                 ("app/cli/app.py",),
+            ),
+            (
+                "its arguments: there, or where they are many in a class",
+                ("app/console/requests.py",),
             ),
             ("do the work in a module of its own", ("app/cli/check.py",)),
             ("describe it; a test looks for every option", ("/docs/cli.md",)),
@@ -304,7 +338,8 @@ _TEXT = """# Architecture
 After this page you know which of eleven packages holds what, how something passes through them, and
 which files to touch for the common extensions.
 
-Each package is a room that answers one question. A room imports only from those above it in this
+Each package is a room that answers one question. Names in code style in the last column are its
+parts: folders, or modules where they end in `.py`. A room imports only from those above it in this
 table, through their faces: the `__init__` of a room or of a part. `tests/test_architecture.py`
 enforces both. The one exception is `base/drawing.py`, which imports `output` when a method that
 draws (`run.plot()`) is called.
@@ -323,6 +358,8 @@ it: `math`, `solvers`, `model`, `collision`, `contact`, `runs`, `event`, `timest
 `variational`, `derivatives`, `search`, `interface` (`tests/cpp/test_include_order.py`).
 
 ## Four walks
+
+Paths are relative to `src/fantoccini`.
 
 {walks}
 

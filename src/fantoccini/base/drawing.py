@@ -1,7 +1,7 @@
-"""What draws, found when it is called: the one exception to the import order.
+"""The room that draws, imported by the first call of a method that draws.
 
-``run.plot()`` and other methods that draw stand on objects far above the package that draws. It is
-imported by their first call, so that nobody pays for matplotlib who does not draw.
+``run.plot()`` and its like are methods of objects in rooms above ``output``. This import by name is
+the one exception to the order of rooms; nobody who does not draw pays for matplotlib.
 """
 
 from __future__ import annotations
@@ -11,5 +11,5 @@ from types import ModuleType
 
 
 def output() -> ModuleType:
-    """The package with the pictures, plots, films and pages."""
+    """``fantoccini.output``: pictures, plots, films and pages."""
     return import_module("fantoccini.output")
