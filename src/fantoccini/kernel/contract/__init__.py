@@ -25,16 +25,8 @@ from fantoccini.kernel.contract.constants import (
     TENSION_CAP,
     WINCH_DECELERATION,
 )
-from fantoccini.kernel.contract.functions import (
-    COLUMN,
-    DERIVATIVES,
-    FUNCTIONS,
-    LIBRARIES,
-    MODEL,
-    Function,
-    compiled,
-    needed,
-)
+from fantoccini.kernel.contract.function import DERIVATIVES, LIBRARIES, MODEL, Function
+from fantoccini.kernel.contract.functions import COLUMN, FUNCTIONS, compiled, needed
 from fantoccini.kernel.contract.identity import digest
 from fantoccini.kernel.contract.quantity import (
     SIZES,

@@ -9,12 +9,8 @@ from pathlib import Path
 from fantoccini.base import Status
 from fantoccini.kernel.contract.codes import CODES, SCOPED, Code, Hold
 from fantoccini.kernel.contract.constants import CONSTANTS
-from fantoccini.kernel.contract.functions import (
-    COLUMN,
-    FUNCTIONS,
-    VARIATIONAL_DERIVATIVES,
-    Function,
-)
+from fantoccini.kernel.contract.function import VARIATIONAL_DERIVATIVES, Function
+from fantoccini.kernel.contract.functions import COLUMN, FUNCTIONS
 from fantoccini.kernel.contract.identity import digest
 from fantoccini.kernel.contract.quantity import SIZES, Quantity
 from fantoccini.kernel.contract.samples import CONTACT, EVENT, PARTS, SAMPLE, WINCH

@@ -8,54 +8,28 @@ are made from the entry.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
-from fantoccini.kernel.contract.arguments import ARGUMENTS
+from fantoccini.kernel.contract.analysis_functions import ANALYSIS
+from fantoccini.kernel.contract.function import (
+    CLEARANCE,
+    DERIVATIVES,
+    FORCE,
+    GRADIENTS,
+    LANES,
+    MODEL,
+    PLACE,
+    REACH,
+    ROLLOUTS,
+    ROWS,
+    STATE,
+    STEP_DERIVATIVES,
+    VARIATIONAL,
+    VARIATIONAL_DERIVATIVES,
+    VARIATIONAL_LANES,
+    Function,
+    arguments,
+)
 from fantoccini.kernel.contract.quantity import Quantity, Shape
-
-MODEL, LANES, CLEARANCE, ROLLOUTS = "model", "lanes", "clearance", "rollouts"
-VARIATIONAL, VARIATIONAL_LANES, DERIVATIVES = "variational", "variational_lanes", "derivatives"
-STEP_DERIVATIVES, GRADIENTS = "step_derivatives", "gradients"
-VARIATIONAL_DERIVATIVES, REACH = "variational_derivatives", "reach"
-LIBRARIES = (
-    MODEL, LANES, CLEARANCE, ROLLOUTS, VARIATIONAL, VARIATIONAL_LANES, DERIVATIVES,
-    STEP_DERIVATIVES, GRADIENTS, VARIATIONAL_DERIVATIVES, REACH,
-)  # fmt: skip
-"""The libraries of a puppet, each compiled when it is first needed."""
-
-
-@dataclass(frozen=True)
-class Function:
-    """One generated function.
-
-    Attributes:
-        name: of the function.
-        purpose: in one sentence.
-        arguments, results: in the order of compiled code.
-        libraries: that have it; without any, CasADi's interpreter evaluates it.
-        mapped: whether Python may call it over whole arrays.
-        exported: whether the C99 export has it.
-        needs: the size that is above 0 where a puppet has it; empty where all puppets have it.
-        standing: results with many constants, which are written once.
-    """
-
-    name: str
-    purpose: str
-    arguments: tuple[Quantity, ...]
-    results: tuple[Quantity, ...]
-    libraries: tuple[str, ...] = ()
-    mapped: bool = False
-    exported: bool = False
-    needs: str = ""
-    standing: tuple[str, ...] = ()
-
-
-_FORCE, _PER_VELOCITY = "N or N m", "row's unit / s per velocity's unit"
-
-
-def _arguments(names: str) -> tuple[Quantity, ...]:
-    return tuple(ARGUMENTS[name] for name in names.split())
-
 
 _L = Quantity("L", ("n_packed",), "", "the factor M = F^T F, for forth and back only")
 _STRINGS: Shape = ("n_strings",)
@@ -87,11 +61,8 @@ _DYNAMICS = (
 )  # fmt: skip
 _STEP = (*_FACTOR, _H, _HDOT, _A0, _HDOT_K, *_LIMITS, *_POWER)
 _STANDING = ("W", "J_limit", "M_DK_v_K")
-_ROWS = Quantity("h", ("n_rows",), "m", "path length minus string length; limits as listed")
 _Y = Quantity("y", ("n_vD",), "", "the solution")
-_STATE = _arguments("q_D v_D q_K v_K p")
-_PLACE = _arguments("q_D q_K p")
-_FULL = _arguments("q_D v_D acc_D q_K v_K acc_K tension dt p")
+_FULL = arguments("q_D v_D acc_D q_K v_K acc_K tension dt p")
 _STEPPING = (LANES, ROLLOUTS, VARIATIONAL, VARIATIONAL_LANES, STEP_DERIVATIVES, GRADIENTS)
 
 
@@ -128,30 +99,30 @@ _DECLARED = (
         "dynamics",
         "Accelerations and tensions of any active set (Eqs. 10, 11): "
         "acc_D = back(L, w0 + W lam), hddot = gamma + a0 + G lam, lam = -tension.",
-        _arguments("q_D v_D q_K v_K acc_K u_D p"), _DYNAMICS,
+        arguments("q_D v_D q_K v_K acc_K u_D p"), _DYNAMICS,
         (MODEL, DERIVATIVES), mapped=True, exported=True, standing=_STANDING,
     ),
     Function(
         "step_dynamics",
         "The same over a step dt: damping and drag are in F, velocity products those of v_ahead.",
-        _arguments("q_D v_D q_K v_K acc_K u_D v_ahead dt p"),
+        arguments("q_D v_D q_K v_K acc_K u_D v_ahead dt p"),
         (
             *_STEP,
-            Quantity("f_M", ("n_motors",), _FORCE, "motors exert f_M - y_M dv over the step"),
+            Quantity("f_M", ("n_motors",), FORCE, "motors exert f_M - y_M dv over the step"),
             Quantity("y_M", ("n_motors",), "", "derivative by the change dv of velocity"),
         ),
         (MODEL, LANES, ROLLOUTS, STEP_DERIVATIVES, GRADIENTS), mapped=True, standing=_STANDING,
     ),
     Function(
-        "limit_rates", "hdot of the limits at a velocity.", _arguments("J_limit v_D"),
+        "limit_rates", "hdot of the limits at a velocity.", arguments("J_limit v_D"),
         (Quantity("rates", ("n_limits",), "1/s", "hdot of the limits"),), (MODEL, *_STEPPING),
     ),
     Function(
-        "rows", "h of strings and limits, for compiled code.", _PLACE, (_ROWS,), (MODEL,),
+        "rows", "h of strings and limits, for compiled code.", PLACE, (ROWS,), (MODEL,),
         mapped=True,
     ),
     Function(
-        "energy", "Kinetic energy (Eq. 5) and potential energy (Eq. 6, and springs).", _STATE,
+        "energy", "Kinetic energy (Eq. 5) and potential energy (Eq. 6, and springs).", STATE,
         (
             Quantity("T", (), "J", "kinetic energy"),
             Quantity("V", (), "J", "potential energy"),
@@ -159,37 +130,37 @@ _DECLARED = (
         (MODEL, LANES, VARIATIONAL, VARIATIONAL_LANES), mapped=True, exported=True,
     ),
     Function(
-        "momentum", "Momentum of all links about their centre of mass, in world axes.", _STATE,
+        "momentum", "Momentum of all links about their centre of mass, in world axes.", STATE,
         (Quantity("momentum", (6,), "N s, N m s", "linear, then angular"),),
         (MODEL, LANES), mapped=True, exported=True,
     ),
     Function(
         "effort",
         "Force on every driven coordinate: M_KD acc_D + M_KK acc_K + c_K - A_K^T lam.",
-        _arguments("q_D v_D q_K v_K acc_D acc_K lam p"),
-        (Quantity("f_K", ("n_vK",), _FORCE, "force; for a command the force of its motor"),),
+        arguments("q_D v_D q_K v_K acc_D acc_K lam p"),
+        (Quantity("f_K", ("n_vK",), FORCE, "force; for a command the force of its motor"),),
         (MODEL,), mapped=True, exported=True,
     ),
     Function(
         "wrench_forces", "User forces u_D of Eq. 8 from a wrench on every link.",
-        _arguments("q_D q_K wrench p"),
-        (Quantity("u_D", ("n_vD",), _FORCE, "equivalent user forces"),),
+        arguments("q_D q_K wrench p"),
+        (Quantity("u_D", ("n_vD",), FORCE, "equivalent user forces"),),
         (MODEL,), mapped=True, exported=True,
     ),
     Function(
-        "poses", "World pose of every link (Eqs. 2, 3).", _PLACE,
+        "poses", "World pose of every link (Eqs. 2, 3).", PLACE,
         (Quantity("poses", (12, "n_links"), "1, m", "R column by column, then the origin"),),
         (MODEL, CLEARANCE, ROLLOUTS), mapped=True, exported=True,
     ),
     Function(
-        "points", "World positions of the points of every string's path.", _PLACE,
+        "points", "World positions of the points of every string's path.", PLACE,
         (Quantity("points", (3, "n_points"), "m", "x, y, z"),),
         (MODEL, CLEARANCE, ROLLOUTS), mapped=True, exported=True,
     ),
     Function(
         "screws",
         "Poses of all links, and the twist about the world's origin that a unit velocity gives all "
-        "links beyond its joint.", _PLACE,
+        "links beyond its joint.", PLACE,
         (
             Quantity("poses", (12, "n_links"), "1, m", "R column by column, then the origin"),
             Quantity("screw_D", (6, "n_vD"), "1 or m", "of v_D: linear, then angular; world axes"),
@@ -198,15 +169,15 @@ _DECLARED = (
         (MODEL, LANES, ROLLOUTS, GRADIENTS, REACH), mapped=True,
     ),
     Function(
-        "forth", "y = F^-T x.", _arguments("L x"), (_Y,), (MODEL, *_STEPPING, DERIVATIVES),
+        "forth", "y = F^-T x.", arguments("L x"), (_Y,), (MODEL, *_STEPPING, DERIVATIVES),
         mapped=True, exported=True,
     ),
     Function(
-        "back", "y = F^-1 x.", _arguments("L x"), (_Y,), (MODEL, *_STEPPING, DERIVATIVES),
+        "back", "y = F^-1 x.", arguments("L x"), (_Y,), (MODEL, *_STEPPING, DERIVATIVES),
         mapped=True, exported=True,
     ),
     Function(
-        "motor_lags", "Lag of the drives that may be too weak.", _PLACE,
+        "motor_lags", "Lag of the drives that may be too weak.", PLACE,
         (
             Quantity("at", ("n_watched",), "rad or m", "position of the drive"),
             Quantity("command", ("n_watched",), "rad or m", "position that its command asks for"),
@@ -216,19 +187,19 @@ _DECLARED = (
     ),
     Function(
         "motor_shares", "Share of the force its controller asks for that a motor can exert.",
-        _arguments("q_D v_D q_K v_K acc_K p"),
+        arguments("q_D v_D q_K v_K acc_K p"),
         (Quantity("share", ("n_watched",), "1", "force it can exert over force asked for"),),
         (MODEL, *_STEPPING), needs="n_watched",
     ),
     Function(
         "motor_demands", "Force that controllers ask motors for, whatever these can exert.",
-        _arguments("q_D v_D q_K v_K acc_K p"),
-        (Quantity("f_D", ("n_vD",), _FORCE, "force asked for; 0 without a drive"),),
+        arguments("q_D v_D q_K v_K acc_K p"),
+        (Quantity("f_D", ("n_vD",), FORCE, "force asked for; 0 without a drive"),),
         (MODEL,), needs="n_watched", mapped=True,
     ),
     Function(
         "node", "Dynamics at a node of a variational run, and the factor with damping over dt.",
-        _arguments("q_D v_D q_K v_K acc_K u_D dt p"),
+        arguments("q_D v_D q_K v_K acc_K u_D dt p"),
         (
             *_STEP,
             Quantity("L_firm", ("n_packed",), "", "L with damping and drag over dt"),
@@ -239,7 +210,7 @@ _DECLARED = (
     ),
     Function(
         "midpoint_rule", "The momenta at both ends of a step by the midpoint rule.",
-        _arguments("q_D xi q_mid v_mid acc_mid q_K u_D dt p"),
+        arguments("q_D xi q_mid v_mid acc_mid q_K u_D dt p"),
         (
             Quantity("before", ("n_vD",), "", "momentum p_k(xi) at the step's start"),
             Quantity("after", ("n_vD",), "", "momentum p_k+1 at its end"),
@@ -250,7 +221,7 @@ _DECLARED = (
         (VARIATIONAL, VARIATIONAL_LANES),
     ),
     Function(
-        "momenta", "p_D = M_DD v_D + M_DK v_K.", _STATE,
+        "momenta", "p_D = M_DD v_D + M_DK v_K.", STATE,
         (Quantity("p_D", ("n_vD",), "", "momenta of the dynamic coordinates"),),
         (VARIATIONAL, VARIATIONAL_LANES, VARIATIONAL_DERIVATIVES), mapped=True,
     ),
@@ -273,21 +244,21 @@ _DECLARED = (
     ),
     Function(
         "rows_by", "A_D, A_K and the derivatives of h, hdot and hddot of strings and limits.",
-        _arguments("q_D v_D acc_D q_K v_K acc_K p"), (*_BY_RATES, *_BY_ACCELERATIONS),
+        arguments("q_D v_D acc_D q_K v_K acc_K p"), (*_BY_RATES, *_BY_ACCELERATIONS),
         (DERIVATIVES,), mapped=True,
         standing=tuple(q.name for q in (*_BY_RATES, *_BY_ACCELERATIONS)),
     ),
     Function(
         "row_rates_by", "A_D, A_K and the derivatives of h and hdot of strings and limits.",
-        _STATE, _BY_RATES, (STEP_DERIVATIVES, VARIATIONAL_DERIVATIVES), mapped=True,
+        STATE, _BY_RATES, (STEP_DERIVATIVES, VARIATIONAL_DERIVATIVES), mapped=True,
         standing=tuple(q.name for q in _BY_RATES),
     ),
     Function(
         "hanging",
         "Forces that do not balance at rest, r of Eq. 10, h, and their derivatives.",
-        _arguments("q_D q_K tension p"),
+        arguments("q_D q_K tension p"),
         (
-            Quantity("r", ("n_vD",), _FORCE, "g + A_D^T tension, and springs"),
+            Quantity("r", ("n_vD",), FORCE, "g + A_D^T tension, and springs"),
             Quantity("h", ("n_rows",), "m", "of strings and limits"),
             _derivative("r_q", "n_vD", "n_vD", "of r by tangents of q_D"),
             _derivative("r_qK", "n_vD", "n_vK", "of r by tangents of q_K"),
@@ -300,7 +271,7 @@ _DECLARED = (
     ),
     Function(
         "momenta_by", "M v_D + M_DK v_K + A_D^T tension and its derivatives.",
-        _arguments("q_D v_D q_K v_K tension p"),
+        arguments("q_D v_D q_K v_K tension p"),
         (
             Quantity("e", ("n_vD",), "", "itself"),
             _derivative("e_q", "n_vD", "n_vD", "by tangents of q_D"),
@@ -313,7 +284,7 @@ _DECLARED = (
     ),
     Function(
         "midpoint_by", "The midpoint rule's momenta at both ends of a step, and derivatives.",
-        _arguments("q_D xi q_mid v_mid acc_mid u_D dt p"),
+        arguments("q_D xi q_mid v_mid acc_mid u_D dt p"),
         (
             *(Quantity(end, ("n_vD",), "", f"momenta {end} the step") for end in _ENDS),
             *(
@@ -329,7 +300,7 @@ _DECLARED = (
         "step_back",
         "Gradient of z . r + y . hdot + y_h . h; r has the velocity products of v_ahead, hdot is "
         "at v_next.",
-        _arguments("q_D v_D v_ahead v_next acc_D q_K v_K acc_K tension z y y_h dt p"),
+        arguments("q_D v_D v_ahead v_next acc_D q_K v_K acc_K tension z y y_h dt p"),
         (
             Quantity("g_q", ("n_vD",), "", "by tangents of q_D"),
             Quantity("g_v", ("n_vD",), "", "by v_D"),
@@ -342,79 +313,7 @@ _DECLARED = (
         ),
         (GRADIENTS,),
     ),
-    Function(
-        "mass_matrix", "M of Eq. 8 and its blocks for the driven coordinates.", _PLACE,
-        (
-            Quantity("M", ("n_vD", "n_vD"), "", "symmetric, positive definite"),
-            Quantity("M_DK", ("n_vD", "n_vK"), "", "not zero where a driven joint moves mass"),
-            Quantity("M_KK", ("n_vK", "n_vK"), "", "symmetric"),
-        ),
-        exported=True,
-    ),
-    Function(
-        "mass_times", "M_DD acc_D.", _arguments("q_D q_K acc_D p"),
-        (Quantity("f", ("n_vD",), _FORCE, "M_DD acc_D"),),
-    ),
-    Function(
-        "coriolis",
-        "C of Eq. 8 over (v_D, v_K): C v is the velocity's part of the bias.", _STATE,
-        (Quantity("C", ("n_v", "n_v"), "", "dM/dt - 2 C is skew"),), exported=True,
-    ),
-    Function(
-        "bias", "c(q, v) of Eq. 8: Coriolis, gravity and springs, without damping and drag.",
-        _STATE, (Quantity("c", ("n_vD",), _FORCE, "bias force"),), exported=True,
-    ),
-    Function(
-        "gravity", "g(q) of Eq. 8: gradient of the potential energy.", _PLACE,
-        (Quantity("g_D", ("n_vD",), _FORCE, "gradient"),), exported=True,
-    ),
-    Function(
-        "damping", "Force of damping and drag, on the same side as the bias.", _STATE,
-        (Quantity("f", ("n_vD",), _FORCE, "force"),), exported=True,
-    ),
-    Function(
-        "constraint", "h (Eq. 9): a string is slack at h < 0 and taut at h = 0; limits likewise.",
-        _PLACE, (_ROWS,), exported=True,
-    ),
-    Function(
-        "A_D", "A_D of Eq. 10: partial derivative of hdot by v_D.", _PLACE,
-        (Quantity("A_D", ("n_rows", "n_vD"), _PER_VELOCITY, "strings, then limits"),),
-        exported=True,
-    ),
-    Function(
-        "A_K", "A_K of Eq. 10: partial derivative of hdot by v_K.", _PLACE,
-        (Quantity("A_K", ("n_rows", "n_vK"), _PER_VELOCITY, "strings, then limits"),),
-        exported=True,
-    ),
-    Function(
-        "Adot_v", "dA/dt v of Eq. 11: hddot = A_D acc_D + A_K acc_K + Adot_v.", _STATE,
-        (Quantity("Adot_v", ("n_rows",), "row's unit / s^2", "strings, then limits"),),
-        exported=True,
-    ),
-    Function(
-        "A_rate", "dA_D/dt and dA_K/dt of Eq. 11 along the velocity.", _STATE,
-        (
-            Quantity("Adot_D", ("n_rows", "n_vD"), "", "of A_D"),
-            Quantity("Adot_K", ("n_rows", "n_vK"), "", "of A_K"),
-        ),
-    ),
-    Function(
-        "body_velocity", "V^b of every link (Eq. 4).", _STATE,
-        (Quantity("V", (6, "n_links"), "m/s, rad/s", "linear, then angular, in the link's frame"),),
-        exported=True,
-    ),
-    Function(
-        "lagrangian", "L = T - V (Eq. 7).", _STATE,
-        (Quantity("lagrangian", (), "J", "T - V"),),
-    ),
-    Function(
-        "potential", "Potential energy (Eq. 6, and springs).", _PLACE,
-        (Quantity("V", (), "J", "potential energy"),),
-    ),
-    Function(
-        "kinetic", "Kinetic energy (Eq. 5).", _STATE,
-        (Quantity("T", (), "J", "kinetic energy"),),
-    ),
+    *ANALYSIS,
 )  # fmt: skip
 
 FUNCTIONS: dict[str, Function] = {f.name: f for f in _DECLARED}
@@ -422,7 +321,7 @@ FUNCTIONS: dict[str, Function] = {f.name: f for f in _DECLARED}
 
 COLUMN = Function(
     "column", "The entries of y = F^-T x that are not zero for x in one joint, by its number.",
-    _arguments("L x_joint"), (Quantity("y", ("n_vD",), "", "these entries, side by side"),),
+    arguments("L x_joint"), (Quantity("y", ("n_vD",), "", "these entries, side by side"),),
 )  # fmt: skip
 """One for every joint with limits: ``column(which, ...)`` in compiled code."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fantoccini.kernel.contract.derivative_structures import DERIVATIVES
 from fantoccini.kernel.contract.samples import PARTS
 from fantoccini.kernel.contract.search_structures import SEARCHES
 from fantoccini.kernel.contract.structure import IN, INT, MANY, OUT, Field, Structure
@@ -156,5 +157,5 @@ RUNS: tuple[Structure, ...] = (
     )),
 )  # fmt: skip
 
-STRUCTURES = RUNS + SEARCHES
+STRUCTURES = RUNS + DERIVATIVES + SEARCHES
 """Each comes after those that it holds."""

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from fantoccini.kernel.contract.arguments import ARGUMENTS
 from fantoccini.kernel.contract.constants import CONSTANTS
-from fantoccini.kernel.contract.functions import FUNCTIONS, Function
+from fantoccini.kernel.contract.function import Function
+from fantoccini.kernel.contract.functions import FUNCTIONS
 from fantoccini.kernel.contract.quantity import SIZES, Quantity
 from fantoccini.kernel.contract.samples import CONTACT, EVENT, SAMPLE, WINCH
 
@@ -53,7 +54,7 @@ _PAGE = """\
 # Generated functions
 
 After this page you can call any function that is generated from a puppet's equations, and read the
-samples and events that a run writes. The page is made from `fantoccini/contract` by
+samples and events that a run writes. The page is made from `kernel/contract` by
 `python -m fantoccini.kernel.contract`, as are the header `cpp/fantoccini/contract.hpp`, the ctypes
 structures and the C99 header.
 
@@ -70,7 +71,8 @@ M = arm.equations["mass_matrix"](q_D=x.q_D, q_K=x.q_K, p=arm.p)["M"]    # interp
 
 Compiled functions of `model` and `derivatives` (`arm.model.compiled.derivatives.at`) are called
 from Python, all others by compiled code, as members of `fan::Call`. To add a quantity, declare it
-in `contract/functions.py` and derive it in `equations/functions.py`, in a method of its name.
+in `kernel/contract/functions.py` and derive it in `kernel/equations/functions.py`, in a method of
+its name.
 
 Units that are left out follow from the coordinate: m or rad, velocities per s, forces N or N m.
 Matrices are stored column by column.

@@ -1,0 +1,58 @@
+"""A generated function: its arguments, its results and the libraries that have it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fantoccini.kernel.contract.arguments import ARGUMENTS
+from fantoccini.kernel.contract.quantity import Quantity
+
+MODEL, LANES, CLEARANCE, ROLLOUTS = "model", "lanes", "clearance", "rollouts"
+VARIATIONAL, VARIATIONAL_LANES, DERIVATIVES = "variational", "variational_lanes", "derivatives"
+STEP_DERIVATIVES, GRADIENTS = "step_derivatives", "gradients"
+VARIATIONAL_DERIVATIVES, REACH = "variational_derivatives", "reach"
+LIBRARIES = (
+    MODEL, LANES, CLEARANCE, ROLLOUTS, VARIATIONAL, VARIATIONAL_LANES, DERIVATIVES,
+    STEP_DERIVATIVES, GRADIENTS, VARIATIONAL_DERIVATIVES, REACH,
+)  # fmt: skip
+"""The libraries of a puppet, each compiled when it is first needed."""
+
+
+@dataclass(frozen=True)
+class Function:
+    """One generated function.
+
+    Attributes:
+        name: of the function.
+        purpose: in one sentence.
+        arguments, results: in the order of compiled code.
+        libraries: that have it; without any, CasADi's interpreter evaluates it.
+        mapped: whether Python may call it over whole arrays.
+        exported: whether the C99 export has it.
+        needs: the size that is above 0 where a puppet has it; empty where all puppets have it.
+        standing: results with many constants, which are written once.
+    """
+
+    name: str
+    purpose: str
+    arguments: tuple[Quantity, ...]
+    results: tuple[Quantity, ...]
+    libraries: tuple[str, ...] = ()
+    mapped: bool = False
+    exported: bool = False
+    needs: str = ""
+    standing: tuple[str, ...] = ()
+
+
+FORCE, PER_VELOCITY = "N or N m", "row's unit / s per velocity's unit"
+"""Units that depend on the coordinate."""
+
+
+def arguments(names: str) -> tuple[Quantity, ...]:
+    """The declared arguments of these names, between spaces."""
+    return tuple(ARGUMENTS[name] for name in names.split())
+
+
+STATE = arguments("q_D v_D q_K v_K p")
+PLACE = arguments("q_D q_K p")
+ROWS = Quantity("h", ("n_rows",), "m", "path length minus string length; limits as listed")
