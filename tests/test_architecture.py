@@ -72,6 +72,22 @@ ATTRIBUTES = {"getattr", "setattr", "delattr", "hasattr", "attrgetter"}
 
 MOST_LINES = 450
 
+KINDS = {
+    "app.pages.loop.PageLoop": "a thread of a page, which starts and ends it",
+    "base.documents.located.Located": "a file with the lines of its keys",
+    "base.documents.values.Model": "a part of a file, by pydantic",
+    "base.errors.FantocciniError": "an error",
+    "base.errors.Outcome": "a status with its message",
+    "base.errors.StateError": "an error",
+    "control.optimal.shooting.EventRuns": "runs, by the method of their derivatives",
+    "dynamics.compiled.quantities.Quantities": "functions of one state, of a marionette",
+    "kernel.runtime.compiled.Run": "a run, held at its start",
+    "kernel.runtime.functions.Functions": "a library that evaluates functions, by ctypes",
+    "kernel.runtime.functions.Loaded": "a library, by ctypes",
+    "stand.timed_moves.Limits": "limits of a controller, with its other settings",
+}
+"""Classes that those of other files inherit from, and what all of these are."""
+
 GENERATED = {"kernel/cpp/fantoccini/contract.hpp"}
 """Files that nobody writes; tests check that they are fresh."""
 
@@ -361,6 +377,65 @@ def test_modules_are_short():
     lengths = {f: length(f) for f in files}
     long = {str(f.relative_to(PACKAGE)): n for f, n in lengths.items() if n >= MOST_LINES}
     assert {name: n for name, n in long.items() if name not in GENERATED} == {}
+
+
+def foreign_bases(text: str, file: Path) -> list[tuple[str, str]]:
+    """The classes of a file, each with a base class that another file of the package defines."""
+    nodes, names = list(ast.walk(ast.parse(text))), {}
+    for node in nodes:
+        for alias, name in zip(getattr(node, "names", ()), names_of(node, file), strict=False):
+            whole = alias.asname or isinstance(node, ast.ImportFrom)
+            own = alias.asname or alias.name.split(".")[0]
+            names[own] = name if whole else own
+    pairs = []
+    for node in (node for node in nodes if isinstance(node, ast.ClassDef)):
+        for base in node.bases:
+            base = base.value if isinstance(base, ast.Subscript) else base
+            first, *others = ast.unparse(base).split(".")
+            name = ".".join([names.get(first, first), *others])
+            home = file_of(name) if name.startswith("fantoccini.") else None
+            if home not in (None, file):
+                module = home.relative_to(PACKAGE).with_suffix("").parts
+                pairs.append((node.name, ".".join([*module, name.rsplit(".", 1)[1]])))
+    return pairs
+
+
+def test_no_class_is_spread_over_files():
+    """A class has members, not a base class in another file, unless it is a kind of that class."""
+    pairs = {
+        (f"{file.relative_to(ROOT)}: {name}", base)
+        for file in modules()
+        for name, base in foreign_bases(file.read_text(encoding="utf-8"), file)
+    }
+    assert len(pairs) > 80
+    assert {pair for pair in pairs if pair[1] not in KINDS} == set()
+    assert {base for _, base in pairs} == set(KINDS)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "from fantoccini.theatre.perform.player import Player\nclass Live(Player): ...",
+        "from fantoccini.theatre.perform.player import Player as P\nclass Live(P): ...",
+        "from .player import Player\nclass Live(Generic[T], Player): ...",
+        "from fantoccini.theatre.perform import player\nclass Live(player.Player[T]): ...",
+        "import fantoccini.theatre.perform.player\n"
+        "class Live(fantoccini.theatre.perform.player.Player): ...",
+        "import fantoccini.theatre.perform.player as p\nclass Live(p.Player): ...",
+        "def f():\n    from .player import Player\n    class Live(Player): ...",
+    ],
+)
+def test_base_classes_of_other_files_are_recognised(text):
+    folder = PACKAGE / "theatre" / "perform"
+    (pair,) = foreign_bases(text, folder / "performance.py")
+    assert pair == ("Live", "theatre.perform.player.Player")
+    assert foreign_bases(text, folder / "player.py") == []
+
+
+def test_base_classes_through_a_face_are_those_of_their_files():
+    text = "from fantoccini.base import StateError\nclass Late(StateError, Exception): ..."
+    file = PACKAGE / "theatre" / "perform" / "performance.py"
+    assert foreign_bases(text, file) == [("Late", "base.errors.StateError")]
 
 
 def test_every_public_name_exists():

@@ -62,7 +62,7 @@ class Row:
 def measure(problem: Problem, seeds: Iterable[int], improve: float = 0.5) -> list[Row]:
     """Arrivals of plans, one a seed, and of kicked runs of the first quarter of them."""
     found = [solve(problem, seed=seed, improve=improve) for seed in seeds]
-    laws = [Feedback.along(plan) for plan in found if plan]
+    laws = [plan.feedback() for plan in found if plan]
     exact = [law.plan.verify(method="event") for law in laws]
     rows = [Row.of("open loop, event-driven", exact, problem.tolerance)]
     ways = {"open loop, MuJoCo": False, "feedback, MuJoCo": True}

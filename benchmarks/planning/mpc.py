@@ -143,7 +143,7 @@ def main() -> None:
     problem = fan.load_problem(arguments.problem, reserve=arguments.reserve)
     seeds = range(arguments.seed, arguments.seed + arguments.plans)
     found = [solve(problem, seed=s, improve=arguments.improve) for s in seeds]
-    laws = [Feedback.along(plan) for plan in found if plan]
+    laws = [plan.feedback() for plan in found if plan]
     random = np.random.default_rng(arguments.seed)
     starts = [(law, kicked(problem, arguments.kick, random)) for law in laws
               for _ in range(OF_EACH)]  # fmt: skip

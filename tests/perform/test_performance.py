@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import threading
 
 import numpy as np
@@ -44,6 +45,15 @@ def bar():
 @pytest.fixture(scope="module")
 def bridge_crane():
     return fan.loads(CRANES)
+
+
+def test_methods_have_their_arguments_and_documentation():
+    """Also those that the targets do."""
+    public = {name: f for name, f in vars(fan.Performance).items() if not name.startswith("_")}
+    assert all(f.__doc__ for f in public.values())
+    move = inspect.signature(fan.Performance.move)
+    assert list(move.parameters) == ["self", "name", "position", "wxyz"]
+    assert {"place", "wind", "hold", "play", "play_take", "lead_back", "let"} < set(public)
 
 
 def test_quaternions_of_matrices():

@@ -87,7 +87,7 @@ def test_a_plan_whose_drives_are_too_weak_does_not_hold(boxes, monkeypatch, stat
         PlanPath, "simulate", lambda *a, **o: dataclasses.replace(made(*a, **o), status=status)
     )
     assert not plan.verify(method="event").arrives
-    assert not check.confirmed(plan).arrives
+    assert not check.confirmed(plan.plan_path).arrives
 
 
 def test_ctrl_c_while_a_plan_is_confirmed_ends_the_search(boxes, monkeypatch):

@@ -8,7 +8,6 @@ import pytest
 import fantoccini as fan
 from fantoccini.control.planning import PlanResult, PlanStatus, solve
 from fantoccini.control.planning.active_sets import extended
-from fantoccini.control.planning.feedback import Feedback
 from fantoccini.control.planning.planners import PlannerRound
 from fantoccini.control.planning.saltation import event_derivatives
 from fantoccini.control.problems import Problem, StateArrays
@@ -53,7 +52,7 @@ def catches(plan: PlanResult, start: State) -> list[float]:
 def test_a_puppet_caught_late_or_early_is_led_by_the_gains_of_its_mode(lift, kicks):
     """At the second node it is on the other side of the catch than the plan."""
     plan, late = dropped(lift, 4), kicks[0] > 0.0
-    by_event, by_time = Feedback.along(plan), Feedback.along(plan, window=0)
+    by_event, by_time = plan.feedback(), plan.feedback(window=0)
     assert by_event.active[1, 0] == late and not len(by_time.extended.late)
     off = []
     for kick in kicks:
@@ -66,7 +65,7 @@ def test_a_puppet_caught_late_or_early_is_led_by_the_gains_of_its_mode(lift, kic
 
 def test_the_active_set_is_the_puppets():
     plan = dropped(0.17, 4)
-    law, arm = Feedback.along(plan), plan.problem.marionette
+    law, arm = plan.feedback(), plan.problem.marionette
     assert law.active[:, 0].tolist() == [False, True, True, True, True]
     x = arm.stepper(plan.start).advance(0.2)
     assert law.active_set(x) == [True]
@@ -112,7 +111,7 @@ def test_derivatives_through_a_catch_are_those_of_neighbours():
     """Differences of event-driven runs, of changes that keep the order of events."""
     plan = dropped(0.83, 5)
     arm, start = plan.problem.marionette, plan.start
-    law = Feedback.along(plan)
+    law = plan.feedback()
     A, B = event_derivatives(arm, law.nodes[1], np.zeros(2), 0.15, np.zeros(1, bool))
     node = law.nodes[1]
     x = State(0.0, node.q_D, node.v_D, node.q_K, node.v_K, start.taut, node.slip)
@@ -132,4 +131,4 @@ def test_derivatives_through_a_catch_are_those_of_neighbours():
 
 def test_a_negative_window_is_refused():
     with pytest.raises(ValueError, match="window is -1"):
-        Feedback.along(dropped(0.17, 4), window=-1)
+        dropped(0.17, 4).feedback(window=-1)

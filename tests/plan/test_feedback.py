@@ -37,7 +37,7 @@ def plan() -> PlanResult:
 
 @pytest.fixture(scope="module")
 def law(plan) -> Feedback:
-    return Feedback.along(plan)
+    return plan.feedback()
 
 
 def test_gains_are_those_of_least_squares():
@@ -166,7 +166,7 @@ def test_steppers_that_lose_steps_are_followed_to_the_end(plan, law):
 def test_without_events_gains_go_by_time(plan, law):
     """The same to the last bit, where the plan's string pulls all the way."""
     assert np.all(law.active) and not len(law.extended.late)
-    by_time = Feedback.along(plan, window=0)
+    by_time = plan.feedback(window=0)
     kicked = plan.problem.marionette.project(plan.start.replace(v_D=[0.3, 0.1, 0.0, -0.4]))
     runs = [each.run(kicked) for each in (law, by_time)]
     np.testing.assert_array_equal(runs[0].acceleration, runs[1].acceleration)
@@ -213,9 +213,9 @@ def test_what_makes_no_sense_is_refused(plan, law):
     with pytest.raises(StateError, match="other coordinates"):
         law.run(marionette=fan.puppets.arm2d())
     with pytest.raises(ValueError, match="acceleration is 0"):
-        Feedback.along(plan, acceleration=0.0)
+        plan.feedback(acceleration=0.0)
     with pytest.raises(ValueError, match="no segment"):
-        Feedback.along(dataclasses.replace(plan, path=plan.path[:1]))
+        Feedback.along(dataclasses.replace(plan.plan_path, path=plan.path[:1]))
 
 
 def at(plan: PlanResult, row: StateArrays) -> State:
@@ -269,4 +269,4 @@ def test_plans_begin_at_time_stepped_states(plan):
     )  # fmt: skip
     found = solve(again, seed=3)
     assert found and found.verify(method="event").arrives
-    assert Feedback.along(found).run(method="event").arrives
+    assert found.feedback().run(method="event").arrives

@@ -49,7 +49,8 @@ def test_finer_steps_come_nearer_to_the_event_driven_run(plan):
 def test_a_plan_with_other_inputs_does_not_arrive(plan):
     other = {name: a.copy() for name, a in plan.tree.arrays.items()}
     other["acceleration"][list(plan.path)] *= -1.0
-    spoiled = dataclasses.replace(plan, tree=SearchTree.of(other, plan.tree))
+    path = dataclasses.replace(plan.plan_path, tree=SearchTree.of(other, plan.tree))
+    spoiled = dataclasses.replace(plan, plan_path=path)
     there = spoiled.verify(backend="mujoco")
     assert not there.arrives and there.deviation > 0.1
     assert not spoiled.verify(method="event").arrives

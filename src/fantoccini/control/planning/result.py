@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from fantoccini.base import Array, Outcome, check_not_negative, output
+from fantoccini.base import Array, Outcome, Times, check_not_negative, output
 from fantoccini.control.planning import archive
 from fantoccini.control.planning.check import Check, checked, confirmed
 from fantoccini.control.planning.feedback import Feedback
@@ -18,9 +18,11 @@ from fantoccini.control.planning.plan_path import PlanPath
 from fantoccini.control.planning.planners import Planner
 from fantoccini.control.planning.polish import Polish
 from fantoccini.control.planning.search import Search
-from fantoccini.control.problems import Meeting, Problem
+from fantoccini.control.planning.search_tree import SearchTree
+from fantoccini.control.problems import Goal, Meeting, Problem, Rollouts, StateArrays
 from fantoccini.dynamics.compiled import Method, MethodName
 from fantoccini.kernel.runtime import POINT
+from fantoccini.motion import Input, State, Trajectory
 
 _TIME_LIMIT_NOTE = "a time limit ended the search, so that a second run may find another plan"
 
@@ -37,11 +39,11 @@ class PlanStatus(Outcome):
 
 
 @dataclass(frozen=True, eq=False)
-class PlanResult(PlanPath):
+class PlanResult:
     """A plan, and the tree in which it was found. True where the plan :attr:`holds`.
 
     Attributes:
-        problem, tree, path: see :class:`PlanPath`.
+        plan_path: the plan as a path through the tree, and its simulations.
         status: how the search ended.
         search: that found it, and can go on.
         tried: rollouts simulated.
@@ -51,6 +53,7 @@ class PlanResult(PlanPath):
         polished: the outcome of polishing the plan; None where it was not attempted.
     """
 
+    plan_path: PlanPath
     status: PlanStatus
     search: Search
     tried: int
@@ -74,9 +77,69 @@ class PlanResult(PlanPath):
             sure = search.options.confirm or best == 0
             status = PlanStatus.EXACT if sure else PlanStatus.UNCONFIRMED
         return cls(
-            problem, tree, tuple(tree.path(best)), status, search, found.tried, found.seconds,
-            found.curve, found.refused, found.polished,
+            PlanPath(problem, tree, tuple(tree.path(best))), status, search, found.tried,
+            found.seconds, found.curve, found.refused, found.polished,
         )  # fmt: skip
+
+    @property
+    def problem(self) -> Problem:
+        """The problem that was planned."""
+        return self.plan_path.problem
+
+    @property
+    def tree(self) -> SearchTree:
+        """All nodes that were found."""
+        return self.plan_path.tree
+
+    @property
+    def path(self) -> tuple[int, ...]:
+        """(m + 1) nodes of the tree from the start to the plan's end."""
+        return self.plan_path.path
+
+    @property
+    def start(self) -> State:
+        """Where the plan begins."""
+        return self.plan_path.start
+
+    @property
+    def goal(self) -> Goal:
+        """The problem's goal."""
+        return self.plan_path.goal
+
+    @property
+    def tolerance(self) -> float:
+        """Tolerance of the goal's distance."""
+        return self.plan_path.tolerance
+
+    @property
+    def rollouts(self) -> Rollouts:
+        """Simulates segments."""
+        return self.plan_path.rollouts
+
+    @property
+    def times(self) -> Times:
+        """(m + 1,) of the nodes of the path [s]."""
+        return self.plan_path.times
+
+    @property
+    def states(self) -> StateArrays:
+        """(m + 1,) at the nodes of the path."""
+        return self.plan_path.states
+
+    @property
+    def acceleration(self) -> Array:
+        """(m, n_vK) of the driven coordinates [m/s^2 or rad/s^2]."""
+        return self.plan_path.acceleration
+
+    @property
+    def inputs(self) -> Input:
+        """The driven coordinates; see :attr:`PlanPath.inputs`."""
+        return self.plan_path.inputs
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The plan by the time-stepper, with the planner's step."""
+        return self.plan_path.trajectory
 
     def save(self, path: str | Path) -> None:
         """Writes the plan with its tree as npz; the file appears whole or not at all."""
@@ -126,7 +189,7 @@ class PlanResult(PlanPath):
         Where the search did not confirm its plans, the first call simulates the plan.
         """
         if self.status is PlanStatus.UNCONFIRMED:
-            return confirmed(self).arrives
+            return confirmed(self.plan_path).arrives
         return self.status is PlanStatus.EXACT
 
     def __bool__(self) -> bool:
@@ -276,7 +339,7 @@ class PlanResult(PlanPath):
         Args:
             options: of :meth:`Feedback.along`.
         """
-        return Feedback.along(self, **options)
+        return Feedback.along(self.plan_path, **options)
 
     def replay(self) -> bool:
         """Whether every segment, simulated again, comes out the same to the last bit."""
@@ -312,4 +375,4 @@ class PlanResult(PlanPath):
             MissingLibraryError: MuJoCo is not installed.
             ValueError: an unknown backend, or options that do not fit it.
         """
-        return checked(self, dt_factor, method, backend)
+        return checked(self.plan_path, dt_factor, method, backend)

@@ -8,13 +8,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fantoccini.base import Array, ConfigK, Indices, StateError, UnknownNameError, VecK, rotation
+from fantoccini.base import (
+    Array,
+    ConfigK,
+    Indices,
+    Quaternion,
+    StateError,
+    UnknownNameError,
+    Vec3,
+    VecK,
+    rotation,
+)
 from fantoccini.dynamics.compiled import check_step
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.tree import ChainRow
 from fantoccini.motion import State
 from fantoccini.theatre.perform import reach
-from fantoccini.theatre.perform.handle import Handle, handles_of
+from fantoccini.theatre.perform.handle import Handle, Place, handles_of, place_of, wanted
 from fantoccini.theatre.perform.player import Steps
 
 
@@ -32,6 +42,7 @@ class Limits(NamedTuple):
 
 
 LIMITS = Limits()
+_NO_POSES = np.zeros((0, 3, 4))
 
 
 class HandBounds(NamedTuple):
@@ -168,6 +179,62 @@ class Hands:
         if string not in self.winch:
             raise UnknownNameError("string with a driven length", string, self.winch)
         return self.winch[string][0]
+
+    def place(self, name: str, x: State) -> Place:
+        """A handle's position (3,) [m] and orientation (w, x, y, z) in the world."""
+        return self._place(self.handle(name), x.q_K, x)
+
+    def place_at(self, name: str, q_K: ConfigK, x: State) -> Place:
+        """The place of a handle at other driven coordinates, those of its joint's parts included.
+
+        Args:
+            name: of the handle.
+            q_K: (n_qK,) driven coordinates.
+            x: the state: of whatever else moves the handle.
+        """
+        handle = self.handle(name)
+        r, wxyz = self._place(handle, q_K, x)
+        if parts := self.carriers(handle):
+            poses = self.marionette.poses(x.q_D, x.q_K)
+            ways = [self._place(h, q_K, x)[0] - poses[h.link, :, 3] for h in parts]
+            r = r + np.sum(ways, axis=0)
+        return r, wxyz
+
+    def brought(
+        self,
+        q_K: ConfigK,
+        name: str,
+        position: Vec3 | None,
+        wxyz: Quaternion | None,
+        x: State,
+    ) -> ConfigK:
+        """(n_qK,) driven coordinates that bring a handle as near to a place as its joint allows.
+
+        Args:
+            q_K: (n_qK,) coordinates; those of other handles stay.
+            name: of the handle.
+            position: (3,) in the world [m]; unchanged when not given.
+            wxyz: (4,) orientation in the world; likewise.
+            x: the state: of whatever else moves the handle.
+
+        Raises:
+            UnknownNameError: no handle is called that.
+            StateError: a position or orientation that is none.
+        """
+        made, handle = np.array(q_K), self.handle(name)
+        for h in (*self.carriers(handle), handle):
+            about = q_K[h.q], self._poses(h, x), position, wxyz
+            made[h.q] = wanted(self.marionette, h, *about)
+        return made
+
+    def _place(self, handle: Handle, q_K: ConfigK, x: State) -> Place:
+        return place_of(self.marionette, handle, q_K, self._poses(handle, x))
+
+    def _poses(self, handle: Handle, x: State) -> Array:
+        """(n_links, 3, 4) of the links; empty where nothing moves the handle's joint."""
+        if handle.base is not None:
+            return _NO_POSES
+        return self.marionette.poses(x.q_D, x.q_K)
 
     def away(self, q_K: ConfigK, wanted: ConfigK) -> VecK:
         """(n_vK,) tangent vector from one driven configuration to another."""

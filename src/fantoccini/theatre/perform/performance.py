@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
+from functools import wraps
 from threading import RLock
+from typing import Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 
-from fantoccini.base import Array, ConfigK, Quaternion, StateError, Status, Vec3, check_positive
+from fantoccini.base import Array, StateError, Vec3, check_positive
 from fantoccini.dynamics.compiled import check_start
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.dynamics.steppers import Stepper
-from fantoccini.kernel.runtime import contact_points
-from fantoccini.motion import ContactPoints, State
+from fantoccini.motion import ContactPoints, State, check_same_puppet
+from fantoccini.theatre.gestures import Gesture
 from fantoccini.theatre.perform import change
-from fantoccini.theatre.perform.grip import TOLERANCES, Holding, gripped
-from fantoccini.theatre.perform.handle import Handle, Place, place_of, wanted
-from fantoccini.theatre.perform.hands import Hands
-from fantoccini.theatre.perform.outside import forces_of
+from fantoccini.theatre.perform.grip import TOLERANCES, gripped
+from fantoccini.theatre.perform.handle import Handle
+from fantoccini.theatre.perform.hands import HandBounds, Hands
+from fantoccini.theatre.perform.influences import HandLaw, Influences, Push, push_on
+from fantoccini.theatre.perform.lanes import lanes_of, without
+from fantoccini.theatre.perform.live_recorder import LiveRecorder
 from fantoccini.theatre.perform.player import Player
-from fantoccini.theatre.perform.playing import Playing
-from fantoccini.theatre.perform.recording import Recorder, Recording
+from fantoccini.theatre.perform.recording import Recording
 from fantoccini.theatre.perform.reports import Reports
+from fantoccini.theatre.perform.score_voice import ScoreVoice
+from fantoccini.theatre.perform.targets import Targets
+from fantoccini.theatre.perform.tick_run import TickRun
 
 SPEED = 1.5
 """Default bound on the speed of handles and winches [m/s]: a brisk hand."""
@@ -29,12 +34,27 @@ ACCELERATION = 10.0
 """Default bound on their acceleration [m/s^2]: about that of gravity."""
 STEP = 0.0005
 """Default time step [s]; with twice as much, a limb that whirls at 100 rad/s gains energy."""
-_NO_POSES = np.zeros((0, 3, 4))
 _ROUNDED_TICKS = 1e-6
 """Part of a tick that a duration may miss by rounding and still complete the tick."""
 
+_Given = ParamSpec("_Given")
+_Returned = TypeVar("_Returned")
 
-class Performance(Playing):
+
+def _of_targets(
+    method: Callable[Concatenate[Targets, _Given], _Returned],
+) -> Callable[Concatenate[Performance, _Given], _Returned]:
+    """A method of a performance that its targets do, while no other thread uses them."""
+
+    @wraps(method)
+    def locked(self: Performance, /, *args: _Given.args, **kwargs: _Given.kwargs) -> _Returned:
+        with self._lock:
+            return method(self._targets, *args, **kwargs)
+
+    return locked
+
+
+class Performance:
     """A puppet in somebody's hands: targets go in, the state comes out, tick by tick.
 
     The hands follow their targets in the least time that bounded speed and acceleration allow
@@ -85,11 +105,10 @@ class Performance(Playing):
         self.tick = float(tick)
         self._steps = max(1, int(np.ceil(tick / dt - 1e-9)))
         self.dt = self.tick / self._steps
-        self._recorder: Recorder | None = None
-        self._ended: tuple[Recording | None, str] | None = None
+        self._recorder = LiveRecorder(self.tick, self._steps)
         self._remainder = 0.0
         self._reports = Reports()
-        self._law, self._pushes = None, {}
+        self._influences = Influences()
         x0 = change.hanging(marionette) if x0 is None else x0
         check_start(marionette.model, x0, "timestepping")
         change.check_steps(marionette, x0, self.dt)
@@ -112,116 +131,183 @@ class Performance(Playing):
         return dict(self._hands.lengths)
 
     @property
+    def bounds(self) -> HandBounds:
+        """Bounds of the driven coordinates, one by one."""
+        return self._hands.each()
+
+    @property
     def state(self) -> State:
         """The present state, with the time of the performance."""
         with self._lock:
-            return self._stepper.state.replace(t=self.t)
+            return self._run.x.replace(t=self._run.t)
 
     @property
     def t(self) -> float:
         """Time of the performance [s]."""
         with self._lock:
-            return self._since + self._stepper.state.t
+            return self._run.t
 
     @property
     def tension(self) -> Array:
         """(n_strings,) [N]."""
         with self._lock:
-            return self._stepper.tension[: len(self.marionette.tree.strings)].copy()
+            return self._run.tension
 
     @property
     def slip(self) -> Array:
         """(n_strings,) lengths let out by slipping winches [m]."""
         with self._lock:
-            return np.array(self._stepper.state.slip)
+            return np.array(self._run.x.slip)
 
     @property
     def contact(self) -> ContactPoints | None:
         """What touches what at the end of the last tick; None for a puppet without contact."""
         with self._lock:
-            stepper, known = self._stepper, self._stepper.model.contacts
-            if known is None:
-                return None
-            found = contact_points(stepper.contacts, known.names)
-            return found.at(len(stepper.samples) - 1)
+            return self._run.contact
 
     @property
     def performed(self) -> Marionette:
         """The puppet with the winches in use."""
-        return Marionette(self._stepper.model)
+        return self._run.performed
 
     @property
     def lagging(self) -> dict[str, str]:
         """Handles and strings that cannot follow their targets, and why."""
         with self._lock:
-            found = self._holding.messages(self.slip)
-            return self._reports.added(found, self.t, self._hands.names)
+            return self._reports.added(self._run.lagging(), self._run.t, self._hands.names)
 
     # -- hands -------------------------------------------------------------------------------
 
-    def place(self, name: str) -> Place:
-        """A handle's position (3,) [m] and orientation (w, x, y, z) in the world."""
+    place = _of_targets(Targets.place)
+    target = _of_targets(Targets.target)
+    aim = _of_targets(Targets.aim)
+    move = _of_targets(Targets.move)
+    wind = _of_targets(Targets.wind)
+    length = _of_targets(Targets.length)
+    wanted_length = _of_targets(Targets.wanted_length)
+    hold = _of_targets(Targets.hold)
+
+    def go_home(self) -> None:
+        """Takes back all gestures; where there are none, the hands go to where they began."""
         with self._lock:
-            return self._place(self._hands.handle(name), self._x.q_K)
+            self._targets.go_home(self._start())
 
-    def target(self, name: str) -> Place:
-        """A handle's target, as :meth:`place`."""
+    # -- what is played ----------------------------------------------------------------------
+
+    play = _of_targets(Targets.play)
+    play_once = _of_targets(Targets.play_once)
+    stop_take = _of_targets(Targets.stop_take)
+    play_score = _of_targets(Targets.play_score)
+    stop_score = _of_targets(Targets.stop_score)
+    leave_lanes = _of_targets(Targets.leave_lanes)
+
+    @property
+    def playing(self) -> tuple[str, ...]:
+        """Names of the gestures that are played, or are about to be."""
         with self._lock:
-            return self._there(name, self._wanted)
+            return self._targets.player.playing
 
-    def aim(self, name: str) -> Place:
-        """Where a handle is to be now: its target with what is played on top, as :meth:`place`."""
+    @property
+    def lanes(self) -> tuple[str, ...]:
+        """What can be armed for an overdub: strings and joints with driven coordinates."""
+        return lanes_of(self.marionette.coordinates)
+
+    @property
+    def take_time(self) -> float | None:
+        """How far the take that is played has come [s]; None without one."""
         with self._lock:
-            return self._there(name, self._aimed())
+            return self._targets.player.take_time
 
-    def move(self, name: str, position: Vec3 | None = None, wxyz: Quaternion | None = None) -> None:
-        """Sets the target of a handle; parts that its joint cannot reach are projected away.
+    def play_take(
+        self, take: Recording, *, armed: Collection[str] = (), again: bool = False
+    ) -> None:
+        """Takes the puppet to the start of a take, and moves the hands as the take does.
 
-        A joint that drives move in part moves as a whole by the handle of its body or string end;
-        ``bar.carriage1`` and so on are handles of its parts. A target on a moving body moves with
-        the body.
+        With :meth:`record` this is an overdub: armed lanes are in the hands, the others repeat the
+        take. At its end the hands stay where they are.
 
         Args:
-            name: of the handle.
-            position: (3,) in the world [m]; unchanged when not given.
-            wxyz: (4,) orientation in the world; likewise.
+            take: of this puppet.
+            armed: lanes that the take does not move.
+            again: begin again at its end, joined by state, until :meth:`stop_take`.
 
         Raises:
-            UnknownNameError: no handle is called that.
-            StateError: a position or orientation that is none, or a law moves the hands.
+            StateError: a law moves the hands; or the take turns a driven body by nearly 180
+                degrees or more.
+            UnknownNameError: no lane is called that.
+            ValueError: it is of another puppet.
         """
+        check_same_puppet([self.marionette.coordinates, take.marionette.coordinates])
+        motion = without(Gesture.of_input(take.inputs, name="take"), armed)
         with self._lock:
-            self._refuse_targets()
-            handle, found = self._hands.handle(name), []
-            for h in (*self._hands.carriers(handle), handle):
-                about = self._wanted[h.q], self._poses(h), position, wxyz
-                found.append((h.q, wanted(self.marionette, h, *about)))
-            for q, there in found:
-                self._wanted[q] = there
+            self._targets.check_free()
+            self._recorder.end("a take was begun")
+            x = change.permitted(self.performed, take.start).replace(t=self.t)
+            self._take(self.marionette, x, self._hands.lengths)
+            self._targets.player.play_take(motion, take.start.v_K, again)
 
-    def wind(self, string: str, length: float) -> None:
-        """Sets the target length of a driven string [m], clipped to its range.
+    @property
+    def score(self) -> ScoreVoice | None:
+        """The score that is played or paused, or None."""
+        return self._targets.player.score
+
+    def lead_back(self, lanes: Collection[str]) -> None:
+        """Lets lanes do what the score does, from where the hands are; the way keeps the bounds.
+
+        The hands' own targets are those of the start again.
 
         Raises:
-            UnknownNameError: no string with a driven length is called that.
-            StateError: the length is not a finite number, or a law moves the hands.
+            StateError: no score is played, or a law moves the hands.
+            UnknownNameError: no lane is called that.
         """
         with self._lock:
-            self._refuse_targets()
-            place = self._hands.length_place(string)
-            if not np.isfinite(length):
-                raise StateError(f"{string}: found {length}; a length is a finite number")
-            self._wanted[place] = np.clip(length, *self._hands.lengths[string])
+            self._targets.lead_back(lanes, self._start())
 
-    def length(self, string: str) -> float:
-        """The present length of a driven string [m]."""
-        with self._lock:
-            return float(self._x.q_K[self._hands.length_place(string)])
+    # -- a law and pushes --------------------------------------------------------------------
 
-    def wanted_length(self, string: str) -> float:
-        """The target length of a driven string [m]."""
+    @property
+    def law(self) -> HandLaw | None:
+        """What moves the hands instead of their targets."""
+        return self._influences.law
+
+    def let(self, law: HandLaw | None) -> None:
+        """Lets a law move the hands, such as a :class:`Balance`, within their bounds and grip.
+
+        None gives them back to their targets, which are where they are. So does a reset, and
+        another puppet.
+        """
+        self._influences.end_law()  # without the lock, which its thread may wait for
         with self._lock:
-            return float(self._wanted[self._hands.length_place(string)])
+            if law is not None:
+                self._targets.player.clear()
+            self._influences.law = law
+
+    @property
+    def pushes(self) -> dict[str, Push]:
+        """The pushes on bodies, by name."""
+        with self._lock:
+            return dict(self._influences.pushes)
+
+    def push(self, body: str, force: Vec3 | None, at: Vec3 | None = None) -> None:
+        """Pushes a body until further notice.
+
+        Args:
+            body: its name.
+            force: (3,) in the world [N]; None ends the push.
+            at: (3,) where, in the body's frame [m]; at its centre of mass when not given.
+
+        Raises:
+            UnknownNameError: no body is called that.
+            StateError: numbers that are none; or there is a recording, which keeps no pushes.
+        """
+        push = push_on(self.marionette, body, np.zeros(3) if force is None else force, at)
+        with self._lock:
+            if force is None:
+                self._influences.pushes.pop(body, None)
+                return
+            if self.recording:
+                raise StateError("a recording keeps no pushes; stop it first")
+            self._influences.pushes[body] = push
 
     # -- time --------------------------------------------------------------------------------
 
@@ -244,7 +330,7 @@ class Performance(Playing):
     def reset(self) -> None:
         """Returns to the start, with the hands there and at rest."""
         with self._lock:
-            self._end_recording("the puppet was set back to its start")
+            self._recorder.end("the puppet was set back to its start")
             self._remainder = 0.0
             self._reports.clear()
             self._take(self.marionette, self._start())
@@ -253,11 +339,6 @@ class Performance(Playing):
         if self._x0 is None:
             self._x0 = change.hanging(self.marionette)
         return self._x0
-
-    def _go_to(self, x: State) -> None:
-        self._end_recording("a take was begun")
-        x = change.permitted(self._performed, x)
-        self._take(self.marionette, x.replace(t=self.t), self._hands.lengths)
 
     # -- another puppet ----------------------------------------------------------------------
 
@@ -299,16 +380,14 @@ class Performance(Playing):
 
     def _replace(self, marionette: Marionette, start: State, why: str) -> tuple[str, ...]:
         change.check_steps(marionette, start, self.dt)
-        self._end_recording(why)
-        before, lengths, wanted_before = self.marionette, self._hands.lengths, self._wanted
+        self._recorder.end(why)
+        before, targets, lengths = self.marionette, self._targets, self._hands.lengths
         x, lost = change.carried(before, self.state, marionette, start)
         x = change.permitted(gripped(marionette, self._grip_of(marionette)), x)
-        player, ended = self._player.carried(before, marionette)
-        self._take(marionette, x, Hands.ranges_of(marionette, start, self.dt) | lengths, player)
-        places = {name: i for i, name in enumerate(before.coordinates.q_K)}
-        for i, name in enumerate(marionette.coordinates.q_K):
-            if name in places:
-                self._wanted[i] = wanted_before[places[name]]
+        player, ended = targets.player.carried(before, marionette)
+        lengths = Hands.ranges_of(marionette, start, self.dt) | lengths
+        self._take(marionette, x, lengths, player)
+        self._targets.keep(targets)
         self._x0 = start
         return lost + ended
 
@@ -317,16 +396,14 @@ class Performance(Playing):
     @property
     def recording(self) -> bool:
         """Whether what happens is recorded."""
-        return self._recorder is not None
+        return self._recorder.running
 
     def record(self) -> None:
         """Starts a recording; drops an earlier one that :meth:`stop` has not returned."""
         with self._lock:
-            self._pushes.clear()  # a recording keeps none
-            x = change.permitted(self.performed, self._x.replace(t=0.0))
-            self._restart(x)
-            self._recorder = Recorder(self._stepper, self.tick)
-            self._ended = None
+            self._influences.pushes.clear()  # a recording keeps none
+            self._run.restart(change.permitted(self.performed, self._run.x))
+            self._recorder.start(self._run.stepper)
 
     def stop(self) -> Recording:
         """Ends and returns the recording, also if it has ended by itself.
@@ -335,39 +412,11 @@ class Performance(Playing):
             StateError: nothing was recorded.
         """
         with self._lock:
-            if self._recorder is not None and not len(self._recorder):
+            if self._recorder.empty:
                 self._tick()
-            self._end_recording("")
-            made, why = self._ended or (None, "")
-            self._ended = None
-        if made is None:
-            raise StateError(f"nothing was recorded{': ' + why if why else ''}")
-        return made
+            return self._recorder.take()
 
     # -- inside ------------------------------------------------------------------------------
-
-    @property
-    def _x(self) -> State:
-        return self._stepper.state
-
-    def _place(self, handle: Handle, q_K: ConfigK) -> Place:
-        return place_of(self.marionette, handle, q_K, self._poses(handle))
-
-    def _there(self, name: str, q_K: ConfigK) -> Place:
-        """The place of a handle at wanted coordinates."""
-        handle = self._hands.handle(name)
-        r, wxyz = self._place(handle, q_K)
-        if parts := self._hands.carriers(handle):
-            poses = self.marionette.poses(self._x.q_D, self._x.q_K)
-            ways = [self._place(h, q_K)[0] - poses[h.link, :, 3] for h in parts]
-            r = r + np.sum(ways, axis=0)
-        return r, wxyz
-
-    def _poses(self, handle: Handle) -> Array:
-        """(n_links, 3, 4) of the links; empty where nothing moves the handle's joint."""
-        if handle.base is not None:
-            return _NO_POSES
-        return self.marionette.poses(self._x.q_D, self._x.q_K)
 
     def _grip_of(self, marionette: Marionette) -> float:
         return self._given_grip or TOLERANCES.max_tension * (marionette.weight or 1.0)
@@ -379,7 +428,7 @@ class Performance(Playing):
         lengths: dict[str, tuple[float, float]] | None = None,
         player: Player | None = None,
     ) -> None:
-        """Continues from a state of a puppet, with targets where the hands are.
+        """Takes a puppet in hands at a state, with targets where the hands are.
 
         Args:
             marionette: the puppet.
@@ -389,63 +438,25 @@ class Performance(Playing):
         """
         self.marionette = marionette
         self._reports.forget_motors()
-        self.let(None)
-        self._pushes.clear()
+        self._influences.clear()
         self.grip = self._grip_of(marionette)
-        self._performed = gripped(marionette, self.grip)
         lengths = Hands.ranges_of(marionette, x, self.dt) if lengths is None else lengths
         self._hands = Hands.of(marionette, x, self.speed, self.acceleration, lengths)
-        self._holding = Holding(self._performed, self._hands, self.grip)
-        most = np.array([list(bound.values()) for bound in self._hands.each()[1:]])
-        self._player = player or Player(most, self.tick)
-        self._player.bound(most)
-        self._wanted = np.array(x.q_K)
-        self._since = x.t
-        self._restart(x.replace(t=0.0), keep=False)
-
-    def _restart(self, x: State, keep: bool = True) -> None:
-        """Makes a stepper from a state with t = 0; the time of the performance goes on."""
-        if keep:
-            self._since = self.t
-        options = self._performed.model.run_options(dt=self.dt, save_every=self._steps)
-        self._stepper = Stepper(self._performed.model, x, "timestepping", options)
+        performed = gripped(marionette, self.grip)
+        self._run = TickRun(performed, self._hands, x, self.grip, self.tick, self._steps)
+        self._targets = Targets(self._hands, self._run, self._influences, player)
 
     def _tick(self) -> None:
         """Advances by a tick; if the stepper fails, stops the hands and starts a new one."""
         with self._lock:
-            x, stepper = self._x, self._stepper
-            if self._law is None:
-                velocity = self._velocity(x)
-            else:
-                asked = self._law.acceleration(x.replace(t=self.t))
-                velocity = self._hands.bounded(x.v_K + self.tick * asked)
-                self._wanted = np.array(x.q_K)
-            velocity = self._holding.hold(x, stepper.tension, velocity)
-            acc_K = self._hands.bounded_acceleration(velocity, x.v_K, self.tick)
-            u_D = forces_of(self.marionette, x, self._pushes)
-            stepper.advance(self.tick, acc_K, u_D=u_D, throw=False)
-            if stepper.arrived:
-                if self._recorder is not None:
-                    self._recorder.add(acc_K, stepper)
-                self._reports.note_motors(self.t, self.marionette.tree, stepper)
+            run = self._run
+            u_D = self._influences.forces(self.marionette, run.x)
+            acc_K = run.advance(self._targets.velocity(), u_D)
+            if run.stepper.arrived:
+                self._recorder.add(acc_K, run.stepper)
+                self._reports.note_motors(run.t, self.marionette.tree, run.stepper)
                 return
-            self._stop_hands(stepper.status)
-
-    def _stop_hands(self, status: Status) -> None:
-        """Continues from the last accepted state with the hands at rest."""
-        self._reports.stop(self.t, status.message)
-        self._end_recording(f"the hands were stopped: {status.message}")
-        still = self._x.replace(v_K=np.zeros_like(self._x.v_K))
-        for x in (change.permitted(self._performed, still), still.replace(v_D=0.0 * still.v_D)):
-            self._restart(x.replace(t=0.0))
-            self._stepper.advance(self.tick, throw=False)
-            if self._stepper.arrived:
-                return
-        # Not even that works: the puppet stays where it is.
-        self._restart(still.replace(t=0.0, v_D=0.0 * still.v_D))
-        self._since += self.tick
-
-    def _end_recording(self, why: str) -> None:
-        if self._recorder is not None:
-            self._ended = (self._recorder.finished(self._steps, why), why)
-            self._recorder = None
+            why = run.stepper.status.message
+            self._reports.stop(run.t, why)
+            self._recorder.end(f"the hands were stopped: {why}")
+            run.stop_hands()

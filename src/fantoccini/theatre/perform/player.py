@@ -77,6 +77,11 @@ class Player:
         moving = [one.gesture.name for one in self._voices if not one.over(self.t)]
         return tuple(dict.fromkeys(moving + [one.gesture.name for one in self._waiting]))
 
+    @property
+    def take_time(self) -> float | None:
+        """How far the take has come [s]; None without one."""
+        return None if self.take is None else self.take.time(self.t)
+
     def carried(
         self, before: Marionette, after: Marionette
     ) -> tuple[Player | None, tuple[str, ...]]:

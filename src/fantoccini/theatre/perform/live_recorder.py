@@ -1,0 +1,68 @@
+"""The recording of a performance while it goes on, which may end by itself."""
+
+from __future__ import annotations
+
+from fantoccini.base import Array, StateError
+from fantoccini.dynamics.steppers import Stepper
+from fantoccini.theatre.perform.recording import Recorder, Recording
+
+
+class LiveRecorder:
+    """Records one stepper after another, and keeps the last recording until it is taken.
+
+    Args:
+        tick: duration of a tick [s].
+        steps: time steps in a tick.
+    """
+
+    def __init__(self, tick: float, steps: int):
+        self._tick, self._steps = tick, steps
+        self._recorder: Recorder | None = None
+        self._ended: tuple[Recording | None, str] | None = None
+
+    @property
+    def running(self) -> bool:
+        """Whether it records."""
+        return self._recorder is not None
+
+    @property
+    def empty(self) -> bool:
+        """Whether it records and has no tick yet."""
+        return self._recorder is not None and not len(self._recorder)
+
+    def start(self, stepper: Stepper) -> None:
+        """Records from here on; drops a recording that was not taken.
+
+        Args:
+            stepper: not advanced yet.
+        """
+        self._recorder, self._ended = Recorder(stepper, self._tick), None
+
+    def add(self, acc_K: Array, stepper: Stepper) -> None:
+        """Adds the stepper's last tick, if it records.
+
+        Args:
+            acc_K: (n_vK,) accelerations of the driven coordinates in that tick.
+            stepper: the one that it was started with.
+        """
+        if self._recorder is not None:
+            self._recorder.add(acc_K, stepper)
+
+    def end(self, why: str) -> None:
+        """Ends the recording, if there is one, for a reason; empty if the user stops it."""
+        if self._recorder is not None:
+            self._ended = (self._recorder.finished(self._steps, why), why)
+            self._recorder = None
+
+    def take(self) -> Recording:
+        """Ends and returns the recording.
+
+        Raises:
+            StateError: nothing was recorded.
+        """
+        self.end("")
+        made, why = self._ended or (None, "")
+        self._ended = None
+        if made is None:
+            raise StateError(f"nothing was recorded{': ' + why if why else ''}")
+        return made

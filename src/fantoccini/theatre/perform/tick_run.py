@@ -1,0 +1,106 @@
+"""The run of a puppet in hands, tick by tick: it goes on whatever the hands are to do."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fantoccini.base import Array, VecD, VecK
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.dynamics.steppers import Stepper
+from fantoccini.kernel.runtime import contact_points
+from fantoccini.motion import ContactPoints, State
+from fantoccini.theatre.perform import change
+from fantoccini.theatre.perform.grip import Holding
+from fantoccini.theatre.perform.hands import Hands
+
+
+class TickRun:
+    """Advances a puppet in hands, tick by tick.
+
+    Attributes:
+        performed: the puppet with the winches in use.
+        tick: [s].
+        stepper: advances it; another one after :meth:`restart`.
+
+    Args:
+        performed: with winches that slip at the grip.
+        hands: that hold it.
+        x: the state, at the time from which on the run counts.
+        grip: largest tension of a string [N].
+        tick: [s].
+        steps: time steps in a tick.
+    """
+
+    def __init__(
+        self, performed: Marionette, hands: Hands, x: State, grip: float, tick: float, steps: int
+    ):
+        self.performed = performed
+        self.tick, self._hands, self._steps = tick, hands, steps
+        self._holding = Holding(performed, hands, grip)
+        self._since = x.t
+        self.stepper = self._stepper_from(x)
+
+    @property
+    def x(self) -> State:
+        """The state, at the stepper's time."""
+        return self.stepper.state
+
+    @property
+    def t(self) -> float:
+        """Time of the run [s]."""
+        return self._since + self.stepper.state.t
+
+    @property
+    def tension(self) -> Array:
+        """(n_strings,) [N]."""
+        return self.stepper.tension[: len(self.performed.tree.strings)].copy()
+
+    @property
+    def contact(self) -> ContactPoints | None:
+        """Points of contact at the end of the last tick; None for a puppet without contact."""
+        stepper, known = self.stepper, self.stepper.model.contacts
+        if known is None:
+            return None
+        points = contact_points(stepper.contacts, known.names)
+        return points.at(len(stepper.samples) - 1)
+
+    def lagging(self) -> dict[str, list[str]]:
+        """Reasons why handles and strings lag, by name."""
+        return self._holding.messages(self.x.slip)
+
+    def advance(self, velocity: VecK, u_D: VecD | None) -> VecK:
+        """Advances by a tick; returns the accelerations (n_vK,) of the driven coordinates.
+
+        ``stepper.arrived`` is false if that failed: :meth:`stop_hands` goes on.
+
+        Args:
+            velocity: (n_vK,) that the hands are to have at its end.
+            u_D: (n_vD,) generalised forces.
+        """
+        x = self.x
+        velocity = self._holding.hold(x, self.stepper.tension, velocity)
+        acc_K = self._hands.bounded_acceleration(velocity, x.v_K, self.tick)
+        self.stepper.advance(self.tick, acc_K, u_D=u_D, throw=False)
+        return acc_K
+
+    def restart(self, x: State) -> None:
+        """Continues from a state, with a stepper that begins at t = 0."""
+        self._since = self.t
+        self.stepper = self._stepper_from(x)
+
+    def stop_hands(self) -> None:
+        """Continues from the last accepted state with the hands at rest."""
+        still = self.x.replace(v_K=np.zeros_like(self.x.v_K))
+        for x in (change.permitted(self.performed, still), still.replace(v_D=0.0 * still.v_D)):
+            self.restart(x)
+            self.stepper.advance(self.tick, throw=False)
+            if self.stepper.arrived:
+                return
+        # Not even that works: the puppet stays where it is.
+        self.restart(still.replace(v_D=0.0 * still.v_D))
+        self._since += self.tick
+
+    def _stepper_from(self, x: State) -> Stepper:
+        model = self.performed.model
+        options = model.run_options(dt=self.tick / self._steps, save_every=self._steps)
+        return Stepper(model, x.replace(t=0.0), "timestepping", options)
