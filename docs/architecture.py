@@ -12,67 +12,69 @@ PICTURE = ROOT / "docs" / "pictures" / "pipeline.svg"
 
 ROOMS = {
     "base": (
-        "what does everybody need that nobody owns?",
+        "utilities for every other package",
         "errors, arrays, rotations, polynomials, files; "
         "`documents`: YAML, JSON schemas, the line of every mistake",
     ),
     "model": (
-        "what is a puppet?",
+        "description of a puppet",
         "`puppet`: its file; `scene`; `meshes`; `tree`: links, rows, coordinates; "
         "`puppets`: bundled files",
     ),
     "motion": (
-        "what moves?",
-        "`state.py`; `input.py`: waypoints to polynomials; `trajectory.py`; events: data, nothing "
-        "is simulated",
+        "states, inputs and trajectories: data only, no simulation",
+        "`state.py`; `input.py`: piecewise polynomials through waypoints; `trajectory.py`: "
+        "samples and events of a run",
     ),
     "kernel": (
-        "how do equations become numbers?",
+        "from equations of motion to compiled functions",
         "`contract`: what Python and C++ share; `equations`: symbolic; `codegen`: to C++; "
         "`build`: compiler and cache; `runtime`: ctypes; `cpp`: integrators, impulses, solvers",
     ),
     "dynamics": (
-        "what does it do?",
-        "`compiled`: functions of a state, as tensions, and the ODE; `steppers`: runs piece by "
-        "piece; `derivatives`; `equilibrium`: rest, vibration; `marionette`: the public face; "
-        "`simulation`: whole runs; `clearance`: distances; `mujoco`: MJCF out, and runs there",
+        "simulation and analysis of a puppet",
+        "`compiled`: functions of a state such as tensions, and the ODE between events; "
+        "`steppers`: runs advanced step by step; `derivatives`; `equilibrium`: rest, vibration "
+        "modes; `marionette`: the public class; `simulation`: whole runs; `clearance`: distances; "
+        "`mujoco`: MJCF export, and runs in MuJoCo",
     ),
     "control": (
-        "what must the hands do?",
+        "motion planning and optimal control",
         "`tasks`: costs, bounds; `optimal`: optimise, follow, MPC, reach, tune; "
         "`problems`: goals, rollouts; `planning`: search among obstacles",
     ),
     "theatre": (
-        "who performs what, when?",
-        "`gestures`: gestures and scores, beats to seconds; `capture`: BVH in; `retarget`: clips "
-        "on puppets; `cast`: players, cues; `ways`: over the stage; `plays`: compiled, measured; "
-        "`perform`: live",
+        "gestures, motion capture, plays, live performance",
+        "`gestures`: gestures, and scores that time them in beats; `capture`: BVH files; "
+        "`retarget`: clips transferred to puppets; `cast`: players, props, cues; `ways`: path "
+        "finding on the stage; `plays`: plays compiled and verified; `perform`: live performance",
     ),
     "lab": (
-        "what are its numbers?",
+        "identification and parameter studies",
         "`identification`: from records of motion; `sweeps`: parameter studies; "
         "`reduction.py`: the kinematic reduction",
     ),
     "stand": (
-        "can these motors do it?",
-        "`stand_file.py`; `check.py`; `losing.py`: steps that steppers lose; `points.py`: set "
-        "points; `gcode_text.py`; `streaming.py` and `sending.py`; `stands`: bundled files",
+        "stands: machines with motors that move a puppet",
+        "`stand_file.py`; `check.py`: whether the axes can follow a run; `losing.py`: "
+        "lost steps of stepper motors; `points.py`: set points; `gcode_text.py`; `streaming.py`: "
+        "G-code over a serial port; `sending.py`: packets over a network; `stands`: bundled files",
     ),
     "output": (
-        "what does one see, and what do other programs read?",
-        "`view`: pictures, plots, films; `reports`; `animation`: glTF, USD, BVH out; "
-        "`exchange`: MJCF and URDF in",
+        "pictures, films, reports; formats of other programs",
+        "`view`: pictures, plots, films; `reports`; `animation`: glTF, USD, BVH export; "
+        "`exchange`: MJCF and URDF import",
     ),
     "app": (
-        "how does one ask?",
-        "`cli`: commands; `console`: their arguments and messages; `web`: opens a page; "
-        "`pages`: what pages draw and replay; `live`: pages with a live puppet",
+        "command line and browser pages",
+        "`cli`: commands; `console`: their arguments and messages; `web`: starts the right page; "
+        "`pages`: drawing and replay in the browser; `live`: pages with a live puppet",
     ),
 }
 """The question that each room answers and its parts, in the order in which rooms import."""
 
 WALKS = {
-    "A puppet file to its library": (
+    "From a puppet file to its compiled library": (
         ("model/puppet/files.py", "load", "text to a validated `Puppet`"),
         ("model/tree/construction.py", "grow", "links, rows, coordinates"),
         ("dynamics/compiled/libraries.py", "Compiled", "one library for each purpose, when needed"),
@@ -85,12 +87,12 @@ WALKS = {
         ("kernel/build/cache.py", "obtain", "compiled, or from the cache"),
         ("kernel/runtime/compiled.py", "Library", "loaded"),
     ),
-    "An Input into C++": (
+    "From an Input to a run in C++": (
         ("motion/input.py", "Input", "waypoints to quintic pieces"),
-        ("motion/binding.py", "bound", "coordinates without a name hold still"),
+        ("motion/binding.py", "bound", "coordinates that the input does not name hold their start values"),
         ("dynamics/simulation/run.py", "simulate", "start, input and options are checked"),
-        ("kernel/runtime/compiled.py", "Run", "arrays to a run, samples and events back"),
-        ("kernel/cpp/fantoccini/runs/drive.hpp", "Drive", "q_K, v_K, acc_K at a time"),
+        ("kernel/runtime/compiled.py", "Run", "passes arrays to C++, returns samples and events"),
+        ("kernel/cpp/fantoccini/runs/drive.hpp", "Drive", "evaluates q_K, v_K, acc_K at a given time"),
         ("kernel/cpp/fantoccini/event/run.hpp", "EventRun", "steps, events"),
         (
             "kernel/cpp/fantoccini/event/closed_rows.hpp",
@@ -98,17 +100,17 @@ WALKS = {
             "impulses of catches, the next active set",
         ),
     ),
-    "A play to its run": (
+    "From a play file to its run": (
         ("theatre/plays/reading.py", "Script", "the file to a cast and its cues"),
-        ("theatre/plays/compiling.py", "load_play", "rounds, until every promise holds"),
+        ("theatre/plays/compiling.py", "load_play", "places and simulates the cues, repeated until every requirement holds"),
         ("theatre/plays/placing.py", "Placing", "cues get times, places and ways"),
-        ("theatre/plays/runs.py", "runs_of", "every company simulated, event-driven"),
-        ("theatre/plays/verifying.py", "verify_play", "the whole, measured"),
+        ("theatre/plays/runs.py", "runs_of", "event-driven run of every company: puppets and props that may touch"),
+        ("theatre/plays/verifying.py", "verify_play", "runs the whole play and checks every requirement"),
     ),
-    "A clip to its run": (
+    "From a captured clip to a run": (
         ("theatre/capture/bvh.py", "load_bvh", "joints of a skeleton over time"),
         ("theatre/retarget/mapping.py", "load_mapping", "its joints to parts of a person"),
-        ("theatre/retarget/retargeting.py", "retarget_clip", "hanging poses that come nearest"),
+        ("theatre/retarget/retargeting.py", "retarget_clip", "nearest hanging pose for every frame"),
         ("theatre/retarget/following.py", "follow_clip", "motions of the hands, and the run"),
     ),
 }
@@ -143,7 +145,7 @@ TASKS = (
         "a joint type",
         (
             (
-                "schema: the type, its keys, and the words of other programs for it",
+                "schema: the type, its keys, and other programs' names for it",
                 (
                     "model/puppet/joint.py",
                     "model/puppet/words.py",
@@ -152,7 +154,7 @@ TASKS = (
             ),
             ("its mirror image", ("model/puppet/mirror.py",)),
             (
-                "its coordinates, and its pose as numbers",
+                "its coordinates, and its numerical forward kinematics",
                 ("model/tree/joints.py", "model/tree/placement.py", "model/tree/inertia.py"),
             ),
             (
@@ -172,7 +174,7 @@ TASKS = (
                 ("theatre/perform/handle.py", "control/problems/feasible.py"),
             ),
             (
-                "its counterpart in MuJoCo, there and back",
+                "export to MuJoCo, and import from it",
                 (
                     "dynamics/mujoco/joints.py",
                     "dynamics/mujoco/mjcf_model.py",
@@ -182,7 +184,7 @@ TASKS = (
         ),
     ),
     Task(
-        "a kind of string that is a constraint (as a wire)",
+        "a kind of string that is a constraint (such as a wire)",
         (
             ("schema: its keys, and which of them exclude each other", ("model/puppet/schema.py",)),
             (
@@ -203,13 +205,13 @@ TASKS = (
             ),
             ("bounds on its tension for the functions of a state", ("dynamics/compiled/model.py",)),
             (
-                "show it, translate it or refuse it",
+                "print it in `info`; export it to MuJoCo or raise an error",
                 ("app/cli/info.py", "dynamics/mujoco/mjcf_model.py"),
             ),
         ),
     ),
     Task(
-        "a kind of string that is a force (as a chain)",
+        "a kind of string that exerts a force (such as a chain)",
         (
             ("schema: its keys", ("model/puppet/schema.py", "model/puppet/chain.py")),
             (
@@ -219,7 +221,7 @@ TASKS = (
             ("energy and gradient", ("kernel/equations/elastic.py",)),
             ("the longest stable step", ("dynamics/compiled/checks.py",)),
             (
-                "draw it, translate it or refuse it",
+                "draw it; export it to MuJoCo or raise an error",
                 ("output/view/geometry.py", "dynamics/mujoco/mjcf_model.py"),
             ),
         ),
@@ -266,7 +268,7 @@ TASKS = (
                 ("app/cli/app.py",),
             ),
             (
-                "its arguments: there, or where they are many in a class",
+                "declare its arguments in the same file, or in a class if there are many",
                 ("app/console/requests.py",),
             ),
             ("do the work in a module of its own", ("app/cli/check.py",)),
@@ -335,29 +337,29 @@ def files(names: tuple[str, ...]) -> str:
 
 _TEXT = """# Architecture
 
-After this page you know which of eleven packages holds what, how something passes through them, and
-which files to touch for the common extensions.
+After this page you know what each of the eleven packages contains, how data flows through them, and
+which files to change for common extensions.
 
-Each package is a room that answers one question. Names in code style in the last column are its
-parts: folders, or modules where they end in `.py`. A room imports only from those above it in this
-table, through their faces: the `__init__` of a room or of a part. `tests/test_architecture.py`
-enforces both. The one exception is `base/drawing.py`, which imports `output` when a method that
-draws (`run.plot()`) is called.
+The last column names sub-packages, and modules where the name ends in `.py`. A package imports only
+from packages above it in this table, and only names that the `__init__` of a package or sub-package
+exports. `tests/test_architecture.py` enforces both rules. The one exception is `base/drawing.py`,
+which imports `output` when a method that draws (`run.plot()`) is called.
 
-| Room | Question | Parts |
+| Package | Purpose | Contents |
 |---|---|---|
 {rooms}
 
-![From the puppet file to a compiled library, from states and inputs to trajectories, and the rooms
-that are built on them](pictures/pipeline.svg)
+![From the puppet file to a compiled library, from states and inputs to trajectories, and the
+packages built on them](pictures/pipeline.svg)
 
 The integrators, the complementarity solver and the planner's rollouts are C++ templates in
-`kernel/cpp/fantoccini`, compiled for each puppet with its sizes as constants, for one trajectory or
-for several in the lanes of vectors. A folder there includes only from itself and from those before
-it: `math`, `solvers`, `model`, `collision`, `contact`, `runs`, `event`, `timestepping`,
-`variational`, `derivatives`, `search`, `interface` (`tests/cpp/test_include_order.py`).
+`kernel/cpp/fantoccini`, compiled for each puppet with its dimensions as constants. They advance one
+trajectory, or several at once in SIMD lanes. A folder there includes only from itself and from
+those before it: `math`, `solvers`, `model`, `collision`, `contact`, `runs`, `event`,
+`timestepping`, `variational`, `derivatives`, `search`, `interface`
+(`tests/cpp/test_include_order.py`).
 
-## Four walks
+## Four paths through the code
 
 Paths are relative to `src/fantoccini`.
 
@@ -365,8 +367,9 @@ Paths are relative to `src/fantoccini`.
 
 ## What to touch to add something
 
-Paths are relative to `src/fantoccini`, or to the repository. Where one of several similar files is
-named, copy it. Everything also needs a test, a line in `CHANGELOG.md` and its page of the guide.
+Paths are relative to `src/fantoccini`; those in `docs/` and `tests/`, `README.md` and `mkdocs.yml`
+to the repository. Where a folder has several similar files, the one named is the example to copy.
+Every extension also needs a test, a line in `CHANGELOG.md` and a section in the docs.
 
 | To add | Touch |
 |---|---|

@@ -1,4 +1,4 @@
-"""``python -m benchmarks.section_vi``: Section VI measured; docs/reduction.md, or one report."""
+"""``python -m benchmarks.section_vi``: writes docs/reduction.md, or the report of one puppet."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Part (c): real tracking. The full model approaches the mixed one as the drives' bandwidth grows.
+"""Part (c): finite bandwidth. The full model approaches the mixed one as the bandwidth grows.
 
 Every drive has a computed-torque control of bandwidth w, which knows the drive's inertia but not
 the strings: e'' + 2 w e' + w^2 e = pull / J. Under a steady pull it lags by e = pull / (J w^2), so

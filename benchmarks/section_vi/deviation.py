@@ -1,4 +1,4 @@
-"""How far a run departs from the mixed model's."""
+"""Difference of a run from the mixed model's."""
 
 from __future__ import annotations
 

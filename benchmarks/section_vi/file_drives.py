@@ -1,4 +1,4 @@
-"""The drives of the puppet's file: how far they take the puppet from the mixed model.
+"""Error of the mixed model for the drives of the puppet's own file.
 
 Gears, friction, motor limits and controllers are those of the file. Coordinates without a drive
 there stay inputs.

@@ -1,4 +1,4 @@
-"""Part (c), continued: a string with mass. No bandwidth brings the mixed model back.
+"""Part (c), continued: a string with mass, whose effect remains at any bandwidth.
 
 One string becomes a chain of point masses between stiff springs; everything else stays the same.
 The mixed model lacks the coordinates of these masses, so the motions differ by an amount in

@@ -1,4 +1,4 @@
-"""The page: what came out for every puppet, and the mathematics behind it."""
+"""Text and tables of docs/reduction.md."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from benchmarks.section_vi.report import HOLDS, SectionReport
 from benchmarks.strings.report import Table, number
 
 SHORT = (
-    "block diagonal", "each block its own", "products, slack", "any acc_K", "products, taut",
+    "M_DK = 0", "M_DD(q_D), M_KK(q_K)", "<Y, Y> in span, slack", "any acc_K",
+    "<X, X> in span, taut",
 )  # fmt: skip
 """The claims of :attr:`fantoccini.lab.ReductionReport.claims`, in few words."""
 
@@ -47,8 +48,8 @@ def figures(reports: Sequence[SectionReport]) -> Table:
             number(heavy.tracking[-1].deviation.max_puppet),
         ])  # fmt: skip
     return Table(
-        ["puppet", "drives", "exact tracking", "catch: power of the inertia",
-         "power of the bandwidth", "at the highest bandwidth", "and with a heavy string"],
+        ["puppet", "drives", "error, exact tracking", "catch: exponent of inertia",
+         "lag: exponent of bandwidth", "error, highest bandwidth", "error, string with mass"],
         rows,
     )  # fmt: skip
 
@@ -64,8 +65,8 @@ def structure(reports: Sequence[SectionReport]) -> Table:
             number(min(t.min_singular_value for t in found.tracking)), number(max(found.taut)),
         ])  # fmt: skip
     return Table(
-        ["puppet", "M_DK / sqrt(M_DD M_KK)", "products outside, slack", "a drive keeps",
-         "singular value of A_D", "products outside, taut"],
+        ["puppet", "M_DK / sqrt(M_DD M_KK)", "share outside span, slack",
+         "acceleration kept", "smallest singular value of A_D", "share outside span, taut"],
         rows,
     )  # fmt: skip
 
@@ -87,7 +88,7 @@ def exact(reports: Sequence[SectionReport]) -> Table:
 def catches(reports: Sequence[SectionReport]) -> Table:
     """Differences of the jump at a catch."""
     rows = [[r.name, r.catches[0].string, *(number(c.jump) for c in r.catches)] for r in reports]
-    return Table(["puppet", "catches", *(f"{c.ratio:g}" for c in reports[0].catches)], rows)
+    return Table(["puppet", "string caught", *(f"{c.ratio:g}" for c in reports[0].catches)], rows)
 
 
 def bandwidth(reports: Sequence[SectionReport]) -> Table:
@@ -117,42 +118,46 @@ def massive(reports: Sequence[SectionReport]) -> Table:
     head, first = reports[0].heavy_strings[0], reports[0].tracking[0].bandwidth
     times = [f"{t.bandwidth / first:.0f} w_1" for t in head.tracking]
     return Table(
-        ["puppet", "string", "its mass [kg]", "M_DK", *times, "exact tracking"], rows
+        ["puppet", "string", "its mass [kg]", "relative M_DK", *times, "exact tracking"], rows
     )  # fmt: skip
 
 
 TEXT = """\
-# The mixed model, checked
+# Validity of the mixed model
 
-See here whether the paper's mixed model is valid for several puppets. The paper treats driven
-coordinates as inputs and leaves out the mechanism that moves them; its Section VI ("Validity of
-mixed kinematic-dynamic modeling") argues why. `fantoccini validate-reduction FILE` checks the
-claims on any puppet, part (a) below; `python -m benchmarks.section_vi FILE` measures parts (b) and
-(c) too, and `make reports` writes this page.
+After this page you know when the paper's mixed model is valid, and how large its error is
+otherwise. The *mixed* model treats driven coordinates as inputs and leaves out the mechanism that
+moves them; Section VI of the paper ("Validity of mixed kinematic-dynamic modeling") gives the
+argument. Here it is compared with a *full* model that has a drive, as heavy as the puppet, on every
+driven coordinate: its dynamic coordinates are [q_D, q_M], those of the puppet and of the mechanism.
+Part (a) examines the equations, part (b) drives that follow their inputs exactly, part (c) drives
+of finite bandwidth and a string with mass.
+
+`fantoccini validate-reduction FILE` checks part (a) for any puppet. `python -m
+benchmarks.section_vi FILE` measures all three. `make reports` regenerates this page.
 
 ## Results
 
-Every driven coordinate gets a drive as heavy as the puppet, so that q = [q_D, q_M] of the full
-model. `boom` is a two-link arm on a driven carriage, its tip on a winch; the others are bundled.
-Differences are the largest of any coordinate, in m or rad.
+`boom` is a two-link arm on a driven carriage, its tip hung from a winch; the other puppets are
+bundled. Differences are the largest of any coordinate at any time, in m or rad.
 
 {verdicts}
 
 {figures}
 
-The mixed model is exact where the paper needs it: with drives that follow their inputs exactly,
-the full model's puppet moves as the mixed one's up to the integrator's error. At a catch a drive
-takes a part of the blow, in proportion to 1 / inertia. Drives of finite bandwidth w lag by pull /
-(J w^2), and the puppet with them. A string with mass leaves a difference that no bandwidth takes
-away. Two steps of the argument itself do not hold as they are printed:
+If the drives follow their inputs exactly, the puppet moves in the full model as in the mixed model,
+up to integration error. At a catch a drive absorbs part of the impulse, in proportion to 1 /
+inertia; the mixed model neglects this. Drives of inertia J and bandwidth w lag by f / (J w^2) under
+a string force f, and the error of the puppet is proportional to this lag. A string with mass causes
+an error that no bandwidth removes. Two steps of the printed argument do not hold:
 
 - *"because the strings are massless, the inertia tensor is block diagonal"*: massless strings are
   not enough. A joint that is driven and moves mass couples the blocks; and a block diagonal
   tensor still needs M_DD to depend on q_D alone, or v_K enters the puppet's equations through
   Coriolis forces.
 - *"this allows us to address the constraints independently"*: with a taut string whose end moves,
-  the symmetric products of the constrained connection leave the span although the string has no
-  mass.
+  the symmetric products of the constrained connection lie outside the span, although the string
+  has no mass.
 
 ## The structure, (a)
 
@@ -163,8 +168,9 @@ q_i, so
     <Y_i, Y_j> = grad (M^-1)_ij
 
 and the condition says: the driven block of M^-1, the inverse of M_KK - M_KD M_DD^-1 M_DK, does
-not change with q_D. In words: a puppet whose momentum is zero keeps it so, however the mechanism
-moves. M_DK = 0 with M_KK(q_K) has it.
+not change with q_D. In words: if the puppet's momentum M_DD v_D + M_DK v_K is zero, it stays
+zero under inertia alone, however the mechanism moves. The condition holds if M_DK = 0 and M_KK
+depends on q_K alone.
 
 With taut strings A = [A_D A_K] the same holds of X_i = P Y_i, P the projection on A v = 0, within
 the surface h = 0. For a bob of mass m on a string of length L at the angle theta, with drives of
@@ -176,17 +182,17 @@ and a string's end that moves along x has
 
     <X_x, X_x> = grad 1 / (J + m sin^2 theta)
 
-which is not in span{{X_x}} = span{{grad x}}: the end's acceleration moves the bob, by A_K acc_K
-in Eq. 11, as M_DK acc_K would. The paper's own model has that term; it takes accelerations (Eq.
-12) and asks for continuous velocities. What it needs is less than the condition: that the drives
-can give any acc_K. With the multipliers eliminated acc_K = G u_K + ..., and G is regular if and
-only if no y has A_D^T y = 0 and A_K^T y != 0: no tensions that the puppet does not feel and the
-drives do. That is "any acc_K" above. It fails where strings tie drives to one another, as two
-winches that pull on one bob from both sides of its rail.
+which is not in span{{X_x}} = span{{grad x}}: the end's acceleration moves the bob, by A_K acc_K in
+Eq. 11, as M_DK acc_K would. The paper's model has that term: its inputs are accelerations (Eq. 12),
+with continuous velocities. The mixed model needs only a weaker condition: the drives can produce
+any acc_K. After elimination of the multipliers, acc_K = G u_K + ..., and G is regular if and only
+if no y has A_D^T y = 0 and A_K^T y != 0, that is, no set of tensions loads the drives without
+loading the puppet. This is "any acc_K" above. It fails where strings tie drives to one another, for
+example where two winches pull one bob in opposite directions along its rail.
 
-Over 12 random configurations each: how large M_DK is, how much of a product lies outside of the
-span, which part of its acceleration a drive keeps, and the smallest singular value of A_D with
-rows of length 1 in the metric of M_DD.
+Worst values over 12 random configurations: the coupling M_DK, the share of a symmetric product
+outside the span, the share of its acceleration that a drive keeps when strings are taut, and the
+smallest singular value of A_D, with rows of unit length in the metric M_DD^-1.
 
 {structure}
 
@@ -200,8 +206,8 @@ model with its term M_DK acc_K is exact.
 ## Exact tracking, (b)
 
 The full model's drives are moved by the forces that the mixed model's inputs need, its `effort`
-and J acc_K, as functions of time and without control, while every driven coordinate makes small
-smooth moves. Each method is compared with itself.
+and J acc_K, open loop, as functions of time, while every driven coordinate makes small smooth
+moves. Both models are run with the same method and settings.
 
 {exact}
 
@@ -210,8 +216,8 @@ smooth moves. Each method is compared with itself.
 ## Catches, (b)
 
 The puppet is tossed and falls into its strings. In the mixed model v_K is continuous at a catch,
-Eq. 15; a drive takes its part of the blow. The jump of v_D: its difference from the mixed
-model's, relative to it, in the metric of M_DD, for drives of 1 to 10,000 times the puppet's mass.
+Eq. 15; a drive absorbs part of the impulse. The table gives the relative error of the
+mixed model's jump of v_D, in the norm of M_DD, for drives of 1 to 10,000 times the puppet's mass.
 
 {catches}
 
@@ -229,9 +235,9 @@ inputs. A pull of the strings leaves a lag of pull / (J w^2).
 "However, we should emphasize that this is only true when the strings are assumed to be massless."
 The string that pulls most becomes a chain of three point masses between springs whose EA is
 20,000 times the puppet's weight. Its masses are coordinates that the mixed model does not have.
-Differences from the massless mixed model, both counted from their own rest; M_DK is what a
-straight string of that mass makes, over sqrt(M_DD M_KK). Beyond some bandwidth nothing is gained:
-what is left is there with exact tracking too, and goes with the string's mass.
+The table compares displacements from rest with those of the massless mixed model. M_DK is that of a
+straight string of the same mass. Above some bandwidth the error no longer falls: the rest remains
+with exact tracking and is proportional to the mass of the string.
 
 {massive}
 
@@ -241,8 +247,7 @@ what is left is there with exact tracking too, and goes with the string's mass.
 
 ## Strings as chains
 
-What it costs to simulate strings as chains of masses and springs, where the constraint is not
-wanted:
+Strings can be simulated as chains of masses and springs instead of constraints. This is the cost:
 
 {chains}
 

@@ -1,4 +1,4 @@
-"""The motions of the mixed model that the full one has to reproduce; they suit any puppet."""
+"""Reference motions of the mixed model, for comparison with the full model; for any puppet."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ STIFFNESSES = (50.0, 500.0, 50_000.0)
 HEAD = [
     "strings", "EA [N]", "DOF", "fastest [1/s]", "fastest / slowest", "largest step [ms]",
     "timestepping [s/s]", "event: steps a second", "event [s/s]", "stretch [mm]",
-    "hand off by [mm]",
+    "hand error [mm]",
 ]  # fmt: skip
 
 
@@ -71,8 +71,8 @@ same way on every model, from each model's own rest. *Fastest* and *slowest* are
 of the eigenvalues of the linearised motion at rest. The *largest step* is the longest up to which
 `timestepping` keeps the hand within 5 mm of the model's own event-driven motion and loses or gains
 less than 0.1 J; its processor time for a simulated second is at half that step. `event` runs at
-rtol = atol = {rtol:g}. The *stretch* is the longest string's, less its length; the hand's place is
-compared with the massless model's at 301 times, and the worst counts.
+rtol = atol = {rtol:g}. The *stretch* is the largest extension of any string. The
+*hand error* is the largest distance between the hand and that of the massless model, at 301 times.
 
 The bundled `arm3d`: one string, wound in by 15 cm while its end moves by 9 cm.
 
@@ -83,9 +83,9 @@ The bundled `marionette`: seven strings, a hand lifted by 10 cm.
 {puppet}
 
 On eight pieces of cord the arm's fastest motion is {stiffer} times as fast as on a massless string.
-The time-stepper's largest step is {step} times shorter and a simulated second costs it {stepping}
-times as much; the event-driven method takes {event} times as long. What is bought with that is the
-cord's stretch and weight: the hand is up to {error} mm elsewhere. Softer chains are cheaper and
-stretch more. On chains of {last} pieces the marionette's event-driven run takes {slower} times as
-long as on constraints.
+The largest step of `timestepping` is smaller by a factor of {step}, and a simulated second takes it
+{stepping} times as long; `event` takes {event} times as long. In return the model includes the
+stretch and weight of the cord, which move the hand by up to {error} mm. Softer chains are cheaper
+and stretch more. On chains of {last} pieces the marionette's event-driven run takes {slower} times
+as long as on constraints.
 """

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from .scenarios import SECONDS, Scenario
 
 TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13)
 BOUND = 1e-8
-DEFAULT = inspect.signature(fan.simulate).parameters["rtol"].default
+DEFAULT = fan.Event().rtol
 STARTS = 40
 """Random slack poses that the arm is dropped from."""
 

@@ -89,7 +89,7 @@ def test_a_build_killed_half_way_leaves_only_a_temporary_folder(cache, key, sour
     """A process whose compiler never returns is killed; the next one does the work."""
     hanging = program("hanging", 'if [ "$1" = --version ]; then echo g++; else sleep 5; fi')
     script = (
-        "from fantoccini import build\n"
+        "from fantoccini.kernel import build\n"
         f"build.obtain({key!r}, lambda: build.Source({{'model.cpp': ''}}, 'model.cpp'))\n"
     )
     process = subprocess.Popen(
@@ -125,7 +125,7 @@ def test_leftovers_go_when_they_are_old(cache, key, source):
 RACE = """
 import sys, time
 from pathlib import Path
-from fantoccini import build
+from fantoccini.kernel import build
 from fantoccini.kernel.build import cache
 if {unlocked}:
     cache.fcntl = None

@@ -45,6 +45,13 @@ def test_what_shapes_numbers_counts_and_what_shows_them_does_not():
     assert not unused & files
 
 
+def test_names_that_a_face_imports_when_asked_are_followed():
+    """Faces of rooms have a stub: without it the cache would keep what has become stale."""
+    imported = dict(closure.imports_of(PACKAGE / "model" / "__init__.py"))
+    assert imported["fantoccini.model.puppet", "Puppet"] == "Puppet"
+    assert imported["fantoccini.model", "tree"] == "tree"
+
+
 @pytest.fixture
 def package(tmp_path, monkeypatch):
     root = tmp_path / "fantoccini"

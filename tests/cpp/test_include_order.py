@@ -1,4 +1,4 @@
-"""Headers are in folders, and include only from their own folder and from those before it."""
+"""C++ headers include only from their own folder and from earlier ones in ``ORDER``."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ROOT = runtime_folder() / "fantoccini"
 ORDER = (
     "math",
     "contract.hpp",  # generated: structures that are shared with Python
-    "solvers",  # complementarity, active sets, cones: of no puppet
+    "solvers",  # complementarity, active sets, cones; independent of the puppet
     "model",
     "collision",
     "contact",
@@ -29,7 +29,7 @@ ORDER = (
     "interface",
 )
 WITHOUT_MODEL = [folder for folder in ORDER if folder != "interface"]
-"""Headers of ``interface`` follow the definition of a model."""
+"""Folders whose headers compile alone; those of ``interface`` need ``fan::Model`` defined first."""
 
 
 def headers(folder: str) -> list[Path]:
@@ -75,7 +75,7 @@ def test_a_folder_includes_only_from_itself_and_those_before_it():
     assert wrong == []
 
 
-def test_no_header_includes_itself_in_a_circle():
+def test_headers_have_no_include_cycle():
     graph = {h: {ROOT.parent / name for name in includes(h)} for h in ROOT.rglob("*.hpp")}
     try:
         TopologicalSorter(graph).prepare()

@@ -1,4 +1,4 @@
-"""Event-driven runs by any of SciPy's integrators, on the flows between events.
+"""Event-driven simulation with any SciPy integrator, for comparison with the compiled one.
 
 Between events the active set is fixed and the motion is the ordinary differential equation of
 ``marionette.flow`` (Sec. III-C: any numeric integrator will do). Its rate, guards and active set
@@ -24,10 +24,10 @@ from fantoccini.kernel.contract import WINCH_AT
 CLOSED = 1e-9
 """Gap at which a row takes part in an impulse, relative to its length."""
 PAST = 1e-10
-"""Time by which a release, or the begin or end of a slip, is passed [s]: afterwards the tension or
-the speed of the winch says clearly that it has happened."""
+"""Time step past a release, or past the start or end of a slip [s], so that the sign of the tension
+or of the winch speed is unambiguous."""
 NOISE = 10.0
-"""Errors in a guard near zero, in relative tolerances."""
+"""Guard values below this multiple of rtol are integration error."""
 NODES = np.linspace(0.0, 1.0, 9)[1:]
 """Where guards are evaluated, shares of the step."""
 
@@ -81,7 +81,7 @@ def simulate(
 
 
 def _one_flow(marionette, run, inputs, t_end, slipping, how):
-    """Up to the next event or the flow's end, and what happens there."""
+    """Integrates to the next event or the end of the flow, and applies the event."""
     flow = marionette.flow(run.x, inputs)
     rows, n = flow.rows, len(marionette.tree.strings)
     held = flow.taut.copy()
@@ -193,7 +193,7 @@ def _back_on_rows(marionette, x, held, slipping):
 
 
 def _correction(at, rows, off):
-    """The least change of v_D, in the metric of M_DD, that takes what is off out of some rows."""
+    """Smallest change of v_D, in the metric of M_DD, that cancels ``off`` on the given rows."""
     W = at.W[:, rows]
     return -at.back(W @ np.linalg.lstsq(W.T @ W, off[rows], rcond=None)[0])
 

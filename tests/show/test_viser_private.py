@@ -9,13 +9,13 @@ from types import SimpleNamespace
 import pytest
 import viser
 
-import fantoccini.app.web
+import fantoccini.app
 from fantoccini.app.pages import viser_private
 from fantoccini.app.pages.server import Server
 from fantoccini.app.pages.viser_private import ViserError
 from fantoccini.output.view.theme import LIGHT
 
-PACKAGE = Path(fantoccini.app.web.__file__).parent
+APP = Path(fantoccini.app.__file__).parent
 
 
 def test_the_installed_viser_is_a_checked_one():
@@ -25,7 +25,9 @@ def test_the_installed_viser_is_a_checked_one():
 def test_private_members_are_used_in_one_module_only():
     """Elsewhere nothing is imported from viser's inside, and ``_names`` belong to ``self``."""
     wrong = []
-    for file in set(PACKAGE.glob("*.py")) - {Path(viser_private.__file__)}:
+    files = {file for folder in ("web", "pages", "live") for file in (APP / folder).glob("*.py")}
+    assert len(files) > 25
+    for file in files - {Path(viser_private.__file__)}:
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("viser"):
                 wrong.append(f"{file.name}:{node.lineno} from {node.module}")

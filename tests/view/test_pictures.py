@@ -220,7 +220,7 @@ def test_no_display_and_no_pyplot(tmp_path):
     code = (
         "import sys\n"
         "from view.still_life import bundled, swinging\n"
-        "from fantoccini import view\n"
+        "from fantoccini.output import view\n"
         "m = bundled('string_pendulum')\n"
         f"view.draw(m, swinging(m).state(0), {str(tmp_path / 'a.png')!r}, size=(100, 100))\n"
         "print('matplotlib.pyplot' in sys.modules)"

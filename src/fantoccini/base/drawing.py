@@ -1,7 +1,7 @@
-"""The room that draws, imported by the first call of a method that draws.
+"""Lazy import of ``fantoccini.output`` for methods that draw, such as ``run.plot()``.
 
-``run.plot()`` and its like are methods of objects in rooms above ``output``. This import by name is
-the one exception to the order of rooms; nobody who does not draw pays for matplotlib.
+These methods belong to packages that may not import ``output``. This import by name is the one
+exception to the import order. It keeps matplotlib unloaded until something is drawn.
 """
 
 from __future__ import annotations
@@ -11,5 +11,5 @@ from types import ModuleType
 
 
 def output() -> ModuleType:
-    """``fantoccini.output``: pictures, plots, films and pages."""
+    """The package ``fantoccini.output``, imported on the first call."""
     return import_module("fantoccini.output")

@@ -1,4 +1,4 @@
-"""What the hands must do: plans among obstacles, optimal control, feedback."""
+"""Motion planning among obstacles, and optimal control."""
 
 from lazy_loader import attach_stub
 

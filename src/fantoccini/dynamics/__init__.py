@@ -1,4 +1,4 @@
-"""What a puppet does: the Marionette, its rest, its runs, their derivatives, clearances."""
+"""Simulation and analysis: Marionette, equilibria, runs, derivatives, clearances."""
 
 from lazy_loader import attach_stub
 

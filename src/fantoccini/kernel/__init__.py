@@ -1,4 +1,4 @@
-"""How equations become numbers: contract, derivation, generated code, build and runtime."""
+"""Equations of motion, from symbolic derivation to a compiled library and its calls."""
 
 from lazy_loader import attach_stub
 

@@ -1,4 +1,4 @@
-"""What a puppet's numbers are: identification, sweeps, and the kinematic reduction."""
+"""Identification, parameter studies, and the check of the mixed model."""
 
 from lazy_loader import attach_stub
 

@@ -1,4 +1,4 @@
-"""Whether driven coordinates may be inputs: the claims of the paper's Sec. VI on one puppet.
+"""Checks the claims of the paper's Sec. VI for one puppet: may driven coordinates be inputs?
 
 Sec. VI moves the driven coordinates by drives, here of inertia J. Over v = (v_D, v_K) the kinetic
 energy then has the metric M = [M_DD, M_DK; M_DK^T, M_KK + J]. A force on driven coordinate i
@@ -29,11 +29,17 @@ MAX_OUTSIDE = 1e-9
 """A share outside of a span, or a relative entry or change, up to this counts as rounding."""
 _NEAR = 0.25
 """Standard deviation of moves near the file's pose [rad, mean string lengths]."""
-_MAX_ITERATIONS, _MAX_GAP = 50, 1e-12
-"""Of Newton's method that fits strings; gap of a fitted string, relative to its length."""
-_RANK, _TIED, _TINY = 1e-9, 1e-6, 1e-300
-"""Zero is up to these: singular values, loads and residuals, relative; a string's part in the null
-space of A_D^T, its row of length 1; divisors, such as M_KK of a coordinate that moves no mass."""
+_MAX_ITERATIONS = 50
+"""Newton iterations of :func:`fit_strings`."""
+_MAX_GAP = 1e-12
+"""Largest gap of a fitted string, relative to its length."""
+_RANK = 1e-9
+"""Singular values, loads and residuals up to this, relative to the largest, count as zero."""
+_TIED = 1e-6
+"""Largest component of a string in the null space of A_D^T (rows of unit length) that counts as
+zero."""
+_TINY = 1e-300
+"""Smallest divisor; M_KK is 0 for a coordinate that moves no mass."""
 _GYRATION_RADIUS = 0.1
 """Radius of gyration of a rotary drive, relative to the mean string length."""
 
@@ -59,7 +65,7 @@ class KineticEnergy:
 
     Attributes:
         coupling: |M_DK| / sqrt(M_DD M_KK).
-        coupled: its dynamic and driven velocity; empty if M_DK is 0.
+        coupled: the dynamic and the driven velocity with the largest coupling; empty if M_DK is 0.
         M_DD_change, M_KK_change: change of M_DD with q_K alone, of M_KK with q_D alone, relative to
             the diagonal entries of its row and column.
         impact_share: share of the kinetic energy of a single driven coordinate that the puppet
@@ -100,9 +106,9 @@ class ReductionReport:
         name: of the puppet.
         driven: its driven velocities.
         kinetic: the blocks of the kinetic energy.
-        slack: largest share of a symmetric product outside of span{Y_k}, strings slack.
-        taut: the same of span{X_k} for each configuration with taut strings.
-        tracking: the accelerations that the drives can give in each of these.
+        slack: largest share of a symmetric product outside span{Y_k}, with slack strings.
+        taut: the same for span{X_k}, one value for each configuration with taut strings.
+        tracking: accelerations that the drives can produce, one for each of these configurations.
     """
 
     name: str
@@ -238,7 +244,10 @@ def random_states(marionette: Marionette, n: int, rng: np.random.Generator) -> l
 def taut_states(
     marionette: Marionette, n: int, rng: np.random.Generator
 ) -> list[tuple[State, Rows]]:
-    """States near the file's pose, and their taut strings: all in one half, some in the other."""
+    """Up to n states near the file's pose, each with its taut strings.
+
+    All strings are taut in states of even index, a random subset in those of odd index.
+    """
     x, n_s = marionette.state(), len(marionette.tree.strings)
     spread = _NEAR * np.where(in_metres(marionette), mean_length(marionette), 1.0)
     states = []
@@ -314,7 +323,7 @@ def kinetic_energy(marionette: Marionette, states: list[State]) -> KineticEnergy
 
 
 def _relative(block: Array, size: Array) -> Array:
-    """Entries without sign, relative to the sizes of their row and column; 0 where one is 0."""
+    """|block[i, j]| / (size[i] size[j]); 0 where the divisor is 0."""
     scale = np.outer(size, size)
     return np.divide(np.abs(block), scale, out=np.zeros_like(block), where=scale > _TINY)
 
@@ -377,7 +386,7 @@ def _basis(columns: Array) -> Array:
 
 
 def tracking(marionette: Marionette, x: State, inertia: Array, rows: Rows) -> Tracking:
-    """The accelerations that drives can give with some strings taut, each at its length.
+    """Accelerations that the drives can produce at x while some strings are taut.
 
     G, the driven block of M^-1 - M^-1 A^T (A M^-1 A^T)^-1 A M^-1, is regular if and only if no
     tensions y have A_D^T y = 0 and A_K^T y != 0. Strings with such a y tie drives to one another.

@@ -1,4 +1,4 @@
-"""What a puppet is: its file, its scene, its meshes, and the tree of its links."""
+"""The description of a puppet: puppet and scene files, meshes, and the tree of links."""
 
 from lazy_loader import attach_stub
 

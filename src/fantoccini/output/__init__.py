@@ -1,4 +1,4 @@
-"""What is seen, and what other programs read: pictures, films, reports, formats out and in."""
+"""Pictures, films and reports; export of motions, import of models."""
 
 from lazy_loader import attach_stub
 

@@ -1,11 +1,12 @@
 """An emulated GRBL on a pseudo-terminal: answers lines of G-code and counts steps.
 
-It knows the words that :func:`gcode` writes, ``$H`` and feed hold. Moves are straight, with
-trapezoids of speed, and the planner looks ahead, until it is full or a line stops the machine:
+It supports the G-code that :func:`gcode` writes, ``$H`` and feed hold. Moves are straight with
+trapezoidal speed profiles. Look-ahead planning continues until the planner is full or a line stops
+the machine:
 
     entry^2 <= next entry^2 + 2 a d,   junction^2 = a deviation s / (1 - s),   s = sin(angle / 2)
 
-Its clock counts moves and dwells alone. It shares no code with GRBL.
+Its simulated time includes only moves and dwells. It shares no code with GRBL.
 """
 
 from __future__ import annotations
@@ -37,9 +38,9 @@ _WORD = re.compile(r"([A-Z])([+-]?(?:\d+\.?\d*|\.\d+))")
 _DROPPED = re.compile(r"\([^)]*\)|;.*|\s")
 _KNOWN = {"G1", "G4", "G10", "G21", "G90", "G92", "G93", "G94", "M2"}
 _STRAIGHT = 0.999999
-"""Cosine of an angle beyond which a path goes straight on, or back."""
+"""|cos| of a corner above which the path counts as straight on, or as reversed."""
 _WAIT = 0.02
-"""Wait for characters between two looks at whether to end [s]."""
+"""Timeout of a wait for characters, after which the stop flag is checked [s]."""
 
 
 class _Refused(Exception):
@@ -51,13 +52,15 @@ class Block:
     """A straight move.
 
     Attributes:
-        begin, delta: (n,) steps where it begins, and that it makes.
-        length: of its path [units].
-        rate: at which it is to go [units/s].
+        begin: (n,) start position [steps].
+        delta: (n,) displacement [steps].
+        length: path length [units].
+        rate: programmed speed [units/s].
         acceleration: along the path [units/s^2].
-        junction: largest speed at its beginning [units/s].
-        entry: speed at its beginning [units/s].
-        t, leave: when it begins [s] and its speed at the end, once it is done.
+        junction: upper bound of the start speed [units/s].
+        entry: start speed [units/s].
+        t: start time [s]; set when the move is executed.
+        leave: end speed [units/s]; set when the move is executed.
     """
 
     begin: Indices
@@ -71,7 +74,7 @@ class Block:
     leave: float = 0.0
 
     def phases(self) -> tuple[float, float, float, float]:
-        """Top speed, and times of speeding up, going evenly and slowing down [s]."""
+        """Peak speed [units/s]; durations of acceleration, cruise and deceleration [s]."""
         a, d, v0, v1 = self.acceleration, self.length, self.entry, self.leave
         top = min(self.rate, math.sqrt(max(a * d + (v0 * v0 + v1 * v1) / 2.0, 0.0)))
         top = max(top, v0, v1)
@@ -80,11 +83,11 @@ class Block:
         return top, up, max(even, 0.0), down
 
     def reach(self, speed: float) -> float:
-        """Speed that is reached over the move from a speed at its other end [units/s]."""
+        """Largest speed at one end, given the speed at the other end [units/s]."""
         return math.sqrt(speed * speed + 2.0 * self.acceleration * self.length)
 
     def done(self, t: Times) -> Array:
-        """(T,) share of the path that is behind at times since its beginning."""
+        """(T,) fraction of the path covered, at times since its start."""
         top, up, even, down = self.phases()
         a = self.acceleration
         first = np.clip(t, 0.0, up)
@@ -100,11 +103,11 @@ class GrblMachine:
 
     Attributes:
         settings: of the machine.
-        waiting: moves that may still change.
-        made: moves that were made, in order.
-        time: when the last of them ended [s].
-        steps: (n,) where the last planned move ends.
-        starts: times at which it went on after a dwell [s].
+        waiting: planned moves, whose speeds may still change.
+        made: executed moves, in order.
+        time: end time of the last executed move [s].
+        steps: (n,) end position of the last planned move [steps].
+        starts: end times of dwells [s].
     """
 
     settings: GrblSettings
@@ -159,7 +162,7 @@ class GrblMachine:
         return "ok"
 
     def finish(self) -> None:
-        """Makes all moves that wait; the machine stands."""
+        """Executes all planned moves; the machine is then at rest."""
         while self.waiting:
             self._make()
         self._direction, self._rate = None, 0.0
@@ -271,18 +274,18 @@ class Emulator:
     """A controller that answers at the other end of a pseudo-terminal, in a thread of its own.
 
     Args:
-        machine: what does the lines.
-        pace: time that a line takes [s]; the moves themselves take none.
-        heard: called with every line and its answer.
+        machine: executes the lines.
+        pace: real time spent on each line [s]; moves take no real time.
+        heard: callback with every line and its answer.
 
     Attributes:
         port: name of the terminal to stream to.
-        machine: what was done.
-        lines: lines that came, in order.
-        fullest: most characters that its buffer held.
-        overrun: characters that found no room and were lost.
-        held: whether a feed hold stopped it.
-        resets: how often it was reset.
+        machine: the machine, with the moves executed so far.
+        lines: received lines, in order.
+        fullest: largest number of characters in the buffer.
+        overrun: number of characters lost to a full buffer.
+        held: whether a feed hold is active.
+        resets: number of resets.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Who performs what, when: gestures, clips, plays, and live performances."""
+"""Gestures, captured clips, plays and live performances."""
 
 from lazy_loader import attach_stub
 

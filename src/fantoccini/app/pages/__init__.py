@@ -1,4 +1,4 @@
-"""Pages in the browser: what they draw and replay; live ones are in `live`."""
+"""Drawing and replay on browser pages; ``live`` adds the pages with a live puppet."""
 
 from lazy_loader import attach_stub
 

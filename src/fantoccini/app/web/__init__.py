@@ -1,4 +1,4 @@
-"""A puppet, a motion or a plan in the browser; the first call loads viser."""
+"""``show``: opens a puppet, a motion or a plan in the browser; loads viser when first called."""
 
 from lazy_loader import attach_stub
 

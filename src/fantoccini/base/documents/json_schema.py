@@ -11,13 +11,13 @@ def described_schema(model: type[BaseModel], title: str) -> dict[str, Any]:
     """JSON Schema of a kind of file.
 
     Args:
-        model: of the file.
-        title: of the schema.
+        model: pydantic model of the file.
+        title: title of the schema.
     """
     schema = model.model_json_schema(by_alias=True)
     for part in schema["$defs"].values():
         if "const" in part.get("properties", {}).get("type", {}):
-            # A file always names the shape.
+            # `type` has a default in Python but must be given in a file.
             part["required"] = list(dict.fromkeys(["type", *part.get("required", [])]))
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",

@@ -15,13 +15,13 @@ class DocumentLimits(NamedTuple):
     max_values: int = 100_000
     """Values in a file."""
     max_alias_values: int = 20_000
-    """Values that all aliases of a file repeat: aliases of aliases multiply."""
+    """Total number of values copied by aliases; nested aliases multiply them."""
     max_mistakes: int = 100
-    """Mistakes that an error lists; it only counts the others."""
+    """Mistakes listed in an error; further ones are only counted."""
     max_hints: int = 50
-    """Searches for the nearest name: each compares with every name."""
+    """Number of 'did you mean' searches; each compares with every allowed name."""
     max_hint_names: int = 400
-    """Names that such a search compares with."""
+    """Largest number of allowed names for which such a search is made."""
 
 
 LIMITS = DocumentLimits()

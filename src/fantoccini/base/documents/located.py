@@ -33,10 +33,10 @@ def _no_advice(key: str, allowed: Collection[str]) -> str | None:
 
 
 class Words(NamedTuple):
-    """Words that people bring from other programs, for the hints in mistakes.
+    """Synonyms from other programs, for hints in error messages.
 
     Attributes:
-        own: another program's word -> that of our files.
+        own: another program's name -> the name in our files.
         advice: advice for an unknown key, given the allowed ones; None where there is none.
     """
 
@@ -117,8 +117,8 @@ def read_file(path: str | os.PathLike[str], error: type[FileError] = FileError) 
     """Reads a YAML file.
 
     Args:
-        path: of the file.
-        error: the kind of error to raise.
+        path: path of the file.
+        error: exception class to raise.
     """
     name = os.fspath(path)
     try:

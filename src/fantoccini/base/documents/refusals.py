@@ -1,4 +1,4 @@
-"""Calls that may refuse part of a file, and their mistakes with the place in the file."""
+"""Collects the mistakes of several checks of a file, each with its key path."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Checked = TypeVar("Checked")
 
 
 class Refusals:
-    """Calls that may refuse part of a file, and the mistakes found by them.
+    """Runs checks on parts of a file and collects their mistakes into one error.
 
     Args:
         located: the file.
@@ -25,7 +25,7 @@ class Refusals:
     def __call__(
         self, place: tuple[str | int, ...], make: Callable[..., Checked]
     ) -> Checked | None:
-        """The result; None where it is refused, which is noted for a place in the file."""
+        """Result of ``make``; None if it raised, and the mistake is recorded at ``place``."""
         try:
             return make()
         except FileError as error:
@@ -35,10 +35,10 @@ class Refusals:
         return None
 
     def need(self, place: tuple[str | int, ...], make: Callable[[], Checked]) -> Checked:
-        """The result.
+        """Result of ``make``.
 
         Raises:
-            FileError: it is refused.
+            FileError: ``make`` raised, or an earlier check did; lists every mistake.
         """
         made = self(place, make)
         self.refuse()
@@ -46,6 +46,6 @@ class Refusals:
         return made
 
     def refuse(self) -> None:
-        """Raises FileError if there are mistakes."""
+        """Raises FileError if any mistake was recorded."""
         if self._found:
             raise self._located.error(self._found, FileError)

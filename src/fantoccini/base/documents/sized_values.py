@@ -1,4 +1,4 @@
-"""Values of the files that describe problems and tasks: numbers that are not too large."""
+"""Bounded values for problem and task files: magnitudes of at most 1e6."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic import AfterValidator, WithJsonSchema
 from fantoccini.base.documents.values import Angle, Positive, Real, Vector, mistake
 
 _MAX_SIZE = 1e6
-"""Largest number [m, rad or s]."""
+"""Largest allowed magnitude [m, rad or s]."""
 
 
 def _sized(given: Any) -> Any:
@@ -30,4 +30,4 @@ Value = Annotated[
     SIZED,
     WithJsonSchema({"type": ["number", "string", "array"]}),
 ]
-"""A number, an angle, an interval, a rotation."""
+"""A number or angle, or a tuple of them: an interval or a rotation."""

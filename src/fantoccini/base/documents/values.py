@@ -48,7 +48,7 @@ def mistake(message: str, instead: float | None = None) -> PydanticCustomError:
 
     Args:
         message: the message.
-        instead: an allowed number, with which the rest is checked.
+        instead: an allowed number to use in its place, so that the rest can be checked.
     """
     return PydanticCustomError("fantoccini", "{text}", {"text": message, "instead": instead})
 

@@ -1,4 +1,4 @@
-"""Optimal control: the motion of least cost of a puppet within bounds."""
+"""Optimal control: minimum-cost motions of a puppet within bounds."""
 
 from fantoccini.control.optimal.api import (
     follow,

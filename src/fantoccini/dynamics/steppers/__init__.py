@@ -1,4 +1,4 @@
-"""Runs that are advanced piece by piece, and the starts that they accept."""
+"""Steppers: runs advanced step by step; correction of start states with small overlaps."""
 
 from fantoccini.dynamics.steppers.parting import (
     parted,

@@ -76,8 +76,15 @@ def imports_of(file: Path) -> tuple[tuple[tuple[str, str | None], str], ...]:
     Found by a regular expression: parsing all files takes a second.
     """
     found: list[tuple[tuple[str, str | None], str]] = []
-    for match in _IMPORT.finditer(file.read_text(encoding="utf-8")):
+    stub = file.with_suffix(".pyi")  # of a face that imports its names when they are asked for
+    text = file.read_text(encoding="utf-8")
+    if stub.is_file():
+        text += "\n" + stub.read_text(encoding="utf-8")
+    package = ".".join(file.parent.relative_to(ROOT.parent).parts)
+    for match in _IMPORT.finditer(text):
         module, names = match["module"] or "", match["names"] or ""
+        if module.startswith("."):
+            module = f"{package}.{module[1:]}".rstrip(".")
         for words in (part.split() for part in re.sub(r"#.*|[()]", "", names).split(",")):
             if words and module:
                 found.append(((module, words[0]), words[-1]))

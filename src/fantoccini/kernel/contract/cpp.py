@@ -1,4 +1,4 @@
-"""The contract as C++: ``cpp/fantoccini/contract.hpp``."""
+"""The contract as C++: ``kernel/cpp/fantoccini/contract.hpp``."""
 
 from __future__ import annotations
 

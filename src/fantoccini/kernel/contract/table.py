@@ -55,8 +55,8 @@ _PAGE = """\
 
 After this page you can call any function that is generated from a puppet's equations, and read the
 samples and events that a run writes. The page is made from `kernel/contract` by
-`python -m fantoccini.kernel.contract`, as are the header `cpp/fantoccini/contract.hpp`, the ctypes
-structures and the C99 header.
+`python -m fantoccini.kernel.contract`, as are the header `kernel/cpp/fantoccini/contract.hpp`, the
+ctypes structures and the C99 header.
 
 ```python
 import fantoccini as fan

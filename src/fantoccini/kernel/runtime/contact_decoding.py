@@ -15,8 +15,8 @@ def contact_points(rows: Array, names: tuple[tuple[str, str], ...]) -> ContactPo
     """The contact points of a run.
 
     Args:
-        rows: (n, width) as compiled code writes them, laid out as ``CONTACT``.
-        names: of the two parts of every pair.
+        rows: (n, width) output of the compiled code, with the columns of ``CONTACT``.
+        names: names of the two solids of each pair that may touch.
     """
     ends = np.cumsum([part.numel({}) for part in CONTACT])
     parts: dict[str, Any] = {

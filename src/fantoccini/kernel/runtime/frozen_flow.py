@@ -1,4 +1,4 @@
-"""The flow of an event-driven run, for integrators from elsewhere.
+"""The ODE of an event-driven run between events, for external integrators.
 
     ydot = f(t, y),   y = (q_D, v_D, work, loss, slip loss),   with the active set frozen
 """
@@ -21,17 +21,17 @@ _SIGNATURES = {
     "smooth_until": (ctypes.c_int, _TIME, _ADDRESS, _ADDRESS),
     "present": (_TIME, _ADDRESS, _ADDRESS),
 }
-"""Result and arguments after the run of the functions ``fan_...``."""
+"""ctypes result and arguments of the functions ``fan_...``; the run comes first."""
 
 
 class FrozenFlow(Run):
-    """An event-driven run at its start, whose flow is evaluated at any states.
+    """Right-hand side of the ODE with the active set of the start, evaluated at any (t, y).
 
     Attributes:
         t: time of the start [s].
         y: (n_y,) at the start: q_D [rad, m or 1], v_D [rad/s or m/s], work of the inputs, loss to
             damping and drag, loss of slipping winches [J].
-        active_set: (n_rows,) what every row does (``contract.Hold``); 0 for slack.
+        active_set: (n_rows,) state of every row, a ``contract.Hold``; 0 for slack.
 
     Args:
         library, options, x0, p, winches, inputs: as for :class:`Run`.
@@ -61,21 +61,21 @@ class FrozenFlow(Run):
     def guards(self, t: float, y: Array) -> Array:
         """(n_rows + n_watched,) guards at (t, y), positive where the active set no longer holds.
 
-        h over its length for a slack row, the missing tension over the weight for a taut one, for
-        a stepper motor the lag beyond what it holds.
+        h / length for a slack row; -tension / weight for a taut row; for a stepper motor, its lag
+        minus the largest lag it can hold.
         """
         guards = np.empty(self.library.n_blamable)
         self._look(t, y, None, guards, None)
         return guards
 
     def slip(self, t: float, y: Array) -> Array:
-        """(n_strings,) what the winches have let out at (t, y) [m]."""
+        """(n_strings,) string length that slipped through each winch, at (t, y) [m]."""
         slip = np.empty(self.library.sizes["n_strings"])
         self._look(t, y, None, None, slip)
         return slip
 
     def smooth_until(self, t_end: float) -> float:
-        """The end of the smooth stretch of the inputs from the start, at most ``t_end`` [s]."""
+        """Time up to which the inputs are smooth from the start, at most ``t_end`` [s]."""
         end = ctypes.c_double()
         out = ctypes.addressof(self._record)
         self.library.dll.fan_smooth_until(self._run, t_end, ctypes.addressof(end), out)

@@ -68,7 +68,14 @@ def _digest_or_type(value: Any) -> str:
     try:
         return digest(value)
     except (TypeError, ValueError):
-        return f"{type(value).__module__}.{type(value).__qualname__}"
+        return _type_name(value)
+
+
+def _type_name(value: Any) -> str:
+    """A type's name; one of this package is the same wherever its module stands."""
+    module = type(value).__module__
+    module = "fantoccini" if module.startswith("fantoccini.") else module
+    return f"{module}.{type(value).__qualname__}"
 
 
 def _code(code: CodeType) -> list[Any]:
@@ -113,7 +120,7 @@ def _plain(value: Any) -> Any:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         kept = [f.name for f in dataclasses.fields(value) if f.compare]
         fields = {name: _plain(getattr(value, name)) for name in kept}
-        return {f"{type(value).__module__}.{type(value).__qualname__}": fields}
+        return {_type_name(value): fields}
     raise TypeError(
         f"found {value!r:.80}, a {type(value).__name__}; a sweep takes numbers, texts, arrays, "
         "puppets, states, inputs, and lists and dicts of them"

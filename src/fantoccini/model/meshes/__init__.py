@@ -1,4 +1,4 @@
-"""Mesh files: triangles, the colours of their materials, and the closed pieces they make."""
+"""Mesh files: triangles, material colours, and closed components."""
 
 from fantoccini.model.meshes.files import (
     FORMATS,

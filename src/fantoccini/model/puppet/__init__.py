@@ -1,4 +1,4 @@
-"""Puppets: the one schema, read from files or built in Python."""
+"""The puppet schema: puppets read from files or built in Python."""
 
 from fantoccini.model.puppet import bundled_files, dump
 from fantoccini.model.puppet.bundled_files import (

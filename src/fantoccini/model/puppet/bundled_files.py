@@ -1,4 +1,4 @@
-"""Files that come with the package: puppets, scenes and performances; and files that name them."""
+"""Bundled puppets, scenes and performances, and lookup of the file behind a ``puppet`` key."""
 
 from __future__ import annotations
 
@@ -63,14 +63,14 @@ def performance(name: str) -> Path:
 
 
 def named_file(name: str, located: Located) -> Path:
-    """The file of the puppet or scene that another file names under ``puppet``.
+    """The puppet or scene file that the key ``puppet`` of another file refers to.
 
     Args:
-        name: of a bundled one, or of a file in the folder of the other.
-        located: the file that names it.
+        name: value of the key: a bundled name, or a file in the folder of the referring file.
+        located: the referring file.
 
     Raises:
-        FileError: there is none.
+        FileError: no such file or bundled name.
     """
     known = (*names(), *scenes())
     if name in known and not os.path.exists(located.folder / name):

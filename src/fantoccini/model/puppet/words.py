@@ -1,4 +1,4 @@
-"""Words of other programs for the words of puppet files."""
+"""Names that other programs use for joints, shapes and keys, for hints in error messages."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ OWN_WORDS = {
     **dict.fromkeys(("ball", "circle"), "sphere"),
     **dict.fromkeys(("stl", "obj", "ply", "glb", "gltf", "dae"), "mesh"),
 }
-"""Another program's word -> ours, for joints and shapes. Our `ball` is a joint, theirs a sphere."""
+"""Other programs' joint and shape names -> ours. `ball` is our joint; elsewhere it is a sphere."""
 
 PLACE_WORDS = ("at", "orientation", "origin", "pos", "position", "quat", "rpy", "xyz")
 """Keys that place a body in other programs; here its joint does."""
@@ -31,4 +31,4 @@ def _placed_by_joint(key: str, allowed: Collection[str]) -> str | None:
 
 
 WORDS = Words(OWN_WORDS, _placed_by_joint)
-"""For the mistakes of every file that describes bodies, joints or shapes."""
+"""Hints for every file that describes bodies, joints or shapes."""

@@ -1,6 +1,6 @@
 """Motions as animations that other programs open: glTF, OpenUSD, BVH, CSV, MCAP.
 
-``export`` writes what the ending of the file's name asks for; a table says which endings there are.
+``export`` chooses the format by the file's suffix; ``formats.py`` lists them.
 """
 
 from lazy_loader import attach_stub

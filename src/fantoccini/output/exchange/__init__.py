@@ -1,4 +1,4 @@
-"""Puppets as models of other programs, and models of other programs as puppets."""
+"""Import of MJCF and URDF models as puppet files."""
 
 from fantoccini.output.exchange.imported import (
     Imported,

@@ -1,4 +1,4 @@
-"""Reports: pages that need nothing else, with their tables and plots."""
+"""Reports: self-contained HTML pages with tables and plots."""
 
 from fantoccini.output.reports.identified_page import identified_report
 from fantoccini.output.reports.play_page import play_report

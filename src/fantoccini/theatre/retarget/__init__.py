@@ -1,4 +1,4 @@
-"""Motion capture on puppets: hanging poses and motions that come nearest to a clip."""
+"""Retargeting: hanging poses and motions of a puppet nearest to a captured clip."""
 
 from fantoccini.theatre.retarget.figure import (
     Figure,

@@ -1,4 +1,4 @@
-"""Ways over a stage, past what stands there and past each other."""
+"""Path finding for puppets on a stage with obstacles and moving puppets."""
 
 from fantoccini.theatre.ways.regions import (
     Box,

@@ -112,7 +112,7 @@ class NearLanes {
   }
 
  private:
-  // As Placedlinks_.move().
+  // As PlacedLinks::move().
   FAN_FN void move_all(const Real* v_D, const Real* v_K) {
     for (int i = 0; i < L; ++i) {
       const int up = Model::link_parent[i];
@@ -130,7 +130,7 @@ class NearLanes {
     }
   }
 
-  // As Placedlinks_.place().
+  // As PlacedLinks::place().
   FAN_FN void place_all() {
     using std::sqrt;
     for (int link = 0; link < L; ++link) {

@@ -21,8 +21,7 @@ namespace fan {
 struct StageRiccati {
   int N = 0, n_z = 0, k = 0, m = 0;
   bool coupled = false;
-  int n_x = 0, n_s = 0;  // variables and states of a stage
-  int n_dense = 0;       // rows of (A B) that are full
+  int n_x = 0, n_s = 0, n_dense = 0;  // variables, states; full rows of (A B)
   int ld = 0, ld_k = 0;  // lengths of rows
   std::vector<Band> bands;
   std::vector<double> M, band_values, H, D, C, C_u;  // see the accessors
